@@ -1,0 +1,23 @@
+"""Gauss's rule, for integrals of smooth functions whose closed form is a quadrature."""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+POINTS = 80
+"""Enough for the integrands met here, analytic well beyond the ends, to be exact to round-off."""
+
+
+@cache
+def _rule() -> tuple[np.ndarray, np.ndarray]:
+    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
+    return 0.5 * (1 + nodes), 0.5 * weights
+
+
+def integral(function: Callable[[np.ndarray], np.ndarray], start: Any, end: Any) -> np.ndarray:
+    """The integral of ``function`` from ``start`` to ``end``; ``end`` may be an array, and gives the shape."""
+    nodes, weights = _rule()
+    width = np.asarray(end, dtype=float) - start
+    return width * (function(start + width[..., None] * nodes) @ weights)

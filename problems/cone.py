@@ -1,0 +1,68 @@
+"""Geodesics of the cone: straight lines once it is unrolled.
+
+With the angle phi, the distance r from the apex and the half angle alpha,
+
+    l[r] = integral of sqrt(r'^2 + (r sin(alpha))^2) dphi
+
+is the length of a plane curve in polar coordinates r and phi sin(alpha).
+
+Source: Brizard, "An Introduction to Lagrangian Mechanics" (2005), eq. 1.17
+for this metric; do Carmo, "Differential Geometry of Curves and Surfaces",
+sect. 4-4.
+"""
+
+import math
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+import varcalc as vc
+from varcalc.problems import _inapplicable
+from varcalc.problems._curves import PolarLine
+
+SOURCE = 'do Carmo, "Differential Geometry of Curves and Surfaces", sect. 4-4'
+SINE, COSINE = 0.6, 0.8
+line = PolarLine(1, 1.5, 2 * SINE)
+QUARTER = PolarLine(5, 10, SINE * math.pi / 2)
+
+
+def arc_length(x, y, dy, p):
+    return ca.sqrt(dy**2 + (p.sine * y) ** 2)
+
+
+def speed(q, dq):
+    return ca.norm_2(dq)
+
+
+def on_cone(q):
+    return 16 * (q[0] ** 2 + q[1] ** 2) - 9 * q[2] ** 2
+
+
+def rolled_up(t: Any) -> np.ndarray:
+    """The straight line from (5, 0) to (10, QUARTER.angle), rolled up again."""
+    t = np.asarray(t, dtype=float)
+    x, y = 5 * (1 - t) + 10 * t * math.cos(QUARTER.angle), 10 * t * math.sin(QUARTER.angle)
+    r, phi = np.hypot(x, y), np.arctan2(y, x) / SINE
+    return np.array([SINE * r * np.cos(phi), SINE * r * np.sin(phi), COSINE * r])
+
+
+references = (
+    vc.Reference(
+        name="cone",
+        problem=vc.Problem(arc_length, vc.Fixed(0, 1), vc.Fixed(2, 1.5), parameters={"sine": SINE}),
+        exact=vc.Exact(
+            line.length, lambda x: line.radius(SINE * np.asarray(x, dtype=float)), "straight line, rolled up"
+        ),
+        source=SOURCE,
+        statement="The geodesic of a cone, distance from the apex as a function of the angle.",
+    ),
+    vc.Reference(
+        name="cone/embedded",
+        problem=vc.Curve(speed, vc.At((3, 0, 4)), vc.At((0, 6, 8)), [vc.Holonomic(on_cone)]),
+        exact=vc.Exact(QUARTER.length, rolled_up, "straight line, rolled up"),
+        source=SOURCE,
+        statement="The shortest curve in space that lies on the cone 16 (x^2 + y^2) = 9 z^2.",
+        inapplicable=_inapplicable.HOLONOMIC,
+    ),
+)

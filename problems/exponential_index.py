@@ -1,0 +1,52 @@
+"""Light rays in a medium of exponential index n = n0 exp(-beta y).
+
+    S[y] = integral of n0 exp(-beta y) sqrt(1 + y'^2) dx
+
+With r = exp(-beta y) and the angle beta x it is n0/beta times the length of a
+plane curve in polar coordinates. The ray is a straight line there:
+y = ln(cos(beta x - phi0)/cos(phi0))/beta from the origin at the angle phi0, at
+its top where x = phi0/beta. No ray spans beta x >= pi.
+
+Source: Brizard, "An Introduction to Lagrangian Mechanics" (2005), ch. 1,
+problem 4, eq. 1.56.
+"""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+import varcalc as vc
+from varcalc.problems._curves import PolarLine
+
+
+def optical_length(x, y, dy, p):
+    return p.n0 * ca.exp(-p.beta * y) * ca.sqrt(1 + dy**2)
+
+
+def ray(across: float, rise: float, beta: float, case: str, statement: str) -> vc.Reference:
+    n0 = 1.5
+    line = PolarLine(1, float(np.exp(-beta * rise)), beta * across)
+
+    def y(x: Any) -> np.ndarray:
+        return np.log(line.reciprocal(beta * np.asarray(x, dtype=float))) / beta
+
+    return vc.Reference(
+        name="exponential_index" + case,
+        problem=vc.Problem(
+            optical_length,
+            vc.Fixed(0, 0),
+            vc.Fixed(across, rise),
+            parameters={"n0": n0, "beta": beta},
+            name="exponential_index",
+        ),
+        exact=vc.Exact(n0 / beta * line.length, y, "logarithm of a cosine"),
+        source='Brizard, "An Introduction to Lagrangian Mechanics" (2005), eq. 1.56',
+        statement=statement,
+    )
+
+
+references = (
+    ray(2, 0.5, 0.5, "", "A light ray that rises where the index falls exponentially."),
+    ray(2.5, 0, 1, "/arch", "A light ray that climbs high between far points of equal height."),
+)

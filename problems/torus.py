@@ -1,0 +1,92 @@
+"""Geodesics of the torus, by Clairaut's relation.
+
+With the angle u about the tube and v about the axis, rho(u) = R + r cos(u),
+
+    l[v] = integral of sqrt(r^2 + rho^2 v'^2) du.
+
+v is ignorable: rho^2 v'/L = c, Clairaut's constant, and where u is monotonic
+
+    v = integral of c r / (rho sqrt(rho^2 - c^2)) du,
+    l = integral of r rho / sqrt(rho^2 - c^2) du,
+
+elliptic integrals, here by Gauss's rule; c follows from the ends.
+
+Source: do Carmo, "Differential Geometry of Curves and Surfaces", sect. 4-4;
+Brizard, "An Introduction to Lagrangian Mechanics" (2005), eq. 1.17.
+"""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+import varcalc as vc
+from varcalc.problems import _inapplicable
+from varcalc.problems._quadrature import integral
+from varcalc.problems._roots import increasing_root
+
+SOURCE = 'do Carmo, "Differential Geometry of Curves and Surfaces", sect. 4-4'
+R, TUBE = 2.0, 1.0
+START, END = (-1.0, 0.0), (1.2, 0.5)
+
+
+def arc_length(x, y, dy, p):
+    return ca.sqrt(p.r**2 + ((p.R + p.r * ca.cos(x)) * dy) ** 2)
+
+
+def speed(q, dq, p):
+    return ca.sqrt((p.r * dq[0]) ** 2 + ((p.R + p.r * ca.cos(q[0])) * dq[1]) ** 2)
+
+
+def rho(u: Any) -> np.ndarray:
+    return R + TUBE * np.cos(u)
+
+
+def across(c: float, u: Any) -> np.ndarray:
+    return c * integral(lambda w: TUBE / (rho(w) * np.sqrt(rho(w) ** 2 - c**2)), START[0], u)
+
+
+def along(c: float, u: Any) -> np.ndarray:
+    return integral(lambda w: TUBE * rho(w) / np.sqrt(rho(w) ** 2 - c**2), START[0], u)
+
+
+def clairaut_constant() -> float:
+    def end(c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        slope = integral(lambda w: TUBE * rho(w) / (rho(w) ** 2 - c**2) ** 1.5, START[0], END[0])
+        return across(float(c), END[0]), slope
+
+    return float(increasing_root(end, 0.0, float(rho(END[0])), END[1]))
+
+
+CLAIRAUT = clairaut_constant()
+LENGTH = float(along(CLAIRAUT, END[0]))
+
+
+def geodesic(t: Any) -> np.ndarray:
+    """The point a fraction t of the length along."""
+    t = np.asarray(t, dtype=float)
+
+    def covered(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return along(CLAIRAUT, u), TUBE * rho(u) / np.sqrt(rho(u) ** 2 - CLAIRAUT**2)
+
+    u = increasing_root(covered, START[0], END[0], t * LENGTH)
+    return np.array([u, across(CLAIRAUT, u)])
+
+
+references = (
+    vc.Reference(
+        name="torus",
+        problem=vc.Problem(arc_length, vc.Fixed(*START), vc.Fixed(*END), parameters={"R": R, "r": TUBE}),
+        exact=vc.Exact(LENGTH, lambda x: across(CLAIRAUT, x), "elliptic integrals"),
+        source=SOURCE,
+        statement="The geodesic across the outside of a torus, as a graph over the angle about the tube.",
+    ),
+    vc.Reference(
+        name="torus/curve",
+        problem=vc.Curve(speed, vc.At(START), vc.At(END), parameters={"R": R, "r": TUBE}),
+        exact=vc.Exact(LENGTH, geodesic, "elliptic integrals"),
+        source=SOURCE,
+        statement="The same geodesic of the torus, as a curve in its two angles.",
+        inapplicable=_inapplicable.SEVERAL_FUNCTIONS,
+    ),
+)

@@ -1,0 +1,5 @@
+"""The packages: everything under src/, and the top-level problems/ as varcalc.problems."""
+
+from setuptools import find_packages, setup
+
+setup(packages=[*find_packages("src"), "varcalc.problems"])

@@ -1,0 +1,57 @@
+"""varcalc: variational optics and the calculus of variations, solved and verified."""
+
+from varcalc.compare import compare
+from varcalc.conditions import (
+    At,
+    Bound,
+    Fixed,
+    Free,
+    Holonomic,
+    Isoperimetric,
+    OnCurve,
+    OnSurface,
+    Periodic,
+    Through,
+)
+from varcalc.lagrangian import Lagrangian
+from varcalc.methods.collocation import Collocation
+from varcalc.methods.first_integral import FirstIntegral
+from varcalc.methods.ipopt import Ipopt
+from varcalc.methods.newton import Newton
+from varcalc.methods.ritz import Ritz
+from varcalc.methods.shooting import Shooting
+from varcalc.problem import Curve, Problem
+from varcalc.reference import Exact, Reference
+from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict
+from varcalc.solve import solve
+
+__all__ = [
+    "At",
+    "Bound",
+    "Collocation",
+    "Curve",
+    "Exact",
+    "FirstIntegral",
+    "Fixed",
+    "Free",
+    "Holonomic",
+    "InfeasibleError",
+    "Ipopt",
+    "Isoperimetric",
+    "Lagrangian",
+    "Newton",
+    "OnCurve",
+    "OnSurface",
+    "Periodic",
+    "Problem",
+    "Reference",
+    "Ritz",
+    "Shooting",
+    "Solution",
+    "Status",
+    "Through",
+    "VariationalError",
+    "Verdict",
+    "compare",
+    "solve",
+]

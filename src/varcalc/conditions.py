@@ -1,0 +1,233 @@
+"""What a problem demands of its curve: the ends and the constraints.
+
+Every class here is a small frozen record that checks its own arguments; it
+knows nothing of how a problem is solved.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+Number = float | int
+Components = Number | Sequence[Number | None] | None
+
+
+def finite(name: str, value: Any) -> float:
+    """``value`` as a float; TypeError or ValueError naming ``name`` otherwise."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be a number, not {value!r}") from None
+    if not math.isfinite(number):
+        raise ValueError(f"{name} must be finite, not {number}")
+    return number
+
+
+def components(name: str, value: Any) -> tuple[float | None, ...]:
+    """``value`` as a tuple of floats, ``None`` where a component is free."""
+    if value is None or not hasattr(value, "__len__"):
+        return (None if value is None else finite(name, value),)
+    if len(value) == 0:
+        raise ValueError(f"{name} is empty; give one number for each unknown function")
+    return tuple(None if v is None else finite(f"{name}[{i}]", v) for i, v in enumerate(value))
+
+
+def is_vector(value: Any) -> bool:
+    """True when ``value`` was given as a sequence, so that y is a column vector."""
+    return hasattr(value, "__len__")
+
+
+def _callable(name: str, value: Any) -> None:
+    if not callable(value):
+        raise TypeError(f"{name} must be a function, not {value!r}")
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """An end at the abscissa ``x`` with the ordinate ``y`` given.
+
+    ``y`` is a number, or a sequence with one entry for each unknown function,
+    ``None`` where that component is free (natural condition). For a
+    second-order Lagrangian ``dy`` fixes the slope as well; without it the
+    slope is natural.
+    """
+
+    x: float
+    y: Any
+    dy: Any = None
+
+    def __post_init__(self) -> None:
+        finite("Fixed.x", self.x)
+        values = components("Fixed.y", self.y)
+        if all(v is None for v in values):
+            raise ValueError("Fixed.y gives no component; use Free(x) for an end that is wholly free")
+        if self.dy is not None and len(components("Fixed.dy", self.dy)) != len(values):
+            raise ValueError("Fixed.dy must have as many components as Fixed.y")
+
+
+@dataclass(frozen=True)
+class Free:
+    """An end at the abscissa ``x`` whose ordinate is free (natural condition).
+
+    ``n`` is the number of unknown functions, needed only when the other end
+    does not tell.
+    """
+
+    x: float
+    n: int | None = None
+
+    def __post_init__(self) -> None:
+        finite("Free.x", self.x)
+
+
+@dataclass(frozen=True)
+class OnCurve:
+    """An end that slides on ``phi(x, y) = 0``; ``x`` is a first guess of its abscissa."""
+
+    phi: Callable[..., Any]
+    x: float
+    n: int | None = None
+
+    def __post_init__(self) -> None:
+        _callable("OnCurve.phi", self.phi)
+        finite("OnCurve.x", self.x)
+
+
+@dataclass(frozen=True)
+class Periodic:
+    """Both ends of a periodic curve: ``y(x0) = y(x1)`` and so the slope.
+
+    Give the same object as start and end. For a closed :class:`varcalc.Curve`
+    the abscissae are left out. ``n`` is the number of unknown functions
+    (by default 1, and 2 for a closed Curve).
+    """
+
+    x0: float | None = None
+    x1: float | None = None
+    n: int | None = None
+
+    def __post_init__(self) -> None:
+        if (self.x0 is None) != (self.x1 is None):
+            raise ValueError("Periodic needs both abscissae x0 and x1, or neither (a closed Curve)")
+        if self.x0 is not None and finite("Periodic.x1", self.x1) <= finite("Periodic.x0", self.x0):
+            raise ValueError("Periodic.x1 must lie right of Periodic.x0")
+
+
+@dataclass(frozen=True)
+class At:
+    """An end of a :class:`varcalc.Curve` at the point ``q`` (``None``: that component is free)."""
+
+    q: Sequence[float | None]
+
+    def __post_init__(self) -> None:
+        if not is_vector(self.q):
+            raise TypeError(f"At.q must be a sequence of coordinates, not {self.q!r}")
+        components("At.q", self.q)
+
+
+@dataclass(frozen=True)
+class OnSurface:
+    """An end of a :class:`varcalc.Curve` that slides on ``phi(q) = 0``; ``guess`` is a point near it."""
+
+    phi: Callable[..., Any]
+    guess: Sequence[float]
+
+    def __post_init__(self) -> None:
+        _callable("OnSurface.phi", self.phi)
+        if not is_vector(self.guess) or None in components("OnSurface.guess", self.guess):
+            raise TypeError("OnSurface.guess must be a point: one number for each coordinate")
+
+
+def _level(name: str, value: Any) -> float | None:
+    return None if value is None else finite(name, value)
+
+
+def _check_between(owner: str, lower: float | None, upper: float | None) -> None:
+    if lower is None and upper is None:
+        raise ValueError(f"{owner} bounds nothing; give lower=, upper= or both")
+    if lower is not None and upper is not None and lower > upper:
+        raise ValueError(f"{owner}: lower ({lower}) must not exceed upper ({upper})")
+
+
+@dataclass(frozen=True)
+class Isoperimetric:
+    """The integral of ``g`` (called as the Lagrangian is) equals ``value``, or lies between levels."""
+
+    g: Callable[..., Any]
+    value: float | None = None
+    lower: float | None = None
+    upper: float | None = None
+
+    def __post_init__(self) -> None:
+        _callable("Isoperimetric.g", self.g)
+        levels = [_level(f"Isoperimetric.{k}", getattr(self, k)) for k in ("value", "lower", "upper")]
+        if levels[0] is None:
+            _check_between("Isoperimetric", levels[1], levels[2])
+        elif levels[1] is not None or levels[2] is not None:
+            raise ValueError("Isoperimetric: give either value, or lower and upper, not both")
+
+    @property
+    def equality(self) -> bool:
+        """True when the integral is prescribed exactly."""
+        return self.value is not None or self.lower == self.upper
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Lowest and highest admissible level."""
+        if self.value is not None:
+            return float(self.value), float(self.value)
+        return (
+            -math.inf if self.lower is None else float(self.lower),
+            math.inf if self.upper is None else float(self.upper),
+        )
+
+
+@dataclass(frozen=True)
+class Holonomic:
+    """``phi(x, y[, p]) = 0`` all along the curve (``phi(q[, p])`` for a Curve)."""
+
+    phi: Callable[..., Any]
+
+    def __post_init__(self) -> None:
+        _callable("Holonomic.phi", self.phi)
+
+
+@dataclass(frozen=True)
+class Bound:
+    """``lower <= h(x, y, dy[, p]) <= upper`` all along the curve: obstacles, bounds on the slope."""
+
+    h: Callable[..., Any]
+    lower: float | None = None
+    upper: float | None = None
+
+    def __post_init__(self) -> None:
+        _callable("Bound.h", self.h)
+        _check_between("Bound", _level("Bound.lower", self.lower), _level("Bound.upper", self.upper))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Lowest and highest admissible value."""
+        return (
+            -math.inf if self.lower is None else float(self.lower),
+            math.inf if self.upper is None else float(self.upper),
+        )
+
+
+@dataclass(frozen=True)
+class Through:
+    """A waypoint: ``y(x)`` has the given value; the slope may jump there."""
+
+    x: float
+    y: Any
+
+    def __post_init__(self) -> None:
+        finite("Through.x", self.x)
+        components("Through.y", self.y)
+
+
+End = Fixed | Free | OnCurve | Periodic
+CurveEnd = At | OnSurface | Periodic
+Constraint = Isoperimetric | Holonomic | Bound | Through

@@ -1,0 +1,207 @@
+"""The instructions of a CasADi SX function, carried out in any algebra.
+
+An SX function is a list of scalar operations. Carried out on arrays it is the
+function itself, vectorised and free of CasADi's call overhead; carried out on
+other objects it becomes what those objects make of it: text, or arithmetic
+that keeps track of small differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import casadi as ca
+import numpy as np
+
+T = TypeVar("T")
+
+NAMES = {code: name.removeprefix("OP_").lower() for name, code in vars(ca).items() if name.startswith("OP_")}
+"""CasADi's name of each operation code."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instruction:
+    """``work[target] = operation(*(work[s] for s in sources))``.
+
+    For OP_CONST ``constant`` is the number; for OP_INPUT ``sources`` is
+    (argument, entry), for OP_OUTPUT ``place`` is (result, entry).
+    """
+
+    operation: int
+    sources: tuple[int, ...]
+    target: int
+    constant: float = 0.0
+    place: tuple[int, int] = (0, 0)
+
+
+def instructions(function: ca.Function) -> Iterator[Instruction]:
+    """The instructions of an SX function in order; TypeError for a function that is not an SXFunction."""
+    if not function.is_a("SXFunction"):
+        raise TypeError(f"{function.name()} is no SX function, so it has no scalar instructions")
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        if operation == ca.OP_CONST:
+            yield Instruction(operation, (), function.instruction_output(k)[0], function.instruction_constant(k))
+        elif operation == ca.OP_OUTPUT:
+            first, second = function.instruction_output(k)
+            yield Instruction(operation, (function.instruction_input(k)[0],), -1, place=(first, second))
+        else:
+            sources = tuple(function.instruction_input(k))
+            yield Instruction(operation, sources, function.instruction_output(k)[0])
+
+
+def interpret(
+    function: ca.Function,
+    arguments: Sequence[Sequence[T]],
+    constant: Callable[[float], T],
+    apply: Callable[[int, Sequence[T]], T],
+) -> list[list[T]]:
+    """The nonzeros of each result of an SX ``function`` of the nonzeros ``arguments``, in the algebra of T.
+
+    ``constant`` brings a number into the algebra and ``apply`` carries out one
+    operation, given by CasADi's code, on one or two elements.
+    """
+    work: dict[int, T] = {}
+    results: list[list[T]] = [[constant(0.0)] * function.nnz_out(i) for i in range(function.n_out())]
+    for i in instructions(function):
+        if i.operation == ca.OP_CONST:
+            work[i.target] = constant(i.constant)
+        elif i.operation == ca.OP_INPUT:
+            work[i.target] = arguments[i.sources[0]][i.sources[1]]
+        elif i.operation == ca.OP_OUTPUT:
+            results[i.place[0]][i.place[1]] = work[i.sources[0]]
+        else:
+            # CasADi names the same source twice for an operation of one argument
+            sources = i.sources[: arity(i.operation)]
+            work[i.target] = apply(i.operation, [work[s] for s in sources])
+    return results
+
+
+def arity(operation: int) -> int:
+    """Number of arguments of an operation: 1 or 2."""
+    return 1 if operation in UNARY else 2
+
+
+def _sign_of(x: Any) -> Any:
+    return np.sign(x)
+
+
+def _erf(x: Any) -> Any:
+    from scipy.special import erf
+
+    return erf(x)
+
+
+UNARY: dict[int, Callable[[Any], Any]] = {
+    ca.OP_ASSIGN: np.positive,
+    ca.OP_NEG: np.negative,
+    ca.OP_EXP: np.exp,
+    ca.OP_LOG: np.log,
+    ca.OP_SQRT: np.sqrt,
+    ca.OP_SQ: np.square,
+    ca.OP_TWICE: lambda x: 2 * x,
+    ca.OP_SIN: np.sin,
+    ca.OP_COS: np.cos,
+    ca.OP_TAN: np.tan,
+    ca.OP_ASIN: np.arcsin,
+    ca.OP_ACOS: np.arccos,
+    ca.OP_ATAN: np.arctan,
+    ca.OP_NOT: lambda x: np.where(x == 0, 1.0, 0.0),
+    ca.OP_FLOOR: np.floor,
+    ca.OP_CEIL: np.ceil,
+    ca.OP_FABS: np.abs,
+    ca.OP_SIGN: _sign_of,
+    ca.OP_ERF: _erf,
+    ca.OP_INV: lambda x: np.divide(1.0, x),
+    ca.OP_SINH: np.sinh,
+    ca.OP_COSH: np.cosh,
+    ca.OP_TANH: np.tanh,
+    ca.OP_ASINH: np.arcsinh,
+    ca.OP_ACOSH: np.arccosh,
+    ca.OP_ATANH: np.arctanh,
+    ca.OP_LOG1P: np.log1p,
+    ca.OP_EXPM1: np.expm1,
+}
+"""NumPy's form of CasADi's operations of one argument."""
+
+BINARY: dict[int, Callable[[Any, Any], Any]] = {
+    ca.OP_ADD: np.add,
+    ca.OP_SUB: np.subtract,
+    ca.OP_MUL: np.multiply,
+    ca.OP_DIV: np.divide,
+    ca.OP_POW: np.power,
+    ca.OP_CONSTPOW: np.power,
+    ca.OP_LT: lambda x, y: np.where(x < y, 1.0, 0.0),
+    ca.OP_LE: lambda x, y: np.where(x <= y, 1.0, 0.0),
+    ca.OP_EQ: lambda x, y: np.where(x == y, 1.0, 0.0),
+    ca.OP_NE: lambda x, y: np.where(x != y, 1.0, 0.0),
+    ca.OP_AND: lambda x, y: np.where((x != 0) & (y != 0), 1.0, 0.0),
+    ca.OP_OR: lambda x, y: np.where((x != 0) | (y != 0), 1.0, 0.0),
+    ca.OP_FMOD: np.fmod,
+    ca.OP_REMAINDER: lambda x, y: x - y * np.round(x / y),
+    ca.OP_COPYSIGN: np.copysign,
+    ca.OP_IF_ELSE_ZERO: lambda x, y: np.where(x != 0, y, 0.0),
+    ca.OP_FMIN: np.fmin,
+    ca.OP_FMAX: np.fmax,
+    ca.OP_ATAN2: np.arctan2,
+    ca.OP_HYPOT: np.hypot,
+}
+"""NumPy's form of CasADi's operations of two arguments."""
+
+
+class Vectorised:
+    """An SX function carried out by NumPy on whole arrays.
+
+    Called with one argument for each input: a scalar or array for a scalar
+    input, a sequence of them for a vector. Returns a flat list, one array (or
+    number) for each nonzero of the results in order. Overflow and invalid
+    operations give inf and NaN in silence. Raises ValueError when the function
+    holds an operation NumPy has no form of.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self._shapes = [function.nnz_in(i) for i in range(function.n_in())]
+        self._constants: list[tuple[int, float]] = []
+        self._steps: list[tuple[Any, int, int, int]] = []
+        slots = sum(self._shapes)
+        first = np.concatenate([[0], np.cumsum(self._shapes)]).astype(int)
+        place: dict[int, int] = {}
+        starts = np.concatenate([[0], np.cumsum([function.nnz_out(i) for i in range(function.n_out())])]).astype(int)
+        self._results = [0] * int(starts[-1])
+        for i in instructions(function):
+            if i.operation == ca.OP_INPUT:
+                place[i.target] = int(first[i.sources[0]]) + i.sources[1]
+                continue
+            if i.operation == ca.OP_OUTPUT:
+                self._results[int(starts[i.place[0]]) + i.place[1]] = place[i.sources[0]]
+                continue
+            if i.operation == ca.OP_CONST:
+                self._constants.append((slots, i.constant))
+            elif i.operation in UNARY:
+                self._steps.append((UNARY[i.operation], slots, place[i.sources[0]], -1))
+            elif i.operation in BINARY:
+                self._steps.append((BINARY[i.operation], slots, place[i.sources[0]], place[i.sources[1]]))
+            else:
+                raise ValueError(f"{function.name()} uses `{NAMES.get(i.operation)}`, which NumPy has no form of")
+            place[i.target] = slots
+            slots += 1
+        self._slots = slots
+
+    def __call__(self, *arguments: Any) -> list[Any]:
+        """The nonzeros of the results at the given arguments."""
+        work: list[Any] = [None] * self._slots
+        position = 0
+        for count, argument in zip(self._shapes, arguments, strict=True):
+            if count == 1 and not isinstance(argument, list | tuple):
+                work[position] = argument
+            else:
+                work[position : position + count] = list(argument)
+            position += count
+        for slot, value in self._constants:
+            work[slot] = value
+        with np.errstate(all="ignore"):
+            for operation, target, left, right in self._steps:
+                work[target] = operation(work[left]) if right < 0 else operation(work[left], work[right])
+        return [work[k] for k in self._results]

@@ -1,0 +1,1 @@
+"""The methods, one a file: each turns a form into a Solution."""

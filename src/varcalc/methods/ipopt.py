@@ -1,0 +1,280 @@
+"""CasADi/IPOPT on the same discretised functional: bounds, inequalities, pathwise conditions.
+
+The variables are the free coefficients and the unknown numbers, scaled to the
+size of the curve; the objective is the mapped integrand summed by the Gauss
+rule, and CasADi gives IPOPT exact first and second derivatives of it (Waechter
+and Biegler, Mathematical Programming 106, 2006). Pathwise conditions hold at the
+Lobatto nodes of every element, inequalities at its Gauss points as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import SideCondition
+from varcalc.mesh import basis, basis_at_gauss, gauss, lobatto
+from varcalc.methods.newton import Outcome
+from varcalc.methods.ritz_system import RitzSystem
+
+GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+FINISHED = ("Search_Direction_Becomes_Too_Small", "Maximum_Iterations_Exceeded", "Restoration_Failed")
+"""Ends at which round-off, not the point, may be what stopped IPOPT."""
+STATIONARY = 1e-8
+"""Infeasibilities, primal and dual in IPOPT's own scaling, below which such an end is a minimum."""
+
+
+@dataclass(frozen=True)
+class Ipopt:
+    """IPOPT with exact Hessians. ``iterations`` bounds one solve, ``tol`` is its own scaled tolerance."""
+
+    iterations: int = 200
+    tol: float = 1e-13
+
+
+@dataclass
+class _Program:
+    """The nonlinear program: symbols, rows of constraints, and what each row stands for."""
+
+    w: Any
+    objective: Any
+    rows: list[Any] = field(default_factory=list)
+    lower: list[np.ndarray] = field(default_factory=list)
+    upper: list[np.ndarray] = field(default_factory=list)
+    labels: list[tuple[str, int, int]] = field(default_factory=list)
+
+    def add(self, label: str, index: int, row: Any, lower: float, upper: float) -> None:
+        """Append a column of constraints with common bounds."""
+        count = row.numel()
+        self.rows.append(ca.vec(row))
+        self.lower.append(np.full(count, lower))
+        self.upper.append(np.full(count, upper))
+        self.labels.append((label, index, count))
+
+
+def optimise(
+    system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, ipopt: Ipopt
+) -> tuple[Outcome, dict[Any, Any]]:
+    """A minimum near ``z``.
+
+    Returns the outcome and the multipliers of pathwise conditions (functions of
+    s, by index of the constraint) and of integral inequalities (floats, by
+    ``("integral", index)``).
+    """
+    scale = _scales(system, z)
+    size = system.evaluate(z).scale
+    size = size if np.isfinite(size) and size > 0 else 1.0
+    program, points = _program(system, scale)
+    options = {
+        "print_time": False,
+        "show_eval_warnings": False,
+        "ipopt": {
+            "print_level": 0,
+            "sb": "yes",
+            "tol": ipopt.tol,
+            "acceptable_tol": 1e-10,
+            "max_iter": ipopt.iterations,
+            "mu_strategy": "adaptive",
+            "constr_viol_tol": 1e-12,
+            "bound_relax_factor": 0.0,
+        },
+    }
+    nlp = {"x": program.w, "f": program.objective / size}
+    if program.rows:
+        nlp["g"] = ca.vertcat(*program.rows)
+    solver = ca.nlpsol("ritz", "ipopt", nlp, options)
+    bounds = {"lbg": np.concatenate(program.lower), "ubg": np.concatenate(program.upper)} if program.rows else {}
+    result = solver(x0=z / scale, **bounds)
+    stats = solver.stats()
+    found = np.asarray(result["x"]).ravel() * scale
+    at = system.evaluate(found)
+    lam = size * np.asarray(result["lam_g"]).ravel() if program.rows else np.zeros(0)
+    equalities, others = _sort_multipliers(system, program, lam, points, len(multipliers))
+    status = str(stats["return_status"])
+    good = np.isfinite(at.value) and (status in GOOD or (status in FINISHED and _stationary(stats)))
+    reason = "" if good else f"IPOPT stopped with {status}"
+    return Outcome(found, equalities, at, int(stats["iter_count"]), reason), others
+
+
+def _stationary(stats: dict[str, Any]) -> bool:
+    """Whether the last iterate is feasible and stationary though IPOPT's own test was not met."""
+    trace = stats["iterations"]
+    return bool(trace["inf_pr"]) and trace["inf_pr"][-1] <= STATIONARY**1.5 and trace["inf_du"][-1] <= STATIONARY
+
+
+def _scales(system: RitzSystem, z: np.ndarray) -> np.ndarray:
+    """A size for each unknown: that of its function along the starting curve."""
+    values = np.abs(system.ordinates(z)).max(0)
+    values = np.where(values > 0, values, values.max() if values.max() > 0 else 1.0)
+    column = np.empty((system.space.size,))
+    for a in range(system.n):
+        column[system.space.numbers[:, :, a].ravel()] = values[a]
+    unknowns = np.abs(system.unknowns(z))
+    return np.concatenate([column[system.free], np.where(unknowns > 0, unknowns, 1.0)])
+
+
+def _placement(system: RitzSystem, table: np.ndarray, derivative: int) -> tuple[ca.DM, np.ndarray]:
+    """Sparse matrix from free coefficients to values at points of every element, and the fixed part.
+
+    Rows run over elements, points, functions.
+    """
+    space, n = system.space, system.n
+    factor = (2.0 / space.widths[:, None, None]) ** derivative * space.local_scale[:, None, :]
+    entries = table[derivative][None] * factor
+    E, Q, P = entries.shape
+    values = np.broadcast_to(entries[:, :, :, None], (E, Q, P, n))
+    rows = np.broadcast_to((np.arange(E * Q).reshape(E, Q)[:, :, None, None] * n + np.arange(n)), (E, Q, P, n))
+    columns = np.broadcast_to(space.numbers[:, None], (E, Q, P, n))
+    place = np.full(space.size, -1)
+    place[system.free] = np.arange(len(system.free))
+    free = place[columns] >= 0
+    constant = np.zeros(E * Q * n)
+    np.add.at(constant, rows[~free], values[~free] * system.fixed[columns[~free]])
+    matrix = ca.DM.triplet(
+        rows[free].tolist(), place[columns][free].tolist(), ca.DM(values[free]), E * Q * n, len(system.free)
+    )
+    return matrix, constant
+
+
+def _arguments(system: RitzSystem, w: Any, scale: np.ndarray, points: np.ndarray | None) -> list[Any]:
+    """Symbolic arguments of the form's functions at the Gauss points, or at ``points`` of the reference element."""
+    space, n, order = system.space, system.n, system.order
+    if points is None:
+        table = basis_at_gauss(space.smoothness, space.degree, system.count, order)
+        points = gauss(system.count)[0]
+    else:
+        table = basis(space.smoothness, space.degree, points, order)
+    free = len(system.free)
+    coefficients = w[:free] * scale[:free]
+    unknowns = w[free:] * scale[free:]
+    middle, half = 0.5 * (space.vertices[1:] + space.vertices[:-1]), 0.5 * space.widths
+    s = (middle[:, None] + half[:, None] * points).ravel()
+    columns = []
+    for d in range(order + 1):
+        matrix, constant = _placement(system, table, d)
+        columns.append(ca.reshape(ca.mtimes(matrix, coefficients) + constant, n, len(s)))
+    if order == 1:
+        columns.append(ca.MX(0, len(s)))
+    parameters = np.tile(system.form.problem.parameter_values[:, None], (1, len(s)))
+    return [s[None, :], *columns, parameters, ca.repmat(unknowns, 1, len(s))]
+
+
+def _program(system: RitzSystem, scale: np.ndarray) -> tuple[_Program, np.ndarray]:
+    form = system.form
+    w = ca.MX.sym("w", system.size)
+    at_gauss = _arguments(system, w, scale, None)
+    integrands = [form.integrand, *(c.expression for c in form.integrals)]
+    function = ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*integrands))])
+    mapped = function.map(len(system.weights))
+    values = ca.mtimes(mapped(*at_gauss), ca.DM(system.weights))
+    program = _Program(w, values[0])
+    for j, condition in enumerate(form.integrals):
+        program.add("integral", condition.index, values[1 + j], condition.lower, condition.upper)
+    if form.ends is not None:
+        _add_ends(system, program, scale)
+    nodes = lobatto(system.space.degree)
+    if form.pathwise:
+        _add_pathwise(system, program, scale, nodes, at_gauss)
+    return program, nodes
+
+
+def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray) -> None:
+    form, space = system.form, system.space
+    assert form.ends is not None
+    free = len(system.free)
+    place = {int(c): i for i, c in enumerate(system.free)}
+
+    def end(vertex: int) -> Any:
+        entries = []
+        for a in range(system.n):
+            number = space.vertex_number(vertex, 0, a)
+            i = place.get(number)
+            entries.append(ca.MX(system.fixed[number]) if i is None else program.w[i] * scale[i])
+        return ca.vertcat(*entries)
+
+    unknowns = program.w[free:] * scale[free:]
+    symbols = [form.ends.start, form.ends.end, form.symbols.unknowns, form.symbols.parameters]
+    function = ca.Function("ends", symbols, [form.ends.cost, form.ends.equations])
+    cost, equations = function(end(0), end(space.elements), unknowns, form.problem.parameter_values)
+    program.objective += cost
+    if equations.numel():
+        program.add("ends", -1, equations, 0.0, 0.0)
+
+
+def _add_pathwise(
+    system: RitzSystem, program: _Program, scale: np.ndarray, nodes: np.ndarray, at_gauss: list[Any]
+) -> None:
+    """Pathwise conditions, left out where the fixed ends already decide them."""
+    form = system.form
+    inner = _arguments(system, program.w, scale, nodes[1:-1])
+    vertices = _arguments(system, program.w, scale, nodes[:1])
+    for condition in form.pathwise:
+        function = ca.Function("pathwise", form.symbols.all, [ca.densify(condition.expression)])
+
+        def rows(arguments: list[Any], keep: slice, function: Any = function) -> Any:
+            return function.map(arguments[0].shape[1])(*arguments)[0, keep]
+
+        # the first vertex of each element but the first: the interior vertices
+        program.add("nodes", condition.index, rows(inner, slice(None)), condition.lower, condition.upper)
+        if system.space.elements > 1 and (condition.equality or _free_of_slopes(system, condition)):
+            program.add("vertices", condition.index, rows(vertices, slice(1, None)), condition.lower, condition.upper)
+        if not condition.equality:
+            program.add("gauss", condition.index, rows(at_gauss, slice(None)), condition.lower, condition.upper)
+
+
+def _free_of_slopes(system: RitzSystem, condition: SideCondition) -> bool:
+    return not any(ca.depends_on(condition.expression, d) for d in system.form.symbols.slopes if d.numel())
+
+
+def _sort_multipliers(
+    system: RitzSystem, program: _Program, lam: np.ndarray, nodes: np.ndarray, count: int
+) -> tuple[np.ndarray, dict[Any, Any]]:
+    """Multipliers of equalities in the order of the system, and the others by their constraint."""
+    others: dict[Any, Any] = {}
+    pieces: dict[int, dict[str, np.ndarray]] = {}
+    equalities: list[float] = []
+    ends: list[float] = []
+    integrals = {c.index: c for c in system.form.integrals}
+    start = 0
+    for label, index, size in program.labels:
+        block = lam[start : start + size]
+        start += size
+        if label == "integral":
+            (equalities if integrals[index].equality else []).append(float(block[0]))
+            others["integral", index] = float(block[0])
+        elif label == "ends":
+            ends.extend(block)
+        else:
+            pieces.setdefault(index, {})[label] = block
+    for index, blocks in pieces.items():
+        others[index] = _density(system, blocks, nodes)
+    return np.array([*equalities, *ends])[:count], others
+
+
+def _density(
+    system: RitzSystem, blocks: dict[str, np.ndarray], nodes: np.ndarray
+) -> Callable[[np.ndarray], np.ndarray]:
+    """The multiplier mu(s) of a pathwise condition from the multipliers of its rows.
+
+    A row at a node stands for the condition near it: its multiplier is mu
+    there times the node's quadrature weight. Between nodes mu is interpolated linearly.
+    """
+    space = system.space
+    half = 0.5 * space.widths[:, None]
+    edges = 0.5 * (nodes[1:] + nodes[:-1])
+    cells = np.diff(np.concatenate([[-1.0], edges, [1.0]]))[1:-1]
+    legendre = np.polynomial.legendre.Legendre.basis(space.degree)(nodes[1:-1])
+    weights = 2.0 / (space.degree * (space.degree + 1) * legendre**2) if space.degree > 1 else cells
+    s = (space.vertices[:-1, None] + half * (1 + nodes[1:-1])).ravel()
+    mu = blocks["nodes"] / (half * weights).ravel()
+    if "gauss" in blocks:
+        at, quadrature = space.quadrature(system.count)
+        s = np.concatenate([s, at.ravel()])
+        mu = np.concatenate([mu, blocks["gauss"] / quadrature.ravel()])
+    order = np.argsort(s)
+    s, mu = s[order], mu[order]
+    return lambda x: np.interp(x, s, mu)

@@ -1,0 +1,235 @@
+"""Newton's method for a discretised functional under a few equality conditions.
+
+A step solves the quadratic model in the null space of the conditions'
+Jacobian (Nocedal and Wright, "Numerical Optimization", sect. 16.2 and 18.4);
+where the model is not convex there it is shifted by a multiple of a Sobolev
+metric. Steps are kept inside the region where the Lagrangian satisfies the
+Legendre condition: without that guard a minimisation slides through a
+singularity to where the functional has no lower bound.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.methods.banded import banded_step, solvable
+from varcalc.methods.ritz_system import Evaluation, RitzSystem
+
+STAGNATED = 1e-9
+"""Relative Newton decrement below which a search that finds no descent has met round-off."""
+CONVERGED = 1e-11
+"""Relative Newton decrement after which one full step leaves only round-off."""
+ARMIJO = 1e-4
+SHRINK = 0.5
+SMALLEST_STEP = 1e-10
+DENSE = 120
+"""Unknowns up to which dense matrices are the faster ones."""
+LARGEST_DENSE = 800
+"""Unknowns up to which a dense factorisation is still worth its cube."""
+RUNAWAY = 1e9
+"""Factor of its starting size below which a functional is taken to have no lower bound."""
+SETTLING = 5
+"""Iterations in which the size of the functional is learnt."""
+DAMPING = 1e-6
+"""Shift that keeps a step along a symmetry from being made of round-off."""
+NEARLY_SINGULAR = 1e-9
+"""Generalised eigenvalues below this are symmetries (zero modes), not curvature."""
+
+
+@dataclass(frozen=True)
+class Newton:
+    """The guarded Newton iteration. ``iterations`` bounds the steps of one solve."""
+
+    iterations: int = 100
+
+
+@dataclass
+class Step:
+    """A Newton step: the change of the unknowns, the new multipliers, the predicted decrease.
+
+    ``decrement`` is half the squared length of the step in the Hessian: what
+    the functional will fall by. ``shift`` is the multiple of the metric that
+    was added; ``definite`` tells that none was needed.
+    """
+
+    change: np.ndarray
+    multipliers: np.ndarray
+    decrement: float
+    shift: float
+
+    @property
+    def definite(self) -> bool:
+        """True when the Hessian was positive on the conditions' null space."""
+        return self.shift == 0.0
+
+
+@dataclass
+class Outcome:
+    """Where an iteration ended. ``reason`` is empty when it converged to a minimum."""
+
+    z: np.ndarray
+    multipliers: np.ndarray
+    evaluation: Evaluation
+    iterations: int
+    reason: str
+
+
+def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
+    """The (shifted, when need be) Newton step from an evaluation; None when there is none."""
+    if not (np.isfinite(at.pointwise).all() and np.isfinite(at.gradient).all() and np.isfinite(at.jacobian).all()):
+        return None
+    if system.size > DENSE and solvable(system):
+        found = banded_step(system, at, multipliers)
+        if found is not None and (found[3] == 0.0 or len(at.conditions) == 0 or system.size > LARGEST_DENSE):
+            return Step(*found)
+        if system.size > LARGEST_DENSE:
+            return None
+    return _dense_step(system, at, multipliers)
+
+
+def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
+    """The step by null-space reduction and dense factorisation."""
+    hessian = system.hessian(at, multipliers)
+    count = len(at.conditions)
+    null: np.ndarray | None = None
+    normal, q, r = np.zeros(system.size), np.zeros((0, 0)), np.zeros((0, 0))
+    if count:
+        q, r = np.linalg.qr(at.jacobian.T, mode="complete")
+        r = r[:count]
+        if np.abs(np.diag(r)).min(initial=math.inf) <= 1e-13 * np.abs(np.diag(r)).max(initial=0.0):
+            return None
+        null = q[:, count:]
+        normal = q[:, :count] @ np.linalg.solve(r.T, -at.conditions)
+    reduced = hessian if null is None else null.T @ hessian @ null
+    shift = 0.0
+    if not _positive(reduced):
+        metric = system.metric(at)
+        flat = metric if null is None else null.T @ metric @ null
+        lowest = _lowest(reduced, flat)
+        if not math.isfinite(lowest):
+            return None
+        shift = DAMPING if lowest > -NEARLY_SINGULAR else -1.5 * lowest
+        hessian, reduced = hessian + shift * metric, reduced + shift * flat
+        if not _positive(reduced):
+            return None
+        shift = 0.0 if lowest > -NEARLY_SINGULAR else shift
+    slope = at.gradient + hessian @ normal
+    if null is None:
+        change = -np.linalg.solve(reduced, slope)
+        return Step(change, np.zeros(0), -0.5 * float(change @ at.gradient), shift)
+    tangent = -np.linalg.solve(reduced, null.T @ slope)
+    change = normal + null @ tangent
+    new = np.linalg.solve(r, -(q[:, :count].T @ (at.gradient + hessian @ change)))
+    return Step(change, new, 0.5 * float(tangent @ reduced @ tangent), shift)
+
+
+def first_multipliers(at: Evaluation) -> np.ndarray:
+    """Least-squares multipliers: those that make the gradient of the Lagrangian function smallest.
+
+    With none at all an isoperimetric problem may look concave, the convexity
+    being in the constraint.
+    """
+    found = np.linalg.lstsq(at.jacobian.T, -at.gradient, rcond=None)[0]
+    return found if np.isfinite(found).all() else np.zeros(len(at.conditions))
+
+
+def _positive(matrix: np.ndarray) -> bool:
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _lowest(matrix: np.ndarray, metric: np.ndarray) -> float:
+    """Least eigenvalue of the pencil (matrix, metric)."""
+    try:
+        factor = np.linalg.cholesky(metric)
+    except np.linalg.LinAlgError:
+        return math.nan
+    half = np.linalg.solve(factor, matrix)
+    return float(np.linalg.eigvalsh(np.linalg.solve(factor, half.T))[0])
+
+
+def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton: Newton) -> Outcome:
+    """Iterate from ``z`` to a minimum of the discretised functional."""
+    at = system.evaluate(z)
+    if not _finite(at):
+        return Outcome(z, multipliers, at, 0, "the functional is not a number on the starting curve")
+    if len(multipliers) and not multipliers.any():
+        multipliers = first_multipliers(at)
+    guarded = at.legendre > 0.0 and len(at.conditions) == 0
+    largest = at.scale
+    for iteration in range(1, newton.iterations + 1):
+        step = newton_step(system, at, multipliers)
+        if step is None:
+            return Outcome(z, multipliers, at, iteration, "the Newton step is not defined (degenerate Hessian)")
+        multipliers = step.multipliers
+        decrement = _decrement(system, at, step)
+        if decrement <= CONVERGED:
+            last = system.evaluate(z + step.change)
+            if _finite(last):
+                z, at = z + step.change, last
+            return Outcome(z, multipliers, at, iteration, _unmet(system, at))
+        following = _search(system, z, at, step, guarded)
+        if following is None:
+            reason = _unmet(system, at) if decrement <= STAGNATED else "no step along the Newton direction descends"
+            return Outcome(z, multipliers, at, iteration, reason)
+        z, at = following
+        if iteration <= SETTLING:
+            largest = max(largest, at.scale)
+        elif at.value < -RUNAWAY * largest:
+            return Outcome(z, multipliers, at, iteration, "the functional appears to have no lower bound")
+    return Outcome(z, multipliers, at, newton.iterations, f"no convergence within {newton.iterations} iterations")
+
+
+def _decrement(system: RitzSystem, at: Evaluation, step: Step) -> float:
+    """The relative Newton decrement, infinite away from the conditions or where the Hessian was shifted."""
+    if not (step.definite and _feasible(system, at)):
+        return math.inf
+    scale = at.scale + float(np.abs(step.multipliers) @ np.abs(system_levels(system, at)))
+    return step.decrement / scale if scale > 0 else 0.0
+
+
+def system_levels(system: RitzSystem, at: Evaluation) -> np.ndarray:
+    """The size of each condition: its level, or 1 for an equation of the ends."""
+    levels = np.ones(len(at.conditions))
+    levels[: len(system.levels)] = np.maximum(np.abs(system.levels), 1e-300)
+    return levels
+
+
+def _finite(at: Evaluation) -> bool:
+    return math.isfinite(at.value) and bool(np.isfinite(at.conditions).all() and np.isfinite(at.gradient).all())
+
+
+def _feasible(system: RitzSystem, at: Evaluation) -> bool:
+    return bool(np.all(np.abs(at.conditions) <= 1e-6 * np.maximum(system_levels(system, at), 1e-300)))
+
+
+def _unmet(system: RitzSystem, at: Evaluation) -> str:
+    """Why a converged iterate is no answer after all: a condition that stays short of its level."""
+    if np.all(np.abs(at.conditions) <= 1e-10 * np.maximum(system_levels(system, at), 1e-300)):
+        return ""
+    return f"the side conditions are missed by {float(np.abs(at.conditions).max()):.2g}"
+
+
+def _search(
+    system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, guarded: bool
+) -> tuple[np.ndarray, Evaluation] | None:
+    """Backtrack on the l1 merit function; trial curves outside the domain or the guard are rejected."""
+    weights = 2.0 * np.abs(step.multipliers) + 1e-3 * at.scale / np.maximum(system_levels(system, at), 1e-300)
+    merit = at.value + float(weights @ np.abs(at.conditions))
+    fall = float(at.gradient @ step.change) - float(weights @ np.abs(at.conditions))
+    noise = 1e-14 * (at.scale + abs(merit))
+    length = 1.0
+    while length > SMALLEST_STEP:
+        trial = system.evaluate(z + length * step.change)
+        if _finite(trial) and not (guarded and trial.legendre <= 0.0):
+            value = trial.value + float(weights @ np.abs(trial.conditions))
+            if value <= merit + ARMIJO * length * min(fall, 0.0) + noise:
+                return z + length * step.change, trial
+        length *= SHRINK
+    return None

@@ -1,0 +1,1 @@
+"""Quadrature of first integrals: the algebra, the rules and the two reductions FirstIntegral composes."""

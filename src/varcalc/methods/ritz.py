@@ -1,0 +1,194 @@
+"""The direct method: minimise the functional over piecewise polynomials.
+
+The degree climbs while convergence is geometric; where it is not, the
+elements that carry the error are bisected. The value reported is the
+functional on the trial curve by the next richer space's finer rule, hence an
+upper bound; its error is estimated there (:mod:`varcalc.methods.ritz_error`).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from varcalc.formulation import Form, Sampled
+from varcalc.mesh import Space
+from varcalc.methods.answer import answer
+from varcalc.methods.ipopt import Ipopt
+from varcalc.methods.newton import Newton
+from varcalc.methods.ritz_error import Estimate, estimate
+from varcalc.methods.ritz_rungs import DEGREES, Rung, Rungs
+from varcalc.methods.ritz_system import RitzSystem
+from varcalc.solution import ErrorEstimate, Solution, Stats, Status, no_answer
+
+SPLIT_DEGREE = 16
+"""Degree kept while elements are bisected."""
+TOUCHING_DEGREE = 6
+"""The same where the curve may touch a bound: its curvature jumps there, and high degrees do not help."""
+STALLED = 0.05
+"""A rung that leaves more than this share of the error does not converge geometrically."""
+SHARE = 0.05
+"""Elements with more than this share of the largest contribution to the error are bisected."""
+SLOW = 0.4
+"""A refinement that leaves more than this share of the error behind is slow."""
+PATIENCE = 8
+"""Slow refinements in a row after which a solve is given up."""
+MOST_UNKNOWNS = 4000
+ROUND_OFF = 4e-16
+"""Round-off of the value relative to the sum of the absolute contributions."""
+CURVE = 1e-2
+"""Relative error of the curve, in units of the square root of the value's tolerance, that ends the climb."""
+RESTART_DEGREE = 24
+"""Degree up to which a solve begins again from the starting curves."""
+
+
+@dataclass(frozen=True)
+class Ritz:
+    """Minimise over piecewise polynomials of ``degree`` on ``elements`` equal elements.
+
+    With ``refine`` the mesh is the first one and is refined until the error
+    estimate meets ``tol``; without it that mesh is kept and the value is
+    returned with its error. ``optimiser`` is :class:`Newton` or
+    :class:`Ipopt`; by default Newton, and IPOPT always where there are
+    inequalities or pathwise conditions. ``starts`` bounds the starting curves
+    tried before a problem is given up.
+
+    Raises ValueError for a mesh that cannot be.
+    """
+
+    elements: int = 1
+    degree: int | None = None
+    refine: bool = True
+    optimiser: Newton | Ipopt | None = None
+    starts: int = 12
+
+    def __post_init__(self) -> None:
+        for name, value in (("elements", self.elements), ("degree", self.degree), ("starts", self.starts)):
+            if value is not None and (not isinstance(value, int) or value < 1):
+                raise ValueError(f"Ritz.{name} must be a whole number from 1 on, not {value!r}")
+
+    def solve(self, form: Form, *, tol: float, guess: Sampled | None) -> Solution:
+        """The lowest curve of ``form`` that Newton or IPOPT reaches; see :func:`varcalc.solve`."""
+        return _Climb(self, form, tol).run(guess)
+
+
+class _Climb:
+    """One solve: from a starting curve up the rungs to an answer."""
+
+    def __init__(self, method: Ritz, form: Form, tol: float) -> None:
+        self.method, self.form, self.tol = method, form, tol
+        self.started = time.perf_counter()
+        self.rungs = Rungs(form, method.optimiser, method.starts)
+        self.split_degree = TOUCHING_DEGREE if self.rungs.inequalities else SPLIT_DEGREE
+        self.built = 0.0
+        self.slow = 0
+
+    def run(self, guess: Sampled | None) -> Solution:
+        rung = self.first_rung(guess)
+        self.built = time.perf_counter() - self.started
+        best: tuple[Rung, Estimate] | None = None
+        previous = math.inf
+        while not isinstance(rung, str):
+            found = estimate(self.rungs, rung, previous)
+            if isinstance(found, str):
+                rung = found
+                break
+            if best is None or found.error < best[1].error:
+                best = (rung, found)
+            if not self.method.refine or self.is_met(rung, found):
+                return self.report(rung, found, "")
+            rung, previous = self.next_rung(rung, found, previous), found.error
+        if best is None:
+            stats = Stats(0.0, time.perf_counter() - self.started, self.rungs.iterations)
+            return no_answer(self.form.problem, self.method, Status.NOT_CONVERGED, rung, stats=stats)
+        return self.report(*best, rung)
+
+    def first_rung(self, guess: Sampled | None) -> Rung | str:
+        """A minimum in the first space, or in the next ones: a coarse space may hold none where a richer one does."""
+        rungs = self.rungs
+        space = rungs.first_space(self.method.elements, self.method.degree)
+        rung = rungs.start(space, guess)
+        persistent = self.method.refine and self.method.starts > 2
+        while isinstance(rung, str) and persistent and space.degree < RESTART_DEGREE:
+            space = rungs.space(space.vertices, rungs.richer(space.degree))
+            rung = rungs.start(space, guess)
+        return rung
+
+    def is_met(self, rung: Rung, found: Estimate) -> bool:
+        """Whether value and curve are as good as asked for, or as good as double precision allows."""
+        target = self.tol * min(max(1.0, abs(found.value)), 10 * found.scale)
+        return found.error <= max(target, ROUND_OFF * found.scale) and self.curve_is_good(rung, found)
+
+    def curve_is_good(self, rung: Rung, found: Estimate) -> bool:
+        """Whether the curve is as good as the value's tolerance promises, as far as the degree alone can make it.
+
+        The value is stationary, so its error is the square of the curve's: a
+        curve is not left worse than that when one more rung would mend it.
+        """
+        space = rung.system.space
+        size = max(float(np.abs(rung.system.ordinates(rung.z)).max()), 1e-300)
+        climbing = space.degree < DEGREES[self.form.order][-2] and space.elements == 1
+        return not climbing or found.curve <= max(CURVE * math.sqrt(self.tol), 1e-14) * size
+
+    def next_rung(self, rung: Rung, found: Estimate, previous: float) -> Rung | str:
+        """Climb the degree while that pays, else bisect where the error is."""
+        self.slow = self.slow + 1 if found.error > SLOW * previous else 0
+        if self.slow >= PATIENCE:
+            return f"{PATIENCE} refinements in a row hardly lowered the error"
+        if rung.system.size > MOST_UNKNOWNS:
+            return f"{rung.system.size} unknowns did not suffice"
+        space = rung.system.space
+        stalled = found.error > STALLED * previous or space.degree >= DEGREES[self.form.order][-1]
+        if stalled and space.degree >= self.split_degree:
+            system, z = self.bisected(rung, found.shares)
+            following = self.rungs.optimise(system, z, rung.multipliers)
+        else:
+            # a shifted step may leap into another basin; only a true Newton step is taken whole
+            whole = found.step is not None and found.step.definite
+            system = found.system
+            start = found.z + found.step.change if whole and found.step is not None else found.z
+            following = self.rungs.improve(system, start, found.z, rung.multipliers)
+        if isinstance(following, str) and system.space.degree <= RESTART_DEGREE:
+            # what was a minimum in the poorer space led nowhere: look again from the starting curves
+            return self.rungs.start(system.space, None)
+        return following
+
+    def bisected(self, rung: Rung, shares: np.ndarray) -> tuple[RitzSystem, np.ndarray]:
+        """The elements that carry the error cut in two, and the curve on the new mesh."""
+        space = rung.system.space
+        coarse = self.rungs.space(space.vertices, min(space.degree, self.split_degree))
+        kept = np.zeros(coarse.size)
+        kept[coarse.numbers] = rung.system.coefficients(rung.z)[space.numbers[:, : coarse.degree + 1]]
+        finer, coefficients = coarse.split(kept, shares > SHARE * shares.max())
+        system = self.rungs.system(finer)
+        return system, system.pack(coefficients, rung.system.unknowns(rung.z))
+
+    def report(self, rung: Rung, found: Estimate, reason: str) -> Solution:
+        if self.rungs.constrained:  # the richer problem has been solved: give that answer
+            rung = replace(rung, system=found.system, z=found.z)
+        space: Space = rung.system.space
+        floor = ROUND_OFF * found.scale
+        error = max(found.error, floor)
+        status, message = self.verdict(error, floor, found.value, reason)
+        solve_time = time.perf_counter() - self.started - self.built
+        stats = Stats(
+            self.built, solve_time, self.rungs.iterations, rung.system.size, space.elements, space.degree
+        )  # fmt: skip
+        curve = max(found.curve, 4e-16 * float(np.abs(rung.system.ordinates(rung.z)).max()))
+        return answer(
+            self.rungs.extremal_of(rung), self.method, self.form.sign * found.value, ErrorEstimate(error, curve),
+            space.vertices, stats, status, message, rule=found.system.count,
+        )  # fmt: skip
+
+    def verdict(self, error: float, floor: float, value: float, reason: str) -> tuple[Status, str]:
+        """The status of an answer and, when it does not stand, the sentence that says why."""
+        target = self.tol * max(1.0, abs(value))
+        if not math.isfinite(error):
+            return Status.NOT_CONVERGED, reason or "the curve found is not a minimum in a richer space"
+        if self.method.refine and error > max(target, floor):
+            met = f"the tolerance {self.tol:g} was not met: {reason}; the error estimate is {error:.2g}"
+            return Status.NOT_CONVERGED, met
+        return (Status.ROUND_OFF if floor > target else Status.SOLVED), ""

@@ -1,0 +1,113 @@
+"""What a rung is worth: its value by a finer rule, and its error from the next richer space.
+
+The Newton correction there is the estimate: the functional is stationary, so
+half its squared length in the Hessian is what the value is too high by, to
+leading order (Ciarlet, "The Finite Element Method for Elliptic Problems",
+sect. 2.4, for the quadratic case).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.methods.answer import end_cost, functional, lift
+from varcalc.methods.newton import Step, newton_step
+from varcalc.methods.ritz_rungs import Rung, Rungs
+from varcalc.methods.ritz_system import RitzSystem
+
+SAFETY = 1.5
+"""The correction leaves out what lies beyond the richer space."""
+SHARED = 0.1
+"""Share of the last error that two spaces on one mesh may have in common, where a curve touches a bound."""
+
+
+@dataclass
+class Estimate:
+    """Errors of a rung.
+
+    ``value`` is the reported functional in the sense that is minimised,
+    ``error`` and ``curve`` its error and the curve's, ``scale`` the size of
+    what was summed; ``system`` the richer space with the rung's curve ``z``
+    and the correction ``step`` there (None when it was solved instead);
+    ``shares`` each element's part in the correction.
+    """
+
+    value: float
+    error: float
+    curve: float
+    scale: float
+    system: RitzSystem
+    z: np.ndarray
+    step: Step | None
+    shares: np.ndarray
+
+
+def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
+    """The errors of a rung, or why they cannot be told; ``previous`` is the error of the rung before."""
+    system, z = rungs.prolonged(rung)
+    if rungs.constrained:
+        return _by_solving(rungs, rung, system, z, previous)
+    at = system.evaluate(z)
+    if not math.isfinite(at.value):
+        return "the functional is not a number on the trial curve by a finer rule"
+    step = newton_step(system, at, rung.multipliers)
+    if step is None:
+        return "the Newton step in the richer space is not defined (degenerate Hessian)"
+    # the finer rule sees the side conditions missed: to first order that costs the multiplier times the miss
+    correction = float(step.multipliers @ at.conditions) if len(at.conditions) else 0.0
+    error = abs(step.decrement) if step.definite else math.inf
+    moved = z + step.change
+    if rungs.form.same_functional:
+        value, scale = at.value + correction, at.scale
+        error += abs(value - rung.at.value)
+    else:
+        value = functional_at(rungs, system, z)
+        error = abs(value - functional_at(rungs, system, moved)) if step.definite else math.inf
+        value += correction if not rungs.form.energetic else 0.5 * correction / value
+        scale = abs(value)
+    curve = displacement(rungs, system, z, moved)
+    return Estimate(value, SAFETY * error, SAFETY * curve, scale, system, z, step, _shares(rungs, system, step.change))
+
+
+def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, previous: float) -> Estimate | str:
+    """Under pathwise conditions a Newton step says nothing: solve in the richer space and compare."""
+    richer = rungs.optimise(system, z, rung.multipliers)
+    if isinstance(richer, str):
+        return richer
+    error = abs(richer.at.value - system.evaluate(z).value) + abs(richer.at.value - rung.at.value)
+    if math.isfinite(previous):
+        error = max(error, SHARED * previous)
+    value = richer.at.value if rungs.form.same_functional else functional_at(rungs, system, richer.z)
+    curve = displacement(rungs, system, z, richer.z)
+    shares = _shares(rungs, system, richer.z - z)
+    return Estimate(value, SAFETY * error, SAFETY * curve, richer.at.scale, system, richer.z, None, shares)
+
+
+def functional_at(rungs: Rungs, system: RitzSystem, z: np.ndarray) -> float:
+    """The reported functional, in the sense that is minimised, by the system's own rule."""
+    values = np.asarray(functional(rungs.form)(*system.arguments(z))).ravel()
+    total = float(system.weights @ values)
+    return total if rungs.form.ends is None else total + end_cost(rungs.extremal(system, z))
+
+
+def displacement(rungs: Rungs, system: RitzSystem, z: np.ndarray, moved: np.ndarray) -> float:
+    """Largest distance between two curves: of ordinates at the same abscissa, in the person's coordinates."""
+    if rungs.form.lift is None:
+        return float(np.abs(system.ordinates(moved) - system.ordinates(z)).max())
+    here, there = (lift(rungs.form, system.arguments(v)) for v in (z, moved))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = here[3] / here[2]
+        move = there[1] - here[1] - slope * (there[0] - here[0])
+    return float(np.abs(move[:, here[2] != 0]).max(initial=0.0))
+
+
+def _shares(rungs: Rungs, system: RitzSystem, change: np.ndarray) -> np.ndarray:
+    """How much each element contributes to the correction: squares of its bubbles, weighed as their energy."""
+    space = system.space
+    full = np.zeros(space.size)
+    full[system.free] = change[: len(system.free)]
+    local = full[space.numbers[:, 2 * space.smoothness :]]
+    return (local**2).sum((1, 2)) * (2.0 / space.widths) ** (2 * rungs.form.order - 1)

@@ -1,0 +1,337 @@
+"""Multiple shooting: the interval cut into segments, an initial state in each, and what must match.
+
+Each segment has an anchor, the abscissa of its initial state, from which it is
+integrated to both its vertices; usually the anchor is the left vertex. An
+anchor inside the segment lets an end stay unevaluated where the
+integrand is not a number there. Ascher, Mattheij, Russell, "Numerical Solution
+of Boundary Value Problems for Ordinary Differential Equations", sect. 4.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from varcalc.engines import Flow, Outcome, Run
+from varcalc.methods.flow import EulerLagrangeFlow, Scales
+
+DENSE = 240
+"""Unknowns up to which the linear systems are solved as dense ones."""
+RANK = 1e-11
+"""Singular values below this part of the largest are symmetries, or signs that there is no isolated extremal."""
+MODERATE = 1e6
+"""Growth across a segment up to which small singular values are taken for symmetries, not for lost digits."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Integrations that did not reach their ends: the segments, where (in s) and how the first of them ended."""
+
+    segments: tuple[int, ...]
+    s: float
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The mismatch at given unknowns: ``residual`` (M,), its Jacobian by blocks, and what the runs told.
+
+    ``blocks`` are (row, column, matrix) of the Jacobian; ``totals`` the
+    running integrals over the whole interval, scaled; ``growth`` (N,) the
+    largest factor by which a segment magnifies an error of its initial state.
+    """
+
+    residual: np.ndarray
+    blocks: list[tuple[int, int, np.ndarray]]
+    totals: np.ndarray
+    growth: np.ndarray
+    shots: list[Shot]
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A segment's states at its two vertices with their sensitivities; integrals run from left to right."""
+
+    left: np.ndarray
+    right: np.ndarray
+    left_by: np.ndarray
+    right_by: np.ndarray
+
+
+@dataclass(frozen=True)
+class Segments:
+    """The unknowns are the anchors' states (N, D), then unknown numbers, lambdas, nus.
+
+    ``vertices`` (N + 1,) and ``anchors`` (N,) are in t; ``knots`` gives, by
+    vertex, the condition that takes the place of plain continuity.
+    """
+
+    equations: EulerLagrangeFlow
+    flow: Flow
+    scales: Scales
+    vertices: np.ndarray
+    anchors: np.ndarray
+    knots: dict[int, ca.Function]
+
+    @cached_property
+    def count(self) -> int:
+        """Number of segments N."""
+        return len(self.anchors)
+
+    @property
+    def dimension(self) -> int:
+        """States of one segment D."""
+        return self.equations.dimension
+
+    @cached_property
+    def shared(self) -> int:
+        """Unknown numbers and lambdas together."""
+        return self.equations.unknowns + len(self.equations.form.integrals)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns M."""
+        return self.count * self.dimension + self.shared + self.equations.end_equations
+
+    def parts(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Anchor states (N, D), unknown numbers, lambdas and nus of the unknowns x (M,)."""
+        cut = self.count * self.dimension
+        u = cut + self.equations.unknowns
+        return x[:cut].reshape(self.count, -1), x[cut:u], x[u : cut + self.shared], x[cut + self.shared :]
+
+    def constants(self, i: int, x: np.ndarray) -> np.ndarray:
+        """The constants of the scaled system at x, in segment i."""
+        _, unknowns, lambdas, _ = self.parts(x)
+        left, right = self.vertices[i : i + 2]
+        line = self.equations.line(left, right, (i in self.knots, i + 1 in self.knots))
+        return np.concatenate([line, self.scales.all, self._parameters, unknowns, lambdas])
+
+    @property
+    def _parameters(self) -> np.ndarray:
+        return self.equations.form.problem.parameter_values
+
+    def integrate(self, i: int, x: np.ndarray, *, level: int, dense: bool = False) -> list[Run | None]:
+        """The runs of segment i from its anchor to its left and right vertex; None where it has no way to go."""
+        system = self.equations.system
+        state = np.concatenate([self.parts(x)[0][i], np.zeros(self.equations.integrals)])
+        anchor = float(self.anchors[i])
+        start, constants = system.start(state), self.constants(i, x)
+        runs: list[Run | None] = []
+        for stop in map(float, self.vertices[i : i + 2]):
+            if stop == anchor:
+                runs.append(None)
+                continue
+            runs.append(self.flow.run(np.array([anchor, stop]), start, constants, level=level, dense=dense))
+        return runs
+
+    def shoot(self, i: int, x: np.ndarray, *, level: int) -> Shot | Failure:
+        """Integrate segment i both ways."""
+        system = self.equations.system
+        start = system.start(np.concatenate([self.parts(x)[0][i], np.zeros(self.equations.integrals)]))
+        ends = []
+        for run in self.integrate(i, x, level=level):
+            if run is not None and not run.completed:
+                a, b = self.equations.form.span
+                return Failure((i,), a + (b - a) * run.reached, run.outcome)
+            ends.append(system.split(start if run is None else run.states[-1]))
+        (left, left_by), (right, right_by) = ends
+        return Shot(left, right, left_by, right_by)
+
+    def evaluate(self, x: np.ndarray, *, level: int = 0, every: bool = False) -> Evaluation | Failure:
+        """The mismatch at x with its Jacobian, or the first integration that failed (``every``: all that fail)."""
+        shots = self._all_shots(x, level, every)
+        if isinstance(shots, Failure):
+            return shots
+        D = self.dimension
+        totals = np.sum([s.right[D:] - s.left[D:] for s in shots], axis=0)
+        blocks: list[tuple[int, int, np.ndarray]] = []
+        rows = [self._match(i, shots, x, blocks) for i in range(1, self.count)]
+        rows.append(self._close(shots, totals, x, blocks))
+        growth = np.array([max(self._growth(s.left_by), self._growth(s.right_by)) for s in shots])
+        residual = np.concatenate(rows)
+        if not (np.all(np.isfinite(residual)) and all(np.all(np.isfinite(m)) for _, _, m in blocks)):
+            return self._not_finite(residual)
+        return Evaluation(residual, blocks, totals, growth, shots)
+
+    def _all_shots(self, x: np.ndarray, level: int, every: bool) -> list[Shot] | Failure:
+        shots: list[Shot] = []
+        failures: list[Failure] = []
+        for i in range(self.count):
+            shot = self.shoot(i, x, level=level)
+            if isinstance(shot, Shot):
+                shots.append(shot)
+                continue
+            failures.append(shot)
+            if not every:
+                break
+        if failures:
+            return replace(failures[0], segments=tuple(f.segments[0] for f in failures))
+        return shots
+
+    def _growth(self, by: np.ndarray) -> float:
+        """How much y is magnified by y, y' by y', and so on: row sums of the diagonal blocks, free of units."""
+        n = self.equations.form.n
+        blocks = (by[k : k + n, k : k + n] for k in range(0, self.dimension, n))
+        return max(float(np.abs(block).sum(axis=1).max()) for block in blocks)
+
+    def _not_finite(self, residual: np.ndarray) -> Failure:
+        first = int(np.argmax(~np.isfinite(residual))) // self.dimension
+        a, b = self.equations.form.span
+        here = a + (b - a) * float(self.vertices[min(first + 1, self.count)])
+        return Failure((min(first, self.count - 1),), here, Outcome.NOT_FINITE)
+
+    def _match(self, i: int, shots: list[Shot], x: np.ndarray, blocks: list[tuple[int, int, np.ndarray]]) -> np.ndarray:
+        """The rows of vertex i: plain continuity, or the condition of a knot."""
+        D = self.dimension
+        before, after = shots[i - 1], shots[i]
+        by = (before.right_by[:D], after.left_by[:D])
+        if i not in self.knots:
+            value, direct = before.right[:D] - after.left[:D], None
+            terms = (by[0], -by[1])
+        else:
+            _, unknowns, lambdas, _ = self.parts(x)
+            arguments = [self.scales.all, self._parameters, before.right[:D], after.left[:D], unknowns, lambdas]
+            out = self.knots[i](*arguments)
+            value, jacobian = np.asarray(out[0]).ravel(), np.asarray(out[1])
+            direct = jacobian[:, 2 * D :]
+            terms = (jacobian[:, :D] @ by[0], jacobian[:, D : 2 * D] @ by[1])
+        row, cut = (i - 1) * D, self.count * D
+        blocks += [(row, (i - 1) * D, terms[0][:, :D]), (row, i * D, terms[1][:, :D])]
+        if self.shared:
+            shared = terms[0][:, D:] + terms[1][:, D:]
+            blocks.append((row, cut, shared if direct is None else shared + direct))
+        return value
+
+    def _close(
+        self, shots: list[Shot], totals: np.ndarray, x: np.ndarray, blocks: list[tuple[int, int, np.ndarray]]
+    ) -> np.ndarray:
+        """The rows that tie the ends, the integrals and the unknown numbers."""
+        D, N, Q = self.dimension, self.count, self.equations.integrals
+        _, unknowns, lambdas, nus = self.parts(x)
+        first, last = shots[0], shots[-1]
+        out = self.equations.conditions(
+            self.scales.all, self._parameters, first.left[:D], last.right[:D], totals, unknowns, lambdas, nus
+        )
+        value, jacobian = np.asarray(out[0]).ravel(), np.asarray(out[1])
+        by_first, by_last = jacobian[:, :D], jacobian[:, D : 2 * D]
+        by_totals, direct = jacobian[:, 2 * D : 2 * D + Q], jacobian[:, 2 * D + Q :]
+        row = (N - 1) * D
+        shared = np.zeros((len(value), self.shared))
+        for i, shot in enumerate(shots):
+            term = by_totals @ (shot.right_by[D:] - shot.left_by[D:])
+            if i == 0:
+                term = term + by_first @ first.left_by[:D]
+            if i == N - 1:
+                term = term + by_last @ last.right_by[:D]
+            if np.any(term[:, :D]):
+                blocks.append((row, i * D, term[:, :D]))
+            shared += term[:, D:]
+        if direct.shape[1]:
+            direct = direct.copy()
+            direct[:, : self.shared] += shared
+            blocks.append((row, N * D, direct))
+        return value
+
+    def _matrix(self, at: Evaluation) -> np.ndarray:
+        """The Jacobian (M, M) as a dense matrix."""
+        matrix = np.zeros((self.size, self.size))
+        for row, column, block in at.blocks:
+            matrix[row : row + block.shape[0], column : column + block.shape[1]] += block
+        return matrix
+
+    def condition(self, at: Evaluation) -> float:
+        """The condition number of the Jacobian with its rows scaled; 1 where it is too large to be looked at."""
+        if self.size > DENSE:
+            return 1.0
+        matrix = self._matrix(at)
+        rows = np.abs(matrix).max(axis=1)
+        return float(np.linalg.cond(matrix / np.where(rows == 0.0, 1.0, rows)[:, None]))
+
+    def left_open(self, at: Evaluation, x: np.ndarray) -> float:
+        """The largest residual relative to its row of the Jacobian: what steps in a singular system cannot reach."""
+        if self.size > DENSE:
+            return 0.0
+        weights = np.abs(x)
+        states = weights[: self.count * self.dimension]
+        np.maximum(states, 1.0, out=states)
+        rows = np.abs(self._matrix(at) * weights).max(axis=1)
+        return float(np.max(np.abs(at.residual) / np.where(rows == 0.0, 1.0, rows)))
+
+    def solve(self, at: Evaluation, right: np.ndarray, weights: np.ndarray) -> np.ndarray | None:
+        """The solution of Jacobian . dx = right; None when the Jacobian is singular to working precision.
+
+        ``weights`` (M,) are the sizes of the unknowns. A problem with a
+        symmetry, such as a closed curve that may be shifted along itself,
+        leaves dx open: there the shortest is taken.
+        """
+        if self.size <= DENSE:
+            out = _dense(self._matrix(at) * weights, right, bool(at.growth.max() < MODERATE))
+            return None if out is None else weights * out
+        return _sparse(self.size, at.blocks, right, weights)
+
+    def halved(
+        self, x: np.ndarray, marked: np.ndarray, state_at: Callable[[int, float], np.ndarray]
+    ) -> tuple[Segments, np.ndarray]:
+        """Cut the ``marked`` segments in two; ``state_at(segment, t)`` gives the new anchors' states (D,)."""
+        states, unknowns, lambdas, nus = self.parts(x)
+        vertices, anchors, out = [self.vertices[0]], [], []
+        knots: dict[int, ca.Function] = {}
+        for i in range(self.count):
+            left, right, anchor = self.vertices[i], self.vertices[i + 1], self.anchors[i]
+            if i in self.knots:
+                knots[len(vertices) - 1] = self.knots[i]
+            if marked[i]:
+                middle = 0.5 * (left + right)
+                share = 0.0 if anchor == left else 1.0 if anchor == right else 0.5
+                for lower, upper in ((left, middle), (middle, right)):
+                    own = lower + share * (upper - lower)
+                    anchors.append(own)
+                    out.append(states[i] if own == anchor else state_at(i, own))
+                    vertices.append(upper)
+            else:
+                anchors.append(anchor)
+                out.append(states[i])
+                vertices.append(right)
+        finer = replace(self, vertices=np.array(vertices), anchors=np.array(anchors), knots=knots)
+        return finer, np.concatenate([np.concatenate(out), unknowns, lambdas, nus])
+
+
+def _dense(matrix: np.ndarray, right: np.ndarray, symmetries: bool) -> np.ndarray | None:
+    """The solution of a dense system with its rows scaled; the shortest one where a symmetry leaves it open."""
+    rows = np.abs(matrix).max(axis=1)
+    rows[rows == 0.0] = 1.0
+    matrix, right = matrix / rows[:, None], right / rows
+    if symmetries:
+        out, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=RANK)
+        if rank < len(right):
+            return out
+    try:
+        out = np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        return None
+    return out if np.all(np.isfinite(out)) else None
+
+
+def _sparse(
+    size: int, blocks: list[tuple[int, int, np.ndarray]], right: np.ndarray, weights: np.ndarray
+) -> np.ndarray | None:
+    from scipy.sparse import csc_matrix
+    from scipy.sparse.linalg import splu
+
+    rows = np.concatenate([np.repeat(np.arange(r, r + m.shape[0]), m.shape[1]) for r, _, m in blocks])
+    columns = np.concatenate([np.tile(np.arange(c, c + m.shape[1]), m.shape[0]) for _, c, m in blocks])
+    values = np.concatenate([m.ravel() for _, _, m in blocks]) * weights[columns]
+    largest = np.zeros(size)
+    np.maximum.at(largest, rows, np.abs(values))
+    if not largest.all():
+        return None
+    try:
+        factors = splu(csc_matrix((values / largest[rows], (rows, columns)), shape=(size, size)))
+    except RuntimeError:  # exactly singular
+        return None
+    out = weights * factors.solve(right / largest)
+    return out if np.all(np.isfinite(out)) else None

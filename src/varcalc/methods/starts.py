@@ -1,0 +1,128 @@
+"""Curves to start from: the library's job, not the person's.
+
+The straight line (or the form's own baseline) comes first. It is not the only
+one: an isoperimetric level is met by bending it until the level is reached,
+and where the integrand is not a number on it (a square root of zero all
+along), it is bent by amplitudes of the size of the problem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import Form, Sampled
+from varcalc.methods.ritz_system import RitzSystem
+
+AMPLITUDES = (0.3, -0.3, 1.0, -1.0, 0.1, -0.1, 3.0, -3.0)
+"""Heights of a bent start in units of the problem's size."""
+LADDER = np.concatenate([[0.0], np.geomspace(1e-3, 30.0, 60)])
+"""Amplitudes among which the isoperimetric level is sought."""
+
+
+def size(form: Form) -> float:
+    """A length of the size of the problem: the span of the baseline, or of the interval when that is flat."""
+    s = np.linspace(*form.span, 9)
+    line = form.baseline(s)
+    spread = float(np.ptp(line, axis=1).max())
+    scale = max(spread, float(np.abs(line).max()) * 1e-3)
+    problem_span = form.problem.span[1] - form.problem.span[0]
+    return max(scale, problem_span) if form.lift is None or spread == 0.0 else scale
+
+
+def bent(form: Form, amplitude: float, direction: np.ndarray) -> Sampled:
+    """The baseline with a parabolic arch of the given height along ``direction``."""
+    a, b = form.span
+
+    def curve(s: np.ndarray) -> np.ndarray:
+        along = (s - a) / (b - a)
+        return form.baseline(s) + amplitude * direction[:, None] * 4 * along * (1 - along)
+
+    return curve
+
+
+def scaled_ring(form: Form, radius: float) -> Sampled:
+    """The baseline of a closed curve blown up by ``radius``."""
+    return lambda s: radius * form.baseline(s)
+
+
+def candidates(system: RitzSystem, guess: Sampled | None) -> Iterator[np.ndarray]:
+    """Unknown vectors to start from, the most promising first; none on which the functional is not a number."""
+    form = system.form
+    if guess is not None:
+        yield _fit(system, guess)
+    if system.levels.size:
+        yield from _meeting_levels(system)
+    if form.pathwise:
+        yield from _clear_of_bounds(system)
+    yield _fit(system, form.baseline)
+    scale = size(form)
+    for direction in form.bumps:
+        for amplitude in AMPLITUDES:
+            yield _fit(system, bent(form, amplitude * scale, direction))
+
+
+def _fit(system: RitzSystem, curve: Sampled) -> np.ndarray:
+    space = system.space
+    coefficients = space.fit(curve)
+    unknowns = system.form.unknown_guess.copy()
+    if system.form.gauged:
+        velocity = space.at_quadrature(coefficients, system.count, 1)[1]
+        speed = float(np.sqrt((velocity**2).sum(2).mean()))
+        unknowns[-1] = speed if speed > 0 else unknowns[-1]
+    return system.pack(coefficients, unknowns)
+
+
+def _clear_of_bounds(system: RitzSystem) -> Iterator[np.ndarray]:
+    """The least bent curves that keep every inequality, each way; the baseline itself when it does."""
+    form = system.form
+    bounds = [c for c in form.pathwise if not c.equality]
+    if not bounds:
+        return
+    function = ca.Function("bounds", form.symbols.all, [ca.vertcat(*(c.expression for c in bounds))])
+    lower, upper = (np.array([[getattr(c, k)] for c in bounds]) for k in ("lower", "upper"))
+    scale = size(form)
+    found: list[tuple[float, np.ndarray]] = []
+    for direction in form.bumps:
+        for sign in (1.0, -1.0):
+            for amplitude in LADDER:
+                z = _fit(system, bent(form, float(amplitude) * scale, sign * direction))
+                values = np.asarray(function(*system.arguments(z)))
+                if np.all((values >= lower) & (values <= upper)):
+                    found.append((system.evaluate(z).value, z))
+                    break
+    found.sort(key=lambda pair: pair[0])
+    yield from (z for _, z in found)
+
+
+def _meeting_levels(system: RitzSystem) -> Iterator[np.ndarray]:
+    """Bend the baseline (or blow up the ring) until the first isoperimetric condition holds, each way."""
+    form = system.form
+    scale = size(form)
+    families = (
+        [lambda r: scaled_ring(form, r * scale)]
+        if form.periodic and form.baseline(np.array(form.span)).any() and form.n > 1
+        else [lambda r, d=sign * d: bent(form, r * scale, d) for d in form.bumps for sign in (1.0, -1.0)]
+    )
+    found: list[tuple[float, np.ndarray]] = []
+    for family in families:
+        best: tuple[float, float, np.ndarray] | None = None
+        previous: float | None = None
+        for amplitude in LADDER:
+            z = _fit(system, family(float(amplitude)))
+            at = system.evaluate(z)
+            miss = float(at.conditions[0])
+            if not np.isfinite(at.value) or not np.isfinite(miss):
+                previous = None
+                continue
+            if best is None or abs(miss) < best[0]:
+                best = (abs(miss), at.value, z)
+            if previous is not None and previous * miss < 0:
+                break
+            previous = miss
+        if best is not None:
+            found.append(best[1:])
+    found.sort(key=lambda pair: pair[0])
+    yield from (z for _, z in found)

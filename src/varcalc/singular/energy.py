@@ -1,0 +1,322 @@
+"""The length of a Riemannian metric, minimised through its energy in regularising coordinates.
+
+The minimiser of the energy has constant speed (Jost, "Riemannian Geometry and
+Geometric Analysis", sect. 1.4). Where the metric blows up as a power of the
+distance from a line through the end, that distance becomes a power of a new
+coordinate in which the extremal is smooth, and the powers of s that the
+extremal is known to start with are taken out as factors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import casadi as ca
+import numpy as np
+
+from varcalc.conditions import Free, OnCurve
+from varcalc.formulation import EndConditions, Form, Sampled, on_curve, rewriter, side_conditions, straight
+from varcalc.problem import Functional, Problem, Symbols
+from varcalc.singular.detection import LARGEST_DENOMINATOR, Blowup, Metric, blowup, end_points, extent
+from varcalc.tracing import Expression, trace
+
+
+def energy_forms(problem: Functional, metric: Metric, singular: tuple[bool, bool]) -> list[Form]:
+    """The energy of the metric: with the ends' powers as factors, and in coordinates that carry them.
+
+    Empty when a free end does not follow a coordinate line of the singular chart.
+    """
+    blowups = [blowup(problem, metric, at_start) for at_start, bad in zip((True, False), singular, strict=True) if bad]
+    chart = _chart(blowups)
+    free = isinstance(problem, Problem) and any(isinstance(e, Free) for e in (problem.start, problem.end))
+    if chart is None or (free and np.all(chart.normal != 0.0)):
+        return []
+    if chart.power == 1.0:
+        return [_energy_form(problem, metric, chart, (False, False), False)]
+    ways = (True, False) if chart.height is None else (False,)
+    return [_energy_form(problem, metric, chart, singular, factored) for factored in ways]
+
+
+def _energy_form(
+    problem: Functional, metric: Metric, chart: Chart, singular: tuple[bool, bool], factored: bool
+) -> Form:
+    """Minimise the energy of the metric in (tangential, regularised normal) coordinates.
+
+    With ``factored`` the unknown functions are what remains when the known
+    powers of s are taken out; they are free at singular ends.
+    """
+    s = problem.symbols
+    kind = s.kind
+    symbols = replace(Symbols.make(kind, 2, 1, 0, len(problem.unknowns)), parameters=s.parameters)
+    start, end = (chart.coordinates(p[:, None])[:, 0] for p in end_points(problem))
+    guess = _guessed(problem, chart)
+    coordinates = _factored(symbols, *guess, chart.growth, singular) if factored else symbols.y
+    q = chart.point(coordinates)
+    velocity = ca.jtimes(q, symbols.y, symbols.dy) + ca.jacobian(q, symbols.x)
+    square = ca.substitute([metric.square], [metric.q, metric.dq, s.unknowns], [q, velocity, symbols.unknowns])[0]
+    graph = isinstance(problem, Problem)
+    outputs = [q[0], q[1], velocity[0], velocity[1]] if graph else [symbols.x, q, kind(1), velocity]
+    arguments = [symbols.x, symbols.y, symbols.dy, symbols.unknowns, symbols.parameters]
+    fixed, baseline = (start, end), _graded_line(*guess, chart.growth, singular)
+    if factored:
+        fixed, baseline = _factored_ends((start, end), guess, singular)
+    return Form(
+        problem=problem,
+        symbols=symbols,
+        # constant speed in tau ~ s^grade: the energy in tau, stated in s
+        integrand=square / _grading(symbols.x, chart.grade, singular),
+        functional=ca.sqrt(square),
+        sign=1.0,
+        span=(0.0, 1.0),
+        **side_conditions(problem, rewriter(problem, symbols, symbols.x, q, [velocity], kind(1))),
+        fixed_start=fixed[0][None, :],
+        fixed_end=fixed[1][None, :],
+        ends=_sliding(problem, symbols, q),
+        periodic=False,
+        knots=(),
+        waypoints=(),
+        unknown_guess=problem.unknown_guesses,
+        baseline=baseline,
+        bumps=np.array([[0.0, 1.0]]),
+        pull=_energy_pull(problem, chart, guess, singular if factored else (False, False)),
+        lift=ca.Function("lift", arguments, [ca.densify(o) for o in outputs]),
+        note="energy" + (", regularised" if any(singular) else "") + (", factored" if factored else ""),
+        energetic=True,
+        least_degree=math.ceil(chart.growth) + 1 if any(singular) and not factored else 1,
+        singular=singular,
+        weak_only=factored,
+    )
+
+
+def _guessed(problem: Functional, chart: Chart) -> tuple[np.ndarray, np.ndarray]:
+    """Chart coordinates of both ends with a first guess for what is free: as far off the line as along it."""
+    points = end_points(problem)
+    for k, end in enumerate((problem.start, problem.end)):
+        if isinstance(end, OnCurve) and isinstance(problem, Problem):
+            points[k] = np.array([end.x, on_curve(end, problem)[0]])
+    found = [chart.coordinates(p[:, None])[:, 0] for p in points]
+    for k in (0, 1):
+        unknown = np.isnan(found[k])
+        found[k][unknown] = found[1 - k][unknown]
+        if unknown[1] and found[k][1] == 0.0:
+            found[k][1] = extent(problem) ** (1.0 / chart.power)
+    return found[0], found[1]
+
+
+def _sliding(problem: Functional, symbols: Symbols, q: Expression) -> EndConditions | None:
+    """The equation of the curve that an end slides on."""
+    if not (isinstance(problem, Problem) and any(isinstance(e, OnCurve) for e in (problem.start, problem.end))):
+        return None
+    kind = symbols.kind
+    first, last = kind.sym("first", 2), kind.sym("last", 2)
+    equations = []
+    for at, end, place in ((0.0, problem.start, first), (1.0, problem.end, last)):
+        if isinstance(end, OnCurve):
+            point = ca.substitute([q], [symbols.x, symbols.y], [kind(at), place])[0]
+            y = point[1] if problem.scalar else point[1:]
+            equations.append(trace("OnCurve.phi", end.phi, [point[0], y], kind))
+    return EndConditions(first, last, ca.vertcat(*equations), kind(0))
+
+
+def _factored(
+    symbols: Symbols, start: np.ndarray, end: np.ndarray, growth: float, singular: tuple[bool, bool]
+) -> Expression:
+    """(xi, w) as known powers of s times unknown functions, which are free at the singular ends.
+
+    One singular end: xi = xi_end + r^growth z, w = r omega with r the
+    distance in s from it; z and omega keep the values of the other end. Two:
+    xi = the graded line + (s (1 - s))^growth z, w = s (1 - s) omega.
+    """
+    s, z, omega = symbols.x, symbols.y[0], symbols.y[1]
+    if all(singular):
+        edge = s * (1 - s)
+        line = start[0] + (end[0] - start[0]) * _incomplete_beta(s, growth)
+        return ca.vertcat(line + edge**growth * z, edge * omega)
+    at_start = singular[0]
+    near, origin, sign = (s, start, 1.0) if at_start else (1 - s, end, -1.0)
+    step = near**growth * z if sign > 0 else -(near**growth) * z
+    xi = step if origin[0] == 0.0 else origin[0] + step
+    return ca.vertcat(xi, near * omega)
+
+
+def _factored_ends(
+    fixed: tuple[np.ndarray, np.ndarray], guess: tuple[np.ndarray, np.ndarray], singular: tuple[bool, bool]
+) -> tuple[tuple[np.ndarray, np.ndarray], Sampled]:
+    """Fixed values of the factors at the ends, and the factors of the graded straight line."""
+    blank = np.full(2, np.nan)
+    if all(singular):
+        return (blank, blank), lambda s: np.zeros((2, len(s)))
+    regular = 1 if singular[0] else 0
+    # at the regular end z is the step along the line and omega the distance itself
+    step = guess[1][0] - guess[0][0]
+    known = np.array([step, guess[regular][1]])
+    ends = np.where(np.isnan(fixed[regular]), np.nan, known)
+    pair = (blank, ends) if singular[0] else (ends, blank)
+    return pair, lambda s: np.repeat(known[:, None], len(s), axis=1)
+
+
+def _incomplete_beta(s: Expression, growth: float) -> Expression:
+    """A smooth step that behaves as s^growth at 0 and 1 - (1 - s)^growth at 1."""
+    head, tail = s**growth, (1 - s) ** growth
+    return head / (head + tail)
+
+
+def _graded_line(start: np.ndarray, end: np.ndarray, growth: float, singular: tuple[bool, bool]) -> Sampled:
+    """From start to end with the tangential coordinate growing like s^growth at singular ends."""
+    line = straight((0.0, 1.0), start, end)
+    if growth == 1.0:
+        return line
+
+    def graded(s: np.ndarray) -> np.ndarray:
+        head = s**growth if singular[0] else s
+        tail = (1 - s) ** growth if singular[1] else 1 - s
+        points = line(s)
+        points[0] = start[0] + (end[0] - start[0]) * head / (head + tail)
+        return points
+
+    return graded
+
+
+def _grading(s: Expression, grade: int, singular: tuple[bool, bool]) -> Expression:
+    """dtau/ds for a parameter tau ~ s^grade at singular ends, scaled to run over [0, 1]."""
+    if grade == 1:
+        return type(s)(1)
+    rate = type(s)(1)
+    if singular[0]:
+        rate = rate * s ** (grade - 1)
+    if singular[1]:
+        rate = rate * (1 - s) ** (grade - 1)
+    a, b = (grade if bad else 1 for bad in singular)
+    total = math.gamma(a) * math.gamma(b) / math.gamma(a + b)
+    return rate / total
+
+
+SAME_LINE = 1e-6
+"""Relative distance within which two singular ends lie on one line."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Coordinates (xi, w): xi along the singular line, w^power the distance from it.
+
+    Between two parallel singular lines ``height`` apart, with the metric
+    blowing up as distance^-1/2 at each, the distance from the first is height
+    sin(w)^2 instead.
+    """
+
+    origin: np.ndarray
+    normal: np.ndarray
+    power: float
+    grade: int
+    growth: float
+    """Power of s with which the tangential coordinate grows along an extremal."""
+    height: float | None = None
+
+    @property
+    def tangent(self) -> np.ndarray:
+        """Unit vector along the line."""
+        return np.array([self.normal[1], -self.normal[0]])
+
+    def point(self, coordinates: Expression) -> Expression:
+        """The point of the plane with symbolic coordinates (xi, w)."""
+        w = coordinates[1]
+        if self.height is not None:
+            distance = self.height * ca.sin(w) ** 2
+        else:
+            distance = w if self.power == 1.0 else w**self.power
+        return ca.vertcat(
+            *(
+                combination(o, (t, n), (coordinates[0], distance))
+                for o, t, n in zip(self.origin, self.tangent, self.normal, strict=True)
+            )
+        )
+
+    def coordinates(self, points: np.ndarray) -> np.ndarray:
+        """(xi, w) of points (2, m)."""
+        offset = points - self.origin[:, None]
+        distance = _projected(self.normal, offset)
+        if self.height is not None:
+            w = np.arcsin(np.sqrt(np.clip(distance / self.height, 0.0, 1.0)))
+        else:
+            w = distance if self.power == 1.0 else np.maximum(distance, 0.0) ** (1.0 / self.power)
+        return np.vstack([_projected(self.tangent, offset), w])
+
+
+def _projected(direction: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """direction . offsets (2, m), where an unknown coordinate that does not enter does no harm."""
+    return sum((d * row for d, row in zip(direction, offsets, strict=True) if d != 0.0), np.zeros(offsets.shape[1]))
+
+
+def combination(origin: float, factors: tuple[float, float], symbols: tuple[Expression, Expression]) -> Expression:
+    """origin + sum of factor * symbol without the terms that vanish, so that no digits are lost to them."""
+    terms = [v if f == 1.0 else f * v for f, v in zip(factors, symbols, strict=True) if f != 0.0]
+    total = terms[0] if len(terms) == 1 else terms[0] + terms[1]
+    return total if origin == 0.0 else origin + total
+
+
+def _chart(blowups: list[Blowup | None]) -> Chart | None:
+    """The coordinates in which every singular end is regular; None when no one chart serves."""
+    if not blowups:
+        return Chart(np.zeros(2), np.array([0.0, 1.0]), 1.0, 1, 1.0)
+    first, last = blowups[0], blowups[-1]
+    if first is None or last is None:
+        return None
+    power = 1.0 / (1.0 - first.power)
+    # along the line x' ~ w^(2 s m): a power of tau that may be fractional; grade s so that it is a whole one
+    ratio = (1 + first.power) / (1 - first.power)
+    grade = Fraction(ratio).limit_denominator(LARGEST_DENOMINATOR).denominator
+    height = float(first.normal @ (last.point - first.point))
+    if abs(height) <= SAME_LINE * max(1.0, float(np.abs(last.point - first.point).max())):
+        if first.power != last.power or float(first.normal @ last.normal) < 1 - SAME_LINE:
+            return None
+        return Chart(first.point, first.normal, power * grade, grade, grade * ratio)
+    facing = float(first.normal @ last.normal) < -1 + SAME_LINE
+    if not (facing and first.power == last.power == 0.5):
+        return None
+    return Chart(first.point, first.normal, power, 1, ratio, height)
+
+
+def _energy_pull(
+    problem: Functional, chart: Chart, fixed: tuple[np.ndarray, np.ndarray], factored: tuple[bool, bool]
+) -> Callable[[Sampled], Sampled]:
+    """A person's curve in the coordinates of the form, parametrised by (regularised) arc length."""
+    graph = isinstance(problem, Problem)
+
+    def pull(curve: Sampled) -> Sampled:
+        # clustered at both ends, where regularised coordinates vary fastest
+        fine = 0.5 - 0.5 * np.cos(np.linspace(0, math.pi, 401))
+        if graph:
+            x = problem.span[0] + (problem.span[1] - problem.span[0]) * fine**2 * (3 - 2 * fine)
+            points = np.vstack([x, curve(x)])
+        else:
+            points = curve(fine)
+        own = chart.coordinates(points)
+        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(own, axis=1), axis=0))])
+        length /= length[-1]
+
+        def pulled(s: np.ndarray) -> np.ndarray:
+            plain = np.array([np.interp(s, length, row) for row in own])
+            return _divided(plain, s, chart.growth, fixed, factored)
+
+        return pulled
+
+    return pull
+
+
+def _divided(
+    plain: np.ndarray, s: np.ndarray, growth: float, fixed: tuple[np.ndarray, np.ndarray], factored: tuple[bool, bool]
+) -> np.ndarray:
+    """Take the known powers out of sampled coordinates (2, m); see :func:`_factored`."""
+    if not any(factored):
+        return plain
+    if all(factored):
+        edge = np.maximum(s * (1 - s), 1e-3)
+        head, tail = s**growth, (1 - s) ** growth
+        line = fixed[0][0] + (fixed[1][0] - fixed[0][0]) * head / (head + tail)
+        return np.vstack([(plain[0] - line) / edge**growth, plain[1] / edge])
+    near = np.maximum(s if factored[0] else 1 - s, 1e-3)
+    step = plain[0] - fixed[0][0] if factored[0] else fixed[1][0] - plain[0]
+    return np.vstack([step / near**growth, plain[1] / near])

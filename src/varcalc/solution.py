@@ -1,0 +1,155 @@
+"""What a solve gives back: the curve, its value, an honest error, and a status."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from varcalc.problem import Functional
+
+Values = float | np.ndarray
+
+
+class Status(Enum):
+    """How far an answer can be relied on; each member carries its meaning."""
+
+    SOLVED = "solved to the tolerance asked for"
+    ROUND_OFF = "the best answer double precision allows, short of the tolerance asked for"
+    NOT_CONVERGED = "no answer: the method did not converge"
+    REFUSED = "no answer: the problem has none of the kind asked for, or the method does not apply"
+
+    @property
+    def ok(self) -> bool:
+        """True for an answer that stands."""
+        return self in (Status.SOLVED, Status.ROUND_OFF)
+
+
+class Verdict(Enum):
+    """What an extremal is, or why there is none; in the order in which they take precedence."""
+
+    INFEASIBLE = "no curve meets the ends and constraints"
+    UNBOUNDED = "the functional is unbounded"
+    GAP = "smooth curves do not come near the infimum (Lavrentiev gap)"
+    SINGULAR = "the Lagrangian depends on the slope in no way that could fix a curve"
+    NO_EXTREMAL = "there is no extremal between these ends"
+    NOT_ATTAINED = "the infimum is not attained"
+    DEGENERATE = "a conjugate end, a continuum of extremals, or an abnormal constraint"
+    SADDLE = "stationary, but neither a minimum nor a maximum"
+    WEAK_MINIMUM = "a minimum among curves of nearby slope only (Weierstrass fails)"
+    MINIMUM = "a minimum"
+    MAXIMUM = "a maximum"
+
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """Estimated absolute errors: of the value, and of the curve (largest over the interval)."""
+
+    value: float
+    curve: float
+
+
+@dataclass(frozen=True)
+class Stats:
+    """Cost of a solve: seconds to build and to solve, iterations, number of unknowns, the mesh."""
+
+    build: float = 0.0
+    solve: float = 0.0
+    iterations: int = 0
+    unknowns: int = 0
+    elements: int = 0
+    degree: int = 0
+
+
+@dataclass(frozen=True)
+class Solution:
+    """An extremal of ``problem`` as one method found it.
+
+    ``value`` is the functional on the curve, ``error`` the claimed errors,
+    ``x`` the nodes, ``multipliers`` one entry for each constraint in the order
+    given (floats, dJ/dlevel, for :class:`varcalc.Isoperimetric`),
+    ``sensitivities`` dJ/dparameter by name, ``unknowns`` the optimised
+    unknowns by name, ``rung`` the name of the method that answered,
+    ``message`` why there is no answer, when there is none. ``local`` is True
+    when a better value, ``lower``, is known of.
+    """
+
+    problem: Functional
+    method: Any
+    status: Status
+    value: float
+    error: ErrorEstimate
+    x: np.ndarray = field(repr=False)
+    curve: Callable[[np.ndarray, int], np.ndarray] | None = field(default=None, repr=False)
+    multipliers: tuple[Any, ...] = ()
+    sensitivities: Mapping[str, float] = field(default_factory=dict)
+    unknowns: Mapping[str, float] = field(default_factory=dict)
+    stats: Stats = field(default_factory=Stats)
+    message: str = ""
+    verdict: Verdict | None = None
+    local: bool = False
+    lower: float | None = None
+
+    @property
+    def rung(self) -> str:
+        """The name of the method that answered."""
+        return type(self.method).__name__
+
+    def _evaluate(self, x: Any, derivative: int) -> Any:
+        if self.curve is None:
+            raise ValueError(f"there is no curve to evaluate: {self.message or self.status.value}")
+        at = np.asarray(x, dtype=float)
+        values = self.curve(at.ravel(), derivative).reshape(-1, *at.shape)
+        if not self.problem.scalar:
+            return values
+        return float(values[0]) if at.ndim == 0 else values[0]
+
+    def y(self, x: Any) -> Any:
+        """y(x): a float for a scalar x of a scalar problem; x's shape, or (n,) + x.shape for n functions."""
+        return self._evaluate(x, 0)
+
+    def dy(self, x: Any) -> Any:
+        """The slope y'(x), shaped as :meth:`y`."""
+        return self._evaluate(x, 1)
+
+    def q(self, t: Any) -> Any:
+        """The point q(t) of a Curve, t in [0, 1], shape (n,) + t.shape."""
+        return self._evaluate(t, 0)
+
+    def dq(self, t: Any) -> Any:
+        """The velocity dq/dt of a Curve, shaped as :meth:`q`."""
+        return self._evaluate(t, 1)
+
+
+class VariationalError(Exception):
+    """No answer that stands: ``status``, ``verdict`` and the ``solution`` as far as it was computed."""
+
+    def __init__(self, solution: Solution) -> None:
+        super().__init__(solution.message or solution.status.value)
+        self.solution = solution
+        self.status = solution.status
+        self.verdict = solution.verdict
+
+
+class InfeasibleError(VariationalError, ValueError):
+    """No curve meets the ends and constraints."""
+
+
+def no_answer(
+    problem: Functional,
+    method: Any,
+    status: Status,
+    message: str,
+    verdict: Verdict | None = None,
+    stats: Stats | None = None,
+) -> Solution:
+    """A Solution that holds no curve, only the reason why."""
+    nan = float("nan")
+    return Solution(
+        problem, method, status, nan, ErrorEstimate(float("inf"), float("inf")), np.empty(0),
+        message=message, verdict=verdict, stats=stats or Stats(),
+    )  # fmt: skip

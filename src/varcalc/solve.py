@@ -1,0 +1,141 @@
+"""solve: one problem, the best answer that can be vouched for, or the reason why not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from varcalc.feasibility import explained
+from varcalc.formulation import Form, Sampled
+from varcalc.methods.ritz import Ritz
+from varcalc.problem import Curve, Functional, Problem
+from varcalc.singular import Infinite, forms
+from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict, no_answer
+
+
+class Method(Protocol):
+    """What every method offers: a solve of one form."""
+
+    def solve(self, form: Form, *, tol: float, guess: Sampled | None) -> Solution:
+        """A Solution, with a status that says why when there is none."""
+        ...
+
+
+Guess = Callable[[Any], Any] | Solution | None
+
+
+def solve(
+    problem: Functional,
+    method: Method | None = None,
+    *,
+    tol: float = 1e-10,
+    throw: bool = True,
+    guess: Guess = None,
+) -> Solution:
+    """The extremal that makes the functional least (greatest with ``maximise``).
+
+    ``tol`` bounds the error of the value relative to max(1, abs(value)).
+    ``guess`` is a function of x (of t for a Curve) or an earlier Solution.
+    Without ``method`` the cheapest route that meets the tolerance is taken.
+
+    Raises VariationalError, with the status, the verdict and what was found,
+    when there is no answer that stands; with ``throw=False`` the Solution is
+    returned with that status instead. Raises TypeError or ValueError for
+    unusable arguments.
+
+    >>> import casadi as ca
+    >>> import varcalc as vc
+    >>> line = vc.Problem(lambda x, y, dy: ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.Fixed(3, 4))
+    >>> round(solve(line).value, 12)
+    5.0
+    """
+    _check(problem, method, tol)
+    solution = _attempt(problem, [method] if method is not None else LADDER, tol, guess)
+    if throw and not solution.status.ok:
+        raise (InfeasibleError if solution.verdict is Verdict.INFEASIBLE else VariationalError)(solution)
+    return solution
+
+
+LADDER: list[Method] = [Ritz()]
+"""The routes in the order in which they are tried."""
+
+
+def _check(problem: Any, method: Any, tol: Any) -> None:
+    if not isinstance(problem, Problem | Curve):
+        raise TypeError(f"problem must be a Problem or a Curve, not {problem!r}")
+    if method is not None and (isinstance(method, type) or not hasattr(method, "solve")):
+        hint = f"; write {method.__name__}()" if isinstance(method, type) else ""
+        raise TypeError(f"method must be a method object such as Ritz() or Shooting(), not {method!r}{hint}")
+    if not (isinstance(tol, int | float) and math.isfinite(tol) and tol > 0):
+        raise ValueError(f"tol must be a positive number, not {tol!r}")
+
+
+def _attempt(problem: Functional, methods: list[Method], tol: float, guess: Guess) -> Solution:
+    """The first answer that stands over all methods and forms; else the failure that got furthest."""
+    failure: Solution | None = None
+    try:
+        candidates = forms(problem)
+    except Infinite as reason:
+        return no_answer(problem, methods[0], Status.REFUSED, str(reason), Verdict.INFEASIBLE)
+    for method in _quick_first(methods, len(candidates)):
+        for form in candidates:
+            if form.weak_only and not isinstance(method, Ritz):
+                continue
+            start = guess if guess is not None or failure is None or failure.curve is None else failure
+            solution = method.solve(form, tol=tol, guess=_sampled(problem, form, start))
+            if solution.status.ok:
+                return _compared(solution, failure)
+            if failure is None or (math.isnan(failure.value) and not math.isnan(solution.value)) or solution.verdict:
+                failure = solution
+    assert failure is not None
+    return explained(problem, failure)
+
+
+def _compared(solution: Solution, failure: Solution | None) -> Solution:
+    """The solution, marked local when a curve met on the way has a better value."""
+    if failure is None or failure.curve is None or not math.isfinite(failure.error.value):
+        return solution
+    sign = -1.0 if solution.problem.maximise else 1.0
+    if sign * failure.value < sign * solution.value - solution.error.value - 1e-12 * abs(solution.value):
+        return replace(solution, local=True, lower=failure.value)
+    return solution
+
+
+def _quick_first(methods: list[Method], count: int) -> list[Method]:
+    """Where there is a choice of forms, each is tried from the first starting curves before any is tried from all."""
+    if count == 1:
+        return methods
+    out: list[Method] = []
+    for method in methods:
+        if isinstance(method, Ritz) and method.starts > 2:
+            out.append(replace(method, starts=2))
+        out.append(method)
+    return out
+
+
+def _sampled(problem: Functional, form: Form, guess: Guess) -> Sampled | None:
+    """A guess in the coordinates of a form."""
+    if guess is None:
+        return None
+    if isinstance(guess, Solution):
+        if guess.curve is None:
+            raise ValueError("guess is a Solution that holds no curve; leave it out, or give a function of x")
+        curve = guess.curve
+        return form.pull(lambda x: curve(x, 0))
+    if not callable(guess):
+        raise TypeError(f"guess must be a function of x or a Solution, not {guess!r}")
+    function = guess
+
+    def sampled(x: np.ndarray) -> np.ndarray:
+        values = np.array([np.asarray(function(float(v)), dtype=float).ravel() for v in x]).T
+        if values.shape != (problem.n, len(x)):
+            raise ValueError(
+                f"guess must return {problem.n} numbers at each x, not an array of shape {values.shape[:1]}"
+            )
+        return values
+
+    return form.pull(sampled)

@@ -1,0 +1,77 @@
+"""Calling a person's functions once, with symbols, and checking what comes back."""
+
+from __future__ import annotations
+
+import inspect
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+
+Expression = Any
+"""A CasADi SX or MX expression."""
+
+
+class Names:
+    """The ``p`` handed to a Lagrangian: one attribute for each parameter or unknown."""
+
+    def __init__(self, symbols: dict[str, Expression]) -> None:
+        self.__dict__.update(symbols)
+
+    def __getattr__(self, name: str) -> Expression:
+        known = ", ".join(sorted(self.__dict__)) or "none"
+        raise AttributeError(
+            f"p.{name} is used but not declared; give it in parameters= or unknowns= (declared: {known})"
+        )
+
+
+class NotSymbolic(Exception):
+    """A function could not be evaluated with SX symbols (interpolated data needs MX)."""
+
+
+def _check_arity(name: str, function: Callable[..., Any], count: int) -> None:
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):  # builtins and compiled callables do not tell
+        return
+    try:
+        signature.bind(*range(count))
+    except TypeError:
+        raise TypeError(
+            f"{name} must accept {count} arguments here, but its signature is {signature}; "
+            "p comes last, and only when there are parameters or unknowns"
+        ) from None
+
+
+def trace(name: str, function: Callable[..., Any], arguments: Sequence[Expression], kind: type) -> Expression:
+    """The scalar expression ``function(*arguments)``.
+
+    NumPy functions work as CasADi's do; CasADi's notice about them is kept
+    quiet inside this call only. Raises TypeError or ValueError naming
+    ``name`` when the function cannot be called so or does not return a scalar.
+    """
+    _check_arity(name, function, len(arguments))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=r"\s*casadi: a numpy function", category=FutureWarning)
+        try:
+            result = function(*arguments)
+        except (RuntimeError, NotImplementedError) as error:
+            if kind is ca.SX:
+                raise NotSymbolic(str(error)) from error
+            raise ValueError(f"{name} could not be evaluated with symbols: {error}") from error
+    return scalar(name, result, kind)
+
+
+def scalar(name: str, result: Any, kind: type) -> Expression:
+    """``result`` as a scalar expression, or an error that says what it was instead."""
+    try:
+        expression = result if isinstance(result, kind) else kind(result)
+    except (NotImplementedError, TypeError):
+        raise TypeError(f"{name} must return a CasADi expression or a number, not {result!r}") from None
+    if expression.shape != (1, 1):
+        raise ValueError(
+            f"{name} must return a scalar, but its result has shape {expression.shape}; "
+            "use ca.dot or ca.sumsqr for products of vectors"
+        )
+    return ca.densify(expression) if expression.nnz() == 0 else expression

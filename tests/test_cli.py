@@ -1,0 +1,122 @@
+"""The command line, called as a person calls it."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from varcalc.cli import main
+from varcalc.reference import catalogue
+
+SHORTEST = """
+import casadi as ca
+import varcalc as vc
+problem = vc.Problem(lambda x, y, dy: ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.Fixed(3, 4), name="shortest path")
+"""
+
+
+@pytest.fixture
+def call():
+    def run(*arguments):
+        return CliRunner().invoke(main, [str(a) for a in arguments])
+
+    return run
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write_file(text):
+        path = tmp_path / "mine.py"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write_file
+
+
+def test_help_names_every_command(call):
+    done = call("--help")
+    assert done.exit_code == 0
+    assert "list" in done.output
+    assert "run" in done.output
+
+
+def test_list_names_the_catalogue(call):
+    done = call("list")
+    assert done.exit_code == 0
+    assert [line.split()[0] for line in done.output.splitlines()] == list(catalogue())
+
+
+def test_list_names_the_cases_of_a_problem(call):
+    done = call("list", "brachistochrone")
+    assert done.exit_code == 0
+    assert done.output.splitlines()[0].split()[0] == "brachistochrone"
+    assert "brachistochrone/" in done.output
+
+
+def test_run_compares_the_brachistochrone(call, tmp_path):
+    picture = tmp_path / "picture.png"
+    done = call("run", "brachistochrone", "-o", picture)
+    assert done.exit_code == 0, done.output
+    assert "the routes agree" in done.output
+    assert "ladder (" in done.output
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_run_prints_one_json_document_and_nothing_else(call, tmp_path):
+    picture = tmp_path / "picture.svg"
+    done = call("run", "brachistochrone", "--json", "-o", picture)
+    assert done.exit_code == 0, done.output
+    document = json.loads(done.stdout)
+    assert document["name"] == "brachistochrone"
+    assert document["agree"] is True
+    assert document["rows"][-1]["method"].startswith("ladder (")
+    for row in document["rows"]:
+        assert row["value"] is None or row["value"] == pytest.approx(document["exact"], rel=1e-9)
+    assert picture.exists()
+
+
+def test_run_takes_a_file_of_ones_own(call, write):
+    done = call("run", write(SHORTEST), "--tol", "1e-8")
+    assert done.exit_code == 0, done.output
+    assert "mine" in done.output
+    assert "closed form" not in done.output
+
+
+def test_a_wrong_closed_form_fails(call, write):
+    done = call("run", write(SHORTEST + "exact = 5.1\n"))
+    assert done.exit_code == 1
+    assert "from the closed form, more than 10 times the error it claims" in done.output
+
+
+def test_a_problem_without_an_answer_fails(call, write):
+    without_minimum = SHORTEST.replace("ca.sqrt(1 + dy**2)", "-dy**2")
+    done = call("run", write(without_minimum), "--json")
+    assert done.exit_code == 1, done.output
+    document = json.loads(done.stdout)
+    assert document["rows"][-1]["value"] is None
+    assert document["rows"][-1]["reason"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run"], "Missing argument"),
+        (["run", "nowhere"], "'nowhere' is no problem of the catalogue"),
+        (["run", "nowhere.py"], "there is no file nowhere.py"),
+        (["list", "nowhere"], "'nowhere' is no problem of the catalogue"),
+        (["run", "brachistochrone", "--tol", "0"], "--tol"),
+        (["run", "brachistochrone", "-o", "picture.gif"], "must end in .png, .pdf or .svg"),
+        (["run", "brachistochrone", "-o", "no/such/folder/picture.png"], "does not exist; make it first"),
+    ],
+)
+def test_wrong_usage_is_status_2_and_says_why(call, arguments, message):
+    done = call(*arguments)
+    assert done.exit_code == 2
+    assert message in " ".join(done.stderr.split())
+    assert done.stdout == ""
+
+
+def test_a_broken_file_is_wrong_usage(call, write):
+    done = call("run", write("problem = undefined"))
+    assert done.exit_code == 2
+    assert "line 1 failed with NameError" in " ".join(done.stderr.split())
