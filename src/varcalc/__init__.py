@@ -15,9 +15,9 @@ from varcalc.conditions import (
 )
 from varcalc.lagrangian import Lagrangian
 from varcalc.methods.collocation import Collocation
+from varcalc.methods.direct.ipopt import Ipopt
+from varcalc.methods.direct.newton import Newton
 from varcalc.methods.first_integral import FirstIntegral
-from varcalc.methods.ipopt import Ipopt
-from varcalc.methods.newton import Newton
 from varcalc.methods.ritz import Ritz
 from varcalc.methods.shooting import Shooting
 from varcalc.problem import Curve, Problem

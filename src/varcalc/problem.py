@@ -292,9 +292,7 @@ class Problem(Functional):
         _check_slopes(start, end, order)
         self.breakpoints = _inside("breakpoints", breakpoints, self.span, start, end)
         super().__init__(lagrangian, start, end, constraints, parameters, unknowns, end_cost, maximise, name)
-        for label, point in (("start", start), ("end", end)):
-            if isinstance(point, Fixed):
-                self._check_domain(label, point)
+        self._check_domain()
 
     def _arguments(self) -> list[Expression]:
         return [self.symbols.x, self._handed(self.symbols.y)]
@@ -315,23 +313,26 @@ class Problem(Functional):
                     raise ValueError(f"constraints[{i}]: Through.y must have {self.n} components")
         return checked
 
-    def _check_domain(self, label: str, end: Fixed) -> None:
+    def _check_domain(self) -> None:
         """Refuse an end where L is not a number, however the end is approached."""
-        y = components(f"{label}.y", end.y)
-        if None in y:
+        known = [
+            (label, end, np.array(components("y", end.y), dtype=float))
+            for label, end in (("start", self.start), ("end", self.end))
+            if isinstance(end, Fixed) and None not in components("y", end.y)
+        ]
+        if not known:
             return
-        centre = np.array(y, dtype=float)
-        step = NUDGE * max(1.0, float(np.abs(centre).max()))
-        fan = np.vstack([centre, *(centre + s * step * e for e in np.eye(self.n) for s in (1, -1))])
-        chord = self._chord_slope()
-        values = self.integrand_values(
-            np.full(len(fan), float(end.x)), fan.T, np.repeat(chord[:, None], len(fan), axis=1)
-        )
-        if np.isnan(values).all():
-            raise ValueError(
-                f"{label} = {end} lies outside the domain of the Lagrangian: L is not a number there; "
-                "move the end, or check the sign under roots and logarithms"
-            )
+        steps = np.vstack([np.zeros(self.n), *(sign * row for row in np.eye(self.n) for sign in (NUDGE, -NUDGE))])
+        fans = [y + steps * max(1.0, float(np.abs(y).max())) for _, _, y in known]
+        x = np.repeat([float(end.x) for _, end, _ in known], len(steps))
+        slopes = np.repeat(self._chord_slope()[:, None], len(x), axis=1)
+        values = self.integrand_values(x, np.vstack(fans).T, slopes).reshape(len(known), -1)
+        for (label, end, _), row in zip(known, values, strict=True):
+            if np.isnan(row).all():
+                raise ValueError(
+                    f"{label} = {end} lies outside the domain of the Lagrangian: L is not a number there; "
+                    "move the end, or check the sign under roots and logarithms"
+                )
 
     def _chord_slope(self) -> np.ndarray:
         ends = [components("y", e.y) if isinstance(e, Fixed) else (None,) * self.n for e in (self.start, self.end)]

@@ -156,7 +156,7 @@ def closed_curve():
 
 
 def free_shore():
-    """Dido's problem with both ends free on the shore: a continuum of semicircles, of which one is as good as another."""
+    """Dido's problem with both ends free on the shore: a continuum of semicircles."""
     problem = vc.Curve(
         lambda q, dq: q[1] * dq[0], vc.OnSurface(lambda q: q[1], (-1, 0)), vc.OnSurface(lambda q: q[1], (1, 0)),
         [vc.Isoperimetric(lambda q, dq: ca.norm_2(dq), 3.0)], maximise=True,

@@ -3,7 +3,7 @@
 The degree climbs while convergence is geometric; where it is not, the
 elements that carry the error are bisected. The value reported is the
 functional on the trial curve by the next richer space's finer rule, hence an
-upper bound; its error is estimated there (:mod:`varcalc.methods.ritz_error`).
+upper bound; its error is estimated there (:mod:`varcalc.methods.direct.error`).
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import numpy as np
 from varcalc.formulation import Form, Sampled
 from varcalc.mesh import Space
 from varcalc.methods.answer import answer
-from varcalc.methods.ipopt import Ipopt
-from varcalc.methods.newton import Newton
-from varcalc.methods.ritz_error import Estimate, estimate
-from varcalc.methods.ritz_rungs import DEGREES, Rung, Rungs
-from varcalc.methods.ritz_system import RitzSystem
+from varcalc.methods.direct.error import Estimate, estimate
+from varcalc.methods.direct.ipopt import Ipopt
+from varcalc.methods.direct.newton import Newton
+from varcalc.methods.direct.rungs import DEGREES, Rung, Rungs
+from varcalc.methods.direct.system import RitzSystem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, no_answer
 
 SPLIT_DEGREE = 16

@@ -18,12 +18,12 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.lagrangian import Lagrangian
-from varcalc.methods.collocation_answer import answered
-from varcalc.methods.collocation_error import Assessment, Level, assess
-from varcalc.methods.collocation_system import CollocationSystem, State, collocation_space
-from varcalc.methods.damped_newton import Scales
-from varcalc.methods.starting_curves import function_sizes, starting_curves
-from varcalc.methods.stationarity import Stationarity, stationarity
+from varcalc.methods.boundary_value.answer import answered
+from varcalc.methods.boundary_value.damped_newton import Scales
+from varcalc.methods.boundary_value.error import Assessment, Level, assess
+from varcalc.methods.boundary_value.starting_curves import function_sizes, starting_curves
+from varcalc.methods.boundary_value.stationarity import Stationarity, stationarity
+from varcalc.methods.boundary_value.system import CollocationSystem, State, collocation_space
 from varcalc.solution import Solution, Stats, Status, no_answer
 
 FIRST_NODES = 17

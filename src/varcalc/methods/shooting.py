@@ -20,10 +20,10 @@ import numpy as np
 from varcalc.engines import CannotLower, Engine, Flow, default
 from varcalc.formulation import Form, Sampled
 from varcalc.methods.answer import answer
-from varcalc.methods.flow import EulerLagrangeFlow
-from varcalc.methods.segments import Failure
-from varcalc.methods.shooting_search import NoneFound, Search, describe
-from varcalc.methods.shot_extremal import Finished, finish
+from varcalc.methods.initial_value.flow import EulerLagrangeFlow
+from varcalc.methods.initial_value.search import NoneFound, Search, describe
+from varcalc.methods.initial_value.segments import Failure
+from varcalc.methods.initial_value.shot_extremal import Finished, finish
 from varcalc.problem import Functional
 from varcalc.solution import Solution, Stats, Status, no_answer
 

@@ -11,7 +11,10 @@ become the powers that make the extremal analytic
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 from varcalc.conditions import Fixed, Free, OnCurve
 from varcalc.formulation import Form, formulate
@@ -20,24 +23,42 @@ from varcalc.singular.detection import Infinite, Metric, riemannian, singular_en
 from varcalc.singular.energy import energy_forms
 from varcalc.singular.powers import power_form
 
-__all__ = ["Infinite", "forms"]
+__all__ = ["Forms", "Infinite", "forms"]
 
 
-def forms(problem: Functional) -> list[Form]:
+class Forms(Sequence[Form]):
+    """The forms in which a problem is to be tried, the most promising first, each made when it is asked for."""
+
+    def __init__(self, makers: Sequence[Callable[[], Form]], problem: Functional, made: dict[int, Form]) -> None:
+        self._makers, self._problem, self._made = makers, problem, made
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+    def __getitem__(self, index: Any) -> Any:
+        if index not in range(len(self._makers)):
+            raise IndexError(index)
+        if index not in self._made:
+            self._made[index] = self._makers[index]()
+        form = self._made[index]
+        return form if form.problem is self._problem else replace(form, problem=self._problem)
+
+
+def forms(problem: Functional) -> Forms:
     """The forms in which a problem is to be tried, the most promising first.
 
     Raises :class:`Infinite` when a singular end makes the functional infinite.
     """
-    found = problem.built.get("forms")
-    if found is None:
-        found = problem.built["forms"] = _forms(problem)
-    return [form if form.problem is problem else replace(form, problem=problem) for form in found]
+    if "forms" not in problem.built:
+        problem.built["forms"] = (_makers(problem), {})
+    makers, made = problem.built["forms"]
+    return Forms(makers, problem, made)
 
 
-def _forms(problem: Functional) -> list[Form]:
-    direct = formulate(problem)
+def _makers(problem: Functional) -> list[Callable[[], Form]]:
+    direct = partial(formulate, problem)
     if isinstance(problem, Curve):
-        plain = problem.n == 2 and direct.energetic and direct.ends is None and not direct.pathwise
+        plain = problem.n == 2 and not problem.constraints and problem.end_cost is None and not problem.maximise
         singular = singular_ends(problem) if plain else (False, False)
         if not any(singular):
             return [direct]
@@ -54,7 +75,7 @@ def _forms(problem: Functional) -> list[Form]:
         energies = energy_forms(problem, metric, singular)
         return [*energies, direct] if any(singular) else [direct, *energies]
     one = singular[0] != singular[1]
-    return [power_form(problem, singular), direct] if one and both_fixed else [direct]
+    return [partial(power_form, problem, singular), direct] if one and both_fixed else [direct]
 
 
 def _simple(problem: Problem) -> bool:

@@ -75,12 +75,14 @@ def _values(problem: Functional, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
 def singular_ends(problem: Functional) -> tuple[bool, bool]:
     """Whether the integrand is infinite or no number at each end, along the chord or any slope tried."""
     points = end_points(problem)
-    directions = np.vstack([np.ones_like(SLOPES), SLOPES])
-    found = []
-    for point in points:
-        values = _values(problem, np.repeat(point[:, None], len(SLOPES), axis=1), directions)
-        found.append(not np.isnan(point).any() and not np.isfinite(values).all())
-    return found[0], found[1]
+    count = len(SLOPES)
+    directions = np.tile(np.vstack([np.ones(count), SLOPES]), 2)
+    finite = np.isfinite(_values(problem, np.repeat(np.array(points).T, count, axis=1), directions))
+    start, end = (
+        not (np.isnan(point).any() or part.all())
+        for point, part in zip(points, (finite[:count], finite[count:]), strict=True)
+    )
+    return start, end
 
 
 def extent(problem: Functional) -> float:

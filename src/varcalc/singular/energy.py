@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -24,8 +25,8 @@ from varcalc.singular.detection import LARGEST_DENOMINATOR, Blowup, Metric, blow
 from varcalc.tracing import Expression, trace
 
 
-def energy_forms(problem: Functional, metric: Metric, singular: tuple[bool, bool]) -> list[Form]:
-    """The energy of the metric: with the ends' powers as factors, and in coordinates that carry them.
+def energy_forms(problem: Functional, metric: Metric, singular: tuple[bool, bool]) -> list[Callable[[], Form]]:
+    """Makers of the energy of the metric: with the ends' powers as factors, and in coordinates that carry them.
 
     Empty when a free end does not follow a coordinate line of the singular chart.
     """
@@ -35,9 +36,9 @@ def energy_forms(problem: Functional, metric: Metric, singular: tuple[bool, bool
     if chart is None or (free and np.all(chart.normal != 0.0)):
         return []
     if chart.power == 1.0:
-        return [_energy_form(problem, metric, chart, (False, False), False)]
+        return [partial(_energy_form, problem, metric, chart, (False, False), False)]
     ways = (True, False) if chart.height is None else (False,)
-    return [_energy_form(problem, metric, chart, singular, factored) for factored in ways]
+    return [partial(_energy_form, problem, metric, chart, singular, factored) for factored in ways]
 
 
 def _energy_form(

@@ -15,7 +15,7 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.mesh import gauss
-from varcalc.methods.starts import AMPLITUDES, bent, scaled_ring, size
+from varcalc.methods.direct.starts import AMPLITUDES, bent, scaled_ring, size
 
 SCAN = np.geomspace(0.01, 30.0, 36)
 """Heights scanned for a prescribed integral, in units of the curve's own size."""

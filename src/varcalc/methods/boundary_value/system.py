@@ -20,8 +20,8 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.mesh import Space, basis_at_gauss, gauss
-from varcalc.methods.collocation_boundary import Boundary, BoundaryValues, BufferedCall, Triplets
-from varcalc.methods.stationarity import stationarity
+from varcalc.methods.boundary_value.boundary import Boundary, BoundaryValues, BufferedCall, Triplets
+from varcalc.methods.boundary_value.stationarity import stationarity
 
 
 def collocation_space(form: Form, vertices: np.ndarray, degree: int) -> Space:

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.methods.banded import banded_step, solvable
-from varcalc.methods.ritz_system import Evaluation, RitzSystem
+from varcalc.methods.direct.banded import banded_step, solvable
+from varcalc.methods.direct.system import Evaluation, RitzSystem
 
 STAGNATED = 1e-9
 """Relative Newton decrement below which a search that finds no descent has met round-off."""

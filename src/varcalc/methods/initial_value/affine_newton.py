@@ -13,7 +13,7 @@ from enum import Enum
 
 import numpy as np
 
-from varcalc.methods.segments import Evaluation, Failure, Segments
+from varcalc.methods.initial_value.segments import Evaluation, Failure, Segments
 
 CONVERGED = 1e-15
 """Relative correction below which nothing is left to correct."""

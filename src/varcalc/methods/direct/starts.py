@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.ritz_system import RitzSystem
+from varcalc.methods.direct.system import RitzSystem
 
 AMPLITUDES = (0.3, -0.3, 1.0, -1.0, 0.1, -0.1, 3.0, -3.0)
 """Heights of a bent start in units of the problem's size."""

@@ -10,9 +10,10 @@ import numpy as np
 
 from varcalc.engines import Flow, Outcome
 from varcalc.formulation import Sampled
-from varcalc.methods.affine_newton import Ending, Result, iterate
-from varcalc.methods.flow import EulerLagrangeFlow, Scales
-from varcalc.methods.initial_states import (
+from varcalc.methods.direct.starts import LADDER, bent, scaled_ring, size
+from varcalc.methods.initial_value.affine_newton import Ending, Result, iterate
+from varcalc.methods.initial_value.flow import EulerLagrangeFlow, Scales
+from varcalc.methods.initial_value.initial_states import (
     growth_rate,
     lambdas,
     nus,
@@ -21,9 +22,8 @@ from varcalc.methods.initial_states import (
     states,
     unknown_numbers,
 )
-from varcalc.methods.segments import Evaluation, Failure, Segments
-from varcalc.methods.shot_extremal import value_of
-from varcalc.methods.starts import LADDER, bent, scaled_ring, size
+from varcalc.methods.initial_value.segments import Evaluation, Failure, Segments
+from varcalc.methods.initial_value.shot_extremal import value_of
 
 MOST_GROWTH = math.exp(10.0)
 """Growth of errors across a segment beyond which it is cut in two."""

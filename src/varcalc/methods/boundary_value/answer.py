@@ -6,7 +6,7 @@ from typing import Any
 
 from varcalc.formulation import Form, Sampled
 from varcalc.methods.answer import Extremal, answer
-from varcalc.methods.collocation_error import Assessment, Level
+from varcalc.methods.boundary_value.error import Assessment, Level
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status
 
 

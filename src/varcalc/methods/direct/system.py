@@ -33,6 +33,26 @@ def _products(smoothness: int, degree: int, count: int, order: int) -> np.ndarra
     return np.ascontiguousarray(pairs.reshape((degree + 1) ** 2, -1))
 
 
+class Buffered:
+    """A function mapped over the rows of ``arguments``, on memory of its own: a call costs microseconds.
+
+    Each array of ``arguments`` has one row a point and is read in place.
+    """
+
+    def __init__(self, function: ca.Function, arguments: list[np.ndarray], rows: int) -> None:
+        points = len(arguments[0])
+        self._out = np.zeros((points, rows))
+        self._buffer, self._trigger = function.map(points).buffer()
+        for i, array in enumerate(arguments):
+            self._buffer.set_arg(i, memoryview(array))
+        self._buffer.set_res(0, memoryview(self._out))
+
+    def __call__(self) -> np.ndarray:
+        """The results (points, rows), copied."""
+        self._trigger()
+        return self._out.copy()
+
+
 @dataclass
 class Evaluation:
     """The discrete functional and its derivatives at one point.
@@ -91,9 +111,6 @@ class RitzSystem:
             lagrangian = Lagrangian(self.form.symbols, self.form.integrand)
             built["pointwise"] = lagrangian.pointwise([c.expression for c in self.equalities])
         points = self.space.elements * self.count
-        if points not in built:
-            built[points] = built["pointwise"].map(points)
-        function = built[points]
         x, weights = self.space.quadrature(self.count)
         self.weights = weights.ravel()
         parameters = self.form.problem.parameter_values
@@ -106,11 +123,10 @@ class RitzSystem:
             np.tile(parameters, (points, 1)),
             np.zeros((points, self.extra)),
         ]
-        self._out = np.zeros((points, (1 + len(self.equalities)) * (1 + self.k + self.k**2)))
-        self._buffer, self._trigger = function.buffer()
-        for i, array in enumerate(self._arguments):
-            self._buffer.set_arg(i, memoryview(array))
-        self._buffer.set_res(0, memoryview(self._out))
+        self._pointwise = Buffered(
+            built["pointwise"], self._arguments, (1 + len(self.equalities)) * (1 + self.k + self.k**2)
+        )
+        self._reporter: Buffered | None = None
         self._slope_scale = [(2.0 / self.space.widths[:, None, None]) ** d for d in range(self.order + 1)]
 
     # unknowns <-> coefficients
@@ -149,12 +165,35 @@ class RitzSystem:
         self._fill(z)
         return [self._arguments[0][None, :], *(a.T.copy() for a in self._arguments[1:])]
 
+    def reported(self, z: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+        """The reported integrand at the quadrature points, and x, y, dx/ds, dy/ds in the person's coordinates.
+
+        Shapes (m,), then (m,), (n, m), (m,), (n, m); the last four are empty
+        when the form's coordinates are the person's.
+        """
+        self._fill(z)
+        form, built = self.form, self.form.built
+        if "reported" not in built:
+            s = form.symbols
+            outputs = [form.functional]
+            if form.lift is not None:
+                outputs += form.lift(s.x, s.y, s.dy, s.unknowns, s.parameters)
+            built["reported"] = ca.Function("reported", s.all, [ca.densify(ca.vertcat(*outputs))])
+        function = built["reported"]
+        if self._reporter is None:
+            rows = function.size1_out(0)
+            self._reporter = Buffered(function, self._arguments, rows)
+        out = self._reporter()
+        if form.lift is None:
+            return out[:, 0], []
+        n = form.problem.n
+        return out[:, 0], [out[:, 1], out[:, 2 : 2 + n].T, out[:, 2 + n], out[:, 3 + n :].T]
+
     def evaluate(self, z: np.ndarray) -> Evaluation:
         """Everything but the Hessian's assembly; entries are inf or NaN outside the domain."""
         table = basis_at_gauss(self.space.smoothness, self.space.degree, self.count, self.order)
         self._fill(z)
-        self._trigger()
-        out = self._out.copy()
+        out = self._pointwise()
         stride = 1 + self.k + self.k**2
         with np.errstate(invalid="ignore", over="ignore"):
             values = self.weights @ out[:, ::stride]

@@ -12,10 +12,10 @@ import numpy as np
 from varcalc.formulation import Form, Sampled
 from varcalc.mesh import Space
 from varcalc.methods.answer import Extremal
-from varcalc.methods.ipopt import Ipopt, optimise
-from varcalc.methods.newton import Newton, minimise
-from varcalc.methods.ritz_system import Evaluation, RitzSystem
-from varcalc.methods.starts import candidates
+from varcalc.methods.direct.ipopt import Ipopt, optimise
+from varcalc.methods.direct.newton import Newton, minimise
+from varcalc.methods.direct.starts import candidates
+from varcalc.methods.direct.system import Evaluation, RitzSystem
 
 DEGREES = {1: (6, 10, 16, 24, 36, 52), 2: (7, 11, 16, 24, 36)}
 """The rungs of the degree, by the order of the Lagrangian."""

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.methods.collocation_error import Assessment, Level, assess
-from varcalc.methods.collocation_system import CollocationSystem, collocation_space
-from varcalc.methods.damped_newton import Scales, damped_newton
+from varcalc.methods.boundary_value.damped_newton import Scales, damped_newton
+from varcalc.methods.boundary_value.error import Assessment, Level, assess
+from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space
 from varcalc.solution import Status
 
 HIGHEST_DEGREE = {1: 40, 2: 30}

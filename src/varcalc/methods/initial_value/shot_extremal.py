@@ -12,9 +12,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc.engines import Run
-from varcalc.methods.affine_newton import size
 from varcalc.methods.answer import Extremal
-from varcalc.methods.segments import Evaluation, Failure, Segments
+from varcalc.methods.initial_value.affine_newton import size
+from varcalc.methods.initial_value.segments import Evaluation, Failure, Segments
 from varcalc.solution import ErrorEstimate
 
 ROUND_OFF = 4 * float(np.finfo(float).eps)

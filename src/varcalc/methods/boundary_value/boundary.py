@@ -17,7 +17,7 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.mesh import Space
-from varcalc.methods.stationarity import Stationarity
+from varcalc.methods.boundary_value.stationarity import Stationarity
 
 BESIDE = 4.0 * np.finfo(float).eps
 """Relative distance from a knot at which its two sides are evaluated."""

@@ -14,8 +14,8 @@ from numpy.polynomial import legendre
 
 from varcalc.formulation import Form, Sampled
 from varcalc.mesh import gauss
-from varcalc.methods.flow import EulerLagrangeFlow, Scales
-from varcalc.methods.starts import size
+from varcalc.methods.direct.starts import size
+from varcalc.methods.initial_value.flow import EulerLagrangeFlow, Scales
 
 SAMPLES = 9
 """Points of a segment at which the starting curve is sampled."""

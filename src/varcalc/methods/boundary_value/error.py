@@ -20,8 +20,8 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.mesh import Space
-from varcalc.methods.collocation_system import CollocationSystem, Residual, State, collocation_space
-from varcalc.methods.damped_newton import Scales, factorised, measure
+from varcalc.methods.boundary_value.damped_newton import Scales, factorised, measure
+from varcalc.methods.boundary_value.system import CollocationSystem, Residual, State, collocation_space
 
 CONTRACTION = 0.1
 """Largest ratio of successive corrections that counts as evidence; one quarter is where roots merge."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from varcalc.methods.ritz_system import Evaluation, RitzSystem
+from varcalc.methods.direct.system import Evaluation, RitzSystem
 
 SHIFTS = (0.0, 1e-8, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
 """Multiples of the metric added until the model is convex."""

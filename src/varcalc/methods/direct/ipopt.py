@@ -18,8 +18,8 @@ import numpy as np
 
 from varcalc.formulation import SideCondition
 from varcalc.mesh import basis, basis_at_gauss, gauss, lobatto
-from varcalc.methods.newton import Outcome
-from varcalc.methods.ritz_system import RitzSystem
+from varcalc.methods.direct.newton import Outcome
+from varcalc.methods.direct.system import RitzSystem
 
 GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 FINISHED = ("Search_Direction_Becomes_Too_Small", "Maximum_Iterations_Exceeded", "Restoration_Failed")

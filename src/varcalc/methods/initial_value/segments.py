@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.engines import Flow, Outcome, Run
-from varcalc.methods.flow import EulerLagrangeFlow, Scales
+from varcalc.methods.initial_value.flow import EulerLagrangeFlow, Scales
 
 DENSE = 240
 """Unknowns up to which the linear systems are solved as dense ones."""

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.methods.answer import end_cost, functional, lift
-from varcalc.methods.newton import Step, newton_step
-from varcalc.methods.ritz_rungs import Rung, Rungs
-from varcalc.methods.ritz_system import RitzSystem
+from varcalc.methods.answer import end_cost
+from varcalc.methods.direct.newton import Step, newton_step
+from varcalc.methods.direct.rungs import Rung, Rungs
+from varcalc.methods.direct.system import RitzSystem
 
 SAFETY = 1.5
 """The correction leaves out what lies beyond the richer space."""
@@ -88,8 +88,7 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
 
 def functional_at(rungs: Rungs, system: RitzSystem, z: np.ndarray) -> float:
     """The reported functional, in the sense that is minimised, by the system's own rule."""
-    values = np.asarray(functional(rungs.form)(*system.arguments(z))).ravel()
-    total = float(system.weights @ values)
+    total = float(system.weights @ system.reported(z)[0])
     return total if rungs.form.ends is None else total + end_cost(rungs.extremal(system, z))
 
 
@@ -97,7 +96,7 @@ def displacement(rungs: Rungs, system: RitzSystem, z: np.ndarray, moved: np.ndar
     """Largest distance between two curves: of ordinates at the same abscissa, in the person's coordinates."""
     if rungs.form.lift is None:
         return float(np.abs(system.ordinates(moved) - system.ordinates(z)).max())
-    here, there = (lift(rungs.form, system.arguments(v)) for v in (z, moved))
+    here, there = (system.reported(v)[1] for v in (z, moved))
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = here[3] / here[2]
         move = there[1] - here[1] - slope * (there[0] - here[0])

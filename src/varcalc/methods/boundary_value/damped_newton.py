@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.methods.collocation_system import CollocationSystem, Residual
+from varcalc.methods.boundary_value.system import CollocationSystem, Residual
 
 CONVERGED = 1e-9
 """Relative correction after which one more step leaves only round-off."""

@@ -1,0 +1,1 @@
+"""The parts of collocation: residual, boundary rows, damped Newton, refinement and errors."""

@@ -1,0 +1,1 @@
+"""The parts of the direct method: spaces and systems, the optimisers, the rungs and their errors."""

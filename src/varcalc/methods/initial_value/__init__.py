@@ -1,0 +1,1 @@
+"""The parts of shooting: the flow, its segments, initial states and their search."""
