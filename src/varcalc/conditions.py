@@ -218,7 +218,7 @@ class Bound:
 
 @dataclass(frozen=True)
 class Through:
-    """A waypoint: ``y(x)`` has the given value; the slope may jump there."""
+    """A waypoint: ``y(x)`` has the given value. The slope may jump there (at order 2 the curvature may)."""
 
     x: float
     y: Any

@@ -11,9 +11,12 @@ import numpy as np
 
 from varcalc.feasibility import explained
 from varcalc.formulation import Form, Sampled
+from varcalc.methods.collocation import Collocation
+from varcalc.methods.first_integral import FirstIntegral
 from varcalc.methods.ritz import Ritz
 from varcalc.problem import Curve, Functional, Problem
 from varcalc.singular import Infinite, forms
+from varcalc.slopes import vouched
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict, no_answer
 
 
@@ -54,14 +57,17 @@ def solve(
     5.0
     """
     _check(problem, method, tol)
-    solution = _attempt(problem, [method] if method is not None else LADDER, tol, guess)
+    solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
     if throw and not solution.status.ok:
         raise (InfeasibleError if solution.verdict is Verdict.INFEASIBLE else VariationalError)(solution)
     return solution
 
 
-LADDER: list[Method] = [Ritz()]
-"""The routes in the order in which they are tried."""
+LADDER: tuple[Ritz, ...] = (Ritz(),)
+"""The route taken first: the direct method is the cheapest for one solve at any tolerance, and it alone ends at a
+minimum by construction (see docs/methods.md for the figures)."""
+GUIDES: tuple[Method, ...] = (Collocation(), FirstIntegral())
+"""Routes that may find an extremal where minimisation finds no way to it; it is minimised from there."""
 
 
 def _check(problem: Any, method: Any, tol: Any) -> None:
@@ -74,21 +80,43 @@ def _check(problem: Any, method: Any, tol: Any) -> None:
         raise ValueError(f"tol must be a positive number, not {tol!r}")
 
 
-def _attempt(problem: Functional, methods: list[Method], tol: float, guess: Guess) -> Solution:
-    """The first answer that stands over all methods and forms; else the failure that got furthest."""
+def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:
+    """The ladder: each route in turn, and extremals of the indirect ones as starts for the direct one.
+
+    An extremal that an indirect method finds may be a saddle. It is an answer
+    only when minimising from there stays at it.
+    """
+    failure: Solution | None = None
+    for method in LADDER:
+        solution = _attempt(problem, method, tol, guess)
+        if solution.status.ok or solution.verdict is not None:
+            return solution
+        failure = failure or solution
+    for guide in GUIDES:
+        extremal = _attempt(problem, guide, tol, guess)
+        if extremal.status.ok:
+            solution = _attempt(problem, replace(LADDER[0], starts=1), tol, extremal)
+            if solution.status.ok:
+                return solution
+    assert failure is not None
+    return failure
+
+
+def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
+    """The first answer of a method that stands, over all forms; else the failure that got furthest."""
     failure: Solution | None = None
     try:
         candidates = forms(problem)
     except Infinite as reason:
-        return no_answer(problem, methods[0], Status.REFUSED, str(reason), Verdict.INFEASIBLE)
-    for method in _quick_first(methods, len(candidates)):
+        return no_answer(problem, method, Status.REFUSED, str(reason), Verdict.INFEASIBLE)
+    for way in _quick_first(method, len(candidates)):
         for form in candidates:
-            if form.weak_only and not isinstance(method, Ritz):
+            if form.weak_only and not isinstance(way, Ritz):
                 continue
             start = guess if guess is not None or failure is None or failure.curve is None else failure
-            solution = method.solve(form, tol=tol, guess=_sampled(problem, form, start))
+            solution = way.solve(form, tol=tol, guess=_sampled(problem, form, start))
             if solution.status.ok:
-                return _compared(solution, failure)
+                return vouched(_compared(solution, failure), form)
             if failure is None or (math.isnan(failure.value) and not math.isnan(solution.value)) or solution.verdict:
                 failure = solution
     assert failure is not None
@@ -105,16 +133,11 @@ def _compared(solution: Solution, failure: Solution | None) -> Solution:
     return solution
 
 
-def _quick_first(methods: list[Method], count: int) -> list[Method]:
+def _quick_first(method: Method, count: int) -> list[Method]:
     """Where there is a choice of forms, each is tried from the first starting curves before any is tried from all."""
-    if count == 1:
-        return methods
-    out: list[Method] = []
-    for method in methods:
-        if isinstance(method, Ritz) and method.starts > 2:
-            out.append(replace(method, starts=2))
-        out.append(method)
-    return out
+    if isinstance(method, Ritz) and method.starts > 2 and count > 1:
+        return [replace(method, starts=2), method]
+    return [method]
 
 
 def _sampled(problem: Functional, form: Form, guess: Guess) -> Sampled | None:

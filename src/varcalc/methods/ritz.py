@@ -39,6 +39,8 @@ PATIENCE = 8
 MOST_UNKNOWNS = 4000
 ROUND_OFF = 4e-16
 """Round-off of the value relative to the sum of the absolute contributions."""
+WORTHLESS = 1e-3
+"""Relative round-off at which a value is no answer."""
 CURVE = 1e-2
 """Relative error of the curve, in units of the square root of the value's tolerance, that ends the climb."""
 RESTART_DEGREE = 24
@@ -191,4 +193,6 @@ class _Climb:
         if self.method.refine and error > max(target, floor):
             met = f"the tolerance {self.tol:g} was not met: {reason}; the error estimate is {error:.2g}"
             return Status.NOT_CONVERGED, met
+        if floor > WORTHLESS * max(1.0, abs(value)):
+            return Status.NOT_CONVERGED, "round-off leaves nothing of the value: the ends are conjugate, or nearly so"
         return (Status.ROUND_OFF if floor > target else Status.SOLVED), ""

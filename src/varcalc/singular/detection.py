@@ -106,7 +106,7 @@ def riemannian(problem: Problem) -> Metric | None:
     values = problem.integrand_values(np.repeat(x, slopes), np.repeat(y, slopes)[None], np.tile(SLOPES, count)[None])
     squares = values.reshape(count, slopes) ** 2
     squares = squares[np.isfinite(squares).all(1) & (values.reshape(count, slopes) > 0).all(1)]
-    if len(squares) < 2:
+    if len(squares) < 2 or _changes_sign(problem, 0.5 * (start + end), size):
         return None
     powers = SLOPES[:, None] ** np.arange(3)
     fit = np.linalg.lstsq(powers, squares.T, rcond=None)[0]
@@ -122,6 +122,22 @@ def riemannian(problem: Problem) -> Metric | None:
     if _is_conformal(fit):
         form = still[0] * ca.sumsqr(dq)
     return Metric(q, dq, form)
+
+
+def _changes_sign(problem: Problem, middle: np.ndarray, size: float) -> bool:
+    """Whether L passes through zero near the problem: then its square is another functional, not its own.
+
+    A change of sign through infinity is a barrier that no curve of finite
+    value crosses, and does no harm.
+    """
+    y = middle[1] + size * np.linspace(-1.6, 1.6, 64)
+    values = problem.integrand_values(np.full(64, middle[0]), y[None], np.zeros((1, 64)))
+    values = values[np.isfinite(values)]
+    change = np.flatnonzero(np.diff(np.sign(values)) != 0)
+    if not len(change):
+        return bool((values <= 0).any())
+    near = np.abs(values[change[0] : change[0] + 2]).max()
+    return bool(near < np.median(np.abs(values)))
 
 
 def _spanned(problem: Problem) -> list[np.ndarray]:

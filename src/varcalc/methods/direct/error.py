@@ -66,7 +66,9 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
     else:
         value = functional_at(rungs, system, z)
         error = abs(value - functional_at(rungs, system, moved)) if step.definite else math.inf
-        value += correction if not rungs.form.energetic else 0.5 * correction / value
+        if rungs.form.energetic and value > 0:  # the energy is the square of the value
+            correction *= 0.5 / value
+        value += correction
         scale = abs(value)
     curve = displacement(rungs, system, z, moved)
     return Estimate(value, SAFETY * error, SAFETY * curve, scale, system, z, step, _shares(rungs, system, step.change))

@@ -87,7 +87,10 @@ def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
             return Step(*found)
         if system.size > LARGEST_DENSE:
             return None
-    return _dense_step(system, at, multipliers)
+    try:
+        return _dense_step(system, at, multipliers)
+    except np.linalg.LinAlgError:  # entries of 1e200 and the like: not a matrix to be factored
+        return None
 
 
 def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
