@@ -21,6 +21,7 @@ from varcalc.methods.first_integral import FirstIntegral
 from varcalc.methods.ritz import Ritz
 from varcalc.methods.shooting import Shooting
 from varcalc.problem import Curve, Problem
+from varcalc.reading import euler_lagrange_latex, euler_lagrange_text, first_integrals_text
 from varcalc.reference import Exact, Reference
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict
 from varcalc.solve import solve
@@ -53,5 +54,8 @@ __all__ = [
     "VariationalError",
     "Verdict",
     "compare",
+    "euler_lagrange_latex",
+    "euler_lagrange_text",
+    "first_integrals_text",
     "solve",
 ]

@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from varcalc.compare import Comparison, Row
-from varcalc.problem import Curve, Functional
+from varcalc.functional import Functional
+from varcalc.problem import Curve
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195")
 """The colours of Okabe and Ito, told apart by every kind of eye, and one more."""

@@ -6,8 +6,9 @@ import math
 from dataclasses import replace
 
 from varcalc.conditions import Isoperimetric
+from varcalc.functional import Functional
 from varcalc.methods.ritz import Ritz
-from varcalc.problem import Curve, Functional, Problem
+from varcalc.problem import Curve, Problem
 from varcalc.singular import forms
 from varcalc.solution import Solution, Status, Verdict
 

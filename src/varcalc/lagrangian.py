@@ -15,7 +15,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from varcalc.problem import Functional, Symbols
+from varcalc.functional import Functional, Symbols
 from varcalc.tracing import Expression
 
 

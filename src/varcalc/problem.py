@@ -7,24 +7,20 @@ is no business of this module.
 
 from __future__ import annotations
 
-import copy
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Self
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from varcalc.conditions import (
     At,
-    Bound,
     Constraint,
     CurveEnd,
     End,
     Fixed,
     Free,
-    Holonomic,
     Isoperimetric,
     OnCurve,
     OnSurface,
@@ -34,211 +30,11 @@ from varcalc.conditions import (
     finite,
     is_vector,
 )
-from varcalc.tracing import Expression, Names, NotSymbolic, trace
+from varcalc.functional import Functional
+from varcalc.tracing import Expression
 
 NUDGE = 1e-9
 """Relative step off an end at which the integrand must be a number at least on one side."""
-
-
-@dataclass(frozen=True)
-class Symbols:
-    """The symbols a functional is written in: abscissa, unknown functions, slopes, parameters."""
-
-    kind: type
-    x: Expression
-    y: Expression
-    dy: Expression
-    ddy: Expression
-    parameters: Expression
-    unknowns: Expression
-
-    @classmethod
-    def make(cls, kind: type, n: int, order: int, parameters: int, unknowns: int) -> Symbols:
-        """Fresh symbols for ``n`` unknown functions of a functional of the given order."""
-        return cls(
-            kind,
-            kind.sym("x"),
-            kind.sym("y", n),
-            kind.sym("dy", n),
-            kind.sym("ddy", n if order == 2 else 0),
-            kind.sym("parameters", parameters),
-            kind.sym("unknowns", unknowns),
-        )
-
-    @property
-    def slopes(self) -> list[Expression]:
-        """``[dy]`` or ``[dy, ddy]``."""
-        return [self.dy] if self.ddy.numel() == 0 else [self.dy, self.ddy]
-
-    @property
-    def all(self) -> list[Expression]:
-        """Every symbol, in the order integrand functions take them."""
-        return [self.x, self.y, self.dy, self.ddy, self.parameters, self.unknowns]
-
-
-@dataclass(frozen=True)
-class Traced:
-    """A constraint and the expression its function gave."""
-
-    constraint: Isoperimetric | Holonomic | Bound
-    expression: Expression
-
-
-class Functional:
-    """What :class:`Problem` and :class:`Curve` share: the traced functional and its parameters.
-
-    ``n`` is the number of unknown functions, ``scalar`` tells that they are
-    handed over and returned as numbers rather than columns, ``integrand`` is
-    the traced Lagrangian in ``symbols``; ``built`` keeps what methods derive
-    from them, shared by copies with other parameter values.
-    """
-
-    start: Any
-    end: Any
-    order: int = 1
-    span: tuple[float, float]
-    scalar: bool
-    n: int
-    symbols: Symbols
-    integrand: Expression
-    traced: tuple[Traced, ...]
-    end_cost_expression: tuple[list[Expression], Expression] | None = None
-    breakpoints: tuple[float, ...] = ()
-
-    def __init__(
-        self,
-        lagrangian: Callable[..., Any],
-        start: Any,
-        end: Any,
-        constraints: Sequence[Constraint],
-        parameters: Mapping[str, float] | None,
-        unknowns: Mapping[str, float] | None,
-        end_cost: Callable[..., Any] | None,
-        maximise: bool,
-        name: str,
-    ) -> None:
-        if not callable(lagrangian):
-            raise TypeError(f"lagrangian must be a function, not {lagrangian!r}")
-        self.lagrangian = lagrangian
-        self.start, self.end = start, end
-        self.parameters = _named("parameters", parameters)
-        self.unknowns = _named("unknowns", unknowns)
-        both = self.parameters.keys() & self.unknowns.keys()
-        if both:
-            raise ValueError(f"{sorted(both)} are given both in parameters and in unknowns; choose one")
-        self.end_cost = end_cost
-        self.maximise = bool(maximise)
-        self.name = name or getattr(lagrangian, "__name__", "functional")
-        self.constraints = self._checked_constraints(constraints)
-        self.built: dict[str, Any] = {}
-        try:
-            self._trace(ca.SX)
-        except NotSymbolic:
-            self._trace(ca.MX)
-
-    # what Problem and Curve each define
-    def _arguments(self) -> list[Expression]:
-        raise TypeError("a functional is either a Problem or a Curve")
-
-    def _position_arguments(self) -> list[Expression]:
-        raise TypeError("a functional is either a Problem or a Curve")
-
-    def _end_symbols(self) -> list[Expression]:
-        raise TypeError("a functional is either a Problem or a Curve")
-
-    def _checked_constraints(self, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
-        if isinstance(constraints, Isoperimetric | Holonomic | Bound | Through):
-            raise TypeError("constraints must be a sequence; write constraints=[...]")
-        for i, constraint in enumerate(constraints):
-            if not isinstance(constraint, Isoperimetric | Holonomic | Bound | Through):
-                raise TypeError(
-                    f"constraints[{i}] must be Isoperimetric, Holonomic, Bound or Through, not {constraint!r}"
-                )
-        return tuple(constraints)
-
-    def _handed(self, column: Expression) -> Expression:
-        return column[0] if self.scalar else column
-
-    def _names(self) -> list[Names]:
-        s = self.symbols
-        names = {k: s.parameters[i] for i, k in enumerate(self.parameters)}
-        names |= {k: s.unknowns[i] for i, k in enumerate(self.unknowns)}
-        return [Names(names)] if names else []
-
-    def _trace(self, kind: type) -> None:
-        self.symbols = Symbols.make(kind, self.n, self.order, len(self.parameters), len(self.unknowns))
-        p = self._names()
-        slopes = [self._handed(d) for d in self.symbols.slopes]
-        full = [*self._arguments(), *slopes, *p]
-        short = [*self._arguments(), slopes[0], *p]
-        self.integrand = trace("lagrangian", self.lagrangian, full, kind)
-        traced = []
-        for i, constraint in enumerate(self.constraints):
-            label = f"constraints[{i}]"
-            if isinstance(constraint, Isoperimetric):
-                traced.append(Traced(constraint, trace(f"{label}.g", constraint.g, full, kind)))
-            elif isinstance(constraint, Bound):
-                traced.append(Traced(constraint, trace(f"{label}.h", constraint.h, short, kind)))
-            elif isinstance(constraint, Holonomic):
-                traced.append(
-                    Traced(constraint, trace(f"{label}.phi", constraint.phi, [*self._position_arguments(), *p], kind))
-                )
-        self.traced = tuple(traced)
-        if self.end_cost is not None:
-            ends = self._end_symbols()
-            self.end_cost_expression = (
-                ends,
-                trace("end_cost", self.end_cost, [*map(self._end_handed, ends), *p], kind),
-            )
-
-    def _end_handed(self, symbol: Expression) -> Expression:
-        return symbol if symbol.numel() != self.n or not self.scalar else symbol[0]
-
-    @property
-    def parameter_values(self) -> np.ndarray:
-        """The parameters' values, in the order they were declared; shape (number of parameters,)."""
-        return np.array(list(self.parameters.values()), dtype=float)
-
-    @property
-    def unknown_guesses(self) -> np.ndarray:
-        """The first guesses of the unknowns, in the order they were declared."""
-        return np.array(list(self.unknowns.values()), dtype=float)
-
-    def of_type(self, constraint_type: type) -> Iterator[Any]:
-        """The constraints of one type, in the order given."""
-        return (c for c in self.constraints if isinstance(c, constraint_type))
-
-    def with_parameters(self, values: Mapping[str, float]) -> Self:
-        """The same problem for other parameter values; nothing is traced or built anew.
-
-        Raises ValueError for a name that is not among ``parameters``.
-
-        >>> import casadi as ca
-        >>> fall = Problem(lambda x, y, dy, p: ca.sqrt((1 + dy**2) / (2 * p.g * y)),
-        ...                Fixed(0, 0), Fixed(1, 1), parameters={"g": 9.81})
-        >>> fall.with_parameters({"g": 1.62}).parameters
-        {'g': 1.62}
-        """
-        strange = values.keys() - self.parameters.keys()
-        if strange:
-            raise ValueError(f"{sorted(strange)} are no parameters of this problem; it has {sorted(self.parameters)}")
-        other = copy.copy(self)
-        other.parameters = self.parameters | _named("parameters", values)
-        return other
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.name!r}, {self.start}, {self.end})"
-
-
-def _named(name: str, values: Mapping[str, float] | None) -> dict[str, float]:
-    if values is None:
-        return {}
-    if not isinstance(values, Mapping):
-        raise TypeError(f"{name} must be a mapping from names to numbers, not {values!r}")
-    for key in values:
-        if not (isinstance(key, str) and key.isidentifier()):
-            raise ValueError(f"{name}: {key!r} is no name that p.<name> could have")
-    return {key: finite(f"{name}[{key!r}]", value) for key, value in values.items()}
 
 
 class Problem(Functional):

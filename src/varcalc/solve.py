@@ -11,10 +11,11 @@ import numpy as np
 
 from varcalc.feasibility import explained
 from varcalc.formulation import Form, Sampled
+from varcalc.functional import Functional
 from varcalc.methods.collocation import Collocation
 from varcalc.methods.first_integral import FirstIntegral
 from varcalc.methods.ritz import Ritz
-from varcalc.problem import Curve, Functional, Problem
+from varcalc.problem import Curve, Problem
 from varcalc.singular import Infinite, forms
 from varcalc.slopes import vouched
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict, no_answer

@@ -21,8 +21,9 @@ from varcalc.conditions import (
     Through,
 )
 from varcalc.formulation import formulate
+from varcalc.functional import Symbols
 from varcalc.methods.collocation import Collocation
-from varcalc.problem import Curve, Problem, Symbols
+from varcalc.problem import Curve, Problem
 from varcalc.solution import Status
 
 FOLD = 0.662743419349182

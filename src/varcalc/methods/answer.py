@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import Isoperimetric
+from varcalc.conditions import Isoperimetric, OnCurve
 from varcalc.formulation import Form
 from varcalc.mesh import gauss
 from varcalc.problem import Problem
@@ -39,6 +39,8 @@ class Extremal:
     vertices: np.ndarray
     lambdas: np.ndarray
     path: Mapping[int, Callable[[np.ndarray], np.ndarray]]
+    speed: np.ndarray | None = None
+    """dx/ds at a number of points, where the method has it at hand."""
 
 
 class Deferred(Mapping[str, float]):
@@ -204,6 +206,12 @@ def _slope_at_ends(extremal: Extremal, s: np.ndarray, slope: np.ndarray) -> np.n
 
 def person_nodes(extremal: Extremal, nodes: np.ndarray) -> np.ndarray:
     """Nodes in s as abscissae of the person's."""
+    problem = extremal.form.problem
+    fixed = isinstance(problem, Problem) and not (
+        isinstance(problem.start, OnCurve) or isinstance(problem.end, OnCurve)
+    )
+    if fixed and len(nodes) == 2:
+        return np.array(problem.span)
     return nodes if extremal.form.lift is None else lifted(extremal, nodes)[0]
 
 
@@ -235,7 +243,9 @@ def _of_abscissa(extremal: Extremal, index: int) -> Callable[[Any], Any]:
 
 def _turns_back(extremal: Extremal) -> bool:
     """Whether the abscissa decreases anywhere along a curve that should be a graph."""
-    speed = lifted(extremal, composite_gauss(extremal.vertices, 16)[0])[2]
+    speed = extremal.speed
+    if speed is None:
+        speed = lifted(extremal, composite_gauss(extremal.vertices, 16)[0])[2]
     return bool(speed.min() < -1e-9 * np.abs(speed).max())
 
 

@@ -17,13 +17,13 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
+from varcalc.functional import Functional
 from varcalc.methods.boundary_value.answer import answered
 from varcalc.methods.boundary_value.damped_newton import Scales, index, start_multipliers
 from varcalc.methods.boundary_value.error import Level
 from varcalc.methods.boundary_value.refinement import Improved, Refinement
 from varcalc.methods.boundary_value.starting_curves import Start, function_sizes, resolving_vertices, starting_curves
 from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space
-from varcalc.problem import Functional
 from varcalc.solution import Solution, Stats, Status, no_answer
 
 FIRST_DEGREES = {1: (6, 10, 16), 2: (10, 16)}

@@ -12,6 +12,7 @@ import numpy as np
 
 from varcalc.conditions import Fixed, Isoperimetric, OnCurve, Periodic, components
 from varcalc.formulation import Form
+from varcalc.functional import Functional
 from varcalc.lagrangian import Lagrangian
 from varcalc.methods.answer import Deferred
 from varcalc.methods.quadrature.answers import Ends, NotFound, Reduced, Unsuitable
@@ -20,7 +21,7 @@ from varcalc.methods.quadrature.cyclic import Cyclic
 from varcalc.methods.quadrature.integrands import Integrands
 from varcalc.methods.quadrature.reduction import Reduction
 from varcalc.methods.quadrature.shore import Shore, landed
-from varcalc.problem import Functional, Problem
+from varcalc.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, no_answer
 
 ACCEPTABLE = 1e-6

@@ -41,7 +41,7 @@ ROUND_OFF = 4e-16
 """Round-off of the value relative to the sum of the absolute contributions."""
 WORTHLESS = 1e-3
 """Relative round-off at which a value is no answer."""
-CURVE = 1e-2
+CURVE = 3e-2
 """Relative error of the curve, in units of the square root of the value's tolerance, that ends the climb."""
 RESTART_DEGREE = 24
 """Degree up to which a solve begins again from the starting curves."""

@@ -19,12 +19,12 @@ import numpy as np
 
 from varcalc.engines import CannotLower, Engine, Flow, default
 from varcalc.formulation import Form, Sampled
+from varcalc.functional import Functional
 from varcalc.methods.answer import answer
 from varcalc.methods.initial_value.flow import EulerLagrangeFlow
 from varcalc.methods.initial_value.search import NoneFound, Search, describe
 from varcalc.methods.initial_value.segments import Failure
 from varcalc.methods.initial_value.shot_extremal import Finished, finish
-from varcalc.problem import Functional
 from varcalc.solution import Solution, Stats, Status, no_answer
 
 SLOPES = (0.1, -0.1, 1.0, -1.0, 10.0, -10.0)

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import casadi as ca
 
+from varcalc.functional import Functional
 from varcalc.lagrangian import Lagrangian
-from varcalc.problem import Functional
 from varcalc.reading.equations import MOST_TERMS, collected, simplified
 from varcalc.reading.reader import EXPANDED, FACTORED, Named, names, names_of
 from varcalc.reading.sums import Sum

@@ -9,9 +9,9 @@ from functools import reduce
 
 import casadi as ca
 
+from varcalc.functional import Functional
 from varcalc.instructions import NAMES, interpret
 from varcalc.lagrangian import Lagrangian
-from varcalc.problem import Functional
 from varcalc.reading.sums import ZERO, Atom, Sum, add, atom, expanded, multiply, number, power, symbol
 from varcalc.tracing import Expression
 

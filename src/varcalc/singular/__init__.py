@@ -18,7 +18,8 @@ from typing import Any
 
 from varcalc.conditions import Fixed, Free, OnCurve
 from varcalc.formulation import Form, formulate
-from varcalc.problem import Curve, Functional, Problem
+from varcalc.functional import Functional
+from varcalc.problem import Curve, Problem
 from varcalc.singular.detection import Infinite, Metric, riemannian, singular_ends
 from varcalc.singular.energy import energy_forms
 from varcalc.singular.powers import power_form

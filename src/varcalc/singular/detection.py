@@ -12,12 +12,17 @@ import numpy as np
 
 from varcalc.conditions import Fixed, Free
 from varcalc.formulation import formulate
-from varcalc.problem import Functional, Problem
+from varcalc.functional import Functional
+from varcalc.problem import Problem
 from varcalc.tracing import Expression
 
 PROBE = (1e-7, 1e-9)
 """Distances from a singular end, relative to the size of the problem, between which powers are measured."""
 SLOPES = np.array([0.0, 0.7, -1.3, 2.9, -5.1])
+POWERS = SLOPES[:, None] ** np.arange(3)
+FIT = np.linalg.pinv(POWERS)
+ACROSS = np.linspace(-1.6, 1.6, 64)
+"""Ordinates, in units of the problem's size about its middle, at which the sign of L is looked at."""
 QUADRATIC = 1e-9
 """Relative departure from a quadratic form below which L^2 is taken to be one."""
 LARGEST_DENOMINATOR = 6
@@ -95,49 +100,62 @@ def extent(problem: Functional) -> float:
 
 
 def riemannian(problem: Problem) -> Metric | None:
-    """The quadratic form L^2 dx^2, or None when L^2 is not quadratic in the slope."""
-    start, end = (np.where(np.isnan(p), q, p) for p, q in zip(_spanned(problem), _spanned(problem)[::-1], strict=True))
-    size = extent(problem)
+    """The quadratic form L^2 dx^2, or None when L^2 is not quadratic in the slope or L changes its sign."""
+    start, end = _completed(problem)
+    middle, size = 0.5 * (start + end), extent(problem)
     along = np.array([0.13, 0.37, 0.61, 0.89])
     offsets = size * np.array([0.0, 0.21, -0.21, 1.1, -1.1])
     x = np.repeat(start[0] + along * (end[0] - start[0]), len(offsets))
     y = (start[1] + along[:, None] * (end[1] - start[1]) + offsets).ravel()
     count, slopes = len(x), len(SLOPES)
-    values = problem.integrand_values(np.repeat(x, slopes), np.repeat(y, slopes)[None], np.tile(SLOPES, count)[None])
-    squares = values.reshape(count, slopes) ** 2
-    squares = squares[np.isfinite(squares).all(1) & (values.reshape(count, slopes) > 0).all(1)]
-    if len(squares) < 2 or _changes_sign(problem, 0.5 * (start + end), size):
+    across = middle[1] + size * ACROSS
+    values = problem.integrand_values(
+        np.concatenate([np.repeat(x, slopes), np.full(len(across), middle[0])]),
+        np.concatenate([np.repeat(y, slopes), across])[None],
+        np.concatenate([np.tile(SLOPES, count), np.zeros(len(across))])[None],
+    )
+    sampled = values[: count * slopes].reshape(count, slopes)
+    squares = sampled[np.isfinite(sampled).all(1) & (sampled > 0).all(1)] ** 2
+    if len(squares) < 2 or _passes_zero(values[count * slopes :]):
         return None
-    powers = SLOPES[:, None] ** np.arange(3)
-    fit = np.linalg.lstsq(powers, squares.T, rcond=None)[0]
-    if np.abs(powers @ fit - squares.T).max() > QUADRATIC * np.abs(squares).max():
+    fit = FIT @ squares.T
+    if np.abs(POWERS @ fit - squares.T).max() > QUADRATIC * np.abs(squares).max():
         return None
+    return _metric(problem, _is_conformal(fit))
+
+
+def _metric(problem: Problem, conformal: bool) -> Metric:
+    """The coefficients of L^2 in powers of the slope, by differentiation at slope zero."""
     s = problem.symbols
     kind = s.kind
     q, dq = kind.sym("q", 2), kind.sym("dq", 2)
     square = problem.integrand**2
+    old, new = [s.x, s.y, s.dy], [q[0], q[1], kind(0)]
+    if conformal:
+        return Metric(q, dq, ca.substitute([square], old, new)[0] * ca.sumsqr(dq))
     slope = ca.gradient(square, s.dy)
-    still = ca.substitute([square, slope, ca.gradient(slope, s.dy)], [s.x, s.y, s.dy], [q[0], q[1], kind(0)])
-    form = still[0] * dq[0] ** 2 + still[1] * dq[0] * dq[1] + 0.5 * still[2] * dq[1] ** 2
-    if _is_conformal(fit):
-        form = still[0] * ca.sumsqr(dq)
-    return Metric(q, dq, form)
+    a, b, c = ca.substitute([square, slope, ca.gradient(slope, s.dy)], old, new)
+    return Metric(q, dq, a * dq[0] ** 2 + b * dq[0] * dq[1] + 0.5 * c * dq[1] ** 2)
 
 
-def _changes_sign(problem: Problem, middle: np.ndarray, size: float) -> bool:
-    """Whether L passes through zero near the problem: then its square is another functional, not its own.
+def _passes_zero(values: np.ndarray) -> bool:
+    """Whether L passes through zero across the problem: then its square is another functional, not its own.
 
     A change of sign through infinity is a barrier that no curve of finite
     value crosses, and does no harm.
     """
-    y = middle[1] + size * np.linspace(-1.6, 1.6, 64)
-    values = problem.integrand_values(np.full(64, middle[0]), y[None], np.zeros((1, 64)))
     values = values[np.isfinite(values)]
     change = np.flatnonzero(np.diff(np.sign(values)) != 0)
     if not len(change):
         return bool((values <= 0).any())
     near = np.abs(values[change[0] : change[0] + 2]).max()
     return bool(near < np.median(np.abs(values)))
+
+
+def _completed(problem: Problem) -> list[np.ndarray]:
+    """The ends, with what is free at one taken from the other."""
+    start, end = _spanned(problem)
+    return [np.where(np.isnan(start), end, start), np.where(np.isnan(end), start, end)]
 
 
 def _spanned(problem: Problem) -> list[np.ndarray]:

@@ -20,7 +20,8 @@ import numpy as np
 
 from varcalc.conditions import Free, OnCurve
 from varcalc.formulation import EndConditions, Form, Sampled, on_curve, rewriter, side_conditions, straight
-from varcalc.problem import Functional, Problem, Symbols
+from varcalc.functional import Functional, Symbols
+from varcalc.problem import Problem
 from varcalc.singular.detection import LARGEST_DENOMINATOR, Blowup, Metric, blowup, end_points, extent
 from varcalc.tracing import Expression, trace
 

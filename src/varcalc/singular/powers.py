@@ -14,7 +14,8 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled, rewriter, straight
-from varcalc.problem import Problem, Symbols
+from varcalc.functional import Symbols
+from varcalc.problem import Problem
 from varcalc.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points, rational
 from varcalc.singular.energy import combination
 

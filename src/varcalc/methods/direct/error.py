@@ -16,7 +16,7 @@ import numpy as np
 from varcalc.methods.answer import end_cost
 from varcalc.methods.direct.newton import Step, newton_step
 from varcalc.methods.direct.rungs import Rung, Rungs
-from varcalc.methods.direct.system import RitzSystem
+from varcalc.methods.direct.system import Reported, RitzSystem
 
 SAFETY = 1.5
 """The correction leaves out what lies beyond the richer space."""
@@ -60,17 +60,18 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
     correction = float(step.multipliers @ at.conditions) if len(at.conditions) else 0.0
     error = abs(step.decrement) if step.definite else math.inf
     moved = z + step.change
+    here, there = system.reported(z), system.reported(moved)
     if rungs.form.same_functional:
         value, scale = at.value + correction, at.scale
         error += abs(value - rung.at.value)
     else:
-        value = functional_at(rungs, system, z)
-        error = abs(value - functional_at(rungs, system, moved)) if step.definite else math.inf
+        value = functional_at(rungs, system, z, here)
+        error = abs(value - functional_at(rungs, system, moved, there)) if step.definite else math.inf
         if rungs.form.energetic and value > 0:  # the energy is the square of the value
             correction *= 0.5 / value
         value += correction
         scale = abs(value)
-    curve = displacement(rungs, system, z, moved)
+    curve = displacement(here, there)
     return Estimate(value, SAFETY * error, SAFETY * curve, scale, system, z, step, _shares(rungs, system, step.change))
 
 
@@ -82,27 +83,26 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     error = abs(richer.at.value - system.evaluate(z).value) + abs(richer.at.value - rung.at.value)
     if math.isfinite(previous):
         error = max(error, SHARED * previous)
-    value = richer.at.value if rungs.form.same_functional else functional_at(rungs, system, richer.z)
-    curve = displacement(rungs, system, z, richer.z)
+    here, there = system.reported(z), system.reported(richer.z)
+    value = richer.at.value if rungs.form.same_functional else functional_at(rungs, system, richer.z, there)
+    curve = displacement(here, there)
     shares = _shares(rungs, system, richer.z - z)
     return Estimate(value, SAFETY * error, SAFETY * curve, richer.at.scale, system, richer.z, None, shares)
 
 
-def functional_at(rungs: Rungs, system: RitzSystem, z: np.ndarray) -> float:
+def functional_at(rungs: Rungs, system: RitzSystem, z: np.ndarray, reported: Reported) -> float:
     """The reported functional, in the sense that is minimised, by the system's own rule."""
-    total = float(system.weights @ system.reported(z)[0])
+    total = float(system.weights @ reported.integrand)
     return total if rungs.form.ends is None else total + end_cost(rungs.extremal(system, z))
 
 
-def displacement(rungs: Rungs, system: RitzSystem, z: np.ndarray, moved: np.ndarray) -> float:
+def displacement(here: Reported, there: Reported) -> float:
     """Largest distance between two curves: of ordinates at the same abscissa, in the person's coordinates."""
-    if rungs.form.lift is None:
-        return float(np.abs(system.ordinates(moved) - system.ordinates(z)).max())
-    here, there = (system.reported(v)[1] for v in (z, moved))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = here[3] / here[2]
-        move = there[1] - here[1] - slope * (there[0] - here[0])
-    return float(np.abs(move[:, here[2] != 0]).max(initial=0.0))
+    move = there.y - here.y
+    if here.x is not None and here.dx is not None and here.dy is not None and there.x is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            move = (move - here.dy / here.dx * (there.x - here.x))[:, here.dx != 0]
+    return float(np.abs(move).max(initial=0.0))
 
 
 def _shares(rungs: Rungs, system: RitzSystem, change: np.ndarray) -> np.ndarray:

@@ -163,4 +163,5 @@ class Rungs:
         lambdas = [next(equalities) if c.equality else rung.levels.get(c.index, 0.0) for c in self.form.integrals]
         factor = 0.5 / math.sqrt(rung.at.value) if self.form.energetic and rung.at.value > 0 else 1.0
         path = {k: lambda s, mu=mu: factor * mu(s) for k, mu in rung.path.items()}
-        return Extremal(self.form, bare.evaluate, bare.unknowns, bare.vertices, np.array(lambdas), path)
+        speed = rung.system.reported(rung.z).dx if self.form.energetic else None
+        return Extremal(self.form, bare.evaluate, bare.unknowns, bare.vertices, np.array(lambdas), path, speed)

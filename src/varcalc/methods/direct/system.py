@@ -73,6 +73,17 @@ class Evaluation:
     ends: list[np.ndarray] | None
 
 
+@dataclass
+class Reported:
+    """The reported integrand (m,), ordinates (n, m), and where they differ from the form's own: dy/ds, x, dx/ds."""
+
+    integrand: np.ndarray
+    y: np.ndarray
+    dy: np.ndarray | None = None
+    x: np.ndarray | None = None
+    dx: np.ndarray | None = None
+
+
 class RitzSystem:
     """A form discretised on ``space`` with ``count`` Gauss points an element."""
 
@@ -165,12 +176,8 @@ class RitzSystem:
         self._fill(z)
         return [self._arguments[0][None, :], *(a.T.copy() for a in self._arguments[1:])]
 
-    def reported(self, z: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-        """The reported integrand at the quadrature points, and x, y, dx/ds, dy/ds in the person's coordinates.
-
-        Shapes (m,), then (m,), (n, m), (m,), (n, m); the last four are empty
-        when the form's coordinates are the person's.
-        """
+    def reported(self, z: np.ndarray) -> Reported:
+        """What is reported of a curve at the quadrature points, in the person's coordinates."""
         self._fill(z)
         form, built = self.form, self.form.built
         if "reported" not in built:
@@ -179,15 +186,13 @@ class RitzSystem:
             if form.lift is not None:
                 outputs += form.lift(s.x, s.y, s.dy, s.unknowns, s.parameters)
             built["reported"] = ca.Function("reported", s.all, [ca.densify(ca.vertcat(*outputs))])
-        function = built["reported"]
         if self._reporter is None:
-            rows = function.size1_out(0)
-            self._reporter = Buffered(function, self._arguments, rows)
+            self._reporter = Buffered(built["reported"], self._arguments, built["reported"].size1_out(0))
         out = self._reporter()
         if form.lift is None:
-            return out[:, 0], []
+            return Reported(out[:, 0], self._arguments[1].T.copy())
         n = form.problem.n
-        return out[:, 0], [out[:, 1], out[:, 2 : 2 + n].T, out[:, 2 + n], out[:, 3 + n :].T]
+        return Reported(out[:, 0], out[:, 2 : 2 + n].T, out[:, 3 + n :].T, out[:, 1], out[:, 2 + n])
 
     def evaluate(self, z: np.ndarray) -> Evaluation:
         """Everything but the Hessian's assembly; entries are inf or NaN outside the domain."""

@@ -1,0 +1,49 @@
+"""The form in which a problem is solved: coordinates, gauge, ends and side conditions.
+
+Methods never look at a :class:`Problem` directly. They are given a
+:class:`Form`: an integrand on a fixed interval of a reference variable s, a
+number of unknown functions and of unknown numbers, and conditions on them. An
+abscissa that slides, a curve that is no graph, a maximum, a singular end are
+all turned into that one shape here (and in :mod:`varcalc.singular`), so that no
+method knows of them.
+"""
+
+from __future__ import annotations
+
+from varcalc.conditions import OnCurve
+from varcalc.formulation.curve import curve_form
+from varcalc.formulation.form import (
+    EndConditions,
+    Form,
+    Sampled,
+    SideCondition,
+    rewriter,
+    side_conditions,
+    straight,
+)
+from varcalc.formulation.graph import graph_form, on_curve, sliding_form
+from varcalc.functional import Functional
+from varcalc.problem import Curve, Problem
+
+__all__ = [
+    "EndConditions",
+    "Form",
+    "Sampled",
+    "SideCondition",
+    "formulate",
+    "on_curve",
+    "rewriter",
+    "side_conditions",
+    "straight",
+]
+
+
+def formulate(problem: Functional) -> Form:
+    """The direct form of a problem, without regard to singular ends."""
+    if isinstance(problem, Curve):
+        return curve_form(problem)
+    if not isinstance(problem, Problem):
+        raise TypeError(f"problem must be a Problem or a Curve, not {problem!r}")
+    if isinstance(problem.start, OnCurve) or isinstance(problem.end, OnCurve):
+        return sliding_form(problem)
+    return graph_form(problem)

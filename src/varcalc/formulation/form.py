@@ -1,0 +1,208 @@
+"""The form itself, and what all forms share: side conditions, ends, changes of variable, lines to start from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.conditions import Bound, Holonomic, Isoperimetric
+from varcalc.functional import Functional, Symbols
+from varcalc.problem import Problem
+from varcalc.tracing import Expression
+
+Sampled = Callable[[np.ndarray], np.ndarray]
+"""A curve to start from: abscissae (m,) to ordinates (n, m)."""
+
+
+@dataclass(frozen=True)
+class SideCondition:
+    """``lower <= expression <= upper``, integrated (isoperimetric) or at every point (pathwise)."""
+
+    expression: Expression
+    lower: float
+    upper: float
+    index: int
+    """Position of the constraint in ``problem.constraints``."""
+
+    @property
+    def equality(self) -> bool:
+        """True when both bounds coincide."""
+        return self.lower == self.upper
+
+
+@dataclass(frozen=True)
+class EndConditions:
+    """Cost of the ends and equations between them, in symbols of their own.
+
+    ``equations`` (a column, zero on admissible curves) and ``cost`` (a scalar)
+    are expressions in ``start`` and ``end``, the unknown functions at the two
+    ends, and in the parameters and unknowns of the form.
+    """
+
+    start: Expression
+    end: Expression
+    equations: Expression
+    cost: Expression
+
+
+@dataclass(frozen=True)
+class Form:
+    """A functional on a fixed interval, ready for any method.
+
+    ``integrand`` is minimised; ``functional`` is what is reported, times
+    ``sign``. ``fixed_start[k, a]`` is the value of the k-th derivative of
+    function a at the start, NaN where it is free. ``knots`` are abscissae that
+    must be vertices of every mesh, where slopes may jump; ``waypoints`` pairs of a knot
+    and the values demanded there. ``baseline`` is the first curve to try and
+    ``bumps`` the directions in which to bend it. ``lift`` takes (s, y, dy, u, p) to the person's
+    abscissa, ordinates and their derivatives by s; None when they are the same.
+    """
+
+    problem: Functional
+    symbols: Symbols
+    integrand: Expression
+    functional: Expression
+    sign: float
+    span: tuple[float, float]
+    integrals: tuple[SideCondition, ...]
+    pathwise: tuple[SideCondition, ...]
+    fixed_start: np.ndarray
+    fixed_end: np.ndarray
+    ends: EndConditions | None
+    periodic: bool
+    knots: tuple[float, ...]
+    waypoints: tuple[tuple[float, tuple[float | None, ...]], ...]
+    unknown_guess: np.ndarray
+    baseline: Sampled
+    bumps: np.ndarray
+    pull: Callable[[Sampled], Sampled]
+    lift: ca.Function | None = None
+    note: str = ""
+    energetic: bool = False
+    """True when the integral of the square of the functional's integrand is what is minimised."""
+    least_degree: int = 1
+    """Degree of a polynomial below which the extremal is known not to be resolved."""
+    singular: tuple[bool, bool] = (False, False)
+    """Ends where abscissa and ordinate were given powers, so that their derivatives by s vanish."""
+    weak_only: bool = False
+    """True when regularity alone decides at a singular end: no boundary condition exists for an indirect method."""
+    gauged: bool = False
+    """True when the last unknown number is the constant speed of a Curve."""
+    built: dict[Any, Any] = field(default_factory=dict, repr=False)
+    """What methods derive from the expressions; shared by copies for other parameter values."""
+
+    @property
+    def n(self) -> int:
+        """Number of unknown functions of the form."""
+        return int(self.symbols.y.numel())
+
+    @property
+    def order(self) -> int:
+        """Highest derivative in the integrand."""
+        return self.problem.order
+
+    @property
+    def same_functional(self) -> bool:
+        """True when what is minimised is what is reported."""
+        return self.functional is self.integrand
+
+    @property
+    def has_inequalities(self) -> bool:
+        """True when an interior-point method is called for."""
+        return bool(self.pathwise) or any(not c.equality for c in self.integrals)
+
+
+def side_conditions(problem: Functional, rewrite: Callable[[Expression, bool], Expression]) -> dict[str, Any]:
+    """The isoperimetric and pathwise conditions of a problem, each expression passed through ``rewrite``.
+
+    ``rewrite(expression, integrated)`` states it in the form's own coordinates.
+    """
+    integrals, pathwise = [], []
+    numbers = {id(c): i for i, c in enumerate(problem.constraints)}
+    for t in problem.traced:
+        index = numbers[id(t.constraint)]
+        if isinstance(t.constraint, Isoperimetric):
+            lower, upper = t.constraint.interval
+            integrals.append(SideCondition(rewrite(t.expression, True), lower, upper, index))
+        elif isinstance(t.constraint, Bound):
+            lower, upper = t.constraint.interval
+            pathwise.append(SideCondition(rewrite(t.expression, False), lower, upper, index))
+        elif isinstance(t.constraint, Holonomic):
+            pathwise.append(SideCondition(rewrite(t.expression, False), 0.0, 0.0, index))
+    return {"integrals": tuple(integrals), "pathwise": tuple(pathwise)}
+
+
+def end_conditions(
+    problem: Functional, symbols: Symbols, y0: Expression, y1: Expression, x0: Any, x1: Any, equations: list[Expression]
+) -> EndConditions | None:
+    """Cost and equations of the ends in a form's symbols; None when there are neither."""
+    kind = symbols.kind
+    cost = kind(0)
+    if problem.end_cost_expression is not None:
+        given, expression = problem.end_cost_expression
+        ends = [x0, y0, x1, y1] if isinstance(problem, Problem) else [y0, y1]
+        sign = -1.0 if problem.maximise else 1.0
+        old = [*given, problem.symbols.unknowns, problem.symbols.parameters]
+        count = len(problem.unknowns)
+        new = [*(kind(e) for e in ends), symbols.unknowns[:count, :], symbols.parameters]
+        cost = sign * ca.substitute([expression], old, new)[0]
+    elif not equations:
+        return None
+    return EndConditions(y0, y1, ca.vertcat(*equations) if equations else kind(0, 1), cost)
+
+
+def extended(problem: Functional, n: int, extra: int) -> Symbols:
+    """Fresh symbols for ``n`` functions, the problem's parameters, its unknowns and ``extra`` more numbers."""
+    s = problem.symbols
+    count = len(problem.unknowns) + extra
+    fresh = Symbols.make(s.kind, n, problem.order, 0, count)
+    return replace(fresh, parameters=s.parameters)
+
+
+def rewriter(
+    problem: Functional, symbols: Symbols, x: Expression, y: Expression, slopes: list[Expression], speed: Expression
+) -> Callable[[Expression, bool], Expression]:
+    """A function that states an expression of the problem in other coordinates.
+
+    ``x, y, slopes`` are the problem's variables in terms of ``symbols``;
+    integrated expressions are multiplied by ``speed`` = dx/ds.
+    """
+    old = problem.symbols
+    count = len(problem.unknowns)
+    before = [old.x, old.y, old.dy, old.ddy, old.unknowns]
+    acceleration = slopes[1] if len(slopes) > 1 else old.kind(0, 1)
+    after = [x, y, slopes[0], acceleration, symbols.unknowns[:count, :]]
+
+    def rewrite(expression: Expression, integrated: bool) -> Expression:
+        stated = ca.substitute([expression], before, after)[0]
+        return stated * speed if integrated else stated
+
+    return rewrite
+
+
+def straight(span: tuple[float, float], start: np.ndarray, end: np.ndarray) -> Sampled:
+    """The straight line between two points, components that are NaN at one end kept constant (0 at both)."""
+    first = np.where(np.isnan(start), end, start)
+    last = np.where(np.isnan(end), start, end)
+    first, last = np.nan_to_num(first), np.nan_to_num(last)
+
+    def line(s: np.ndarray) -> np.ndarray:
+        along = (s - span[0]) / (span[1] - span[0])
+        return first[:, None] * (1 - along) + last[:, None] * along
+
+    return line
+
+
+def through(span: tuple[float, float], line: Sampled, waypoints: tuple[Any, ...]) -> Sampled:
+    """The broken line from end to end through the waypoints."""
+    if not waypoints:
+        return line
+    marks = np.array([span[0], *(w[0] for w in waypoints), span[1]])
+    values = line(marks)
+    for k, (_, demanded) in enumerate(waypoints, start=1):
+        values[:, k] = [v if d is None else d for v, d in zip(values[:, k], demanded, strict=True)]
+    return lambda s: np.array([np.interp(s, marks, row) for row in values])
