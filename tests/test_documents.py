@@ -1,9 +1,12 @@
-"""What README.md and docs/ print is run: every Python block, in order, one namespace a page."""
+"""What README.md and docs/ print is run: every Python block, in order, one namespace a page; what they list exists."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
+
+import varcalc as vc
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
@@ -35,3 +38,24 @@ def test_readme_has_two_commands_that_set_themselves_up():
 def test_links_to_files_lead_somewhere(page):
     for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text(encoding="utf-8")):
         assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+def test_readme_shows_the_picture_its_command_writes():
+    assert "](docs/brachistochrone.png)" in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert (ROOT / "docs" / "brachistochrone.png").stat().st_size < 150_000
+
+
+def test_reference_page_names_every_public_name():
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    documented = set(re.findall(r"^\.\. auto(?:class|function|exception):: (\w+)$", page, re.MULTILINE))
+    assert documented == set(vc.__all__)
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/architecture.md"])
+def test_import_line_is_the_contract(page):
+    tools = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
+    layers = [re.findall(r"\w+", layer) for layer in tools["importlinter"]["contracts"][0]["layers"]]
+    package = ROOT / "src" / "varcalc"
+    built = [[n for n in layer if (package / n).is_dir() or (package / f"{n}.py").exists()] for layer in layers]
+    [line] = re.findall(r"^```\n(\w+ -> [^`]*)```$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)
+    assert [re.findall(r"\w+", place) for place in line.split("->")] == [layer for layer in reversed(built) if layer]

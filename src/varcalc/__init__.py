@@ -1,6 +1,6 @@
 """varcalc: variational optics and the calculus of variations, solved and verified."""
 
-from varcalc.compare import compare
+from varcalc.compare import Comparison, compare
 from varcalc.conditions import (
     At,
     Bound,
@@ -19,6 +19,7 @@ from varcalc.methods.direct.ipopt import Ipopt
 from varcalc.methods.direct.newton import Newton
 from varcalc.methods.first_integral import FirstIntegral
 from varcalc.methods.ritz import Ritz
+from varcalc.methods.scipy_bvp import SciPyBvp
 from varcalc.methods.shooting import Shooting
 from varcalc.problem import Curve, Problem
 from varcalc.reading import euler_lagrange_latex, euler_lagrange_text, first_integrals_text
@@ -30,6 +31,7 @@ __all__ = [
     "At",
     "Bound",
     "Collocation",
+    "Comparison",
     "Curve",
     "Exact",
     "FirstIntegral",
@@ -47,6 +49,7 @@ __all__ = [
     "Problem",
     "Reference",
     "Ritz",
+    "SciPyBvp",
     "Shooting",
     "Solution",
     "Status",

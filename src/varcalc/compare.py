@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from varcalc.problem import Curve, Problem
 from varcalc.reference import Exact, as_exact
 from varcalc.solution import Solution, Status, VariationalError
@@ -20,9 +18,9 @@ from varcalc.solve import solve
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ROUND_OFF = 8 * float(np.finfo(float).eps)
-"""Relative difference of two values that rounding alone explains, whatever errors are claimed."""
 
+PAIR_MARGIN = 1.0
+"""Share of the sum of two claims that two routes may differ by; claims carry their own margin."""
 EXACT_MARGIN = 10.0
 """How many times its claimed error a value may lie from the closed form: an estimate, not a bound."""
 
@@ -241,7 +239,8 @@ def _cold(problem: Problem | Curve) -> Problem | Curve:
 def _apart(a: Row, b: Row) -> str:
     """The sentence that says two routes disagree; empty when they agree."""
     distance = abs(a.value - b.value)
-    allowed = a.claimed + b.claimed + ROUND_OFF * max(abs(a.value), abs(b.value))
+    size = max(abs(a.value), abs(b.value))
+    allowed = PAIR_MARGIN * (a.claimed + b.claimed) + EXACT_FLOOR * size
     if distance <= allowed:
         return ""
     return (

@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 Number = float | int
 Components = Number | Sequence[Number | None] | None
 
@@ -28,7 +30,9 @@ def finite(name: str, value: Any) -> float:
 
 def components(name: str, value: Any) -> tuple[float | None, ...]:
     """``value`` as a tuple of floats, ``None`` where a component is free."""
-    if value is None or not hasattr(value, "__len__"):
+    if isinstance(value, str):
+        raise TypeError(f"{name} must be a number or a sequence of numbers, not {value!r}")
+    if not is_vector(value):
         return (None if value is None else finite(name, value),)
     if len(value) == 0:
         raise ValueError(f"{name} is empty; give one number for each unknown function")
@@ -37,7 +41,7 @@ def components(name: str, value: Any) -> tuple[float | None, ...]:
 
 def is_vector(value: Any) -> bool:
     """True when ``value`` was given as a sequence, so that y is a column vector."""
-    return hasattr(value, "__len__")
+    return hasattr(value, "__len__") and np.ndim(value) > 0
 
 
 def _callable(name: str, value: Any) -> None:

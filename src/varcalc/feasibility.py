@@ -60,7 +60,7 @@ def _extreme(problem: Functional, constraint: Isoperimetric, greatest: bool) -> 
             constraint.g, problem.start, problem.end, parameters=problem.parameters, unknowns=problem.unknowns,
             maximise=greatest,
         )  # fmt: skip
-    for form in forms(bare):
+    for form in filter(None, forms(bare)):
         solution = Ritz(starts=3).solve(form, tol=1e-10, guess=None)
         if solution.status.ok:
             return solution.value

@@ -107,6 +107,10 @@ class Problem(Functional):
                 _inside(f"constraints[{i}].x (Through)", (c.x,), self.span, self.start, self.end)
                 if len(components("Through.y", c.y)) != self.n:
                     raise ValueError(f"constraints[{i}]: Through.y must have {self.n} components")
+                if any(isinstance(d, Through) and d.x == c.x for d in checked[:i]):
+                    raise ValueError(
+                        f"constraints[{i}]: there is another Through at x = {c.x}; give one for each abscissa"
+                    )
         return checked
 
     def _check_domain(self) -> None:

@@ -1,20 +1,20 @@
 """Whether an extremal can be a minimum at all, judged by other slopes at its own points.
 
-The two pointwise tests that cost next to nothing: the Lagrangian must depend
-on the slope in a way that fixes a curve, and Weierstrass's excess
-E(w) = L(w) - L(v) - (w - v) L_v(v) must not be negative, else curves close by
-but with other slopes are lower (Gelfand and Fomin, "Calculus of Variations",
-sect. 9 and 34).
+Weierstrass's excess E(w) = L(w) - L(v) - (w - v) L_v(v) must not be negative,
+else curves close by but with other slopes are lower (Gelfand and Fomin,
+"Calculus of Variations", sect. 34). The test costs one call of L.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
+from varcalc.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.formulation import Form
+from varcalc.functional import Functional
 from varcalc.problem import Problem
 from varcalc.solution import Solution, Status, Verdict
 
@@ -23,6 +23,8 @@ TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 9), [0.0], np.geomspace(1e-2, 1
 NOISE = 1e-9
 """Relative excess below zero that is round-off or the curve's own error."""
 PLACES = 9
+TOUCH = 1e-6
+"""Relative distance from a bound within which it is touched."""
 JUMP = 1e-3
 """Relative jump of the slope that is a corner, not the error of the curve."""
 
@@ -30,70 +32,131 @@ JUMP = 1e-3
 def vouched(solution: Solution, form: Form) -> Solution:
     """The solution, refused when other slopes at its points show that it is no strong minimum.
 
-    Only scalar first-order graphs without side conditions are tested; the
-    others are returned as they are.
+    First-order graphs are tested, under isoperimetric conditions with their
+    multipliers, under bounds with the slopes these leave where none is touched.
     """
     problem = solution.problem
-    simple = isinstance(problem, Problem) and problem.n == 1 and problem.order == 1 and not problem.constraints
-    if not simple or form.energetic or solution.curve is None:
+    tested = isinstance(problem, Problem) and problem.order == 1 and not any(problem.of_type(Holonomic))
+    if not tested or form.energetic or solution.curve is None:
         return solution
-    s = problem.symbols
-    if "slopes" not in problem.built:
-        slope = ca.gradient(problem.integrand, s.dy)
-        problem.built["slopes"] = ca.Function("slopes", s.all, [problem.integrand, slope, ca.gradient(slope, s.dy)])
     low, high = (float(v) for v in (solution.x.min(), solution.x.max()))
     x = low + (high - low) * (np.arange(PLACES) + 0.5) / PLACES
-    y, v = solution.curve(x, 0)[0], solution.curve(x, 1)[0]
-    tried = v[:, None] + TURNS * np.maximum(1.0, np.abs(v))[:, None]
-    count = len(TURNS)
-    unknowns = np.array(list(solution.unknowns.values()))
-    numbers = [np.repeat(p[:, None], PLACES * count, axis=1) for p in (problem.parameter_values, unknowns)]
-    arguments = [
-        np.repeat(x, count)[None],
-        np.repeat(y, count)[None],
-        tried.reshape(1, -1),
-        np.zeros((0, PLACES * count)),
-    ]
-    values, slopes, curvature = (
-        np.asarray(r).reshape(PLACES, count) for r in problem.built["slopes"](*arguments, *numbers)
-    )
-    if not curvature.any():
+    fan = _Fan(solution, x)
+    worst = fan.worst_excess()
+    if worst is not None:
         return _refused(
-            solution, Verdict.SINGULAR,
-            "the Lagrangian is linear in the slope: nothing in it fixes a curve between these ends",
-        )  # fmt: skip
-    here = count // 2
-    sign = -1.0 if problem.maximise else 1.0
-    step = tried - v[:, None]
-    excess = sign * (values - values[:, [here]] - step * slopes[:, [here]])
-    size = np.abs(values) + np.abs(values[:, [here]]) + np.abs(step * slopes[:, [here]])
-    worst = np.unravel_index(np.nanargmin(excess / np.where(size > 0, size, 1.0)), excess.shape)
-    if excess[worst] < -NOISE * size[worst]:
+            solution,
+            f"a weak minimum only: at x = {x[worst.place]:.4g} Weierstrass's excess is {worst.excess:.3g} for the "
+            f"slope {worst.slope:.4g} instead of {worst.own:.4g}, so curves with corners come lower",
+        )
+    if fan.concave() and (corner := _corner(solution)) is not None:
         return _refused(
-            solution, Verdict.WEAK_MINIMUM,
-            f"a weak minimum only: at x = {x[worst[0]]:.4g} Weierstrass's excess is {excess[worst]:.3g} for the slope "
-            f"{tried[worst]:.4g} instead of {v[worst[0]]:.4g}, so curves with corners come lower",
-        )  # fmt: skip
-    if (sign * curvature < 0).any() and (corner := _corner(solution)) is not None:
-        return _refused(
-            solution, Verdict.WEAK_MINIMUM,
+            solution,
             f"a weak minimum only: the Lagrangian is not convex in the slope, and the curve found has a corner at "
             f"x = {corner:.6g} where the mesh allows one; more corners may come lower still",
-        )  # fmt: skip
+        )
     return solution
+
+
+@dataclass(frozen=True)
+class Worst:
+    """Where the excess is most negative: index of the point, the slope tried, the curve's own, the excess."""
+
+    place: int
+    slope: float
+    own: float
+    excess: float
+
+
+class _Fan:
+    """Slopes tried at points of an extremal, one component at a time; arrays have shape (n, places, slopes)."""
+
+    def __init__(self, solution: Solution, x: np.ndarray) -> None:
+        assert solution.curve is not None
+        self.solution, self.x = solution, x
+        self.y, self.v = solution.curve(x, 0), solution.curve(x, 1)
+        self.tried = self.v[:, :, None] + TURNS * np.maximum(1.0, np.abs(self.v))[:, :, None]
+        n, places, count = self.tried.shape
+        slopes = np.broadcast_to(self.v[None, :, :, None], (n, n, places, count)).copy()
+        for a in range(n):
+            slopes[a, a] = self.tried[a]
+        columns = slopes.transpose(1, 0, 2, 3).reshape(n, -1)
+        self.values, self.slopes, self.curvature, self.allowed = self._evaluate(columns)
+
+    def _evaluate(self, columns: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The Lagrangian function (minimised), its slope and curvature in the component tried, and what is allowed."""
+        problem = self.solution.problem
+        n, places, count = self.tried.shape
+        repeat = [np.tile(np.repeat(row, count, axis=-1), n) for row in (self.x[None], self.y)]
+        unknowns = np.array(list(self.solution.unknowns.values()))
+        numbers = [np.repeat(p[:, None], n * places * count, axis=1) for p in (problem.parameter_values, unknowns)]
+        arguments = [*repeat, columns, np.zeros((0, n * places * count)), *numbers]
+        rows = np.asarray(_function(problem)(*arguments)).reshape(-1, 1 + 2 * n, n, places, count)
+        levels = [m for c, m in zip(problem.constraints, self.solution.multipliers, strict=True) if _is_level(c)]
+        sign = -1.0 if problem.maximise else 1.0
+        # J falls by the multiplier as its level rises: the Lagrangian function is L - sum of multipliers times g
+        weights = sign * np.array([1.0, *(-float(m) for m in levels)])
+        total = np.tensordot(weights, rows[: len(weights)], 1)
+        allowed = np.ones((n, places, count), dtype=bool)
+        bounds = [c for c in problem.constraints if isinstance(c, Bound)]
+        for bound, row in zip(bounds, rows[len(weights) :, 0], strict=True):
+            low, high = bound.interval
+            own = row[:, :, [count // 2]]
+            room = TOUCH * np.maximum(1.0, np.abs(own))
+            allowed &= (row >= low) & (row <= high) & (own > low + room) & (own < high - room)
+        index = np.arange(n)
+        return total[0], total[1 + index, index], total[1 + n + index, index], allowed
+
+    def worst_excess(self) -> Worst | None:
+        """The most negative excess relative to its terms, if it is below round-off."""
+        here = self.tried.shape[2] // 2
+        step = self.tried - self.v[:, :, None]
+        own, slope = self.values[:, :, [here]], self.slopes[:, :, [here]]
+        excess = self.values - own - step * slope
+        size = np.abs(self.values) + np.abs(own) + np.abs(step * slope)
+        relative = np.where(self.allowed & np.isfinite(excess) & (size > 0), excess, 0.0) / np.where(
+            size > 0, size, 1.0
+        )
+        a, k, j = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
+        if relative[a, k, j] >= -NOISE:
+            return None
+        return Worst(k, float(self.tried[a, k, j]), float(self.v[a, k]), float(excess[a, k, j]))
+
+    def concave(self) -> bool:
+        """Whether the Lagrangian is concave in a component of the slope somewhere in the fan."""
+        return bool((np.where(np.isfinite(self.curvature), self.curvature, 0.0) < 0).any())
+
+
+def _is_level(constraint: object) -> bool:
+    return isinstance(constraint, Isoperimetric)
+
+
+def _function(problem: Functional) -> ca.Function:
+    """Rows value, gradient and diagonal curvature in the slope, for L, each level's integrand and each bound."""
+    if "slopes" not in problem.built:
+        s = problem.symbols
+        levels = [t.expression for t in problem.traced if _is_level(t.constraint)]
+        bounds = [t.expression for t in problem.traced if isinstance(t.constraint, Bound)]
+        rows = []
+        for expression in (problem.integrand, *levels, *bounds):
+            hessian, slope = ca.hessian(expression, s.dy)
+            rows += [expression, slope, ca.diag(ca.densify(hessian))]
+        problem.built["slopes"] = ca.Function("slopes", s.all, [ca.densify(ca.vertcat(*rows))])
+    return problem.built["slopes"]
 
 
 def _corner(solution: Solution) -> float | None:
     """An inner vertex, not one of the problem's own, at which the slope jumps."""
     assert solution.curve is not None
-    inner = np.array([x for x in solution.x[1:-1] if x not in solution.problem.breakpoints])
+    own = (*solution.problem.breakpoints, *(c.x for c in solution.problem.of_type(Through)))
+    inner = np.array([x for x in solution.x[1:-1] if x not in own])
     if not len(inner):
         return None
     step = 1e-9 * (solution.x[-1] - solution.x[0])
-    left, right = (solution.curve(inner + side * step, 1)[0] for side in (-1, 1))
-    jumps = np.abs(right - left) > JUMP * np.maximum(1.0, np.abs(left) + np.abs(right))
+    left, right = (solution.curve(inner + side * step, 1) for side in (-1, 1))
+    jumps = (np.abs(right - left) > JUMP * np.maximum(1.0, np.abs(left) + np.abs(right))).any(0)
     return float(inner[np.argmax(jumps)]) if jumps.any() else None
 
 
-def _refused(solution: Solution, verdict: Verdict, message: str) -> Solution:
-    return replace(solution, status=Status.REFUSED, verdict=verdict, message=message)
+def _refused(solution: Solution, message: str) -> Solution:
+    return replace(solution, status=Status.REFUSED, verdict=Verdict.WEAK_MINIMUM, message=message)

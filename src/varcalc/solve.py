@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Protocol
 
+import casadi as ca
 import numpy as np
 
 from varcalc.feasibility import explained
@@ -58,12 +59,16 @@ def solve(
     5.0
     """
     _check(problem, method, tol)
-    solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
+    solution = _linear(problem, method or LADDER[0])
+    if solution is None:
+        solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
     if throw and not solution.status.ok:
         raise (InfeasibleError if solution.verdict is Verdict.INFEASIBLE else VariationalError)(solution)
     return solution
 
 
+WORTHLESS = 1e-6
+"""Relative error at which an answer limited by round-off is none."""
 LADDER: tuple[Ritz, ...] = (Ritz(),)
 """The route taken first: the direct method is the cheapest for one solve at any tolerance, and it alone ends at a
 minimum by construction (see docs/methods.md for the figures)."""
@@ -79,6 +84,17 @@ def _check(problem: Any, method: Any, tol: Any) -> None:
         raise TypeError(f"method must be a method object such as Ritz() or Shooting(), not {method!r}{hint}")
     if not (isinstance(tol, int | float) and math.isfinite(tol) and tol > 0):
         raise ValueError(f"tol must be a positive number, not {tol!r}")
+
+
+def _linear(problem: Functional, method: Method) -> Solution | None:
+    """A refusal when a first-order Lagrangian is linear in the slope, in which case nothing in it fixes a curve."""
+    s = problem.symbols
+    if not isinstance(problem, Problem) or problem.order != 1 or problem.constraints:
+        return None
+    if ca.hessian(problem.integrand, s.dy)[0].nnz():
+        return None
+    message = "the Lagrangian is linear in the slope: nothing in it fixes a curve between these ends"
+    return no_answer(problem, method, Status.REFUSED, message, Verdict.SINGULAR)
 
 
 def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:
@@ -112,10 +128,13 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
         return no_answer(problem, method, Status.REFUSED, str(reason), Verdict.INFEASIBLE)
     for way in _quick_first(method, len(candidates)):
         for form in candidates:
-            if form.weak_only and not isinstance(way, Ritz):
+            if form is None or (form.weak_only and not isinstance(way, Ritz)):
                 continue
             start = guess if guess is not None or failure is None or failure.curve is None else failure
-            solution = way.solve(form, tol=tol, guess=_sampled(problem, form, start))
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                solution = _worth_something(way.solve(form, tol=tol, guess=_sampled(problem, form, start)))
+            if solution.verdict is Verdict.NOT_ATTAINED:
+                return solution
             if solution.status.ok:
                 return vouched(_compared(solution, failure), form)
             if failure is None or (math.isnan(failure.value) and not math.isnan(solution.value)) or solution.verdict:
@@ -129,8 +148,17 @@ def _compared(solution: Solution, failure: Solution | None) -> Solution:
     if failure is None or failure.curve is None or not math.isfinite(failure.error.value):
         return solution
     sign = -1.0 if solution.problem.maximise else 1.0
-    if sign * failure.value < sign * solution.value - solution.error.value - 1e-12 * abs(solution.value):
+    margin = failure.error.value + solution.error.value + 1e-12 * abs(solution.value)
+    if sign * failure.value < sign * solution.value - margin:
         return replace(solution, local=True, lower=failure.value)
+    return solution
+
+
+def _worth_something(solution: Solution) -> Solution:
+    """The solution, refused when round-off leaves it fewer digits than an answer needs, as at conjugate ends."""
+    if solution.status is Status.ROUND_OFF and solution.error.value > WORTHLESS * max(1.0, abs(solution.value)):
+        message = f"round-off leaves an error of {solution.error.value:.2g}: the ends are conjugate, or nearly so"
+        return replace(solution, status=Status.NOT_CONVERGED, message=message)
     return solution
 
 

@@ -21,9 +21,7 @@ class Names:
 
     def __getattr__(self, name: str) -> Expression:
         known = ", ".join(sorted(self.__dict__)) or "none"
-        raise AttributeError(
-            f"p.{name} is used but not declared; give it in parameters= or unknowns= (declared: {known})"
-        )
+        raise ValueError(f"p.{name} is used but not declared; give it in parameters= or unknowns= (declared: {known})")
 
 
 class NotSymbolic(Exception):
@@ -59,7 +57,10 @@ def trace(name: str, function: Callable[..., Any], arguments: Sequence[Expressio
         except (RuntimeError, NotImplementedError) as error:
             if kind is ca.SX:
                 raise NotSymbolic(str(error)) from error
-            raise ValueError(f"{name} could not be evaluated with symbols: {error}") from error
+            raise ValueError(
+                f"{name} could not be evaluated with symbols: {error}; write comparisons with "
+                "ca.if_else, ca.fmin and ca.fmax instead of if, min and max"
+            ) from error
     return scalar(name, result, kind)
 
 
@@ -69,6 +70,11 @@ def scalar(name: str, result: Any, kind: type) -> Expression:
         expression = result if isinstance(result, kind) else kind(result)
     except (NotImplementedError, TypeError):
         raise TypeError(f"{name} must return a CasADi expression or a number, not {result!r}") from None
+    if "nan" in str(expression):
+        raise TypeError(
+            f"{name} holds a constant that is not a number: Python's math functions do not take symbols; "
+            "write it with NumPy's or CasADi's"
+        )
     if expression.shape != (1, 1):
         raise ValueError(
             f"{name} must return a scalar, but its result has shape {expression.shape}; "

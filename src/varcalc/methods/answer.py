@@ -15,6 +15,8 @@ from varcalc.mesh import gauss
 from varcalc.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, no_answer
 
+TURNED = 30.0
+"""Factor by which a backward speed must exceed the relative error of the curve to be believed."""
 APPROACH = (2e-2, 2e-3)
 """Relative distances from a singular end between which the growth of the slope is judged."""
 INVERSION_STEPS = 60
@@ -241,12 +243,13 @@ def _of_abscissa(extremal: Extremal, index: int) -> Callable[[Any], Any]:
     return multiplier
 
 
-def _turns_back(extremal: Extremal) -> bool:
-    """Whether the abscissa decreases anywhere along a curve that should be a graph."""
+def _turns_back(extremal: Extremal, curve_error: float) -> bool:
+    """Whether the abscissa decreases, by more than the curve's error, along a curve that should be a graph."""
     speed = extremal.speed
     if speed is None:
         speed = lifted(extremal, composite_gauss(extremal.vertices, 16)[0])[2]
-    return bool(speed.min() < -1e-9 * np.abs(speed).max())
+    span = extremal.form.problem.span
+    return bool(speed.min() < -(1e-9 + TURNED * curve_error / (span[1] - span[0])) * np.abs(speed).max())
 
 
 def answer(
@@ -265,7 +268,7 @@ def answer(
     ``rule`` is the number of Gauss points an element for what is integrated on demand.
     """
     problem = extremal.form.problem
-    if extremal.form.energetic and isinstance(problem, Problem) and _turns_back(extremal):
+    if extremal.form.energetic and isinstance(problem, Problem) and _turns_back(extremal, error.curve):
         return no_answer(
             problem, method, Status.REFUSED,
             "the shortest curve turns back in x: it is no graph, and among graphs the infimum is not attained; "

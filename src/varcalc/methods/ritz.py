@@ -20,7 +20,7 @@ from varcalc.methods.answer import answer
 from varcalc.methods.direct.error import Estimate, estimate
 from varcalc.methods.direct.ipopt import Ipopt
 from varcalc.methods.direct.newton import Newton
-from varcalc.methods.direct.rungs import DEGREES, Rung, Rungs
+from varcalc.methods.direct.rungs import DEGREES, NOWHERE, Rung, Rungs
 from varcalc.methods.direct.system import RitzSystem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, no_answer
 
@@ -69,8 +69,10 @@ class Ritz:
 
     def __post_init__(self) -> None:
         for name, value in (("elements", self.elements), ("degree", self.degree), ("starts", self.starts)):
-            if value is not None and (not isinstance(value, int) or value < 1):
+            if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 1):
                 raise ValueError(f"Ritz.{name} must be a whole number from 1 on, not {value!r}")
+        if not (self.optimiser is None or isinstance(self.optimiser, Newton | Ipopt)):
+            raise TypeError(f"Ritz.optimiser must be Newton() or Ipopt(), not {self.optimiser!r}")
 
     def solve(self, form: Form, *, tol: float, guess: Sampled | None) -> Solution:
         """The lowest curve of ``form`` that Newton or IPOPT reaches; see :func:`varcalc.solve`."""
@@ -105,7 +107,8 @@ class _Climb:
             rung, previous = self.next_rung(rung, found, previous), found.error
         if best is None:
             stats = Stats(0.0, time.perf_counter() - self.started, self.rungs.iterations)
-            return no_answer(self.form.problem, self.method, Status.NOT_CONVERGED, rung, stats=stats)
+            status = Status.REFUSED if rung == NOWHERE else Status.NOT_CONVERGED
+            return no_answer(self.form.problem, self.method, status, rung, stats=stats)
         return self.report(*best, rung)
 
     def first_rung(self, guess: Sampled | None) -> Rung | str:
@@ -121,7 +124,9 @@ class _Climb:
 
     def is_met(self, rung: Rung, found: Estimate) -> bool:
         """Whether value and curve are as good as asked for, or as good as double precision allows."""
-        target = self.tol * min(max(1.0, abs(found.value)), 10 * found.scale)
+        size = max(1.0, abs(found.value))
+        # a small functional is solved to its own size, but not where a comparison of two solves is all there is
+        target = self.tol * (size if self.rungs.constrained else min(size, 10 * found.scale))
         return found.error <= max(target, ROUND_OFF * found.scale) and self.curve_is_good(rung, found)
 
     def curve_is_good(self, rung: Rung, found: Estimate) -> bool:
@@ -137,7 +142,7 @@ class _Climb:
 
     def next_rung(self, rung: Rung, found: Estimate, previous: float) -> Rung | str:
         """Climb the degree while that pays, else bisect where the error is."""
-        self.slow = self.slow + 1 if found.error > SLOW * previous else 0
+        self.slow = 0 if found.error < SLOW * previous else self.slow + 1
         if self.slow >= PATIENCE:
             return f"{PATIENCE} refinements in a row hardly lowered the error"
         if rung.system.size > MOST_UNKNOWNS:
@@ -153,7 +158,7 @@ class _Climb:
             system = found.system
             start = found.z + found.step.change if whole and found.step is not None else found.z
             following = self.rungs.improve(system, start, found.z, rung.multipliers)
-        if isinstance(following, str) and system.space.degree <= RESTART_DEGREE:
+        if isinstance(following, str) and system.space.degree <= RESTART_DEGREE and system.space.elements == 1:
             # what was a minimum in the poorer space led nowhere: look again from the starting curves
             return self.rungs.start(system.space, None)
         return following
@@ -164,7 +169,8 @@ class _Climb:
         coarse = self.rungs.space(space.vertices, min(space.degree, self.split_degree))
         kept = np.zeros(coarse.size)
         kept[coarse.numbers] = rung.system.coefficients(rung.z)[space.numbers[:, : coarse.degree + 1]]
-        finer, coefficients = coarse.split(kept, shares > SHARE * shares.max())
+        marked = shares > SHARE * shares.max()
+        finer, coefficients = coarse.split(kept, marked if marked.any() else np.ones_like(marked))
         system = self.rungs.system(finer)
         return system, system.pack(coefficients, rung.system.unknowns(rung.z))
 

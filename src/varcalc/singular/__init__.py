@@ -20,6 +20,7 @@ from varcalc.conditions import Fixed, Free, OnCurve
 from varcalc.formulation import Form, formulate
 from varcalc.functional import Functional
 from varcalc.problem import Curve, Problem
+from varcalc.singular.abscissa import abscissa_form
 from varcalc.singular.detection import Infinite, Metric, riemannian, singular_ends
 from varcalc.singular.energy import energy_forms
 from varcalc.singular.powers import power_form
@@ -27,10 +28,17 @@ from varcalc.singular.powers import power_form
 __all__ = ["Forms", "Infinite", "forms"]
 
 
-class Forms(Sequence[Form]):
-    """The forms in which a problem is to be tried, the most promising first, each made when it is asked for."""
+Makers = Sequence[Callable[[], Form | None]]
+"""Functions that make the forms of one problem."""
 
-    def __init__(self, makers: Sequence[Callable[[], Form]], problem: Functional, made: dict[int, Form]) -> None:
+
+class Forms(Sequence[Form | None]):
+    """The forms in which a problem is to be tried, the most promising first, each made when it is asked for.
+
+    An entry is None where a form turns out to be no different from the others.
+    """
+
+    def __init__(self, makers: Makers, problem: Functional, made: dict[int, Form | None]) -> None:
         self._makers, self._problem, self._made = makers, problem, made
 
     def __len__(self) -> int:
@@ -42,7 +50,7 @@ class Forms(Sequence[Form]):
         if index not in self._made:
             self._made[index] = self._makers[index]()
         form = self._made[index]
-        return form if form.problem is self._problem else replace(form, problem=self._problem)
+        return form if form is None or form.problem is self._problem else replace(form, problem=self._problem)
 
 
 def forms(problem: Functional) -> Forms:
@@ -50,33 +58,47 @@ def forms(problem: Functional) -> Forms:
 
     Raises :class:`Infinite` when a singular end makes the functional infinite.
     """
-    if "forms" not in problem.built:
-        problem.built["forms"] = (_makers(problem), {})
-    makers, made = problem.built["forms"]
+    # singular ends are found from numbers, so other parameter values may have other forms
+    kept = problem.built.setdefault("forms", {})
+    values = tuple(problem.parameters.values())
+    if values not in kept:
+        kept[values] = (_makers(problem), {})
+    makers, made = kept[values]
     return Forms(makers, problem, made)
 
 
-def _makers(problem: Functional) -> list[Callable[[], Form]]:
-    direct = partial(formulate, problem)
+def _direct(problem: Functional) -> Form:
+    """The direct form, the same for all parameter values."""
+    if "direct" not in problem.built:
+        problem.built["direct"] = formulate(problem)
+    return problem.built["direct"]
+
+
+def _makers(problem: Functional) -> Makers:
+    direct = partial(_direct, problem)
     if isinstance(problem, Curve):
         plain = problem.n == 2 and not problem.constraints and problem.end_cost is None and not problem.maximise
         singular = singular_ends(problem) if plain else (False, False)
-        if not any(singular):
-            return [direct]
         s = problem.symbols
-        return [*energy_forms(problem, Metric(s.y, s.dy, problem.integrand**2), singular), direct]
+        metric = Metric(s.y, s.dy, problem.integrand**2)
+        return [*energy_forms(problem, metric, singular), direct] if any(singular) else [direct]
     if not (isinstance(problem, Problem) and _simple(problem)):
         return [direct]
     singular = singular_ends(problem)
     both_fixed = isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)
-    if not any(singular) and not both_fixed:
-        return [direct]
-    metric = riemannian(problem)
-    if metric is not None:
-        energies = energy_forms(problem, metric, singular)
-        return [*energies, direct] if any(singular) else [direct, *energies]
-    one = singular[0] != singular[1]
-    return [partial(power_form, problem, singular), direct] if one and both_fixed else [direct]
+    if any(singular) or both_fixed:
+        metric = riemannian(problem)
+        others = _others(problem, singular, both_fixed) if metric is None else energy_forms(problem, metric, singular)
+        return [*others, direct] if any(singular) else [direct, *others]
+    return [direct]
+
+
+def _others(problem: Problem, singular: tuple[bool, bool], both_fixed: bool) -> Makers:
+    """Forms for a Lagrangian that is no metric: powers of the abscissa, or of both coordinates."""
+    if not both_fixed:
+        return []
+    in_x = partial(abscissa_form, problem)
+    return [in_x, partial(power_form, problem, singular)] if singular[0] != singular[1] else [in_x]
 
 
 def _simple(problem: Problem) -> bool:

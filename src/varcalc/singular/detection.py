@@ -119,7 +119,7 @@ def riemannian(problem: Problem) -> Metric | None:
     if len(squares) < 2 or _passes_zero(values[count * slopes :]):
         return None
     fit = FIT @ squares.T
-    if np.abs(POWERS @ fit - squares.T).max() > QUADRATIC * np.abs(squares).max():
+    if np.any(np.abs(POWERS @ fit - squares.T).max(0) > QUADRATIC * squares.max(1)):
         return None
     return _metric(problem, _is_conformal(fit))
 
@@ -209,7 +209,9 @@ def blowup(problem: Functional, metric: Metric, at_start: bool) -> Blowup | None
     return Blowup(at_start, point, normal, power) if power > 0 else None
 
 
-def rational(value: float) -> float:
+def rational(value: float, denominator: int = LARGEST_DENOMINATOR) -> float:
     """The nearest fraction of small denominator when the value is one to measuring accuracy."""
-    fraction = Fraction(value).limit_denominator(LARGEST_DENOMINATOR)
+    if not math.isfinite(value):
+        return value
+    fraction = Fraction(value).limit_denominator(denominator)
     return float(fraction) if abs(float(fraction) - value) < 2e-3 else value

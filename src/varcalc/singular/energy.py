@@ -18,7 +18,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import Free, OnCurve
+from varcalc.conditions import Free, OnCurve, OnSurface
 from varcalc.formulation import EndConditions, Form, Sampled, on_curve, rewriter, side_conditions, straight
 from varcalc.functional import Functional, Symbols
 from varcalc.problem import Problem
@@ -99,6 +99,8 @@ def _guessed(problem: Functional, chart: Chart) -> tuple[np.ndarray, np.ndarray]
     for k, end in enumerate((problem.start, problem.end)):
         if isinstance(end, OnCurve) and isinstance(problem, Problem):
             points[k] = np.array([end.x, on_curve(end, problem)[0]])
+        elif isinstance(end, OnSurface):
+            points[k] = np.array(end.guess, dtype=float)
     found = [chart.coordinates(p[:, None])[:, 0] for p in points]
     for k in (0, 1):
         unknown = np.isnan(found[k])
@@ -110,16 +112,16 @@ def _guessed(problem: Functional, chart: Chart) -> tuple[np.ndarray, np.ndarray]
 
 def _sliding(problem: Functional, symbols: Symbols, q: Expression) -> EndConditions | None:
     """The equation of the curve that an end slides on."""
-    if not (isinstance(problem, Problem) and any(isinstance(e, OnCurve) for e in (problem.start, problem.end))):
+    if not any(isinstance(e, OnCurve | OnSurface) for e in (problem.start, problem.end)):
         return None
     kind = symbols.kind
     first, last = kind.sym("first", 2), kind.sym("last", 2)
     equations = []
     for at, end, place in ((0.0, problem.start, first), (1.0, problem.end, last)):
-        if isinstance(end, OnCurve):
+        if isinstance(end, OnCurve | OnSurface):
             point = ca.substitute([q], [symbols.x, symbols.y], [kind(at), place])[0]
-            y = point[1] if problem.scalar else point[1:]
-            equations.append(trace("OnCurve.phi", end.phi, [point[0], y], kind))
+            arguments = [point[0], point[1] if problem.scalar else point[1:]]
+            equations.append(trace("phi", end.phi, arguments if isinstance(end, OnCurve) else [point], kind))
     return EndConditions(first, last, ca.vertcat(*equations), kind(0))
 
 

@@ -19,6 +19,9 @@ from varcalc.problem import Problem
 from varcalc.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points, rational
 from varcalc.singular.energy import combination
 
+SLOPES_TRIED = np.geomspace(1e-9, 1e9, 400)
+"""Slopes among which level lines of a first integral are looked for."""
+
 
 def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form:
     """x = x0 + t^b and y = y0 + w^a at a singular end of a Lagrangian that is no metric."""
@@ -77,7 +80,7 @@ def _exponent(problem: Problem, corner: np.ndarray, other: np.ndarray) -> tuple[
     s = problem.symbols
     energy = ca.dot(ca.gradient(problem.integrand, s.dy), s.dy) - problem.integrand
     function = ca.Function("energy", [s.x, s.y, s.dy, s.parameters, s.unknowns], [energy])
-    slopes = np.geomspace(1e-9, 1e9, 400)
+    slopes = SLOPES_TRIED
     for side in (1.0, -1.0) if other[1] >= corner[1] else (-1.0, 1.0):
         logs = []
         for distance in PROBE:
@@ -93,17 +96,18 @@ def _exponent(problem: Problem, corner: np.ndarray, other: np.ndarray) -> tuple[
                 )
             ).ravel()
             logs.append(values)
-        found = _scaling(slopes, logs)
+        found = scaling(slopes, logs)
         if found is not None:
             return rational(1.0 / (1.0 - found)), side
     return 1.0, 1.0
 
 
-def _scaling(slopes: np.ndarray, values: list[np.ndarray]) -> float | None:
+def scaling(slopes: np.ndarray, values: list[np.ndarray], level: float | None = None) -> float | None:
     """The power of the distance that v grows with at fixed first integral, from its level lines at two distances."""
     far, near = values
     ratio = math.log(PROBE[0] / PROBE[1])
     middle = float(np.median(far[np.isfinite(far)])) if np.isfinite(far).any() else math.nan
+    middle = middle if level is None else level
     if not math.isfinite(middle):
         return None
     crossings = []

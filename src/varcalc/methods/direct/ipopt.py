@@ -65,6 +65,8 @@ def optimise(
     s, by index of the constraint) and of integral inequalities (floats, by
     ``("integral", index)``).
     """
+    if not system.size:  # everything is fixed by the ends: there is nothing to optimise
+        return Outcome(z, multipliers, system.evaluate(z), 0, ""), {}
     scale = _scales(system, z)
     size = system.evaluate(z).scale
     size = size if np.isfinite(size) and size > 0 else 1.0
@@ -81,6 +83,8 @@ def optimise(
             "mu_strategy": "adaptive",
             "constr_viol_tol": 1e-12,
             "bound_relax_factor": 0.0,
+            # the variables are of size one: beyond this the functional has no lower bound
+            "diverging_iterates_tol": 1e8,
         },
     }
     nlp = {"x": program.w, "f": program.objective / size}
@@ -149,8 +153,8 @@ def _arguments(system: RitzSystem, w: Any, scale: np.ndarray, points: np.ndarray
     else:
         table = basis(space.smoothness, space.degree, points, order)
     free = len(system.free)
-    coefficients = w[:free] * scale[:free]
-    unknowns = w[free:] * scale[free:]
+    coefficients = w[:free, :] * scale[:free]
+    unknowns = w[free:, :] * scale[free:]
     middle, half = 0.5 * (space.vertices[1:] + space.vertices[:-1]), 0.5 * space.widths
     s = (middle[:, None] + half[:, None] * points).ravel()
     columns = []
@@ -270,11 +274,9 @@ def _density(
     legendre = np.polynomial.legendre.Legendre.basis(space.degree)(nodes[1:-1])
     weights = 2.0 / (space.degree * (space.degree + 1) * legendre**2) if space.degree > 1 else cells
     s = (space.vertices[:-1, None] + half * (1 + nodes[1:-1])).ravel()
-    mu = blocks["nodes"] / (half * weights).ravel()
+    parts = [(s, blocks["nodes"] / (half * weights).ravel())]
     if "gauss" in blocks:
         at, quadrature = space.quadrature(system.count)
-        s = np.concatenate([s, at.ravel()])
-        mu = np.concatenate([mu, blocks["gauss"] / quadrature.ravel()])
-    order = np.argsort(s)
-    s, mu = s[order], mu[order]
-    return lambda x: np.interp(x, s, mu)
+        parts.append((at.ravel(), blocks["gauss"] / quadrature.ravel()))
+    # rows at nodes and at Gauss points each carry a share of one load: the shares add up
+    return lambda x: sum((np.interp(x, at, mu) for at, mu in parts), np.zeros(np.shape(x)))

@@ -31,6 +31,9 @@ LARGEST_DENSE = 800
 """Unknowns up to which a dense factorisation is still worth its cube."""
 RUNAWAY = 1e9
 """Factor of its starting size below which a functional is taken to have no lower bound."""
+NO_NUMBER = "the functional is not a number on the starting curve"
+VANISHING = 1e-8
+"""Share of its first size below which a functional is on its way to zero."""
 SETTLING = 5
 """Iterations in which the size of the functional is learnt."""
 DAMPING = 1e-6
@@ -161,7 +164,7 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
     """Iterate from ``z`` to a minimum of the discretised functional."""
     at = system.evaluate(z)
     if not _finite(at):
-        return Outcome(z, multipliers, at, 0, "the functional is not a number on the starting curve")
+        return Outcome(z, multipliers, at, 0, NO_NUMBER)
     if len(multipliers) and not multipliers.any():
         multipliers = first_multipliers(at)
     guarded = at.legendre > 0.0 and len(at.conditions) == 0
@@ -171,7 +174,7 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
         if step is None:
             return Outcome(z, multipliers, at, iteration, "the Newton step is not defined (degenerate Hessian)")
         multipliers = step.multipliers
-        decrement = _decrement(system, at, step)
+        decrement = _decrement(system, at, step, largest)
         if decrement <= CONVERGED:
             last = system.evaluate(z + step.change)
             if _finite(last):
@@ -189,11 +192,15 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
     return Outcome(z, multipliers, at, newton.iterations, f"no convergence within {newton.iterations} iterations")
 
 
-def _decrement(system: RitzSystem, at: Evaluation, step: Step) -> float:
-    """The relative Newton decrement, infinite away from the conditions or where the Hessian was shifted."""
+def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float) -> float:
+    """The relative Newton decrement, infinite away from the conditions or where the Hessian was shifted.
+
+    A functional whose minimum is zero loses its own scale on the way; what it
+    began with (``largest``) then is the measure.
+    """
     if not (step.definite and _feasible(system, at)):
         return math.inf
-    scale = at.scale + float(np.abs(step.multipliers) @ np.abs(system_levels(system, at)))
+    scale = max(at.scale, VANISHING * largest) + float(np.abs(step.multipliers) @ np.abs(system_levels(system, at)))
     return step.decrement / scale if scale > 0 else 0.0
 
 

@@ -13,12 +13,16 @@ from varcalc.formulation import Form, Sampled
 from varcalc.mesh import Space
 from varcalc.methods.answer import Extremal
 from varcalc.methods.direct.ipopt import Ipopt, optimise
-from varcalc.methods.direct.newton import Newton, minimise
+from varcalc.methods.direct.newton import NO_NUMBER, Newton, minimise
 from varcalc.methods.direct.starts import candidates
 from varcalc.methods.direct.system import Evaluation, RitzSystem
 
 DEGREES = {1: (6, 10, 16, 24, 36, 52), 2: (7, 11, 16, 24, 36)}
 """The rungs of the degree, by the order of the Lagrangian."""
+NOWHERE = (
+    "the Lagrangian is not a number on any of the starting curves tried; "
+    "check its domain between the ends, or give guess= a curve on which it is one"
+)
 MOST_ITERATIONS = 600
 """Iterations in all after which a solve is given up."""
 
@@ -124,8 +128,8 @@ class Rungs:
                 break
         if best is not None:
             return best
-        if not reasons:
-            return "the functional is not a number on any starting curve"
+        if all(reason == NO_NUMBER for reason in reasons):
+            return NOWHERE
         return f"no starting curve led to a minimum: {max(set(reasons), key=reasons.count)}"
 
     def improve(self, system: RitzSystem, z: np.ndarray, fallback: np.ndarray, multipliers: np.ndarray) -> Rung | str:

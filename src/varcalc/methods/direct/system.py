@@ -205,7 +205,7 @@ class RitzSystem:
             scale = float(self.weights @ np.abs(out[:, 0]))
             rows = [self._gradient(table, out[:, j * stride + 1 : j * stride + 1 + self.k]) for j in range(len(values))]
         conditions = values[1:] - self.levels
-        value, gradient, jacobian = float(values[0]), rows[0], np.array(rows[1:]).reshape(-1, self.size)
+        value, gradient, jacobian = float(values[0]), rows[0], np.array(rows[1:]).reshape(len(rows) - 1, self.size)
         ends = None
         if self.form.ends is not None:
             ends = self._evaluate_ends(z)

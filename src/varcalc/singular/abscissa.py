@@ -1,0 +1,88 @@
+"""A power of the abscissa that makes the extremal analytic at an end where L is singular in x.
+
+Where the dependence of L on the slope blows up or dies like a power of the
+distance from an end, x^s y'^2 say, the momentum L_y' = const makes y - y0 grow
+like a power e of that distance. With x = x0 + t^b and y = y0 + t^(e b) z, b the
+denominator of e, the unknown z is smooth, and free at that end.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import Form, Sampled, rewriter, straight
+from varcalc.functional import Symbols
+from varcalc.problem import Problem
+from varcalc.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points, rational
+from varcalc.singular.powers import SLOPES_TRIED, scaling
+
+
+def abscissa_form(problem: Problem) -> Form | None:
+    """The problem in t with x ~ t^b at one end; None when the abscissa itself serves, or both ends call for it."""
+    start, end = end_points(problem)
+    width = end[0] - start[0]
+    exponents = [_exponent(problem, point, inward * width) for point, inward in ((start, 1.0), (end, -1.0))]
+    singular = [e.denominator > 1 for e in exponents]
+    if singular[0] == singular[1]:
+        return None
+    at_start = singular[0]
+    corner, other, exponent = (start, end, exponents[0]) if at_start else (end, start, exponents[1])
+    b, q = exponent.denominator, exponent.numerator
+    inward = width if at_start else -width
+    s = problem.symbols
+    symbols = replace(Symbols.make(s.kind, 1, 1, 0, len(problem.unknowns)), parameters=s.parameters)
+    t, z = symbols.x, symbols.y
+    near = t if at_start else 1 - t
+    step = inward * near**b
+    x = step if corner[0] == 0.0 else corner[0] + step
+    y = corner[1] + near**q * z
+    speed = width * b * near ** (b - 1)
+    climb = ca.gradient(near**q, t) * z + near**q * symbols.dy
+    integrand = rewriter(problem, symbols, x, y, [climb / speed], speed)(problem.integrand, True)
+    far = np.array([other[1] - corner[1]])
+    free = np.array([np.nan])
+    arguments = [t, z, symbols.dy, symbols.unknowns, symbols.parameters]
+
+    def pull(curve: Sampled) -> Sampled:
+        def pulled(at: np.ndarray) -> np.ndarray:
+            near = np.maximum(at if at_start else 1 - at, 1e-3)
+            return (curve(corner[0] + inward * near**b) - corner[1]) / near**q
+
+        return pulled
+
+    return Form(
+        problem=problem, symbols=symbols, integrand=integrand, functional=integrand, sign=1.0, span=(0.0, 1.0),
+        integrals=(), pathwise=(), fixed_start=(free if at_start else far)[None],
+        fixed_end=(far if at_start else free)[None], ends=None, periodic=False, knots=(), waypoints=(),
+        unknown_guess=problem.unknown_guesses, baseline=straight((0.0, 1.0), far, far), bumps=np.eye(1), pull=pull,
+        lift=ca.Function("lift", arguments, [x, y, speed, climb]), note=f"x ~ t^{b}, y ~ t^{q}",
+        singular=(at_start, not at_start), weak_only=True,
+    )  # fmt: skip
+
+
+def _exponent(problem: Problem, point: np.ndarray, inward: float) -> Fraction:
+    """The power of the distance from one end that y grows with there, from L_y' = const; 1 where it is regular."""
+    s = problem.symbols
+    if "momentum" not in problem.built:
+        momentum = ca.gradient(problem.integrand, s.dy)
+        problem.built["momentum"] = ca.Function("momentum", [s.x, s.y, s.dy, s.parameters, s.unknowns], [momentum])
+    # the level of the momentum is that of the chord half way: far from it another power may rule
+    ends = np.array(end_points(problem))
+    middle = ends.mean(0)
+    trial = float(np.diff(ends[:, 1])[0] / np.diff(ends[:, 0])[0]) or 1.0
+    numbers = (problem.parameter_values, problem.unknown_guesses)
+    level = float(problem.built["momentum"](middle[0], middle[1], trial, *numbers))
+    rows = []
+    for distance in PROBE:
+        slopes = math.copysign(1.0, trial) * SLOPES_TRIED
+        values = problem.built["momentum"](point[0] + distance * inward, point[1], slopes[None], *numbers)
+        rows.append(np.asarray(values).ravel())
+    slope = scaling(SLOPES_TRIED, rows, level)
+    if slope is None or not math.isfinite(slope) or slope <= -1:
+        return Fraction(1)
+    return Fraction(rational(1.0 + slope, 2 * LARGEST_DENOMINATOR)).limit_denominator(2 * LARGEST_DENOMINATOR)

@@ -1,0 +1,163 @@
+"""Forms: one shape for graphs, sliding ends, curves in space, maxima."""
+
+import math
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import varcalc as vc
+from varcalc.formulation import formulate, on_curve, straight
+from varcalc.formulation.form import through
+
+
+def square(x: Any, y: Any, dy: Any) -> Any:
+    return dy**2
+
+
+def length(q: Any, dq: Any) -> Any:
+    return ca.norm_2(dq)
+
+
+def test_the_straight_line_keeps_what_one_end_leaves_open() -> None:
+    nan = math.nan
+    line = straight((0, 2), np.array([1, 2, nan, nan]), np.array([3, nan, 5, nan]))
+    assert line(np.array([0.0, 1.0, 2.0])) == pytest.approx(np.array([[1, 2, 3], [2, 2, 2], [5, 5, 5], [0, 0, 0]]))
+
+
+def test_the_broken_line_through_waypoints() -> None:
+    line = straight((0, 1), np.zeros(2), np.ones(2))
+    broken = through((0, 1), line, ((0.5, (3.0, None)),))
+    assert broken(np.array([0.25, 0.5, 0.75])) == pytest.approx(np.array([[1.5, 3, 2], [0.25, 0.5, 0.75]]))
+
+
+def test_a_graph_keeps_its_symbols() -> None:
+    given = vc.Problem(square, vc.Fixed(0, 1), vc.Free(2), [vc.Through(1.5, 0)], breakpoints=(0.5,))
+    form = formulate(given)
+    assert form.lift is None
+    assert form.symbols is given.symbols
+    assert form.span == (0, 2)
+    assert form.knots == (0.5, 1.5)
+    assert form.fixed_start == pytest.approx(np.array([[1.0]]))
+    assert np.isnan(form.fixed_end).all()
+    assert form.same_functional
+    assert not form.has_inequalities
+
+
+def test_slopes_fixed_at_second_order() -> None:
+    given = vc.Problem(
+        lambda x, y, dy, ddy: ca.sumsqr(ddy), vc.Fixed(0, (1, 2), (None, 4)), vc.Fixed(1, (None, 5)), order=2
+    )
+    form = formulate(given)
+    assert np.array_equal(form.fixed_start, [[1, 2], [math.nan, 4]], equal_nan=True)
+    assert np.array_equal(form.fixed_end, [[math.nan, 5], [math.nan] * 2], equal_nan=True)
+
+
+def test_a_maximum_is_minimised_with_the_sign_turned() -> None:
+    form = formulate(vc.Problem(square, vc.Fixed(0, 0), vc.Fixed(1, 1), maximise=True))
+    assert form.sign == -1
+    assert float(ca.Function("L", form.symbols.all, [form.integrand])(0, 0, 3, [], [], [])) == -9
+
+
+def test_sliding_ends_are_stated_on_the_unit_interval() -> None:
+    given = vc.Problem(
+        lambda x, y, dy: x + y * dy**2, vc.OnCurve(lambda x, y: y - x, -1), vc.OnCurve(lambda x, y: x + y - 4, 3)
+    )
+    form = formulate(given)
+    assert form.span == (0, 1)
+    assert form.unknown_guess == pytest.approx([-1, 3])
+    # from x = 1 to 5, at the quarter: x = 2, y' = 8 / 4
+    value = ca.Function("L", form.symbols.all, [form.integrand])(0.25, 7, 8, [], [], [1, 5])
+    assert float(value) == pytest.approx(4 * (2 + 7 * 4))
+    assert form.lift is not None
+    assert [float(v) for v in form.lift(0.25, 7, 8, [1, 5], [])] == [2, 7, 4, 8]
+    assert form.ends is not None
+    equations = ca.Function("e", [form.ends.start, form.ends.end, form.symbols.unknowns], [form.ends.equations])
+    assert np.asarray(equations(2.5, 0.5, [1, 5])).ravel() == pytest.approx([1.5, 1.5])
+
+
+def test_an_end_slides_on_a_curve() -> None:
+    # the shortest way from the origin to the line x + y = 2, and between two circles
+    line = vc.Problem(lambda x, y, dy: ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.OnCurve(lambda x, y: x + y - 2, 1.5))
+    solution = vc.solve(line)
+    assert solution.value == pytest.approx(math.sqrt(2), rel=1e-12)
+    assert solution.x[-1] == pytest.approx(1, abs=1e-6)
+    assert solution.y(0.5) == pytest.approx(0.5, abs=1e-6)
+
+
+def test_a_point_of_the_curve_is_found_for_the_guess() -> None:
+    given = vc.Problem(square, vc.Fixed(0, 0), vc.OnCurve(lambda x, y: ca.exp(y) - x, 2))
+    assert isinstance(given.end, vc.OnCurve)
+    assert on_curve(given.end, given) == pytest.approx([math.log(2)], abs=1e-10)
+    never = vc.OnCurve(lambda x, y: 1 + y**2, 2)
+    assert np.isnan(on_curve(never, given)).all()
+
+
+def test_side_conditions_know_their_constraint() -> None:
+    form = formulate(
+        vc.Problem(
+            square,
+            vc.Fixed(0, 0),
+            vc.Fixed(1, 1),
+            [
+                vc.Bound(lambda x, y, dy: y, upper=2),
+                vc.Isoperimetric(lambda x, y, dy: y, 0.7),
+                vc.Through(0.5, 0.6),
+                vc.Holonomic(lambda x, y: y - x),
+                vc.Isoperimetric(lambda x, y, dy: y, lower=0),
+            ],
+        )
+    )
+    assert [(c.index, c.equality) for c in form.integrals] == [(1, True), (4, False)]
+    assert [(c.index, c.lower, c.upper) for c in form.pathwise] == [(0, -math.inf, 2), (3, 0, 0)]
+    assert form.has_inequalities
+
+
+def test_a_constraint_given_twice_counts_twice() -> None:
+    constraint = vc.Isoperimetric(lambda x, y, dy: y, lower=0.0)
+    form = formulate(vc.Problem(square, vc.Fixed(0, 0), vc.Fixed(1, 1), [constraint, vc.Through(0.5, 1)]))
+    assert [c.index for c in form.integrals] == [0]
+
+
+def test_a_positive_curve_is_solved_by_its_energy() -> None:
+    form = formulate(vc.Curve(length, vc.At((0, 0)), vc.At((3, 4))))
+    assert form.energetic
+    assert not form.gauged
+    value = ca.Function("F", form.symbols.all, [form.integrand, form.functional])(0, [0, 0], [3, 4], [], [], [])
+    assert [float(v) for v in value] == [25, 5]
+
+
+def test_a_closed_curve_has_a_gauge() -> None:
+    def swept(q: Any, dq: Any) -> Any:
+        return (q[0] * dq[1] - q[1] * dq[0]) / 2
+
+    given = vc.Curve(swept, vc.Periodic(), vc.Periodic(), [vc.Isoperimetric(length, 2 * math.pi)], maximise=True)
+    form = formulate(given)
+    assert form.gauged
+    assert form.periodic
+    assert not form.energetic
+    # the gauge vanishes at constant speed, and only there
+    functions = ca.Function("F", form.symbols.all, [form.integrand, form.functional])
+    here, there = (functions(0, [1, 0], [0, speed], [], [], [2.0]) for speed in (2.0, 3.0))
+    assert float(here[0]) == float(here[1]) == -1
+    assert float(there[0]) > float(there[1])
+    solution = vc.solve(given)
+    assert solution.value == pytest.approx(math.pi, rel=1e-10)
+    # the circle of radius 1: dA / dlength = 1
+    assert solution.multipliers[0] == pytest.approx(1, rel=1e-7)
+
+
+def test_end_costs_are_stated_with_the_sign() -> None:
+    form = formulate(
+        vc.Problem(
+            square, vc.Free(0, n=None), vc.Fixed(1, 1), end_cost=lambda x0, y0, x1, y1: x1 + 10 * y0, maximise=True
+        )
+    )
+    assert form.ends is not None
+    assert float(ca.Function("M", [form.ends.start, form.ends.end], [form.ends.cost])(2, 1)) == -21
+
+
+def test_the_wrong_thing_is_refused() -> None:
+    with pytest.raises(TypeError, match="problem must be a Problem or a Curve, not 3"):
+        formulate(3)  # type: ignore[arg-type]
