@@ -54,7 +54,6 @@ LEVEL_AND_SLIDING_END = "level and sliding end are two conditions, and the quadr
 SOLVED_TWICE = "the richer problem's answer is given with the poorer one's error, for no Newton step tells the former's"
 ON_NODES = "the surface is met at nodes only: between them the curve of a coarse mesh cuts corners"
 MENDED = "the value is mended for the level missed, multiplier times miss, and the whole mend counts as its error"
-NARROW = "the shortest curve of a coarse rung seems to turn back in x, and the unregularised integral is taken instead"
 
 FAILURES = {
     ("hanging_chain/sliding", "FirstIntegral"): LEVEL_AND_SLIDING_END,
@@ -63,9 +62,6 @@ FAILURES = {
     ("zermelo/walk", "FirstIntegral"): END_COST,
 }
 """Where a method gives no answer though the reference does not say so."""
-
-MISSED = {("brachistochrone/bottom", "Collocation", 1e-6): NARROW}
-"""Where an answer is further off than it claims: a defect each."""
 
 LEAVES_THE_SURFACE = {("cone/embedded", label): ON_NODES for label in DIRECT}
 """Where a direct value may lie below the minimum, its curve being not quite admissible, by no more than it claims."""
@@ -212,11 +208,7 @@ def test_keeps_any_tolerance_and_its_claims(reference, answer, label):
             assert "tolerance 1e-12 was not met" in solution.message
             assert ratio(reference, solution) >= 0.1
             continue
-        if (reference.name, label, tol) in MISSED:
-            with pytest.raises(AssertionError):
-                check(reference, solution, label, tol)
-        else:
-            check(reference, solution, label, tol)
+        check(reference, solution, label, tol)
         ratios.append(ratio(reference, solution))
     if (reference.name, label) not in CAUTIOUS:
         assert np.median(ratios) <= 10
@@ -245,7 +237,7 @@ def test_few_claims_are_cautious(label):
     assert sum(pair in VERY_CAUTIOUS for pair in pairs) <= len(pairs) / 20
 
 
-@pytest.mark.parametrize("table", [FAILURES, MISSED, SHORT, LEAVES_THE_SURFACE, CAUTIOUS], ids=range(5))
+@pytest.mark.parametrize("table", [FAILURES, SHORT, LEAVES_THE_SURFACE, CAUTIOUS], ids=range(4))
 def test_the_tables_name_what_exists(table):
     for name, label, *_ in table:
         assert label in METHODS
