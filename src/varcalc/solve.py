@@ -70,7 +70,7 @@ def solve(
 WORTHLESS = 1e-6
 """Relative error at which an answer limited by round-off is none."""
 LADDER: tuple[Ritz, ...] = (Ritz(),)
-"""The route taken first: the direct method is the cheapest for one solve at any tolerance, and it alone ends at a
+"""The route taken first: the direct method is the cheapest for most single solves, and it alone ends at a
 minimum by construction (see docs/methods.md for the figures)."""
 GUIDES: tuple[Method, ...] = (Collocation(), FirstIntegral())
 """Routes that may find an extremal where minimisation finds no way to it; it is minimised from there."""

@@ -48,7 +48,7 @@ class Shooting:
     default what is installed (:class:`varcalc.engines.Thrifty`).
 
     It finds stationary curves, and of several it has come upon the one of the
-    lowest value; that it is a minimum is for :func:`varcalc.verify` to say.
+    lowest value; that it is a minimum is not shown here.
     """
 
     segments: int | None = None
@@ -119,7 +119,7 @@ def _inapplicable(form: Form) -> str:
     if ca.hessian(form.integrand, slope)[0].nnz() == 0 and not form.integrals:
         return (
             "the integrand is at most linear in the highest slope, so its Euler-Lagrange equation is no differential "
-            "equation that could be integrated; varcalc.diagnose tells what such a problem has for a solution"
+            "equation that could be integrated, and nothing in it fixes a curve"
         )
     return ""
 
