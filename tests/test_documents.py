@@ -57,5 +57,5 @@ def test_import_line_is_the_contract(page):
     layers = [re.findall(r"\w+", layer) for layer in tools["importlinter"]["contracts"][0]["layers"]]
     package = ROOT / "src" / "varcalc"
     built = [[n for n in layer if (package / n).is_dir() or (package / f"{n}.py").exists()] for layer in layers]
-    [line] = re.findall(r"^```\n(\w+ -> [^`]*)```$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)
+    [line] = re.findall(r"^```\n(\w[\w| ]* -> [^`]*)```$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)
     assert [re.findall(r"\w+", place) for place in line.split("->")] == [layer for layer in reversed(built) if layer]

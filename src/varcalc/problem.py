@@ -14,6 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.buffered import Pointwise
 from varcalc.conditions import (
     At,
     Constraint,
@@ -142,11 +143,10 @@ class Problem(Functional):
     def integrand_values(self, x: np.ndarray, y: np.ndarray, dy: np.ndarray) -> np.ndarray:
         """L at ``m`` points: x of shape (m,), y and dy of shape (n, m); unknowns at their guesses."""
         if "L" not in self.built:
-            self.built["L"] = ca.Function("L", self.symbols.all, [self.integrand])
-        ddy = np.zeros((self.symbols.ddy.numel(), len(x)))
-        p, u = self.parameter_values, self.unknown_guesses
-        columns = [np.repeat(v[:, None], len(x), axis=1) for v in (p, u)]
-        return np.asarray(self.built["L"](x[None, :], y, dy, ddy, *columns)).ravel()
+            self.built["L"] = Pointwise(ca.Function("L", self.symbols.all, [self.integrand]))
+        level = np.zeros((1, self.symbols.ddy.numel()))
+        numbers = self.parameter_values[None], self.unknown_guesses[None]
+        return self.built["L"](len(x), x[:, None], y.T, dy.T, level, *numbers)[:, 0]
 
 
 class Curve(Functional):

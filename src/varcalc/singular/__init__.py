@@ -21,7 +21,7 @@ from varcalc.formulation import Form, formulate
 from varcalc.functional import Functional
 from varcalc.problem import Curve, Problem
 from varcalc.singular.abscissa import abscissa_form
-from varcalc.singular.detection import Infinite, Metric, riemannian, singular_ends
+from varcalc.singular.detection import Infinite, homogeneous, riemannian, singular_ends
 from varcalc.singular.energy import energy_forms
 from varcalc.singular.powers import power_form
 
@@ -79,9 +79,7 @@ def _makers(problem: Functional) -> Makers:
     if isinstance(problem, Curve):
         plain = problem.n == 2 and not problem.constraints and problem.end_cost is None and not problem.maximise
         singular = singular_ends(problem) if plain else (False, False)
-        s = problem.symbols
-        metric = Metric(s.y, s.dy, problem.integrand**2)
-        return [*energy_forms(problem, metric, singular), direct] if any(singular) else [direct]
+        return [*energy_forms(problem, homogeneous(problem), singular), direct] if any(singular) else [direct]
     if not (isinstance(problem, Problem) and _simple(problem)):
         return [direct]
     singular = singular_ends(problem)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.buffered import Pointwise
 from varcalc.conditions import Fixed, Free
 from varcalc.formulation import formulate
 from varcalc.functional import Functional
@@ -21,8 +23,24 @@ PROBE = (1e-7, 1e-9)
 SLOPES = np.array([0.0, 0.7, -1.3, 2.9, -5.1])
 POWERS = SLOPES[:, None] ** np.arange(3)
 FIT = np.linalg.pinv(POWERS)
+RING = np.array([[math.cos(a), math.sin(a)] for a in np.linspace(0.1, 0.1 + 2 * math.pi, 16, endpoint=False)]).T
+ASLANT = np.array([0.7, -1.3])
+"""Slopes of two directions, neither along an axis, over which a metric is summed."""
 ACROSS = np.linspace(-1.6, 1.6, 64)
 """Ordinates, in units of the problem's size about its middle, at which the sign of L is looked at."""
+
+
+def _survey() -> np.ndarray:
+    """Where and with what slopes a Lagrangian is sampled: shares of the chord, offsets from it, slopes.
+
+    The last entries cross the problem in the middle, at slope zero.
+    """
+    places = [(share, offset) for share in (0.13, 0.37, 0.61, 0.89) for offset in (0.0, 0.21, -0.21, 1.1, -1.1)]
+    fans = [(*place, slope) for place in places for slope in SLOPES]
+    return np.array([*fans, *((0.5, offset, 0.0) for offset in ACROSS)]).T
+
+
+SURVEY = _survey()
 QUADRATIC = 1e-9
 """Relative departure from a quadratic form below which L^2 is taken to be one."""
 LARGEST_DENOMINATOR = 6
@@ -34,11 +52,9 @@ class Infinite(Exception):
 
 @dataclass(frozen=True)
 class Metric:
-    """L^2 dx^2 as a quadratic form: ``square`` in the symbols q = (x, y) and dq."""
+    """The square of a length element as a function of symbols: ``square(q, dq, unknowns)``, scalar."""
 
-    q: Expression
-    dq: Expression
-    square: Expression
+    square: Callable[[Expression, Expression, Expression], Expression]
 
 
 @dataclass(frozen=True)
@@ -71,10 +87,10 @@ def _values(problem: Functional, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         return problem.integrand_values(q[0], q[1:], dq[1:] / dq[0]) * dq[0]
     s = problem.symbols
     if "F" not in problem.built:
-        problem.built["F"] = ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [problem.integrand])
-    count = q.shape[1]
-    numbers = [np.repeat(v[:, None], count, axis=1) for v in (problem.parameter_values, problem.unknown_guesses)]
-    return np.asarray(problem.built["F"](q, dq, *numbers)).ravel()
+        function = ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [problem.integrand])
+        problem.built["F"] = Pointwise(function)
+    numbers = problem.parameter_values[None], problem.unknown_guesses[None]
+    return problem.built["F"](q.shape[1], q.T, dq.T, *numbers)[:, 0]
 
 
 def singular_ends(problem: Functional) -> tuple[bool, bool]:
@@ -102,21 +118,13 @@ def extent(problem: Functional) -> float:
 def riemannian(problem: Problem) -> Metric | None:
     """The quadratic form L^2 dx^2, or None when L^2 is not quadratic in the slope or L changes its sign."""
     start, end = _completed(problem)
-    middle, size = 0.5 * (start + end), extent(problem)
-    along = np.array([0.13, 0.37, 0.61, 0.89])
-    offsets = size * np.array([0.0, 0.21, -0.21, 1.1, -1.1])
-    x = np.repeat(start[0] + along * (end[0] - start[0]), len(offsets))
-    y = (start[1] + along[:, None] * (end[1] - start[1]) + offsets).ravel()
-    count, slopes = len(x), len(SLOPES)
-    across = middle[1] + size * ACROSS
+    (x, y), along, across, size = start, SURVEY[0], SURVEY[1], extent(problem)
     values = problem.integrand_values(
-        np.concatenate([np.repeat(x, slopes), np.full(len(across), middle[0])]),
-        np.concatenate([np.repeat(y, slopes), across])[None],
-        np.concatenate([np.tile(SLOPES, count), np.zeros(len(across))])[None],
+        x + along * (end[0] - x), (y + along * (end[1] - y) + size * across)[None], SURVEY[2][None]
     )
-    sampled = values[: count * slopes].reshape(count, slopes)
+    sampled = values[: -len(ACROSS)].reshape(-1, len(SLOPES))
     squares = sampled[np.isfinite(sampled).all(1) & (sampled > 0).all(1)] ** 2
-    if len(squares) < 2 or _passes_zero(values[count * slopes :]):
+    if len(squares) < 2 or _passes_zero(values[-len(ACROSS) :]):
         return None
     fit = FIT @ squares.T
     if np.any(np.abs(POWERS @ fit - squares.T).max(0) > QUADRATIC * squares.max(1)):
@@ -127,15 +135,27 @@ def riemannian(problem: Problem) -> Metric | None:
 def _metric(problem: Problem, conformal: bool) -> Metric:
     """The coefficients of L^2 in powers of the slope, by differentiation at slope zero."""
     s = problem.symbols
-    kind = s.kind
-    q, dq = kind.sym("q", 2), kind.sym("dq", 2)
-    square = problem.integrand**2
-    old, new = [s.x, s.y, s.dy], [q[0], q[1], kind(0)]
-    if conformal:
-        return Metric(q, dq, ca.substitute([square], old, new)[0] * ca.sumsqr(dq))
-    slope = ca.gradient(square, s.dy)
-    a, b, c = ca.substitute([square, slope, ca.gradient(slope, s.dy)], old, new)
-    return Metric(q, dq, a * dq[0] ** 2 + b * dq[0] * dq[1] + 0.5 * c * dq[1] ** 2)
+
+    def square(q: Expression, dq: Expression, unknowns: Expression) -> Expression:
+        old, new = [s.x, s.y, s.dy, s.unknowns], [q[0], q[1], s.kind(0), unknowns]
+        if conformal:
+            return ca.substitute([problem.integrand], old, new)[0] ** 2 * ca.sumsqr(dq)
+        whole = problem.integrand**2
+        slope = ca.gradient(whole, s.dy)
+        a, b, c = ca.substitute([whole, slope, ca.gradient(slope, s.dy)], old, new)
+        return a * dq[0] ** 2 + b * dq[0] * dq[1] + 0.5 * c * dq[1] ** 2
+
+    return Metric(square)
+
+
+def homogeneous(problem: Functional) -> Metric:
+    """The square of a Curve's integrand, which is taken to be the length element of a metric."""
+    s = problem.symbols
+
+    def square(q: Expression, dq: Expression, unknowns: Expression) -> Expression:
+        return ca.substitute([problem.integrand**2], [s.y, s.dy, s.unknowns], [q, dq, unknowns])[0]
+
+    return Metric(square)
 
 
 def _passes_zero(values: np.ndarray) -> bool:
@@ -171,23 +191,15 @@ def _is_conformal(fit: np.ndarray) -> bool:
     return bool(np.all(np.abs(fit[1]) + np.abs(fit[2] - fit[0]) <= QUADRATIC * np.abs(fit[0])))
 
 
-def blowup(problem: Functional, metric: Metric, at_start: bool) -> Blowup | None:
-    """The power and direction in which the metric blows up at an end; None when no line explains it."""
-    s = problem.symbols
-    axes = (ca.DM([1, 0]), ca.DM([0, 1]))
-    trace = sum(ca.substitute([metric.square], [metric.dq], [s.kind(direction)])[0] for direction in axes)
-    function = ca.Function("trace", [metric.q, s.parameters, s.unknowns], [trace, ca.gradient(ca.log(trace), metric.q)])
+def blowup(problem: Functional, at_start: bool) -> Blowup | None:
+    """The power and direction in which a metric blows up at an end; None when no line explains it."""
     point, size = end_points(problem)[0 if at_start else 1], extent(problem)
 
     def probe(offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        count = offsets.shape[1]
-        numbers = [np.repeat(v[:, None], count, axis=1) for v in (problem.parameter_values, problem.unknown_guesses)]
-        values, slopes = function(point[:, None] + size * offsets, *numbers)
-        return np.asarray(values).ravel(), np.asarray(slopes)
+        return _trace(problem, point[:, None] + size * offsets)
 
-    angles = np.linspace(0.0, 2 * math.pi, 16, endpoint=False) + 0.1
-    values, slopes = probe(PROBE[0] * np.vstack([np.cos(angles), np.sin(angles)]))
-    length = np.linalg.norm(slopes, axis=0)
+    values, slopes = probe(PROBE[0] * RING)
+    length = np.hypot(slopes[0], slopes[1])
     usable = np.isfinite(values) & (values > 0) & np.isfinite(length) & (length > 0)
     if not usable.any():
         return None
@@ -207,6 +219,26 @@ def blowup(problem: Functional, metric: Metric, at_start: bool) -> Blowup | None
             "so the functional is infinite for every curve that ends there"
         )
     return Blowup(at_start, point, normal, power) if power > 0 else None
+
+
+def _trace(problem: Functional, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The metric summed over two directions at points (2, m), and the gradient (2, m) of its logarithm."""
+    s = problem.symbols
+    if "metric" not in problem.built:
+        position = ca.vertcat(s.x, s.y) if isinstance(problem, Problem) else s.y
+        rows = ca.vertcat(problem.integrand, ca.gradient(problem.integrand, position))
+        problem.built["metric"] = Pointwise(ca.Function("metric", s.all, [ca.densify(rows)]))
+    count = points.shape[1]
+    if isinstance(problem, Problem):
+        place = [np.tile(points[:1].T, (2, 1)), np.tile(points[1:].T, (2, 1)), np.repeat(ASLANT, count)[:, None]]
+    else:
+        directions = np.vstack([np.ones(2), ASLANT]).T
+        place = [np.zeros((1, 1)), np.tile(points.T, (2, 1)), np.repeat(directions, count, axis=0)]
+    numbers = problem.parameter_values[None], problem.unknown_guesses[None]
+    rows = problem.built["metric"](2 * count, *place, np.zeros((1, 0)), *numbers).reshape(2, count, 3)
+    values = (rows[:, :, 0] ** 2).sum(0)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return values, 2 * np.einsum("dm,dmk->km", rows[:, :, 0], rows[:, :, 1:]) / values
 
 
 def rational(value: float, denominator: int = LARGEST_DENOMINATOR) -> float:

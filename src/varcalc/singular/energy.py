@@ -31,7 +31,7 @@ def energy_forms(problem: Functional, metric: Metric, singular: tuple[bool, bool
 
     Empty when a free end does not follow a coordinate line of the singular chart.
     """
-    blowups = [blowup(problem, metric, at_start) for at_start, bad in zip((True, False), singular, strict=True) if bad]
+    blowups = [blowup(problem, at_start) for at_start, bad in zip((True, False), singular, strict=True) if bad]
     chart = _chart(blowups)
     free = isinstance(problem, Problem) and any(isinstance(e, Free) for e in (problem.start, problem.end))
     if chart is None or (free and np.all(chart.normal != 0.0)):
@@ -58,7 +58,7 @@ def _energy_form(
     coordinates = _factored(symbols, *guess, chart.growth, singular) if factored else symbols.y
     q = chart.point(coordinates)
     velocity = ca.jtimes(q, symbols.y, symbols.dy) + ca.jacobian(q, symbols.x)
-    square = ca.substitute([metric.square], [metric.q, metric.dq, s.unknowns], [q, velocity, symbols.unknowns])[0]
+    square = metric.square(q, velocity, symbols.unknowns)
     graph = isinstance(problem, Problem)
     outputs = [q[0], q[1], velocity[0], velocity[1]] if graph else [symbols.x, q, kind(1), velocity]
     arguments = [symbols.x, symbols.y, symbols.dy, symbols.unknowns, symbols.parameters]

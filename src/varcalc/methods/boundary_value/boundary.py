@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.buffered import BufferedCall
 from varcalc.formulation import Form
 from varcalc.mesh import Space
 from varcalc.methods.boundary_value.stationarity import Stationarity
@@ -32,20 +33,6 @@ class BoundaryValues:
 
     momentum: np.ndarray
     ends: tuple[np.ndarray, np.ndarray] | None
-
-
-class BufferedCall:
-    """A CasADi function that reads ``inputs`` and writes ``output`` in place: microseconds a call."""
-
-    def __init__(self, function: Any, inputs: list[Any], output: Any) -> None:
-        self._buffer, self._trigger = function.buffer()
-        for i, array in enumerate(inputs):
-            self._buffer.set_arg(i, memoryview(array))
-        self._buffer.set_res(0, memoryview(output))
-
-    def __call__(self) -> None:
-        """Read the inputs, write the output."""
-        self._trigger()
 
 
 class Boundary:

@@ -18,9 +18,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from varcalc.buffered import BufferedCall
 from varcalc.formulation import Form, Sampled
 from varcalc.mesh import Space, basis_at_gauss, gauss
-from varcalc.methods.boundary_value.boundary import Boundary, BoundaryValues, BufferedCall, Triplets
+from varcalc.methods.boundary_value.boundary import Boundary, BoundaryValues, Triplets
 from varcalc.methods.boundary_value.stationarity import stationarity
 
 

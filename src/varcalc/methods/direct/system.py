@@ -9,16 +9,19 @@ matrix products.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from varcalc.buffered import BufferedCall
 from varcalc.formulation import Form
 from varcalc.lagrangian import Lagrangian
 from varcalc.mesh import Space, basis_at_gauss
+from varcalc.methods.direct.element import OneElement
 
 
 @lru_cache(maxsize=64)
@@ -31,26 +34,6 @@ def _products(smoothness: int, degree: int, count: int, order: int) -> np.ndarra
     table = basis_at_gauss(smoothness, degree, count, order)
     pairs = np.einsum("dqi,eqj->ijdeq", table, table)
     return np.ascontiguousarray(pairs.reshape((degree + 1) ** 2, -1))
-
-
-class Buffered:
-    """A function mapped over the rows of ``arguments``, on memory of its own: a call costs microseconds.
-
-    Each array of ``arguments`` has one row a point and is read in place.
-    """
-
-    def __init__(self, function: ca.Function, arguments: list[np.ndarray], rows: int) -> None:
-        points = len(arguments[0])
-        self._out = np.zeros((points, rows))
-        self._buffer, self._trigger = function.map(points).buffer()
-        for i, array in enumerate(arguments):
-            self._buffer.set_arg(i, memoryview(array))
-        self._buffer.set_res(0, memoryview(self._out))
-
-    def __call__(self) -> np.ndarray:
-        """The results (points, rows), copied."""
-        self._trigger()
-        return self._out.copy()
 
 
 @dataclass
@@ -134,10 +117,11 @@ class RitzSystem:
             np.tile(parameters, (points, 1)),
             np.zeros((points, self.extra)),
         ]
-        self._pointwise = Buffered(
-            built["pointwise"], self._arguments, (1 + len(self.equalities)) * (1 + self.k + self.k**2)
-        )
-        self._reporter: Buffered | None = None
+        self._out = np.zeros((points, (1 + len(self.equalities)) * (1 + self.k + self.k**2)))
+        self._pointwise = BufferedCall(built["pointwise"].map(points), self._arguments, self._out)
+        self._single: OneElement | None = None
+        if self.space.elements == 1 and not self.space.periodic:
+            self._single = OneElement(self.space, self.count, self.order, self.free, self.fixed, self.extra)
         self._slope_scale = [(2.0 / self.space.widths[:, None, None]) ** d for d in range(self.order + 1)]
 
     # unknowns <-> coefficients
@@ -164,6 +148,12 @@ class RitzSystem:
 
     def _fill(self, z: np.ndarray) -> None:
         """Put the curve of ``z`` into the arguments of the pointwise functions."""
+        if self._single is not None:
+            values, n = self._single.values(z), self.n
+            for d in range(self.order + 1):
+                self._arguments[1 + d][:] = values[:, d * n : (d + 1) * n]
+            self._arguments[5][:] = values[:, (self.order + 1) * n :]
+            return
         table = basis_at_gauss(self.space.smoothness, self.space.degree, self.count, self.order)
         local = self.space.local(self.coefficients(z))
         for d in range(self.order + 1):
@@ -179,6 +169,16 @@ class RitzSystem:
     def reported(self, z: np.ndarray) -> Reported:
         """What is reported of a curve at the quadrature points, in the person's coordinates."""
         self._fill(z)
+        form = self.form
+        out = self._reporter()
+        if form.lift is None:
+            return Reported(out[:, 0], self._arguments[1].T.copy())
+        n = form.problem.n
+        return Reported(out[:, 0], out[:, 2 : 2 + n].T, out[:, 3 + n :].T, out[:, 1], out[:, 2 + n])
+
+    @cached_property
+    def _reporter(self) -> Callable[[], np.ndarray]:
+        """The reported functional and the lifted curve at the points last filled in."""
         form, built = self.form, self.form.built
         if "reported" not in built:
             s = form.symbols
@@ -186,24 +186,26 @@ class RitzSystem:
             if form.lift is not None:
                 outputs += form.lift(s.x, s.y, s.dy, s.unknowns, s.parameters)
             built["reported"] = ca.Function("reported", s.all, [ca.densify(ca.vertcat(*outputs))])
-        if self._reporter is None:
-            self._reporter = Buffered(built["reported"], self._arguments, built["reported"].size1_out(0))
-        out = self._reporter()
-        if form.lift is None:
-            return Reported(out[:, 0], self._arguments[1].T.copy())
-        n = form.problem.n
-        return Reported(out[:, 0], out[:, 2 : 2 + n].T, out[:, 3 + n :].T, out[:, 1], out[:, 2 + n])
+        points = len(self.weights)
+        out = np.zeros((points, built["reported"].size1_out(0)))
+        call = BufferedCall(built["reported"].map(points), self._arguments, out)
+
+        def run() -> np.ndarray:
+            call()
+            return out.copy()
+
+        return run
 
     def evaluate(self, z: np.ndarray) -> Evaluation:
         """Everything but the Hessian's assembly; entries are inf or NaN outside the domain."""
-        table = basis_at_gauss(self.space.smoothness, self.space.degree, self.count, self.order)
         self._fill(z)
-        out = self._pointwise()
+        self._pointwise()
+        out = self._out.copy()
         stride = 1 + self.k + self.k**2
         with np.errstate(invalid="ignore", over="ignore"):
             values = self.weights @ out[:, ::stride]
             scale = float(self.weights @ np.abs(out[:, 0]))
-            rows = [self._gradient(table, out[:, j * stride + 1 : j * stride + 1 + self.k]) for j in range(len(values))]
+            rows = [self._gradient(out[:, j * stride + 1 : j * stride + 1 + self.k]) for j in range(len(values))]
         conditions = values[1:] - self.levels
         value, gradient, jacobian = float(values[0]), rows[0], np.array(rows[1:]).reshape(len(rows) - 1, self.size)
         ends = None
@@ -220,9 +222,12 @@ class RitzSystem:
             jacobian = np.vstack([jacobian, block])
         return Evaluation(value, scale, conditions, gradient, jacobian, self._legendre(out), out, ends)
 
-    def _gradient(self, table: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        elements, n = self.space.elements, self.n
+    def _gradient(self, rows: np.ndarray) -> np.ndarray:
         weighted = rows * self.weights[:, None]
+        if self._single is not None:
+            return self._single.gradient(weighted)
+        elements, n = self.space.elements, self.n
+        table = basis_at_gauss(self.space.smoothness, self.space.degree, self.count, self.order)
         total = np.zeros((elements, self.space.degree + 1, n))
         for d in range(self.order + 1):
             part = weighted[:, d * n : (d + 1) * n].reshape(elements, self.count, n)
@@ -291,8 +296,11 @@ class RitzSystem:
 
     def hessian(self, evaluation: Evaluation, multipliers: np.ndarray) -> np.ndarray:
         """Dense Hessian of the Lagrangian function in the free unknowns."""
-        local, border, corner = self.hessian_parts(evaluation, multipliers)
-        return self.dense(local, border, corner) + self._end_hessian(evaluation, multipliers)
+        if self._single is not None:
+            full = self._single.hessian(self._combined(evaluation, multipliers))
+        else:
+            full = self.dense(*self.hessian_parts(evaluation, multipliers))
+        return full if evaluation.ends is None else full + self._end_hessian(evaluation, multipliers)
 
     def dense(self, local: np.ndarray, border: np.ndarray, corner: np.ndarray) -> np.ndarray:
         """Assemble element matrices and a border into one dense matrix for the free unknowns."""
@@ -369,9 +377,8 @@ class RitzSystem:
         out: Any = built["ends"](first, last, self.unknowns(z), form.problem.parameter_values)
         return [np.asarray(o) for o in out]
 
-    def _end_hessian(self, evaluation: Evaluation, multipliers: np.ndarray) -> np.ndarray | float:
-        if evaluation.ends is None:
-            return 0.0
+    def _end_hessian(self, evaluation: Evaluation, multipliers: np.ndarray) -> np.ndarray:
+        assert evaluation.ends is not None
         total = evaluation.ends[4].copy()
         for r in range(evaluation.ends[2].size):
             total += multipliers[len(self.equalities) + r] * evaluation.ends[5 + r]
