@@ -421,7 +421,7 @@ def test_regularised_brachistochrone(tol):
         formulate(problem), symbols=symbols, integrand=square, functional=ca.sqrt(square), span=(0.0, 1.0),
         fixed_start=np.zeros((1, 2)), fixed_end=np.ones((1, 2)), baseline=lambda s: np.vstack([s**3, s]),
         bumps=np.eye(2), energetic=True, singular=(True, False),
-        lift=ca.Function("lift", [symbols.x, symbols.y, symbols.dy, symbols.unknowns, g], [x, w**2, dx, 2 * w * dw]),
+        lifted=(x, w**2, dx, 2 * w * dw),
     )  # fmt: skip
     angle = root(lambda t: (t - math.sin(t)) / (1 - math.cos(t)) - 1, 1.0, 6.0)
     radius = 1 / (1 - math.cos(angle))

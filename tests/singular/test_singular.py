@@ -122,7 +122,7 @@ def test_singular_ends(end: tuple[float, float], singular: tuple[bool, bool]) ->
 def test_regular_ends_keep_the_persons_coordinates() -> None:
     problem = vc.Problem(quickest, vc.Fixed(0, 1), vc.Fixed(1, 2))
     assert singular_ends(problem) == (False, False)
-    assert forms(problem)[0].lift is None
+    assert forms(problem)[0].lifted is None
 
 
 @pytest.mark.parametrize("power", [1 / 4, 1 / 3, 1 / 2, 3 / 5, 2 / 3, 3 / 4, 4 / 5, 0.9])

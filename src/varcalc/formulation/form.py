@@ -58,8 +58,8 @@ class Form:
     function a at the start, NaN where it is free. ``knots`` are abscissae that
     must be vertices of every mesh, where slopes may jump; ``waypoints`` pairs of a knot
     and the values demanded there. ``baseline`` is the first curve to try and
-    ``bumps`` the directions in which to bend it. ``lift`` takes (s, y, dy, u, p) to the person's
-    abscissa, ordinates and their derivatives by s; None when they are the same.
+    ``bumps`` the directions in which to bend it. ``lifted`` holds the person's abscissa and
+    ordinates and their derivatives by s, in ``symbols``; None when they are the same.
     """
 
     problem: Functional
@@ -80,7 +80,7 @@ class Form:
     baseline: Sampled
     bumps: np.ndarray
     pull: Callable[[Sampled], Sampled]
-    lift: ca.Function | None = None
+    lifted: tuple[Expression, Expression, Expression, Expression] | None = None
     note: str = ""
     energetic: bool = False
     """True when the integral of the square of the functional's integrand is what is minimised."""
@@ -94,6 +94,15 @@ class Form:
     """True when the last unknown number is the constant speed of a Curve."""
     built: dict[Any, Any] = field(default_factory=dict, repr=False)
     """What methods derive from the expressions; shared by copies for other parameter values."""
+
+    @property
+    def lift(self) -> ca.Function | None:
+        """:attr:`lifted` as a function of (s, y, dy, unknowns, parameters)."""
+        if self.lifted is not None and "lift" not in self.built:
+            s = self.symbols
+            arguments = [s.x, s.y, s.dy, s.unknowns, s.parameters]
+            self.built["lift"] = ca.Function("lift", arguments, [ca.densify(s.kind(e)) for e in self.lifted])
+        return self.built.get("lift")
 
     @property
     def n(self) -> int:

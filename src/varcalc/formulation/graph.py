@@ -81,11 +81,6 @@ def sliding_form(problem: Problem) -> Form:
         for e, f in ((problem.start, start), (problem.end, end))
     ]
     guess = np.array([*problem.unknown_guesses, *(v for v, sl in zip(problem.span, sliding, strict=True) if sl)])
-    lift = ca.Function(
-        "lift",
-        [symbols.x, symbols.y, symbols.dy, symbols.unknowns, symbols.parameters],
-        [ca.densify(x), symbols.y, ca.densify(width), symbols.dy],
-    )
     a, b = problem.span
     return Form(
         problem=problem,
@@ -105,7 +100,7 @@ def sliding_form(problem: Problem) -> Form:
         baseline=straight((0.0, 1.0), *guesses),
         bumps=np.eye(problem.n),
         pull=lambda curve: lambda s: curve(a + s * (b - a)),
-        lift=lift,
+        lifted=(x, symbols.y, width, symbols.dy),
         note="abscissa unknown",
     )
 

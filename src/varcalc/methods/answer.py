@@ -177,7 +177,7 @@ def _abscissae_to_s(extremal: Extremal, x: np.ndarray) -> np.ndarray:
 
 def person_curve(extremal: Extremal) -> Callable[[np.ndarray, int], np.ndarray]:
     """The curve (or its slope) as a function of the person's abscissa."""
-    if extremal.form.lift is None:
+    if extremal.form.lifted is None:
         return extremal.evaluate
 
     def curve(x: np.ndarray, derivative: int) -> np.ndarray:
@@ -214,7 +214,7 @@ def person_nodes(extremal: Extremal, nodes: np.ndarray) -> np.ndarray:
     )
     if fixed and len(nodes) == 2:
         return np.array(problem.span)
-    return nodes if extremal.form.lift is None else lifted(extremal, nodes)[0]
+    return nodes if extremal.form.lifted is None else lifted(extremal, nodes)[0]
 
 
 def multipliers(extremal: Extremal) -> tuple[Any, ...]:
@@ -236,7 +236,7 @@ def _of_abscissa(extremal: Extremal, index: int) -> Callable[[Any], Any]:
 
     def multiplier(x: Any) -> Any:
         at = np.asarray(x, dtype=float)
-        s = at.ravel() if extremal.form.lift is None else _abscissae_to_s(extremal, at.ravel())
+        s = at.ravel() if extremal.form.lifted is None else _abscissae_to_s(extremal, at.ravel())
         values = sign * mu(s).reshape(at.shape)
         return float(values) if at.ndim == 0 else values
 

@@ -46,7 +46,6 @@ def abscissa_form(problem: Problem) -> Form | None:
     integrand = rewriter(problem, symbols, x, y, [climb / speed], speed)(problem.integrand, True)
     far = np.array([other[1] - corner[1]])
     free = np.array([np.nan])
-    arguments = [t, z, symbols.dy, symbols.unknowns, symbols.parameters]
 
     def pull(curve: Sampled) -> Sampled:
         def pulled(at: np.ndarray) -> np.ndarray:
@@ -60,7 +59,7 @@ def abscissa_form(problem: Problem) -> Form | None:
         integrals=(), pathwise=(), fixed_start=(free if at_start else far)[None],
         fixed_end=(far if at_start else free)[None], ends=None, periodic=False, knots=(), waypoints=(),
         unknown_guess=problem.unknown_guesses, baseline=straight((0.0, 1.0), far, far), bumps=np.eye(1), pull=pull,
-        lift=ca.Function("lift", arguments, [x, y, speed, climb]), note=f"x ~ t^{b}, y ~ t^{q}",
+        lifted=(x, y, speed, climb), note=f"x ~ t^{b}, y ~ t^{q}",
         singular=(at_start, not at_start), weak_only=True,
     )  # fmt: skip
 

@@ -60,8 +60,6 @@ def _energy_form(
     velocity = ca.jtimes(q, symbols.y, symbols.dy) + ca.jacobian(q, symbols.x)
     square = metric.square(q, velocity, symbols.unknowns)
     graph = isinstance(problem, Problem)
-    outputs = [q[0], q[1], velocity[0], velocity[1]] if graph else [symbols.x, q, kind(1), velocity]
-    arguments = [symbols.x, symbols.y, symbols.dy, symbols.unknowns, symbols.parameters]
     fixed, baseline = (start, end), _graded_line(*guess, chart.growth, singular)
     if factored:
         fixed, baseline = _factored_ends((start, end), guess, singular)
@@ -84,7 +82,7 @@ def _energy_form(
         baseline=baseline,
         bumps=np.array([[0.0, 1.0]]),
         pull=_energy_pull(problem, chart, guess, singular if factored else (False, False)),
-        lift=ca.Function("lift", arguments, [ca.densify(o) for o in outputs]),
+        lifted=(q[0], q[1], velocity[0], velocity[1]) if graph else (symbols.x, q, kind(1), velocity),
         note="energy" + (", regularised" if any(singular) else "") + (", factored" if factored else ""),
         energetic=True,
         least_degree=math.ceil(chart.growth) + 1 if any(singular) and not factored else 1,

@@ -46,11 +46,6 @@ def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form:
     integrand = rewriter(problem, symbols, x, y, [slope], speed)(problem.integrand, True)
     far = (max(side * (other[1] - corner[1]), 0.0)) ** (1.0 / a)
     fixed = [0.0, far] if at_start else [far, 0.0]
-    lift = ca.Function(
-        "lift",
-        [t, w, dw, symbols.unknowns, symbols.parameters],
-        [x, y, ca.densify(s.kind(speed)), side * a * w ** (a - 1) * dw],
-    )
 
     def pull(curve: Sampled) -> Sampled:
         def pulled(at: np.ndarray) -> np.ndarray:
@@ -65,7 +60,7 @@ def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form:
         fixed_start=np.array([[fixed[0]]]), fixed_end=np.array([[fixed[1]]]),
         ends=None, periodic=False, knots=(), waypoints=(), unknown_guess=problem.unknown_guesses,
         baseline=straight((0.0, root), np.array([fixed[0]]), np.array([fixed[1]])),
-        bumps=np.eye(1), pull=pull, lift=lift, note=f"powers x ~ t^{b}, y ~ w^{a}",
+        bumps=np.eye(1), pull=pull, lifted=(x, y, speed, side * a * w ** (a - 1) * dw), note=f"powers x ~ t^{b}, y ~ w^{a}",
         singular=(at_start, not at_start),
     )  # fmt: skip
 

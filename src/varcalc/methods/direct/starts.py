@@ -29,7 +29,7 @@ def size(form: Form) -> float:
     spread = float(np.ptp(line, axis=1).max())
     scale = max(spread, float(np.abs(line).max()) * 1e-3)
     problem_span = form.problem.span[1] - form.problem.span[0]
-    return max(scale, problem_span) if form.lift is None or spread == 0.0 else scale
+    return max(scale, problem_span) if form.lifted is None or spread == 0.0 else scale
 
 
 def bent(form: Form, amplitude: float, direction: np.ndarray) -> Sampled:

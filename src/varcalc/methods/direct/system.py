@@ -171,7 +171,7 @@ class RitzSystem:
         self._fill(z)
         form = self.form
         out = self._reporter()
-        if form.lift is None:
+        if form.lifted is None:
             return Reported(out[:, 0], self._arguments[1].T.copy())
         n = form.problem.n
         return Reported(out[:, 0], out[:, 2 : 2 + n].T, out[:, 3 + n :].T, out[:, 1], out[:, 2 + n])
@@ -183,8 +183,8 @@ class RitzSystem:
         if "reported" not in built:
             s = form.symbols
             outputs = [form.functional]
-            if form.lift is not None:
-                outputs += form.lift(s.x, s.y, s.dy, s.unknowns, s.parameters)
+            if form.lifted is not None:
+                outputs += form.lifted
             built["reported"] = ca.Function("reported", s.all, [ca.densify(ca.vertcat(*outputs))])
         points = len(self.weights)
         out = np.zeros((points, built["reported"].size1_out(0)))
