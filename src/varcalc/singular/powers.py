@@ -60,8 +60,8 @@ def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form:
         fixed_start=np.array([[fixed[0]]]), fixed_end=np.array([[fixed[1]]]),
         ends=None, periodic=False, knots=(), waypoints=(), unknown_guess=problem.unknown_guesses,
         baseline=straight((0.0, root), np.array([fixed[0]]), np.array([fixed[1]])),
-        bumps=np.eye(1), pull=pull, lifted=(x, y, speed, side * a * w ** (a - 1) * dw), note=f"powers x ~ t^{b}, y ~ w^{a}",
-        singular=(at_start, not at_start),
+        bumps=np.eye(1), pull=pull, lifted=(x, y, speed, side * a * w ** (a - 1) * dw),
+        note=f"powers x ~ t^{b}, y ~ w^{a}", singular=(at_start, not at_start),
     )  # fmt: skip
 
 
