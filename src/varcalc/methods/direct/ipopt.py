@@ -74,6 +74,7 @@ def optimise(
     options = {
         "print_time": False,
         "show_eval_warnings": False,
+        "no_nlp_grad": True,  # the sensitivities are taken from the curve, by the envelope theorem
         "ipopt": {
             "print_level": 0,
             "sb": "yes",
