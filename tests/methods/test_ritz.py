@@ -386,3 +386,17 @@ def test_the_value_is_an_upper_bound_on_coarse_meshes():
 def test_a_mesh_that_cannot_be_is_refused(options):
     with pytest.raises(ValueError, match=f"Ritz.{next(iter(options))} must be a whole number"):
         vc.Ritz(**options)
+
+
+@pytest.mark.parametrize("optimiser", [vc.Newton(), vc.Ipopt()])
+@pytest.mark.parametrize("mode", [1, 2, 3])
+def test_higher_eigenvalues_by_orthogonality_to_the_lower_modes(mode, optimiser):
+    # several levels, some of them zero, and a baseline that meets none: Courant and Hilbert, vol. 1, ch. VI
+    unit = vc.Isoperimetric(lambda x, y, v: y**2, 1.0)
+    lower = [vc.Isoperimetric(lambda x, y, v, k=k: y * ca.sin(k * ca.pi * x), 0.0) for k in range(1, mode)]
+    string = vc.Problem(lambda x, y, v: v**2, vc.Fixed(0, 0), vc.Fixed(1, 0), [unit, *lower])
+    solution = vc.solve(string, vc.Ritz(optimiser=optimiser), tol=1e-12)
+    eigenvalue = (mode * math.pi) ** 2
+    assert solution.value == pytest.approx(eigenvalue, rel=2e-12)
+    # dJ/dlevel of the normalisation is the eigenvalue itself
+    assert solution.multipliers[0] == pytest.approx(eigenvalue, rel=1e-8)

@@ -38,6 +38,8 @@ SETTLING = 5
 """Iterations in which the size of the functional is learnt."""
 DAMPING = 1e-6
 """Shift that keeps a step along a symmetry from being made of round-off."""
+INEFFECTIVE = 1e-14
+"""Relative derivative of a level, by what is summed to it, that is made of round-off."""
 NEARLY_SINGULAR = 1e-9
 """Generalised eigenvalues below this are symmetries (zero modes), not curvature."""
 
@@ -84,6 +86,8 @@ def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
     """The (shifted, when need be) Newton step from an evaluation; None when there is none."""
     if not (np.isfinite(at.pointwise).all() and np.isfinite(at.gradient).all() and np.isfinite(at.jacobian).all()):
         return None
+    if _ineffective(system, at):
+        return None
     if system.size > DENSE and solvable(system):
         found = banded_step(system, at, multipliers)
         if found is not None and (found[3] == 0.0 or len(at.conditions) == 0 or system.size > LARGEST_DENSE):
@@ -94,6 +98,17 @@ def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
         return _dense_step(system, at, multipliers)
     except np.linalg.LinAlgError:  # entries of 1e200 and the like: not a matrix to be factored
         return None
+
+
+def _ineffective(system: RitzSystem, at: Evaluation) -> bool:
+    """Whether no change of the curve changes some level but by round-off: its integrand is a total derivative."""
+    count, k, n = len(system.levels), system.k, system.n
+    if not count:
+        return False
+    rows = system.weights @ np.abs(at.pointwise[:, 1 + k + k**2 :])
+    slopes = (2.0 / system.space.widths.min()) ** (np.arange(k) // n)
+    sizes = rows.reshape(count, 1 + k + k**2)[:, 1 : 1 + k] @ np.where(np.arange(k) < k - system.extra, slopes, 1.0)
+    return bool((np.abs(at.jacobian[:count]).max(1, initial=0.0) <= INEFFECTIVE * sizes).any())
 
 
 def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
@@ -205,9 +220,11 @@ def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float) -
 
 
 def system_levels(system: RitzSystem, at: Evaluation) -> np.ndarray:
-    """The size of each condition: its level, or 1 for an equation of the ends."""
+    """The size of each condition: its level or what is summed to meet it, and 1 for an equation of the ends."""
     levels = np.ones(len(at.conditions))
-    levels[: len(system.levels)] = np.maximum(np.abs(system.levels), 1e-300)
+    count = len(system.levels)
+    summed = system.weights @ np.abs(at.pointwise[:, :: 1 + system.k + system.k**2])
+    levels[:count] = np.maximum(np.maximum(np.abs(system.levels), summed[1:]), 1e-300)
     return levels
 
 

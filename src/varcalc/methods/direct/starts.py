@@ -18,6 +18,10 @@ from varcalc.methods.direct.system import RitzSystem
 
 AMPLITUDES = (0.3, -0.3, 1.0, -1.0, 0.1, -0.1, 3.0, -3.0)
 """Heights of a bent start in units of the problem's size."""
+GAUSS_NEWTON = 30
+"""Iterations in which several levels are to be met at once."""
+MET = 1e-3
+"""Relative miss of a level that a start may have: Newton's iteration does the rest."""
 LADDER = np.concatenate([[0.0], np.geomspace(1e-3, 30.0, 60)])
 """Amplitudes among which the isoperimetric level is sought."""
 
@@ -53,6 +57,8 @@ def candidates(system: RitzSystem, guess: Sampled | None) -> Iterator[np.ndarray
     form = system.form
     if guess is not None:
         yield _fit(system, guess)
+    if system.levels.size > 1:
+        yield from _meeting_all_levels(system)
     if system.levels.size:
         yield from _meeting_levels(system)
     if form.pathwise:
@@ -95,6 +101,41 @@ def _clear_of_bounds(system: RitzSystem) -> Iterator[np.ndarray]:
                     break
     found.sort(key=lambda pair: pair[0])
     yield from (z for _, z in found)
+
+
+def _meeting_all_levels(system: RitzSystem) -> Iterator[np.ndarray]:
+    """The baseline bent by its lowest modes until every isoperimetric condition holds, from each mode in turn.
+
+    One bend cannot meet several levels. Their sum of squares is brought to
+    zero by Gauss and Newton's iteration in the amplitudes of the modes.
+    """
+    form, scale = system.form, size(system.form)
+    count = len(system.levels)
+    straight_on = _fit(system, form.baseline)
+    modes = np.array([_mode(system, k, d) for k in range(1, count + 3) for d in form.bumps]) * scale
+    found: list[tuple[float, np.ndarray]] = []
+    for first in np.eye(len(modes)):
+        z = straight_on + first @ modes
+        for _ in range(GAUSS_NEWTON):
+            at = system.evaluate(z)
+            miss = at.conditions[:count]
+            if not (np.isfinite(at.value) and np.isfinite(at.jacobian).all()):
+                break
+            if np.all(np.abs(miss) <= MET * np.maximum(1.0, np.abs(system.levels))):
+                found.append((at.value, z))
+                break
+            z = z - np.linalg.lstsq(at.jacobian[:count] @ modes.T, miss, rcond=1e-6)[0] @ modes
+    found.sort(key=lambda pair: pair[0])
+    yield from (z for _, z in found)
+
+
+def _mode(system: RitzSystem, number: int, direction: np.ndarray) -> np.ndarray:
+    """The unknowns of sin(number pi s) along ``direction``, s the share of the interval."""
+    a, b = system.form.span
+    coefficients = system.space.fit(
+        lambda s: direction[:, None] * np.sin(number * np.pi * (np.asarray(s) - a) / (b - a))
+    )
+    return system.pack(coefficients, np.zeros(system.extra))
 
 
 def _meeting_levels(system: RitzSystem) -> Iterator[np.ndarray]:
