@@ -49,11 +49,11 @@ def vouched(solution: Solution, form: Form) -> Solution:
             f"a weak minimum only: at x = {x[worst.place]:.4g} Weierstrass's excess is {worst.excess:.3g} for the "
             f"slope {worst.slope:.4g} instead of {worst.own:.4g}, so curves with corners come lower",
         )
-    if fan.concave() and (corner := _corner(solution)) is not None:
+    if fan.concave() and len(corners := _corners(solution)) > form.corners:
         return _refused(
             solution,
             f"a weak minimum only: the Lagrangian is not convex in the slope, and the curve found has a corner at "
-            f"x = {corner:.6g} where the mesh allows one; more corners may come lower still",
+            f"x = {corners[0]:.6g} where the mesh allows one; more corners may come lower still",
         )
     return solution
 
@@ -145,17 +145,17 @@ def _function(problem: Functional) -> ca.Function:
     return problem.built["slopes"]
 
 
-def _corner(solution: Solution) -> float | None:
-    """An inner vertex, not one of the problem's own, at which the slope jumps."""
+def _corners(solution: Solution) -> np.ndarray:
+    """The inner vertices, but for the problem's own, at which the slope jumps."""
     assert solution.curve is not None
     own = (*solution.problem.breakpoints, *(c.x for c in solution.problem.of_type(Through)))
     inner = np.array([x for x in solution.x[1:-1] if x not in own])
     if not len(inner):
-        return None
+        return inner
     step = 1e-9 * (solution.x[-1] - solution.x[0])
     left, right = (solution.curve(inner + side * step, 1) for side in (-1, 1))
     jumps = (np.abs(right - left) > JUMP * np.maximum(1.0, np.abs(left) + np.abs(right))).any(0)
-    return float(inner[np.argmax(jumps)]) if jumps.any() else None
+    return inner[jumps]
 
 
 def _refused(solution: Solution, message: str) -> Solution:

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
+from varcalc.corners import with_corners
 from varcalc.feasibility import explained
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
@@ -62,6 +63,8 @@ def solve(
     solution = _linear(problem, method or LADDER[0])
     if solution is None:
         solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
+    if method is None and not solution.status.ok and solution.verdict in (None, Verdict.WEAK_MINIMUM):
+        solution = with_corners(problem, tol, solution)
     if throw and not solution.status.ok:
         raise (InfeasibleError if solution.verdict is Verdict.INFEASIBLE else VariationalError)(solution)
     return solution

@@ -11,6 +11,7 @@ method knows of them.
 from __future__ import annotations
 
 from varcalc.conditions import OnCurve
+from varcalc.formulation.broken import broken_form
 from varcalc.formulation.curve import curve_form
 from varcalc.formulation.form import (
     EndConditions,
@@ -30,6 +31,7 @@ __all__ = [
     "Form",
     "Sampled",
     "SideCondition",
+    "broken_form",
     "formulate",
     "on_curve",
     "rewriter",

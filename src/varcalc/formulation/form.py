@@ -92,6 +92,8 @@ class Form:
     """True when regularity alone decides at a singular end: no boundary condition exists for an indirect method."""
     gauged: bool = False
     """True when the last unknown number is the constant speed of a Curve."""
+    corners: int = 0
+    """How many of the unknown numbers are abscissae of corners."""
     built: dict[Any, Any] = field(default_factory=dict, repr=False)
     """What methods derive from the expressions; shared by copies for other parameter values."""
 

@@ -1,0 +1,161 @@
+"""Minima with corners, placed by the solver, and infima that no curve attains.
+
+Where L is not convex in the slope, the relaxed problem
+(:mod:`varcalc.relaxation`) shows which slopes a minimiser uses and where it
+changes from one to another; the corners found there become unknowns of the
+direct method. The relaxed value bounds every curve from below: a curve with
+corners that comes down to it is a minimum, and when none does the infimum is
+not attained.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from varcalc.formulation import broken_form, formulate
+from varcalc.functional import Functional
+from varcalc.methods.ritz import Ritz
+from varcalc.problem import Problem
+from varcalc.relaxation import Relaxed, applies, relaxed
+from varcalc.slopes import vouched
+from varcalc.solution import Solution, Status, Verdict
+
+PIECES = (32, 64)
+"""Polygons on which the relaxed problem is solved; the difference tells their error."""
+MOST_CORNERS = 8
+BETWEEN = np.array([0.25, 0.5, 0.75])
+"""Shares at which the Lagrangian is compared with the chord between two slopes."""
+ABOVE = 1e-6
+"""Relative height above the chord that makes two slopes belong to a corner."""
+CHECKED = (-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0)
+"""Slopes, in units of the problem's own, at which convexity is looked at."""
+SURE = 10.0
+"""Factor of the relaxed value's own error by which a curve must miss it for the infimum not to be attained."""
+
+
+def with_corners(problem: Functional, tol: float, failure: Solution) -> Solution:
+    """A minimum with corners where there is one; else the failure, told apart when the infimum is not attained."""
+    if not (isinstance(problem, Problem) and applies(problem)) or convex(problem):
+        return failure
+    coarse, fine = (relaxed(problem, pieces) for pieces in PIECES)
+    if coarse is None or fine is None:
+        return failure
+    best: Solution | None = None
+    for teeth in _sketches(problem, fine):
+        found = _solved(problem, teeth, tol, fine)
+        if found is not None and (best is None or _lower(found, best)):
+            best = found
+    sign = -1.0 if problem.maximise else 1.0
+    doubt = SURE * abs(coarse.value - fine.value) + (tol * max(1.0, abs(fine.value)))
+    reached = best is not None and sign * (best.value - fine.value) <= doubt
+    if reached and best is not None:
+        return best
+    if not fine.mixed.any() or _lowest_known(failure, best) * sign <= sign * fine.value + doubt:
+        return failure
+    return replace(
+        failure, status=Status.REFUSED, verdict=Verdict.NOT_ATTAINED,
+        message=f"the infimum is not attained: finer and finer corners, alternating between two slopes on "
+        f"{fine.mixed.mean():.0%} of the interval, bring the functional to {fine.value:.6g}, and no curve reaches it",
+    )  # fmt: skip
+
+
+def convex(problem: Problem) -> bool:
+    """Whether L is convex in the slope wherever it was looked at, on and about the chord."""
+    a, b = problem.span
+    line = formulate(problem).baseline
+    chord = float(np.ptp(line(np.array([a, b])))) / (b - a)
+    x = a + (b - a) * np.array([0.21, 0.5, 0.83])
+    y, slopes = line(x)[0], max(1.0, chord) * np.array(CHECKED)
+    count = len(slopes)
+    values = problem.integrand_values(np.repeat(x, count), np.repeat(y, count)[None], np.tile(slopes, len(x))[None])
+    rows = (-values if problem.maximise else values).reshape(len(x), count)
+    rates = np.diff(rows, axis=1) / np.diff(slopes)
+    noise = 1e-9 * np.abs(rates).max(initial=0.0)
+    return not bool((np.diff(rates, axis=1) < -noise).any())
+
+
+@dataclass(frozen=True)
+class _Teeth:
+    """A polygon: its vertices' abscissae and the slope of each side."""
+
+    x: np.ndarray
+    slopes: np.ndarray
+
+
+def _sketches(problem: Problem, found: Relaxed) -> list[_Teeth]:
+    """The relaxed polygon with each run of mixed pieces as one tooth, either of its two slopes first."""
+    runs = _runs(found)
+    sketches = []
+    for swapped in (False, True):
+        x, slopes = [float(found.x[0])], []
+        for first, last in runs:
+            share, steep = found.shares[:, first:last].mean(1), found.slopes[:, first:last].mean(1)
+            width = float(found.x[last] - found.x[first])
+            order = _order(found, first, last, steep)
+            order = order[::-1] if swapped and last - first > 1 else order
+            for k in order if found.mixed[first] else [int(np.argmax(share))]:
+                slopes.append(float(steep[k]))
+                x.append(x[-1] + width * (float(share[k]) if found.mixed[first] else 1.0))
+        sketches.append(_Teeth(np.array(x), np.array(slopes)))
+    return [teeth for teeth in sketches if 0 < len(_jumps(problem, found, teeth)) <= MOST_CORNERS]
+
+
+def _runs(found: Relaxed) -> list[tuple[int, int]]:
+    """Pure pieces one by one, and mixed ones by the run: (first, past the last)."""
+    joined = found.mixed[1:] & found.mixed[:-1]
+    return list(pairwise([0, *(1 + np.flatnonzero(~joined)), len(found.mixed)]))
+
+
+def _order(found: Relaxed, first: int, last: int, steep: np.ndarray) -> list[int]:
+    """Which of the two slopes of a run comes first: the one that goes on from the left, or leads on to the right."""
+    if first > 0:
+        before = found.slopes[int(np.argmax(found.shares[:, first - 1])), first - 1]
+        return [0, 1] if abs(steep[0] - before) <= abs(steep[1] - before) else [1, 0]
+    if last < len(found.mixed):
+        after = found.slopes[int(np.argmax(found.shares[:, last])), last]
+        return [0, 1] if abs(steep[1] - after) <= abs(steep[0] - after) else [1, 0]
+    return [0, 1]
+
+
+def _jumps(problem: Problem, found: Relaxed, teeth: _Teeth) -> list[int]:
+    """Vertices of a polygon at which the slope crosses a range where L is not convex."""
+    inner = teeth.x[1:-1]
+    y = np.interp(inner, found.x, found.y)
+    left, right = teeth.slopes[:-1], teeth.slopes[1:]
+    tried = np.array([0.0, *BETWEEN, 1.0])
+    slopes = left[:, None] + (right - left)[:, None] * tried
+    shape = slopes.shape
+    values = problem.integrand_values(np.repeat(inner, shape[1]), np.repeat(y, shape[1])[None], slopes.reshape(1, -1))
+    values = (-values if problem.maximise else values).reshape(shape)
+    chord = values[:, :1] * (1 - tried) + values[:, -1:] * tried
+    size = np.abs(values).max(1) + np.abs(values[:, -1] - values[:, 0])
+    return [int(k) + 1 for k in np.flatnonzero((values - chord).max(1) > ABOVE * size)]
+
+
+def _solved(problem: Problem, teeth: _Teeth, tol: float, found: Relaxed) -> Solution | None:
+    """The direct method from a polygon whose corners may move, if the answer stands."""
+    marks = np.array([teeth.x[k] for k in _jumps(problem, found, teeth)])
+    heights = found.y[0] + np.concatenate([[0.0], np.cumsum(teeth.slopes * np.diff(teeth.x))])
+
+    def curve(x: np.ndarray) -> np.ndarray:
+        return np.interp(x, teeth.x, heights)[None]
+
+    form = broken_form(problem, marks.tolist(), curve)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        solution = Ritz(starts=1).solve(form, tol=tol, guess=None)
+    return solution if solution.status.ok and vouched(solution, form).status.ok else None
+
+
+def _lower(one: Solution, other: Solution) -> bool:
+    return one.value > other.value if one.problem.maximise else one.value < other.value
+
+
+def _lowest_known(failure: Solution, best: Solution | None) -> float:
+    """The best value of any curve met, infinitely bad when there is none."""
+    sign = -1.0 if failure.problem.maximise else 1.0
+    values = [sign * s.value for s in (failure, best) if s is not None and not math.isnan(s.value)]
+    return sign * min(values, default=math.inf)

@@ -1,0 +1,85 @@
+"""Forms of graphs with corners at abscissae that are themselves unknown.
+
+The interval is cut into pieces, and each is mapped linearly onto a fixed one:
+in the reference variable the corners stand still, and their abscissae are
+unknown numbers. Stationarity in them is Erdmann's second corner condition
+(continuity of y' L_y' - L), in the ordinates the first (continuity of L_y');
+Gelfand and Fomin, "Calculus of Variations", sect. 15.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation.form import Form, Sampled, SideCondition, end_conditions, extended, rewriter, side_conditions
+from varcalc.formulation.graph import graph_form
+from varcalc.problem import Problem
+from varcalc.tracing import Expression
+
+SHORTEST = 1e-2
+"""Share of its first length that a piece must keep where IPOPT moves its ends."""
+
+
+def broken_form(problem: Problem, corners: Sequence[float], curve: Sampled) -> Form:
+    """The problem with corners near the given abscissae, where only they and ``curve`` are guesses.
+
+    ``corners`` lie inside the interval, away from breakpoints and waypoints;
+    the ends are fixed abscissae (:class:`varcalc.Fixed` or :class:`varcalc.Free`).
+    """
+    plain = graph_form(problem)
+    symbols = extended(problem, problem.n, len(corners))
+    marks = _marks(problem, plain, corners, symbols.unknowns[len(problem.unknowns) :])
+    x, speed = _piecewise(symbols.x, marks)
+    slopes = [symbols.dy / speed] + ([symbols.ddy / speed**2] if problem.order == 2 else [])
+    rewrite = rewriter(problem, symbols, x, symbols.y, slopes, speed)
+    integrand = plain.sign * rewrite(problem.integrand, True)
+    ends = None
+    if plain.ends is not None:
+        y0, y1 = (symbols.kind.sym(name, problem.n) for name in ("y0", "y1"))
+        ends = end_conditions(problem, symbols, y0, y1, *problem.span, [])
+    conditions = side_conditions(problem, rewrite)
+    if conditions["pathwise"]:  # the interior-point method is kept from turning a piece inside out
+        conditions["pathwise"] += (SideCondition(speed, SHORTEST, math.inf, -1),)
+    return replace(
+        plain,
+        symbols=symbols,
+        integrand=integrand,
+        functional=integrand,
+        **conditions,
+        ends=ends,
+        knots=tuple(s for s, _ in marks[1:-1]),
+        unknown_guess=np.array([*problem.unknown_guesses, *sorted(corners)]),
+        baseline=curve,
+        lifted=(x, symbols.y, speed, symbols.dy),
+        corners=len(corners),
+        note="corners at unknown abscissae",
+        built={},
+    )
+
+
+def _marks(
+    problem: Problem, plain: Form, corners: Sequence[float], unknowns: Expression
+) -> list[tuple[float, Expression]]:
+    """(s, x) at the ends, the knots that stand still and the corners, in order."""
+    kind = problem.symbols.kind
+    moving = [(float(c), unknowns[i]) for i, c in enumerate(sorted(corners))]
+    standing = [(v, kind(v)) for v in (problem.span[0], *plain.knots, problem.span[1])]
+    return sorted([*moving, *standing], key=lambda mark: mark[0])
+
+
+def _piecewise(s: Expression, marks: list[tuple[float, Expression]]) -> tuple[Expression, Expression]:
+    """x(s), linear between the marks, and dx/ds."""
+    x: Expression = None
+    speed: Expression = None
+    for (s0, x0), (s1, x1) in pairwise(marks):
+        rate = (x1 - x0) / (s1 - s0)
+        piece = x0 + (s - s0) * rate
+        x = piece if x is None else ca.if_else(s < s0, x, piece)
+        speed = rate if speed is None else ca.if_else(s < s0, speed, rate)
+    return x, speed
