@@ -107,7 +107,7 @@ def _sketches(problem: Problem, found: Relaxed) -> list[_Teeth]:
 def _runs(found: Relaxed) -> list[tuple[int, int]]:
     """Pure pieces one by one, and mixed ones by the run: (first, past the last)."""
     joined = found.mixed[1:] & found.mixed[:-1]
-    return list(pairwise([0, *(1 + np.flatnonzero(~joined)), len(found.mixed)]))
+    return list(pairwise([0, *(1 + np.flatnonzero(~joined)).tolist(), len(found.mixed)]))
 
 
 def _order(found: Relaxed, first: int, last: int, steep: np.ndarray) -> list[int]:
