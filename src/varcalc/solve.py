@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.corners import with_corners
+from varcalc.falling import falling
 from varcalc.feasibility import explained
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
@@ -63,8 +64,8 @@ def solve(
     solution = _linear(problem, method or LADDER[0])
     if solution is None:
         solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
-    if method is None and not solution.status.ok and solution.verdict in (None, Verdict.WEAK_MINIMUM):
-        solution = with_corners(problem, tol, solution)
+    if method is None and not solution.status.ok:
+        solution = _second_look(problem, tol, solution)
     if throw and not solution.status.ok:
         raise (InfeasibleError if solution.verdict is Verdict.INFEASIBLE else VariationalError)(solution)
     return solution
@@ -98,6 +99,15 @@ def _linear(problem: Functional, method: Method) -> Solution | None:
         return None
     message = "the Lagrangian is linear in the slope: nothing in it fixes a curve between these ends"
     return no_answer(problem, method, Status.REFUSED, message, Verdict.SINGULAR)
+
+
+def _second_look(problem: Functional, tol: float, failure: Solution) -> Solution:
+    """What the ladder had no answer to: a minimum with corners, or why there is no minimum at all."""
+    if failure.verdict in (None, Verdict.WEAK_MINIMUM):
+        failure = with_corners(problem, tol, failure)
+    if failure.verdict is None and not failure.status.ok and (fall := falling(problem)) is not None:
+        failure = replace(failure, status=Status.REFUSED, verdict=Verdict.UNBOUNDED, message=fall.sentence)
+    return failure
 
 
 def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:

@@ -215,7 +215,7 @@ def _add_pathwise(
 ) -> None:
     """Pathwise conditions, left out where the fixed ends already decide them."""
     form = system.form
-    inner = _arguments(system, program.w, scale, nodes[1:-1])
+    inner = _arguments(system, program.w, scale, nodes[1:-1]) if len(nodes) > 2 else []
     vertices = _arguments(system, program.w, scale, nodes[:1])
     for condition in form.pathwise:
         function = ca.Function("pathwise", form.symbols.all, [ca.densify(condition.expression)])
@@ -223,8 +223,9 @@ def _add_pathwise(
         def rows(arguments: list[Any], keep: slice, function: Any = function) -> Any:
             return function.map(arguments[0].shape[1])(*arguments)[0, keep]
 
-        # the first vertex of each element but the first: the interior vertices
-        program.add("nodes", condition.index, rows(inner, slice(None)), condition.lower, condition.upper)
+        # a straight element has no nodes of its own, and the first vertex of each but the first is interior
+        if len(nodes) > 2:
+            program.add("nodes", condition.index, rows(inner, slice(None)), condition.lower, condition.upper)
         if system.space.elements > 1 and (condition.equality or _free_of_slopes(system, condition)):
             program.add("vertices", condition.index, rows(vertices, slice(1, None)), condition.lower, condition.upper)
         if not condition.equality:

@@ -1,0 +1,110 @@
+"""Functionals without a lower bound, shown by curves along which they fall for ever.
+
+A functional is unbounded when it falls at least linearly along some straight
+line of admissible curves. The lines tried lead from a starting curve into the
+directions of least curvature of the functional and into its lowest modes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.formulation import Form, formulate
+from varcalc.functional import Functional
+from varcalc.methods.direct.newton import Newton
+from varcalc.methods.direct.rungs import Rungs
+from varcalc.methods.direct.starts import candidates
+from varcalc.methods.direct.system import RitzSystem
+from varcalc.problem import Problem
+
+DEGREE = 12
+DIRECTIONS = 3
+"""Directions of least curvature, and modes, that are tried both ways."""
+DOUBLINGS = 40
+LEAST = 5
+"""Doublings of the distance over which the functional must keep falling."""
+NEAREST = 1e-6
+"""Distance, in units of the problem's size, from which the doubling starts."""
+RESOLVED = 1e-10
+"""Least fall relative to what is summed: less is made of round-off."""
+DEEP = 1e3
+"""How far below its first size a functional has to fall."""
+LINEAR = 1.5
+"""Factor by which each doubling must deepen the fall: 2 for a linear one."""
+
+
+@dataclass(frozen=True)
+class Fall:
+    """Values of the functional (with the person's sign) at growing distances along one line of curves."""
+
+    distances: np.ndarray
+    values: np.ndarray
+
+    @property
+    def sentence(self) -> str:
+        """What the line shows, for a person."""
+        side = "above" if self.values[-1] > self.values[0] else "below"
+        return (
+            f"the functional is unbounded {side}: along a straight line of admissible curves it reaches "
+            f"{self.values[0]:.3g} at a distance of {self.distances[0]:.3g} and {self.values[-1]:.3g} at "
+            f"{self.distances[-1]:.3g}, and goes on"
+        )
+
+
+def falling(problem: Functional) -> Fall | None:
+    """A line of admissible curves along which the functional has no bound; None when none was found.
+
+    Problems with constraints, of which a line of curves keeps none in general,
+    are not looked at.
+    """
+    if problem.constraints or not isinstance(problem, Problem):
+        return None
+    form = formulate(problem)
+    rungs = Rungs(form, Newton(), 1)
+    system = rungs.system(rungs.first_space(1, DEGREE))
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        start = next((z for z in candidates(system, None) if np.isfinite(system.evaluate(z).value)), None)
+        if start is None or form.ends is not None:
+            return None
+        for direction in _directions(system, start):
+            for sign in (1.0, -1.0):
+                fall = _along(form, system, start, sign * direction)
+                if fall is not None:
+                    return fall
+    return None
+
+
+def _directions(system: RitzSystem, start: np.ndarray) -> list[np.ndarray]:
+    """The directions of least curvature in the H^1 (H^2) metric at the start, each of unit size along the curve."""
+    at = system.evaluate(start)
+    hessian, metric = system.hessian(at, np.zeros(0)), system.metric(at)
+    if not (np.isfinite(hessian).all() and np.isfinite(metric).all()):
+        return []
+    try:
+        factor = np.linalg.inv(np.linalg.cholesky(metric))
+    except np.linalg.LinAlgError:
+        return []
+    vectors = factor.T @ np.linalg.eigh(factor @ hessian @ factor.T)[1][:, :DIRECTIONS]
+    sizes = [float(np.abs(system.ordinates(start + v) - system.ordinates(start)).max()) for v in vectors.T]
+    return [v / size for v, size in zip(vectors.T, sizes, strict=True) if size > 0]
+
+
+def _along(form: Form, system: RitzSystem, start: np.ndarray, direction: np.ndarray) -> Fall | None:
+    """The values along a line, when each doubling of the distance deepens the fall."""
+    size = NEAREST * max(float(np.abs(system.ordinates(start)).max()), form.span[1] - form.span[0])
+    first = system.evaluate(start)
+    rows = []
+    for k in range(DOUBLINGS):
+        distance = size * 2.0**k
+        at = system.evaluate(start + distance * direction)
+        if not np.isfinite(at.value) or at.legendre * first.legendre < 0:
+            break  # beyond a change of Legendre's sign L is another functional, as area is for y < 0
+        rows.append((distance, at.value - first.value, at.scale))
+    # the far end decides: near the start the functional may rise first
+    distances, falls, scales = np.array(rows[-LEAST:]).reshape(-1, 3).T
+    real = len(falls) == LEAST and bool(np.all(falls < -RESOLVED * scales)) and falls[-1] < -DEEP * first.scale
+    if not real or np.any(falls[1:] > LINEAR * falls[:-1]):
+        return None
+    return Fall(distances, form.sign * (first.value + falls))
