@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
+from varcalc.approach import approached, gap
 from varcalc.corners import with_corners
 from varcalc.falling import falling
 from varcalc.feasibility import explained
@@ -106,8 +107,17 @@ def _second_look(problem: Functional, tol: float, failure: Solution) -> Solution
     if failure.verdict in (None, Verdict.WEAK_MINIMUM):
         failure = with_corners(problem, tol, failure)
     if failure.verdict is None and not failure.status.ok and (fall := falling(problem)) is not None:
-        failure = replace(failure, status=Status.REFUSED, verdict=Verdict.UNBOUNDED, message=fall.sentence)
+        return _refused(failure, Verdict.UNBOUNDED, fall.sentence)
+    if failure.verdict is None and not failure.status.ok and (approach := approached(problem)) is not None:
+        if (between := gap(problem, approach)) is not None:
+            return _refused(failure, Verdict.GAP, between.sentence(approach.limit))
+        if approach.concentrates:
+            return _refused(failure, Verdict.NOT_ATTAINED, f"the infimum is not attained: {approach.sentence}")
     return failure
+
+
+def _refused(failure: Solution, verdict: Verdict, message: str) -> Solution:
+    return replace(failure, status=Status.REFUSED, verdict=verdict, message=message)
 
 
 def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:

@@ -1,0 +1,169 @@
+"""How the infimum is approached when no curve attains it: polygons on finer and finer meshes.
+
+A minimising sequence that concentrates, its steepest slope growing with the
+mesh, has no limit among the curves asked for (Weierstrass's example; Dacorogna,
+"Direct Methods in the Calculus of Variations", sect. 3.1). Polygons have
+bounded slopes: where curves with an infinite slope at an end come lower than
+the limit of all polygons, there is a Lavrentiev gap (Ball and Mizel, Archive
+for Rational Mechanics and Analysis 90, 1985).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from varcalc.conditions import Fixed
+from varcalc.formulation import Form, extended, formulate, rewriter, straight
+from varcalc.functional import Functional
+from varcalc.methods.direct.newton import Newton
+from varcalc.methods.direct.rungs import Rung, Rungs
+from varcalc.problem import Problem
+
+MESHES = (16, 32, 64, 128)
+STEEPENING = 1.7
+"""Growth of the steepest slope at each halving of the mesh that is concentration (2 for a jump)."""
+POWERS = (2, 3, 4, 5, 6)
+"""Powers k of the abscissa, x - x_end ~ t^k, that give a curve an infinite slope at an end."""
+SMOOTH_DEGREE = 10
+CLEARLY = 0.5
+"""Share of the polygons' limit below which a singular curve has to come."""
+
+
+@dataclass(frozen=True)
+class Approach:
+    """Minima over polygons: on ``elements`` pieces their ``values`` (person's sign), steepest slopes and where."""
+
+    elements: np.ndarray
+    values: np.ndarray
+    steepest: np.ndarray
+    where: float
+    maximise: bool
+
+    @property
+    def limit(self) -> float:
+        """What the values tend to, by Aitken's extrapolation of the last three."""
+        a, b, c = (float(v) for v in self.values[-3:])
+        first, second = b - a, c - b
+        return c if first == second or abs(second) >= abs(first) else c - second**2 / (second - first)
+
+    @property
+    def concentrates(self) -> bool:
+        """Whether the steepest slope grows with every refinement as that of a jump does, while the values improve."""
+        sign = -1.0 if self.maximise else 1.0
+        growing = bool(np.all(self.steepest[1:] > STEEPENING * self.steepest[:-1]))
+        return growing and bool(np.all(np.diff(sign * self.values) < 0))
+
+    @property
+    def sentence(self) -> str:
+        """What the meshes show, for a person."""
+        table = ", ".join(f"{v:.6g} on {n}" for n, v in zip(self.elements, self.values, strict=True))
+        return (
+            f"the least values over polygons, {table} pieces, tend to {self.limit:.6g}, while the slope at "
+            f"x = {self.where:.4g} grows to {self.steepest[-1]:.3g} without bound"
+        )
+
+
+def approached(problem: Functional) -> Approach | None:
+    """Minima over polygons on finer and finer meshes; None where a mesh has none.
+
+    Only graphs of first order without constraints are looked at.
+    """
+    if not (isinstance(problem, Problem) and problem.order == 1) or problem.constraints:
+        return None
+    form = formulate(problem)
+    rows = []
+    where = math.nan
+    for elements in MESHES:
+        rungs = Rungs(form, Newton(), 12)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            rung = rungs.start(rungs.first_space(elements, 1), None)
+        if isinstance(rung, str):
+            return None
+        slopes, middles = _slopes(rung)
+        rows.append((elements, form.sign * rung.at.value, slopes.max()))
+        where = float(middles[np.argmax(slopes)])
+    elements, values, steepest = np.array(rows).T
+    return Approach(elements.astype(int), values, steepest, where, problem.maximise)
+
+
+def _slopes(rung: Rung) -> tuple[np.ndarray, np.ndarray]:
+    """The largest slope of each piece, and its middle."""
+    vertices = rung.system.space.vertices
+    y = rung.system.space.evaluate(rung.system.coefficients(rung.z), vertices)
+    return np.abs(np.diff(y) / np.diff(vertices)).max(0), 0.5 * (vertices[1:] + vertices[:-1])
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A curve with an infinite slope at one end: its value, and the power k of x - x_end ~ t^k."""
+
+    value: float
+    power: int
+    at_start: bool
+
+    def sentence(self, limit: float) -> str:
+        """What the gap is, for a person."""
+        end = "start" if self.at_start else "end"
+        return (
+            f"a Lavrentiev gap: curves of bounded slope come down to {limit:.6g} only, but one that leaves the {end} "
+            f"like the power 1/{self.power} of the distance reaches {self.value:.6g}"
+        )
+
+
+def gap(problem: Functional, approach: Approach) -> Gap | None:
+    """A curve with an infinite slope at an end that is clearly better than the limit of all polygons."""
+    if not (isinstance(problem, Problem) and problem.n == 1):
+        return None
+    if not (isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)):
+        return None
+    if problem.breakpoints or problem.unknowns or problem.end_cost:
+        return None
+    found = [Gap(v, k, s) for s in (True, False) for k in POWERS if (v := _steep(problem, k, s)) is not None]
+    sign = -1.0 if problem.maximise else 1.0
+    best = min(found, key=lambda g: sign * g.value, default=None)
+    last = float(approach.values[-1])
+    # the extrapolation may be off by as much as it adds; a curve between the two proves nothing
+    sure = approach.limit - sign * abs(approach.limit - last)
+    if best is None or sign * best.value > sign * sure - CLEARLY * abs(sure):
+        return None
+    return best
+
+
+def _steep(problem: Problem, power: int, at_start: bool) -> float | None:
+    """The least value over curves smooth in s where x - x_end ~ s^power, from the straight line in s."""
+    form = _stretched(problem, power, at_start)
+    rungs = Rungs(form, Newton(), 1)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        rung = rungs.start(rungs.first_space(1, SMOOTH_DEGREE), None)
+        if isinstance(rung, str):
+            return None
+        finer, z = rungs.prolonged(rung)
+        value = finer.evaluate(z).value
+    return form.sign * value if math.isfinite(value) else None
+
+
+def _stretched(problem: Problem, power: int, at_start: bool) -> Form:
+    """The problem in s over [0, 1], where the distance from one end in x is a power of that in s."""
+    plain = formulate(problem)
+    symbols = extended(problem, problem.n, 0)
+    a, b = problem.span
+    near = symbols.x if at_start else 1 - symbols.x
+    speed = (b - a) * power * near ** (power - 1)
+    x = a + (b - a) * near**power if at_start else b - (b - a) * near**power
+    rewrite = rewriter(problem, symbols, x, symbols.y, [symbols.dy / speed], speed)
+    integrand = plain.sign * rewrite(problem.integrand, True)
+    ends = plain.baseline(np.array(problem.span))
+    return replace(
+        plain,
+        symbols=symbols,
+        integrand=integrand,
+        functional=integrand,
+        span=(0.0, 1.0),
+        baseline=straight((0.0, 1.0), ends[:, 0], ends[:, 1]),
+        lifted=(x, symbols.y, speed, symbols.dy),
+        note=f"x ~ s^{power}",
+        built={},
+    )
