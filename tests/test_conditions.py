@@ -20,6 +20,14 @@ def slope(x: Any, y: Any, dy: Any) -> Any:
         (lambda: vc.Fixed(math.inf, 0), ValueError, "Fixed.x must be finite, not inf"),
         (lambda: vc.Fixed(0, math.nan), ValueError, "Fixed.y must be finite, not nan"),
         (lambda: vc.Fixed(0, (0, "up")), TypeError, r"Fixed.y\[1\] must be a number, not 'up'"),
+        (lambda: vc.Fixed("1", 0), TypeError, "Fixed.x must be a number, not '1'"),  # type: ignore[arg-type]
+        (lambda: vc.Fixed(0, True), TypeError, "Fixed.y must be a number, not True"),
+        (lambda: vc.Fixed((0, 1), 0), TypeError, "Fixed.x must be a number"),  # type: ignore[arg-type]
+        (lambda: vc.Free(0, n=0), ValueError, "Free.n must be at least 1, not 0"),
+        (lambda: vc.Free(0, n=1.5), TypeError, "Free.n must be a whole number, not 1.5"),  # type: ignore[arg-type]
+        (lambda: vc.OnCurve(slope, 1, n=True), TypeError, "OnCurve.n must be a whole number, not True"),
+        (lambda: vc.Periodic(0, 1, n="2"), TypeError, "Periodic.n must be a whole"),  # type: ignore[arg-type]
+        (lambda: vc.Through(0.5, (1, None)), ValueError, "Through.y must give every component"),
         (lambda: vc.Fixed(0, ()), ValueError, "Fixed.y is empty; give one number for each unknown function"),
         (lambda: vc.Fixed(0, None), ValueError, r"use Free\(x\)"),
         (lambda: vc.Fixed(0, (None, None)), ValueError, r"use Free\(x\)"),

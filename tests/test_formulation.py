@@ -104,7 +104,7 @@ def test_side_conditions_know_their_constraint() -> None:
                 vc.Bound(lambda x, y, dy: y, upper=2),
                 vc.Isoperimetric(lambda x, y, dy: y, 0.7),
                 vc.Through(0.5, 0.6),
-                vc.Holonomic(lambda x, y: y - x),
+                vc.Holonomic(lambda x, y: (y - x) * (y - 0.6)),
                 vc.Isoperimetric(lambda x, y, dy: y, lower=0),
             ],
         )

@@ -74,6 +74,16 @@ def vectors(lagrangian: Any) -> vc.Problem:
         ),
         # options
         (lambda: problem(order=3), ValueError, "order must be 1 or 2, not 3"),
+        (lambda: problem(order=True), ValueError, "order must be 1 or 2, not True"),
+        (lambda: problem(maximise="no"), TypeError, "maximise must be True or False, not 'no'"),
+        (lambda: problem(name=3), TypeError, "name must be a text, not 3"),
+        (lambda: problem(unknowns={"lambda": 1.0}), ValueError, "unknowns: 'lambda' is no name that p.<name> could"),
+        (lambda: problem(parameters={"__class__": 1}), ValueError, "parameters: '__class__' is no name"),
+        (lambda: problem(parameters={"g": "9"}), TypeError, r"parameters\['g'\] must be a number, not '9'"),
+        (lambda: problem(parameters={"g": True}), TypeError, r"parameters\['g'\] must be a number, not True"),
+        (lambda: problem(breakpoints=0.5), TypeError, r"breakpoints must be a sequence, .* breakpoints=\[...\]"),
+        (lambda: problem(breakpoints="0.5"), TypeError, "breakpoints must be a sequence, not '0.5'"),
+        (lambda: problem(end_cost=3.0), TypeError, "end_cost must be a function, not 3.0"),
         (lambda: problem(parameters={"g": math.nan}), ValueError, r"parameters\['g'\] must be finite"),
         (lambda: problem(parameters={"2g": 1}), ValueError, "parameters: '2g' is no name"),
         (lambda: problem(parameters=[1.0]), TypeError, "parameters must be a mapping"),
@@ -92,7 +102,24 @@ def vectors(lagrangian: Any) -> vc.Problem:
         ),
         (lambda: problem(maximize=True), TypeError, "maximize"),
         (lambda: problem(end_cost=lambda x, y: y), TypeError, "end_cost must accept 4 arguments"),
+        # ends that slide
+        (lambda: problem(end=vc.OnCurve(lambda x: x - 1, 1)), TypeError, r"end.phi must accept 2 .* \(x\); .* never p"),
+        (lambda: problem(end=vc.OnCurve(lambda x, y: 1.0, 1)), ValueError, "end.phi depends neither on x nor on y"),
+        (lambda: problem(end=vc.OnCurve(lambda x, y: "x", 1)), TypeError, "end.phi must return a CasADi expression"),
+        (lambda: problem(start=vc.Free(0, n=2)), ValueError, "start has 2 components and end has 1"),
+        (
+            lambda: vc.Problem(lambda x, y, dy: dy[0], vc.Fixed(0, (0, 0)), vc.OnCurve(lambda x, y: y, 1, n=2)),
+            ValueError,
+            r"end.phi must return a scalar, but its result has shape \(2, 1\)",
+        ),
+        # components
+        (lambda: problem(lambda x, y, dy: dy**2 + y[5]), ValueError, r"is not there: .* one unknown function, y\[0\]"),
+        (lambda: vectors(lambda x, y, dy: dy[0] * y[-3]), ValueError, r"2 unknown functions, y\[0\] to y\[1\]"),
+        (lambda: vectors(lambda x, y, dy: sum(v**2 for v in dy)), TypeError, "lagrangian unpacks or loops over"),
         # constraints
+        (lambda: problem(square, START, END, 3), TypeError, r"constraints must be a sequence, not 3"),
+        (lambda: problem(square, START, END, [vc.Through(1, 3)]), ValueError, r"Through.* misses it by 2; move one"),
+        (lambda: problem(square, START, END, [vc.Through(0, 0)]), ValueError, r"abscissa of start .*; leave it out"),
         (lambda: problem(square, START, END, vc.Through(0.5, 1)), TypeError, r"write constraints=\[...\]"),
         (lambda: problem(square, START, END, [square]), TypeError, r"constraints\[0\] must be Isoperimetric"),
         (lambda: problem(square, START, END, [vc.Through(2, 0)]), ValueError, r"constraints\[0\].x .* must lie"),
@@ -152,12 +179,50 @@ def test_wrong_problems(make: Callable[[], Any], error: type[Exception], message
             "Through needs an abscissa, which a Curve does not have",
         ),
         (lambda: vc.Curve(length, vc.At((0, 0)), vc.At((1, 1)), order=2), TypeError, "order"),  # type: ignore[call-arg]
+        (
+            lambda: vc.Curve(length, vc.At((0, 0)), vc.OnSurface(lambda q: 1, (1, 1))),
+            ValueError,
+            "end.phi does not depend on q",
+        ),
+        (
+            lambda: vc.Curve(length, vc.At((0, 0)), vc.OnSurface(lambda q, p: q[0], (1, 1))),
+            TypeError,
+            "end.phi must accept 1 argument here",
+        ),
         (lambda: vc.Curve(lambda x, q, dq: q, vc.At((0, 0)), vc.At((1, 1))), TypeError, "must accept 2 arguments"),
     ],
 )
 def test_wrong_curves(make: Callable[[], Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         make()
+
+
+def test_constraints_and_breakpoints_may_come_from_a_generator() -> None:
+    given = problem(square, START, END, (vc.Through(x, x) for x in (0.25, 0.5)), breakpoints=iter((0.5, 0.75, 0.5)))
+    assert [c.x for c in given.of_type(vc.Through)] == [0.25, 0.5]
+    assert given.breakpoints == (0.5, 0.75)
+
+
+def test_the_number_of_functions_says_nothing_of_their_form() -> None:
+    assert problem(start=vc.Free(0, n=1)).scalar
+    assert not vc.Problem(lambda x, y, dy: dy[0] ** 2, vc.Free(0, n=1), vc.Fixed(1, (1,))).scalar
+
+
+def test_a_lambda_has_no_name_of_its_own() -> None:
+    assert problem(lambda x, y, dy: dy**2).name == "functional"
+    assert problem(square).name == "square"
+    assert problem(name="line").name == "line"
+
+
+def test_a_sliding_end_on_interpolated_data() -> None:
+    shore = cubic_by_coefficients()
+    given = problem(lambda x, y, dy: ca.sqrt(1 + dy**2), vc.Fixed(0, 1), vc.OnCurve(lambda x, y: y - shore(x), 0.9))
+    assert given.symbols.kind is ca.MX
+    found = vc.solve(given)
+    # the nearest point of y = x^3 - x from (0, 1): x + (y - 1)(3 x^2 - 1) = 0
+    foot = np.polynomial.Polynomial([1, 2, -3, -4, 0, 3]).roots()
+    foot = foot[np.isreal(foot) & (foot.real > 0)].real
+    assert found.value == pytest.approx(np.hypot(foot, foot**3 - foot - 1).min(), rel=1e-9)
 
 
 def test_an_end_on_the_edge_of_the_domain_is_admitted() -> None:

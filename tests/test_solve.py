@@ -145,7 +145,10 @@ def test_a_solution_without_a_curve_says_why() -> None:
         ((film(0.5),), {"tol": math.nan}, ValueError, "tol must be a positive number"),
         ((film(0.5),), {"tol": "fine"}, ValueError, "tol must be a positive number"),
         ((film(0.5),), {"guess": 3.0}, TypeError, "guess must be a function of x or a Solution, not 3.0"),
-        ((film(0.5),), {"guess": lambda x: (1.0, 2.0)}, ValueError, "guess must return 1 numbers at each x"),
+        ((film(0.5),), {"guess": lambda x: (1.0, 2.0)}, ValueError, "guess must return 1 number at each x, not 2"),
+        ((film(0.5),), {"guess": lambda x, y: x}, TypeError, "guess must accept 1 argument here"),
+        ((film(0.5),), {"guess": lambda x: math.nan}, ValueError, "guess is not a finite number at -0.46875"),
+        ((film(0.5),), {"tol": True}, ValueError, "tol must be a positive number, not True"),
         ((film(0.5),), {"tolerance": 1e-8}, TypeError, "tolerance"),
     ],
 )
@@ -172,6 +175,35 @@ def test_a_guess_is_a_function_or_a_solution() -> None:
         assert solution.value == pytest.approx(exact, rel=1e-12)
     assert again.stats.iterations < cold.stats.iterations
     assert warm.stats.iterations < cold.stats.iterations
+
+
+def test_a_guess_of_another_kind_of_problem_is_refused() -> None:
+    pair = vc.Problem(lambda x, y, dy: ca.sumsqr(dy), vc.Fixed(-0.5, (0, 0)), vc.Fixed(0.5, (1, 1)))
+    wider = vc.Problem(lambda x, y, dy: dy**2, vc.Fixed(-0.5, 0), vc.Fixed(1.5, 1))
+    curve = vc.Curve(lambda q, dq: ca.norm_2(dq), vc.At((0, 0)), vc.At((3, 4)))
+    for other, message in (
+        (pair, "guess is a Solution with 2 unknown functions and the problem has 1; give a function"),
+        (wider, "guess is a Solution from -0.5 to 1.5 and the problem goes from -0.5 to 0.5"),
+        (curve, "guess is a Solution of a Curve and the problem is a Problem"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            vc.solve(film(0.5), guess=vc.solve(other))
+
+
+def test_a_guess_that_is_nowhere_a_number_is_refused() -> None:
+    solution = vc.solve(film(0.5))
+    broken = replace(solution, curve=lambda x, derivative: np.full((1, len(x)), math.nan))
+    with pytest.raises(ValueError, match=r"guess is not a finite number at -0\.46875"):
+        vc.solve(film(0.5), guess=broken)
+
+
+def test_a_guess_may_slide_to_other_abscissae() -> None:
+    def to_line(at: float) -> vc.Problem:
+        return vc.Problem(
+            lambda x, y, dy: ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.OnCurve(lambda x, y: x + y - at, at / 3)
+        )
+
+    assert vc.solve(to_line(2), guess=vc.solve(to_line(1))).value == pytest.approx(math.sqrt(2), rel=1e-12)
 
 
 def test_a_guess_for_several_functions() -> None:

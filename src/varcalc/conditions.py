@@ -7,7 +7,7 @@ knows nothing of how a problem is solved.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,13 +19,40 @@ Components = Number | Sequence[Number | None] | None
 
 def finite(name: str, value: Any) -> float:
     """``value`` as a float; TypeError or ValueError naming ``name`` otherwise."""
+    # float() takes text, truth values and arrays of one entry for numbers, and none of them was meant as one
+    wrong = TypeError(f"{name} must be a number, not {value!r}")
+    if isinstance(value, str | bytes | bool | np.bool_) or is_vector(value):
+        raise wrong
     try:
         number = float(value)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name} must be a number, not {value!r}") from None
+    except (TypeError, ValueError, RuntimeError):  # CasADi's symbols raise RuntimeError
+        raise wrong from None
     if not math.isfinite(number):
         raise ValueError(f"{name} must be finite, not {number}")
     return number
+
+
+def whole(name: str, value: Any, least: int = 1) -> int:
+    """``value`` as an int; TypeError or ValueError naming ``name`` where it is none, or less than ``least``."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise TypeError(f"{name} must be a whole number, not {value!r}")
+    if value < least:
+        raise ValueError(f"{name} must be at least {least}, not {value}")
+    return int(value)
+
+
+def truth(name: str, value: Any) -> bool:
+    """``value`` as a bool; TypeError naming ``name`` where it is anything else, such as the text ``"no"``."""
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{name} must be True or False, not {value!r}")
+    return bool(value)
+
+
+def sequence(name: str, value: Any) -> tuple[Any, ...]:
+    """The entries of ``value``; TypeError naming ``name`` where it has none to go through."""
+    if isinstance(value, str | bytes) or not isinstance(value, Iterable):
+        raise TypeError(f"{name} must be a sequence, not {value!r}; write {name}=[...]")
+    return tuple(value)
 
 
 def components(name: str, value: Any) -> tuple[float | None, ...]:
@@ -44,9 +71,15 @@ def is_vector(value: Any) -> bool:
     return hasattr(value, "__len__") and np.ndim(value) > 0
 
 
-def _callable(name: str, value: Any) -> None:
+def function(name: str, value: Any) -> None:
+    """TypeError naming ``name`` where ``value`` cannot be called."""
     if not callable(value):
         raise TypeError(f"{name} must be a function, not {value!r}")
+
+
+def _number_of_functions(name: str, n: Any) -> None:
+    if n is not None:
+        whole(name, n)
 
 
 @dataclass(frozen=True)
@@ -68,7 +101,9 @@ class Fixed:
         values = components("Fixed.y", self.y)
         if all(v is None for v in values):
             raise ValueError("Fixed.y gives no component; use Free(x) for an end that is wholly free")
-        if self.dy is not None and len(components("Fixed.dy", self.dy)) != len(values):
+        if self.dy is None:
+            return
+        if len(components("Fixed.dy", self.dy)) != len(values) or is_vector(self.dy) != is_vector(self.y):
             raise ValueError("Fixed.dy must have as many components as Fixed.y")
 
 
@@ -85,6 +120,7 @@ class Free:
 
     def __post_init__(self) -> None:
         finite("Free.x", self.x)
+        _number_of_functions("Free.n", self.n)
 
 
 @dataclass(frozen=True)
@@ -96,8 +132,9 @@ class OnCurve:
     n: int | None = None
 
     def __post_init__(self) -> None:
-        _callable("OnCurve.phi", self.phi)
+        function("OnCurve.phi", self.phi)
         finite("OnCurve.x", self.x)
+        _number_of_functions("OnCurve.n", self.n)
 
 
 @dataclass(frozen=True)
@@ -118,6 +155,7 @@ class Periodic:
             raise ValueError("Periodic needs both abscissae x0 and x1, or neither (a closed Curve)")
         if self.x0 is not None and finite("Periodic.x1", self.x1) <= finite("Periodic.x0", self.x0):
             raise ValueError("Periodic.x1 must lie right of Periodic.x0")
+        _number_of_functions("Periodic.n", self.n)
 
 
 @dataclass(frozen=True)
@@ -140,7 +178,7 @@ class OnSurface:
     guess: Sequence[float]
 
     def __post_init__(self) -> None:
-        _callable("OnSurface.phi", self.phi)
+        function("OnSurface.phi", self.phi)
         if not is_vector(self.guess) or None in components("OnSurface.guess", self.guess):
             raise TypeError("OnSurface.guess must be a point: one number for each coordinate")
 
@@ -166,7 +204,7 @@ class Isoperimetric:
     upper: float | None = None
 
     def __post_init__(self) -> None:
-        _callable("Isoperimetric.g", self.g)
+        function("Isoperimetric.g", self.g)
         levels = [_level(f"Isoperimetric.{k}", getattr(self, k)) for k in ("value", "lower", "upper")]
         if levels[0] is None:
             _check_between("Isoperimetric", levels[1], levels[2])
@@ -196,7 +234,7 @@ class Holonomic:
     phi: Callable[..., Any]
 
     def __post_init__(self) -> None:
-        _callable("Holonomic.phi", self.phi)
+        function("Holonomic.phi", self.phi)
 
 
 @dataclass(frozen=True)
@@ -208,7 +246,7 @@ class Bound:
     upper: float | None = None
 
     def __post_init__(self) -> None:
-        _callable("Bound.h", self.h)
+        function("Bound.h", self.h)
         _check_between("Bound", _level("Bound.lower", self.lower), _level("Bound.upper", self.upper))
 
     @property
@@ -229,7 +267,8 @@ class Through:
 
     def __post_init__(self) -> None:
         finite("Through.x", self.x)
-        components("Through.y", self.y)
+        if None in components("Through.y", self.y):
+            raise ValueError("Through.y must give every component of the waypoint; None is for ends")
 
 
 End = Fixed | Free | OnCurve | Periodic

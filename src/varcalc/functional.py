@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import keyword
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
@@ -10,7 +11,7 @@ from typing import Any, Self
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import Bound, Constraint, Holonomic, Isoperimetric, Through, finite
+from varcalc.conditions import Bound, Constraint, Holonomic, Isoperimetric, Through, finite, sequence, truth
 from varcalc.tracing import Expression, Names, NotSymbolic, trace
 
 
@@ -101,8 +102,8 @@ class Functional:
         if both:
             raise ValueError(f"{sorted(both)} are given both in parameters and in unknowns; choose one")
         self.end_cost = end_cost
-        self.maximise = bool(maximise)
-        self.name = name or getattr(lagrangian, "__name__", "functional")
+        self.maximise = truth("maximise", maximise)
+        self.name = _checked_name(name) or _own_name(lagrangian)
         self.constraints = self._checked_constraints(constraints)
         self.built: dict[str, Any] = {}
         try:
@@ -120,15 +121,21 @@ class Functional:
     def _end_symbols(self) -> list[Expression]:
         raise TypeError("a functional is either a Problem or a Curve")
 
+    def _check_sliding(self) -> None:
+        raise TypeError("a functional is either a Problem or a Curve")
+
+    def check_places(self) -> None:
+        """Raise ValueError where a point that is given whole violates a constraint, at the present parameters."""
+        raise TypeError("a functional is either a Problem or a Curve")
+
     def _checked_constraints(self, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
-        if isinstance(constraints, Isoperimetric | Holonomic | Bound | Through):
-            raise TypeError("constraints must be a sequence; write constraints=[...]")
-        for i, constraint in enumerate(constraints):
+        given = sequence("constraints", constraints)
+        for i, constraint in enumerate(given):
             if not isinstance(constraint, Isoperimetric | Holonomic | Bound | Through):
                 raise TypeError(
                     f"constraints[{i}] must be Isoperimetric, Holonomic, Bound or Through, not {constraint!r}"
                 )
-        return tuple(constraints)
+        return given
 
     def _handed(self, column: Expression) -> Expression:
         return column[0] if self.scalar else column
@@ -158,6 +165,7 @@ class Functional:
                     Traced(constraint, trace(f"{label}.phi", constraint.phi, [*self._position_arguments(), *p], kind))
                 )
         self.traced = tuple(traced)
+        self._check_sliding()
         if self.end_cost is not None:
             ends = self._end_symbols()
             self.end_cost_expression = (
@@ -185,7 +193,8 @@ class Functional:
     def with_parameters(self, values: Mapping[str, float]) -> Self:
         """The same problem for other parameter values; nothing is traced or built anew.
 
-        Raises ValueError for a name that is not among ``parameters``.
+        Raises ValueError for a name that is not among ``parameters``, and where
+        an end violates a constraint at these values.
 
         >>> import casadi as ca
         >>> import varcalc as vc
@@ -199,10 +208,26 @@ class Functional:
             raise ValueError(f"{sorted(strange)} are no parameters of this problem; it has {sorted(self.parameters)}")
         other = copy.copy(self)
         other.parameters = self.parameters | _named("parameters", values)
+        other.check_places()
         return other
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, {self.start}, {self.end})"
+
+
+UNNAMED = "functional"
+"""What a functional is called that was given no name and whose function has none."""
+
+
+def _checked_name(name: Any) -> str:
+    if not isinstance(name, str):
+        raise TypeError(f"name must be a text, not {name!r}")
+    return name
+
+
+def _own_name(lagrangian: Callable[..., Any]) -> str:
+    name = getattr(lagrangian, "__name__", UNNAMED)
+    return UNNAMED if name == "<lambda>" else name
 
 
 def _named(name: str, values: Mapping[str, float] | None) -> dict[str, float]:
@@ -211,6 +236,6 @@ def _named(name: str, values: Mapping[str, float] | None) -> dict[str, float]:
     if not isinstance(values, Mapping):
         raise TypeError(f"{name} must be a mapping from names to numbers, not {values!r}")
     for key in values:
-        if not (isinstance(key, str) and key.isidentifier()):
-            raise ValueError(f"{name}: {key!r} is no name that p.<name> could have")
+        if not (isinstance(key, str) and key.isidentifier()) or keyword.iskeyword(key) or key.startswith("__"):
+            raise ValueError(f"{name}: {key!r} is no name that p.<name> could have; choose another")
     return {key: finite(f"{name}[{key!r}]", value) for key, value in values.items()}

@@ -30,10 +30,14 @@ from varcalc.conditions import (
     components,
     finite,
     is_vector,
+    sequence,
 )
+from varcalc.consistency import Place, check_places
 from varcalc.functional import Functional
-from varcalc.tracing import Expression
+from varcalc.tracing import Expression, trace
 
+SAME = 1e-12
+"""Distance of two abscissae that counts as none, relative to the interval."""
 NUDGE = 1e-9
 """Relative step off an end at which the integrand must be a number at least on one side."""
 
@@ -81,7 +85,7 @@ class Problem(Functional):
         breakpoints: Sequence[float] = (),
         name: str = "",
     ) -> None:
-        if order not in (1, 2):
+        if isinstance(order, bool) or not isinstance(order, int) or order not in (1, 2):
             raise ValueError(f"order must be 1 or 2, not {order!r}")
         self.order = order
         self.n, self.scalar = _dimension(start, end)
@@ -90,6 +94,7 @@ class Problem(Functional):
         self.breakpoints = _inside("breakpoints", breakpoints, self.span, start, end)
         super().__init__(lagrangian, start, end, constraints, parameters, unknowns, end_cost, maximise, name)
         self._check_domain()
+        self.check_places()
 
     def _arguments(self) -> list[Expression]:
         return [self.symbols.x, self._handed(self.symbols.y)]
@@ -105,14 +110,47 @@ class Problem(Functional):
         checked = super()._checked_constraints(constraints)
         for i, c in enumerate(checked):
             if isinstance(c, Through):
-                _inside(f"constraints[{i}].x (Through)", (c.x,), self.span, self.start, self.end)
                 if len(components("Through.y", c.y)) != self.n:
                     raise ValueError(f"constraints[{i}]: Through.y must have {self.n} components")
+                self._check_beside_ends(i, c)
+                _inside(f"constraints[{i}].x (Through)", (c.x,), self.span, self.start, self.end)
                 if any(isinstance(d, Through) and d.x == c.x for d in checked[:i]):
                     raise ValueError(
                         f"constraints[{i}]: there is another Through at x = {c.x}; give one for each abscissa"
                     )
         return checked
+
+    def _check_beside_ends(self, index: int, waypoint: Through) -> None:
+        """Refuse a waypoint at the abscissa of a fixed end, where it either says nothing or contradicts the end."""
+        for label, end in (("start", self.start), ("end", self.end)):
+            if not isinstance(end, Fixed) or abs(waypoint.x - end.x) > SAME * (self.span[1] - self.span[0]):
+                continue
+            pairs = zip(components("y", end.y), components("Through.y", waypoint.y), strict=True)
+            miss = max(abs(a - b) for a, b in pairs if a is not None and b is not None)
+            raise ValueError(
+                f"constraints[{index}]: {waypoint} lies at the abscissa of {label} = {end}"
+                + (f" and misses it by {miss:.6g}; move one of the two" if miss else "; leave it out, or fix it there")
+            )
+
+    def _check_sliding(self) -> None:
+        s = self.symbols
+        for label, end in (("start", self.start), ("end", self.end)):
+            if isinstance(end, OnCurve):
+                phi = trace(f"{label}.phi", end.phi, [s.x, self._handed(s.y)], s.kind, "phi takes x and y, never p")
+                if not (ca.depends_on(phi, s.x) or ca.depends_on(phi, s.y)):
+                    raise ValueError(f"{label}.phi depends neither on x nor on y, so phi = 0 is no curve to slide on")
+
+    def check_places(self) -> None:  # noqa: D102
+        ends = [(label, e) for label, e in (("start", self.start), ("end", self.end)) if isinstance(e, Fixed)]
+        waypoints = [(f"constraints[{i}]", c) for i, c in enumerate(self.constraints) if isinstance(c, Through)]
+        check_places(
+            self,
+            [
+                Place(f"{label} = {point}", float(point.x), np.array(components("y", point.y), dtype=float))
+                for label, point in (*ends, *waypoints)
+                if None not in components("y", point.y)
+            ],
+        )
 
     def _check_domain(self) -> None:
         """Refuse an end where L is not a number, however the end is approached."""
@@ -186,6 +224,7 @@ class Curve(Functional):
         for i, t in enumerate(self.traced):
             if isinstance(t.constraint, Isoperimetric):
                 self._check_homogeneous(f"constraints[{i}].g", t.expression)
+        self.check_places()
 
     def _arguments(self) -> list[Expression]:
         return [self.symbols.y]
@@ -196,6 +235,23 @@ class Curve(Functional):
     def _end_symbols(self) -> list[Expression]:
         kind = self.symbols.kind
         return [kind.sym("q0", self.n), kind.sym("q1", self.n)]
+
+    def _check_sliding(self) -> None:
+        for label, end in (("start", self.start), ("end", self.end)):
+            if isinstance(end, OnSurface):
+                phi = trace(f"{label}.phi", end.phi, [self.symbols.y], self.symbols.kind, "phi takes q, never p")
+                if not ca.depends_on(phi, self.symbols.y):
+                    raise ValueError(f"{label}.phi does not depend on q, so phi = 0 is no surface to slide on")
+
+    def check_places(self) -> None:  # noqa: D102
+        check_places(
+            self,
+            [
+                Place(f"{label} = {end}", 0.0, np.array(end.q, dtype=float))
+                for label, end in (("start", self.start), ("end", self.end))
+                if isinstance(end, At) and None not in components("At.q", end.q)
+            ],
+        )
 
     def _check_homogeneous(self, label: str, expression: Expression) -> None:
         """Compare F(q, 3 dq) with 3 F(q, dq) at points near the ends, in several directions."""
@@ -226,22 +282,24 @@ class Curve(Functional):
 
 def _dimension(start: Any, end: Any) -> tuple[int, bool]:
     """Number of unknown functions, and whether they are handed over as scalars."""
-    told = []
+    told: list[tuple[str, int, bool | None]] = []  # where only n is told, a single y may be handed over either way
     for label, e in (("start", start), ("end", end)):
         if not isinstance(e, Fixed | Free | OnCurve | Periodic):
             raise TypeError(f"{label} must be Fixed, Free, OnCurve or Periodic, not {e!r}")
         if isinstance(e, Fixed):
             told.append((label, len(components(f"{label}.y", e.y)), not is_vector(e.y)))
         elif e.n is not None:
-            told.append((label, e.n, False))
+            told.append((label, int(e.n), None))
     if isinstance(start, Periodic) != isinstance(end, Periodic) or (isinstance(start, Periodic) and start != end):
         raise ValueError("Periodic must be given as both ends, with the same abscissae")
     if not told:
         return 1, True
     (first, n, scalar), (last, m, also) = told[0], told[-1]
-    if n != m or scalar != also:
+    if n != m:
         raise ValueError(f"{first} has {n} components and {last} has {m}; both ends need the same form of y")
-    return n, scalar
+    if scalar is not None and also is not None and scalar != also:
+        raise ValueError("one end gives y as a number and the other as a sequence; both ends need the same form of y")
+    return n, bool(scalar or also)
 
 
 def _span(start: Any, end: Any) -> tuple[float, float]:
@@ -256,7 +314,7 @@ def _span(start: Any, end: Any) -> tuple[float, float]:
 
 
 def _inside(name: str, values: Sequence[float], span: tuple[float, float], start: Any, end: Any) -> tuple[float, ...]:
-    marks = tuple(sorted(finite(name, v) for v in values))
+    marks = tuple(sorted({finite(name, v) for v in sequence(name, values)}))
     if marks and (isinstance(start, OnCurve) or isinstance(end, OnCurve)):
         raise ValueError(f"{name}: abscissae inside the interval cannot be kept while an end slides on a curve")
     for v in marks:
@@ -289,7 +347,7 @@ def _curve_dimension(start: Any, end: Any) -> int:
             raise ValueError("Periodic must be given as both ends of a closed Curve")
         if start.x0 is not None:
             raise ValueError("Periodic ends of a Curve take no abscissae; write Periodic()")
-        return start.n or 2
+        return int(start.n or 2)
     sizes = [len(p) for p in map(_curve_point, (start, end)) if p is not None]
     if sizes[0] != sizes[1]:
         raise ValueError(f"start has {sizes[0]} coordinates and end has {sizes[1]}; they must agree")

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from varcalc.functional import Functional
 
 Values = float | np.ndarray
+OUTSIDE = 1e-12
+"""Distance beyond the ends of a curve, relative to its interval, that is round-off of the person's abscissa."""
 
 
 class Status(Enum):
@@ -99,17 +101,34 @@ class Solution:
         """The name of the method that answered."""
         return type(self.method).__name__
 
-    def _evaluate(self, x: Any, derivative: int) -> Any:
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The first and the last abscissa of the curve; (0, 1) for a Curve. Where an end slides they are results.
+
+        Raises ValueError when there is no curve.
+        """
         if self.curve is None:
             raise ValueError(f"there is no curve to evaluate: {self.message or self.status.value}")
+        return float(self.x.min()), float(self.x.max())
+
+    def _evaluate(self, x: Any, derivative: int) -> Any:
+        first, last = self.interval
         at = np.asarray(x, dtype=float)
+        slack = OUTSIDE * (last - first)
+        if not np.all((at >= first - slack) & (at <= last + slack)):
+            raise ValueError(f"the curve is known from {first} to {last} only, not at {_strange(at, first, last)}")
+        assert self.curve is not None
+        at = np.clip(at, first, last)
         values = self.curve(at.ravel(), derivative).reshape(-1, *at.shape)
         if not self.problem.scalar:
             return values
         return float(values[0]) if at.ndim == 0 else values[0]
 
     def y(self, x: Any) -> Any:
-        """y(x): a float for a scalar x of a scalar problem; x's shape, or (n,) + x.shape for n functions."""
+        """y(x): a float for a scalar x of a scalar problem; x's shape, or (n,) + x.shape for n functions.
+
+        Raises ValueError outside :attr:`interval`, where nothing is known of the curve.
+        """
         return self._evaluate(x, 0)
 
     def dy(self, x: Any) -> Any:
@@ -117,12 +136,17 @@ class Solution:
         return self._evaluate(x, 1)
 
     def q(self, t: Any) -> Any:
-        """The point q(t) of a Curve, t in [0, 1], shape (n,) + t.shape."""
+        """The point q(t) of a Curve, t in [0, 1], shape (n,) + t.shape; ValueError for other t."""
         return self._evaluate(t, 0)
 
     def dq(self, t: Any) -> Any:
         """The velocity dq/dt of a Curve, shaped as :meth:`q`."""
         return self._evaluate(t, 1)
+
+
+def _strange(at: np.ndarray, first: float, last: float) -> float:
+    """The first abscissa that is outside, or no number."""
+    return float(at[~((at >= first) & (at <= last))].flat[0])
 
 
 class VariationalError(Exception):

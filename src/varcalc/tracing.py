@@ -24,11 +24,25 @@ class Names:
         raise ValueError(f"p.{name} is used but not declared; give it in parameters= or unknowns= (declared: {known})")
 
 
+LAST = "p comes last, and only when there are parameters or unknowns"
+"""What most often makes a function's arguments too many or too few."""
+OUT_OF_RANGE = "out of bounds"
+"""How CasADi says that an index goes beyond the entries of a column."""
+NOT_ITERABLE = "not iterable by design"
+"""How CasADi refuses ``for v in y`` and ``a, b = y``."""
+
+
 class NotSymbolic(Exception):
     """A function could not be evaluated with SX symbols (interpolated data needs MX)."""
 
 
-def _check_arity(name: str, function: Callable[..., Any], count: int) -> None:
+def check_arity(name: str, function: Callable[..., Any], count: int, hint: str = "") -> None:
+    """TypeError naming ``name`` where ``function`` cannot be called with ``count`` arguments.
+
+    ``hint`` says what the arguments are. What cannot be asked for its signature is believed.
+    """
+    if not callable(function):
+        raise TypeError(f"{name} must be a function, not {function!r}")
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):  # builtins and compiled callables do not tell
@@ -36,32 +50,52 @@ def _check_arity(name: str, function: Callable[..., Any], count: int) -> None:
     try:
         signature.bind(*range(count))
     except TypeError:
-        raise TypeError(
-            f"{name} must accept {count} arguments here, but its signature is {signature}; "
-            "p comes last, and only when there are parameters or unknowns"
-        ) from None
+        number = "1 argument" if count == 1 else f"{count} arguments"
+        raise TypeError(f"{name} must accept {number} here, but its signature is {signature}; {hint or LAST}") from None
 
 
-def trace(name: str, function: Callable[..., Any], arguments: Sequence[Expression], kind: type) -> Expression:
+def trace(
+    name: str, function: Callable[..., Any], arguments: Sequence[Expression], kind: type, hint: str = ""
+) -> Expression:
     """The scalar expression ``function(*arguments)``.
 
     NumPy functions work as CasADi's do; CasADi's notice about them is kept
     quiet inside this call only. Raises TypeError or ValueError naming
-    ``name`` when the function cannot be called so or does not return a scalar.
+    ``name`` when the function cannot be called so or does not return a scalar;
+    ``hint`` says what its arguments are.
     """
-    _check_arity(name, function, len(arguments))
+    check_arity(name, function, len(arguments), hint)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=r"\s*casadi: a numpy function", category=FutureWarning)
         try:
             result = function(*arguments)
         except (RuntimeError, NotImplementedError) as error:
+            if OUT_OF_RANGE in str(error).lower():
+                raise ValueError(_out_of_range(name, arguments)) from error
             if kind is ca.SX:
                 raise NotSymbolic(str(error)) from error
             raise ValueError(
                 f"{name} could not be evaluated with symbols: {error}; write comparisons with "
                 "ca.if_else, ca.fmin and ca.fmax instead of if, min and max"
             ) from error
+        except TypeError as error:
+            if NOT_ITERABLE not in str(error):
+                raise
+            raise TypeError(
+                f"{name} unpacks or loops over a column of symbols, which CasADi does not allow: "
+                "take its components by index, y[0], y[1], or use ca.sumsqr and ca.dot"
+            ) from error
     return scalar(name, result, kind)
+
+
+def _out_of_range(name: str, arguments: Sequence[Expression]) -> str:
+    columns = [a.numel() for a in arguments if isinstance(a, ca.SX | ca.MX)]
+    count = max(columns, default=1)
+    functions = "one unknown function, y[0]" if count == 1 else f"{count} unknown functions, y[0] to y[{count - 1}]"
+    return (
+        f"{name} asks for a component that is not there: the ends make {functions} (and so for the slopes); "
+        "give the ends as many components as the formula needs"
+    )
 
 
 def scalar(name: str, result: Any, kind: type) -> Expression:

@@ -556,3 +556,8 @@ def test_meshes_that_cannot_be():
     solution = Collocation(degree=5).solve(formulate(problem), tol=1e-6, guess=None)
     assert solution.status is Status.REFUSED
     assert "at least 7" in solution.message
+    for options in ({"elements": 1.5}, {"elements": True}, {"degree": "high"}):
+        with pytest.raises(TypeError, match="must be a whole number"):
+            Collocation(**options)
+    with pytest.raises(TypeError, match=r"Collocation\.refine must be True or False, not 'no'"):
+        Collocation(refine="no")

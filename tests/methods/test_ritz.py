@@ -400,3 +400,10 @@ def test_higher_eigenvalues_by_orthogonality_to_the_lower_modes(mode, optimiser)
     assert solution.value == pytest.approx(eigenvalue, rel=2e-12)
     # dJ/dlevel of the normalisation is the eigenvalue itself
     assert solution.multipliers[0] == pytest.approx(eigenvalue, rel=1e-8)
+
+
+def test_a_degree_too_low_for_the_order_is_refused():
+    beam = vc.Problem(lambda x, y, dy, ddy: ddy**2, vc.Fixed(0, 0, 0), vc.Fixed(1, 1, 0), order=2)
+    with pytest.raises(vc.VariationalError, match="degree=1 is too low for a functional of order 2; give at least 3"):
+        vc.solve(beam, vc.Ritz(degree=1))
+    assert vc.solve(beam, vc.Ritz(degree=3)).value == pytest.approx(12, rel=1e-12)

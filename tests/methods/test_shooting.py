@@ -378,6 +378,16 @@ def test_other_parameter_values_reuse_what_was_compiled():
     assert solution.sensitivities["k"] == pytest.approx(exact, rel=1e-7)
 
 
-def test_options_are_checked():
-    with pytest.raises(ValueError, match="segments must be a positive integer"):
-        Shooting(segments=0)
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"segments": 0}, ValueError, "Shooting.segments must be at least 1, not 0"),
+        ({"segments": 2.5}, TypeError, "Shooting.segments must be a whole number, not 2.5"),
+        ({"segments": True}, TypeError, "Shooting.segments must be a whole number, not True"),
+        ({"engine": "taylor"}, TypeError, r"Shooting.engine must be an engine, not 'taylor'; write .*Taylor\(\)"),
+        ({"engine": Dop853}, TypeError, r"must be an engine, .* write varcalc.engines.Dop853\(\)"),
+    ],
+)
+def test_options_are_checked(options, error, message):
+    with pytest.raises(error, match=message):
+        Shooting(**options)

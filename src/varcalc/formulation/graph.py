@@ -107,8 +107,9 @@ def sliding_form(problem: Problem) -> Form:
 
 def on_curve(end: OnCurve, problem: Problem) -> np.ndarray:
     """A point of phi(x, y) = 0 at the guessed abscissa, by Newton's method in y from several starts."""
-    y = ca.SX.sym("y", problem.n)
-    phi = trace("phi", end.phi, [ca.SX(end.x), y[0] if problem.scalar else y], ca.SX)
+    kind = problem.symbols.kind
+    y = kind.sym("y", problem.n)
+    phi = trace("phi", end.phi, [kind(end.x), y[0] if problem.scalar else y], kind)
     function = ca.Function("phi", [y], [phi, ca.gradient(phi, y)])
     for start in (0.0, 1.0, -1.0, 10.0, -10.0):
         point = np.full(problem.n, start)

@@ -16,6 +16,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from varcalc.conditions import truth, whole
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
 from varcalc.methods.boundary_value.answer import answered
@@ -47,7 +48,7 @@ class Collocation:
     ``degree`` is at least 4 m - 1.
 
     A stationary curve is found, be it a minimum or not; inequalities are
-    refused. Raises ValueError for a mesh that cannot be.
+    refused. Raises ValueError or TypeError for a mesh that cannot be.
     """
 
     elements: int = 1
@@ -55,9 +56,9 @@ class Collocation:
     refine: bool = True
 
     def __post_init__(self) -> None:
-        if self.elements < 1:
-            raise ValueError(f"Collocation.elements must be at least 1, not {self.elements}")
-        if self.degree is not None and self.degree < 3:
+        whole("Collocation.elements", self.elements)
+        truth("Collocation.refine", self.refine)
+        if self.degree is not None and whole("Collocation.degree", self.degree) < 3:
             raise ValueError(
                 f"Collocation.degree must be at least 3 (7 for a functional of second order), not {self.degree}"
             )

@@ -76,6 +76,10 @@ class Ritz:
 
     def solve(self, form: Form, *, tol: float, guess: Sampled | None) -> Solution:
         """The lowest curve of ``form`` that Newton or IPOPT reaches; see :func:`varcalc.solve`."""
+        least = 2 * form.order - 1
+        if self.degree is not None and self.degree < least:
+            reason = f"degree={self.degree} is too low for a functional of order {form.order}; give at least {least}"
+            return no_answer(form.problem, self, Status.REFUSED, reason)
         return _Climb(self, form, tol).run(guess)
 
 

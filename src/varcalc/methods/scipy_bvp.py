@@ -16,6 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.conditions import whole
 from varcalc.formulation import Form, Sampled
 from varcalc.lagrangian import Lagrangian
 from varcalc.methods.boundary_value.answer import answered
@@ -43,8 +44,7 @@ class SciPyBvp:
     nodes: int = 1000
 
     def __post_init__(self) -> None:
-        if self.nodes < 2:
-            raise ValueError(f"SciPyBvp.nodes must be at least 2, not {self.nodes}")
+        whole("SciPyBvp.nodes", self.nodes, least=2)
 
     def solve(self, form: Form, *, tol: float, guess: Sampled | None) -> Solution:
         """A stationary curve of ``form``, the first that SciPy finds and that holds; see :func:`varcalc.solve`."""

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from varcalc.conditions import whole
 from varcalc.engines import CannotLower, Engine, Flow, default
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
@@ -55,8 +56,11 @@ class Shooting:
     engine: Engine | None = None
 
     def __post_init__(self) -> None:
-        if self.segments is not None and not (isinstance(self.segments, int) and self.segments >= 1):
-            raise ValueError(f"segments must be a positive integer or None, not {self.segments!r}")
+        if self.segments is not None:
+            whole("Shooting.segments", self.segments)
+        if isinstance(self.engine, type) or not (self.engine is None or hasattr(self.engine, "compile")):
+            hint = f"{self.engine.__name__}()" if isinstance(self.engine, type) else "Taylor() or Dop853()"
+            raise TypeError(f"Shooting.engine must be an engine, not {self.engine!r}; write varcalc.engines.{hint}")
 
     def solve(self, form: Form, *, tol: float, guess: Sampled | None) -> Solution:
         """The extremal of a form; REFUSED or NOT_CONVERGED, with the reason, where there is none."""
