@@ -1,6 +1,7 @@
 """FirstIntegral against closed forms, evaluated here."""
 
 import math
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -181,13 +182,20 @@ def test_soap_film_next_to_the_fold() -> None:
     assert solution.error.curve < 1e-9
 
 
+def test_what_is_built_is_timed_apart() -> None:
+    began = time.perf_counter()
+    stats = given(film, Fixed(-0.5, 1), Fixed(0.5, 1)).stats
+    assert 0 < stats.build < stats.solve
+    assert stats.build + stats.solve <= time.perf_counter() - began
+
+
 def test_both_catenaries_are_seen() -> None:
-    from varcalc.methods.first_integral import Ends, reduction_of
+    from varcalc.methods.first_integral import Ends, Stopwatch, reduction_of
 
     a = critical() - 1e-7
     problem = Problem(film, Fixed(-a, 1), Fixed(a, 1))
     ends = Ends(-a, 1.0, a, 1.0)
-    found = reduction_of(problem, ends).all_curves(ends)
+    found = reduction_of(problem, ends, Stopwatch()).all_curves(ends)
     assert sorted(j.parameter for j in found) == pytest.approx(sorted(necks(a)), abs=1e-6)
 
 

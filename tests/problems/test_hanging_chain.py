@@ -3,6 +3,7 @@
 import mpmath as mp
 import pytest
 
+import varcalc as vc
 from varcalc.problems import hanging_chain
 
 REFERENCES = {r.name.partition("/")[2]: r for r in hanging_chain.references}
@@ -37,3 +38,17 @@ def test_chain(prove, case, span, rise, length, guess, sag):
 def test_end_that_slides_on_a_pole(prove):
     curve, height = catenary(2, 0, 3, 0.6)
     prove(REFERENCES["sliding"], (curve, mp.mpf(0), mp.mpf(1)), multipliers=[height])
+
+
+@pytest.mark.parametrize("method", [vc.Ritz(), vc.Collocation(), vc.FirstIntegral()])
+@pytest.mark.parametrize("slack", [1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 0.1, 0.5, 1.0])
+def test_no_claim_is_finer_than_round_off(method, slack):
+    # a taut chain is stiff: what round-off leaves of its length costs the tension, hundreds of times the value
+    length = 1 + slack
+    c = mp.findroot(lambda c: 2 * c * mp.sinh(1 / (2 * c)) - mp.mpf(length), 1 / mp.sqrt(24 * slack))
+    exact = -(c**2) * (mp.sinh(1 / c) - 1 / c) / 2
+    problem = vc.Problem(
+        hanging_chain.energy, vc.Fixed(0, 0), vc.Fixed(1, 0), [vc.Isoperimetric(hanging_chain.arc_length, length)]
+    )
+    solution = vc.solve(problem, method)
+    assert abs(solution.value - exact) <= 3 * solution.error.value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -18,7 +18,7 @@ from varcalc.methods.answer import Deferred
 from varcalc.methods.quadrature.answers import Ends, NotFound, Reduced, Unsuitable
 from varcalc.methods.quadrature.autonomous import Autonomous
 from varcalc.methods.quadrature.cyclic import Cyclic
-from varcalc.methods.quadrature.integrands import Integrands
+from varcalc.methods.quadrature.integrands import Integrands, Stopwatch
 from varcalc.methods.quadrature.reduction import Reduction
 from varcalc.methods.quadrature.shore import Shore, landed
 from varcalc.problem import Problem
@@ -48,15 +48,20 @@ class FirstIntegral:
         Never raises for a failure of the method: the Solution says why.
         """
         problem = form.problem
-        began = time.perf_counter()
+        began, building = time.perf_counter(), Stopwatch()
         try:
             checked = suitable(problem)
-            best = _best(checked)
+            best = _best(checked, building)
         except Unsuitable as reason:
             return no_answer(problem, self, Status.REFUSED, str(reason))
         except NotFound as reason:
-            return no_answer(problem, self, Status.NOT_CONVERGED, str(reason))
-        return _solution(checked, self, best, tol, time.perf_counter() - began)
+            stats = _stats(began, building)
+            return no_answer(problem, self, Status.NOT_CONVERGED, str(reason), stats=stats)
+        return _solution(checked, self, best, tol, _stats(began, building))
+
+
+def _stats(began: float, building: Stopwatch) -> Stats:
+    return Stats(build=building.seconds, solve=time.perf_counter() - began - building.seconds)
 
 
 def suitable(problem: Functional) -> Problem:
@@ -90,11 +95,12 @@ def _ends(problem: Problem) -> Ends:
     return Ends(problem.span[0], y[0], problem.span[1], y[1])
 
 
-def reduction_of(problem: Problem, ends: Ends) -> Reduction:
+def reduction_of(problem: Problem, ends: Ends, building: Stopwatch) -> Reduction:
     """The reduction the Lagrangian and the isoperimetric integrands allow, by structure."""
-    parts = [Lagrangian(problem.symbols, e) for e in (problem.integrand, *(t.expression for t in problem.traced))]
-    integrands = Integrands(problem, ends.mean_slope)
-    without_y, without_x = all(p.ignorable for p in parts), all(p.ignorable_abscissa for p in parts)
+    with building:
+        parts = [Lagrangian(problem.symbols, e) for e in (problem.integrand, *(t.expression for t in problem.traced))]
+        integrands = Integrands(problem, ends.mean_slope, building)
+        without_y, without_x = all(p.ignorable for p in parts), all(p.ignorable_abscissa for p in parts)
     if without_y and not (without_x and steep(ends)):
         return Cyclic(integrands)
     if without_x:
@@ -107,16 +113,16 @@ def steep(ends: Ends) -> bool:
     return ends.y0 is not None and ends.y1 is not None and ends.mean_slope > 1 and ends.y0 != ends.y1
 
 
-def _best(problem: Problem) -> Reduced:
+def _best(problem: Problem, building: Stopwatch) -> Reduced:
     if isinstance(problem.start, OnCurve) or isinstance(problem.end, OnCurve):
-        return _best_sliding(problem)
-    return _best_between_given(problem, _ends(problem))
+        return _best_sliding(problem, building)
+    return _best_between_given(problem, _ends(problem), building)
 
 
-def _best_between_given(problem: Problem, ends: Ends) -> Reduced:
+def _best_between_given(problem: Problem, ends: Ends, building: Stopwatch) -> Reduced:
     if ends.width <= 0:
         raise NotFound("the curve an end slides on does not lie on the far side of the other end")
-    reduction = reduction_of(problem, ends)
+    reduction = reduction_of(problem, ends, building)
     best = best_between(reduction, ends)
     if best is None:
         raise _not_found(reduction)
@@ -128,7 +134,7 @@ def _not_found(reduction: Reduction) -> NotFound:
     return NotFound(f"{reduction.searched} joins the ends{level}; Ritz and Collocation look for others")
 
 
-def _best_sliding(problem: Problem) -> Reduced:
+def _best_sliding(problem: Problem, building: Stopwatch) -> Reduced:
     """One end slides on a curve: the extremal to each point of it, and the point where transversality holds."""
     at_end = isinstance(problem.end, OnCurve)
     fixed = problem.start if at_end else problem.end
@@ -138,7 +144,7 @@ def _best_sliding(problem: Problem) -> Reduced:
     if vertical is not None:
         x0 = float(fixed.x)
         straight = Ends(x0, y, vertical, None) if at_end else Ends(vertical, None, x0, y)
-        return _best_between_given(problem, straight)
+        return _best_between_given(problem, straight, building)
     shore = Shore.of(problem, problem.end if at_end else problem.start, np.array([fixed.x, y]))
 
     def ends(point: np.ndarray) -> Ends:
@@ -146,7 +152,7 @@ def _best_sliding(problem: Problem) -> Reduced:
         return Ends(float(fixed.x), y, x1, y1) if at_end else Ends(x1, y1, float(fixed.x), y)
 
     first = ends(shore.points[0])
-    reduction = reduction_of(problem, first)
+    reduction = reduction_of(problem, first, building)
 
     def best(point: np.ndarray) -> Reduced | None:
         return best_between(reduction, ends(point)) if ends(point).width > 0 else None
@@ -174,7 +180,7 @@ def best_between(reduction: Reduction, ends: Ends) -> Reduced | None:
     return level
 
 
-def _solution(problem: Problem, method: FirstIntegral, best: Reduced, tol: float, seconds: float) -> Solution:
+def _solution(problem: Problem, method: FirstIntegral, best: Reduced, tol: float, stats: Stats) -> Solution:
     allowed = tol * max(1.0, abs(best.value))
     status = Status.SOLVED if best.value_error <= allowed else Status.ROUND_OFF
     message = ""
@@ -191,6 +197,6 @@ def _solution(problem: Problem, method: FirstIntegral, best: Reduced, tol: float
         curve=best.curve,
         multipliers=tuple(-float(m) for m in best.multipliers),
         sensitivities=Deferred(tuple(problem.parameters), lambda: best.partials),
-        stats=Stats(solve=seconds, unknowns=1 + len(best.multipliers), elements=best.points),
+        stats=replace(stats, unknowns=1 + len(best.multipliers), elements=best.points),
         message=message,
     )

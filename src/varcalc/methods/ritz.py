@@ -37,8 +37,6 @@ SLOW = 0.4
 PATIENCE = 8
 """Slow refinements in a row after which a solve is given up."""
 MOST_UNKNOWNS = 4000
-ROUND_OFF = 4e-16
-"""Round-off of the value relative to the sum of the absolute contributions."""
 WORTHLESS = 1e-3
 """Relative round-off at which a value is no answer."""
 CURVE = 3e-2
@@ -131,7 +129,7 @@ class _Climb:
         size = max(1.0, abs(found.value))
         # a small functional is solved to its own size, but not where a comparison of two solves is all there is
         target = self.tol * (size if self.rungs.constrained else min(size, 10 * found.scale))
-        return found.error <= max(target, ROUND_OFF * found.scale) and self.curve_is_good(rung, found)
+        return found.error <= max(target, found.floor) and self.curve_is_good(rung, found)
 
     def curve_is_good(self, rung: Rung, found: Estimate) -> bool:
         """Whether the curve is as good as the value's tolerance promises, as far as the degree alone can make it.
@@ -182,9 +180,8 @@ class _Climb:
         if self.rungs.constrained:  # the richer problem has been solved: give that answer
             rung = replace(rung, system=found.system, z=found.z)
         space: Space = rung.system.space
-        floor = ROUND_OFF * found.scale
-        error = max(found.error, floor)
-        status, message = self.verdict(error, floor, found.value, reason)
+        error = max(found.error, found.floor)
+        status, message = self.verdict(error, found.floor, found.value, reason)
         solve_time = time.perf_counter() - self.started - self.built
         stats = Stats(
             self.built, solve_time, self.rungs.iterations, rung.system.size, space.elements, space.degree

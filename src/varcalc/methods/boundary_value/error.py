@@ -27,6 +27,8 @@ CONTRACTION = 0.1
 """Largest ratio of successive corrections that counts as evidence; one quarter is where roots merge."""
 NEGLIGIBLE = 1e-10
 """Relative correction below which the ratio says nothing but round-off."""
+SAFETY = 1.5
+"""The correction leaves out what lies beyond the richer space."""
 EPSILON = float(np.finfo(float).eps)
 ROUNDING = 4.0
 """Round-off of a sum, in units of its absolute terms and of the machine's precision."""
@@ -95,12 +97,13 @@ def assess(level: Level, scales: Scales) -> Assessment | None:
         return None
     simplified = -solve(after.rows)
     value = fine_value(base.space, level.state, form, 2 * degree + 4)
-    floor = ROUNDING * EPSILON * before.size
     old, new = system.unpack(z), system.unpack(z + step)
+    floor = rounding(system, before, new.levels * (0.5 / abs(value) if form.energetic and value else 1.0))
+    change = after.value - before.value + _cost(form, system, new) - _cost(form, system, old)
+    unresolved = value - before.value - _cost(form, system, old)
     return Assessment(
         value=value,
-        value_error=abs(after.value - before.value + _cost(form, system, new) - _cost(form, system, old))
-        + abs(value - before.value - _cost(form, system, old)) + floor,
+        value_error=SAFETY * (abs(change) + abs(unresolved)) + floor,
         value_floor=floor,
         curve_error=curve_distance(system, old, new),
         correction=correction,
@@ -109,6 +112,14 @@ def assess(level: Level, scales: Scales) -> Assessment | None:
         system=system,
         z=z + step + simplified,
     )  # fmt: skip
+
+
+def rounding(system: CollocationSystem, at: Residual, multipliers: np.ndarray) -> float:
+    """Round-off of the value: of its own sum, and of each prescribed integral, a miss of which costs its multiplier."""
+    first = 1 + system.counts.functions + system.counts.paths
+    terms = np.abs(at.interior[:, first : first + system.counts.levels])
+    sums = system.weights.ravel() @ terms + np.abs(system.levels)
+    return ROUNDING * EPSILON * (at.size + float(np.abs(multipliers) @ sums))
 
 
 def _columns(space: Space, state: State, form: Form, count: int) -> list[np.ndarray]:

@@ -20,6 +20,8 @@ from varcalc.methods.direct.system import Reported, RitzSystem
 
 SAFETY = 1.5
 """The correction leaves out what lies beyond the richer space."""
+ROUND_OFF = 4e-16
+"""Round-off of the value relative to the sum of the absolute contributions."""
 SHARED = 0.1
 """Share of the last error that two spaces on one mesh may have in common, where a curve touches a bound."""
 
@@ -30,7 +32,8 @@ class Estimate:
 
     ``value`` is the reported functional in the sense that is minimised,
     ``error`` and ``curve`` its error and the curve's, ``scale`` the size of
-    what was summed; ``system`` the richer space with the rung's curve ``z``
+    what was summed, ``floor`` the round-off that leaves in the value;
+    ``system`` the richer space with the rung's curve ``z``
     and the correction ``step`` there (None when it was solved instead);
     ``shares`` each element's part in the correction.
     """
@@ -39,6 +42,7 @@ class Estimate:
     error: float
     curve: float
     scale: float
+    floor: float
     system: RitzSystem
     z: np.ndarray
     step: Step | None
@@ -71,8 +75,12 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
             correction *= 0.5 / value
         value += correction
         scale = abs(value)
-    curve = displacement(here, there)
-    return Estimate(value, SAFETY * error, SAFETY * curve, scale, system, z, step, _shares(rungs, system, step.change))
+    # a prescribed integral is summed like the value, and what it misses costs its multiplier
+    prices = np.abs(step.multipliers[: len(system.levels)])
+    prices = prices * (0.5 / value) if rungs.form.energetic and value > 0 else prices
+    floor = ROUND_OFF * (scale + float(prices @ np.abs(system.levels)))
+    curve, shares = displacement(here, there), _shares(rungs, system, step.change)
+    return Estimate(value, SAFETY * error, SAFETY * curve, scale, floor, system, z, step, shares)
 
 
 def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, previous: float) -> Estimate | str:
@@ -87,7 +95,8 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     value = richer.at.value if rungs.form.same_functional else functional_at(rungs, system, richer.z, there)
     curve = displacement(here, there)
     shares = _shares(rungs, system, richer.z - z)
-    return Estimate(value, SAFETY * error, SAFETY * curve, richer.at.scale, system, richer.z, None, shares)
+    scale = richer.at.scale
+    return Estimate(value, SAFETY * error, SAFETY * curve, scale, ROUND_OFF * scale, system, richer.z, None, shares)
 
 
 def functional_at(rungs: Rungs, system: RitzSystem, z: np.ndarray, reported: Reported) -> float:

@@ -112,7 +112,8 @@ class Energy:
     def functions(self, end: float | None) -> AnchorFunctions:
         """The functions anchored at a singular ``end``, or at any regular point for None."""
         if end not in self._anchors:
-            self._anchors[end] = self._build(end)
+            with self.integrands.building:
+                self._anchors[end] = self._build(end)
         return self._anchors[end]
 
     def _build(self, end: float | None) -> AnchorFunctions:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
@@ -15,6 +16,20 @@ from varcalc.problem import Problem
 from varcalc.tracing import Expression
 
 
+@dataclass
+class Stopwatch:
+    """Adds up the ``seconds`` spent inside its ``with`` blocks, which must not be nested."""
+
+    seconds: float = 0.0
+    started: float = 0.0
+
+    def __enter__(self) -> None:
+        self.started = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.seconds += time.perf_counter() - self.started
+
+
 @dataclass(frozen=True)
 class Integrands:
     """L and the isoperimetric integrands of a problem with one unknown function, its parameters put in.
@@ -22,10 +37,12 @@ class Integrands:
     ``scale`` is a typical slope. ``forms`` are L and the g_j times dx for
     (dx, dy) = (c, scale * s), and ``partials`` the derivatives of each by the
     problem's parameters. The Lagrangian function is L + sum of lambda_j g_j.
+    ``building`` takes the time of deriving functions, which is done as they are needed.
     """
 
     problem: Problem
     scale: float
+    building: Stopwatch = field(default_factory=Stopwatch, compare=False)
 
     @cached_property
     def symbols(self) -> tuple[Expression, Expression, Expression]:
@@ -56,11 +73,13 @@ class Integrands:
         symbols = self.problem.symbols
         c, s, _ = self.symbols
         results = []
-        for form in self.forms:
-            by_s = ca.gradient(form, s)
-            results += [form, ca.gradient(form, symbols.y), ca.gradient(form, c), by_s, -ca.jacobian(by_s, c) / (c * s)]
-        inputs = [symbols.x, symbols.y, c, s]
-        return Vectorised(ca.Function("parts", inputs, [ca.densify(r) for r in results]))
+        with self.building:
+            for form in self.forms:
+                by_s = ca.gradient(form, s)
+                mixed = -ca.jacobian(by_s, c) / (c * s)
+                results += [form, ca.gradient(form, symbols.y), ca.gradient(form, c), by_s, mixed]
+            inputs = [symbols.x, symbols.y, c, s]
+            return Vectorised(ca.Function("parts", inputs, [ca.densify(r) for r in results]))
 
     def at(self, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """The parts at points and slopes (m,), infinite ones included: shape (forms, 5, m)."""

@@ -44,7 +44,8 @@ class Momentum:
     def functions(self, end: float | None) -> tuple[Vectorised, Vectorised]:
         """Functions of (anchor, delta, c, s, lambda): the momentum and its derivative by asinh v; the integrands."""
         if end not in self._anchors:
-            self._anchors[end] = self._build(end)
+            with self.integrands.building:
+                self._anchors[end] = self._build(end)
         return self._anchors[end]
 
     def _build(self, end: float | None) -> tuple[Vectorised, Vectorised]:
