@@ -2,13 +2,25 @@
 
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.charts import FLOOR, SAMPLES, _distance_to, _Line, comparison_picture
+from varcalc.charts import (
+    ALIGNED,
+    COLOURS,
+    FLOOR,
+    LABEL_GAP,
+    ROUNDING_LABEL,
+    SAMPLES,
+    _apart,
+    _distance_to,
+    _Line,
+    comparison_picture,
+    free_directions,
+)
 from varcalc.compare import Comparison, Row
 from varcalc.reference import Exact
 from varcalc.solution import ErrorEstimate, Solution, Status
@@ -68,6 +80,88 @@ def test_curves_that_coincide_alternate_in_stripes(graph):
     offsets = {drawn(upper, label)._unscaled_dash_pattern[0] for label in "ABC"}
     assert len(offsets) == 3
     assert all(line.get_linestyle() == "-" for line in upper.get_legend().get_lines())
+
+
+def test_a_method_has_its_colour_in_every_picture(graph):
+    methods = [vc.Ritz(), vc.Ritz(optimiser=vc.Ipopt()), vc.Collocation(), vc.Shooting(), vc.FirstIntegral(), None]
+
+    def colours(chosen):
+        rows = []
+        for method in chosen:
+            answered = row(graph, vc.compare(graph, [method], tol=1e-3).rows[0].label, straight(), (0, 3))
+            rows.append(replace(answered, method=method))
+        upper = comparison_picture(Comparison(graph, tuple(rows), None, 1e-10)).axes[0]
+        return {r.label: drawn(upper, r.label).get_color() for r in rows}
+
+    everything = colours(methods)
+    assert len(set(everything.values())) == len(methods)
+    assert everything["Ritz"] == COLOURS["Ritz"][0]
+    for chosen in (methods[::-1], methods[1:3], methods[4:], [methods[1]]):
+        assert colours(chosen).items() <= everything.items()
+
+
+def test_variants_and_strangers_are_told_apart(graph):
+    methods = [vc.Ritz(), *(vc.Ritz(degree=d) for d in (4, 6, 8)), Route(), Route()]
+    rows = tuple(replace(row(graph, str(i), straight(), (0, 3)), method=m, label=str(i)) for i, m in enumerate(methods))
+    upper = comparison_picture(Comparison(graph, rows, None, 1e-10)).axes[0]
+    assert len({drawn(upper, r.label).get_color() for r in rows}) == len(rows)
+
+
+def test_labels_stay_by_their_lines_without_overlap():
+    for heights in ([0.5], [0.0, 0.001, 0.5, 0.999, 1.0], [0.3, 0.31, 0.32, 0.4], [-0.2, 1.3], [0.98] * 4):
+        placed = _apart(np.array(heights))
+        assert np.all(np.diff(placed) >= LABEL_GAP - 1e-9)
+        assert placed.min() >= 0
+        assert placed.max() <= 1
+    np.testing.assert_allclose(_apart(np.array([0.1, 0.5, 0.9])), [0.1, 0.5, 0.9])
+    np.testing.assert_allclose(_apart(np.array([0.1, 0.5, 0.5])), [0.1, 0.5 - LABEL_GAP / 2, 0.5 + LABEL_GAP / 2])
+
+
+def test_nothing_is_written_upon_the_differences(graph):
+    rows = tuple(row(graph, label, straight(), (0, 3)) for label in "AB")
+    lower = comparison_picture(Comparison(graph, rows, None, 1e-10)).axes[-1]
+    assert ROUNDING_LABEL in {text.get_text() for text in lower.texts}
+    assert all(text.xy[0] > 1 for text in lower.texts)
+
+
+def circle(middle=(0.0, 0.0), start=0.0, radius=1.0):
+    def curve(t):
+        angle = 2 * np.pi * (t + start)
+        return np.array(middle)[:, None] + radius * np.array([np.cos(angle), np.sin(angle)])
+
+    return curve
+
+
+def area(q, dq):
+    return (q[0] * dq[1] - q[1] * dq[0]) / 2
+
+
+def enclosing(lagrangian):
+    return vc.Curve(lagrangian, vc.Periodic(), vc.Periodic(), [vc.Isoperimetric(length, 2 * np.pi)], maximise=True)
+
+
+def test_closed_curves_are_laid_upon_each_other():
+    problem = enclosing(area)
+    rows = (row(problem, "A", circle((3, -1), 0.3, 1 + 1e-9)), row(problem, "B", circle(), claimed=1e-13))
+    upper, lower = comparison_picture(Comparison(problem, rows, None, 1e-10)).axes
+    assert upper.get_legend().get_title().get_text() == ALIGNED
+    for a, b in zip(drawn(upper, "A").get_data(), drawn(upper, "B").get_data(), strict=True):
+        np.testing.assert_allclose(a, b, atol=3e-9)
+    np.testing.assert_allclose(lower.get_lines()[0].get_ydata(), 1e-9, rtol=1e-3)
+
+
+def test_an_open_curve_stays_where_it_is():
+    problem = vc.Curve(length, vc.At((0, 0)), vc.At((1, 1)))
+    rows = tuple(row(problem, label, lambda t: np.tile(t, (2, 1)), claimed=1e-9) for label in "AB")
+    upper = comparison_picture(Comparison(problem, rows, None, 1e-10)).axes[0]
+    assert upper.get_legend().get_title().get_text() == ""
+
+
+def test_a_closed_curve_is_moved_only_where_that_costs_nothing():
+    assert free_directions(enclosing(area)).tolist() == [True, True]
+    assert free_directions(enclosing(lambda q, dq: length(q, dq) * (1 + q[1] ** 2))).tolist() == [True, False]
+    wall = [vc.Isoperimetric(length, 3), vc.Bound(lambda q, dq: q[0], lower=0)]
+    assert free_directions(vc.Curve(area, vc.Periodic(), vc.Periodic(), wall)).tolist() == [False, True]
 
 
 def test_without_a_closed_form_the_most_certain_route_is_the_measure(graph):

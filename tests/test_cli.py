@@ -116,7 +116,93 @@ def test_wrong_usage_is_status_2_and_says_why(call, arguments, message):
     assert done.stdout == ""
 
 
-def test_a_broken_file_is_wrong_usage(call, write):
-    done = call("run", write("problem = undefined"))
+@pytest.mark.parametrize("as_json", [False, True])
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("problem = undefined", "line 1 failed with NameError"),
+        ("problem = 1 / 0", "line 1 failed with ZeroDivisionError: division by zero"),
+        ("problem = (", "line 1 failed with SyntaxError"),
+        ("problem = {}['missing']", "line 1 failed with KeyError"),
+        ("assert False, 'not yet'", "failed with AssertionError: not yet"),
+        ("open('/no/such/file')", "failed with FileNotFoundError"),
+        ("raise SystemExit(0)", "failed with SystemExit"),
+        (
+            SHORTEST + "vc.solve(vc.Problem(lambda x, y, dy: -dy**2, vc.Fixed(0, 0), vc.Fixed(1, 1)))",
+            "VariationalError",
+        ),
+        ("x = 1", "defines neither `problem` nor `references`; end it with problem ="),
+        (SHORTEST.replace("problem =", "line ="), "defines the problem `line` and none called `problem`; rename it"),
+        (
+            SHORTEST.replace("problem =", "a = b ="),
+            "defines 2 problems, a, b, and none called `problem`; rename the one",
+        ),
+        (SHORTEST + "exact = vc.Exact(5, lambda x: x / None)", "exact.y of 'mine'"),
+        (
+            SHORTEST + "exact = vc.Exact(5, lambda x: [x, x])",
+            "must return an array of shape (1, 3) for 3 abscissae, not (2, 3)",
+        ),
+        (SHORTEST.replace("1 + dy**2", "y[3]"), "asks for a component that is not there"),
+    ],
+)
+def test_a_broken_file_is_wrong_usage(call, write, text, message, as_json):
+    done = call("run", write(text), *["--json"] * as_json)
     assert done.exit_code == 2
-    assert "line 1 failed with NameError" in " ".join(done.stderr.split())
+    assert message in " ".join(done.stderr.split())
+    assert "Traceback" not in done.output
+    if as_json:
+        assert message in " ".join(json.loads(done.stdout)["error"].split())
+    else:
+        assert done.stdout == ""
+
+
+@pytest.mark.parametrize("arguments", [["nowhere"], ["brachistochrone", "--tol", "0"], [], ["a", "b"]])
+def test_json_on_wrong_usage_is_one_document(call, arguments):
+    done = call("run", *arguments, "--json")
+    assert done.exit_code == 2
+    assert json.loads(done.stdout)["error"]
+
+
+def test_what_a_file_prints_is_no_part_of_the_document(call, write):
+    done = call("run", write(SHORTEST + "print('hello')"), "--json")
+    assert done.exit_code == 0
+    assert json.loads(done.stdout)["agree"] is True
+    assert "hello" in done.stderr
+
+
+def test_a_lambda_is_called_by_its_files_name(call, write):
+    done = call("run", write(SHORTEST.replace(', name="shortest path"', "")), "--json", "--tol", "1e-6")
+    assert json.loads(done.stdout)["problem"] == "mine"
+
+
+def test_no_solver_is_listed_twice(call):
+    done = call("run", "obstacle", "--json", "--tol", "1e-4")
+    methods = [row["method"] for row in json.loads(done.stdout)["rows"]]
+    assert methods == ["Ritz(optimiser=Ipopt())", "Collocation", "Shooting", "FirstIntegral", "ladder (Ritz)"]
+
+
+def test_when_nothing_answers_the_closing_line_says_so(call, write):
+    done = call("run", write(SHORTEST.replace("ca.sqrt(1 + dy**2)", "x * dy")))
+    assert done.exit_code == 1
+    assert done.stdout.rstrip().endswith("no route answered")
+
+
+def test_a_picture_that_cannot_be_written_is_said(call, write, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", full)
+    path = write(SHORTEST)
+    done = call("run", path, "-o", path.with_suffix(".png"), "--tol", "1e-6")
+    assert done.exit_code == 1
+    assert "could not be written" in done.stderr
+    assert "No space left on device" in done.stderr
+
+
+def test_the_list_is_wrapped_for_a_person_only(call, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr("click.testing._NamedTextIOWrapper.isatty", lambda self: True, raising=False)
+    lines = call("list").output.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert [line.split()[0] for line in lines[:-2] if not line.startswith(" ")] == list(catalogue())
+    assert lines[-1].startswith("varcalc run NAME")

@@ -159,7 +159,21 @@ class TestOutput:
         assert all(line == line.rstrip() for line in text.splitlines())
 
     def test_table_says_when_routes_agree(self, problem):
-        assert compare(problem, [Told(5.0)], 5.0).table().endswith("the routes agree")
+        pair = [Told(5.0), Told(5.0, claimed=1e-11)]
+        assert compare(problem, pair).table().endswith("the routes agree")
+        assert compare(problem, pair, 5.0).table().endswith("the routes agree with each other and with the closed form")
+
+    def test_table_says_when_only_one_route_answered(self, problem):
+        refused = Told(0.0, status=Status.REFUSED)
+        alone = compare(problem, [Told(5.0), refused]).table().splitlines()[-1]
+        assert alone == "Told(value=5.0) is the only route that answered; there is nothing to hold it against"
+        held = compare(problem, [Told(5.0), refused], 5.0).table().splitlines()[-1]
+        assert held == "Told(value=5.0), the only route that answered, agrees with the closed form"
+
+    def test_table_says_when_none_answered(self, problem):
+        table = compare(problem, [Told(0.0, status=Status.REFUSED)], 5.0).table()
+        assert table.endswith("\nno route answered")
+        assert "disagree" not in table
 
     def test_record_is_plain_json(self, comparison):
         record = json.loads(json.dumps(comparison.record(), allow_nan=False))
@@ -199,3 +213,16 @@ def test_real_methods_agree_on_the_shortest_path(problem):
     assert isinstance(comparison, Comparison)
     assert all(isinstance(row, Row) and row.ok for row in comparison.rows), comparison.table()
     assert comparison.agree, comparison.table()
+
+
+def test_the_ladder_is_no_second_route():
+    wall = vc.Problem(lambda x, y, dy: dy**2, vc.Fixed(0, 0), vc.Fixed(1, 1), [vc.Bound(lambda x, y, dy: dy, upper=2)])
+    table = compare(wall, [vc.Ritz(), None], tol=1e-6).table()
+    assert table.endswith("Ritz is the only route that answered; there is nothing to hold it against")
+
+
+def test_table_says_when_the_ladder_fails_alone():
+    # stationary, but no minimum: the interval is longer than half a period
+    saddle = vc.Problem(lambda x, y, dy: dy**2 - y**2, vc.Fixed(0, 0), vc.Fixed(4, 1))
+    lines = compare(saddle, [vc.Collocation(), vc.Shooting(), None]).table().splitlines()
+    assert lines[-2:] == ["the routes agree", "the ladder has no answer that stands"]

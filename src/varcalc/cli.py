@@ -6,8 +6,11 @@ What a command needs is imported when it runs, so that help and the list come at
 from __future__ import annotations
 
 import json
+import shutil
 import sys
+import textwrap
 from collections.abc import Iterable, Sequence
+from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +18,7 @@ import click
 
 if TYPE_CHECKING:
     from varcalc.compare import Comparison
+    from varcalc.problem import Curve, Problem
     from varcalc.reference import Reference
 
 PICTURES = (".png", ".pdf", ".svg")
@@ -40,9 +44,16 @@ def list_(name: str | None) -> None:
         entries = catalogue()
     else:
         entries = {reference.name: reference.statement.partition("\n")[0] for reference in _load(name)}
-    width = max(map(len, entries), default=0)
+    indent = max(map(len, entries), default=0) + 2
+    # a program that reads the list gets one line an entry, a person whole words
+    columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
     for entry, line in entries.items():
-        click.echo(f"{entry:{width}}  {line}".rstrip())
+        text = textwrap.fill(
+            line, max(columns, indent + 20), initial_indent=" " * indent, subsequent_indent=" " * indent
+        )
+        click.echo(f"{entry:{indent}}{text[indent:]}".rstrip())
+    if name is None and sys.stdout.isatty():
+        click.echo("\nvarcalc run NAME solves one; varcalc list NAME shows its cases.")
 
 
 def _picture_path(_context: click.Context, _parameter: click.Parameter, value: Path | None) -> Path | None:
@@ -56,7 +67,33 @@ def _picture_path(_context: click.Context, _parameter: click.Parameter, value: P
     return value
 
 
-@main.command()
+class JsonCommand(click.Command):
+    """A command whose ``--json`` prints a document on failure too: ``{"error": the sentence}``."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the arguments; where that fails after ``--json``, say so as JSON as well."""
+        as_json = "--json" in args
+        try:
+            return super().parse_args(ctx, args)
+        except click.UsageError as error:
+            _document_failure(error, as_json)
+            raise
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Carry the command out; the same."""
+        try:
+            return super().invoke(ctx)
+        except click.UsageError as error:
+            _document_failure(error, ctx.params["as_json"])
+            raise
+
+
+def _document_failure(error: click.UsageError, as_json: bool) -> None:
+    if as_json:
+        click.echo(json.dumps({"error": error.format_message()}, indent=2))
+
+
+@main.command(cls=JsonCommand)
 @click.argument("name_or_file")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 @click.option(
@@ -74,13 +111,16 @@ def run(name_or_file: str, as_json: bool, output: Path | None, tol: float) -> No
     such as brachistochrone/beyond, or a Python file of your own that defines
     `problem`, and `exact` where the closed form is known.
 
-    The exit status is 0 when the routes agree and the ladder's answer stands, 1 otherwise.
+    The exit status is 0 when the routes agree and the ladder's answer stands, 1 when not, 2 when there was nothing
+    to solve: a wrong option, or a file that does not work.
     """
     from varcalc.compare import compare
 
-    reference = _load(name_or_file)[0]
-    routes = _with_progress(_routes(), reference.name)
-    comparison = compare(reference.problem, routes, reference.exact, tol=tol, inapplicable=reference.inapplicable)
+    # what a person's own file prints must not end up in the JSON document
+    with redirect_stdout(sys.stderr) if as_json else nullcontext():
+        reference = _load(name_or_file)[0]
+        routes = _with_progress(_routes(reference.problem), reference.name)
+        comparison = compare(reference.problem, routes, reference.exact, tol=tol, inapplicable=reference.inapplicable)
     if as_json:
         click.echo(json.dumps(_document(reference, comparison), indent=2, allow_nan=False))
     else:
@@ -100,11 +140,15 @@ def _load(name_or_file: str) -> tuple[Reference, ...]:
         raise click.UsageError(str(error)) from error
 
 
-def _routes() -> list[Any]:
-    """Every method, and last the ladder, which chooses for itself."""
-    from varcalc import Collocation, FirstIntegral, Ipopt, Ritz, Shooting
+def _routes(problem: Problem | Curve) -> list[Any]:
+    """Every method, and last the ladder, which chooses for itself; Ritz once where it always goes to IPOPT."""
+    from varcalc import Collocation, FirstIntegral, Ipopt, Isoperimetric, Ritz, Shooting, Through
 
-    return [Ritz(), Ritz(optimiser=Ipopt()), Collocation(), Shooting(), FirstIntegral(), None]
+    prescribed = all(
+        isinstance(c, Through) or (isinstance(c, Isoperimetric) and c.equality) for c in problem.constraints
+    )
+    newton = [Ritz()] if prescribed else []
+    return [*newton, Ritz(optimiser=Ipopt()), Collocation(), Shooting(), FirstIntegral(), None]
 
 
 def _with_progress(routes: Sequence[Any], name: str) -> Iterable[Any]:
@@ -137,4 +181,7 @@ def _write_picture(comparison: Comparison, reference: Reference, path: Path) -> 
     except ValueError as error:
         click.echo(f"no picture: {error}", err=True)
         return
-    figure.savefig(path, dpi=160)
+    try:
+        figure.savefig(path, dpi=160)
+    except OSError as error:
+        raise click.ClickException(f"the picture could not be written to {path}: {error.strerror}") from error

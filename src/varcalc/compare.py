@@ -301,5 +301,31 @@ def _notes(comparison: Comparison) -> list[str]:
     exact = comparison.exact
     notes = [] if exact is None else [f"closed form: {exact.value:.15g}  {exact.description}".rstrip()]
     notes += [f"{row.label}: {row.reason}" for row in comparison.rows if row.reason]
-    verdict = "the routes agree" if comparison.agree else "the routes disagree:"
-    return ["", *notes, verdict, *(f"  {sentence}" for sentence in comparison.disagreements)]
+    return ["", *notes, *_verdict(comparison)]
+
+
+def _routes(comparison: Comparison) -> list[str]:
+    """The routes that answered; the ladder is one of its own only where its last rung is not among the others."""
+    named = [row for row in comparison.rows if row.ok and row.method is not None]
+    tried = {type(row.method).__name__ for row in named}
+    ladders = [row.solution.rung for row in comparison.rows if row.ok and row.method is None and row.solution]
+    return [*(row.label for row in named), *(rung for rung in ladders if rung not in tried)]
+
+
+def _verdict(comparison: Comparison) -> list[str]:
+    """The closing lines: whether the answers agree, as far as there are any, and whether the ladder's stands."""
+    routes = _routes(comparison)
+    measure = " with the closed form" if comparison.exact is not None else ""
+    if not routes:
+        lines = ["no route answered"]
+    elif not comparison.agree:
+        lines = ["the routes disagree:", *(f"  {sentence}" for sentence in comparison.disagreements)]
+    elif len(routes) > 1:
+        lines = ["the routes agree" + (" with each other and" + measure if measure else "")]
+    elif measure:
+        lines = [f"{routes[0]}, the only route that answered, agrees{measure}"]
+    else:
+        lines = [f"{routes[0]} is the only route that answered; there is nothing to hold it against"]
+    if any(row.method is None and not row.ok for row in comparison.rows) and routes:
+        lines.append("the ladder has no answer that stands")
+    return lines

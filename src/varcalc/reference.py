@@ -8,6 +8,7 @@ with the closed form in ``exact`` where there is one.
 from __future__ import annotations
 
 import ast
+import copy
 import importlib
 import importlib.util
 import math
@@ -21,7 +22,9 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.functional import UNNAMED
 from varcalc.problem import Curve, Problem
+from varcalc.solution import VariationalError
 
 CATALOGUE = "varcalc.problems"
 """The package the reference problems are installed as."""
@@ -29,8 +32,14 @@ CATALOGUE = "varcalc.problems"
 SUFFIX = ".py"
 """What tells a person's own file from a name in the catalogue."""
 
-_BROKEN_CODE = (SyntaxError, ImportError, NameError, AttributeError, TypeError, ValueError, RuntimeError)
+_BROKEN_CODE = (
+    SyntaxError, ImportError, NameError, AttributeError, TypeError, ValueError, RuntimeError, ArithmeticError,
+    LookupError, AssertionError, OSError, EOFError, SystemExit, VariationalError,
+)  # fmt: skip
 """What a file that is not a working problem file raises when it is run (CasADi raises RuntimeError)."""
+
+LOOKED_AT = 3
+"""Places at which a person's closed form is tried out before anything is solved."""
 
 
 class ProblemFileError(ValueError):
@@ -69,9 +78,10 @@ class Reference:
     """One reference problem, or one case of it.
 
     ``name`` is the file's name for the default case and ``file/case`` for the
-    others. ``source`` cites where the problem comes from, ``statement`` says it
-    in a sentence. ``inapplicable`` maps a method class to the reason why that
-    method does not apply. ``downward`` is True where y is counted downward, so
+    others; a problem that has no name of its own takes it. ``source`` cites
+    where the problem comes from, ``statement`` says it in a sentence.
+    ``inapplicable`` maps a method class to the reason why that method does not
+    apply. ``downward`` is True where y is counted downward, so
     that pictures show it so.
     """
 
@@ -96,6 +106,10 @@ class Reference:
                     f"inapplicable of {self.name!r} maps method classes to reasons; write {type(method).__name__} "
                     f"rather than {method!r}"
                 )
+        if self.problem.name == UNNAMED:
+            named = copy.copy(self.problem)
+            named.name = self.name
+            object.__setattr__(self, "problem", named)
 
 
 def as_exact(exact: Exact | float | None) -> Exact | None:
@@ -182,9 +196,34 @@ def _from_file(path: Path) -> tuple[Reference, ...]:
     try:
         spec.loader.exec_module(module)
     except _BROKEN_CODE as error:
-        where = _line_of(error, path)
-        raise ProblemFileError(f"{path}{where} failed with {type(error).__name__}: {error}; mend the file") from error
-    return _references(module, path.stem, str(path))
+        raise _failed(path, "", error) from error
+    references = _references(module, path.stem, str(path))
+    for reference in references:
+        _try_out(reference, path)
+    return references
+
+
+def _failed(path: Path, part: str, error: BaseException) -> ProblemFileError:
+    what = f"{part} in {path}" if part else str(path)
+    return ProblemFileError(f"{what}{_line_of(error, path)} failed with {type(error).__name__}: {error}; mend the file")
+
+
+def _try_out(reference: Reference, path: Path) -> None:
+    """Call the closed form of a person's own file once, so that it fails before anything is solved."""
+    exact, problem = reference.exact, reference.problem
+    if exact is None or exact.y is None:
+        return
+    at = np.linspace(*problem.span, LOOKED_AT + 2)[1:-1]
+    try:
+        values = np.asarray(exact.y(at), dtype=float)
+    except _BROKEN_CODE as error:
+        raise _failed(path, f"exact.y of {reference.name!r}", error) from error
+    wanted = [(problem.n, LOOKED_AT), *([(LOOKED_AT,), ()] if problem.n == 1 else [])]
+    if values.shape not in wanted:
+        raise ProblemFileError(
+            f"exact.y of {reference.name!r} in {path} must return an array of shape {wanted[0]} for {LOOKED_AT} "
+            f"abscissae, not {values.shape}"
+        )
 
 
 def _line_of(error: BaseException, path: Path) -> str:
@@ -203,9 +242,7 @@ def _references(module: ModuleType, name: str, where: str) -> tuple[Reference, .
         return _checked(references, where)
     problem = getattr(module, "problem", None)
     if problem is None:
-        raise ProblemFileError(
-            f"{where} defines neither `problem` nor `references`; end it with problem = varcalc.Problem(...)"
-        )
+        raise ProblemFileError(f"{where} defines {_instead(module)}")
     if not isinstance(problem, Problem | Curve):
         raise ProblemFileError(f"`problem` in {where} must be a varcalc.Problem or a varcalc.Curve, not {problem!r}")
     try:
@@ -213,6 +250,19 @@ def _references(module: ModuleType, name: str, where: str) -> tuple[Reference, .
     except (TypeError, ValueError) as error:
         raise ProblemFileError(f"`exact` in {where} must be a number or a varcalc.Exact: {error}") from error
     return (Reference(name, problem, exact, statement=(module.__doc__ or "").strip()),)
+
+
+def _instead(module: ModuleType) -> str:
+    """What a module without `problem` and `references` holds, and the remedy."""
+    others = [name for name, value in vars(module).items() if isinstance(value, Problem | Curve)]
+    if not others:
+        return "neither `problem` nor `references`; end it with problem = varcalc.Problem(...)"
+    if len(others) == 1:
+        return f"the problem `{others[0]}` and none called `problem`; rename it"
+    return (
+        f"{len(others)} problems, {', '.join(others)}, and none called `problem`; rename the one that is meant, "
+        "or list them all: references = (varcalc.Reference('name', ...), ...)"
+    )
 
 
 def _checked(references: object, where: str) -> tuple[Reference, ...]:
