@@ -8,19 +8,12 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.charts import (
-    ALIGNED,
-    COLOURS,
-    FLOOR,
-    LABEL_GAP,
-    ROUNDING_LABEL,
-    SAMPLES,
-    _apart,
-    _distance_to,
-    _Line,
-    comparison_picture,
-    free_directions,
-)
+from varcalc.charts import comparison_picture
+from varcalc.charts.closed import ALIGNED, free_directions
+from varcalc.charts.colours import COLOURS
+from varcalc.charts.comparison import FLOOR, ROUNDING_LABEL
+from varcalc.charts.labels import LABEL_GAP, apart
+from varcalc.charts.lines import SAMPLES, Line, distance_to
 from varcalc.compare import Comparison, Row
 from varcalc.reference import Exact
 from varcalc.solution import ErrorEstimate, Solution, Status
@@ -109,12 +102,12 @@ def test_variants_and_strangers_are_told_apart(graph):
 
 def test_labels_stay_by_their_lines_without_overlap():
     for heights in ([0.5], [0.0, 0.001, 0.5, 0.999, 1.0], [0.3, 0.31, 0.32, 0.4], [-0.2, 1.3], [0.98] * 4):
-        placed = _apart(np.array(heights))
+        placed = apart(np.array(heights))
         assert np.all(np.diff(placed) >= LABEL_GAP - 1e-9)
         assert placed.min() >= 0
         assert placed.max() <= 1
-    np.testing.assert_allclose(_apart(np.array([0.1, 0.5, 0.9])), [0.1, 0.5, 0.9])
-    np.testing.assert_allclose(_apart(np.array([0.1, 0.5, 0.5])), [0.1, 0.5 - LABEL_GAP / 2, 0.5 + LABEL_GAP / 2])
+    np.testing.assert_allclose(apart(np.array([0.1, 0.5, 0.9])), [0.1, 0.5, 0.9])
+    np.testing.assert_allclose(apart(np.array([0.1, 0.5, 0.5])), [0.1, 0.5 - LABEL_GAP / 2, 0.5 + LABEL_GAP / 2])
 
 
 def test_nothing_is_written_upon_the_differences(graph):
@@ -230,10 +223,10 @@ def test_a_curve_is_drawn_in_its_plane_or_by_components(dimension):
 
 
 def test_distance_does_not_depend_on_the_parametrisation():
-    circle = _Line("circle", "0", lambda t: np.array([np.cos(2 * np.pi * t**2), np.sin(2 * np.pi * t**2)]), (0.0, 1.0))
+    circle = Line("circle", "0", lambda t: np.array([np.cos(2 * np.pi * t**2), np.sin(2 * np.pi * t**2)]), (0.0, 1.0))
     angles = np.linspace(0.1, 6.1, 200)
     outside = (1 + 1e-11) * np.array([np.cos(angles), np.sin(angles)])
-    np.testing.assert_allclose(_distance_to(circle, outside), 1e-11, rtol=1e-4)
+    np.testing.assert_allclose(distance_to(circle, outside), 1e-11, rtol=1e-4)
 
 
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])

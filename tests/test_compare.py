@@ -200,11 +200,17 @@ def test_label_shows_options_that_are_not_the_default():
         ([], ValueError, "methods is empty"),
         ([vc.Ritz], TypeError, r"methods\[0\] is the class Ritz; give an object: Ritz\(\)"),
         (["Ritz"], TypeError, r"methods\[0\] must be a method such as Ritz\(\)"),
+        (vc.Ritz(), TypeError, r"methods must be a sequence, not Ritz.*; write methods=\[...\]"),
     ],
 )
 def test_refuses_what_is_no_method(problem, methods, error, message):
     with pytest.raises(error, match=message):
         compare(problem, methods)
+
+
+def test_refuses_what_is_no_problem():
+    with pytest.raises(TypeError, match="problem must be a Problem or a Curve, not 3"):
+        compare(3, [vc.Ritz()])
 
 
 def test_real_methods_agree_on_the_shortest_path(problem):

@@ -162,6 +162,10 @@ def compare(
     Raises TypeError for what is no method object, ValueError when there are
     no methods, and whatever :func:`varcalc.solve` raises for bad arguments.
     """
+    if not isinstance(problem, Problem | Curve):
+        raise TypeError(f"problem must be a Problem or a Curve, not {problem!r}")
+    if not isinstance(methods, Iterable):
+        raise TypeError(f"methods must be a sequence, not {methods!r}; write methods=[...]")
     closed_form = as_exact(exact)
     reasons = inapplicable or {}
     rows = tuple(_row(problem, _checked(i, method), closed_form, tol, reasons) for i, method in enumerate(methods))

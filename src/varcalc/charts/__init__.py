@@ -1,0 +1,10 @@
+"""Pictures. The only module that imports matplotlib, and it knows no solver.
+
+Every function takes records that were computed elsewhere and returns a
+matplotlib ``Figure`` of its own: nothing is drawn on a screen, and no setting
+of matplotlib is changed.
+"""
+
+from varcalc.charts.comparison import comparison_picture
+
+__all__ = ["comparison_picture"]

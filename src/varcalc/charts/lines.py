@@ -1,0 +1,82 @@
+"""Curves to draw, and how far apart they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+SAMPLES = 501
+"""Points a curve is drawn with, denser at the ends, where it may be steep."""
+
+ENVELOPE = 8
+"""Samples to either side over which a line of differences takes its largest value, so that it can be read."""
+
+Points = np.ndarray
+"""Shape (n, m): m points of n components."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve to draw: ``at`` maps parameters of shape (m,) within ``span`` to points of shape (n, m)."""
+
+    label: str
+    colour: str
+    at: Callable[[np.ndarray], Points]
+    span: tuple[float, float]
+    closed: bool = False
+
+    def samples(self) -> np.ndarray:
+        """Parameters to draw the curve at, (m,)."""
+        start, end = self.span
+        return start + (end - start) * (1 - np.cos(np.linspace(0, np.pi, SAMPLES))) / 2
+
+
+def shaped(curve: Callable[[np.ndarray], object], n: int) -> Callable[[np.ndarray], Points]:
+    """``curve`` with its result in shape (n, m), whether it is scalar, constant or a vector."""
+    return lambda s: np.broadcast_to(np.asarray(curve(s), dtype=float), (n, s.size))
+
+
+def distance_along(line: Line, reference: Line, along: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Places on ``line`` and their distances from ``reference``.
+
+    Graphs are compared at equal abscissae, over what both cover. Curves that
+    are not graphs are compared as sets of points, since their parameters need
+    not run alike.
+    """
+    s = line.samples()
+    if along:
+        return s, distance_to(reference, line.at(s))
+    s = s[(s >= reference.span[0]) & (s <= reference.span[1])]
+    return s, np.linalg.norm(line.at(s) - reference.at(s), axis=0)
+
+
+def distance_to(reference: Line, points: Points) -> np.ndarray:
+    """The distance of each point, shape (n, m), from the curve ``reference``."""
+    return np.linalg.norm(points - reference.at(nearest(reference, points)), axis=0)
+
+
+def nearest(reference: Line, points: Points) -> np.ndarray:
+    """Where on ``reference`` the foot of each point (n, m) lies.
+
+    From the nearest sample, Newton's iteration moves along the curve until the
+    way to the point is perpendicular to the tangent.
+    """
+    start, end = reference.span
+    samples = np.linspace(start, end, 4 * SAMPLES)
+    away = np.linalg.norm(points[:, :, None] - reference.at(samples)[:, None, :], axis=0)
+    s = samples[np.argmin(away, axis=1)]
+    step = 1e-5 * (end - start)
+    for _ in range(4):
+        left, right = np.maximum(s - step, start), np.minimum(s + step, end)
+        tangent = (reference.at(right) - reference.at(left)) / (right - left)
+        ahead = np.sum(tangent * (points - reference.at(s)), axis=0) / np.sum(tangent**2, axis=0)
+        s = start + np.mod(s + ahead - start, end - start) if reference.closed else np.clip(s + ahead, start, end)
+    return s
+
+
+def envelope(values: np.ndarray) -> np.ndarray:
+    """The largest of the neighbouring values, at each place."""
+    padded = np.pad(values, ENVELOPE, mode="edge")
+    return np.nanmax(np.lib.stride_tricks.sliding_window_view(padded, 2 * ENVELOPE + 1), axis=-1)
