@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import casadi as ca
 import pytest
 
 import varcalc as vc
@@ -21,6 +22,7 @@ def slope(x: Any, y: Any, dy: Any) -> Any:
         (lambda: vc.Fixed(0, math.nan), ValueError, "Fixed.y must be finite, not nan"),
         (lambda: vc.Fixed(0, (0, "up")), TypeError, r"Fixed.y\[1\] must be a number, not 'up'"),
         (lambda: vc.Fixed("1", 0), TypeError, "Fixed.x must be a number, not '1'"),  # type: ignore[arg-type]
+        (lambda: vc.Fixed(0, ca.SX.sym("y")), TypeError, "Fixed.y must be a number, not SX"),
         (lambda: vc.Fixed(0, True), TypeError, "Fixed.y must be a number, not True"),
         (lambda: vc.Fixed((0, 1), 0), TypeError, "Fixed.x must be a number"),  # type: ignore[arg-type]
         (lambda: vc.Free(0, n=0), ValueError, "Free.n must be at least 1, not 0"),

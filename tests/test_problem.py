@@ -118,6 +118,11 @@ def vectors(lagrangian: Any) -> vc.Problem:
         (lambda: vectors(lambda x, y, dy: sum(v**2 for v in dy)), TypeError, "lagrangian unpacks or loops over"),
         # constraints
         (lambda: problem(square, START, END, 3), TypeError, r"constraints must be a sequence, not 3"),
+        (
+            lambda: problem(square, START, END, [vc.Holonomic(lambda x, y: 0.0)]),
+            ValueError,
+            r"constraints\[0\].phi does not depend on the curve",
+        ),
         (lambda: problem(square, START, END, [vc.Through(1, 3)]), ValueError, r"Through.* misses it by 2; move one"),
         (lambda: problem(square, START, END, [vc.Through(0, 0)]), ValueError, r"abscissa of start .*; leave it out"),
         (lambda: problem(square, START, END, vc.Through(0.5, 1)), TypeError, r"write constraints=\[...\]"),
@@ -365,6 +370,8 @@ def test_other_parameter_values_share_what_is_built() -> None:
 
 def test_strange_parameters_are_refused() -> None:
     given = vc.Problem(lambda x, y, dy, p: p.k * dy**2, START, END, parameters={"k": 1.0})
+    with pytest.raises(TypeError, match=r"parameters must be a mapping from names to numbers, not 2\.0"):
+        given.with_parameters(2.0)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"\['m'\] are no parameters of this problem; it has \['k'\]"):
         given.with_parameters({"m": 1.0})
     with pytest.raises(ValueError, match=r"parameters\['k'\] must be finite"):

@@ -53,6 +53,7 @@ def test_exact_keeps_a_float():
     ("arguments", "error", "message"),
     [
         ({"value": float("nan")}, ValueError, "exact.value must be finite"),
+        ({"value": "5"}, TypeError, "exact.value must be a number"),
         ({"value": "five"}, TypeError, "exact.value must be a number"),
         ({"value": 5.0, "y": 3.0}, TypeError, "exact.y must be a function"),
     ],

@@ -51,3 +51,10 @@ def test_without_a_curve_there_is_no_interval() -> None:
     refused = vc.solve(vc.Problem(lambda x, y, dy: -(dy**2), vc.Fixed(0, 0), vc.Fixed(1, 1)), throw=False)
     with pytest.raises(ValueError, match="there is no curve to evaluate"):
         _ = refused.interval
+
+
+def test_the_shape_of_the_abscissae_is_kept() -> None:
+    solution = line(0, 1)
+    assert isinstance(solution.y(0.5), float)
+    assert solution.y(np.full((2, 3), 0.5)).shape == (2, 3)
+    assert solution.y([]).shape == (0,)

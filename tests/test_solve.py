@@ -148,6 +148,7 @@ def test_a_solution_without_a_curve_says_why() -> None:
         ((film(0.5),), {"guess": lambda x: (1.0, 2.0)}, ValueError, "guess must return 1 number at each x, not 2"),
         ((film(0.5),), {"guess": lambda x, y: x}, TypeError, "guess must accept 1 argument here"),
         ((film(0.5),), {"guess": lambda x: math.nan}, ValueError, "guess is not a finite number at -0.46875"),
+        ((film(0.5),), {"guess": lambda x: "high"}, TypeError, "guess must return numbers at each x, not 'high'"),
         ((film(0.5),), {"tol": True}, ValueError, "tol must be a positive number, not True"),
         ((film(0.5),), {"tolerance": 1e-8}, TypeError, "tolerance"),
     ],

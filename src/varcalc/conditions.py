@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 Number = float | int
@@ -19,13 +20,13 @@ Components = Number | Sequence[Number | None] | None
 
 def finite(name: str, value: Any) -> float:
     """``value`` as a float; TypeError or ValueError naming ``name`` otherwise."""
-    # float() takes text, truth values and arrays of one entry for numbers, and none of them was meant as one
+    # float() takes text, truth values, symbols and arrays of one entry for numbers, and none was meant as one
     wrong = TypeError(f"{name} must be a number, not {value!r}")
-    if isinstance(value, str | bytes | bool | np.bool_) or is_vector(value):
+    if isinstance(value, str | bytes | bool | np.bool_ | ca.SX | ca.MX) or is_vector(value):
         raise wrong
     try:
         number = float(value)
-    except (TypeError, ValueError, RuntimeError):  # CasADi's symbols raise RuntimeError
+    except (TypeError, ValueError):
         raise wrong from None
     if not math.isfinite(number):
         raise ValueError(f"{name} must be finite, not {number}")

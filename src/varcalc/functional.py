@@ -161,9 +161,10 @@ class Functional:
             elif isinstance(constraint, Bound):
                 traced.append(Traced(constraint, trace(f"{label}.h", constraint.h, short, kind)))
             elif isinstance(constraint, Holonomic):
-                traced.append(
-                    Traced(constraint, trace(f"{label}.phi", constraint.phi, [*self._position_arguments(), *p], kind))
-                )
+                phi = trace(f"{label}.phi", constraint.phi, [*self._position_arguments(), *p], kind)
+                if not ca.depends_on(phi, self.symbols.y):
+                    raise ValueError(f"{label}.phi does not depend on the curve, so phi = 0 constrains nothing")
+                traced.append(Traced(constraint, phi))
         self.traced = tuple(traced)
         self._check_sliding()
         if self.end_cost is not None:
@@ -203,11 +204,12 @@ class Functional:
         >>> fall.with_parameters({"g": 1.62}).parameters
         {'g': 1.62}
         """
-        strange = values.keys() - self.parameters.keys()
+        named = _named("parameters", values)
+        strange = named.keys() - self.parameters.keys()
         if strange:
             raise ValueError(f"{sorted(strange)} are no parameters of this problem; it has {sorted(self.parameters)}")
         other = copy.copy(self)
-        other.parameters = self.parameters | _named("parameters", values)
+        other.parameters = self.parameters | named
         other.check_places()
         return other
 

@@ -85,9 +85,9 @@ class Problem(Functional):
         breakpoints: Sequence[float] = (),
         name: str = "",
     ) -> None:
-        if isinstance(order, bool) or not isinstance(order, int) or order not in (1, 2):
+        if isinstance(order, bool) or not isinstance(order, int | np.integer) or order not in (1, 2):
             raise ValueError(f"order must be 1 or 2, not {order!r}")
-        self.order = order
+        self.order = int(order)
         self.n, self.scalar = _dimension(start, end)
         self.span = _span(start, end)
         _check_slopes(start, end, order)

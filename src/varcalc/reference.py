@@ -11,7 +11,6 @@ import ast
 import copy
 import importlib
 import importlib.util
-import math
 import pkgutil
 import traceback
 from collections.abc import Callable, Mapping
@@ -22,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.conditions import finite
 from varcalc.functional import UNNAMED
 from varcalc.problem import Curve, Problem
 from varcalc.solution import VariationalError
@@ -62,12 +62,7 @@ class Exact:
     description: str = ""
 
     def __post_init__(self) -> None:
-        try:
-            value = float(self.value)
-        except (TypeError, ValueError):
-            raise TypeError(f"exact.value must be a number, not {self.value!r}") from None
-        if not math.isfinite(value):
-            raise ValueError(f"exact.value must be finite, not {value}; leave exact out where no value is known")
+        value = finite("exact.value", self.value)
         if self.y is not None and not callable(self.y):
             raise TypeError(f"exact.y must be a function of the abscissa, not {self.y!r}")
         object.__setattr__(self, "value", value)

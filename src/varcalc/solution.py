@@ -119,7 +119,7 @@ class Solution:
             raise ValueError(f"the curve is known from {first} to {last} only, not at {_strange(at, first, last)}")
         assert self.curve is not None
         at = np.clip(at, first, last)
-        values = self.curve(at.ravel(), derivative).reshape(-1, *at.shape)
+        values = self.curve(at.ravel(), derivative).reshape(self.problem.n, *at.shape)
         if not self.problem.scalar:
             return values
         return float(values[0]) if at.ndim == 0 else values[0]

@@ -252,7 +252,11 @@ def _sampled(problem: Functional, form: Form, guess: Guess) -> Sampled | None:
 
 def _values(problem: Functional, function: Callable[[Any], Any], x: np.ndarray) -> np.ndarray:
     """A person's guess at x (m,), asked one abscissa at a time, as (n, m)."""
-    rows = [np.asarray(function(float(v)), dtype=float).ravel() for v in x]
+    given = [function(float(v)) for v in x]
+    try:
+        rows = [np.asarray(v, dtype=float).ravel() for v in given]
+    except (TypeError, ValueError):
+        raise TypeError(f"guess must return numbers at each x, not {given[0]!r}") from None
     for row in rows:
         if row.shape != (problem.n,):
             numbers = "1 number" if problem.n == 1 else f"{problem.n} numbers"
