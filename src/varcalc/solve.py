@@ -10,11 +10,8 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from varcalc.approach import approached, gap
 from varcalc.conditions import OnCurve
-from varcalc.corners import with_corners
-from varcalc.falling import falling
-from varcalc.feasibility import explained
+from varcalc.existence import explained, second_look
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
 from varcalc.methods.collocation import Collocation
@@ -69,7 +66,7 @@ def solve(
     if solution is None:
         solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
     if method is None and not solution.status.ok:
-        solution = _second_look(problem, tol, solution)
+        solution = second_look(problem, tol, solution)
     if throw and not solution.status.ok:
         raise (InfeasibleError if solution.verdict is Verdict.INFEASIBLE else VariationalError)(solution)
     return solution
@@ -148,24 +145,6 @@ def _linear(problem: Functional, method: Method) -> Solution | None:
         return None
     message = "the Lagrangian is linear in the slope: nothing in it fixes a curve between these ends"
     return no_answer(problem, method, Status.REFUSED, message, Verdict.SINGULAR)
-
-
-def _second_look(problem: Functional, tol: float, failure: Solution) -> Solution:
-    """What the ladder had no answer to: a minimum with corners, or why there is no minimum at all."""
-    if failure.verdict in (None, Verdict.WEAK_MINIMUM):
-        failure = with_corners(problem, tol, failure)
-    if failure.verdict is None and not failure.status.ok and (fall := falling(problem)) is not None:
-        return _refused(failure, Verdict.UNBOUNDED, fall.sentence)
-    if failure.verdict is None and not failure.status.ok and (approach := approached(problem)) is not None:
-        if (between := gap(problem, approach)) is not None:
-            return _refused(failure, Verdict.GAP, between.sentence(approach.limit))
-        if approach.concentrates:
-            return _refused(failure, Verdict.NOT_ATTAINED, f"the infimum is not attained: {approach.sentence}")
-    return failure
-
-
-def _refused(failure: Solution, verdict: Verdict, message: str) -> Solution:
-    return replace(failure, status=Status.REFUSED, verdict=verdict, message=message)
 
 
 def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.approach import approached, gap
+from varcalc.existence.approach import approached, gap
 
 WEIERSTRASS = vc.Problem(lambda x, y, v: x**2 * v**2, vc.Fixed(-1, -1), vc.Fixed(1, 1))
 MANIA = vc.Problem(lambda x, y, v: (y**3 - x) ** 2 * v**6, vc.Fixed(0, 0), vc.Fixed(1, 1))

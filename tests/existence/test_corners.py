@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.corners import convex
+from varcalc.existence.corners import convex
+from varcalc.existence.relaxation import relaxed
 from varcalc.formulation import broken_form
-from varcalc.relaxation import relaxed
 
 
 def two_wells(unit=1.0, maximise=False):

@@ -16,11 +16,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from varcalc.existence.relaxation import Relaxed, applies, relaxed
 from varcalc.formulation import broken_form, formulate
 from varcalc.functional import Functional
 from varcalc.methods.ritz import Ritz
 from varcalc.problem import Problem
-from varcalc.relaxation import Relaxed, applies, relaxed
 from varcalc.slopes import vouched
 from varcalc.solution import Solution, Status, Verdict
 

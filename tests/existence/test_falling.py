@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.falling import falling
+from varcalc.existence.falling import falling
 
 LEVEL_END = vc.Fixed(1, 0)
 
