@@ -20,8 +20,8 @@ from varcalc.conditions import truth, whole
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
 from varcalc.methods.boundary_value.answer import answered
-from varcalc.methods.boundary_value.damped_newton import Scales, index, start_multipliers
 from varcalc.methods.boundary_value.error import Level
+from varcalc.methods.boundary_value.newton import Scales, index, start_multipliers
 from varcalc.methods.boundary_value.refinement import Improved, Refinement
 from varcalc.methods.boundary_value.starting_curves import Start, function_sizes, resolving_vertices, starting_curves
 from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space

@@ -20,8 +20,8 @@ from varcalc.conditions import whole
 from varcalc.formulation import Form, Sampled
 from varcalc.lagrangian import Lagrangian
 from varcalc.methods.boundary_value.answer import answered
-from varcalc.methods.boundary_value.damped_newton import Scales
 from varcalc.methods.boundary_value.error import Assessment, Level, assess
+from varcalc.methods.boundary_value.newton import Scales
 from varcalc.methods.boundary_value.starting_curves import function_sizes, starting_curves
 from varcalc.methods.boundary_value.stationarity import Stationarity, stationarity
 from varcalc.methods.boundary_value.system import CollocationSystem, State, collocation_space

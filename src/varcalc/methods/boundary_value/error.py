@@ -20,7 +20,7 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.mesh import Space
-from varcalc.methods.boundary_value.damped_newton import Scales, factorised, measure
+from varcalc.methods.boundary_value.newton import Scales, factorised, measure
 from varcalc.methods.boundary_value.system import CollocationSystem, Residual, State, collocation_space
 
 CONTRACTION = 0.1

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.methods.boundary_value.damped_newton import Scales, damped_newton
 from varcalc.methods.boundary_value.error import Assessment, Level, assess
+from varcalc.methods.boundary_value.newton import Scales, stationary
 from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space
 from varcalc.solution import Status
 
@@ -58,7 +58,7 @@ class Refinement:
 
     def newton(self, system: CollocationSystem, z: np.ndarray) -> Level | None:
         """The root that Newton's iteration reaches from ``z``; None, with the reason noted, when it reaches none."""
-        outcome = damped_newton(system, z, self.scales)
+        outcome = stationary(system, z, self.scales)
         self.iterations += outcome.iterations
         if not outcome.converged:
             return self._failed(outcome.reason)

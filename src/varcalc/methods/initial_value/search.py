@@ -11,7 +11,6 @@ import numpy as np
 from varcalc.engines import Flow, Outcome
 from varcalc.formulation import Sampled
 from varcalc.methods.direct.starts import LADDER, bent, scaled_ring, size
-from varcalc.methods.initial_value.affine_newton import Ending, Result, iterate
 from varcalc.methods.initial_value.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.initial_value.initial_states import (
     growth_rate,
@@ -22,6 +21,7 @@ from varcalc.methods.initial_value.initial_states import (
     states,
     unknown_numbers,
 )
+from varcalc.methods.initial_value.newton import Ending, Result, iterate
 from varcalc.methods.initial_value.segments import Evaluation, Failure, Segments
 from varcalc.methods.initial_value.shot_extremal import value_of
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from varcalc.engines import Run
 from varcalc.methods.answer import Extremal
-from varcalc.methods.initial_value.affine_newton import size
+from varcalc.methods.initial_value.newton import size
 from varcalc.methods.initial_value.segments import Evaluation, Failure, Segments
 from varcalc.solution import ErrorEstimate
 

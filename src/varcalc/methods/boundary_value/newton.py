@@ -1,11 +1,4 @@
-"""A damped Newton iteration for the stationarity conditions of a form.
-
-Steps are accepted by the natural monotonicity test, which compares Newton
-corrections and so does not depend on how the conditions are scaled (Deuflhard,
-"Newton Methods for Nonlinear Problems", 2004, sect. 3.3, algorithm NLEQ-ERR),
-and only as long as the Legendre condition, where it held at the start, keeps
-holding: beyond lies another branch or the edge of the Lagrangian's domain.
-"""
+"""Newton's iteration for the stationarity conditions of a form: sizes, linear algebra, and what it may pass through."""
 
 from __future__ import annotations
 
@@ -16,12 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.methods.boundary_value.system import CollocationSystem, Residual
+from varcalc.methods.damped_newton import Ending, Linearised, damped_newton
 
-CONVERGED = 1e-9
-"""Relative correction after which one more step leaves only round-off."""
-STALLED = 1e-7
-"""Relative correction below which a failure to shrink is round-off."""
-SMALLEST_DAMPING = 1e-6
 ITERATIONS = 60
 SPARSE_FROM = 160
 """Unknowns from which a sparse factorisation is faster than a dense inverse."""
@@ -146,79 +135,46 @@ def start_multipliers(system: CollocationSystem, z: np.ndarray, residual: Residu
     return out
 
 
-def damped_newton(
-    system: CollocationSystem, z: np.ndarray, scales: Scales, iterations: int = ITERATIONS, guarded: bool = True
-) -> Outcome:
+class _Conditions:
+    """The stationarity conditions of a system, as :func:`damped_newton` takes them.
+
+    Points are refused beyond which the Legendre condition, where it held at
+    the start, does not: there lies another branch, or the edge of the
+    Lagrangian's domain.
+    """
+
+    def __init__(self, system: CollocationSystem, scales: Scales, first: Residual) -> None:
+        self.system, self.scales = system, scales
+        self._guarded = first.legendre > 0.0 and system.counts.levels == 0
+
+    def evaluate(self, z: np.ndarray) -> Residual | None:
+        residual = self.system.evaluate(z)
+        return residual if residual.finite and not (self._guarded and residual.legendre <= 0.0) else None
+
+    def linearised(self, z: np.ndarray, at: Residual) -> Linearised[Residual]:
+        self.scales.grow(self.system, z)
+        weights = self.scales.weights(self.system)
+        solve = factorised(self.system, at, weights)
+        return Linearised(
+            lambda point: None if solve is None else -solve(point.rows), lambda step: measure(weights, step)
+        )
+
+
+REASONS = {
+    Ending.CONVERGED: "",
+    Ending.SINGULAR: "the linearised conditions are singular",
+    Ending.DAMPED_OUT: "no step along the Newton direction brings the conditions nearer",
+    Ending.TOO_MANY: f"no convergence within {ITERATIONS} iterations",
+}
+
+
+def stationary(system: CollocationSystem, z: np.ndarray, scales: Scales) -> Outcome:
     """Iterate from ``z`` to a root of the system."""
     residual = system.evaluate(z)
     if not residual.finite:
         return Outcome(z, residual, 0, "the Euler-Lagrange equation is not a number on the starting curve")
-    guard = guarded and residual.legendre > 0.0 and system.counts.levels == 0
-    damping, before, iteration = 1.0, None, 0
-    reason = f"no convergence within {iterations} iterations"
-    while iteration < iterations:
-        iteration += 1
-        scales.grow(system, z)
-        weights = scales.weights(system)
-        solve = factorised(system, residual, weights)
-        step = np.full(system.size, np.nan) if solve is None else -solve(residual.rows)
-        length = measure(weights, step)
-        if solve is None or not math.isfinite(length):
-            reason = "the linearised conditions are singular"
-            break
-        if length <= CONVERGED:
-            return _finish(system, z + step, Outcome(z, residual, iteration, ""))
-        if before is not None:
-            change = measure(weights, before[1] - step)
-            damping = min(1.0, damping * before[0] * measure(weights, before[1]) / max(change * length, 1e-300))
-        accepted = _search(system, z, step, length, damping, weights, solve, guard)
-        if accepted is None:
-            # a small correction is kept from shrinking by round-off, a large one by divergence
-            reason = "" if length <= STALLED else "no step along the Newton direction brings the conditions nearer"
-            break
-        damping, z, residual, following = accepted
-        if damping == 1.0 and measure(weights, following) <= CONVERGED:
-            return _finish(system, z + following, Outcome(z, residual, iteration, ""))
-        before = (length, following)
-    return Outcome(z, residual, iteration, reason)
-
-
-def _finish(system: CollocationSystem, z: np.ndarray, otherwise: Outcome) -> Outcome:
-    residual = system.evaluate(z)
-    return Outcome(z, residual, otherwise.iterations, "") if residual.finite else otherwise
-
-
-def _search(
-    system: CollocationSystem,
-    z: np.ndarray,
-    step: np.ndarray,
-    length: float,
-    damping: float,
-    weights: np.ndarray,
-    solve: Solve,
-    guard: bool,
-) -> tuple[float, np.ndarray, Residual, np.ndarray] | None:
-    """The damping that passes the natural monotonicity test: with the point, its residual and next correction."""
-    damping, grown = max(damping, SMALLEST_DAMPING), False
-    while damping >= SMALLEST_DAMPING:
-        trial = z + damping * step
-        residual = system.evaluate(trial)
-        if not residual.finite or (guard and residual.legendre <= 0.0):
-            damping *= 0.5
-            continue
-        following = -solve(residual.rows)
-        after = measure(weights, following)
-        bent = measure(weights, following - (1.0 - damping) * step)
-        proposed = 0.5 * length * damping**2 / max(bent, 1e-300)
-        if not after < (1.0 - 0.25 * damping) * length:
-            damping = min(proposed, 0.5 * damping) if math.isfinite(proposed) else 0.5 * damping
-            continue
-        proposed = min(1.0, proposed)
-        if proposed >= 4.0 * damping and not grown:
-            damping, grown = proposed, True
-            continue
-        return damping, trial, residual, following
-    return None
+    result = damped_newton(_Conditions(system, scales, residual), z, residual, ITERATIONS)
+    return Outcome(result.z, result.at, result.iterations, REASONS[result.ending])
 
 
 def index(system: CollocationSystem, z: np.ndarray, residual: Residual) -> int:
