@@ -24,6 +24,7 @@ class Outcome(Enum):
     COMPLETED = "the last abscissa was reached"
     NOT_FINITE = "the right-hand side is not a number at the initial values"
     BLOW_UP = "the solution leaves every bound, or the domain of the system, before the last abscissa"
+    UNRESOLVED = "no smooth solution was found between the singular end and a place near it"
     TOO_MANY_STEPS = "the limit on the number of steps was reached"
 
 

@@ -116,8 +116,8 @@ def _inapplicable(form: Form) -> str:
         return "shooting needs isoperimetric levels that are prescribed exactly; use Ritz() for lower= and upper="
     if form.weak_only or _infinite_end(form):
         return (
-            "the integrand is infinite or undefined at an end, where an initial-value problem cannot start "
-            f"and no condition of the form decides ({form.note or 'graph form'}); use Ritz() or FirstIntegral()"
+            "the integrand is infinite or undefined at an end, where an initial-value problem cannot start, in "
+            f"coordinates that do not fix the end there ({form.note or 'graph form'}); use Ritz() or FirstIntegral()"
         )
     slope = form.symbols.ddy if form.order == 2 else form.symbols.dy
     if ca.hessian(form.integrand, slope)[0].nnz() == 0 and not form.integrals:
@@ -129,10 +129,17 @@ def _inapplicable(form: Form) -> str:
 
 
 def _infinite_end(form: Form) -> bool:
-    """True when the integrand is not a number at an end whose ordinates are all fixed, whatever the slope."""
+    """True when an end is singular and no regular arc leads there.
+
+    Regular arcs lead to ends that are known to be singular and whose ordinates
+    are all fixed. Other fixed ends are singular when the integrand is not a
+    number there, whatever the slope.
+    """
     integrand = ca.Function("integrand", form.symbols.all, [form.integrand])
-    for s, fixed in zip(form.span, (form.fixed_start, form.fixed_end), strict=True):
-        if np.isnan(fixed[0]).any():
+    for s, fixed, singular in zip(form.span, (form.fixed_start, form.fixed_end), form.singular, strict=True):
+        if singular or np.isnan(fixed[0]).any():
+            if singular and np.isnan(fixed[0]).any():
+                return True
             continue
         slopes = [np.nan_to_num(fixed[1]) if form.order == 2 else np.zeros(form.n) for _ in SLOPES]
         values = [

@@ -180,12 +180,15 @@ class EulerLagrangeFlow:
         return variational(self.scaled, range(self.dimension), list(free))
 
     @cached_property
-    def jacobian(self) -> ca.Function:
-        """The derivative of the scaled system by its state."""
+    def linearised(self) -> ca.Function:
+        """The scaled system (t, Y, constants) -> dY/dt, and its derivatives by the D states, by unknowns and lambdas."""
         t, state, units, numbers = self._scaled()
-        constants = ca.vertcat(self.form.symbols.kind.sym("line", 2), units, *numbers)
-        matrix = ca.jacobian(self.scaled(t, state, constants), state)
-        return ca.Function("jacobian", [t, state, constants], [ca.densify(matrix)])
+        constants = [self.form.symbols.kind.sym("line", 2), units, *numbers]
+        slope = self.scaled(t, state, ca.vertcat(*constants))
+        by_state = ca.jacobian(slope, state)[:, : self.dimension]
+        by_numbers = ca.jacobian(slope, ca.vertcat(*numbers[1:]))
+        outputs = [ca.densify(v) for v in (slope, by_state, by_numbers)]
+        return ca.Function("linearised", [t, state, ca.vertcat(*constants)], outputs)
 
     def _with_jacobian(self, name: str, known: list[Expression], varied: list[Expression], residual: Expression) -> Any:
         columns = ca.vertcat(*varied)

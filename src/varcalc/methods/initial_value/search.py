@@ -21,7 +21,9 @@ from varcalc.methods.initial_value.initial_states import (
     states,
     unknown_numbers,
 )
+from varcalc.methods.initial_value.legs import Stopped
 from varcalc.methods.initial_value.newton import Ending, Result, iterate
+from varcalc.methods.initial_value.regular_arc import RegularEnd
 from varcalc.methods.initial_value.segments import Evaluation, Failure, Segments
 from varcalc.methods.initial_value.shot_extremal import value_of
 
@@ -150,9 +152,12 @@ class Search:
         form = self.equations.form
         marks = (np.array(form.knots) - form.span[0]) / (form.span[1] - form.span[0])
         if self.count is not None:
-            return np.unique([*np.linspace(0, 1, self.count + 1), *marks])
+            least = max(self.count, sum(form.singular))  # a regular arc leads to one end
+            return np.unique([*np.linspace(0, 1, least + 1), *marks])
         t = np.linspace(0, 1, SAMPLES)
         rate = growth_rate(self.equations, units, curve, lam, t)
+        start, end = form.singular  # errors do not grow along a regular arc
+        rate[:1], rate[-1:] = rate[1:2] if start else rate[:1], rate[-2:-1] if end else rate[-1:]
         most = MOST if self.equations.linear else MOST_NONLINEAR
         return partition(rate, t, marks, PLANNED, FEWEST, most)
 
@@ -227,11 +232,9 @@ class Search:
     ) -> tuple[Segments, np.ndarray]:
         def state_at(i: int, t: float) -> np.ndarray:
             if result.at is not None:
-                for run in segments.integrate(i, result.x, level=0, dense=True):
-                    if run is not None and run.trajectory is not None and run.completed:
-                        low, high = sorted((run.abscissae[0], run.abscissae[-1]))
-                        if low <= t <= high:
-                            return run.trajectory(np.array([t]))[0, : segments.dimension]
+                trajectory = segments.leg(i, result.x).trajectory(level=0)
+                if not isinstance(trajectory, Stopped):
+                    return trajectory(np.array([t]))[0]
             own = np.array([segments.vertices[i], segments.vertices[i + 1]])
             return states(self.equations, units, curve, own, np.array([t]))[0]
 
@@ -259,12 +262,16 @@ class Search:
         unknowns = unknown_numbers(form, curve)
         nu = nus(equations, units, ends, unknowns, lam)
         x = np.concatenate([z.ravel(), unknowns, lam, nu])
-        return Segments(equations, self.flow, units, vertices, anchors, knots), x, units
+        regular = self._regular(curve, units)
+        return Segments(equations, self.flow, units, vertices, anchors, knots, regular), x, units
 
     def _anchors(self, curve: Sampled, units: Scales, lam: np.ndarray, vertices: np.ndarray) -> np.ndarray:
         """The left vertices; for the first segment another place where the system is not a number at the start."""
         equations, form = self.equations, self.equations.form
         anchors = vertices[:-1].copy()
+        if form.singular[0]:
+            anchors[0] = vertices[1]
+            return anchors
         line = equations.line(0.0, 1.0, (True, False))
         numbers = np.concatenate([line, units.all, form.problem.parameter_values, form.unknown_guess, lam])
         state = np.zeros(equations.dimension + equations.integrals)
@@ -273,6 +280,20 @@ class Search:
         if not np.all(np.isfinite(rates)):
             anchors[0] = vertices[1] if len(anchors) > 1 else 0.5
         return anchors
+
+    def _regular(self, curve: Sampled, units: Scales) -> tuple[RegularEnd | None, RegularEnd | None]:
+        """The singular ends, with a starting curve."""
+        form = self.equations.form
+        a, width = form.span[0], form.span[1] - form.span[0]
+
+        def scaled(t: np.ndarray) -> np.ndarray:
+            return curve(a + width * t) / units.ordinates[:, None]
+
+        start, end = (
+            RegularEnd(self.equations, at, fixed[0] / units.ordinates, scaled) if singular else None
+            for at, fixed, singular in zip((0.0, 1.0), (form.fixed_start, form.fixed_end), form.singular, strict=True)
+        )
+        return start, end
 
     def _floor(self, segments: Segments, x: np.ndarray) -> np.ndarray:
         """Sizes below which the unknowns are not measured by themselves."""

@@ -3,7 +3,8 @@
 Each segment has an anchor, the abscissa of its initial state, from which it is
 integrated to both its vertices; usually the anchor is the left vertex. An
 anchor inside the segment lets an end stay unevaluated where the
-integrand is not a number there. Ascher, Mattheij, Russell, "Numerical Solution
+integrand is not a number there. Next to a singular end a segment is no integration but
+a regular arc, anchored at the other vertex. Ascher, Mattheij, Russell, "Numerical Solution
 of Boundary Value Problems for Ordinary Differential Equations", sect. 4.3.
 """
 
@@ -16,13 +17,14 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from varcalc.engines import Flow, Outcome, Run
+from varcalc.engines import Flow, Outcome
 from varcalc.methods.initial_value.flow import EulerLagrangeFlow, Scales
+from varcalc.methods.initial_value.legs import Leg, Shot
+from varcalc.methods.initial_value.linear_systems import solve_dense, solve_sparse
+from varcalc.methods.initial_value.regular_arc import RegularEnd
 
 DENSE = 240
 """Unknowns up to which the linear systems are solved as dense ones."""
-RANK = 1e-11
-"""Singular values below this part of the largest are symmetries, or signs that there is no isolated extremal."""
 MODERATE = 1e6
 """Growth across a segment up to which small singular values are taken for symmetries, not for lost digits."""
 
@@ -53,21 +55,12 @@ class Evaluation:
 
 
 @dataclass(frozen=True)
-class Shot:
-    """A segment's states at its two vertices with their sensitivities; integrals run from left to right."""
-
-    left: np.ndarray
-    right: np.ndarray
-    left_by: np.ndarray
-    right_by: np.ndarray
-
-
-@dataclass(frozen=True)
 class Segments:
     """The unknowns are the anchors' states (N, D), then unknown numbers, lambdas, nus.
 
     ``vertices`` (N + 1,) and ``anchors`` (N,) are in t; ``knots`` gives, by
-    vertex, the condition that takes the place of plain continuity.
+    vertex, the condition that takes the place of plain continuity; ``regular``
+    the start and the end where they are singular.
     """
 
     equations: EulerLagrangeFlow
@@ -76,6 +69,7 @@ class Segments:
     vertices: np.ndarray
     anchors: np.ndarray
     knots: dict[int, ca.Function]
+    regular: tuple[RegularEnd | None, RegularEnd | None] = (None, None)
 
     @cached_property
     def count(self) -> int:
@@ -114,32 +108,13 @@ class Segments:
     def _parameters(self) -> np.ndarray:
         return self.equations.form.problem.parameter_values
 
-    def integrate(self, i: int, x: np.ndarray, *, level: int, dense: bool = False) -> list[Run | None]:
-        """The runs of segment i from its anchor to its left and right vertex; None where it has no way to go."""
-        system = self.equations.system
-        state = np.concatenate([self.parts(x)[0][i], np.zeros(self.equations.integrals)])
-        anchor = float(self.anchors[i])
-        start, constants = system.start(state), self.constants(i, x)
-        runs: list[Run | None] = []
-        for stop in map(float, self.vertices[i : i + 2]):
-            if stop == anchor:
-                runs.append(None)
-                continue
-            runs.append(self.flow.run(np.array([anchor, stop]), start, constants, level=level, dense=dense))
-        return runs
-
-    def shoot(self, i: int, x: np.ndarray, *, level: int) -> Shot | Failure:
-        """Integrate segment i both ways."""
-        system = self.equations.system
-        start = system.start(np.concatenate([self.parts(x)[0][i], np.zeros(self.equations.integrals)]))
-        ends = []
-        for run in self.integrate(i, x, level=level):
-            if run is not None and not run.completed:
-                a, b = self.equations.form.span
-                return Failure((i,), a + (b - a) * run.reached, run.outcome)
-            ends.append(system.split(start if run is None else run.states[-1]))
-        (left, left_by), (right, right_by) = ends
-        return Shot(left, right, left_by, right_by)
+    def leg(self, i: int, x: np.ndarray) -> Leg:
+        """Segment i with its initial state at x."""
+        left, right = map(float, self.vertices[i : i + 2])
+        start, end = self.regular
+        regular = start if i == 0 and start is not None else end if i == self.count - 1 else None
+        state = self.parts(x)[0][i]
+        return Leg(self.equations, self.flow, regular, left, right, float(self.anchors[i]), state, self.constants(i, x))
 
     def evaluate(self, x: np.ndarray, *, level: int = 0, every: bool = False) -> Evaluation | Failure:
         """The mismatch at x with its Jacobian, or the first integration that failed (``every``: all that fail)."""
@@ -161,11 +136,11 @@ class Segments:
         shots: list[Shot] = []
         failures: list[Failure] = []
         for i in range(self.count):
-            shot = self.shoot(i, x, level=level)
+            shot = self.leg(i, x).shoot(level)
             if isinstance(shot, Shot):
                 shots.append(shot)
                 continue
-            failures.append(shot)
+            failures.append(Failure((i,), shot.s, shot.outcome))
             if not every:
                 break
         if failures:
@@ -227,6 +202,10 @@ class Segments:
                 term = term + by_first @ first.left_by[:D]
             if i == N - 1:
                 term = term + by_last @ last.right_by[:D]
+            if shot.closure is not None:
+                n = self.equations.form.n
+                place = slice(0, n) if shot.closure.at == 0.0 else slice(n, 2 * n)  # the rows of the singular end
+                value[place], term[place] = shot.closure.residual, shot.closure.by
             if np.any(term[:, :D]):
                 blocks.append((row, i * D, term[:, :D]))
             shared += term[:, D:]
@@ -269,9 +248,9 @@ class Segments:
         leaves dx open: there the shortest is taken.
         """
         if self.size <= DENSE:
-            out = _dense(self._matrix(at) * weights, right, bool(at.growth.max() < MODERATE))
+            out = solve_dense(self._matrix(at) * weights, right, bool(at.growth.max() < MODERATE))
             return None if out is None else weights * out
-        return _sparse(self.size, at.blocks, right, weights)
+        return solve_sparse(self.size, at.blocks, right, weights)
 
     def halved(
         self, x: np.ndarray, marked: np.ndarray, state_at: Callable[[int, float], np.ndarray]
@@ -298,40 +277,3 @@ class Segments:
                 vertices.append(right)
         finer = replace(self, vertices=np.array(vertices), anchors=np.array(anchors), knots=knots)
         return finer, np.concatenate([np.concatenate(out), unknowns, lambdas, nus])
-
-
-def _dense(matrix: np.ndarray, right: np.ndarray, symmetries: bool) -> np.ndarray | None:
-    """The solution of a dense system with its rows scaled; the shortest one where a symmetry leaves it open."""
-    rows = np.abs(matrix).max(axis=1)
-    rows[rows == 0.0] = 1.0
-    matrix, right = matrix / rows[:, None], right / rows
-    if symmetries:
-        out, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=RANK)
-        if rank < len(right):
-            return out
-    try:
-        out = np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError:
-        return None
-    return out if np.all(np.isfinite(out)) else None
-
-
-def _sparse(
-    size: int, blocks: list[tuple[int, int, np.ndarray]], right: np.ndarray, weights: np.ndarray
-) -> np.ndarray | None:
-    from scipy.sparse import csc_matrix
-    from scipy.sparse.linalg import splu
-
-    rows = np.concatenate([np.repeat(np.arange(r, r + m.shape[0]), m.shape[1]) for r, _, m in blocks])
-    columns = np.concatenate([np.tile(np.arange(c, c + m.shape[1]), m.shape[0]) for _, c, m in blocks])
-    values = np.concatenate([m.ravel() for _, _, m in blocks]) * weights[columns]
-    largest = np.zeros(size)
-    np.maximum.at(largest, rows, np.abs(values))
-    if not largest.all():
-        return None
-    try:
-        factors = splu(csc_matrix((values / largest[rows], (rows, columns)), shape=(size, size)))
-    except RuntimeError:  # exactly singular
-        return None
-    out = weights * factors.solve(right / largest)
-    return out if np.all(np.isfinite(out)) else None

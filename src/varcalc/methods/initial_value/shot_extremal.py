@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.engines import Run
 from varcalc.methods.answer import Extremal
+from varcalc.methods.initial_value.legs import Stopped, Trajectory
 from varcalc.methods.initial_value.newton import size
 from varcalc.methods.initial_value.segments import Evaluation, Failure, Segments
 from varcalc.solution import ErrorEstimate
@@ -23,25 +23,20 @@ ROUND_OFF = 4 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Shots:
-    """The trajectories of all segments: one or two runs each, from the anchor to the left and to the right."""
+    """The trajectories of all segments."""
 
     segments: Segments
     x: np.ndarray
-    runs: list[list[Run | None]]
+    trajectories: list[Trajectory]
 
     def state(self, t: np.ndarray) -> np.ndarray:
         """The scaled state (D, m) at t (m,)."""
-        segments, dimension = self.segments, self.segments.dimension
-        at = np.clip(np.searchsorted(segments.vertices, t, side="right") - 1, 0, segments.count - 1)
-        out = np.empty((dimension, len(t)))
+        vertices = self.segments.vertices
+        at = np.clip(np.searchsorted(vertices, t, side="right") - 1, 0, self.segments.count - 1)
+        out = np.empty((self.segments.dimension, len(t)))
         for i in np.unique(at):
-            for side, run in enumerate(self.runs[i]):
-                chosen = (at == i) & ((t > segments.anchors[i]) if side else (t <= segments.anchors[i]))
-                if run is None or run.trajectory is None:
-                    run, chosen = self.runs[i][1 - side], (at == i)  # noqa: PLW2901 - the only run there is
-                if run is not None and run.trajectory is not None and chosen.any():
-                    low, high = sorted((run.abscissae[0], run.abscissae[-1]))
-                    out[:, chosen] = run.trajectory(np.clip(t[chosen], low, high))[:, :dimension].T
+            chosen = at == i
+            out[:, chosen] = self.trajectories[i](t[chosen]).T
         return out
 
     def evaluate(self, s: np.ndarray, derivative: int) -> np.ndarray:
@@ -87,12 +82,17 @@ def finish(segments: Segments, x: np.ndarray, floor: np.ndarray) -> Finished | F
     if isinstance(check, Failure):
         return check
     (x, at), (finer, reference) = kept, check
-    runs = [segments.integrate(i, x, level=1, dense=True) for i in range(segments.count)]
+    trajectories: list[Trajectory] = []
+    for i in range(segments.count):
+        trajectory = segments.leg(i, x).trajectory(level=1)
+        if isinstance(trajectory, Stopped):
+            return Failure((i,), trajectory.s, trajectory.outcome)
+        trajectories.append(trajectory)
     _, unknowns, lambdas, _ = segments.parts(x)
     form = segments.equations.form
     a, b = form.span
     vertices = a + (b - a) * segments.vertices
-    extremal = Extremal(form, Shots(segments, x, runs).evaluate, unknowns, vertices, lambdas, {})
+    extremal = Extremal(form, Shots(segments, x, trajectories).evaluate, unknowns, vertices, lambdas, {})
     value = value_of(segments, x, at)
     change = abs(value - value_of(segments, finer, reference))
     error = ErrorEstimate(
