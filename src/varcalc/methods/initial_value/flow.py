@@ -181,7 +181,7 @@ class EulerLagrangeFlow:
 
     @cached_property
     def linearised(self) -> ca.Function:
-        """The scaled system (t, Y, constants) -> dY/dt, and its derivatives by the D states, by unknowns and lambdas."""
+        """The scaled system (t, Y, constants) -> dY/dt, its derivatives by the D states, by unknowns and lambdas."""
         t, state, units, numbers = self._scaled()
         constants = [self.form.symbols.kind.sym("line", 2), units, *numbers]
         slope = self.scaled(t, state, ca.vertcat(*constants))

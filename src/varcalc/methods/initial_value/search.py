@@ -39,6 +39,8 @@ TOTAL = 3
 """All starts together may spend so many times what the costliest of them was granted."""
 ALL_FAIL = 64
 """Segments beyond which a start is given up when every one of them fails."""
+SHORTEST = 1e-6
+"""Part of the interval below which a segment that cannot be crossed is not cut any more."""
 STEEP = 4
 """A start that needs so many times the segments of a flat one is tried after it."""
 FIRST_AMPLITUDES = (0.3, -0.3)
@@ -156,8 +158,9 @@ class Search:
             return np.unique([*np.linspace(0, 1, least + 1), *marks])
         t = np.linspace(0, 1, SAMPLES)
         rate = growth_rate(self.equations, units, curve, lam, t)
-        start, end = form.singular  # errors do not grow along a regular arc
-        rate[:1], rate[-1:] = rate[1:2] if start else rate[:1], rate[-2:-1] if end else rate[-1:]
+        for singular, inward in zip(form.singular, (t, 1 - t), strict=True):
+            if singular:  # the plan is for a regular arc, along which errors do not grow
+                rate[inward < 1 / FEWEST] = 0.0
         most = MOST if self.equations.linear else MOST_NONLINEAR
         return partition(rate, t, marks, PLANNED, FEWEST, most)
 
@@ -224,7 +227,7 @@ class Search:
             return result.at.growth > MOST_GROWTH
         if result.failure is not None and result.failure.outcome is not Outcome.NOT_FINITE:
             marked[list(result.failure.segments)] = True
-            return marked
+            return marked & (np.diff(segments.vertices) > SHORTEST)
         return ~marked if result.at is not None and segments.count < 4 * FEWEST else marked
 
     def _cut(
