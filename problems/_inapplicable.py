@@ -13,9 +13,6 @@ INEQUALITY = {
     vc.FirstIntegral: PATHWISE,
     vc.Shooting: "integrates one equation throughout, and an inequality does not say where it changes",
 }
-SINGULAR_END = {
-    vc.Shooting: "the slope or the integrand is infinite at an end, where no initial-value problem can start",
-}
 HOLONOMIC = {
     vc.FirstIntegral: PATHWISE,
     vc.Shooting: "integrates the unconstrained Euler-Lagrange equation",

@@ -21,7 +21,6 @@ import math
 import casadi as ca
 
 import varcalc as vc
-from varcalc.problems import _inapplicable
 from varcalc.problems._curves import Cycloid
 
 GRAVITY = 9.81
@@ -44,7 +43,6 @@ def descent(across: float, depth: float, case: str, statement: str) -> vc.Refere
     cycloid = Cycloid.through(across, depth)
     return vc.Reference(
         name="brachistochrone" + case,
-        inapplicable=_inapplicable.SINGULAR_END,
         problem=vc.Problem(
             travel_time, vc.Fixed(0, 0), vc.Fixed(across, depth), parameters={"g": GRAVITY}, name="brachistochrone"
         ),
@@ -64,7 +62,6 @@ references = (
     descent(1, 0, "/level", "Quickest passage to a point as high as the start; singular at both ends."),
     vc.Reference(
         name="brachistochrone/upward",
-        inapplicable=_inapplicable.SINGULAR_END,
         problem=vc.Problem(travel_time_by_height, vc.Fixed(0, 0), vc.Fixed(1, -1), parameters={"g": GRAVITY}),
         exact=vc.Exact(cycloid.descent_time(GRAVITY), lambda x: -cycloid.depth(x), "cycloid"),
         source=SOURCE,
@@ -72,7 +69,6 @@ references = (
     ),
     vc.Reference(
         name="brachistochrone/swapped",
-        inapplicable=_inapplicable.SINGULAR_END,
         problem=vc.Problem(travel_time_by_depth, vc.Fixed(0, 0), vc.Fixed(1, 1), parameters={"g": GRAVITY}),
         exact=vc.Exact(cycloid.descent_time(GRAVITY), cycloid.across, "cycloid"),
         source='Abanov, "Analytical Mechanics", lecture 8',

@@ -25,7 +25,6 @@ import casadi as ca
 import numpy as np
 
 import varcalc as vc
-from varcalc.problems import _inapplicable
 from varcalc.problems._roots import increasing_root
 
 
@@ -89,7 +88,6 @@ def ray(power: float, across: float, case: str, statement: str) -> vc.Reference:
     exact = Ray.through(across, 1, power)
     return vc.Reference(
         name="power_index" + case,
-        inapplicable=_inapplicable.SINGULAR_END,
         problem=vc.Problem(optical_length(power), vc.Fixed(0, 0), vc.Fixed(across, 1), name="power_index"),
         exact=vc.Exact(exact.optical_path, exact.y, "incomplete beta functions"),
         source='Brizard, "An Introduction to Lagrangian Mechanics" (2005), eq. 1.33',

@@ -11,6 +11,7 @@ import importlib.util
 
 from varcalc.engines.dop853 import Dop853
 from varcalc.engines.lowering import CannotLower
+from varcalc.engines.metered import Metered
 from varcalc.engines.protocol import Engine, Flow, Outcome, Run
 from varcalc.engines.taylor import Taylor
 from varcalc.engines.thrifty import Thrifty
@@ -21,6 +22,7 @@ __all__ = [
     "Dop853",
     "Engine",
     "Flow",
+    "Metered",
     "Outcome",
     "Run",
     "Taylor",

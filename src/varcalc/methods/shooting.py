@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.conditions import whole
-from varcalc.engines import CannotLower, Engine, Flow, default
+from varcalc.engines import CannotLower, Engine, Flow, Metered, default
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
 from varcalc.methods.answer import answer
@@ -76,7 +76,7 @@ class Shooting:
         except CannotLower as refusal:
             return no_answer(problem, self, Status.REFUSED, str(refusal))
         built = time.perf_counter()
-        found = Search(equations, flow, self.segments).best(guess)
+        found = Search(equations, Metered(flow), self.segments).best(guess)
         if isinstance(found, NoneFound):
             stats = Stats(built - begun, time.perf_counter() - built, found.iterations)
             return no_answer(problem, self, Status.NOT_CONVERGED, found.message, stats=stats)

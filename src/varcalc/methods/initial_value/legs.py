@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.engines import Flow, Outcome, Run
+from varcalc.engines import Metered, Outcome, Run
 from varcalc.methods.initial_value.flow import EulerLagrangeFlow
 from varcalc.methods.initial_value.regular_arc import RegularEnd
 
 Trajectory = Callable[[np.ndarray], np.ndarray]
 """Scaled states (m, D) at t (m,)."""
+
+RUNS_PER_ARC = 15
+"""Runs of a flow that take as long as finding a regular arc."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ class Leg:
     """
 
     equations: EulerLagrangeFlow
-    flow: Flow
+    flow: Metered
     regular: RegularEnd | None
     left: float
     right: float
@@ -104,6 +107,7 @@ class Leg:
             self.equations.dimension,
             self.equations.dimension + self.equations.integrals,
         )
+        self.flow.charge(RUNS_PER_ARC)
         passage = end.passage(self.anchor, self.state[:n], self.constants, level)
         if passage is None:
             return self._unresolved()

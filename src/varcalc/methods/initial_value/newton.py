@@ -39,8 +39,7 @@ class Ending(Enum):
 class Result:
     """Where the iteration ended: the unknowns and their evaluation, the size of the last correction.
 
-    ``failure`` is the last integration that failed, if any did;
-    ``evaluations`` counts how often all segments were integrated.
+    ``failure`` is the last integration that failed, if any did.
     """
 
     x: np.ndarray
@@ -48,7 +47,6 @@ class Result:
     ending: Ending
     correction: float
     iterations: int
-    evaluations: int
     failure: Failure | None = None
 
 
@@ -60,14 +58,14 @@ def size(correction: np.ndarray, weights: np.ndarray) -> float:
 class _Matching:
     """The mismatch of segments, as :func:`damped_newton` takes it; keeps the last failure and why it gave up."""
 
-    def __init__(self, segments: Segments, floor: np.ndarray, most_growth: float, budget: int) -> None:
-        self.segments, self.floor, self.most_growth, self.budget = segments, floor, most_growth, budget
-        self.evaluations = 1
+    def __init__(self, segments: Segments, floor: np.ndarray, most_growth: float, most_work: int) -> None:
+        self.segments, self.floor, self.most_growth, self.most_work = segments, floor, most_growth, most_work
         self.failure: Failure | None = None
         self.given_up: Ending | None = None
 
     def evaluate(self, z: np.ndarray) -> Evaluation | None:
-        self.evaluations += 1
+        if self.segments.flow.work >= self.most_work:
+            return None
         at = self.segments.evaluate(z)
         if isinstance(at, Failure):
             self.failure = at
@@ -89,7 +87,7 @@ class _Matching:
             return Ending.GROWTH
         if np.abs(self.segments.parts(z)[0]).max() > FAR:
             return Ending.RUNAWAY
-        return Ending.TOO_MANY if self.evaluations >= self.budget else None
+        return Ending.TOO_MANY if self.segments.flow.work >= self.most_work else None
 
 
 ENDINGS = {
@@ -105,17 +103,16 @@ def iterate(segments: Segments, x: np.ndarray, floor: np.ndarray, most_growth: f
 
     ``floor`` (M,) are the smallest sizes the unknowns are measured by. The
     iteration stops with GROWTH when a segment magnifies errors by more than
-    ``most_growth``, and with TOO_MANY after ``budget`` evaluations.
+    ``most_growth``, and with TOO_MANY after the work of ``budget`` runs.
     """
+    most_work = segments.flow.work + budget
     at = segments.evaluate(x, every=True)
     if isinstance(at, Failure):
-        return Result(x, None, Ending.FAILED, np.inf, 0, 1, at)
-    matching = _Matching(segments, floor, most_growth, budget)
+        return Result(x, None, Ending.FAILED, np.inf, 0, at)
+    matching = _Matching(segments, floor, most_growth, most_work)
     result = damped_newton.damped_newton(matching, x, at, ITERATIONS)
     ending = matching.given_up or ENDINGS[result.ending]
     lost = result.at.growth.max() > LOST
     if ending is Ending.CONVERGED and not (lost or segments.left_open(result.at, result.z) < LEFT_OPEN):
         ending = Ending.SINGULAR
-    return Result(
-        result.z, result.at, ending, result.correction, result.iterations, matching.evaluations, matching.failure
-    )
+    return Result(result.z, result.at, ending, result.correction, result.iterations, matching.failure)

@@ -94,13 +94,13 @@ class RegularEnd:
     def passage(self, anchor: float, ordinates: np.ndarray, constants: np.ndarray, level: int) -> Passage | None:
         """The regular arc to ``ordinates`` (n,) at t = ``anchor``; None where none is found, or it is unresolved."""
         rates, last, before = None, None, None
-        for count in STAGES[: COARSEST + level]:
-            before = last
+        counts = STAGES[: COARSEST + level]
+        for count in counts:
             collocated = _Collocated(self, anchor, ordinates, constants, stages(count))
-            first = self._guess(collocated) if rates is None else _prolonged(rates, collocated.stages)
-            k = collocated.solved(first)
-            last = None if k is None else collocated.passage(k)
-            rates = None if last is None else last.rates
+            k = collocated.solved(self._guess(collocated) if rates is None else _prolonged(rates, collocated.stages))
+            rates = None if k is None else collocated.stages.series @ k
+            if count in counts[-2:]:
+                before, last = last, None if k is None else collocated.passage(k)
         if last is None or before is None:
             return None
         changes = [(last.near, before.near), (last.integrals, before.integrals)]

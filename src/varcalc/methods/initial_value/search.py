@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.engines import Flow, Outcome
+from varcalc.engines import Metered, Outcome
 from varcalc.formulation import Sampled
 from varcalc.methods.direct.starts import LADDER, bent, scaled_ring, size
 from varcalc.methods.initial_value.flow import EulerLagrangeFlow, Scales
@@ -33,10 +33,10 @@ PLANNED = 6.0
 """Logarithm of the growth planned for a segment: less than is allowed, since the plan is made on a guess."""
 FEWEST, MOST, MOST_NONLINEAR = 4, 20000, 2000
 """Segments planned at least and at most; a nonlinear problem's plan rests on a guess and is not worth more."""
-BUDGET, PER_SEGMENT = 6000, 12
-"""Integrations of a segment spent on one start: the larger of the first, and the second for each planned segment."""
-TOTAL = 3
-"""All starts together may spend so many times what the costliest of them was granted."""
+BUDGET, PER_SEGMENT = 800, 24
+"""Work, in runs of the flow, spent on one start: the larger of the first, and the second for each planned segment."""
+TOTAL, COSTLIEST = 6000, 2
+"""All starts together may spend the larger of the first, and the second times what the costliest of them took."""
 ALL_FAIL = 64
 """Segments beyond which a start is given up when every one of them fails."""
 SHORTEST = 1e-6
@@ -59,7 +59,7 @@ FLOOR = 1e-3
 class Found:
     """Converged segments, their unknowns x (M,) with the sizes they are measured by, and what is minimised there.
 
-    ``shots`` counts the integrations of a segment it took.
+    ``work`` is what it took, in runs of the flow.
     """
 
     segments: Segments
@@ -68,7 +68,7 @@ class Found:
     floor: np.ndarray
     value: float
     iterations: int
-    shots: int
+    work: int
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class NoneFound:
 
     message: str
     iterations: int
-    shots: int = 0
+    work: int = 0
 
 
 def describe(failure: Failure) -> str:
@@ -93,26 +93,26 @@ class Search:
     """All starts for one compiled system; ``count`` fixes the number of segments."""
 
     equations: EulerLagrangeFlow
-    flow: Flow
+    flow: Metered
     count: int | None
 
     def best(self, guess: Sampled | None) -> Found | NoneFound:
         """The extremal of the lowest value among those found, or why there is none."""
         found: list[Found] = []
-        iterations, last, budget, spent, granted = 0, "", 0, 0, BUDGET
+        iterations, last, budget, spent, costliest = 0, "", 0, 0, 0
         for first, curve in self._starts(guess):
-            if (found and not first) or spent > TOTAL * granted:
+            if (found and not first) or spent > max(TOTAL, COSTLIEST * costliest):
                 break
             outcome = self._attempt(curve, budget)
-            iterations, spent = iterations + outcome.iterations, spent + outcome.shots
+            iterations, spent = iterations + outcome.iterations, spent + outcome.work
             if isinstance(outcome, NoneFound):
-                hopeless = self.equations.linear and outcome.shots > 0
-                last, granted = last or outcome.message, max(granted, outcome.shots)
+                hopeless = self.equations.linear and outcome.work > 0
+                last, costliest = last or outcome.message, max(costliest, outcome.work)
                 if hopeless:
                     break
                 continue
             found.append(outcome)
-            budget = 2 * max(f.shots for f in found)
+            budget = 2 * max(f.work for f in found)
             if guess is not None or self.equations.linear:
                 break
         if found:
@@ -201,21 +201,21 @@ class Search:
         if budget and segments.count > budget:
             return NoneFound("too many segments", 0)
         budget = budget or max(BUDGET, PER_SEGMENT * segments.count)
-        iterations, shots = 0, 0
+        iterations, begun = 0, self.flow.work
         while True:
             floor = self._floor(segments, x)
             limit = MOST_GROWTH if self.count is None else math.inf
-            result = iterate(segments, x, floor, limit, (budget - shots) // segments.count)
+            result = iterate(segments, x, floor, limit, begun + budget - self.flow.work)
             iterations += result.iterations
-            shots += result.evaluations * segments.count
+            work = self.flow.work - begun
             if result.ending is Ending.CONVERGED and result.at is not None:
                 value = value_of(segments, result.x, result.at)
-                return Found(segments, result.x, result.at, floor, value, iterations, shots)
+                return Found(segments, result.x, result.at, floor, value, iterations, work)
             marked = self._marked(segments, result)
             hopeless = result.ending is Ending.FAILED and marked.all() and segments.count > ALL_FAIL
-            over = hopeless or shots + segments.count + marked.sum() > budget
+            over = hopeless or work + segments.count + marked.sum() > budget
             if over or not marked.any():
-                return NoneFound(_reason(segments, result, self.count), iterations, shots)
+                return NoneFound(_reason(segments, result, self.count), iterations, work)
             segments, x = self._cut(segments, result, marked, curve, units)
 
     def _marked(self, segments: Segments, result: Result) -> np.ndarray:

@@ -17,7 +17,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from varcalc.engines import Flow, Outcome
+from varcalc.engines import Metered, Outcome
 from varcalc.methods.initial_value.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.initial_value.legs import Leg, Shot
 from varcalc.methods.initial_value.linear_systems import solve_dense, solve_sparse
@@ -64,7 +64,7 @@ class Segments:
     """
 
     equations: EulerLagrangeFlow
-    flow: Flow
+    flow: Metered
     scales: Scales
     vertices: np.ndarray
     anchors: np.ndarray
