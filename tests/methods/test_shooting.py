@@ -8,9 +8,12 @@ import pytest
 from scipy.optimize import brentq
 
 import varcalc as vc
-from varcalc.engines import Dop853, Taylor
+from varcalc.engines import Dop853, Metered, Taylor, default
 from varcalc.formulation import formulate
+from varcalc.methods.initial_value.flow import EulerLagrangeFlow
+from varcalc.methods.initial_value.search import BUDGET, TOTAL, NoneFound, Search
 from varcalc.methods.shooting import Shooting
+from varcalc.singular import forms
 from varcalc.solution import Solution, Status
 
 TIGHT = 1e-16
@@ -391,3 +394,77 @@ def test_other_parameter_values_reuse_what_was_compiled():
 def test_options_are_checked(options, error, message):
     with pytest.raises(error, match=message):
         Shooting(**options)
+# singular ends
+
+
+def descents():
+    """Quickest descents, sqrt(2 g) = 1, and rays in n = y^(-1/3), each with its value by a closed form."""
+
+    def quickest(x, y, dy):
+        return ca.sqrt((1 + dy**2) / y)
+
+    def third(x, y, dy):
+        return ca.sqrt(1 + dy**2) / y ** (1 / 3)
+
+    def angle(across, depth):
+        return root(lambda a: (a - math.sin(a)) / (1 - math.cos(a)) - across / depth, 0.1, 6.2)
+
+    def time(across, depth):
+        last = angle(across, depth)
+        return last * math.sqrt(2 * depth / (1 - math.cos(last)))
+
+    start = vc.Fixed(0, 0)
+    yield "past the lowest point", vc.Problem(quickest, start, vc.Fixed(5, 1)), time(5, 1)
+    yield "nearly free fall", vc.Problem(quickest, start, vc.Fixed(0.2, 3)), time(0.2, 3)
+    yield "singular end", vc.Problem(quickest, vc.Fixed(0, 1), vc.Fixed(1, 0)), time(1, 1)
+    yield "both ends", vc.Problem(quickest, start, vc.Fixed(1, 0)), 2 * math.sqrt(math.pi)
+    yield "to a wall", vc.Problem(quickest, start, vc.Free(1)), math.sqrt(2 * math.pi)
+    yield "to a sliding end", vc.Problem(quickest, start, vc.OnCurve(lambda x, y: x - 1, 1.2)), math.sqrt(2 * math.pi)
+    yield (
+        "as a curve",
+        vc.Curve(lambda q, dq: ca.norm_2(dq) / ca.sqrt(q[1]), vc.At((0, 0)), vc.At((1, 1))),
+        time(1, 1),
+    )
+    # half an arch: y = sin(phi)^3, x = 3 S_3(pi/2) = 2 and J = 3 S_1(pi/2) = 3 (problems/power_index.py)
+    yield "another power", vc.Problem(third, start, vc.Fixed(2, 1)), 3.0
+
+
+@pytest.mark.parametrize(("problem", "value"), [pytest.param(p, v, id=name) for name, p, v in descents()])
+def test_singular_ends(problem, value):
+    solution = vc.solve(problem, Shooting(), tol=1e-12)
+    assert solution.status is Status.SOLVED
+    assert abs(solution.value - value) <= 1e-13 * value
+    assert solution.error.value <= 1e-12
+
+
+@pytest.mark.parametrize("segments", [1, 2, 5])
+def test_a_given_number_of_segments_from_a_singular_end(segments):
+    problem = vc.Problem(lambda x, y, dy: ca.sqrt((1 + dy**2) / y), vc.Fixed(0, 0), vc.Fixed(math.pi / 2, 1))
+    solution = vc.solve(problem, Shooting(segments=segments), tol=1e-8)
+    assert abs(solution.value - math.pi) <= min(1e-8, max(10 * solution.error.value, 1e-13))
+    angle = np.linspace(0, math.pi, 13)
+    x, y = (angle - np.sin(angle)) / 2, (1 - np.cos(angle)) / 2
+    np.testing.assert_allclose(solution.y(x[1:]), y[1:], atol=1e-8)
+    assert solution.y(0.0) == 0.0
+
+
+def test_a_singular_end_that_is_not_fixed_in_the_form_is_refused():
+    problem = vc.Problem(lambda x, y, dy: ca.sqrt((1 + dy**2) / y), vc.Fixed(0, 0), vc.Fixed(1, 1))
+    weak = next(f for f in forms(problem) if f is not None and f.weak_only)
+    refused = Shooting().solve(weak, tol=1e-10, guess=None)
+    assert refused.status is Status.REFUSED
+    assert "do not fix the end there" in refused.message
+
+
+@pytest.mark.parametrize("half", [0.67, 1.0, 3.0])
+def test_the_search_for_what_is_not_there_is_bounded(half):
+    form = formulate(vc.Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Fixed(-half, 1), vc.Fixed(half, 1)))
+    equations = EulerLagrangeFlow(form)
+    flow = Metered(default().compile(equations.system.system))
+    assert isinstance(Search(equations, flow, None).best(None), NoneFound)
+    assert flow.work <= TOTAL + 2 * BUDGET  # two seconds or less; a start is not broken off within an evaluation
+
+
+def test_options_are_checked():
+    with pytest.raises(ValueError, match="segments must be a positive integer"):
+        Shooting(segments=0)
