@@ -33,6 +33,15 @@ def equations():
     return EulerLagrangeFlow(form)
 
 
+class Meter:
+    """What an arc is charged to."""
+
+    runs = 0
+
+    def charge(self, runs):
+        self.runs += runs
+
+
 @pytest.fixture
 def end(equations):
     return RegularEnd(equations, 0.0, np.zeros(2), equations.form.baseline)
@@ -60,7 +69,7 @@ def test_stages_integrate_polynomials_exactly(count):
 @pytest.mark.parametrize("anchor", [0.1, 0.3, 0.6])
 def test_the_slope_at_the_anchor_is_that_of_the_cycloid(end, constants, anchor):
     point, slope = cycloid(anchor)
-    arc = end.passage(anchor, point, constants, 0)
+    arc = end.passage(anchor, point, constants, 0, Meter())
     np.testing.assert_allclose(arc.near, slope, rtol=2e-14)
     np.testing.assert_allclose(arc.far, cycloid(0.0)[1], atol=1e-14)
     assert arc.integrals[0] == pytest.approx(math.sqrt(2) * LAST * anchor, rel=1e-14)
@@ -76,17 +85,17 @@ def test_the_error_falls_geometrically(end, constants, monkeypatch):
     for last in (5, 7, 9):
         monkeypatch.setattr(regular_arc, "STAGES", (3, last))
         monkeypatch.setattr(regular_arc, "COARSEST", 2)
-        errors.append(np.abs(end.passage(0.6, point, constants, 0).near - slope).max())
+        errors.append(np.abs(end.passage(0.6, point, constants, 0, Meter()).near - slope).max())
     assert errors[0] > 30 * errors[1] > 900 * errors[2] > 0
 
 
 def test_derivatives_by_the_anchor(end, constants):
     anchor, step = 0.3, 1e-5
     point, _ = cycloid(anchor)
-    arc = end.passage(anchor, point, constants, 0)
+    arc = end.passage(anchor, point, constants, 0, Meter())
     for k in range(2):
         shift = step * np.eye(2)[k]
-        more, less = (end.passage(anchor, point + sign * shift, constants, 0) for sign in (1, -1))
+        more, less = (end.passage(anchor, point + sign * shift, constants, 0, Meter()) for sign in (1, -1))
         for by, values in (
             (arc.near_by, (more.near, less.near)),
             (arc.far_by, (more.far, less.far)),
@@ -97,4 +106,4 @@ def test_derivatives_by_the_anchor(end, constants):
 
 def test_an_arc_that_is_not_there(end, constants):
     # upward of the singular line only: the mirror image in w is an arc, a point on the line is none
-    assert end.passage(0.3, np.array([0.5, 0.0]), constants, 0) is None
+    assert end.passage(0.3, np.array([0.5, 0.0]), constants, 0, Meter()) is None

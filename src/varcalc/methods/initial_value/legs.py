@@ -14,9 +14,6 @@ from varcalc.methods.initial_value.regular_arc import RegularEnd
 Trajectory = Callable[[np.ndarray], np.ndarray]
 """Scaled states (m, D) at t (m,)."""
 
-RUNS_PER_ARC = 15
-"""Runs of a flow that take as long as finding a regular arc."""
-
 
 @dataclass(frozen=True)
 class Stopped:
@@ -107,8 +104,7 @@ class Leg:
             self.equations.dimension,
             self.equations.dimension + self.equations.integrals,
         )
-        self.flow.charge(RUNS_PER_ARC)
-        passage = end.passage(self.anchor, self.state[:n], self.constants, level)
+        passage = end.passage(self.anchor, self.state[:n], self.constants, level, self.flow)
         if passage is None:
             return self._unresolved()
         columns = D + passage.near_by.shape[1] - n
@@ -128,7 +124,7 @@ class Leg:
         """The states between the vertices."""
         end, ordinates = self.regular, self.state[: self.equations.form.n]
         if end is not None:
-            passage = end.passage(self.anchor, ordinates, self.constants, level)
+            passage = end.passage(self.anchor, ordinates, self.constants, level, self.flow)
             return self._unresolved() if passage is None else lambda t: end.states(self.anchor, passage, t)
         runs = self._runs(level, dense=True)
         for run in runs:

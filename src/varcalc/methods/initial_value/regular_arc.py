@@ -19,6 +19,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial import legendre
 
+from varcalc.engines import Metered
 from varcalc.formulation import Sampled
 from varcalc.mesh import gauss
 from varcalc.methods.damped_newton import Ending, Linearised, damped_newton
@@ -30,7 +31,9 @@ COARSEST = 4
 """How many of them level 0 climbs; each level one more."""
 RESOLVED = 1e-6
 """Relative change of slope and integrals between the last two numbers of points that calls for a shorter arc."""
-ITERATIONS = 40
+ITERATIONS = 20
+RUNS_PER_ITERATION = 2
+"""Runs of a flow that take as long as one iteration."""
 
 
 @dataclass(frozen=True)
@@ -91,13 +94,19 @@ class RegularEnd:
     curve: Sampled
     """Scaled ordinates (n, m) at t (m,)."""
 
-    def passage(self, anchor: float, ordinates: np.ndarray, constants: np.ndarray, level: int) -> Passage | None:
-        """The regular arc to ``ordinates`` (n,) at t = ``anchor``; None where none is found, or it is unresolved."""
+    def passage(
+        self, anchor: float, ordinates: np.ndarray, constants: np.ndarray, level: int, meter: Metered
+    ) -> Passage | None:
+        """The regular arc to ``ordinates`` (n,) at t = ``anchor``; None where none is found, or it is unresolved.
+
+        What it costs is charged to ``meter``.
+        """
         rates, last, before = None, None, None
         counts = STAGES[: COARSEST + level]
         for count in counts:
             collocated = _Collocated(self, anchor, ordinates, constants, stages(count))
-            k = collocated.solved(self._guess(collocated) if rates is None else _prolonged(rates, collocated.stages))
+            first = self._guess(collocated) if rates is None else _prolonged(rates, collocated.stages)
+            k = collocated.solved(first, meter)
             rates = None if k is None else collocated.stages.series @ k
             if count in counts[-2:]:
                 before, last = last, None if k is None else collocated.passage(k)
@@ -216,12 +225,13 @@ class _Collocated:
 
         return Linearised(correction, measure)
 
-    def solved(self, first: np.ndarray) -> np.ndarray | None:
+    def solved(self, first: np.ndarray, meter: Metered) -> np.ndarray | None:
         """y'' (s, n) at the points, from a first guess; None where the iteration does not get there."""
         at = self.evaluate(first.ravel())
         if at is None:
             return None
         result = damped_newton(self, first.ravel(), at, ITERATIONS)
+        meter.charge(RUNS_PER_ITERATION * result.iterations)
         return result.z.reshape(first.shape) if result.ending is Ending.CONVERGED else None
 
     def passage(self, k: np.ndarray) -> Passage | None:
