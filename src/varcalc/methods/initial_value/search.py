@@ -33,10 +33,10 @@ PLANNED = 6.0
 """Logarithm of the growth planned for a segment: less than is allowed, since the plan is made on a guess."""
 FEWEST, MOST, MOST_NONLINEAR = 4, 20000, 2000
 """Segments planned at least and at most; a nonlinear problem's plan rests on a guess and is not worth more."""
-BUDGET, PER_SEGMENT = 800, 24
+BUDGET, PER_SEGMENT = 2500, 24
 """Work, in runs of the flow, spent on one start: the larger of the first, and the second for each planned segment."""
-TOTAL, COSTLIEST = 6000, 2
-"""All starts together may spend the larger of the first, and the second times what the costliest of them took."""
+TOTAL = 6000
+"""Work spent on all starts after which no other is tried: some two seconds."""
 ALL_FAIL = 64
 """Segments beyond which a start is given up when every one of them fails."""
 SHORTEST = 1e-6
@@ -99,15 +99,15 @@ class Search:
     def best(self, guess: Sampled | None) -> Found | NoneFound:
         """The extremal of the lowest value among those found, or why there is none."""
         found: list[Found] = []
-        iterations, last, budget, spent, costliest = 0, "", 0, 0, 0
+        iterations, last, budget, spent = 0, "", 0, 0
         for first, curve in self._starts(guess):
-            if (found and not first) or spent > max(TOTAL, COSTLIEST * costliest):
+            if (found and not first) or spent > TOTAL:
                 break
             outcome = self._attempt(curve, budget)
             iterations, spent = iterations + outcome.iterations, spent + outcome.work
             if isinstance(outcome, NoneFound):
                 hopeless = self.equations.linear and outcome.work > 0
-                last, costliest = last or outcome.message, max(costliest, outcome.work)
+                last = last or outcome.message
                 if hopeless:
                     break
                 continue
