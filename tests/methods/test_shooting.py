@@ -394,6 +394,8 @@ def test_other_parameter_values_reuse_what_was_compiled():
 def test_options_are_checked(options, error, message):
     with pytest.raises(error, match=message):
         Shooting(**options)
+
+
 # singular ends
 
 
@@ -463,8 +465,3 @@ def test_the_search_for_what_is_not_there_is_bounded(half):
     flow = Metered(default().compile(equations.system.system))
     assert isinstance(Search(equations, flow, None).best(None), NoneFound)
     assert flow.work <= TOTAL + 2 * BUDGET  # two seconds or less; a start is not broken off within an evaluation
-
-
-def test_options_are_checked():
-    with pytest.raises(ValueError, match="segments must be a positive integer"):
-        Shooting(segments=0)
