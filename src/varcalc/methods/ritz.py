@@ -17,7 +17,7 @@ import numpy as np
 from varcalc.formulation import Form, Sampled
 from varcalc.mesh import Space
 from varcalc.methods.answer import answer
-from varcalc.methods.direct.error import Estimate, estimate
+from varcalc.methods.direct.error import Estimate, estimate, settled
 from varcalc.methods.direct.ipopt import Ipopt
 from varcalc.methods.direct.newton import Newton
 from varcalc.methods.direct.rungs import DEGREES, NOWHERE, Rung, Rungs
@@ -105,13 +105,19 @@ class _Climb:
             if best is None or found.error < best[1].error:
                 best = (rung, found)
             if not self.method.refine or self.is_met(rung, found):
-                return self.report(rung, found, "")
+                sure = settled(self.rungs, found)
+                if isinstance(sure, str):
+                    rung = sure
+                    break
+                if not self.method.refine or self.is_met(rung, sure):
+                    return self.report(rung, sure, "")
             rung, previous = self.next_rung(rung, found, previous), found.error
         if best is None:
             stats = Stats(0.0, time.perf_counter() - self.started, self.rungs.iterations)
             status = Status.REFUSED if rung == NOWHERE else Status.NOT_CONVERGED
             return no_answer(self.form.problem, self.method, status, rung, stats=stats)
-        return self.report(*best, rung)
+        sure = settled(self.rungs, best[1])
+        return self.report(best[0], replace(best[1], error=math.inf) if isinstance(sure, str) else sure, rung)
 
     def first_rung(self, guess: Sampled | None) -> Rung | str:
         """A minimum in the first space, or in the next ones: a coarse space may hold none where a richer one does."""

@@ -9,14 +9,16 @@ sect. 2.4, for the quadratic case).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 
-from varcalc.methods.answer import end_cost
+from varcalc.methods.answer import end_cost, sample
 from varcalc.methods.direct.newton import Step, newton_step
+from varcalc.methods.direct.quadrature import shortfall
 from varcalc.methods.direct.rungs import Rung, Rungs
-from varcalc.methods.direct.system import Reported, RitzSystem
+from varcalc.methods.direct.system import Evaluation, Reported, RitzSystem
 
 SAFETY = 1.5
 """The correction leaves out what lies beyond the richer space."""
@@ -35,7 +37,9 @@ class Estimate:
     what was summed, ``floor`` the round-off that leaves in the value;
     ``system`` the richer space with the rung's curve ``z``
     and the correction ``step`` there (None when it was solved instead);
-    ``shares`` each element's part in the correction.
+    ``shares`` each element's part in the correction. ``integrand`` is what was
+    summed for ``value`` at the Gauss points, ``miss`` what a unit by which each
+    level is missed costs.
     """
 
     value: float
@@ -47,6 +51,8 @@ class Estimate:
     z: np.ndarray
     step: Step | None
     shares: np.ndarray
+    integrand: np.ndarray
+    miss: np.ndarray
 
 
 def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
@@ -61,19 +67,19 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
     if step is None:
         return "the Newton step in the richer space is not defined (degenerate Hessian)"
     # the finer rule sees the side conditions missed: to first order that costs the multiplier times the miss
-    correction = float(step.multipliers @ at.conditions) if len(at.conditions) else 0.0
+    miss = step.multipliers
     error = abs(step.decrement) if step.definite else math.inf
     moved = z + step.change
     here, there = system.reported(z), system.reported(moved)
     if rungs.form.same_functional:
-        value, scale = at.value + correction, at.scale
+        value, scale = at.value + float(miss @ at.conditions), at.scale
         error += abs(value - rung.at.value)
     else:
         value = functional_at(rungs, system, z, here)
         error = abs(value - functional_at(rungs, system, moved, there)) if step.definite else math.inf
         if rungs.form.energetic and value > 0:  # the energy is the square of the value
-            correction *= 0.5 / value
-        value += correction
+            miss = miss * (0.5 / value)
+        value += float(miss @ at.conditions)
         scale = abs(value)
     # a prescribed integral is summed like the value, and what it misses costs its multiplier
     prices = np.abs(step.multipliers[: len(system.levels)])
@@ -81,6 +87,10 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
     floor = ROUND_OFF * (scale + float(prices @ np.abs(system.levels)))
     curve, shares = displacement(here, there), _shares(rungs, system, step.change)
     return Estimate(value, SAFETY * error, SAFETY * curve, scale, floor, system, z, step, shares)
+    curve = displacement(here, there)
+    shares = _shares(rungs, system, step.change)
+    integrand = _with_levels(system, here, at, miss)
+    return Estimate(value, SAFETY * error, SAFETY * curve, scale, system, z, step, shares, integrand, miss)
 
 
 def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, previous: float) -> Estimate | str:
@@ -97,6 +107,39 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     shares = _shares(rungs, system, richer.z - z)
     scale = richer.at.scale
     return Estimate(value, SAFETY * error, SAFETY * curve, scale, ROUND_OFF * scale, system, richer.z, None, shares)
+    miss = richer.multipliers
+    if rungs.form.energetic and value > 0:
+        miss = miss * (0.5 / value)
+    integrand = _with_levels(system, there, richer.at, miss)
+    scale = richer.at.scale
+    return Estimate(value, SAFETY * error, SAFETY * curve, scale, system, richer.z, None, shares, integrand, miss)
+
+
+def _with_levels(system: RitzSystem, reported: Reported, at: Evaluation, miss: np.ndarray) -> np.ndarray:
+    """The reported integrand with those of the levels, each times what a unit of it costs."""
+    count = len(system.levels)
+    return reported.integrand + system.integrands(at)[:, 1:] @ miss[:count] if count else reported.integrand
+
+
+def settled(rungs: Rungs, found: Estimate) -> Estimate | str:
+    """The estimate with its value by a rule that resolves the integrand of the trial curve.
+
+    A value by a rule that does not may lie below the minimum.
+    """
+    form, system = rungs.form, found.system
+
+    def sampled(s: np.ndarray) -> np.ndarray:
+        if "settled" not in form.built:
+            integrands = ca.vertcat(form.functional, *(c.expression for c in system.equalities))
+            form.built["settled"] = ca.Function("settled", form.symbols.all, [ca.densify(integrands)])
+        values = np.asarray(form.built["settled"](*sample(rungs.extremal(system, found.z), s)))
+        return values[0] + found.miss[: len(system.levels)] @ values[1:]
+
+    samples = found.integrand.reshape(system.space.elements, -1)
+    change = shortfall(sampled, system.space.vertices, samples, found.scale)
+    if not math.isfinite(change):
+        return "the functional is not a number on the trial curve between the points of its rule"
+    return found if change == 0.0 else replace(found, value=found.value + change, error=found.error + abs(change))
 
 
 def functional_at(rungs: Rungs, system: RitzSystem, z: np.ndarray, reported: Reported) -> float:

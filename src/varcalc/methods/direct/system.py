@@ -222,6 +222,10 @@ class RitzSystem:
             jacobian = np.vstack([jacobian, block])
         return Evaluation(value, scale, conditions, gradient, jacobian, self._legendre(out), out, ends)
 
+    def integrands(self, evaluation: Evaluation) -> np.ndarray:
+        """The integrand and those of the levels at the quadrature points, shape (points, 1 + levels)."""
+        return evaluation.pointwise[:, :: 1 + self.k + self.k**2]
+
     def _gradient(self, rows: np.ndarray) -> np.ndarray:
         weighted = rows * self.weights[:, None]
         if self._single is not None:
