@@ -484,7 +484,6 @@ def test_an_oscillator_beyond_its_conjugate_point(end: tuple[float, float]) -> N
     assert not vc.solve(vc.Problem(oscillator, vc.Fixed(0, 0), vc.Fixed(*end)), throw=False).status.ok
 
 
-@pytest.mark.xfail(reason="a vanishing functional on a continuum of extremals passes for a minimum")
 def test_an_oscillator_up_to_its_conjugate_point() -> None:
     # y = c sin x for every c
     assert not vc.solve(vc.Problem(oscillator, vc.Fixed(0, 0), vc.Fixed(math.pi, 0)), throw=False).status.ok

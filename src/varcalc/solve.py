@@ -183,7 +183,7 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
             start = guess if guess is not None or failure is None or failure.curve is None else failure
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 solution = _worth_something(way.solve(form, tol=tol, guess=_sampled(problem, form, start)))
-            if solution.verdict is Verdict.NOT_ATTAINED:
+            if solution.verdict in {Verdict.NOT_ATTAINED, Verdict.DEGENERATE}:
                 return solution
             if solution.status.ok:
                 return vouched(_compared(solution, failure), form)

@@ -17,6 +17,7 @@ import numpy as np
 from varcalc.formulation import Form, Sampled
 from varcalc.mesh import Space
 from varcalc.methods.answer import answer
+from varcalc.methods.direct.degeneracy import degenerate
 from varcalc.methods.direct.error import Estimate, estimate, settled
 from varcalc.methods.direct.ipopt import Ipopt
 from varcalc.methods.direct.newton import Newton
@@ -110,7 +111,7 @@ class _Climb:
                     rung = sure
                     break
                 if not self.method.refine or self.is_met(rung, sure):
-                    return self.report(rung, sure, "")
+                    return self.alone(rung, sure)
             rung, previous = self.next_rung(rung, found, previous), found.error
         if best is None:
             stats = Stats(0.0, time.perf_counter() - self.started, self.rungs.iterations)
@@ -136,6 +137,11 @@ class _Climb:
         # a small functional is solved to its own size, but not where a comparison of two solves is all there is
         target = self.tol * (size if self.rungs.constrained else min(size, 10 * found.scale))
         return found.error <= max(target, found.floor) and self.curve_is_good(rung, found)
+        own = found.scale
+        if size * self.tol >= found.error > self.tol * 10 * own:  # it may be small by cancellation: a minimum of zero
+            own = max(own, found.system.quadratic_size(found.z))
+        target = self.tol * (size if self.rungs.constrained else min(size, 10 * own))
+        return found.error <= max(target, ROUND_OFF * found.scale) and self.curve_is_good(rung, found)
 
     def curve_is_good(self, rung: Rung, found: Estimate) -> bool:
         """Whether the curve is as good as the value's tolerance promises, as far as the degree alone can make it.
@@ -188,6 +194,9 @@ class _Climb:
         space: Space = rung.system.space
         error = max(found.error, found.floor)
         status, message = self.verdict(error, found.floor, found.value, reason)
+        floor = ROUND_OFF * found.scale
+        error = found.error + floor
+        status, message = self.verdict(error, floor, found.value, reason)
         solve_time = time.perf_counter() - self.started - self.built
         stats = Stats(
             self.built, solve_time, self.rungs.iterations, rung.system.size, space.elements, space.degree
@@ -198,14 +207,26 @@ class _Climb:
             space.vertices, stats, status, message, rule=found.system.count,
         )  # fmt: skip
 
+    def alone(self, rung: Rung, found: Estimate) -> Solution:
+        """The answer, refused where the minimum is one of a continuum."""
+        solution, step = self.report(rung, found, ""), found.step
+        if step is None or not step.definite:
+            return solution
+        size = max(float(np.abs(rung.system.ordinates(rung.z)).max()), 1e-300)
+        why = degenerate(self.rungs, found.system, found.z, step, found.curve / size)
+        if why is None:
+            return solution
+        return replace(solution, status=Status.REFUSED, verdict=why[0], message=why[1])
+
     def verdict(self, error: float, floor: float, value: float, reason: str) -> tuple[Status, str]:
         """The status of an answer and, when it does not stand, the sentence that says why."""
         target = self.tol * max(1.0, abs(value))
         if not math.isfinite(error):
             return Status.NOT_CONVERGED, reason or "the curve found is not a minimum in a richer space"
-        if self.method.refine and error > max(target, floor):
+        if self.method.refine and error - floor > max(target, floor):
             met = f"the tolerance {self.tol:g} was not met: {reason}; the error estimate is {error:.2g}"
             return Status.NOT_CONVERGED, met
         if floor > WORTHLESS * max(1.0, abs(value)):
             return Status.NOT_CONVERGED, "round-off leaves nothing of the value: the ends are conjugate, or nearly so"
-        return (Status.ROUND_OFF if floor > target else Status.SOLVED), ""
+        limited = floor > target or (self.method.refine and error > target)
+        return (Status.ROUND_OFF if limited else Status.SOLVED), ""

@@ -57,7 +57,7 @@ class Estimate:
 
 def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
     """The errors of a rung, or why they cannot be told; ``previous`` is the error of the rung before."""
-    system, z = rungs.prolonged(rung)
+    system, z = rungs.prolonged(rung.system, rung.z)
     if rungs.constrained:
         return _by_solving(rungs, rung, system, z, previous)
     at = system.evaluate(z)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -34,6 +35,10 @@ RUNAWAY = 1e9
 NO_NUMBER = "the functional is not a number on the starting curve"
 VANISHING = 1e-8
 """Share of its first size below which a functional is on its way to zero."""
+SQUARED_ROUND_OFF = 1e-29
+"""What the round-off of a curve costs a functional that vanishes: its square, in units of the second derivatives."""
+EXPECTED = 2
+"""Iterations after which it is asked whether only that is left."""
 SETTLING = 5
 """Iterations in which the size of the functional is learnt."""
 DAMPING = 1e-6
@@ -42,6 +47,10 @@ INEFFECTIVE = 1e-14
 """Relative derivative of a level, by what is summed to it, that is made of round-off."""
 NEARLY_SINGULAR = 1e-9
 """Generalised eigenvalues below this are symmetries (zero modes), not curvature."""
+ROUND_OFF = 1e-14
+"""The same where the factorisation went through: a small eigenvalue may be true, and its step needed whole."""
+SINGULAR = 1e8
+"""Compliance from which a positive matrix may be so by round-off alone, unless the leading term vanishes somewhere."""
 
 
 @dataclass(frozen=True)
@@ -57,13 +66,16 @@ class Step:
 
     ``decrement`` is half the squared length of the step in the Hessian: what
     the functional will fall by. ``shift`` is the multiple of the metric that
-    was added; ``definite`` tells that none was needed.
+    was added; ``definite`` tells that none was needed. ``compliance`` is the
+    answer to a generic load in units of what the stiffest direction gives: it
+    is large when a mode costs next to nothing.
     """
 
     change: np.ndarray
     multipliers: np.ndarray
     decrement: float
     shift: float
+    compliance: float
 
     @property
     def definite(self) -> bool:
@@ -91,7 +103,7 @@ def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
     if system.size > DENSE and solvable(system):
         found = banded_step(system, at, multipliers)
         if found is not None and (found[3] == 0.0 or len(at.conditions) == 0 or system.size > LARGEST_DENSE):
-            return Step(*found)
+            return Step(*found, compliance=0.0)
         if system.size > LARGEST_DENSE:
             return None
     try:
@@ -124,27 +136,54 @@ def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
             return None
         null = q[:, count:]
         normal = q[:, :count] @ np.linalg.solve(r.T, -at.conditions)
+    gradient = at.gradient + hessian @ normal if count else at.gradient
+    slope = gradient if null is None else null.T @ gradient
     reduced = hessian if null is None else null.T @ hessian @ null
-    shift = 0.0
-    if not _positive(reduced):
+    solved, shift = _solved(reduced, slope), 0.0
+    if solved is None or (solved[1] > SINGULAR and at.legendre > 0.0):
         metric = system.metric(at)
         flat = metric if null is None else null.T @ metric @ null
         lowest = _lowest(reduced, flat)
         if not math.isfinite(lowest):
             return None
-        shift = DAMPING if lowest > -NEARLY_SINGULAR else -1.5 * lowest
-        hessian, reduced = hessian + shift * metric, reduced + shift * flat
-        if not _positive(reduced):
+        zero_mode = abs(lowest) < (NEARLY_SINGULAR if solved is None else ROUND_OFF)
+        if zero_mode or lowest < 0:
+            shift = DAMPING if zero_mode else -1.5 * lowest
+            hessian, reduced = hessian + shift * metric, reduced + shift * flat
+            gradient = at.gradient + hessian @ normal
+            solved = _solved(reduced, gradient if null is None else null.T @ gradient)
+        if solved is None:
             return None
-        shift = 0.0 if lowest > -NEARLY_SINGULAR else shift
-    slope = at.gradient + hessian @ normal
+        if zero_mode:  # the curvature across it is positive; only the step along it was held
+            solved, shift = (solved[0], math.inf), 0.0
+    tangent, compliance = solved
     if null is None:
-        change = -np.linalg.solve(reduced, slope)
-        return Step(change, np.zeros(0), -0.5 * float(change @ at.gradient), shift)
-    tangent = -np.linalg.solve(reduced, null.T @ slope)
+        return Step(tangent, np.zeros(0), -0.5 * float(tangent @ at.gradient), shift, compliance)
     change = normal + null @ tangent
     new = np.linalg.solve(r, -(q[:, :count].T @ (at.gradient + hessian @ change)))
-    return Step(change, new, 0.5 * float(tangent @ reduced @ tangent), shift)
+    return Step(change, new, 0.5 * float(tangent @ reduced @ tangent), shift, compliance)
+
+
+def _solved(matrix: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """The Newton step and the compliance of a positive matrix; None of any other."""
+    load = generic_load(len(matrix))
+    try:
+        np.linalg.cholesky(matrix)
+        both = np.linalg.solve(matrix, np.column_stack([-slope, load]))
+    except np.linalg.LinAlgError:
+        return None
+    return both[:, 0], relative_compliance(both[:, 1], load, np.diag(matrix))
+
+
+@lru_cache(maxsize=64)
+def generic_load(count: int) -> np.ndarray:
+    """A vector with a part in every direction: the fractional parts of multiples of the golden ratio, about zero."""
+    return np.arange(1, count + 1) * (0.5 * (1 + math.sqrt(5))) % 1.0 - 0.5
+
+
+def relative_compliance(answer: np.ndarray, load: np.ndarray, diagonal: np.ndarray) -> float:
+    """The length of ``answer`` = H^-1 ``load`` in units of the least it could be."""
+    return float(np.linalg.norm(answer) * np.abs(diagonal).max(initial=0.0) / max(np.linalg.norm(load), 1e-300))
 
 
 def first_multipliers(at: Evaluation) -> np.ndarray:
@@ -155,14 +194,6 @@ def first_multipliers(at: Evaluation) -> np.ndarray:
     """
     found = np.linalg.lstsq(at.jacobian.T, -at.gradient, rcond=None)[0]
     return found if np.isfinite(found).all() else np.zeros(len(at.conditions))
-
-
-def _positive(matrix: np.ndarray) -> bool:
-    try:
-        np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        return False
-    return True
 
 
 def _lowest(matrix: np.ndarray, metric: np.ndarray) -> float:
@@ -190,6 +221,7 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
             return Outcome(z, multipliers, at, iteration, "the Newton step is not defined (degenerate Hessian)")
         multipliers = step.multipliers
         decrement = _decrement(system, at, step, largest)
+        decrement = 0.0 if iteration > EXPECTED and _is_round_off(system, z, step, decrement) else decrement
         if decrement <= CONVERGED:
             last = system.evaluate(z + step.change)
             if _finite(last):
@@ -217,6 +249,11 @@ def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float) -
         return math.inf
     scale = max(at.scale, VANISHING * largest) + float(np.abs(step.multipliers) @ np.abs(system_levels(system, at)))
     return step.decrement / scale if scale > 0 else 0.0
+
+
+def _is_round_off(system: RitzSystem, z: np.ndarray, step: Step, decrement: float) -> bool:
+    """Whether a step gains no more than the round-off of the curve costs: the end where the minimum is zero."""
+    return math.isfinite(decrement) and step.decrement <= SQUARED_ROUND_OFF * system.quadratic_size(z)
 
 
 def system_levels(system: RitzSystem, at: Evaluation) -> np.ndarray:

@@ -84,13 +84,13 @@ class Rungs:
         """The form discretised on a space."""
         return RitzSystem(self.form, space, quadrature_points(space.degree))
 
-    def prolonged(self, rung: Rung) -> tuple[RitzSystem, np.ndarray]:
-        """The next richer space on the same mesh, and the rung's curve in it."""
-        space = rung.system.space
+    def prolonged(self, system: RitzSystem, z: np.ndarray) -> tuple[RitzSystem, np.ndarray]:
+        """The next richer space on the same mesh, and the curve of ``z`` in it."""
+        space = system.space
         richer = self.space(space.vertices, self.richer(space.degree))
-        system = self.system(richer)
-        coefficients = space.prolonged(rung.system.coefficients(rung.z), richer)
-        return system, system.pack(coefficients, rung.system.unknowns(rung.z))
+        coefficients = space.prolonged(system.coefficients(z), richer)
+        following = self.system(richer)
+        return following, following.pack(coefficients, system.unknowns(z))
 
     def optimise(self, system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> Rung | str:
         """A minimum near ``z``, or why there is none."""

@@ -222,6 +222,17 @@ class RitzSystem:
             jacobian = np.vstack([jacobian, block])
         return Evaluation(value, scale, conditions, gradient, jacobian, self._legendre(out), out, ends)
 
+    def quadratic_size(self, z: np.ndarray) -> float:
+        """The sum of the squares of y, its slopes and the unknown numbers, each times its own second derivative of L.
+
+        A functional may be zero by cancellation of terms of this size, each with its round-off.
+        """
+        k = self.k
+        pointwise = self.evaluate(z).pointwise
+        values = np.hstack([self._arguments[d] for d in (*range(1, self.order + 2), 5)])
+        diagonal = np.abs(pointwise[:, 1 + k : 1 + k + k * k : k + 1])
+        return float(self.weights @ (diagonal * values**2).sum(1))
+
     def integrands(self, evaluation: Evaluation) -> np.ndarray:
         """The integrand and those of the levels at the quadrature points, shape (points, 1 + levels)."""
         return evaluation.pointwise[:, :: 1 + self.k + self.k**2]
@@ -327,17 +338,20 @@ class RitzSystem:
         """A positive pointwise (weighted) quadratic form, and a diagonal for the unknown numbers.
 
         It shifts a Newton step: an H^1 (H^2) product in which each function is
-        weighted by the mean absolute value of its own L_y'y', so that units drop out.
+        weighted by its own L_y'y', so that units drop out; by the mean of its
+        absolute value where that is not positive all along.
         """
         n, D, k = self.n, self.order + 1, self.k
         diagonal = np.einsum("qaa->qa", evaluation.pointwise[:, 1 + k : 1 + k + k * k].reshape(-1, k, k))
-        weight = self.weights @ np.abs(diagonal[:, self.order * n : D * n]) / self.weights.sum()
-        weight = np.where(weight > 0, weight, weight.max() if weight.max() > 0 else 1.0)
+        weight = np.abs(diagonal[:, self.order * n : D * n])
+        if evaluation.legendre <= 0.0:
+            mean = self.weights @ weight / self.weights.sum()
+            weight = np.where(mean > 0, mean, mean.max() if mean.max() > 0 else 1.0) * np.ones_like(weight)
         length = self.space.vertices[-1] - self.space.vertices[0]
         block = np.zeros((len(self.weights), D * n, D * n))
         for d in range(D):
             for a in range(n):
-                block[:, d * n + a, d * n + a] = weight[a] * length ** (2.0 * (d - self.order)) * self.weights
+                block[:, d * n + a, d * n + a] = weight[:, a] * length ** (2.0 * (d - self.order)) * self.weights
         corner = np.abs(self.weights @ diagonal[:, D * n :])
         return block, np.diag(np.maximum(corner, 1e-12))
 
