@@ -22,6 +22,13 @@ from varcalc.functional import Symbols
 from varcalc.problem import Curve
 from varcalc.tracing import Expression, trace
 
+SAMPLES = 64
+"""Points at which expressions are sampled along a baseline."""
+POWER_STEPS = 3
+"""Steps in which the radius of a ring is found; one does for a true power."""
+FLAT = 1e-3
+"""Exponents below this are no power."""
+
 
 def curve_form(problem: Curve) -> Form:
     """A curve in space: its energy when that does, the functional with a gauge otherwise."""
@@ -40,12 +47,13 @@ def curve_form(problem: Curve) -> Form:
     ]
     points = [_curve_end(e, problem.n) for e in (problem.start, problem.end)]
     start, end = (_curve_fixed(e, problem.n) for e in (problem.start, problem.end))
-    baseline = _ring(problem.n) if closed else straight((0.0, 1.0), *points)
-    length = float(np.linalg.norm(np.nan_to_num(points[1] - points[0]))) or 1.0
+    radius = _radius(problem) if closed else 0.0
+    baseline = _ring(problem.n, radius) if closed else straight((0.0, 1.0), *points)
+    length = 2 * math.pi * radius if closed else float(np.linalg.norm(np.nan_to_num(points[1] - points[0]))) or 1.0
     return Form(
         problem=problem,
         symbols=symbols,
-        integrand=functional**2 if energetic else functional + _gauge(symbols),
+        integrand=functional**2 if energetic else functional + _price(problem, baseline, length) * _gauge(symbols),
         functional=functional,
         sign=sign,
         span=(0.0, 1.0),
@@ -56,7 +64,7 @@ def curve_form(problem: Curve) -> Form:
         periodic=closed,
         knots=(),
         waypoints=(),
-        unknown_guess=np.array([*problem.unknown_guesses, *([] if energetic else [2 * math.pi if closed else length])]),
+        unknown_guess=np.array([*problem.unknown_guesses, *([] if energetic else [length])]),
         baseline=baseline,
         bumps=np.eye(problem.n),
         pull=lambda curve: curve,
@@ -75,6 +83,47 @@ def _gauge(symbols: Symbols) -> Expression:
     """
     square, speed = ca.sumsqr(symbols.dy), symbols.unknowns[-1]
     return (square / speed - speed) ** 2 / (4 * speed)
+
+
+def _price(problem: Curve, baseline: Sampled, length: float) -> float:
+    """What a unit of length costs along the baseline: with it the gauge weighs as much as F in any units."""
+    values = _along(problem, [problem.integrand], baseline)
+    price = float(np.abs(values).mean()) / length
+    return price if math.isfinite(price) and price > 0.0 else 1.0
+
+
+def _along(problem: Curve, expressions: list[Expression], curve: Sampled) -> np.ndarray:
+    """Values of expressions of the problem at ``SAMPLES`` points along a curve, shape (expressions, points)."""
+    s = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    step = 0.5 / SAMPLES
+    slope = (curve(s + step) - curve(s - step)) / (2 * step)
+    symbols = problem.symbols
+    function = ca.Function("along", [symbols.y, symbols.dy, symbols.parameters, symbols.unknowns], expressions)
+    numbers = [np.tile(v[:, None], (1, SAMPLES)) for v in (problem.parameter_values, problem.unknown_guesses)]
+    results = function(curve(s), slope, *numbers)
+    return np.vstack([np.asarray(r) for r in (results if isinstance(results, tuple) else (results,))])
+
+
+def _radius(problem: Curve) -> float:
+    """Radius at which a ring meets the first isoperimetric level, for a condition that is a power of the radius.
+
+    1 where there is no level to go by, or the condition on a ring is no power.
+    """
+    levels = [t for t in problem.traced if isinstance(t.constraint, Isoperimetric)]
+    if not levels:
+        return 1.0
+    bounds = [b for b in levels[0].constraint.interval if math.isfinite(b) and b != 0.0]
+    radius = 1.0
+    for _ in range(POWER_STEPS if bounds else 0):
+        here, twice = (
+            float(_along(problem, [levels[0].expression], _ring(problem.n, r)).mean()) / bounds[0]
+            for r in (radius, 2 * radius)
+        )
+        power = math.log2(twice / here) if here > 0.0 and twice > 0.0 else 0.0
+        if not abs(power) > FLAT:
+            return 1.0
+        radius *= here ** (-1.0 / power)
+    return radius if math.isfinite(radius) and radius > 0.0 else 1.0
 
 
 def _positive(problem: Curve, sign: float) -> bool:
@@ -105,12 +154,12 @@ def _curve_fixed(end: Any, n: int) -> np.ndarray:
     return (_curve_end(end, n) if isinstance(end, At) else np.full(n, np.nan))[None, :]
 
 
-def _ring(n: int) -> Sampled:
-    """The unit circle in the first two coordinates, counter-clockwise."""
+def _ring(n: int, radius: float) -> Sampled:
+    """A circle in the first two coordinates, counter-clockwise."""
 
     def circle(s: np.ndarray) -> np.ndarray:
         out = np.zeros((n, len(s)))
-        out[0], out[1 % n] = np.cos(2 * math.pi * s), np.sin(2 * math.pi * s)
+        out[0], out[1 % n] = radius * np.cos(2 * math.pi * s), radius * np.sin(2 * math.pi * s)
         return out
 
     return circle

@@ -29,6 +29,11 @@ class SideCondition:
     """Position of the constraint in ``problem.constraints``."""
 
     @property
+    def bounds(self) -> tuple[float, float]:
+        """The lower and the upper bound."""
+        return self.lower, self.upper
+
+    @property
     def equality(self) -> bool:
         """True when both bounds coincide."""
         return self.lower == self.upper

@@ -111,15 +111,16 @@ def on_curve(end: OnCurve, problem: Problem) -> np.ndarray:
     y = kind.sym("y", problem.n)
     phi = trace("phi", end.phi, [kind(end.x), y[0] if problem.scalar else y], kind)
     function = ca.Function("phi", [y], [phi, ca.gradient(phi, y)])
+    unit = problem.span[1] - problem.span[0]
     for start in (0.0, 1.0, -1.0, 10.0, -10.0):
-        point = np.full(problem.n, start)
+        point = np.full(problem.n, start * unit)
         for _ in range(30):
             value, gradient = (np.asarray(v).ravel() for v in function(point))
             square = float(gradient @ gradient)
             if not (math.isfinite(square) and square > 0.0):
                 break
             point = point - value[0] * gradient / square
-            if abs(value[0]) <= 1e-10 * max(1.0, float(np.abs(point).max())):
+            if abs(value[0]) <= 1e-10 * math.sqrt(square) * max(unit, float(np.abs(point).max())):
                 return point
     return np.full(problem.n, np.nan)
 

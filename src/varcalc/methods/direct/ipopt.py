@@ -46,14 +46,16 @@ class _Program:
     lower: list[np.ndarray] = field(default_factory=list)
     upper: list[np.ndarray] = field(default_factory=list)
     labels: list[tuple[str, int, int]] = field(default_factory=list)
+    sizes: list[np.ndarray] = field(default_factory=list)
 
-    def add(self, label: str, index: int, row: Any, lower: float, upper: float) -> None:
-        """Append a column of constraints with common bounds."""
+    def add(self, label: str, index: int, row: Any, bounds: tuple[float, float], size: float = 1.0) -> None:
+        """Append a column of constraints with common bounds, in units of ``size``."""
         count = row.numel()
-        self.rows.append(ca.vec(row))
-        self.lower.append(np.full(count, lower))
-        self.upper.append(np.full(count, upper))
+        self.rows.append(ca.vec(row) / size)
+        self.lower.append(np.full(count, bounds[0] / size))
+        self.upper.append(np.full(count, bounds[1] / size))
         self.labels.append((label, index, count))
+        self.sizes.append(np.full(count, size))
 
 
 def optimise(
@@ -70,7 +72,7 @@ def optimise(
     scale = _scales(system, z)
     size = system.evaluate(z).scale
     size = size if np.isfinite(size) and size > 0 else 1.0
-    program, points = _program(system, scale)
+    program, points = _program(system, z, scale)
     options = {
         "print_time": False,
         "show_eval_warnings": False,
@@ -97,7 +99,7 @@ def optimise(
     stats = solver.stats()
     found = np.asarray(result["x"]).ravel() * scale
     at = system.evaluate(found)
-    lam = size * np.asarray(result["lam_g"]).ravel() if program.rows else np.zeros(0)
+    lam = size * np.asarray(result["lam_g"]).ravel() / np.concatenate(program.sizes) if program.rows else np.zeros(0)
     equalities, others = _sort_multipliers(system, program, lam, points, len(multipliers))
     status = str(stats["return_status"])
     good = np.isfinite(at.value) and (status in GOOD or (status in FINISHED and _stationary(stats)))
@@ -168,8 +170,35 @@ def _arguments(system: RitzSystem, w: Any, scale: np.ndarray, points: np.ndarray
     return [s[None, :], *columns, parameters, ca.repmat(unknowns, 1, len(s))]
 
 
-def _program(system: RitzSystem, scale: np.ndarray) -> tuple[_Program, np.ndarray]:
+class _Sizes:
+    """By how much conditions change when the curve and the unknown numbers change by their own size: their units."""
+
+    def __init__(self, system: RitzSystem, z: np.ndarray) -> None:
+        self.symbols = system.form.symbols
+        self.arguments = system.arguments(z)
+        self.weights = system.weights
+        s = self.symbols
+        self.variables = ca.vertcat(s.y, s.dy, s.ddy, s.unknowns)
+        self.reach = np.concatenate([np.abs(self.arguments[i]).max(1, initial=0.0) for i in (1, 2, 3, 5)])
+
+    def of_integrand(self, expression: Any) -> float:
+        """The largest change along the curve; 1 where there is none to go by."""
+        size = float(self._changes(expression).max(initial=0.0))
+        return size if np.isfinite(size) and size > 0 else 1.0
+
+    def of_integral(self, expression: Any) -> float:
+        """The integral of the change."""
+        size = float(self._changes(expression) @ self.weights)
+        return size if np.isfinite(size) and size > 0 else 1.0
+
+    def _changes(self, expression: Any) -> np.ndarray:
+        gradient = ca.Function("change", self.symbols.all, [ca.densify(ca.gradient(expression, self.variables))])
+        return self.reach @ np.abs(np.asarray(gradient(*self.arguments)))
+
+
+def _program(system: RitzSystem, z: np.ndarray, scale: np.ndarray) -> tuple[_Program, np.ndarray]:
     form = system.form
+    sizes = _Sizes(system, z)
     w = ca.MX.sym("w", system.size)
     at_gauss = _arguments(system, w, scale, None)
     integrands = [form.integrand, *(c.expression for c in form.integrals)]
@@ -178,16 +207,18 @@ def _program(system: RitzSystem, scale: np.ndarray) -> tuple[_Program, np.ndarra
     values = ca.mtimes(mapped(*at_gauss), ca.DM(system.weights))
     program = _Program(w, values[0])
     for j, condition in enumerate(form.integrals):
-        program.add("integral", condition.index, values[1 + j], condition.lower, condition.upper)
+        program.add(
+            "integral", condition.index, values[1 + j], condition.bounds, sizes.of_integral(condition.expression)
+        )
     if form.ends is not None:
-        _add_ends(system, program, scale)
+        _add_ends(system, program, scale, z / scale)
     nodes = lobatto(system.space.degree)
     if form.pathwise:
-        _add_pathwise(system, program, scale, nodes, at_gauss)
+        _add_pathwise(system, program, scale, nodes, at_gauss, sizes)
     return program, nodes
 
 
-def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray) -> None:
+def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray, start: np.ndarray) -> None:
     form, space = system.form, system.space
     assert form.ends is not None
     free = len(system.free)
@@ -207,11 +238,19 @@ def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray) -> None:
     cost, equations = function(end(0), end(space.elements), unknowns, form.problem.parameter_values)
     program.objective += cost
     if equations.numel():
-        program.add("ends", -1, equations, 0.0, 0.0)
+        for row in ca.vertsplit(equations):
+            gradient = np.asarray(ca.DM(ca.evalf(ca.substitute(ca.gradient(row, program.w), program.w, start))))
+            size = float(np.abs(gradient).max(initial=0.0))
+            program.add("ends", -1, row, (0.0, 0.0), size if np.isfinite(size) and size > 0 else 1.0)
 
 
 def _add_pathwise(
-    system: RitzSystem, program: _Program, scale: np.ndarray, nodes: np.ndarray, at_gauss: list[Any]
+    system: RitzSystem,
+    program: _Program,
+    scale: np.ndarray,
+    nodes: np.ndarray,
+    at_gauss: list[Any],
+    sizes: _Sizes,
 ) -> None:
     """Pathwise conditions, left out where the fixed ends already decide them."""
     form = system.form
@@ -219,17 +258,18 @@ def _add_pathwise(
     vertices = _arguments(system, program.w, scale, nodes[:1])
     for condition in form.pathwise:
         function = ca.Function("pathwise", form.symbols.all, [ca.densify(condition.expression)])
+        size, bounds = sizes.of_integrand(condition.expression), condition.bounds
 
         def rows(arguments: list[Any], keep: slice, function: Any = function) -> Any:
             return function.map(arguments[0].shape[1])(*arguments)[0, keep]
 
         # a straight element has no nodes of its own, and the first vertex of each but the first is interior
         if len(nodes) > 2:
-            program.add("nodes", condition.index, rows(inner, slice(None)), condition.lower, condition.upper)
+            program.add("nodes", condition.index, rows(inner, slice(None)), bounds, size)
         if system.space.elements > 1 and (condition.equality or _free_of_slopes(system, condition)):
-            program.add("vertices", condition.index, rows(vertices, slice(1, None)), condition.lower, condition.upper)
+            program.add("vertices", condition.index, rows(vertices, slice(1, None)), bounds, size)
         if not condition.equality:
-            program.add("gauss", condition.index, rows(at_gauss, slice(None)), condition.lower, condition.upper)
+            program.add("gauss", condition.index, rows(at_gauss, slice(None)), bounds, size)
 
 
 def _free_of_slopes(system: RitzSystem, condition: SideCondition) -> bool:

@@ -15,6 +15,7 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.methods.direct.system import RitzSystem
+from varcalc.problem import Curve
 
 AMPLITUDES = (0.3, -0.3, 1.0, -1.0, 0.1, -0.1, 3.0, -3.0)
 """Heights of a bent start in units of the problem's size."""
@@ -22,7 +23,7 @@ GAUSS_NEWTON = 30
 """Iterations in which several levels are to be met at once."""
 MET = 1e-3
 """Relative miss of a level that a start may have: Newton's iteration does the rest."""
-LADDER = np.concatenate([[0.0], np.geomspace(1e-3, 30.0, 60)])
+LADDER = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 40), np.geomspace(1.0, 30.0, 21)[1:]])
 """Amplitudes among which the isoperimetric level is sought."""
 
 
@@ -33,7 +34,9 @@ def size(form: Form) -> float:
     spread = float(np.ptp(line, axis=1).max())
     scale = max(spread, float(np.abs(line).max()) * 1e-3)
     problem_span = form.problem.span[1] - form.problem.span[0]
-    return max(scale, problem_span) if form.lifted is None or spread == 0.0 else scale
+    # the parameter of a curve has no unit of length, and s of a lifted form has none either
+    unlike = form.lifted is not None or isinstance(form.problem, Curve)
+    return scale if unlike and spread > 0.0 else max(scale, problem_span)
 
 
 def bent(form: Form, amplitude: float, direction: np.ndarray) -> Sampled:
@@ -48,7 +51,7 @@ def bent(form: Form, amplitude: float, direction: np.ndarray) -> Sampled:
 
 
 def scaled_ring(form: Form, radius: float) -> Sampled:
-    """The baseline of a closed curve blown up by ``radius``."""
+    """The baseline of a closed curve, a ring of the size that the level asks for, blown up by ``radius``."""
     return lambda s: radius * form.baseline(s)
 
 
@@ -142,11 +145,10 @@ def _meeting_levels(system: RitzSystem) -> Iterator[np.ndarray]:
     """Bend the baseline (or blow up the ring) until the first isoperimetric condition holds, each way."""
     form = system.form
     scale = size(form)
-    families = (
-        [lambda r: scaled_ring(form, r * scale)]
-        if form.periodic and form.baseline(np.array(form.span)).any() and form.n > 1
-        else [lambda r, d=sign * d: bent(form, r * scale, d) for d in form.bumps for sign in (1.0, -1.0)]
-    )
+    if form.periodic and form.baseline(np.array(form.span)).any() and form.n > 1:
+        families = [lambda r: scaled_ring(form, r)]
+    else:
+        families = [lambda r, d=sign * d: bent(form, r * scale, d) for d in form.bumps for sign in (1.0, -1.0)]
     found: list[tuple[float, np.ndarray]] = []
     for family in families:
         best: tuple[float, float, np.ndarray] | None = None

@@ -373,7 +373,7 @@ class RitzSystem:
         return rows[:, 0], rows[:, 1]
 
     def _evaluate_ends(self, z: np.ndarray) -> list[np.ndarray]:
-        """End cost, its gradient, the end equations, their Jacobian, and all Hessians."""
+        """End cost, its gradient, the end equations, their Jacobian, all Hessians, and the sizes of the equations."""
         form, built = self.form, self.form.built
         assert form.ends is not None
         if "ends" not in built:
@@ -393,7 +393,11 @@ class RitzSystem:
             np.array([c[self.space.vertex_number(v, 0, a)] for a in range(self.n)]) for v in (0, self.space.elements)
         )
         out: Any = built["ends"](first, last, self.unknowns(z), form.problem.parameter_values)
-        return [np.asarray(o) for o in out]
+        found = [np.asarray(o) for o in out]
+        # by how much each equation changes when its variables change by the size of the largest
+        reach = np.abs(np.concatenate([first, last, self.unknowns(z)])).max(initial=0.0)
+        sizes = np.abs(found[3]).max(1, initial=0.0) * reach
+        return [*found, np.where(sizes > 0, sizes, 1.0)]
 
     def _end_hessian(self, evaluation: Evaluation, multipliers: np.ndarray) -> np.ndarray:
         assert evaluation.ends is not None
