@@ -257,12 +257,10 @@ def _is_round_off(system: RitzSystem, z: np.ndarray, step: Step, decrement: floa
 
 
 def system_levels(system: RitzSystem, at: Evaluation) -> np.ndarray:
-    """The size of each condition: its level or what is summed to meet it, and 1 for an equation of the ends."""
-    levels = np.ones(len(at.conditions))
-    count = len(system.levels)
+    """The size of each condition: its level or what is summed to meet it, and that of each equation of the ends."""
     summed = system.weights @ np.abs(at.pointwise[:, :: 1 + system.k + system.k**2])
-    levels[:count] = np.maximum(np.maximum(np.abs(system.levels), summed[1:]), 1e-300)
-    return levels
+    levels = np.maximum(np.maximum(np.abs(system.levels), summed[1:]), 1e-300)
+    return levels if at.ends is None else np.concatenate([levels, at.ends[-1]])
 
 
 def _finite(at: Evaluation) -> bool:
@@ -283,17 +281,33 @@ def _unmet(system: RitzSystem, at: Evaluation) -> str:
 def _search(
     system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, guarded: bool
 ) -> tuple[np.ndarray, Evaluation] | None:
-    """Backtrack on the l1 merit function; trial curves outside the domain or the guard are rejected."""
+    """Backtrack on the l1 merit function; trial curves outside the domain or the guard are rejected.
+
+    A full step along curved conditions leaves them by its square, which the merit
+    function may not forgive however good the step (Maratos; Nocedal and Wright, sect. 18.3): it is then
+    corrected to second order once.
+    """
     weights = 2.0 * np.abs(step.multipliers) + 1e-3 * at.scale / np.maximum(system_levels(system, at), 1e-300)
     merit = at.value + float(weights @ np.abs(at.conditions))
     fall = float(at.gradient @ step.change) - float(weights @ np.abs(at.conditions))
     noise = 1e-14 * (at.scale + abs(merit))
+
+    def descends(trial: Evaluation, length: float) -> bool:
+        if not _finite(trial) or (guarded and trial.legendre <= 0.0):
+            return False
+        value = trial.value + float(weights @ np.abs(trial.conditions))
+        return value <= merit + ARMIJO * length * min(fall, 0.0) + noise
+
     length = 1.0
     while length > SMALLEST_STEP:
-        trial = system.evaluate(z + length * step.change)
-        if _finite(trial) and not (guarded and trial.legendre <= 0.0):
-            value = trial.value + float(weights @ np.abs(trial.conditions))
-            if value <= merit + ARMIJO * length * min(fall, 0.0) + noise:
-                return z + length * step.change, trial
+        moved = z + length * step.change
+        trial = system.evaluate(moved)
+        if descends(trial, length):
+            return moved, trial
+        if length == 1.0 and len(at.conditions) and _finite(trial):
+            moved = moved - np.linalg.lstsq(at.jacobian, trial.conditions, rcond=None)[0]
+            trial = system.evaluate(moved)
+            if descends(trial, length):
+                return moved, trial
         length *= SHRINK
     return None
