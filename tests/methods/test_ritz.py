@@ -14,6 +14,7 @@ from functools import cache
 from itertools import pairwise
 
 import casadi as ca
+import mpmath
 import numpy as np
 import pytest
 
@@ -379,6 +380,41 @@ def test_the_value_is_an_upper_bound_on_coarse_meshes():
     )
     lowest = min(kept(case, elements, degree).value for elements in (4, 6, 8) for degree in (3, 4, 5, 6))
     assert lowest >= case.value - ROUND_OFF * abs(case.value)
+
+
+def layered(k, end):
+    """The least integral of v^2/2 + cosh(k y) from (0, 0) to (1, end), from v^2/2 - cosh(k y) = e - 1, in 20 digits.
+
+    J = int v dy - (e - 1), greatest where the abscissa is 1; y = 2/k asinh(sqrt(e / 2) sinh u) takes out the layer
+    at 0, since cosh(k y) - 1 + e = e cosh(u)^2.
+    """
+    with mpmath.workdps(20):
+
+        def top(e):
+            return mpmath.asinh(mpmath.sinh(mpmath.mpf(k) * end / 2) / mpmath.sqrt(e / 2))
+
+        def slope(u, e):
+            return (
+                2 / mpmath.mpf(k) * mpmath.sqrt(e / 2) * mpmath.cosh(u) / mpmath.sqrt(1 + e / 2 * mpmath.sinh(u) ** 2)
+            )
+
+        def integral(power, e):
+            parts = mpmath.linspace(0, top(e), 9)
+            return mpmath.quad(lambda u: slope(u, e) * (mpmath.sqrt(2 * e) * mpmath.cosh(u)) ** power, parts)
+
+        log_e = mpmath.findroot(lambda t: integral(-1, mpmath.exp(t)) - 1, (-k, -k + 2), tol=1e-17)
+        e = mpmath.exp(log_e)
+        return float(integral(1, e) - (e - 1))
+
+
+@pytest.mark.parametrize(("k", "end"), [(10, 1.0), (20, 1.0), (40, 0.5)])
+def test_a_layer_is_reached(k, end):
+    # the error does not fall before the bisections have arrived at the layer, of width exp(-k end / 2) / k
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + ca.cosh(k * y), vc.Fixed(0, 0), vc.Fixed(1, end))
+    solution = vc.solve(problem, vc.Ritz())
+    value = layered(k, mpmath.mpf(end))
+    assert solution.value == pytest.approx(value, rel=1e-10)
+    assert abs(solution.value - value) <= 2 * solution.error.value
 
 
 @pytest.mark.parametrize("options", [{"elements": 0}, {"degree": 0}, {"elements": 2.5}, {"starts": -1}])

@@ -109,15 +109,18 @@ def _radius(problem: Curve) -> float:
 
     1 where there is no level to go by, or the condition on a ring is no power.
     """
-    levels = [t for t in problem.traced if isinstance(t.constraint, Isoperimetric)]
-    if not levels:
-        return 1.0
-    bounds = [b for b in levels[0].constraint.interval if math.isfinite(b) and b != 0.0]
+    levels = [
+        (t.expression, bound)
+        for t in problem.traced
+        if isinstance(t.constraint, Isoperimetric)
+        for bound in t.constraint.interval
+        if math.isfinite(bound) and bound != 0.0
+    ]
     radius = 1.0
-    for _ in range(POWER_STEPS if bounds else 0):
+    for _ in range(POWER_STEPS if levels else 0):
+        expression, level = levels[0]
         here, twice = (
-            float(_along(problem, [levels[0].expression], _ring(problem.n, r)).mean()) / bounds[0]
-            for r in (radius, 2 * radius)
+            float(_along(problem, [expression], _ring(problem.n, r)).mean()) / level for r in (radius, 2 * radius)
         )
         power = math.log2(twice / here) if here > 0.0 and twice > 0.0 else 0.0
         if not abs(power) > FLAT:

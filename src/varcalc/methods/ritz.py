@@ -37,6 +37,10 @@ SLOW = 0.4
 """A refinement that leaves more than this share of the error behind is slow."""
 PATIENCE = 8
 """Slow refinements in a row after which a solve is given up."""
+FEW = 2
+"""Elements: a refinement of no more is local, on its way into a layer that it must reach before the error falls."""
+LOCAL = 0.25
+"""What a slow refinement counts that is local."""
 MOST_UNKNOWNS = 4000
 WORTHLESS = 1e-3
 """Relative round-off at which a value is no answer."""
@@ -91,7 +95,7 @@ class _Climb:
         self.rungs = Rungs(form, method.optimiser, method.starts)
         self.split_degree = TOUCHING_DEGREE if self.rungs.inequalities else SPLIT_DEGREE
         self.built = 0.0
-        self.slow = 0
+        self.slow = 0.0
 
     def run(self, guess: Sampled | None) -> Solution:
         rung = self.first_rung(guess)
@@ -156,9 +160,10 @@ class _Climb:
 
     def next_rung(self, rung: Rung, found: Estimate, previous: float) -> Rung | str:
         """Climb the degree while that pays, else bisect where the error is."""
-        self.slow = 0 if found.error < SLOW * previous else self.slow + 1
+        local = (found.shares > SHARE * found.shares.max()).sum() <= FEW and rung.system.space.elements > FEW
+        self.slow = 0.0 if found.error < SLOW * previous else self.slow + (LOCAL if local else 1.0)
         if self.slow >= PATIENCE:
-            return f"{PATIENCE} refinements in a row hardly lowered the error"
+            return "refinement after refinement hardly lowered the error"
         if rung.system.size > MOST_UNKNOWNS:
             return f"{rung.system.size} unknowns did not suffice"
         space = rung.system.space
