@@ -89,16 +89,25 @@ def _soft_modes(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> t
     nothing = np.zeros(0), np.zeros((system.size, 0))
     if not np.isfinite(at.pointwise).all() or at.legendre <= 0.0:
         return nothing
-    hessian = system.hessian(at, multipliers)
-    null = np.linalg.qr(at.jacobian.T, mode="complete")[0][:, len(at.conditions) :]
-    try:
-        factor = np.linalg.cholesky(null.T @ leading_term(system, at, z) @ null)
-    except np.linalg.LinAlgError:
+    hessian, leading, null = system.hessian(at, multipliers), leading_term(system, at, z), np.eye(system.size)
+    if len(at.conditions):
+        null = np.linalg.qr(at.jacobian.T, mode="complete")[0][:, len(at.conditions) :]
+        hessian, leading = null.T @ hessian @ null, null.T @ leading @ null
+    if _positive(hessian - SOFT * leading) or not _positive(leading):  # the first spares the eigenvalues
         return nothing
-    half = np.linalg.solve(factor, null.T @ hessian @ null)
+    factor = np.linalg.cholesky(leading)
+    half = np.linalg.solve(factor, hessian)
     eigenvalues, vectors = np.linalg.eigh(np.linalg.solve(factor, half.T))
     soft = eigenvalues < SOFT
     return eigenvalues[soft], null @ np.linalg.solve(factor.T, vectors[:, soft])
+
+
+def _positive(matrix: np.ndarray) -> bool:
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def leading_term(system: RitzSystem, at: Evaluation, z: np.ndarray) -> np.ndarray:
