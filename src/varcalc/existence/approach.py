@@ -140,7 +140,7 @@ def _steep(problem: Problem, power: int, at_start: bool) -> float | None:
         rung = rungs.start(rungs.first_space(1, SMOOTH_DEGREE), None)
         if isinstance(rung, str):
             return None
-        finer, z = rungs.prolonged(rung)
+        finer, z = rungs.prolonged(rung.system, rung.z)
         value = finer.evaluate(z).value
     return form.sign * value if math.isfinite(value) else None
 

@@ -26,6 +26,8 @@ FINISHED = ("Search_Direction_Becomes_Too_Small", "Maximum_Iterations_Exceeded",
 """Ends at which round-off, not the point, may be what stopped IPOPT."""
 STATIONARY = 1e-8
 """Infeasibilities, primal and dual in IPOPT's own scaling, below which such an end is a minimum."""
+FLAT = 1e-12
+"""Relative size of an ordinate or slope that is round-off."""
 
 
 @dataclass(frozen=True)
@@ -179,21 +181,25 @@ class _Sizes:
         self.weights = system.weights
         s = self.symbols
         self.variables = ca.vertcat(s.y, s.dy, s.ddy, s.unknowns)
-        self.reach = np.concatenate([np.abs(self.arguments[i]).max(1, initial=0.0) for i in (1, 2, 3, 5)])
+        reach = np.concatenate([np.abs(self.arguments[i]).max(1, initial=0.0) for i in (1, 2, 3, 5)])
+        # a straight line along the axis is one but for round-off
+        self.reach = np.where(reach > FLAT * max(reach.max(initial=0.0), np.ptp(self.arguments[0])), reach, 0.0)
 
-    def of_integrand(self, expression: Any) -> float:
-        """The largest change along the curve; 1 where there is none to go by."""
-        size = float(self._changes(expression).max(initial=0.0))
-        return size if np.isfinite(size) and size > 0 else 1.0
+    def of_integrand(self, condition: SideCondition) -> float:
+        """The largest change along the curve, or the bound when that is larger; 1 where there is none to go by."""
+        return _largest(float(self._changes(condition.expression).max(initial=0.0)), *condition.bounds)
 
-    def of_integral(self, expression: Any) -> float:
-        """The integral of the change."""
-        size = float(self._changes(expression) @ self.weights)
-        return size if np.isfinite(size) and size > 0 else 1.0
+    def of_integral(self, condition: SideCondition) -> float:
+        """The integral of the change, or the level when that is larger."""
+        return _largest(float(self._changes(condition.expression) @ self.weights), *condition.bounds)
 
     def _changes(self, expression: Any) -> np.ndarray:
         gradient = ca.Function("change", self.symbols.all, [ca.densify(ca.gradient(expression, self.variables))])
         return self.reach @ np.abs(np.asarray(gradient(*self.arguments)))
+
+
+def _largest(*sizes: float) -> float:
+    return max((abs(s) for s in sizes if np.isfinite(s) and s != 0.0), default=1.0)
 
 
 def _program(system: RitzSystem, z: np.ndarray, scale: np.ndarray) -> tuple[_Program, np.ndarray]:
@@ -207,9 +213,7 @@ def _program(system: RitzSystem, z: np.ndarray, scale: np.ndarray) -> tuple[_Pro
     values = ca.mtimes(mapped(*at_gauss), ca.DM(system.weights))
     program = _Program(w, values[0])
     for j, condition in enumerate(form.integrals):
-        program.add(
-            "integral", condition.index, values[1 + j], condition.bounds, sizes.of_integral(condition.expression)
-        )
+        program.add("integral", condition.index, values[1 + j], condition.bounds, sizes.of_integral(condition))
     if form.ends is not None:
         _add_ends(system, program, scale, z / scale)
     nodes = lobatto(system.space.degree)
@@ -258,7 +262,7 @@ def _add_pathwise(
     vertices = _arguments(system, program.w, scale, nodes[:1])
     for condition in form.pathwise:
         function = ca.Function("pathwise", form.symbols.all, [ca.densify(condition.expression)])
-        size, bounds = sizes.of_integrand(condition.expression), condition.bounds
+        size, bounds = sizes.of_integrand(condition), condition.bounds
 
         def rows(arguments: list[Any], keep: slice, function: Any = function) -> Any:
             return function.map(arguments[0].shape[1])(*arguments)[0, keep]
