@@ -178,7 +178,6 @@ class _Sizes:
     def __init__(self, system: RitzSystem, z: np.ndarray) -> None:
         self.symbols = system.form.symbols
         self.arguments = system.arguments(z)
-        self.weights = system.weights
         s = self.symbols
         self.variables = ca.vertcat(s.y, s.dy, s.ddy, s.unknowns)
         reach = np.concatenate([np.abs(self.arguments[i]).max(1, initial=0.0) for i in (1, 2, 3, 5)])
@@ -188,10 +187,6 @@ class _Sizes:
     def of_integrand(self, condition: SideCondition) -> float:
         """The largest change along the curve, or the bound when that is larger; 1 where there is none to go by."""
         return _largest(float(self._changes(condition.expression).max(initial=0.0)), *condition.bounds)
-
-    def of_integral(self, condition: SideCondition) -> float:
-        """The integral of the change, or the level when that is larger."""
-        return _largest(float(self._changes(condition.expression) @ self.weights), *condition.bounds)
 
     def _changes(self, expression: Any) -> np.ndarray:
         gradient = ca.Function("change", self.symbols.all, [ca.densify(ca.gradient(expression, self.variables))])
@@ -213,7 +208,7 @@ def _program(system: RitzSystem, z: np.ndarray, scale: np.ndarray) -> tuple[_Pro
     values = ca.mtimes(mapped(*at_gauss), ca.DM(system.weights))
     program = _Program(w, values[0])
     for j, condition in enumerate(form.integrals):
-        program.add("integral", condition.index, values[1 + j], condition.bounds, sizes.of_integral(condition))
+        program.add("integral", condition.index, values[1 + j], condition.bounds)
     if form.ends is not None:
         _add_ends(system, program, scale, z / scale)
     nodes = lobatto(system.space.degree)
