@@ -46,6 +46,8 @@ WORTHLESS = 1e-3
 """Relative round-off at which a value is no answer."""
 CURVE = 3e-2
 """Relative error of the curve, in units of the square root of the value's tolerance, that ends the climb."""
+ASTRAY, ASTRAY_SHARE = 2e-2, 30.0
+"""Relative error of the curve, and the same by the square root of the tolerance, with which no value counts."""
 RESTART_DEGREE = 24
 """Degree up to which a solve begins again from the starting curves."""
 
@@ -139,13 +141,18 @@ class _Climb:
         """Whether value and curve are as good as asked for, or as good as double precision allows."""
         size = max(1.0, abs(found.value))
         # a small functional is solved to its own size, but not where a comparison of two solves is all there is
-        target = self.tol * (size if self.rungs.constrained else min(size, 10 * found.scale))
-        return found.error <= max(target, found.floor) and self.curve_is_good(rung, found)
         own = found.scale
         if size * self.tol >= found.error > self.tol * 10 * own:  # it may be small by cancellation: a minimum of zero
             own = max(own, found.system.quadratic_size(found.z))
         target = self.tol * (size if self.rungs.constrained else min(size, 10 * own))
-        return found.error <= max(target, ROUND_OFF * found.scale) and self.curve_is_good(rung, found)
+        return (
+            found.error <= max(target, found.floor) and not self.astray(rung, found) and self.curve_is_good(rung, found)
+        )
+
+    def astray(self, rung: Rung, found: Estimate) -> bool:
+        """Whether the curve does not settle, though the value may: then no curve attains it."""
+        size = max(float(np.abs(rung.system.ordinates(rung.z)).max()), 1e-300)
+        return found.curve > max(ASTRAY, ASTRAY_SHARE * math.sqrt(self.tol)) * size
 
     def curve_is_good(self, rung: Rung, found: Estimate) -> bool:
         """Whether the curve is as good as the value's tolerance promises, as far as the degree alone can make it.
@@ -197,11 +204,11 @@ class _Climb:
         if self.rungs.constrained:  # the richer problem has been solved: give that answer
             rung = replace(rung, system=found.system, z=found.z)
         space: Space = rung.system.space
-        error = max(found.error, found.floor)
+        error = found.error + found.floor
         status, message = self.verdict(error, found.floor, found.value, reason)
-        floor = ROUND_OFF * found.scale
-        error = found.error + floor
-        status, message = self.verdict(error, floor, found.value, reason)
+        if self.method.refine and status.ok and self.astray(rung, found):
+            status = Status.NOT_CONVERGED
+            message = f"the value settles near {self.form.sign * found.value:.6g}, but the curve does not: {reason}"
         solve_time = time.perf_counter() - self.started - self.built
         stats = Stats(
             self.built, solve_time, self.rungs.iterations, rung.system.size, space.elements, space.degree

@@ -82,15 +82,10 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
         value += float(miss @ at.conditions)
         scale = abs(value)
     # a prescribed integral is summed like the value, and what it misses costs its multiplier
-    prices = np.abs(step.multipliers[: len(system.levels)])
-    prices = prices * (0.5 / value) if rungs.form.energetic and value > 0 else prices
-    floor = ROUND_OFF * (scale + float(prices @ np.abs(system.levels)))
+    floor = ROUND_OFF * (scale + float(np.abs(miss[: len(system.levels)]) @ np.abs(system.levels)))
     curve, shares = displacement(here, there), _shares(rungs, system, step.change)
-    return Estimate(value, SAFETY * error, SAFETY * curve, scale, floor, system, z, step, shares)
-    curve = displacement(here, there)
-    shares = _shares(rungs, system, step.change)
     integrand = _with_levels(system, here, at, miss)
-    return Estimate(value, SAFETY * error, SAFETY * curve, scale, system, z, step, shares, integrand, miss)
+    return Estimate(value, SAFETY * error, SAFETY * curve, scale, floor, system, z, step, shares, integrand, miss)
 
 
 def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, previous: float) -> Estimate | str:
@@ -105,14 +100,14 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     value = richer.at.value if rungs.form.same_functional else functional_at(rungs, system, richer.z, there)
     curve = displacement(here, there)
     shares = _shares(rungs, system, richer.z - z)
-    scale = richer.at.scale
-    return Estimate(value, SAFETY * error, SAFETY * curve, scale, ROUND_OFF * scale, system, richer.z, None, shares)
     miss = richer.multipliers
     if rungs.form.energetic and value > 0:
         miss = miss * (0.5 / value)
     integrand = _with_levels(system, there, richer.at, miss)
-    scale = richer.at.scale
-    return Estimate(value, SAFETY * error, SAFETY * curve, scale, system, richer.z, None, shares, integrand, miss)
+    return Estimate(
+        value, SAFETY * error, SAFETY * curve, richer.at.scale, ROUND_OFF * richer.at.scale, system, richer.z, None,
+        shares, integrand, miss,
+    )  # fmt: skip
 
 
 def _with_levels(system: RitzSystem, reported: Reported, at: Evaluation, miss: np.ndarray) -> np.ndarray:
