@@ -18,6 +18,8 @@ from varcalc.methods.quadrature.search import joining, solved
 
 PROBED_SLOPES = np.array([1e-3, 0.3, -0.3, 1.0, -1.0, 4.0, -4.0])
 """Slopes, in units of the mean one, at which L_vv and the behaviour at the ends are looked at."""
+STEP_ASIDE, STEEP = 1e-3, 0.25
+"""A step from an end, in units of the size, that leaves no more than such a share of L there: a singularity is near."""
 STATIONARY = 1e-13
 """L_y at an end, relative to its size nearby, below which the constant is an extremal."""
 EVEN = 1e-12
@@ -58,7 +60,15 @@ class Autonomous(Reduction):
 
     def _points(self, ends: Ends) -> Points:
         known = [y for y in (ends.y0, ends.y1) if y is not None]
-        return Points(ends.y0, ends.y1, ends.width, tuple(y for y in known if not self._regular(y)))
+        points = Points(ends.y0, ends.y1, ends.width)
+        singular = tuple(y for y in known if not self._regular(y) or self._almost_singular(y, points.size))
+        return replace(points, singular=singular)
+
+    def _almost_singular(self, y: float, size: float) -> bool:
+        """Whether L falls steeply from an end, as where it is infinite just beyond: distances matter there, not y."""
+        around = y + STEP_ASIDE * size * np.array([0.0, 1.0, -1.0])
+        values = np.abs(self.integrands.at(np.zeros(3), around, np.zeros(3))[0, 0])
+        return bool(np.nanmin(values) < STEEP * values[0])
 
     def _inside(self, points: Points) -> float | None:
         """An ordinate near the ends at which everything probed is a number."""

@@ -15,6 +15,7 @@ by C is -x: an error of C changes it in second order only.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -135,12 +136,20 @@ class Energy:
         results += [form, *self.integrands.forms, *self.integrands.partials]
         inputs = [y, c, drop, s, *lam]
         anchor, delta = (ca.SX.sym("anchor") if end is None else ca.SX(end)), ca.SX.sym("delta")
-        start = displaced(anchor, delta, self.inside if end is None else end)
+        start = displaced(anchor, delta, self.inside if end is None else self._probe(end))
         others = [fixed(v, probe) for v, probe in zip(inputs[1:], [0.8, -0.2, 0.6, *[0.3] * len(lam)], strict=True)]
         function = ca.Function("all", inputs, [ca.densify(r) for r in results])
         moved = carry(function, [start, *others])
         name = anchor if end is None else ca.SX.sym("anchor")
         return _vectorised(moved, name, delta, [c, drop, s], multipliers)
+
+    def _probe(self, end: float) -> float:
+        """The ordinate of a singular end, or no number where L is still finite at it.
+
+        There P is so large that nothing is left of a small one when it is summed from P at the end and the change.
+        """
+        value = self.integrands.at(np.zeros(1), np.array([end]), np.zeros(1))[0, 0, 0]
+        return math.nan if np.isfinite(value) else end
 
     def rest(self, y: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
         """P(y, 0) at points y of shape (m,)."""

@@ -14,7 +14,7 @@ from varcalc.methods.quadrature.energy import Batch
 from varcalc.methods.quadrature.errors import sensitivity
 from varcalc.methods.quadrature.integrands import Integrands
 from varcalc.methods.quadrature.isoperimetric import Start, starts
-from varcalc.methods.quadrature.refinement import quadrature_errors, truncation
+from varcalc.methods.quadrature.refinement import quadrature_errors, truncation, unseen
 from varcalc.methods.quadrature.search import refined
 
 ERROR_PLACES = 0.5 - 0.5 * np.cos(np.linspace(0, np.pi, 41)[1:-1])
@@ -91,9 +91,8 @@ class Reduction(ABC):
             return None
         measured, batch = found.measured, found.batch
         panels = [leg.panels for leg in batch.legs]
-        reach_error, value_error = (
-            a + b for a, b in zip(quadrature_errors(measured), truncation(panels, measured), strict=True)
-        )
+        parts = (quadrature_errors(measured), truncation(panels, measured), unseen(found))
+        reach_error, value_error = (sum(errors) for errors in zip(*parts, strict=True))
         multipliers, levels = found.multipliers, self.integrands.levels
         covered = float(measured.x[0]) if aim.target is None else aim.target
         terms = abs(float(measured.action[0])) + abs(float(batch.constant[0]) * covered)
