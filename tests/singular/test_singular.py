@@ -12,7 +12,14 @@ from scipy.special import beta
 
 import varcalc as vc
 from varcalc.singular import Infinite, forms
-from varcalc.singular.detection import blowup, rational, riemannian, singular_ends
+from varcalc.singular.detection import (
+    almost_singular_ends,
+    blowup,
+    blowup_beyond,
+    rational,
+    riemannian,
+    singular_ends,
+)
 
 
 def quickest(x: Any, y: Any, dy: Any) -> Any:
@@ -333,3 +340,99 @@ def test_a_descent_that_is_no_graph_is_refused(case: tuple[float, float, float])
 def test_a_singular_curve_to_a_surface() -> None:
     wall = vc.OnSurface(lambda q: q[0] - 1, (1, 0.5))
     assert_solved(vc.Curve(quickest_speed, vc.At((0, 0)), wall), math.sqrt(2 * math.pi))
+
+
+# lines just beyond an end
+
+
+def arc(power: float, start: float) -> tuple[float, float]:
+    """Width and value of the extremal of y^-k sqrt(1 + y'^2) from depth ``start`` to its lowest point, at depth 1.
+
+    y^-k = sqrt(1 + y'^2) makes both integrals over t, y^k = sin t.
+    """
+    with mp.workdps(30):
+        k, first = mp.mpf(power), mp.asin(mp.mpf(start) ** power)
+        stops = [first, *(first * 10**j for j in range(1, 15) if first * 10**j < 1.5), mp.pi / 2]
+        width = mp.quad(lambda t: mp.sin(t) ** (1 / k), stops) / k
+        return float(width), float(mp.quad(lambda t: mp.sin(t) ** (1 / k - 2), stops) / k)
+
+
+NEAR_STARTS = [1e-3, 1e-6, 1e-8, 1e-10, 1e-12]
+
+
+@pytest.mark.parametrize("start", NEAR_STARTS)
+@pytest.mark.parametrize("method", [None, vc.Ritz(), vc.FirstIntegral()], ids=["ladder", "Ritz", "FirstIntegral"])
+def test_a_start_just_below_the_line_of_rest(start: float, method: Any) -> None:
+    width, value = arc(0.5, start)
+    solution = vc.solve(vc.Problem(quickest, vc.Fixed(0, start), vc.Fixed(width, 1)), method, tol=1e-12)
+    assert solution.status is vc.Status.SOLVED
+    assert solution.value == pytest.approx(value, rel=4e-15)
+    assert solution.error.value >= 0.1 * abs(solution.value - value) or solution.error.value > 1e-15
+    # sin(t) = sqrt(y), x = t - sin(t) cos(t) counted from the line of rest: the cycloid
+    t = np.linspace(math.asin(math.sqrt(start)), math.pi / 2, 12)[1:-1]
+    x = t - np.sin(t) * np.cos(t)
+    assert solution.y(x - (math.pi / 2 - width)) == pytest.approx(np.sin(t) ** 2, abs=1e-6)
+
+
+@pytest.mark.parametrize("start", [1e-4, 1e-8])
+@pytest.mark.parametrize("power", [1 / 4, 1 / 3, 3 / 5, 2 / 3, 3 / 4, 4 / 5])
+def test_other_powers_just_beyond_an_end(power: float, start: float) -> None:
+    width, value = arc(power, start)
+    problem = vc.Problem(lambda x, y, dy: ca.sqrt(1 + dy**2) * y**-power, vc.Fixed(0, start), vc.Fixed(width, 1))
+    found = blowup_beyond(problem, True)
+    assert found is not None
+    assert found.power == pytest.approx(power, rel=1e-13)
+    assert found.origin == pytest.approx([0, 0], abs=1e-6 * start)
+    solution = vc.solve(problem)
+    assert solution.status is vc.Status.SOLVED
+    assert abs(solution.value - value) <= min(1e-10, 2 * solution.error.value + 4e-15)
+    assert abs(vc.solve(problem, vc.FirstIntegral()).value - value) < 1e-13 * value
+
+
+@pytest.mark.parametrize("start", [1e-4, 1e-8, 1e-12])
+@pytest.mark.parametrize(
+    "place",
+    [
+        lambda w, d: vc.Problem(lambda x, y, dy: ca.sqrt((1 + dy**2) / x), vc.Fixed(d, 0), vc.Fixed(1, w)),
+        lambda w, d: vc.Problem(quickest, vc.Fixed(0, 1), vc.Fixed(w, d)),
+        lambda w, d: vc.Problem(lambda x, y, dy: ca.sqrt((1 + dy**2) / -y), vc.Fixed(0, -d), vc.Fixed(w, -1)),
+        lambda w, d: vc.Problem(quickest, vc.Fixed(0, d), vc.Free(w)),
+        lambda w, d: vc.Curve(quickest_speed, vc.At((0, d)), vc.At((w, 1))),
+    ],
+    ids=["in x", "reversed", "upward", "free", "curve"],
+)
+def test_lines_beyond_ends_of_every_kind(place: Callable[[float, float], Any], start: float) -> None:
+    width, value = arc(0.5, start)
+    assert_solved(place(width, start), value)
+
+
+@pytest.mark.parametrize("start", [1e-4, 1e-8])
+def test_lines_beyond_both_ends(start: float) -> None:
+    width, value = arc(0.5, start)
+    problem = vc.Problem(quickest, vc.Fixed(0, start), vc.Fixed(2 * width, start))
+    assert almost_singular_ends(problem) == (True, True)
+    assert_solved(problem, 2 * value)
+    # one end at rest, the other almost
+    at_rest, whole = math.pi / 2, math.pi
+    assert_solved(vc.Problem(quickest, vc.Fixed(0, 0), vc.Fixed(width + at_rest, start)), value + whole)
+
+
+@pytest.mark.parametrize(
+    "lagrangian",
+    [
+        lambda x, y, dy: ca.sqrt(1 + dy**2) / y,  # infinitely far
+        lambda x, y, dy: ca.sqrt(1 + dy**2) / y**2,
+        lambda x, y, dy: ca.sqrt(1 + dy**2) * y,  # no cost at all
+        lambda x, y, dy: ca.sqrt(1 + dy**2) * (1 + ca.exp(-y / 1e-3)),  # steep, but finite everywhere
+        lambda x, y, dy: ca.sqrt((1 + dy**2) / ca.sqrt(x**2 + y**2)),  # a point, no line
+    ],
+)
+def test_what_is_no_line_of_finite_cost(lagrangian: Callable[..., Any]) -> None:
+    assert blowup_beyond(vc.Problem(lagrangian, vc.Fixed(0, 1e-3), vc.Fixed(1, 1)), True) is None
+
+
+def test_regular_metrics_are_not_taken_to_be_almost_singular() -> None:
+    for lagrangian in (lambda x, y, dy: y * ca.sqrt(1 + dy**2), lambda x, y, dy: ca.sqrt(1 + dy**2) / y):
+        problem = vc.Problem(lagrangian, vc.Fixed(0, 1), vc.Fixed(1, 2))
+        assert almost_singular_ends(problem) == (False, False)
+        assert forms(problem)[0].lift is None

@@ -21,7 +21,16 @@ from varcalc.formulation import Form, formulate
 from varcalc.functional import Functional
 from varcalc.problem import Curve, Problem
 from varcalc.singular.abscissa import abscissa_form
-from varcalc.singular.detection import Infinite, homogeneous, riemannian, singular_ends
+from varcalc.singular.detection import (
+    Blowup,
+    Infinite,
+    almost_singular_ends,
+    blowup,
+    blowup_beyond,
+    homogeneous,
+    riemannian,
+    singular_ends,
+)
 from varcalc.singular.energy import energy_forms
 from varcalc.singular.powers import power_form
 
@@ -76,19 +85,33 @@ def _direct(problem: Functional) -> Form:
 
 def _makers(problem: Functional) -> Makers:
     direct = partial(_direct, problem)
-    if isinstance(problem, Curve):
-        plain = problem.n == 2 and not problem.constraints and problem.end_cost is None and not problem.maximise
-        singular = singular_ends(problem) if plain else (False, False)
-        return [*energy_forms(problem, homogeneous(problem), singular), direct] if any(singular) else [direct]
-    if not (isinstance(problem, Problem) and _simple(problem)):
+    curve = isinstance(problem, Curve)
+    if not (_plain(problem) if curve else isinstance(problem, Problem) and _simple(problem)):
         return [direct]
-    singular = singular_ends(problem)
+    singular, beyond = singular_ends(problem), almost_singular_ends(problem)
     both_fixed = isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)
-    if any(singular) or both_fixed:
-        metric = riemannian(problem)
-        others = _others(problem, singular, both_fixed) if metric is None else energy_forms(problem, metric, singular)
+    if not (any(singular) or any(beyond) or both_fixed):
+        return [direct]
+    metric = homogeneous(problem) if isinstance(problem, Curve) else riemannian(problem)
+    if metric is None:
+        others = _others(problem, singular, both_fixed)
         return [*others, direct] if any(singular) else [direct, *others]
-    return [direct]
+    blowups = _blowups(problem, singular, beyond)
+    others = energy_forms(problem, metric, singular, blowups) if blowups or not curve else []
+    return [*others, direct] if blowups else [direct, *others]
+
+
+def _blowups(problem: Functional, singular: tuple[bool, bool], beyond: tuple[bool, bool]) -> dict[bool, Blowup | None]:
+    """How the metric blows up at the start (True) and the end (False), as far as it does.
+
+    Ends with a line just beyond them on which it is infinite are among them.
+    """
+    found: dict[bool, Blowup | None] = {}
+    for at_start, here, outside in zip((True, False), singular, beyond, strict=True):
+        line = blowup_beyond(problem, at_start) if outside else None
+        if here or line is not None:
+            found[at_start] = line or blowup(problem, at_start)
+    return found
 
 
 def _others(problem: Problem, singular: tuple[bool, bool], both_fixed: bool) -> Makers:
@@ -97,6 +120,11 @@ def _others(problem: Problem, singular: tuple[bool, bool], both_fixed: bool) -> 
         return []
     in_x = partial(abscissa_form, problem)
     return [in_x, partial(power_form, problem, singular)] if singular[0] != singular[1] else [in_x]
+
+
+def _plain(problem: Functional) -> bool:
+    """Whether a Curve has nothing but its ends."""
+    return problem.n == 2 and not (problem.constraints or problem.end_cost or problem.maximise)
 
 
 def _simple(problem: Problem) -> bool:

@@ -44,6 +44,10 @@ SURVEY = _survey()
 QUADRATIC = 1e-9
 """Relative departure from a quadratic form below which L^2 is taken to be one."""
 LARGEST_DENOMINATOR = 6
+ASIDE, STEEP = 0.05, 0.5
+"""A step from an end, in units of the problem's size, that leaves less than this share of L: a singularity is near."""
+STRAIGHT = 2e-3
+"""Relative departure, near an end, from what a power of the distance from a line would do."""
 
 
 class Infinite(Exception):
@@ -59,10 +63,12 @@ class Metric:
 
 @dataclass(frozen=True)
 class Blowup:
-    """How the metric behaves at an end: as distance^-power from a line with unit ``normal`` into the domain."""
+    """How the metric behaves at an end: as distance^-power from a line with unit ``normal`` into the domain.
 
-    at_start: bool
-    point: np.ndarray
+    ``origin`` is the point of the line next to the end: the end itself, unless the line lies beyond it.
+    """
+
+    origin: np.ndarray
     normal: np.ndarray
     power: float
 
@@ -103,6 +109,18 @@ def singular_ends(problem: Functional) -> tuple[bool, bool]:
         not (np.isnan(point).any() or part.all())
         for point, part in zip(points, (finite[:count], finite[count:]), strict=True)
     )
+    return start, end
+
+
+def almost_singular_ends(problem: Functional) -> tuple[bool, bool]:
+    """Whether L is finite at each end but falls so steeply from it that it may be infinite just beyond."""
+    points, step = end_points(problem), ASIDE * extent(problem)
+    offsets = step * np.array([[0.0, 1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0, -1.0]])
+    count = offsets.shape[1]
+    around = np.hstack([point[:, None] + offsets for point in points])
+    directions = np.repeat([[1.0], [SLOPES[1]]], 2 * count, axis=1)
+    values = np.abs(_values(problem, around, directions)).reshape(2, count)
+    start, end = (bool(np.isfinite(row[0]) and np.nanmin(row, initial=math.inf) < STEEP * row[0]) for row in values)
     return start, end
 
 
@@ -218,7 +236,37 @@ def blowup(problem: Functional, at_start: bool) -> Blowup | None:
             f"the Lagrangian grows like distance^-{power:.4g} at the {'start' if at_start else 'end'}, "
             "so the functional is infinite for every curve that ends there"
         )
-    return Blowup(at_start, point, normal, power) if power > 0 else None
+    return Blowup(point, normal, power) if power > 0 else None
+
+
+def blowup_beyond(problem: Functional, at_start: bool) -> Blowup | None:
+    """The line just beyond an end on which the metric is infinite; None when there is none of finite cost.
+
+    For a metric factor (d + d0)^-2s the inverse of its logarithmic derivative along the normal is (d + d0) / 2s,
+    linear in the distance d from the end: its slope tells s and its value d0.
+    """
+    point = end_points(problem)[0 if at_start else 1]
+    here = _trace(problem, point[:, None])[1][:, 0]
+    steepness = float(np.linalg.norm(here))
+    if not (math.isfinite(steepness) and steepness > 0):
+        return None
+    normal, unit = -here / steepness, 1.0 / steepness
+    normal = np.where(np.abs(normal) < 1e-6, 0.0, normal)
+    normal /= np.linalg.norm(normal)
+    tangent = np.array([normal[1], -normal[0]])
+    offsets = np.array([normal, 4 * normal, tangent, -tangent]).T
+    slopes = _trace(problem, point[:, None] + unit * offsets)[1]
+    falls = -(normal @ slopes) * unit
+    if not np.isfinite(slopes).all() or not np.all(falls[:2] > 0):
+        return None
+    # the inverse steepness, 1 at the end, in units of ``unit``: linear along the normal and constant across it
+    near, far = 1 / falls[0], 1 / falls[1]
+    power = rational(2 / (far - 1)) if far > 1 else math.inf
+    bent = abs(near - 1 - (far - 1) / 4) > STRAIGHT * near
+    turned = np.abs(slopes[:, 2:] * unit + normal[:, None]).max() > STRAIGHT
+    if bent or turned or not power < 1:
+        return None
+    return Blowup(point - 2 * power * unit * normal, normal, power)
 
 
 def _trace(problem: Functional, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

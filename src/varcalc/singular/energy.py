@@ -22,33 +22,51 @@ from varcalc.conditions import Free, OnCurve, OnSurface
 from varcalc.formulation import EndConditions, Form, Sampled, on_curve, rewriter, side_conditions, straight
 from varcalc.functional import Functional, Symbols
 from varcalc.problem import Problem
-from varcalc.singular.detection import LARGEST_DENOMINATOR, Blowup, Metric, blowup, end_points, extent
+from varcalc.singular.detection import LARGEST_DENOMINATOR, Blowup, Metric, end_points, extent
 from varcalc.tracing import Expression, trace
 
 
-def energy_forms(problem: Functional, metric: Metric, singular: tuple[bool, bool]) -> list[Callable[[], Form]]:
+def energy_forms(
+    problem: Functional, metric: Metric, singular: tuple[bool, bool], blowups: dict[bool, Blowup | None]
+) -> list[Callable[[], Form]]:
     """Makers of the energy of the metric: with the ends' powers as factors, and in coordinates that carry them.
 
-    Empty when a free end does not follow a coordinate line of the singular chart.
+    ``blowups`` are those of the ``singular`` ends, and of ends with a singular line just beyond them, at the start
+    (True) and the end. Empty when a free end does not follow a coordinate line of the singular chart.
     """
-    blowups = [blowup(problem, at_start) for at_start, bad in zip((True, False), singular, strict=True) if bad]
-    chart = _chart(blowups)
+    beyond = len(blowups) > sum(singular)
+    chart = _chart(list(blowups.values()), beyond)
     free = isinstance(problem, Problem) and any(isinstance(e, Free) for e in (problem.start, problem.end))
     if chart is None or (free and np.all(chart.normal != 0.0)):
         return []
     if chart.power == 1.0:
-        return [partial(_energy_form, problem, metric, chart, (False, False), False)]
-    ways = (True, False) if chart.height is None else (False,)
-    return [partial(_energy_form, problem, metric, chart, singular, factored) for factored in ways]
+        return [
+            partial(
+                _energy_form, problem, metric, chart, singular=(False, False), graded=(False, False), factored=False
+            )
+        ]
+    # where the line lies beyond an end, the extremal has no power of s to take out there
+    ways = (True, False) if chart.height is None and not beyond else (False,)
+    graded = (True in blowups, False in blowups)
+    return [
+        partial(_energy_form, problem, metric, chart, singular=singular, graded=graded, factored=way) for way in ways
+    ]
 
 
 def _energy_form(
-    problem: Functional, metric: Metric, chart: Chart, singular: tuple[bool, bool], factored: bool
+    problem: Functional,
+    metric: Metric,
+    chart: Chart,
+    *,
+    singular: tuple[bool, bool],
+    graded: tuple[bool, bool],
+    factored: bool,
 ) -> Form:
     """Minimise the energy of the metric in (tangential, regularised normal) coordinates.
 
-    With ``factored`` the unknown functions are what remains when the known
-    powers of s are taken out; they are free at singular ends.
+    The first curve is ``graded`` toward ends next to a singular line. With
+    ``factored`` the unknown functions are what remains when the known powers
+    of s are taken out; they are free at singular ends.
     """
     s = problem.symbols
     kind = s.kind
@@ -60,7 +78,7 @@ def _energy_form(
     velocity = ca.jtimes(q, symbols.y, symbols.dy) + ca.jacobian(q, symbols.x)
     square = metric.square(q, velocity, symbols.unknowns)
     graph = isinstance(problem, Problem)
-    fixed, baseline = (start, end), _graded_line(*guess, chart.growth, singular)
+    fixed, baseline = (start, end), _graded_line(*guess, chart.growth, graded)
     if factored:
         fixed, baseline = _factored_ends((start, end), guess, singular)
     return Form(
@@ -83,7 +101,7 @@ def _energy_form(
         bumps=np.array([[0.0, 1.0]]),
         pull=_energy_pull(problem, chart, guess, singular if factored else (False, False)),
         lifted=(q[0], q[1], velocity[0], velocity[1]) if graph else (symbols.x, q, kind(1), velocity),
-        note="energy" + (", regularised" if any(singular) else "") + (", factored" if factored else ""),
+        note="energy" + (", regularised" if chart.power != 1.0 else "") + (", factored" if factored else ""),
         energetic=True,
         least_degree=math.ceil(chart.growth) + 1 if any(singular) and not factored else 1,
         singular=singular,
@@ -259,7 +277,7 @@ def combination(origin: float, factors: tuple[float, float], symbols: tuple[Expr
     return total if origin == 0.0 else origin + total
 
 
-def _chart(blowups: list[Blowup | None]) -> Chart | None:
+def _chart(blowups: list[Blowup | None], beyond: bool) -> Chart | None:
     """The coordinates in which every singular end is regular; None when no one chart serves."""
     if not blowups:
         return Chart(np.zeros(2), np.array([0.0, 1.0]), 1.0, 1, 1.0)
@@ -267,18 +285,19 @@ def _chart(blowups: list[Blowup | None]) -> Chart | None:
     if first is None or last is None:
         return None
     power = 1.0 / (1.0 - first.power)
-    # along the line x' ~ w^(2 s m): a power of tau that may be fractional; grade s so that it is a whole one
+    # along the line x' ~ w^(2 s m): a power of tau that may be fractional; grade s so that it is a whole one, where
+    # tau is measured from the line
     ratio = (1 + first.power) / (1 - first.power)
-    grade = Fraction(ratio).limit_denominator(LARGEST_DENOMINATOR).denominator
-    height = float(first.normal @ (last.point - first.point))
-    if abs(height) <= SAME_LINE * max(1.0, float(np.abs(last.point - first.point).max())):
+    grade = 1 if beyond else Fraction(ratio).limit_denominator(LARGEST_DENOMINATOR).denominator
+    height = float(first.normal @ (last.origin - first.origin))
+    if abs(height) <= SAME_LINE * max(1.0, float(np.abs(last.origin - first.origin).max())):
         if first.power != last.power or float(first.normal @ last.normal) < 1 - SAME_LINE:
             return None
-        return Chart(first.point, first.normal, power * grade, grade, grade * ratio)
+        return Chart(first.origin, first.normal, power * grade, grade, grade * ratio)
     facing = float(first.normal @ last.normal) < -1 + SAME_LINE
     if not (facing and first.power == last.power == 0.5):
         return None
-    return Chart(first.point, first.normal, power, 1, ratio, height)
+    return Chart(first.origin, first.normal, power, 1, ratio, height)
 
 
 def _energy_pull(

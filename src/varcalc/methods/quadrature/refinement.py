@@ -103,9 +103,7 @@ def _bisected(joined: Joined, given: tuple[Panels, ...], measured: Measured) -> 
 def _leg_errors(measured: Measured) -> list[np.ndarray]:
     """The larger relative quadrature error, of the reach and of the functional, of each panel of each leg."""
     x, value = _sizes(measured)
-    return [
-        np.maximum(tails(dx[0]) / x, tails(dl[0]) / value) for dx, dl in zip(measured.dx, measured.dl, strict=True)
-    ]
+    return [np.maximum(tails(dx[0]) / x, tails(dl[0]) / value) for dx, dl in zip(measured.dx, measured.dl, strict=True)]
 
 
 def _improved(panels: Panels, marked: np.ndarray) -> Panels:
