@@ -180,6 +180,9 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
         for form in candidates:
             if form is None or (form.weak_only and not isinstance(way, Ritz)):
                 continue
+            if form.refused and not isinstance(way, FirstIntegral):
+                failure = failure or no_answer(problem, way, Status.REFUSED, form.refused)
+                continue
             start = guess if guess is not None or failure is None or failure.curve is None else failure
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 solution = _worth_something(way.solve(form, tol=tol, guess=_sampled(problem, form, start)))

@@ -18,10 +18,12 @@ from varcalc.formulation.form import (
     Form,
     Sampled,
     SideCondition,
+    end_conditions,
     extended,
     rewriter,
     side_conditions,
     straight,
+    through,
 )
 from varcalc.formulation.graph import graph_form, on_curve, sliding_form
 from varcalc.functional import Functional
@@ -33,12 +35,14 @@ __all__ = [
     "Sampled",
     "SideCondition",
     "broken_form",
+    "end_conditions",
     "extended",
     "formulate",
     "on_curve",
     "rewriter",
     "side_conditions",
     "straight",
+    "through",
 ]
 
 

@@ -95,6 +95,8 @@ class Form:
     """Ends where abscissa and ordinate were given powers, so that their derivatives by s vanish."""
     weak_only: bool = False
     """True when regularity alone decides at a singular end: no boundary condition exists for an indirect method."""
+    refused: str = ""
+    """Why nothing that samples the integrand near an end can resolve it; empty where it can be tried."""
     gauged: bool = False
     """True when the last unknown number is the constant speed of a Curve."""
     corners: int = 0

@@ -21,17 +21,20 @@ from varcalc.formulation import Form, formulate
 from varcalc.functional import Functional
 from varcalc.problem import Curve, Problem
 from varcalc.singular.abscissa import abscissa_form
+from varcalc.singular.corner import corner
 from varcalc.singular.detection import (
     Blowup,
     Infinite,
     almost_singular_ends,
     blowup,
     blowup_beyond,
+    grows,
     homogeneous,
     riemannian,
     singular_ends,
 )
 from varcalc.singular.energy import energy_forms
+from varcalc.singular.graph import applies, graph_form
 from varcalc.singular.powers import power_form
 
 __all__ = ["Forms", "Infinite", "forms"]
@@ -87,18 +90,45 @@ def _makers(problem: Functional) -> Makers:
     direct = partial(_direct, problem)
     curve = isinstance(problem, Curve)
     if not (_plain(problem) if curve else isinstance(problem, Problem) and _simple(problem)):
-        return [direct]
+        return _with_more(problem)
     singular, beyond = singular_ends(problem), almost_singular_ends(problem)
     both_fixed = isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)
     if not (any(singular) or any(beyond) or both_fixed):
         return [direct]
-    metric = homogeneous(problem) if isinstance(problem, Curve) else riemannian(problem)
+    metric = riemannian(problem) if isinstance(problem, Problem) else homogeneous(problem)
     if metric is None:
-        others = _others(problem, singular, both_fixed)
+        others = _others(problem, singular, both_fixed) if isinstance(problem, Problem) else []
         return [*others, direct] if any(singular) else [direct, *others]
     blowups = _blowups(problem, singular, beyond)
     others = energy_forms(problem, metric, singular, blowups) if blowups or not curve else []
     return [*others, direct] if blowups else [direct, *others]
+
+
+def _with_more(problem: Functional) -> Makers:
+    """Forms where more is asked than a curve between two ends: powers of a parameter, which carry it all along."""
+    direct = partial(_direct, problem)
+    known = singular_ends(problem)
+    bad = tuple(here and grows(problem, at_start) for here, at_start in zip(known, (True, False), strict=True))
+    if not any(bad):
+        return [direct]
+    refused = partial(_refused, direct, "start" if bad[0] else "end")
+    if not (isinstance(problem, Problem) and applies(problem)):
+        return [refused]
+    first, last = (
+        corner(problem, at_start) if here else None for here, at_start in zip(bad, (True, False), strict=True)
+    )
+    if (bad[0] and first is None) or (bad[1] and last is None):
+        return [refused]
+    return [partial(graph_form, problem, (first, last)), refused]
+
+
+def _refused(direct: Callable[[], Form], end: str) -> Form:
+    """The direct form, marked as one that nothing which samples L at the singular end can resolve."""
+    return replace(
+        direct(),
+        refused=f"the Lagrangian is infinite at the {end}, and for what this problem asks no coordinates are known "
+        f"that remove it; move the {end} off the place where it is infinite, or drop constraints",
+    )
 
 
 def _blowups(problem: Functional, singular: tuple[bool, bool], beyond: tuple[bool, bool]) -> dict[bool, Blowup | None]:
@@ -124,12 +154,12 @@ def _others(problem: Problem, singular: tuple[bool, bool], both_fixed: bool) -> 
 
 def _plain(problem: Functional) -> bool:
     """Whether a Curve has nothing but its ends."""
-    return problem.n == 2 and not (problem.constraints or problem.end_cost or problem.maximise)
+    return problem.n == 2 and not (problem.constraints or problem.end_cost)
 
 
 def _simple(problem: Problem) -> bool:
     """Whether other coordinates than the person's are available: one function, one end fixed at least."""
     ends = (problem.start, problem.end)
     some_fixed = any(isinstance(e, Fixed) for e in ends) and all(isinstance(e, Fixed | Free | OnCurve) for e in ends)
-    bare = not (problem.constraints or problem.end_cost or problem.breakpoints or problem.maximise)
+    bare = not (problem.constraints or problem.end_cost or problem.breakpoints)
     return problem.n == 1 and problem.order == 1 and some_fixed and bare

@@ -43,7 +43,8 @@ def abscissa_form(problem: Problem) -> Form | None:
     y = corner[1] + near**q * z
     speed = width * b * near ** (b - 1)
     climb = ca.gradient(near**q, t) * z + near**q * symbols.dy
-    integrand = rewriter(problem, symbols, x, y, [climb / speed], speed)(problem.integrand, True)
+    sign = -1.0 if problem.maximise else 1.0
+    integrand = sign * rewriter(problem, symbols, x, y, [climb / speed], speed)(problem.integrand, True)
     far = np.array([other[1] - corner[1]])
     free = np.array([np.nan])
 
@@ -55,7 +56,7 @@ def abscissa_form(problem: Problem) -> Form | None:
         return pulled
 
     return Form(
-        problem=problem, symbols=symbols, integrand=integrand, functional=integrand, sign=1.0, span=(0.0, 1.0),
+        problem=problem, symbols=symbols, integrand=integrand, functional=integrand, sign=sign, span=(0.0, 1.0),
         integrals=(), pathwise=(), fixed_start=(free if at_start else far)[None],
         fixed_end=(far if at_start else free)[None], ends=None, periodic=False, knots=(), waypoints=(),
         unknown_guess=problem.unknown_guesses, baseline=straight((0.0, 1.0), far, far), bumps=np.eye(1), pull=pull,

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.buffered import Pointwise
-from varcalc.conditions import Fixed, Free
+from varcalc.conditions import Fixed, Free, components
 from varcalc.formulation import formulate
 from varcalc.functional import Functional
 from varcalc.problem import Problem
@@ -46,6 +46,8 @@ QUADRATIC = 1e-9
 LARGEST_DENOMINATOR = 6
 ASIDE, STEEP = 0.05, 0.5
 """A step from an end, in units of the problem's size, that leaves less than this share of L: a singularity is near."""
+GROWN = 1.2
+"""Growth between the distances of PROBE beyond which L is taken to be infinite at an end: its 25th root."""
 STRAIGHT = 2e-3
 """Relative departure, near an end, from what a power of the distance from a line would do."""
 
@@ -74,17 +76,17 @@ class Blowup:
 
 
 def end_points(problem: Functional) -> list[np.ndarray]:
-    """The two ends as points of the plane (x, y), NaN where a coordinate is free."""
+    """The two ends as points (x, y_1, ..., y_n), of a Curve (q_1, ..., q_n), NaN where a coordinate is free."""
     if isinstance(problem, Problem):
-        return [_end_point(e) for e in (problem.start, problem.end)]
+        return [_end_point(e, problem.n) for e in (problem.start, problem.end)]
     form = formulate(problem)
     return [form.fixed_start[0], form.fixed_end[0]]
 
 
-def _end_point(end: Any) -> np.ndarray:
+def _end_point(end: Any, n: int) -> np.ndarray:
     if isinstance(end, Fixed):
-        return np.array([float(end.x), float(np.ravel(end.y)[0])])
-    return np.array([float(end.x) if isinstance(end, Free) else np.nan, np.nan])
+        return np.array([float(end.x), *(np.nan if v is None else v for v in components("y", end.y))])
+    return np.array([float(end.x) if isinstance(end, Free) else np.nan, *np.full(n, np.nan)])
 
 
 def _values(problem: Functional, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
@@ -103,13 +105,24 @@ def singular_ends(problem: Functional) -> tuple[bool, bool]:
     """Whether the integrand is infinite or no number at each end, along the chord or any slope tried."""
     points = end_points(problem)
     count = len(SLOPES)
-    directions = np.tile(np.vstack([np.ones(count), SLOPES]), 2)
+    directions = np.tile(np.vstack([np.ones(count), *[SLOPES] * (len(points[0]) - 1)]), 2)
     finite = np.isfinite(_values(problem, np.repeat(np.array(points).T, count, axis=1), directions))
     start, end = (
         not (np.isnan(point).any() or part.all())
         for point, part in zip(points, (finite[:count], finite[count:]), strict=True)
     )
     return start, end
+
+
+def grows(problem: Functional, at_start: bool) -> bool:
+    """Whether L becomes ever larger toward an end, rather than being no number for some slopes there."""
+    point, size = end_points(problem)[0 if at_start else 1], extent(problem)
+    around = _directions(len(point))
+    far, near = (
+        np.abs(_values(problem, point[:, None] + size * distance * around, np.ones(around.shape))) for distance in PROBE
+    )
+    usable = np.isfinite(far) & np.isfinite(near)
+    return bool(usable.any() and np.median(near[usable] / far[usable]) > GROWN)
 
 
 def almost_singular_ends(problem: Functional) -> tuple[bool, bool]:
@@ -134,12 +147,16 @@ def extent(problem: Functional) -> float:
 
 
 def riemannian(problem: Problem) -> Metric | None:
-    """The quadratic form L^2 dx^2, or None when L^2 is not quadratic in the slope or L changes its sign."""
+    """The quadratic form L^2 dx^2, or None when L^2 is not quadratic in the slope or L changes its sign.
+
+    Where a maximum is asked for, it is -L that must be positive.
+    """
     start, end = _completed(problem)
     (x, y), along, across, size = start, SURVEY[0], SURVEY[1], extent(problem)
     values = problem.integrand_values(
         x + along * (end[0] - x), (y + along * (end[1] - y) + size * across)[None], SURVEY[2][None]
     )
+    values = -values if problem.maximise else values
     sampled = values[: -len(ACROSS)].reshape(-1, len(SLOPES))
     squares = sampled[np.isfinite(sampled).all(1) & (sampled > 0).all(1)] ** 2
     if len(squares) < 2 or _passes_zero(values[-len(ACROSS) :]):
@@ -210,14 +227,33 @@ def _is_conformal(fit: np.ndarray) -> bool:
 
 
 def blowup(problem: Functional, at_start: bool) -> Blowup | None:
-    """The power and direction in which a metric blows up at an end; None when no line explains it."""
+    """The power and direction in which a metric blows up at an end; None when no line explains it.
+
+    Raises Infinite when the power leaves no curve of finite length.
+    """
+    line = line_through(problem, at_start)
+    return None if line is None else finite_cost(line, at_start)
+
+
+def finite_cost(line: Blowup, at_start: bool) -> Blowup:
+    """The line, when a length that grows so has a finite integral; raises Infinite otherwise."""
+    if line.power >= 1:
+        raise Infinite(
+            f"the Lagrangian grows like distance^-{line.power:.4g} at the {'start' if at_start else 'end'}, "
+            "so the functional is infinite for every curve that ends there"
+        )
+    return line
+
+
+def line_through(problem: Functional, at_start: bool) -> Blowup | None:
+    """The line (or surface) through an end from which L falls like a power; None when no line explains it."""
     point, size = end_points(problem)[0 if at_start else 1], extent(problem)
 
     def probe(offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return _trace(problem, point[:, None] + size * offsets)
 
-    values, slopes = probe(PROBE[0] * RING)
-    length = np.hypot(slopes[0], slopes[1])
+    values, slopes = probe(PROBE[0] * _directions(len(point)))
+    length = np.linalg.norm(slopes, axis=0)
     usable = np.isfinite(values) & (values > 0) & np.isfinite(length) & (length > 0)
     if not usable.any():
         return None
@@ -231,12 +267,15 @@ def blowup(problem: Functional, at_start: bool) -> Blowup | None:
     if not (far > 0 and near > 0 and math.isfinite(far) and math.isfinite(near)):
         return None
     power = rational(0.5 * math.log(near / far) / math.log(PROBE[0] / PROBE[1]))
-    if power >= 1:
-        raise Infinite(
-            f"the Lagrangian grows like distance^-{power:.4g} at the {'start' if at_start else 'end'}, "
-            "so the functional is infinite for every curve that ends there"
-        )
     return Blowup(point, normal, power) if power > 0 else None
+
+
+def _directions(dimension: int) -> np.ndarray:
+    """Unit vectors, one a column: a ring in the plane, scattered in more dimensions."""
+    if dimension == 2:
+        return RING
+    scattered = np.random.default_rng(0).standard_normal((dimension, 16 * dimension))
+    return scattered / np.linalg.norm(scattered, axis=0)
 
 
 def blowup_beyond(problem: Functional, at_start: bool) -> Blowup | None:
@@ -278,12 +317,13 @@ def _trace(problem: Functional, points: np.ndarray) -> tuple[np.ndarray, np.ndar
         problem.built["metric"] = Pointwise(ca.Function("metric", s.all, [ca.densify(rows)]))
     count = points.shape[1]
     if isinstance(problem, Problem):
-        place = [np.tile(points[:1].T, (2, 1)), np.tile(points[1:].T, (2, 1)), np.repeat(ASLANT, count)[:, None]]
+        slopes = np.tile(np.repeat(ASLANT, count)[:, None], (1, problem.n))
+        place = [np.tile(points[:1].T, (2, 1)), np.tile(points[1:].T, (2, 1)), slopes]
     else:
         directions = np.vstack([np.ones(2), ASLANT]).T
         place = [np.zeros((1, 1)), np.tile(points.T, (2, 1)), np.repeat(directions, count, axis=0)]
     numbers = problem.parameter_values[None], problem.unknown_guesses[None]
-    rows = problem.built["metric"](2 * count, *place, np.zeros((1, 0)), *numbers).reshape(2, count, 3)
+    rows = problem.built["metric"](2 * count, *place, np.zeros((1, 0)), *numbers).reshape(2, count, -1)
     values = (rows[:, :, 0] ** 2).sum(0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return values, 2 * np.einsum("dm,dmk->km", rows[:, :, 0], rows[:, :, 1:]) / values

@@ -87,7 +87,7 @@ def _energy_form(
         # constant speed in tau ~ s^grade: the energy in tau, stated in s
         integrand=square / _grading(symbols.x, chart.grade, singular),
         functional=ca.sqrt(square),
-        sign=1.0,
+        sign=-1.0 if problem.maximise else 1.0,
         span=(0.0, 1.0),
         **side_conditions(problem, rewriter(problem, symbols, symbols.x, q, [velocity], kind(1))),
         fixed_start=fixed[0][None, :],

@@ -28,8 +28,8 @@ def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form:
     at_start = singular[0]
     start, end = end_points(problem)
     corner, other = (start, end) if at_start else (end, start)
-    exponent, side = _exponent(problem, corner, other)
-    fraction = Fraction(exponent).limit_denominator(2 * LARGEST_DENOMINATOR)
+    power, side = exponent(problem, corner, other)
+    fraction = Fraction(power).limit_denominator(2 * LARGEST_DENOMINATOR)
     a, b = fraction.numerator, fraction.denominator
     s = problem.symbols
     symbols = replace(Symbols.make(s.kind, 1, 1, 0, len(problem.unknowns)), parameters=s.parameters)
@@ -43,7 +43,8 @@ def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form:
     speed = b * near ** (b - 1)
     y = combination(corner[1], (side, 0.0), (w**a, w))
     slope = side * a * w ** (a - 1) * dw / speed
-    integrand = rewriter(problem, symbols, x, y, [slope], speed)(problem.integrand, True)
+    sign = -1.0 if problem.maximise else 1.0
+    integrand = sign * rewriter(problem, symbols, x, y, [slope], speed)(problem.integrand, True)
     far = (max(side * (other[1] - corner[1]), 0.0)) ** (1.0 / a)
     fixed = [0.0, far] if at_start else [far, 0.0]
 
@@ -55,7 +56,7 @@ def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form:
         return pulled
 
     return Form(
-        problem=problem, symbols=symbols, integrand=integrand, functional=integrand, sign=1.0,
+        problem=problem, symbols=symbols, integrand=integrand, functional=integrand, sign=sign,
         span=(0.0, root), integrals=(), pathwise=(),
         fixed_start=np.array([[fixed[0]]]), fixed_end=np.array([[fixed[1]]]),
         ends=None, periodic=False, knots=(), waypoints=(), unknown_guess=problem.unknown_guesses,
@@ -65,7 +66,7 @@ def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form:
     )  # fmt: skip
 
 
-def _exponent(problem: Problem, corner: np.ndarray, other: np.ndarray) -> tuple[float, float]:
+def exponent(problem: Problem, corner: np.ndarray, other: np.ndarray) -> tuple[float, float]:
     """The exponent alpha of the extremal y - y0 ~ side * (x - x0)^alpha at a singular end, and its side.
 
     From the first integral v L_v - L = const at two small distances: v grows
@@ -76,6 +77,10 @@ def _exponent(problem: Problem, corner: np.ndarray, other: np.ndarray) -> tuple[
     energy = ca.dot(ca.gradient(problem.integrand, s.dy), s.dy) - problem.integrand
     function = ca.Function("energy", [s.x, s.y, s.dy, s.parameters, s.unknowns], [energy])
     slopes = SLOPES_TRIED
+    numbers = (problem.parameter_values, problem.unknown_guesses)
+    # the constant is that of the chord half way: a level without relation to it may be ruled by another power
+    rise, run = (float(v) for v in (other - corner)[::-1])
+    level = float(function(*(0.5 * (corner + other)), rise / run or 1.0, *numbers))
     for side in (1.0, -1.0) if other[1] >= corner[1] else (-1.0, 1.0):
         logs = []
         for distance in PROBE:
@@ -86,12 +91,11 @@ def _exponent(problem: Problem, corner: np.ndarray, other: np.ndarray) -> tuple[
                     corner[0],
                     np.full((1, 400), y),
                     direction * slopes[None],
-                    problem.parameter_values,
-                    problem.unknown_guesses,
+                    *numbers,
                 )
             ).ravel()
             logs.append(values)
-        found = scaling(slopes, logs)
+        found = scaling(slopes, logs, level if math.isfinite(level) else None)
         if found is not None:
             return rational(1.0 / (1.0 - found)), side
     return 1.0, 1.0
