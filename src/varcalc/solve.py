@@ -193,7 +193,8 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
             if failure is None or (math.isnan(failure.value) and not math.isnan(solution.value)) or solution.verdict:
                 failure = solution
     assert failure is not None
-    return explained(problem, failure)
+    hopeless = all(form is not None and form.refused for form in candidates)
+    return failure if hopeless else explained(problem, failure)
 
 
 def _compared(solution: Solution, failure: Solution | None) -> Solution:

@@ -10,7 +10,7 @@ import pytest
 
 import varcalc as vc
 from varcalc.singular import Infinite, forms
-from varcalc.singular.corner import corner
+from varcalc.singular.departure import departure
 
 
 def quickest(x: Any, y: Any, dy: Any) -> Any:
@@ -85,7 +85,7 @@ def assert_solved(problem: Any, exact: float, tol: float = 1e-10) -> vc.Solution
     return solution
 
 
-# powers at a corner
+# powers of a departure
 
 
 @pytest.mark.parametrize(
@@ -100,9 +100,9 @@ def assert_solved(problem: Any, exact: float, tol: float = 1e-10) -> vc.Solution
         (lambda x, y, dy: ca.sqrt((1 + ca.sumsqr(dy)) / y[1]), (1, [1, 1]), 3, (3, 2)),
     ],
 )
-def test_powers_at_a_corner(lagrangian: Any, end: Any, abscissa: int, ordinates: tuple[int, ...]) -> None:
+def test_powers_of_a_departure(lagrangian: Any, end: Any, abscissa: int, ordinates: tuple[int, ...]) -> None:
     start = (0, [0, 0]) if len(ordinates) == 2 else (0, 0)
-    found = corner(vc.Problem(lagrangian, vc.Fixed(*start), vc.Fixed(*end)), True)
+    found = departure(vc.Problem(lagrangian, vc.Fixed(*start), vc.Fixed(*end)), True)
     assert found is not None
     assert (found.abscissa, found.ordinates) == (abscissa, ordinates)
 

@@ -21,7 +21,7 @@ from varcalc.formulation import Form, formulate
 from varcalc.functional import Functional
 from varcalc.problem import Curve, Problem
 from varcalc.singular.abscissa import abscissa_form
-from varcalc.singular.corner import corner
+from varcalc.singular.departure import departure
 from varcalc.singular.detection import (
     Blowup,
     Infinite,
@@ -34,7 +34,7 @@ from varcalc.singular.detection import (
     singular_ends,
 )
 from varcalc.singular.energy import energy_forms
-from varcalc.singular.graph import applies, graph_form
+from varcalc.singular.graph import applies, factored_graph
 from varcalc.singular.powers import power_form
 
 __all__ = ["Forms", "Infinite", "forms"]
@@ -115,11 +115,11 @@ def _with_more(problem: Functional) -> Makers:
     if not (isinstance(problem, Problem) and applies(problem)):
         return [refused]
     first, last = (
-        corner(problem, at_start) if here else None for here, at_start in zip(bad, (True, False), strict=True)
+        departure(problem, at_start) if here else None for here, at_start in zip(bad, (True, False), strict=True)
     )
     if (bad[0] and first is None) or (bad[1] and last is None):
         return [refused]
-    return [partial(graph_form, problem, (first, last)), refused]
+    return [partial(factored_graph, problem, (first, last)), refused]
 
 
 def _refused(direct: Callable[[], Form], end: str) -> Form:

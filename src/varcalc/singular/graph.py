@@ -1,7 +1,7 @@
 """A graph from or to singular ends in a parameter t, with the powers it leaves them with as factors.
 
 x = x0 + width t^b and y_i = y0_i + t^q_i z_i, where b and q_i are the powers
-of :mod:`varcalc.singular.corner`: the unknowns z are smooth, and free at that
+of :mod:`varcalc.singular.departure`: the unknowns z are smooth, and free at that
 end. Everything that is asked of a graph can be asked in these coordinates:
 several functions, levels, bounds, waypoints, costs of the ends.
 """
@@ -30,7 +30,7 @@ from varcalc.formulation import (
 from varcalc.formulation import through as broken
 from varcalc.functional import Symbols
 from varcalc.problem import Problem
-from varcalc.singular.corner import Corner
+from varcalc.singular.departure import Departure
 from varcalc.singular.detection import end_points
 from varcalc.tracing import Expression, trace
 
@@ -64,26 +64,26 @@ class _Frame:
             return np.maximum(self.side * rise, 0.0) ** (1 / self.power) / scale
 
 
-def graph_form(problem: Problem, corners: tuple[Corner | None, Corner | None]) -> Form:
-    """The problem in t and z; ``corners`` are the powers at its singular ends, None at a regular one."""
+def factored_graph(problem: Problem, departures: tuple[Departure | None, Departure | None]) -> Form:
+    """The problem in t and z; ``departures`` are the powers at its singular ends, None at a regular one."""
     ends = (problem.start, problem.end)
     sliding = [isinstance(e, OnCurve) for e in ends]
     symbols = extended(problem, problem.n, sum(sliding))
     kind, count = symbols.kind, len(problem.unknowns)
     slid = symbols.unknowns[count] if any(sliding) else kind(0)
     x0, x1 = (slid if moves else kind(at) for moves, at in zip(sliding, problem.span, strict=True))
-    frame = _frame(symbols.x, (x0, x1), end_points(problem), corners)
+    frame = _frame(symbols.x, (x0, x1), end_points(problem), departures)
     speed = ca.jacobian(frame.x, symbols.x)
     y = frame.ordinates(symbols.y)
     climb = ca.jacobian(y, symbols.x) + ca.jtimes(y, symbols.y, symbols.dy)
     rewrite = rewriter(problem, symbols, frame.x, y, [climb / speed], speed)
     sign = -1.0 if problem.maximise else 1.0
     integrand = sign * rewrite(problem.integrand, True)
-    fixed, guesses = _far(problem, corners, frame)
+    fixed, guesses = _far(problem, departures, frame)
     place = ca.Function("place", [symbols.x], ca.substitute([frame.x, frame.base, frame.scale], [slid], [_guess(ends)]))
     waypoints = _waypoints(problem, frame, place)
     knots = {_parameter(place, x) for x in problem.breakpoints} | {w[0] for w in waypoints}
-    singular = (corners[0] is not None, corners[1] is not None)
+    singular = (departures[0] is not None, departures[1] is not None)
     return Form(
         problem=problem, symbols=symbols, integrand=integrand, functional=integrand, sign=sign, span=(0.0, 1.0),
         **side_conditions(problem, rewrite), fixed_start=fixed[0][None], fixed_end=fixed[1][None],
@@ -99,10 +99,10 @@ def _frame(
     t: Expression,
     span: tuple[Expression, Expression],
     points: list[np.ndarray],
-    corners: tuple[Corner | None, Corner | None],
+    departures: tuple[Departure | None, Departure | None],
 ) -> _Frame:
     width, (start, end) = span[1] - span[0], (p[1:] for p in points)
-    first, last = corners
+    first, last = departures
     if first is not None and last is not None:
         base = [
             a if a == b else a + (b - a) * _step(t, p, q)
@@ -137,13 +137,13 @@ def _guess(ends: tuple[object, object]) -> float:
 
 
 def _far(
-    problem: Problem, corners: tuple[Corner | None, Corner | None], frame: _Frame
+    problem: Problem, departures: tuple[Departure | None, Departure | None], frame: _Frame
 ) -> tuple[list[np.ndarray], tuple[np.ndarray, np.ndarray]]:
     """The values of z fixed at either end, NaN where free, and first guesses of all of them."""
     ends, points = (problem.start, problem.end), end_points(problem)
     width = problem.span[1] - problem.span[0]
     free = np.full(problem.n, np.nan)
-    first, last = corners
+    first, last = departures
     if first is not None and last is not None:
         halves = 0.5 ** (np.array(first.ordinates) + np.array(last.ordinates))
         bulge = BULGE * width * first.side / halves

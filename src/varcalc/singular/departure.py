@@ -21,7 +21,7 @@ PROPORTION = 1e-3
 
 
 @dataclass(frozen=True)
-class Corner:
+class Departure:
     """Along the extremal x - x0 grows like t^``abscissa`` and y_i - y0_i like t^``ordinates[i]``.
 
     ``side`` (n,) is the direction from the end into the domain, 0 for components along the singular line. ``power`` is
@@ -34,8 +34,8 @@ class Corner:
     power: int = 1
 
 
-def corner(problem: Problem, at_start: bool) -> Corner | None:
-    """The powers at one end where L is infinite; None when neither a length nor a first integral tells them.
+def departure(problem: Problem, at_start: bool) -> Departure | None:
+    """The powers at an end where L is infinite; None when neither a length nor a first integral tells them.
 
     Raises Infinite when no curve that ends there has a finite value.
     """
@@ -51,7 +51,7 @@ def corner(problem: Problem, at_start: bool) -> Corner | None:
     fraction = Fraction(power).limit_denominator(2 * LARGEST_DENOMINATOR)
     if fraction <= 0:
         return None
-    return Corner(fraction.denominator, (fraction.numerator,), np.array([side]), fraction.numerator)
+    return Departure(fraction.denominator, (fraction.numerator,), np.array([side]), fraction.numerator)
 
 
 def _like_a_length(problem: Problem, line: Blowup) -> bool:
@@ -64,7 +64,7 @@ def _like_a_length(problem: Problem, line: Blowup) -> bool:
     return bool(abs(high / low / (LARGE[1] / LARGE[0]) - 1) < PROPORTION)
 
 
-def _of_length(line: Blowup) -> Corner:
+def _of_length(line: Blowup) -> Departure:
     """Along the line an extremal covers the distance from it to the power 1 + s: its momentum there is constant."""
     axis = int(np.argmax(np.abs(line.normal)))
     power = Fraction(line.power).limit_denominator(2 * LARGEST_DENOMINATOR)
@@ -72,7 +72,7 @@ def _of_length(line: Blowup) -> Corner:
     side = np.where(np.abs(line.normal[1:]) > ALONG_AXIS, np.sign(line.normal[1:]), 0.0)
     b, q = power.denominator, (1 + power).numerator
     if abs(line.normal[axis]) <= 1 - ALONG_AXIS:
-        return Corner(b, (b,) * n, side)
+        return Departure(b, (b,) * n, side)
     if axis == 0:
-        return Corner(b, (q,) * n, side)
-    return Corner(q, tuple(b if i == axis - 1 else q for i in range(n)), side)
+        return Departure(b, (q,) * n, side)
+    return Departure(q, tuple(b if i == axis - 1 else q for i in range(n)), side)
