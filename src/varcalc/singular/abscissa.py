@@ -19,6 +19,7 @@ from varcalc.formulation import Form, Sampled, rewriter, straight
 from varcalc.functional import Symbols
 from varcalc.problem import Problem
 from varcalc.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points, rational
+from varcalc.singular.offsets import gathered
 from varcalc.singular.powers import SLOPES_TRIED, scaling
 
 
@@ -45,6 +46,7 @@ def abscissa_form(problem: Problem) -> Form | None:
     climb = ca.gradient(near**q, t) * z + near**q * symbols.dy
     sign = -1.0 if problem.maximise else 1.0
     integrand = sign * rewriter(problem, symbols, x, y, [climb / speed], speed)(problem.integrand, True)
+    integrand = gathered(integrand, symbols)
     far = np.array([other[1] - corner[1]])
     free = np.array([np.nan])
 

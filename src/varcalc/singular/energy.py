@@ -23,6 +23,7 @@ from varcalc.formulation import EndConditions, Form, Sampled, on_curve, rewriter
 from varcalc.functional import Functional, Symbols
 from varcalc.problem import Problem
 from varcalc.singular.detection import LARGEST_DENOMINATOR, Blowup, Metric, end_points, extent
+from varcalc.singular.offsets import gathered
 from varcalc.tracing import Expression, trace
 
 
@@ -76,7 +77,7 @@ def _energy_form(
     coordinates = _factored(symbols, *guess, chart.growth, singular) if factored else symbols.y
     q = chart.point(coordinates)
     velocity = ca.jtimes(q, symbols.y, symbols.dy) + ca.jacobian(q, symbols.x)
-    square = metric.square(q, velocity, symbols.unknowns)
+    square = gathered(metric.square(q, velocity, symbols.unknowns), symbols)
     graph = isinstance(problem, Problem)
     fixed, baseline = (start, end), _graded_line(*guess, chart.growth, graded)
     if factored:

@@ -32,6 +32,7 @@ from varcalc.functional import Symbols
 from varcalc.problem import Problem
 from varcalc.singular.departure import Departure
 from varcalc.singular.detection import end_points
+from varcalc.singular.offsets import gathered
 from varcalc.tracing import Expression, trace
 
 BISECTIONS = 60
@@ -78,7 +79,7 @@ def factored_graph(problem: Problem, departures: tuple[Departure | None, Departu
     climb = ca.jacobian(y, symbols.x) + ca.jtimes(y, symbols.y, symbols.dy)
     rewrite = rewriter(problem, symbols, frame.x, y, [climb / speed], speed)
     sign = -1.0 if problem.maximise else 1.0
-    integrand = sign * rewrite(problem.integrand, True)
+    integrand = gathered(sign * rewrite(problem.integrand, True), symbols)
     fixed, guesses = _far(problem, departures, frame)
     place = ca.Function("place", [symbols.x], ca.substitute([frame.x, frame.base, frame.scale], [slid], [_guess(ends)]))
     waypoints = _waypoints(problem, frame, place)

@@ -18,6 +18,7 @@ from varcalc.functional import Symbols
 from varcalc.problem import Problem
 from varcalc.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points, rational
 from varcalc.singular.energy import combination
+from varcalc.singular.offsets import gathered
 
 SLOPES_TRIED = np.geomspace(1e-9, 1e9, 400)
 """Slopes among which level lines of a first integral are looked for."""
@@ -45,6 +46,7 @@ def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form:
     slope = side * a * w ** (a - 1) * dw / speed
     sign = -1.0 if problem.maximise else 1.0
     integrand = sign * rewriter(problem, symbols, x, y, [slope], speed)(problem.integrand, True)
+    integrand = gathered(integrand, symbols)
     far = (max(side * (other[1] - corner[1]), 0.0)) ** (1.0 / a)
     fixed = [0.0, far] if at_start else [far, 0.0]
 
