@@ -235,6 +235,15 @@ def test_waypoints_and_levels_of_a_lagrangian_that_is_no_metric() -> None:
     assert_solved(vc.Problem(braked, *ends, breakpoints=[0.4]), free.value)
 
 
+@pytest.mark.parametrize("power", [0.3, 0.5, 0.75])
+def test_a_weight_that_vanishes_at_both_ends(power: float) -> None:
+    # (x (1 - x))^s y' = c, with c B(1 - s, 1 - s) = 1, is also the value
+    problem = vc.Problem(lambda x, y, dy: (x * (1 - x)) ** power * dy**2, vc.Fixed(0, 0), vc.Fixed(1, 1))
+    solution = assert_solved(problem, float(1 / mp.beta(1 - power, 1 - power)), 1e-12)
+    assert solution.y(0.5) == pytest.approx(0.5, abs=1e-8)
+    assert solution.y(0.1) == pytest.approx(float(mp.betainc(1 - power, 1 - power, 0, 0.1, regularized=True)), abs=1e-7)
+
+
 @pytest.mark.parametrize(
     "problem",
     [

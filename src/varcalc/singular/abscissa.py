@@ -18,19 +18,24 @@ import numpy as np
 from varcalc.formulation import Form, Sampled, rewriter, straight
 from varcalc.functional import Symbols
 from varcalc.problem import Problem
+from varcalc.singular.departure import Departure
 from varcalc.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points, rational
+from varcalc.singular.graph import factored_graph
 from varcalc.singular.offsets import gathered
 from varcalc.singular.powers import SLOPES_TRIED, scaling
 
 
 def abscissa_form(problem: Problem) -> Form | None:
-    """The problem in t with x ~ t^b at one end; None when the abscissa itself serves, or both ends call for it."""
+    """The problem in t with x ~ t^b at one end or both; None when the abscissa itself serves."""
     start, end = end_points(problem)
     width = end[0] - start[0]
     exponents = [_exponent(problem, point, inward * width) for point, inward in ((start, 1.0), (end, -1.0))]
     singular = [e.denominator > 1 for e in exponents]
-    if singular[0] == singular[1]:
+    if not any(singular):
         return None
+    if all(singular):
+        first, last = (Departure(e.denominator, (e.numerator,), np.zeros(1)) for e in exponents)
+        return factored_graph(problem, (first, last))
     at_start = singular[0]
     corner, other, exponent = (start, end, exponents[0]) if at_start else (end, start, exponents[1])
     b, q = exponent.denominator, exponent.numerator

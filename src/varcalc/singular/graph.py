@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -39,6 +40,8 @@ BISECTIONS = 60
 """Halvings of [0, 1] that bring a parameter to round-off."""
 CLEAR = 1e-3
 """Parameter nearer to a singular end than which a curve given as a guess is not divided by powers of it."""
+OVERLAP = 0.4
+"""Where, between two singular ends, what is measured from one of them is no longer asked for near the other."""
 BULGE = 0.3
 """Height of the first curve between two singular ends, in units of its width."""
 
@@ -74,12 +77,13 @@ def factored_graph(problem: Problem, departures: tuple[Departure | None, Departu
     slid = symbols.unknowns[count] if any(sliding) else kind(0)
     x0, x1 = (slid if moves else kind(at) for moves, at in zip(sliding, problem.span, strict=True))
     frame = _frame(symbols.x, (x0, x1), end_points(problem), departures)
-    speed = ca.jacobian(frame.x, symbols.x)
-    y = frame.ordinates(symbols.y)
-    climb = ca.jacobian(y, symbols.x) + ca.jtimes(y, symbols.y, symbols.dy)
+    speed, y, climb = _motion(frame, symbols)
     rewrite = rewriter(problem, symbols, frame.x, y, [climb / speed], speed)
     sign = -1.0 if problem.maximise else 1.0
     integrand = gathered(sign * rewrite(problem.integrand, True), symbols)
+    if None not in departures:
+        mirrored = _from_the_end(problem, symbols, departures)
+        integrand = _halves(symbols.x, integrand, gathered(sign * mirrored, symbols))
     fixed, guesses = _far(problem, departures, frame)
     place = ca.Function("place", [symbols.x], ca.substitute([frame.x, frame.base, frame.scale], [slid], [_guess(ends)]))
     waypoints = _waypoints(problem, frame, place)
@@ -96,9 +100,32 @@ def factored_graph(problem: Problem, departures: tuple[Departure | None, Departu
     )  # fmt: skip
 
 
+def _motion(frame: _Frame, symbols: Symbols) -> tuple[Expression, Expression, Expression]:
+    """dx/dt, y and dy/dt."""
+    y = frame.ordinates(symbols.y)
+    return ca.jacobian(frame.x, symbols.x), y, ca.jacobian(y, symbols.x) + ca.jtimes(y, symbols.y, symbols.dy)
+
+
+def _from_the_end(
+    problem: Problem, symbols: Symbols, departures: tuple[Departure | None, Departure | None]
+) -> Expression:
+    """The integrand between two singular ends with abscissa and ordinates measured from the last one."""
+    points = end_points(problem)
+    turned = _frame(1 - symbols.x, (problem.span[1], problem.span[0]), points[::-1], (departures[1], departures[0]))
+    speed, y, climb = _motion(turned, symbols)
+    return rewriter(problem, symbols, turned.x, y, [climb / speed], speed)(problem.integrand, True)
+
+
+def _halves(t: Expression, first: Expression, last: Expression) -> Expression:
+    """One expression for the first half of [0, 1] and one for the last, neither taken where it loses its digits."""
+    early = ca.substitute([first], [t], [ca.fmin(t, 1 - OVERLAP)])[0]
+    late = ca.substitute([last], [t], [ca.fmax(t, OVERLAP)])[0]
+    return ca.if_else(t < 0.5, early, late)
+
+
 def _frame(
     t: Expression,
-    span: tuple[Expression, Expression],
+    span: tuple[Any, Any],
     points: list[np.ndarray],
     departures: tuple[Departure | None, Departure | None],
 ) -> _Frame:
