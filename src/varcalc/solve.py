@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.conditions import OnCurve
-from varcalc.existence import explained, second_look
+from varcalc.existence import explained, outdone, second_look
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
 from varcalc.methods.collocation import Collocation
@@ -189,12 +189,19 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
             if solution.verdict in {Verdict.NOT_ATTAINED, Verdict.DEGENERATE}:
                 return solution
             if solution.status.ok:
-                return vouched(_compared(solution, failure), form)
+                return _beyond_doubt(vouched(_compared(solution, failure), form), form)
             if failure is None or (math.isnan(failure.value) and not math.isnan(solution.value)) or solution.verdict:
                 failure = solution
     assert failure is not None
     hopeless = all(form is not None and form.refused for form in candidates)
     return failure if hopeless else explained(problem, failure)
+
+
+def _beyond_doubt(solution: Solution, form: Form) -> Solution:
+    """The solution, refused when L is singular at an end and a curve that is steeper there is far better."""
+    if form.energetic or not any(form.singular) or (better := outdone(solution)) is None:
+        return solution
+    return replace(solution, status=Status.REFUSED, verdict=Verdict.GAP, message=better.sentence(solution.value))
 
 
 def _compared(solution: Solution, failure: Solution | None) -> Solution:

@@ -385,7 +385,7 @@ def test_other_powers_just_beyond_an_end(power: float, start: float) -> None:
     assert found.origin == pytest.approx([0, 0], abs=1e-6 * start)
     solution = vc.solve(problem)
     assert solution.status is vc.Status.SOLVED
-    assert abs(solution.value - value) <= min(1e-10, 2 * solution.error.value + 4e-15)
+    assert abs(solution.value - value) <= min(1e-10 * value, 2 * solution.error.value + 4e-15)
     assert abs(vc.solve(problem, vc.FirstIntegral()).value - value) < 1e-13 * value
 
 

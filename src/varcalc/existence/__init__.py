@@ -6,7 +6,8 @@ without a bound, minima with corners, infima that no curve attains.
 
 from __future__ import annotations
 
+from varcalc.existence.approach import outdone
 from varcalc.existence.feasibility import explained
 from varcalc.existence.second_look import second_look
 
-__all__ = ["explained", "second_look"]
+__all__ = ["explained", "outdone", "second_look"]

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from varcalc.functional import Functional
 from varcalc.methods.direct.newton import Newton
 from varcalc.methods.direct.rungs import Rung, Rungs
 from varcalc.problem import Problem
+from varcalc.solution import Solution
 
 MESHES = (16, 32, 64, 128)
 STEEPENING = 1.7
@@ -115,11 +117,7 @@ class Gap:
 
 def gap(problem: Functional, approach: Approach) -> Gap | None:
     """A curve with an infinite slope at an end that is clearly better than the limit of all polygons."""
-    if not (isinstance(problem, Problem) and problem.n == 1):
-        return None
-    if not (isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)):
-        return None
-    if problem.breakpoints or problem.unknowns or problem.end_cost:
+    if not _stretchable(problem):
         return None
     found = [Gap(v, k, s) for s in (True, False) for k in POWERS if (v := _steep(problem, k, s)) is not None]
     sign = -1.0 if problem.maximise else 1.0
@@ -130,6 +128,44 @@ def gap(problem: Functional, approach: Approach) -> Gap | None:
     if best is None or sign * best.value > sign * sure - CLEARLY * abs(sure):
         return None
     return best
+
+
+def _stretchable(problem: Functional) -> TypeGuard[Problem]:
+    plain = isinstance(problem, Problem) and problem.n == problem.order == 1 and not problem.constraints
+    if not plain or problem.breakpoints or problem.unknowns or problem.end_cost:
+        return False
+    return isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)
+
+
+def outdone(solution: Solution) -> Gap | None:
+    """A curve with an infinite slope at an end that is clearly better than a solution; None when none was found.
+
+    Only the simplest curve of each power is looked at, which costs one
+    evaluation of the functional: enough to doubt a minimum where L is singular.
+    """
+    problem = solution.problem
+    if not _stretchable(problem):
+        return None
+    sign = -1.0 if problem.maximise else 1.0
+    for at_start in (True, False):
+        for power in POWERS:
+            value = _plain(problem, power, at_start)
+            if value is not None and sign * (solution.value - value) > CLEARLY * abs(solution.value):
+                return Gap(value, power, at_start)
+    return None
+
+
+def _plain(problem: Problem, power: int, at_start: bool) -> float | None:
+    """The value of y linear in s where x - x_end ~ s^power, when a finer rule confirms it."""
+    form = _stretched(problem, power, at_start)
+    rungs = Rungs(form, Newton(), 1)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        system = rungs.system(rungs.first_space(1, SMOOTH_DEGREE))
+        z = system.pack(system.space.fit(form.baseline), form.unknown_guess)
+        finer, again = rungs.prolonged(system, z)
+        values = np.array([system.evaluate(z).value, finer.evaluate(again).value])
+    settled = np.isfinite(values).all() and np.ptp(values) <= CLEARLY * np.abs(values).max()
+    return form.sign * float(values[1]) if settled else None
 
 
 def _steep(problem: Problem, power: int, at_start: bool) -> float | None:

@@ -99,6 +99,8 @@ class Form:
     """Why nothing that samples the integrand near an end can resolve it; empty where it can be tried."""
     gauged: bool = False
     """True when the last unknown number is the constant speed of a Curve."""
+    one_sided: tuple[int, ...] = ()
+    """Functions that stay positive: beyond zero they would describe the mirror image, another curve."""
     corners: int = 0
     """How many of the unknown numbers are abscissae of corners."""
     built: dict[Any, Any] = field(default_factory=dict, repr=False)

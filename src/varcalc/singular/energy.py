@@ -107,6 +107,8 @@ def _energy_form(
         least_degree=math.ceil(chart.growth) + 1 if any(singular) and not factored else 1,
         singular=singular,
         weak_only=factored,
+        # w and -w are one place: from a line beyond the ends a curve might reach the mirror image of its end
+        one_sided=() if factored or any(singular) or chart.power == 1.0 or chart.height is not None else (1,),
     )
 
 
