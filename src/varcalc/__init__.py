@@ -24,6 +24,7 @@ from varcalc.methods.shooting import Shooting
 from varcalc.problem import Curve, Problem
 from varcalc.reading import euler_lagrange_latex, euler_lagrange_text, first_integrals_text
 from varcalc.reference import Exact, Reference
+from varcalc.search import Extremals, extremals
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict
 from varcalc.solve import solve
 
@@ -34,6 +35,7 @@ __all__ = [
     "Comparison",
     "Curve",
     "Exact",
+    "Extremals",
     "FirstIntegral",
     "Fixed",
     "Free",
@@ -59,6 +61,7 @@ __all__ = [
     "compare",
     "euler_lagrange_latex",
     "euler_lagrange_text",
+    "extremals",
     "first_integrals_text",
     "solve",
 ]

@@ -60,7 +60,7 @@ def solve(
     >>> round(solve(line).value, 12)
     5.0
     """
-    _check(problem, method, tol)
+    check_arguments(problem, method, tol)
     _check_guess(problem, guess)
     solution = _linear(problem, method or LADDER[0])
     if solution is None:
@@ -85,7 +85,8 @@ GUIDES: tuple[Method, ...] = (Collocation(), FirstIntegral())
 """Routes that may find an extremal where minimisation finds no way to it; it is minimised from there."""
 
 
-def _check(problem: Any, method: Any, tol: Any) -> None:
+def check_arguments(problem: Any, method: Any, tol: Any) -> None:
+    """Raise TypeError or ValueError, naming the argument and the remedy, for what cannot be solved."""
     if not isinstance(problem, Problem | Curve):
         raise TypeError(f"problem must be a Problem or a Curve, not {problem!r}")
     if method is not None and (isinstance(method, type) or not hasattr(method, "solve")):

@@ -82,8 +82,8 @@ class TaylorFlow:
     def _set(self, time: float, state: np.ndarray, constants: np.ndarray) -> None:
         self.integrator.time = float(time)
         self.integrator.state[:] = state
-        if len(constants):
-            self.integrator.pars[: len(constants)] = constants
+        used = len(self.integrator.pars)  # heyoka counts up to the last constant that occurs in the system
+        self.integrator.pars[:] = constants[:used]
 
     def _propagate(self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, longest: float) -> Run:
         integrator, most = self.integrator, self.engine.most_steps

@@ -1,0 +1,8 @@
+"""Every extremal of a problem: scans of the initial slope, deflation, continuation in a parameter."""
+
+from __future__ import annotations
+
+from varcalc.search.extremals import extremals
+from varcalc.search.sequence import Extremals
+
+__all__ = ["Extremals", "extremals"]

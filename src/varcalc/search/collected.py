@@ -1,0 +1,120 @@
+"""Stationary curves of a form by collocation: one for a curve to start from, or all that deflation finds."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from varcalc.formulation import Form
+from varcalc.methods.boundary_value.answer import answered
+from varcalc.methods.boundary_value.damped_newton import Scales
+from varcalc.methods.boundary_value.error import Level
+from varcalc.methods.boundary_value.refinement import Refinement
+from varcalc.methods.boundary_value.starting_curves import Start, function_sizes, starting_curves
+from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space
+from varcalc.methods.collocation import Collocation, first_unknowns, first_vertices
+from varcalc.search.deflation import deflated_newton, is_singular
+from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict
+
+MESHES = {1: ((1, 20), (4, 8)), 2: ((1, 20), (4, 12))}
+"""Elements and degree of the meshes on which roots are sought, by the order of the functional."""
+POLISH = 1e-4
+"""Part of the tolerance of the value to which an extremal is refined ..."""
+LEAST = 1e-14
+"""... but no less than this."""
+MOST_ROOTS = 24
+"""Roots sought on one mesh."""
+
+
+def scales_of(form: Form) -> Scales:
+    """The sizes in which corrections of a form's curves are measured."""
+    return Scales(function_sizes(form), np.abs(form.unknown_guess))
+
+
+def finer(tol: float) -> float:
+    """The tolerance extremals are refined to: the curve's error is the root of the value's, and is to be small too."""
+    return max(POLISH * tol, LEAST)
+
+
+def as_asked(solution: Solution, tol: float) -> Solution:
+    """A solution refined to :func:`finer` than ``tol``, with the status that ``tol`` itself gives it."""
+    met = solution.error.value <= tol * max(1.0, abs(solution.value))
+    if solution.status is Status.ROUND_OFF and met:
+        return replace(solution, status=Status.SOLVED, message="")
+    return solution
+
+
+def refined(form: Form, level: Level, scales: Scales, tol: float, started: float) -> Solution | None:
+    """The Solution that a root on a coarse mesh stands for; None when no extremal is near it."""
+    refinement = Refinement(scales, adaptive=True)
+    improved = refinement.improve(level, finer(tol))
+    if improved is None:
+        return None
+    final = improved.level.system
+    stats = Stats(
+        0.0, time.perf_counter() - started, refinement.iterations, final.size, final.space.elements, final.space.degree
+    )
+    message = improved.status.value if improved.status is Status.ROUND_OFF else ""
+    return as_asked(
+        answered(form, Collocation(), improved.level, improved.assessment, improved.status, message, stats), tol
+    )
+
+
+def starts(form: Form) -> Iterator[Start]:
+    """Starting curves, each with its gentle version as another."""
+    for start in starting_curves(form):
+        yield start
+        if start.gentle is not None:
+            yield Start(start.gentle)
+
+
+def deflated(form: Form, tol: float) -> list[Solution]:
+    """Every extremal that deflated Newton iterations reach on two coarse meshes, refined.
+
+    Where the conditions leave a direction open, one DEGENERATE extremal stands for the continuum.
+    """
+    if Collocation().inapplicable(form):
+        return []
+    found: list[Solution] = []
+    for elements, degree in MESHES[form.order]:
+        at_least = max(degree, form.least_degree)
+        system = CollocationSystem(form, collocation_space(form, first_vertices(form, elements), at_least))
+        for z in roots(system, scales_of(form)):
+            started = time.perf_counter()
+            solution = refined(form, Level(system, z, system.evaluate(z)), scales_of(form), tol, started)
+            if solution is None or not solution.status.ok:
+                continue
+            if is_singular(system, z):
+                return [*found, degenerate(solution)]
+            found.append(solution)
+    return found
+
+
+def degenerate(solution: Solution) -> Solution:
+    """A solution that a direction left open makes uncertain by the root of what its conditions are met to."""
+    assert solution.curve is not None
+    size = float(np.abs(solution.curve(solution.x, 0)).max())
+    error = ErrorEstimate(solution.error.value, solution.error.curve + math.sqrt(np.finfo(float).eps) * size)
+    return replace(solution, verdict=Verdict.DEGENERATE, error=error)
+
+
+def roots(system: CollocationSystem, scales: Scales) -> list[np.ndarray]:
+    """Roots of one system from every starting curve, the known ones deflated until nothing new comes."""
+    known: list[np.ndarray] = []
+    for start in starts(system.form):
+        first = first_unknowns(system, start.curve)
+        if not system.evaluate(first).finite:
+            continue
+        scales.grow(system, first)
+        while len(known) < MOST_ROOTS:
+            z = deflated_newton(system, first, known, scales)
+            if z is None:
+                break
+            known.append(z)
+            if is_singular(system, z):
+                return known
+    return known

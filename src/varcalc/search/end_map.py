@@ -1,0 +1,180 @@
+"""The end map of a scalar problem: from the initial slope to the miss at the other end.
+
+Every extremal that leaves the fixed end is an initial-value problem with one
+open number, its slope v. It is followed to the other end, with its derivative
+by v from the variational equation, and the extremals wanted are the zeros of
+one function of one number (Gelfand and Fomin, "Calculus of Variations", sect. 4
+and 26; the derivative is the Jacobi field, which vanishes at conjugate points).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.engines import CannotLower, Engine, Flow, Outcome, Run, Variational, available, variational
+from varcalc.formulation import Form, Sampled
+from varcalc.methods.direct.starts import size
+from varcalc.methods.initial_value.flow import EulerLagrangeFlow, Scales
+
+STATIONS = 9
+"""Abscissae at which a trajectory is recorded, so that one which fails still tells which way it went."""
+MOST_STEPS = 800
+"""Steps of an integrator granted to one trajectory."""
+CURVE = 257
+"""Points of a trajectory that is handed on as a curve."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A trajectory with initial slope ``unit`` * sinh(u): its miss at the end.
+
+    ``miss`` is asinh of the scaled miss and ``slope`` its derivative by u; both
+    NaN where the end was not reached, and then ``side`` is the sign of the
+    slope on which the trajectory was lost (0 when nothing is known).
+    ``flat`` is the larger of miss and derivative relative to the trajectory.
+    """
+
+    u: float
+    miss: float
+    slope: float
+    side: float
+    flat: float
+    outcome: Outcome
+
+    @property
+    def arrived(self) -> bool:
+        """True when the end was reached."""
+        return math.isfinite(self.miss) and math.isfinite(self.slope)
+
+
+def mappable(form: Form) -> bool:
+    """True for one function of a first-order functional with one fixed end and the other fixed or natural."""
+    plain = form.order == 1 and form.n == 1 and not (form.periodic or form.knots or form.ends is not None)
+    bare = not (form.integrals or form.pathwise or len(form.unknown_guess) or form.weak_only or any(form.singular))
+    return plain and bare and not (np.isnan(form.fixed_start).any() and np.isnan(form.fixed_end).any())
+
+
+@dataclass(frozen=True)
+class EndMap:
+    """The end map of a ``mappable`` form.
+
+    It sets out from the start, or from the end where only that is fixed.
+    """
+
+    form: Form
+
+    @cached_property
+    def equations(self) -> EulerLagrangeFlow:
+        """The Euler-Lagrange equation as a first-order system."""
+        return EulerLagrangeFlow(self.form)
+
+    @cached_property
+    def forward(self) -> bool:
+        """True when trajectories set out from the start."""
+        return not np.isnan(self.form.fixed_start).any()
+
+    @cached_property
+    def ordinate(self) -> float:
+        """The unit of ordinates."""
+        ends = np.nan_to_num(np.abs([self.form.fixed_start[0, 0], self.form.fixed_end[0, 0]]))
+        return float(max(size(self.form), *ends))
+
+    @property
+    def unit(self) -> float:
+        """The unit of slopes."""
+        return self.ordinate / (self.form.span[1] - self.form.span[0])
+
+    @cached_property
+    def _system(self) -> Variational:
+        """(y, y') with its derivative by the initial slope."""
+        full = self.equations.scaled
+        kind: Any = ca.SX if full.is_a("SXFunction") else ca.MX
+        t, state, constants = kind.sym("t"), kind.sym("Y", 2), kind.sym("c", full.numel_in(2))
+        rates = full(t, ca.vertcat(state, kind.zeros(full.numel_in(1) - 2)), constants)[:2]
+        return variational(ca.Function("extremal", [t, state, constants], [ca.densify(rates)]), [1], [])
+
+    @cached_property
+    def _flow(self) -> Flow:
+        system = self._system.system
+        kept = self.form.problem.built.setdefault("flows", {})
+        for engine in available():
+            limited: Any = engine
+            limited = type(limited)(most_steps=MOST_STEPS)
+            key: tuple[Engine, str] = (limited, system.serialize())
+            if key in kept:
+                return kept[key]
+            try:
+                kept[key] = limited.compile(system)
+            except CannotLower:
+                continue
+            return kept[key]
+        raise ImportError("no engine is installed that could take the system; install scipy")
+
+    @cached_property
+    def _constants(self) -> np.ndarray:
+        scales = Scales(np.array([self.ordinate]), np.ones(self.equations.integrals))
+        line = self.equations.line(0.0, 1.0, (False, False))
+        return np.concatenate([line, scales.all, self.form.problem.parameter_values])
+
+    @cached_property
+    def _momentum(self) -> ca.Function:
+        """The scaled momentum at the far end and its gradient by the scaled state (y, y')."""
+        symbols, lagrangian = self.form.symbols, self.equations.lagrangian
+        momentum = lagrangian.momenta[0]
+        gradient = ca.jacobian(momentum, ca.vertcat(symbols.y, symbols.dy))
+        return ca.Function("momentum", [symbols.x, symbols.y, symbols.dy, symbols.parameters], [momentum, gradient])
+
+    def _run(self, v: float, t: np.ndarray) -> Run:
+        fixed = self.form.fixed_start if self.forward else self.form.fixed_end
+        state = self._system.start(np.array([fixed[0, 0] / self.ordinate, v]))
+        return self._flow.run(t if self.forward else 1.0 - t, state, self._constants)
+
+    def _far(self, states: np.ndarray) -> tuple[float, float]:
+        """The scaled miss at the far end and its derivative by the scaled initial slope."""
+        (y, v), by = self._system.split(states)
+        fixed = (self.form.fixed_end if self.forward else self.form.fixed_start)[0, 0]
+        if not math.isnan(fixed):
+            return float(y - fixed / self.ordinate), float(by[0, 0])
+        s = self.form.span[1] if self.forward else self.form.span[0]
+        out: Any = self._momentum(s, y * self.ordinate, v * self.unit, self.form.problem.parameter_values)
+        gradient = np.asarray(out[1]).ravel() * [self.ordinate, self.unit]
+        return float(out[0]), float(gradient @ by[:, 0])
+
+    def shoot(self, u: float) -> Shot:
+        """Follow the trajectory whose scaled slope is sinh(u)."""
+        run = self._run(math.sinh(u), np.linspace(0.0, 1.0, STATIONS))
+        if not run.completed:
+            slopes = run.states[np.isfinite(run.states[:, 1]), 1]
+            side = math.copysign(1.0, slopes[-1]) if len(slopes) > 1 else 0.0
+            return Shot(u, math.nan, math.nan, side, math.inf, run.outcome)
+        miss, by = self._far(run.states[-1])
+        grown, reach = by * math.cosh(u), float(np.abs(run.states[:, :2]).max())
+        flat = max(abs(miss), abs(by)) / max(reach, 1.0)
+        return Shot(u, math.asinh(miss), grown / math.hypot(1.0, miss), math.copysign(1.0, miss), flat, run.outcome)
+
+    def curve(self, u: float) -> Sampled:
+        """The trajectory of a shot that arrived, as a function of the form's abscissa (cubic between its points)."""
+        t = np.linspace(0.0, 1.0, CURVE)
+        y, v = self._run(math.sinh(u), t).states[:, :2].T
+        y, v = (y, v) if self.forward else (y[::-1], v[::-1])
+        a, b = self.form.span
+
+        def trajectory(s: np.ndarray) -> np.ndarray:
+            at = (s - a) / (b - a) * (CURVE - 1)
+            k = np.clip(at.astype(int), 0, CURVE - 2)
+            r, h = at - k, 1.0 / (CURVE - 1)
+            rise = y[k + 1] - y[k]
+            bend = (h * v[k] - rise) * (1 - r) - (h * v[k + 1] - rise) * r
+            return self.ordinate * (y[k] + r * (rise + (1 - r) * bend))[None, :]
+
+        return trajectory
+
+    def slope(self, curve: Sampled) -> float:
+        """The slope, in units of :attr:`unit`, with which a curve leaves the fixed end."""
+        return float(curve(np.array([self.form.span[0 if self.forward else 1]]))[0, 0]) / self.unit

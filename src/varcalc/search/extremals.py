@@ -1,0 +1,167 @@
+"""extremals: every extremal that a systematic search finds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.conditions import At, Fixed, components
+from varcalc.formulation import Form, Sampled
+from varcalc.functional import Functional
+from varcalc.methods.collocation import Collocation
+from varcalc.methods.shooting import Shooting
+from varcalc.search.collected import as_asked, deflated, degenerate, finer
+from varcalc.search.end_map import EndMap, mappable
+from varcalc.search.scan import scan
+from varcalc.search.sequence import Extremals
+from varcalc.singular import Infinite, forms
+from varcalc.solution import Solution, Verdict
+from varcalc.solve import check_arguments
+
+AGREES = 1e-6
+"""Relative difference of initial slopes up to which two routes found the same extremal."""
+SAME = 1e-8
+"""Distance of two curves, relative to their size, below which they are one."""
+MERGED = 1e-4
+"""The same where one of them is degenerate."""
+SAMPLES = 65
+POLISHED = 20
+"""Degree with which an extremal is found again: enough for the curve, not only its value, to be good."""
+MISSED = 1e-6
+"""Relative distance from a fixed end beyond which a curve misses it."""
+
+
+def extremals(problem: Functional, *, tol: float = 1e-10) -> Extremals:
+    """Every extremal of ``problem`` that a systematic search finds, best first.
+
+    One unknown function with a fixed end and a Lagrangian of first order is
+    searched by its initial slope: all trajectories of a wide range of slopes
+    are followed to the other end, and every zero of their miss there is taken
+    (a shooting method; Gelfand and Fomin, "Calculus of Variations", sect. 26
+    for the map and its derivative). For every problem the collocated
+    Euler-Lagrange equation is solved from many starting curves, the solutions
+    found being deflated (Farrell, Birkisson and Funke 2015). Each extremal is
+    then refined to ``tol`` as :func:`varcalc.solve` does, and one that no
+    refinement confirms is left out.
+
+    The sequence is empty when there is none. Its ``searched`` says what range
+    was covered; nothing is claimed about what lies outside.
+
+    Raises TypeError or ValueError for unusable arguments.
+
+    >>> import casadi as ca
+    >>> import varcalc as vc
+    >>> film = vc.Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Fixed(-0.5, 1), vc.Fixed(0.5, 1))
+    >>> found = vc.extremals(film)
+    >>> [round(film.y(0.0), 6) for film in found]
+    [0.848338, 0.235095]
+    >>> found.searched.split(" that ")[0]
+    'all with initial slope in [-1e+06, 1e+06]'
+    """
+    check_arguments(problem, None, tol)
+    try:
+        candidates = [form for form in forms(problem) if form is not None]
+    except Infinite as reason:
+        return Extremals((), str(reason))
+    with np.errstate(all="ignore"):  # trajectories leave the Lagrangian's domain; what is no number is left out
+        search = _Search(tol)
+        for form in candidates:
+            if not search.by_slope(form):
+                search.by_deflation(form)
+            if search.found:
+                break
+    return Extremals(search.found, "; ".join(search.words))
+
+
+@dataclass
+class _Search:
+    """The extremals found so far, and what was done to find them."""
+
+    tol: float
+
+    def __post_init__(self) -> None:
+        self.found: list[Solution] = []
+        self.words: list[str] = []
+
+    def by_slope(self, form: Form) -> bool:
+        """Scan the initial slopes of a form that allows it; True when that leaves nothing else to find."""
+        if not mappable(form):
+            return False
+        end_map = EndMap(form)
+        scanned = scan(end_map)
+        self.words.append(scanned.searched)
+        degenerates = scanned.double if scanned.continuum is None else [scanned.continuum]
+        lost = 0
+        for u in scanned.zeros + degenerates:
+            solution = _confirmed(end_map, u, self.tol)
+            if solution is None:
+                lost += 1
+            else:
+                self.add(degenerate(solution) if u in degenerates else solution)
+        if lost:
+            self.words.append(f"{lost} zeros of the miss at the end were not confirmed and are left out")
+        return scanned.continuum is not None
+
+    def by_deflation(self, form: Form) -> None:
+        """Solve the collocated equations from many starting curves."""
+        before = len(self.found)
+        for solution in deflated(form, self.tol):
+            self.add(solution)
+        self.words.append(
+            f"deflated Newton iterations from the starting curves gave {len(self.found) - before} "
+            f"{'more' if before else 'in all'}"
+        )
+
+    def add(self, solution: Solution) -> None:
+        """Keep a solution that is not one of those known."""
+        if meets_ends(solution) and not any(same_curve(solution, other) for other in self.found):
+            self.found.append(solution)
+
+
+def _confirmed(end_map: EndMap, u: float, tol: float) -> Solution | None:
+    """The extremal whose trajectory has the slope of a zero, found again by collocation, or by multiple shooting."""
+    form = end_map.form
+    guess: Sampled = end_map.curve(u)
+    for method in (Collocation(degree=POLISHED), Shooting()):
+        solution = as_asked(method.solve(form, tol=finer(tol), guess=guess), tol)
+        if solution.status.ok and solution.curve is not None:
+            curve = solution.curve
+            slope = end_map.slope(form.pull(lambda x, curve=curve: curve(x, 1)))
+            if abs(slope - math.sinh(u)) <= AGREES * math.cosh(u):
+                return solution
+    return None
+
+
+def meets_ends(solution: Solution) -> bool:
+    """True when the curve has the values prescribed at fixed ends, which a change of coordinates may have lost."""
+    problem, curve = solution.problem, solution.curve
+    assert curve is not None
+    for x, end in zip(problem.span, (problem.start, problem.end), strict=True):
+        values = (
+            components("y", end.y) if isinstance(end, Fixed) else components("q", end.q) if isinstance(end, At) else ()
+        )
+        for value, reached in zip(values, curve(np.array([x]), 0)[:, 0], strict=False):
+            if value is not None and not abs(reached - value) <= MISSED * max(1.0, abs(value)) + solution.error.curve:
+                return False
+    return True
+
+
+def same_curve(one: Solution, other: Solution) -> bool:
+    """True when two solutions are one extremal, within what their errors allow."""
+    assert one.curve is not None
+    assert other.curve is not None
+    ends: Sequence[np.ndarray] = (one.x, other.x)
+    spans = np.array([[x.min(), x.max()] for x in ends])
+    width = float(np.ptp(spans[0]))
+    if float(np.abs(spans[0] - spans[1]).max()) > SAME * max(width, float(np.abs(spans).max())):
+        return False
+    x = np.linspace(max(spans[:, 0]), min(spans[:, 1]), SAMPLES)
+    first, second = one.curve(x, 0), other.curve(x, 0)
+    size = float(np.abs(first).max())
+    # where two merge, their distance is the root of what is left of the conditions
+    merged = Verdict.DEGENERATE in (one.verdict, other.verdict)
+    allowed = (MERGED if merged else SAME) * max(size, width * 1e-3) + 2 * (one.error.curve + other.error.curve)
+    return float(np.abs(first - second).max()) <= allowed

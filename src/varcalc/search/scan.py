@@ -1,0 +1,209 @@
+"""All zeros of an end map over a range of initial slopes.
+
+The slopes are unit * sinh(u) with u on an even grid: fine about zero, a fixed
+ratio apart far out. As every trajectory brings its derivative, the cubic
+between two neighbours predicts the one half-way; where the prediction fails,
+the interval is halved. Two zeros between two samples, as near a fold, have an
+extremum of the map between them, which is found as a zero of the derivative.
+Towards gaps, where trajectories do not arrive, the samples grow denser as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import groupby, pairwise
+
+import numpy as np
+
+from varcalc.engines import Outcome
+from varcalc.search.end_map import EndMap, Shot
+
+FARTHEST = 1e6
+"""Largest slope, in units of the problem's own."""
+FIRST = 256
+"""Intervals of the first grid."""
+MOST = 4096
+"""Trajectories of one scan."""
+DEEPEST = 22
+"""Halvings of an interval between two trajectories that arrived."""
+TOWARDS_GAP, ACROSS_GAP = 12, 90
+"""Halvings towards a gap, and between trajectories lost on opposite sides or off to the other side of the target."""
+UNRESOLVED = 0.1
+"""An interval is halved while the cubic is off by more than this part of the least miss about it ..."""
+CLOSE = 1e-3
+"""... and by more than this."""
+FLAT = 1e-12
+"""Relative miss and derivative of trajectories that all meet the end: a continuum of extremals."""
+TOUCHING = 1e-14
+"""A miss at an extremum of the map that round-off explains: two extremals in one."""
+ITERATIONS = 80
+CLUSTER = 1.0
+"""Distance in u within which lost trajectories are told of as one interval."""
+
+
+@dataclass(frozen=True)
+class Scanned:
+    """What a scan found: ``zeros`` (u), those among them where two meet, and what was covered.
+
+    ``low`` and ``high`` are slopes; ``continuum`` is u of one trajectory where
+    all of some interval meet the end; ``lost`` are intervals of slopes in which
+    trajectories do not arrive, ``unresolved`` counts intervals given up.
+    """
+
+    zeros: list[float]
+    double: list[float]
+    low: float
+    high: float
+    shots: int
+    lost: list[tuple[float, float, Outcome]]
+    unresolved: int
+    continuum: float | None
+
+    @property
+    def searched(self) -> str:
+        """What was covered, in words."""
+        words = f"all with initial slope in [{self.low:.6g}, {self.high:.6g}] that {self.shots} trajectories resolve"
+        for low, high, outcome in self.lost:
+            words += f"; with slope in [{low:.6g}, {high:.6g}] trajectories do not arrive ({outcome.value})"
+        if self.unresolved:
+            words += f"; {self.unresolved} intervals were left unresolved"
+        if self.continuum is not None:
+            words += "; a continuum of extremals joins these ends, which are conjugate; one of them stands for all"
+        return words
+
+
+@dataclass
+class _Scan:
+    map: EndMap
+    shots: dict[float, Shot] = field(default_factory=dict)
+    unresolved: int = 0
+
+    def at(self, u: float) -> Shot:
+        if u not in self.shots:
+            self.shots[u] = self.map.shoot(u)
+        return self.shots[u]
+
+    def refine(self, grid: np.ndarray) -> None:
+        """Halve intervals until the map is resolved, or the trajectories are used up."""
+        waiting = deque((float(a), float(b), 0) for a, b in pairwise(grid))
+        while waiting:
+            a, b, depth = waiting.popleft()
+            left, right = self.at(a), self.at(b)
+            middle = 0.5 * (a + b)
+            if depth >= _halvings(left, right) or not a < middle < b:
+                self.unresolved += left.arrived and right.arrived
+                continue
+            if len(self.shots) >= MOST:
+                self.unresolved += 1
+                continue
+            if not _resolved(left, right, self.at(middle)):
+                waiting += [(a, middle, depth + 1), (middle, b, depth + 1)]
+
+    def extremum(self, left: Shot, right: Shot) -> Shot:
+        """Where the derivative of the map vanishes between two shots, by regula falsi (Illinois)."""
+        u = _root(lambda s: s.slope, left, right, self.map.shoot)
+        return self.shots.setdefault(u.u, u)
+
+
+def scan(end_map: EndMap) -> Scanned:
+    """The zeros of ``end_map`` for slopes up to FARTHEST units either way."""
+    farthest = math.asinh(FARTHEST)
+    state = _Scan(end_map)
+    grid = np.linspace(-farthest, farthest, FIRST + 1)
+    continuum = _continuum([state.at(float(u)) for u in grid])
+    zeros: list[float] = []
+    double: list[float] = []
+    if continuum is None:
+        state.refine(grid)
+        _settle(state, zeros, double)
+    unit = end_map.unit
+    ordered = [state.shots[u] for u in sorted(state.shots)]
+    high = unit * math.sinh(farthest)
+    lost = _gaps(ordered, [0.0, *zeros, *double], unit)
+    return Scanned(zeros, double, -high, high, len(ordered), lost, state.unresolved, continuum)
+
+
+def _continuum(shots: list[Shot]) -> float | None:
+    """The least inclined of three or more neighbours that all meet the end; None where there are none."""
+    for met, run in groupby(shots, key=lambda s: s.flat <= FLAT):
+        members = list(run)
+        if met and len(members) >= 3:
+            return min((s.u for s in members), key=abs)
+    return None
+
+
+def _halvings(left: Shot, right: Shot) -> int:
+    """How often an interval may be halved."""
+    if left.arrived and right.arrived:
+        return DEEPEST
+    if left.arrived or right.arrived:
+        return ACROSS_GAP if left.side * right.side < 0 else TOWARDS_GAP
+    return ACROSS_GAP if left.side * right.side < 0 else 0
+
+
+def _resolved(left: Shot, right: Shot, middle: Shot) -> bool:
+    """True when the cubic through two shots predicts the one half-way well enough to miss no zero."""
+    if not (left.arrived and right.arrived and middle.arrived):
+        return False
+    width = right.u - left.u
+    predicted = 0.5 * (left.miss + right.miss) + width * (left.slope - right.slope) / 8
+    off = abs(middle.miss - predicted)
+    least = min(abs(left.miss), abs(middle.miss), abs(right.miss))
+    return off <= max(UNRESOLVED * least, CLOSE)
+
+
+def _settle(state: _Scan, zeros: list[float], double: list[float]) -> None:
+    """The zeros between neighbouring shots."""
+    for left, right in pairwise([state.shots[u] for u in sorted(state.shots)]):
+        if not (left.arrived and right.arrived):
+            continue
+        brackets = [(left, right)]
+        if left.miss * right.miss > 0 and left.miss * left.slope < 0 < right.miss * right.slope:
+            lowest = state.extremum(left, right)
+            if abs(lowest.miss) <= TOUCHING * math.cosh(lowest.u):
+                double.append(lowest.u)
+                continue
+            brackets = [(left, lowest), (lowest, right)]
+        for low, high in brackets:
+            if low.miss == 0.0 or low.miss * high.miss < 0:
+                zeros.append(_root(lambda s: s.miss, low, high, state.map.shoot).u)
+
+
+def _root(of: Callable[[Shot], float], low: Shot, high: Shot, shoot: Callable[[float], Shot]) -> Shot:
+    """The shot between two where a function of it changes sign, by regula falsi in the Illinois variant."""
+    a, b, fa, fb = low.u, high.u, of(low), of(high)
+    best = low if abs(fa) < abs(fb) else high
+    for k in range(ITERATIONS):
+        u = 0.5 * (a + b) if k % 4 == 3 else b - fb * (b - a) / (fb - fa)
+        if of(best) == 0.0 or not min(a, b) < u < max(a, b):
+            break
+        here = shoot(u)
+        value = of(here)
+        if not math.isfinite(value):
+            break
+        best = here if abs(value) < abs(of(best)) else best
+        a, fa = (b, fb) if value * fb < 0 else (a, 0.5 * fa)
+        b, fb = u, value
+        if abs(b - a) <= 4 * np.finfo(float).eps * abs(u):
+            break
+    return best
+
+
+def _gaps(shots: list[Shot], inside: list[float], unit: float) -> list[tuple[float, float, Outcome]]:
+    """Intervals of slopes in which trajectories do not arrive, with the reason of the first.
+
+    Lost trajectories no farther apart than CLUSTER count as one interval, unless one of ``inside`` is between them.
+    """
+    gaps: list[tuple[Shot, Shot]] = []
+    for shot in shots:
+        if shot.arrived:
+            continue
+        near = bool(gaps) and shot.u - gaps[-1][1].u <= CLUSTER
+        if near and not any(gaps[-1][1].u < u < shot.u for u in inside):
+            gaps[-1] = (gaps[-1][0], shot)
+        else:
+            gaps.append((shot, shot))
+    return [(unit * math.sinh(low.u), unit * math.sinh(high.u), low.outcome) for low, high in gaps]

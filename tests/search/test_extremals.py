@@ -1,0 +1,159 @@
+"""extremals against closed forms: how many there are, which, and what is said where there is none."""
+
+import casadi as ca
+import mpmath as mp
+import numpy as np
+import pytest
+
+import varcalc as vc
+
+FOLD = float(1 / mp.sinh(mp.findroot(lambda t: t * mp.tanh(t) - 1, 1.2)))
+"""a_c = t / cosh t with t tanh t = 1, the half-width beyond which no catenary joins the rings."""
+
+
+def film(half):
+    return vc.Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Fixed(-half, 1.0), vc.Fixed(half, 1.0))
+
+
+def necks(half):
+    """c with c cosh(half / c) = 1: the shallow catenary, then the deep one."""
+    fold = mp.findroot(lambda t: t * mp.tanh(t) - 1, 1.2)
+
+    def miss(ratio):
+        return mp.log(mp.cosh(ratio) * half / ratio)
+
+    return [half / mp.findroot(miss, bounds, "illinois") for bounds in ((0.1, fold), (fold, 12))]
+
+
+def film_value(half, c):
+    return c * (half + c * mp.sinh(2 * half / c) / 2)
+
+
+def bratu(strength):
+    return vc.Problem(lambda x, y, dy: dy**2 / 2 - strength * ca.exp(y), vc.Fixed(0.0, 0.0), vc.Fixed(1.0, 0.0))
+
+
+def oscillator(time, end=1.0):
+    return vc.Problem(lambda t, q, v: (v**2 - q**2) / 2, vc.Fixed(0.0, 0.0), vc.Fixed(time, end))
+
+
+def throw(reach):
+    return vc.Problem(
+        lambda x, y, dy: ca.sqrt(1 - 2 * y) * ca.sqrt(1 + dy**2), vc.Fixed(0.0, 0.0), vc.Fixed(reach, 0.0)
+    )
+
+
+@pytest.mark.parametrize("half", [0.5, 0.6])
+def test_both_catenaries_best_first(half):
+    found = vc.extremals(film(half))
+    exact = [film_value(half, c) for c in necks(half)]
+    assert [s.value for s in found] == pytest.approx([float(v) for v in sorted(exact)], abs=1e-12)
+    for solution, (value, neck) in zip(found, sorted(zip(exact, necks(half), strict=True)), strict=True):
+        assert abs(solution.value - value) <= 2 * solution.error.value <= 1e-12
+        assert abs(solution.y(0.0) - neck) <= 2 * solution.error.curve <= 1e-9
+
+
+def test_both_catenaries_just_before_the_fold_and_none_after():
+    before = vc.extremals(film(FOLD - 1e-7))
+    # they are 5e-4 apart
+    assert sorted(s.y(0.0) for s in before) == pytest.approx(sorted(map(float, necks(FOLD - 1e-7))), abs=1e-8)
+    after = vc.extremals(film(FOLD + 1e-6))
+    assert len(after) == 0
+    assert "slope in [-1e+06, 1e+06]" in after.searched
+
+
+@pytest.mark.parametrize("strength", [1.0, 3.0, 3.5])
+def test_both_solutions_of_bratu(strength):
+    roots = [mp.findroot(lambda t: t - mp.sqrt(2 * strength) * mp.cosh(t / 4), start) for start in (1.0, 10.0)]
+    heights = [float(2 * mp.log(mp.cosh(t / 4))) for t in roots]
+    assert sorted(s.y(0.5) for s in vc.extremals(bratu(strength))) == pytest.approx(sorted(heights), abs=1e-9)
+
+
+def test_none_of_bratu_beyond_the_fold():
+    assert len(vc.extremals(bratu(3.6))) == 0
+
+
+def test_the_oscillator_has_one_motion_none_or_a_continuum():
+    [one] = vc.extremals(oscillator(4.0))
+    assert one.value == pytest.approx(float(mp.cot(4) / 2), abs=1e-12)
+    assert len(vc.extremals(oscillator(float(mp.pi)))) == 0
+    conjugate = vc.extremals(oscillator(float(mp.pi), 0.0))
+    assert [s.verdict for s in conjugate] == [vc.Verdict.DEGENERATE]
+    assert conjugate[0].value == pytest.approx(0.0, abs=1e-12)
+    assert "continuum" in conjugate.searched
+
+
+def test_a_maximum_comes_first_where_one_is_sought():
+    maximised = vc.Problem(
+        lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Fixed(-0.5, 1.0), vc.Fixed(0.5, 1.0), maximise=True
+    )
+    values = [s.value for s in vc.extremals(maximised)]
+    assert values == pytest.approx(sorted((float(film_value(0.5, c)) for c in necks(0.5)), reverse=True))
+
+
+def test_low_and_high_throw_then_one_on_the_caustic_then_shadow():
+    def optical(slope, reach):
+        # along y = x v - x^2 (1 + v^2) / 2 the integrand is (1 - 2 y) sqrt(1 + v^2)
+        return float(mp.quad(lambda x: (1 - 2 * x * slope + x**2 * (1 + slope**2)) * mp.sqrt(1 + slope**2), [0, reach]))
+
+    slopes = [float(mp.tan(mp.radians(d))) for d in (15, 75)]
+    found = vc.extremals(throw(0.5))
+    assert [s.dy(0.0) for s in found] == pytest.approx(slopes, abs=1e-7)
+    assert [s.value for s in found] == pytest.approx([optical(v, 0.5) for v in slopes], abs=1e-12)
+    [one] = vc.extremals(throw(1.0))
+    assert one.verdict is vc.Verdict.DEGENERATE
+    assert one.value == pytest.approx(float(2 * mp.sqrt(2) / 3), abs=1e-12)
+    assert len(vc.extremals(throw(1.2))) == 0
+
+
+def test_every_swing_of_a_pendulum():
+    time, end = 10.0, 0.1
+    problem = vc.Problem(lambda t, q, v: v**2 / 2 + ca.cos(q), vc.Fixed(0.0, 0.0), vc.Fixed(time, end))
+
+    def miss(k):
+        # sin(q/2) = k sn(t, k); a rotation would pass the end angle long before
+        return k * mp.ellipfun("sn", time, m=k * k).real - mp.sin(end / 2)
+
+    moduli = np.tanh(np.linspace(-7, 7, 1401))
+    signs = np.sign([float(miss(mp.mpf(k))) for k in moduli])
+    found = vc.extremals(problem)
+    assert len(found) == np.count_nonzero(np.diff(signs))
+    for s in found:
+        k = mp.findroot(miss, s.dy(0.0) / 2)
+        assert float(2 * k) == pytest.approx(s.dy(0.0), abs=1e-8)
+
+
+def test_a_growth_of_thirteen_digits_hides_no_extremal():
+    troesch = vc.Problem(lambda x, y, dy: dy**2 / 2 + ca.cosh(30 * y), vc.Fixed(0.0, 0.0), vc.Fixed(1.0, 1.0))
+    [one] = vc.extremals(troesch)
+    with mp.workdps(60):
+        # y'(0) = 2 q with sinh(mu / 2) / q = sc(mu | 1 - q^2) (Roberts and Shipman, J. Comput. Phys. 10 (1972))
+        def miss(q):
+            sn, cn = (mp.ellipfun(kind, 30, m=1 - q * q) for kind in ("sn", "cn"))
+            return (cn / sn).real - q / mp.sinh(15)
+
+        exact = 2 * mp.findroot(miss, (mp.mpf("3.743e-13"), mp.mpf("3.744e-13")), "secant", tol=1e-60)
+    assert one.dy(0.0) == pytest.approx(float(exact), rel=1e-6)
+
+
+def test_a_free_end_is_met_by_its_natural_condition():
+    problem = vc.Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Fixed(0.0, 1.0), vc.Free(0.5))
+    # half of the film between rings: horizontal at the free end
+    exact = sorted(float(film_value(0.5, c)) / 2 for c in necks(0.5))
+    assert [s.value for s in vc.extremals(problem)] == pytest.approx(exact, abs=1e-12)
+    mirrored = vc.Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Free(-0.5), vc.Fixed(0.0, 1.0))
+    assert [s.value for s in vc.extremals(mirrored)] == pytest.approx(exact, abs=1e-12)
+
+
+def test_a_curve_that_misses_its_end_is_none():
+    # y = x^-2 is an extremal with a finite value, but runs from infinity
+    found = vc.extremals(vc.Problem(lambda x, y, dy: dy**2 / y**3, vc.Fixed(0.0, 0.0), vc.Fixed(1.0, 1.0)))
+    assert len(found) == 0
+    assert found.searched
+
+
+def test_unusable_arguments_are_named():
+    with pytest.raises(TypeError, match="problem must be"):
+        vc.extremals(lambda x, y, dy: dy**2)
+    with pytest.raises(ValueError, match="tol must be"):
+        vc.extremals(film(0.5), tol=0.0)
