@@ -24,13 +24,14 @@ from varcalc.methods.shooting import Shooting
 from varcalc.problem import Curve, Problem
 from varcalc.reading import euler_lagrange_latex, euler_lagrange_text, first_integrals_text
 from varcalc.reference import Exact, Reference
-from varcalc.search import Extremals, extremals
+from varcalc.search import Branch, Extremals, continue_branch, extremals
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict
 from varcalc.solve import solve
 
 __all__ = [
     "At",
     "Bound",
+    "Branch",
     "Collocation",
     "Comparison",
     "Curve",
@@ -59,6 +60,7 @@ __all__ = [
     "VariationalError",
     "Verdict",
     "compare",
+    "continue_branch",
     "euler_lagrange_latex",
     "euler_lagrange_text",
     "extremals",

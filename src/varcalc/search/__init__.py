@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
+from varcalc.search.continuation import Branch, continue_branch
 from varcalc.search.extremals import extremals
 from varcalc.search.sequence import Extremals
 
-__all__ = ["Extremals", "extremals"]
+__all__ = ["Branch", "Extremals", "continue_branch", "extremals"]

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from varcalc.formulation import Form
+from varcalc.mesh import Space
 from varcalc.methods.boundary_value.answer import answered
 from varcalc.methods.boundary_value.damped_newton import Scales
 from varcalc.methods.boundary_value.error import Level
@@ -48,20 +49,18 @@ def as_asked(solution: Solution, tol: float) -> Solution:
     return solution
 
 
-def refined(form: Form, level: Level, scales: Scales, tol: float, started: float) -> Solution | None:
-    """The Solution that a root on a coarse mesh stands for; None when no extremal is near it."""
-    refinement = Refinement(scales, adaptive=True)
+def refined(form: Form, level: Level, tol: float) -> tuple[Solution, Space] | None:
+    """The Solution that a root stands for and the mesh it took; None when no extremal is near the root."""
+    started = time.perf_counter()
+    refinement = Refinement(scales_of(form), adaptive=True)
     improved = refinement.improve(level, finer(tol))
     if improved is None:
         return None
-    final = improved.level.system
-    stats = Stats(
-        0.0, time.perf_counter() - started, refinement.iterations, final.size, final.space.elements, final.space.degree
-    )
+    final, seconds = improved.level.system, time.perf_counter() - started
+    stats = Stats(0.0, seconds, refinement.iterations, final.size, final.space.elements, final.space.degree)
     message = improved.status.value if improved.status is Status.ROUND_OFF else ""
-    return as_asked(
-        answered(form, Collocation(), improved.level, improved.assessment, improved.status, message, stats), tol
-    )
+    solution = answered(form, Collocation(), improved.level, improved.assessment, improved.status, message, stats)
+    return as_asked(solution, tol), final.space
 
 
 def starts(form: Form) -> Iterator[Start]:
@@ -84,10 +83,10 @@ def deflated(form: Form, tol: float) -> list[Solution]:
         at_least = max(degree, form.least_degree)
         system = CollocationSystem(form, collocation_space(form, first_vertices(form, elements), at_least))
         for z in roots(system, scales_of(form)):
-            started = time.perf_counter()
-            solution = refined(form, Level(system, z, system.evaluate(z)), scales_of(form), tol, started)
-            if solution is None or not solution.status.ok:
+            found_again = refined(form, Level(system, z, system.evaluate(z)), tol)
+            if found_again is None or not found_again[0].status.ok:
                 continue
+            solution = found_again[0]
             if is_singular(system, z):
                 return [*found, degenerate(solution)]
             found.append(solution)
