@@ -157,3 +157,62 @@ def test_unusable_arguments_are_named():
         vc.extremals(lambda x, y, dy: dy**2)
     with pytest.raises(ValueError, match="tol must be"):
         vc.extremals(film(0.5), tol=0.0)
+
+
+def test_windings_of_a_cylinder_are_told_apart():
+    graph = vc.Problem(lambda z, angle, slope: ca.sqrt(1 + slope**2), vc.Fixed(0, 0), vc.Fixed(1, 2))
+    chart = vc.Curve(lambda q, dq: ca.sqrt(ca.sumsqr(dq)), vc.At([0, 0]), vc.At([2, 1]))
+    exact = {k: float(mp.hypot(1, 2 + 2 * mp.pi * k)) for k in range(-2, 3)}
+    for found in (
+        vc.extremals(graph, period=2 * np.pi, windings=2),
+        vc.extremals(chart, period=(2 * np.pi, None), windings=2),
+    ):
+        assert list(found.windings) == sorted(exact, key=exact.get)
+        assert [s.value for s in found] == pytest.approx([exact[k] for k in found.windings], abs=1e-12)
+        assert [s.problem.name.rpartition("winding ")[2] for s in found][1:3] == ["-1", "+1"]
+    ring = vc.extremals(chart, period=(2 * np.pi, 3.0), windings=0)
+    assert list(ring.windings) == [(0, 0)]
+
+
+def test_a_period_that_the_lagrangian_lacks_is_refused():
+    with pytest.raises(ValueError, match="changes when component 0 grows by 1"):
+        vc.extremals(film(0.5), period=1.0)
+    angle = vc.Problem(lambda x, y, dy: dy**2, vc.Fixed(0, 0), vc.Free(1))
+    with pytest.raises(ValueError, match="free at the end"):
+        vc.extremals(angle, period=1.0)
+    with pytest.raises(ValueError, match="windings must be"):
+        vc.extremals(film(0.5), windings=-1)
+    with pytest.raises(ValueError, match="one for each"):
+        vc.extremals(film(0.5), period=(1.0, 2.0))
+
+
+@pytest.mark.parametrize("angle", [1.0, 2.5])
+def test_both_ways_round_a_great_circle(angle):
+    sphere = vc.Curve(
+        lambda q, dq: ca.sqrt(ca.sumsqr(dq)), vc.At([1, 0, 0]), vc.At([np.cos(angle), np.sin(angle), 0]),
+        [vc.Holonomic(lambda q: ca.sumsqr(q) - 1)],
+    )  # fmt: skip
+    found = vc.extremals(sphere)
+    assert [s.value for s in found][:2] == pytest.approx([angle, 2 * np.pi - angle], abs=1e-11)
+
+
+def test_antipodes_are_joined_by_a_continuum():
+    sphere = vc.Curve(
+        lambda q, dq: ca.sqrt(ca.sumsqr(dq)), vc.At([1, 0, 0]), vc.At([-1, 0, 0]),
+        [vc.Holonomic(lambda q: ca.sumsqr(q) - 1)],
+    )  # fmt: skip
+    found = vc.extremals(sphere)
+    assert {s.verdict for s in found} == {vc.Verdict.DEGENERATE}
+    assert found[0].value == pytest.approx(np.pi, abs=1e-11)
+
+
+def test_both_chains_of_a_given_length():
+    chain = vc.Problem(
+        lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.Fixed(1, 0),
+        [vc.Isoperimetric(lambda x, y, dy: ca.sqrt(1 + dy**2), 1.5)],
+    )  # fmt: skip
+    # y = c cosh((x - 1/2) / c) - c cosh(1 / (2 c)), with 2 c sinh(1 / (2 c)) = 3/2; and the same turned over
+    r = mp.findroot(lambda r: mp.sinh(r) / r - 1.5, 1.6)
+    c = 1 / (2 * r)
+    weight = c * (mp.mpf(1) / 2 + c * mp.sinh(2 * r) / 2) - c * mp.cosh(r) * mp.mpf(3) / 2
+    assert [s.value for s in vc.extremals(chain)] == pytest.approx([float(weight), float(-weight)], abs=1e-12)

@@ -12,8 +12,8 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.mesh import Space
 from varcalc.methods.boundary_value.answer import answered
-from varcalc.methods.boundary_value.damped_newton import Scales
-from varcalc.methods.boundary_value.error import Level
+from varcalc.methods.boundary_value.damped_newton import Scales, damped_newton
+from varcalc.methods.boundary_value.error import Level, assess
 from varcalc.methods.boundary_value.refinement import Refinement
 from varcalc.methods.boundary_value.starting_curves import Start, function_sizes, starting_curves
 from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space
@@ -21,13 +21,17 @@ from varcalc.methods.collocation import Collocation, first_unknowns, first_verti
 from varcalc.search.deflation import deflated_newton, is_singular
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict
 
-MESHES = {1: ((1, 20), (4, 8)), 2: ((1, 20), (4, 12))}
-"""Elements and degree of the meshes on which roots are sought, by the order of the functional."""
+MESHES = {1: ((1, 20), (4, 10)), 2: ((1, 24), (4, 12))}
+"""Elements and degree of the meshes on which roots are sought, by the order of the functional.
+
+One polynomial has few roots that stand for nothing; the other mesh is for where it finds none."""
 POLISH = 1e-4
 """Part of the tolerance of the value to which an extremal is refined ..."""
 LEAST = 1e-14
 """... but no less than this."""
-MOST_ROOTS = 24
+AGAIN = 12
+"""Iterations in which a root must be found again in a richer space."""
+MOST_ROOTS = 16
 """Roots sought on one mesh."""
 
 
@@ -53,7 +57,7 @@ def refined(form: Form, level: Level, tol: float) -> tuple[Solution, Space] | No
     """The Solution that a root stands for and the mesh it took; None when no extremal is near the root."""
     started = time.perf_counter()
     refinement = Refinement(scales_of(form), adaptive=True)
-    improved = refinement.improve(level, finer(tol))
+    improved = refinement.improve(level, finer(tol)) if persists(level) else None
     if improved is None:
         return None
     final, seconds = improved.level.system, time.perf_counter() - started
@@ -61,6 +65,16 @@ def refined(form: Form, level: Level, tol: float) -> tuple[Solution, Space] | No
     message = improved.status.value if improved.status is Status.ROUND_OFF else ""
     solution = answered(form, Collocation(), improved.level, improved.assessment, improved.status, message, stats)
     return as_asked(solution, tol), final.space
+
+
+def persists(level: Level) -> bool:
+    """True when a root has a counterpart in a richer space that is nearer to the next one: no accident of the mesh."""
+    first = assess(level, scales_of(level.system.form))
+    if first is None or first.trusted:
+        return first is not None
+    again = damped_newton(first.system, first.z, scales_of(level.system.form), AGAIN, guarded=False)
+    second = assess(Level(first.system, again.z, again.residual), scales_of(level.system.form))
+    return again.converged and second is not None and (second.trusted or second.correction < first.correction)
 
 
 def starts(form: Form) -> Iterator[Start]:
@@ -72,7 +86,7 @@ def starts(form: Form) -> Iterator[Start]:
 
 
 def deflated(form: Form, tol: float) -> list[Solution]:
-    """Every extremal that deflated Newton iterations reach on two coarse meshes, refined.
+    """Every extremal that deflated Newton iterations reach on a coarse mesh, refined.
 
     Where the conditions leave a direction open, one DEGENERATE extremal stands for the continuum.
     """
@@ -90,6 +104,8 @@ def deflated(form: Form, tol: float) -> list[Solution]:
             if is_singular(system, z):
                 return [*found, degenerate(solution)]
             found.append(solution)
+        if found:
+            break
     return found
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from varcalc.search.collected import as_asked, deflated, degenerate, finer
 from varcalc.search.end_map import EndMap, mappable
 from varcalc.search.scan import scan
 from varcalc.search.sequence import Extremals
+from varcalc.search.windings import wound
 from varcalc.singular import Infinite, forms
 from varcalc.solution import Solution, Verdict
 from varcalc.solve import check_arguments
@@ -34,7 +36,7 @@ MISSED = 1e-6
 """Relative distance from a fixed end beyond which a curve misses it."""
 
 
-def extremals(problem: Functional, *, tol: float = 1e-10) -> Extremals:
+def extremals(problem: Functional, *, tol: float = 1e-10, period: Any = None, windings: int = 1) -> Extremals:
     """Every extremal of ``problem`` that a systematic search finds, best first.
 
     One unknown function with a fixed end and a Lagrangian of first order is
@@ -47,10 +49,17 @@ def extremals(problem: Functional, *, tol: float = 1e-10) -> Extremals:
     then refined to ``tol`` as :func:`varcalc.solve` does, and one that no
     refinement confirms is left out.
 
+    A coordinate that is an angle is told by ``period``: a number, or one entry
+    for each unknown function, None where there is no period. Then curves that
+    end up to ``windings`` periods further on, either way, are sought as well;
+    the number of each is in ``windings`` of the sequence, and in the name of
+    its solution's problem.
+
     The sequence is empty when there is none. Its ``searched`` says what range
     was covered; nothing is claimed about what lies outside.
 
-    Raises TypeError or ValueError for unusable arguments.
+    Raises TypeError or ValueError for unusable arguments, such as a period
+    that the Lagrangian does not have.
 
     >>> import casadi as ca
     >>> import varcalc as vc
@@ -60,20 +69,26 @@ def extremals(problem: Functional, *, tol: float = 1e-10) -> Extremals:
     [0.848338, 0.235095]
     >>> found.searched.split(" that ")[0]
     'all with initial slope in [-1e+06, 1e+06]'
+
+    On a cylinder of radius 1, from height 0 to 1 and from angle 0 to 2:
+
+    >>> cylinder = vc.Problem(lambda z, angle, slope: ca.sqrt(1 + slope**2), vc.Fixed(0, 0), vc.Fixed(1, 2))
+    >>> found = vc.extremals(cylinder, period=2 * ca.pi)
+    >>> [(k, round(helix.value, 9)) for k, helix in zip(found.windings, found)]
+    [(0, 2.236067977), (-1, 4.398372014), (1, 8.3433302)]
     """
     check_arguments(problem, None, tol)
-    try:
-        candidates = [form for form in forms(problem) if form is not None]
-    except Infinite as reason:
-        return Extremals((), str(reason))
+    solutions: list[Solution] = []
+    numbers: list[Any] = []
+    words: list[str] = []
     with np.errstate(all="ignore"):  # trajectories leave the Lagrangian's domain; what is no number is left out
-        search = _Search(tol)
-        for form in candidates:
-            if not search.by_slope(form):
-                search.by_deflation(form)
-            if search.found:
-                break
-    return Extremals(search.found, "; ".join(search.words))
+        for number, each in list(wound(problem, period, windings)):
+            search = _Search(tol)
+            search.run(each)
+            solutions += search.found
+            numbers += [number] * len(search.found)
+            words.append("; ".join(search.words) if period is None else f"winding {number}: {'; '.join(search.words)}")
+    return Extremals(solutions, ". ".join(words), numbers)
 
 
 @dataclass
@@ -85,6 +100,19 @@ class _Search:
     def __post_init__(self) -> None:
         self.found: list[Solution] = []
         self.words: list[str] = []
+
+    def run(self, problem: Functional) -> None:
+        """Search the forms of a problem in turn until one gives extremals."""
+        try:
+            candidates = [form for form in forms(problem) if form is not None]
+        except Infinite as reason:
+            self.words.append(str(reason))
+            return
+        for form in candidates:
+            if not self.by_slope(form):
+                self.by_deflation(form)
+            if self.found:
+                break
 
     def by_slope(self, form: Form) -> bool:
         """Scan the initial slopes of a form that allows it; True when that leaves nothing else to find."""

@@ -12,10 +12,11 @@ class Extremals(Sequence[Solution]):
     """Extremals of one problem, best first: the lowest value first, the greatest where the problem is maximised.
 
     ``searched`` says what range was covered, ``windings`` by how many periods
-    the end of each was moved (zeros when no period was given).
+    the end of each was moved: a number, or one for each coordinate that has a
+    period where there are several (0 when no period was given).
     """
 
-    def __init__(self, solutions: Sequence[Solution], searched: str, windings: Sequence[int] = ()) -> None:
+    def __init__(self, solutions: Sequence[Solution], searched: str, windings: Sequence[Any] = ()) -> None:
         kept = tuple(windings) or (0,) * len(solutions)
         order = sorted(range(len(solutions)), key=lambda i: _rank(solutions[i]))
         self._solutions = tuple(solutions[i] for i in order)
