@@ -216,3 +216,36 @@ def test_both_chains_of_a_given_length():
     c = 1 / (2 * r)
     weight = c * (mp.mpf(1) / 2 + c * mp.sinh(2 * r) / 2) - c * mp.cosh(r) * mp.mpf(3) / 2
     assert [s.value for s in vc.extremals(chain)] == pytest.approx([float(weight), float(-weight)], abs=1e-12)
+
+
+def test_both_rays_as_a_curve_in_the_plane():
+    ray = vc.Curve(lambda q, dq: ca.sqrt((1 - 2 * q[1]) * ca.sumsqr(dq)), vc.At([0, 0]), vc.At([0.5, 0]))
+    found = vc.extremals(ray)
+    slopes = [float(np.divide(*s.dq(0.0)[::-1])) for s in found]
+    assert slopes == pytest.approx([float(mp.tan(mp.radians(d))) for d in (15, 75)], abs=1e-8)
+    assert "145 initial slopes" in found.searched
+
+
+def test_two_functions_that_do_not_meet_have_every_pair_of_solutions():
+    pair = vc.Problem(
+        lambda t, q, v: ca.sumsqr(v) / 2 - 3 * ca.exp(q[0]) - q[1] ** 4 / 4 + 10 * q[1] ** 2,
+        vc.Fixed(0, [0, 0]), vc.Fixed(1, [0, 0]),
+    )  # fmt: skip
+    roots = [mp.findroot(lambda t: t - mp.sqrt(6) * mp.cosh(t / 4), start) for start in (1.0, 10.0)]
+    heights = [float(2 * mp.log(mp.cosh(t / 4))) for t in roots]
+    found = vc.extremals(pair)
+    middles = {tuple(np.round(s.y(0.5), 6)) for s in found}
+    first = {round(h, 6) for h in heights}
+    assert {m[0] for m in middles} == first
+    # q2 = 0, and one arch of q2'' = 20 q2 - q2^3 either way, with each of the two
+    assert len(middles) == 6
+
+
+def test_both_ends_on_a_circle():
+    near_and_far = vc.extremals(
+        vc.Problem(
+            lambda x, y, dy: ca.sqrt(1 + dy**2), vc.Fixed(0, 0),
+            vc.OnCurve(lambda x, y: (x - 3) ** 2 + y**2 - 1, x=2.2),
+        )
+    )  # fmt: skip
+    assert [s.value for s in near_and_far] == pytest.approx([2.0, 4.0], abs=1e-12)

@@ -55,9 +55,13 @@ class Shot:
 
 def mappable(form: Form) -> bool:
     """True for one function of a first-order functional with one fixed end and the other fixed or natural."""
-    plain = form.order == 1 and form.n == 1 and not (form.periodic or form.knots or form.ends is not None)
-    bare = not (form.integrals or form.pathwise or len(form.unknown_guess) or form.weak_only or any(form.singular))
-    return plain and bare and not (np.isnan(form.fixed_start).any() and np.isnan(form.fixed_end).any())
+    plain = form.order == 1 and form.n == 1 and form.lift is None and form.ends is None
+    free = form.integrals or form.pathwise or len(form.unknown_guess) or form.weak_only
+    return (
+        plain
+        and not (free or form.periodic or form.knots)
+        and not (np.isnan(form.fixed_start).any() and np.isnan(form.fixed_end).any())
+    )
 
 
 @dataclass(frozen=True)
@@ -175,6 +179,6 @@ class EndMap:
 
         return trajectory
 
-    def slope(self, curve: Sampled) -> float:
-        """The slope, in units of :attr:`unit`, with which a curve leaves the fixed end."""
-        return float(curve(np.array([self.form.span[0 if self.forward else 1]]))[0, 0]) / self.unit
+    def slope(self, curve: Sampled) -> np.ndarray:
+        """The slope (1,), in units of :attr:`unit`, with which a curve given by its derivative leaves the fixed end."""
+        return curve(np.array([self.form.span[0 if self.forward else 1]]))[0] / self.unit

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from varcalc.methods.collocation import Collocation
 from varcalc.methods.shooting import Shooting
 from varcalc.search.collected import as_asked, deflated, degenerate, finer
 from varcalc.search.end_map import EndMap, mappable
+from varcalc.search.lattice import SIZES, Lattice, shootable
 from varcalc.search.scan import scan
 from varcalc.search.sequence import Extremals
 from varcalc.search.windings import wound
@@ -110,6 +111,7 @@ class _Search:
             return
         for form in candidates:
             if not self.by_slope(form):
+                self.by_lattice(form)
                 self.by_deflation(form)
             if self.found:
                 break
@@ -124,7 +126,8 @@ class _Search:
         degenerates = scanned.double if scanned.continuum is None else [scanned.continuum]
         lost = 0
         for u in scanned.zeros + degenerates:
-            solution = _confirmed(end_map, u, self.tol)
+            slope = np.array([math.sinh(u)])
+            solution = _confirmed(form, end_map.curve(u), end_map.slope, slope, self.tol)
             if solution is None:
                 lost += 1
             else:
@@ -132,6 +135,21 @@ class _Search:
         if lost:
             self.words.append(f"{lost} zeros of the miss at the end were not confirmed and are left out")
         return scanned.continuum is not None
+
+    def by_lattice(self, form: Form) -> None:
+        """Shoot with slopes in all directions where a scan would have to be in more than one dimension."""
+        if mappable(form) or not shootable(form):
+            return
+        lattice = Lattice(form)
+        before = len(self.found)
+        for slope, near, guess in lattice.roots():
+            solution = _confirmed(near, guess, lattice.slope, slope, self.tol)
+            if solution is not None:
+                self.add(solution)
+        self.words.append(
+            f"shooting from {len(list(lattice.slopes()))} initial slopes of up to {SIZES[-1]:g} times the problem's "
+            f"size gave {len(self.found) - before}"
+        )
 
     def by_deflation(self, form: Form) -> None:
         """Solve the collocated equations from many starting curves."""
@@ -149,18 +167,31 @@ class _Search:
             self.found.append(solution)
 
 
-def _confirmed(end_map: EndMap, u: float, tol: float) -> Solution | None:
-    """The extremal whose trajectory has the slope of a zero, found again by collocation, or by multiple shooting."""
-    form = end_map.form
-    guess: Sampled = end_map.curve(u)
+def _confirmed(
+    form: Form, guess: Sampled, slope_of: Callable[[Sampled], np.ndarray], slope: np.ndarray, tol: float
+) -> Solution | None:
+    """The extremal near a trajectory, found again by collocation or by multiple shooting; None when another is found.
+
+    ``slope`` (n,) is the scaled slope of the trajectory where it sets out, ``slope_of`` that of a curve's derivative.
+    """
     for method in (Collocation(degree=POLISHED), Shooting()):
         solution = as_asked(method.solve(form, tol=finer(tol), guess=guess), tol)
         if solution.status.ok and solution.curve is not None:
-            curve = solution.curve
-            slope = end_map.slope(form.pull(lambda x, curve=curve: curve(x, 1)))
-            if abs(slope - math.sinh(u)) <= AGREES * math.cosh(u):
+            reached = slope_of(derivative(form, solution))
+            if np.abs(reached - slope).max() <= AGREES * (1.0 + np.abs(slope).max()):
                 return solution
     return None
+
+
+def derivative(form: Form, solution: Solution) -> Sampled:
+    """The derivative of a solution by the form's abscissa."""
+    curve = solution.curve
+    assert curve is not None
+    width = solution.x.max() - solution.x.min() if form.lift is not None else 1.0
+    start = float(solution.x.min())
+    if form.lift is None:
+        return lambda s: curve(s, 1)
+    return lambda s: width * curve(start + s * width, 1)
 
 
 def meets_ends(solution: Solution) -> bool:

@@ -57,9 +57,7 @@ def _periods(problem: Functional, period: Any) -> list[float]:
     values = _end_values(problem)
     for i, length in enumerate(periods):
         if length and values[i] is None:
-            raise ValueError(
-                f"period: component {i} is free at the end, where no winding is told from another"
-            )
+            raise ValueError(f"period: component {i} is free at the end, where no winding is told from another")
         if length and not _periodic(problem, i, length):
             raise ValueError(f"period: the Lagrangian or a constraint changes when component {i} grows by {length:g}")
     return periods

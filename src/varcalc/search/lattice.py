@@ -1,0 +1,155 @@
+"""Shooting from a lattice of initial slopes: for several unknown functions, and for ends that slide.
+
+With more than one number open at the start no scan is complete. The shooting
+equations are solved from slopes in all directions and of many sizes instead
+(Newton's iteration with exact sensitivities, damped), each root counting once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from varcalc.engines import CannotLower, Flow, available
+from varcalc.formulation import Form, Sampled
+from varcalc.methods.direct.starts import size
+from varcalc.methods.initial_value.affine_newton import Ending, iterate
+from varcalc.methods.initial_value.flow import EulerLagrangeFlow, Scales
+from varcalc.methods.initial_value.initial_states import nus
+from varcalc.methods.initial_value.segments import Segments
+
+SIZES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+"""Sizes of the initial slope, in units of the problem's size by its width."""
+AROUND = 24
+"""Directions in a plane."""
+DISTANCES = (1.0, 0.5, 2.0, 4.0)
+"""Distances at which a sliding end is first put, in units of the one that was guessed."""
+MOST_FUNCTIONS = 3
+"""Unknown functions up to which directions are covered."""
+EVALUATIONS = 25
+"""Integrations granted to one start."""
+GROWTH = 1e12
+"""Growth of errors on the way beyond which a trajectory tells nothing."""
+SAME = 1e-8
+CURVE = 257
+
+
+def shootable(form: Form) -> bool:
+    """True for a first-order functional whose trajectories are fixed by their start and by numbers without levels."""
+    plain = form.order == 1 and form.n <= MOST_FUNCTIONS and not (form.periodic or form.knots)
+    bare = not (form.integrals or form.pathwise or form.weak_only or form.gauged)
+    same = form.lift is None or (form.ends is not None and form.n == form.problem.n)  # a change of abscissa only
+    return plain and bare and same and not np.isnan(form.fixed_start).any()
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """The starts for one ``shootable`` form and the roots they lead to."""
+
+    form: Form
+
+    @cached_property
+    def equations(self) -> EulerLagrangeFlow:
+        """The Euler-Lagrange equation as a first-order system."""
+        return EulerLagrangeFlow(self.form)
+
+    @cached_property
+    def _segments(self) -> Segments | None:
+        """One segment over the whole interval; None where the system is undefined at the start or cannot be lowered."""
+        unit = max(size(self.form), float(np.abs(self.form.fixed_start).max()))
+        units = Scales(np.full(self.form.n, unit), np.ones(self.equations.integrals))
+        flow = self._flow()
+        if flow is None:
+            return None
+        return Segments(self.equations, flow, units, np.array([0.0, 1.0]), np.array([0.0]), {})
+
+    def _flow(self) -> Flow | None:
+        system = self.equations.system.system
+        kept = self.form.problem.built.setdefault("flows", {})
+        for engine in available():
+            key = (engine, system.serialize())
+            try:
+                kept[key] = kept[key] if key in kept else engine.compile(system)
+            except CannotLower:
+                continue
+            return kept[key]
+        return None
+
+    def slopes(self) -> Iterator[np.ndarray]:
+        """Initial slopes (n,) in scaled units, the small ones first."""
+        yield np.zeros(self.form.n)
+        for length in SIZES:
+            yield from length * _directions(self.form.n)
+
+    def roots(self) -> list[tuple[np.ndarray, Form, Sampled]]:
+        """Of the roots found the initial slopes, scaled, the form with their unknown numbers, the trajectories."""
+        segments = self._segments
+        if segments is None:
+            return []
+        found: list[np.ndarray] = []
+        for slope, numbers in product(self.slopes(), self._numbers()):
+            x = self._first(segments, slope, numbers)
+            floor = np.maximum(np.abs(x), 1.0)
+            result = iterate(segments, x, floor, GROWTH, EVALUATIONS)
+            if result.ending is Ending.CONVERGED and not any(_same(result.x, other) for other in found):
+                found.append(result.x)
+        n = self.form.n
+        return [
+            (x[n : 2 * n], replace(self.form, unknown_guess=segments.parts(x)[1]), self._curve(segments, x))
+            for x in found
+        ]
+
+    def _numbers(self) -> list[np.ndarray]:
+        """First values of the unknown numbers: the guesses, and a sliding end at other distances from the start."""
+        form = self.form
+        if form.lift is None or len(form.unknown_guess) == len(form.problem.unknowns):
+            return [form.unknown_guess]
+        start, out = form.problem.span[0], []
+        for factor in DISTANCES:
+            numbers = form.unknown_guess.copy()
+            numbers[-1] = start + factor * (numbers[-1] - start)
+            out.append(numbers)
+        return out
+
+    def _first(self, segments: Segments, slope: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        form, units = self.form, segments.scales.ordinates
+        states = [np.concatenate([form.baseline(np.array([s]))[:, 0] / units, slope]) for s in form.span]
+        states[0][: form.n] = form.fixed_start[0] / units
+        nu = nus(self.equations, segments.scales, np.array(states), numbers, np.zeros(0))
+        return np.concatenate([states[0], numbers, nu])
+
+    def _curve(self, segments: Segments, x: np.ndarray) -> Sampled:
+        """The trajectory of a root, linear between its points."""
+        t = np.linspace(0.0, 1.0, CURVE)
+        start = segments.equations.system.start(
+            np.concatenate([segments.parts(x)[0][0], np.zeros(self.equations.integrals)])
+        )
+        states = segments.flow.run(t, start, segments.constants(0, x)).states[:, : self.form.n].T
+        rows = states * segments.scales.ordinates[:, None]
+        a, b = self.form.span
+        return lambda s: np.array([np.interp((s - a) / (b - a), t, row) for row in rows])
+
+    def slope(self, curve: Sampled) -> np.ndarray:
+        """The scaled slope with which a curve, given by its derivative, sets out."""
+        assert self._segments is not None
+        a, b = self.form.span
+        return curve(np.array([a]))[:, 0] * (b - a) / self._segments.scales.ordinates
+
+
+def _directions(n: int) -> np.ndarray:
+    """Unit vectors (m, n): both signs, a circle of them, or those to the corners, edges and faces of a cube."""
+    if n == 1:
+        return np.array([[1.0], [-1.0]])
+    if n == 2:
+        angles = 2 * np.pi * (np.arange(AROUND) + 0.5) / AROUND
+        return np.column_stack([np.cos(angles), np.sin(angles)])
+    corners = np.array([c for c in product((-1.0, 0.0, 1.0), repeat=n) if any(c)])
+    return corners / np.linalg.norm(corners, axis=1)[:, None]
+
+
+def _same(one: np.ndarray, other: np.ndarray) -> bool:
+    return bool(np.abs(one - other).max() <= SAME * max(1.0, float(np.abs(other).max())))
