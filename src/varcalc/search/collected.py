@@ -29,8 +29,10 @@ POLISH = 1e-4
 """Part of the tolerance of the value to which an extremal is refined ..."""
 LEAST = 1e-14
 """... but no less than this."""
-AGAIN = 12
-"""Iterations in which a root must be found again in a richer space."""
+CLIMBS, AGAIN = 3, 12
+"""Richer spaces in which a root is looked for, and the iterations granted each time."""
+FALLING = 0.3
+"""Factor by which the correction from one to the next must fall at least."""
 MOST_ROOTS = 16
 """Roots sought on one mesh."""
 
@@ -68,13 +70,26 @@ def refined(form: Form, level: Level, tol: float) -> tuple[Solution, Space] | No
 
 
 def persists(level: Level) -> bool:
-    """True when a root has a counterpart in a richer space that is nearer to the next one: no accident of the mesh."""
-    first = assess(level, scales_of(level.system.form))
-    if first is None or first.trusted:
-        return first is not None
-    again = damped_newton(first.system, first.z, scales_of(level.system.form), AGAIN, guarded=False)
-    second = assess(Level(first.system, again.z, again.residual), scales_of(level.system.form))
-    return again.converged and second is not None and (second.trusted or second.correction < first.correction)
+    """True when a root has a counterpart in richer spaces that there is evidence of an extremal near.
+
+    A coarse mesh has roots that are accidents of its own, and refining one for a long time costs far more than
+    finding it.
+    """
+    if is_singular(level.system, level.z):
+        return True  # along the direction left open a correction may be anything
+    before = math.inf
+    for _ in range(CLIMBS):
+        assessment = assess(level, scales_of(level.system.form))
+        if assessment is None or assessment.trusted:
+            return assessment is not None
+        if assessment.correction > FALLING * before:
+            return False
+        before = assessment.correction
+        outcome = damped_newton(assessment.system, assessment.z, scales_of(level.system.form), AGAIN, guarded=False)
+        if not outcome.converged:
+            return False
+        level = Level(assessment.system, outcome.z, outcome.residual)
+    return True
 
 
 def starts(form: Form) -> Iterator[Start]:
@@ -105,7 +120,7 @@ def deflated(form: Form, tol: float) -> list[Solution]:
                 return [*found, degenerate(solution)]
             found.append(solution)
         if found:
-            break
+            return found
     return found
 
 

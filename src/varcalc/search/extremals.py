@@ -22,7 +22,7 @@ from varcalc.search.sequence import Extremals
 from varcalc.search.windings import wound
 from varcalc.singular import Infinite, forms
 from varcalc.solution import Solution, Verdict
-from varcalc.solve import check_arguments
+from varcalc.solve import WORTHLESS, check_arguments
 
 AGREES = 1e-6
 """Relative difference of initial slopes up to which two routes found the same extremal."""
@@ -162,8 +162,9 @@ class _Search:
         )
 
     def add(self, solution: Solution) -> None:
-        """Keep a solution that is not one of those known."""
-        if meets_ends(solution) and not any(same_curve(solution, other) for other in self.found):
+        """Keep a solution that has digits to show, meets its ends, and is not one of those known."""
+        sound = solution.error.value <= WORTHLESS * max(1.0, abs(solution.value)) and meets_ends(solution)
+        if sound and not any(same_curve(solution, other) for other in self.found):
             self.found.append(solution)
 
 
