@@ -41,6 +41,14 @@ def test_pendulum_against_elliptic_functions(engine, stop):
     np.testing.assert_allclose(run.trajectory(between), [swing(t) for t in between], atol=2e-11)
 
 
+@pytest.mark.parametrize("engine", ENGINES, ids=lambda e: e.name)
+def test_constants_that_do_not_occur_are_passed_over(engine):
+    s, state, constants = ca.SX.sym("s"), ca.SX.sym("Y", 1), ca.SX.sym("c", 3)
+    growth = ca.Function("growth", [s, state, constants], [constants[1] * state])
+    run = engine.compile(growth).run(np.array([0.0, 1.0]), np.array([1.0]), np.array([9.0, 2.0, 9.0]))
+    np.testing.assert_allclose(run.states[-1], [np.exp(2.0)], rtol=1e-11)
+
+
 def test_taylor_reaches_round_off():
     run = Taylor().compile(pendulum()).run(np.array([0.0, 7.0]), START, np.array([1.0]))
     np.testing.assert_allclose(run.states[-1], swing(7.0), atol=2e-15)

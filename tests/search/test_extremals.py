@@ -152,6 +152,18 @@ def test_a_curve_that_misses_its_end_is_none():
     assert found.searched
 
 
+def test_interpolated_data_is_searched_as_formulas_are():
+    heights = np.linspace(-1, 2, 31)
+    index = ca.interpolant("n", "bspline", [heights.tolist()], (1 + heights**2).tolist())
+    tabulated = vc.Problem(lambda x, y, dy: index(y) * ca.sqrt(1 + dy**2), vc.Fixed(0, 0.5), vc.Fixed(1, 0.5))
+    formula = vc.Problem(lambda x, y, dy: (1 + y**2) * ca.sqrt(1 + dy**2), vc.Fixed(0, 0.5), vc.Fixed(1, 0.5))
+    found, exact = vc.extremals(tabulated), vc.extremals(formula)
+    assert found[0].value == pytest.approx(exact[0].value, abs=1e-10)  # a cubic spline of a parabola is exact
+    # what is called from Python is slow, so the range is smaller, and stated
+    farthest = [float(s.searched.partition("slope in [")[2].partition(",")[0]) for s in (found, exact)]
+    assert farthest[1] == -1e6 < farthest[0] < -10
+
+
 def test_unusable_arguments_are_named():
     with pytest.raises(TypeError, match="problem must be"):
         vc.extremals(lambda x, y, dy: dy**2)
@@ -196,9 +208,10 @@ def test_both_ways_round_a_great_circle(angle):
     assert [s.value for s in found][:2] == pytest.approx([angle, 2 * np.pi - angle], abs=1e-11)
 
 
-def test_antipodes_are_joined_by_a_continuum():
+@pytest.mark.parametrize("off", [0.0, 1.2e-16])
+def test_antipodes_are_joined_by_a_continuum(off):
     sphere = vc.Curve(
-        lambda q, dq: ca.sqrt(ca.sumsqr(dq)), vc.At([1, 0, 0]), vc.At([-1, 0, 0]),
+        lambda q, dq: ca.sqrt(ca.sumsqr(dq)), vc.At([1, 0, 0]), vc.At([-1, off, 0]),
         [vc.Holonomic(lambda q: ca.sumsqr(q) - 1)],
     )  # fmt: skip
     found = vc.extremals(sphere)

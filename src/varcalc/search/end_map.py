@@ -10,14 +10,16 @@ and 26; the derivative is the Jacobi field, which vanishes at conjugate points).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from varcalc.engines import CannotLower, Engine, Flow, Outcome, Run, Variational, available, variational
+from varcalc.engines import CannotLower, Flow, Outcome, Run, Variational, available, variational
+from varcalc.engines.dop853 import Dop853Flow
 from varcalc.formulation import Form, Sampled
 from varcalc.methods.direct.starts import size
 from varcalc.methods.initial_value.flow import EulerLagrangeFlow, Scales
@@ -26,6 +28,8 @@ STATIONS = 9
 """Abscissae at which a trajectory is recorded, so that one which fails still tells which way it went."""
 MOST_STEPS = 800
 """Steps of an integrator granted to one trajectory."""
+COMPILED, INTERPRETED = 600_000, 30_000
+"""Steps granted to a scan with a compiled system, and with one that is called from Python."""
 CURVE = 257
 """Points of a trajectory that is handed on as a curve."""
 
@@ -37,7 +41,8 @@ class Shot:
     ``miss`` is asinh of the scaled miss and ``slope`` its derivative by u; both
     NaN where the end was not reached, and then ``side`` is the sign of the
     slope on which the trajectory was lost (0 when nothing is known).
-    ``flat`` is the larger of miss and derivative relative to the trajectory.
+    ``flat`` is the larger of miss and derivative relative to the trajectory,
+    ``steps`` what the integration took.
     """
 
     u: float
@@ -46,6 +51,7 @@ class Shot:
     side: float
     flat: float
     outcome: Outcome
+    steps: int
 
     @property
     def arrived(self) -> bool:
@@ -109,16 +115,17 @@ class EndMap:
         kept = self.form.problem.built.setdefault("flows", {})
         for engine in available():
             limited: Any = engine
-            limited = type(limited)(most_steps=MOST_STEPS)
-            key: tuple[Engine, str] = (limited, system.serialize())
-            if key in kept:
+            limited = replace(limited, most_steps=MOST_STEPS)
+            key = (limited, system.serialize())
+            with suppress(CannotLower):
+                kept[key] = kept[key] if key in kept else limited.compile(system)
                 return kept[key]
-            try:
-                kept[key] = limited.compile(system)
-            except CannotLower:
-                continue
-            return kept[key]
         raise ImportError("no engine is installed that could take the system; install scipy")
+
+    @property
+    def budget(self) -> int:
+        """Steps of the integrator that a scan may take: about ten seconds of them."""
+        return INTERPRETED if isinstance(self._flow, Dop853Flow) else COMPILED
 
     @cached_property
     def _constants(self) -> np.ndarray:
@@ -156,11 +163,13 @@ class EndMap:
         if not run.completed:
             slopes = run.states[np.isfinite(run.states[:, 1]), 1]
             side = math.copysign(1.0, slopes[-1]) if len(slopes) > 1 else 0.0
-            return Shot(u, math.nan, math.nan, side, math.inf, run.outcome)
+            return Shot(u, math.nan, math.nan, side, math.inf, run.outcome, run.steps)
         miss, by = self._far(run.states[-1])
         grown, reach = by * math.cosh(u), float(np.abs(run.states[:, :2]).max())
         flat = max(abs(miss), abs(by)) / max(reach, 1.0)
-        return Shot(u, math.asinh(miss), grown / math.hypot(1.0, miss), math.copysign(1.0, miss), flat, run.outcome)
+        return Shot(
+            u, math.asinh(miss), grown / math.hypot(1.0, miss), math.copysign(1.0, miss), flat, run.outcome, run.steps
+        )
 
     def curve(self, u: float) -> Sampled:
         """The trajectory of a shot that arrived, as a function of the form's abscissa (cubic between its points)."""

@@ -8,6 +8,7 @@ equations are solved from slopes in all directions and of many sizes instead
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -72,11 +73,9 @@ class Lattice:
         kept = self.form.problem.built.setdefault("flows", {})
         for engine in available():
             key = (engine, system.serialize())
-            try:
+            with suppress(CannotLower):
                 kept[key] = kept[key] if key in kept else engine.compile(system)
-            except CannotLower:
-                continue
-            return kept[key]
+                return kept[key]
         return None
 
     def slopes(self) -> Iterator[np.ndarray]:

@@ -79,12 +79,24 @@ class Scanned:
 class _Scan:
     map: EndMap
     shots: dict[float, Shot] = field(default_factory=dict)
+    steps: int = 0
     unresolved: int = 0
 
     def at(self, u: float) -> Shot:
         if u not in self.shots:
             self.shots[u] = self.map.shoot(u)
+            self.steps += self.shots[u].steps
         return self.shots[u]
+
+    def reach(self, grid: np.ndarray) -> np.ndarray:
+        """The part of a symmetric grid, from the middle outwards, that half of the budget pays for."""
+        middle = len(grid) // 2
+        for k in range(middle + 1):
+            self.at(float(grid[middle - k]))
+            self.at(float(grid[middle + k]))
+            if 2 * self.steps > self.map.budget:
+                return grid[middle - k : middle + k + 1]
+        return grid
 
     def refine(self, grid: np.ndarray) -> None:
         """Halve intervals until the map is resolved, or the trajectories are used up."""
@@ -96,7 +108,7 @@ class _Scan:
             if depth >= _halvings(left, right) or not a < middle < b:
                 self.unresolved += left.arrived and right.arrived
                 continue
-            if len(self.shots) >= MOST:
+            if len(self.shots) >= MOST or self.steps >= self.map.budget:
                 self.unresolved += 1
                 continue
             if not _resolved(left, right, self.at(middle)):
@@ -109,10 +121,9 @@ class _Scan:
 
 
 def scan(end_map: EndMap) -> Scanned:
-    """The zeros of ``end_map`` for slopes up to FARTHEST units either way."""
-    farthest = math.asinh(FARTHEST)
+    """The zeros of ``end_map`` for slopes up to FARTHEST units either way, or as far as its budget goes."""
     state = _Scan(end_map)
-    grid = np.linspace(-farthest, farthest, FIRST + 1)
+    grid = state.reach(np.linspace(-math.asinh(FARTHEST), math.asinh(FARTHEST), FIRST + 1))
     continuum = _continuum([state.at(float(u)) for u in grid])
     zeros: list[float] = []
     double: list[float] = []
@@ -121,7 +132,7 @@ def scan(end_map: EndMap) -> Scanned:
         _settle(state, zeros, double)
     unit = end_map.unit
     ordered = [state.shots[u] for u in sorted(state.shots)]
-    high = unit * math.sinh(farthest)
+    high = unit * math.sinh(float(grid[-1]))
     lost = _gaps(ordered, [0.0, *zeros, *double], unit)
     return Scanned(zeros, double, -high, high, len(ordered), lost, state.unresolved, continuum)
 

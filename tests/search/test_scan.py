@@ -1,0 +1,73 @@
+"""The end map and its zeros: derivatives, folds between samples, gaps and what is said of them."""
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import varcalc as vc
+from varcalc.search.end_map import EndMap, mappable
+from varcalc.search.scan import scan
+from varcalc.singular import forms
+
+
+def end_map(lagrangian, start, end):
+    return EndMap(forms(vc.Problem(lagrangian, start, end))[0])
+
+
+def spring(x, y, dy):
+    return (dy**2 - y**2) / 2
+
+
+def test_the_derivative_of_the_map_is_the_jacobi_field():
+    on_pendulum = end_map(lambda t, q, v: v**2 / 2 + ca.cos(q), vc.Fixed(0, 0), vc.Fixed(3, 0.5))
+    for u in (-1.0, 0.2, 2.0):
+        ahead, behind = on_pendulum.shoot(u + 1e-5), on_pendulum.shoot(u - 1e-5)
+        assert on_pendulum.shoot(u).slope == pytest.approx((ahead.miss - behind.miss) / 2e-5, rel=1e-6)
+
+
+def test_the_map_of_a_spring_is_its_sine():
+    on_spring = end_map(spring, vc.Fixed(0, 0), vc.Fixed(2, 1))
+    v = 0.7
+    miss = on_spring.unit * v * math.sin(2) - 1
+    assert on_spring.shoot(math.asinh(v)).miss == pytest.approx(math.asinh(miss / on_spring.ordinate), abs=1e-13)
+
+
+def test_a_free_start_is_scanned_from_the_fixed_end():
+    backwards = end_map(spring, vc.Free(0), vc.Fixed(1, 1))
+    [u] = scan(backwards).zeros
+    # y = cos x / cos 1
+    assert backwards.unit * math.sinh(u) == pytest.approx(-math.tan(1.0), abs=1e-12)
+    assert backwards.curve(u)(np.array([0.0])) == pytest.approx(np.array([[1 / math.cos(1.0)]]), abs=1e-9)
+
+
+def test_two_zeros_closer_than_the_samples_are_found():
+    # y'' = -1: y(X) = X v - X^2 (1 + v^2) / 2 with n^2 = 1 - 2 y, a double zero where X = 1
+    reach = math.sqrt(1 - 1e-10)
+    near = end_map(lambda x, y, dy: ca.sqrt(1 - 2 * y) * ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.Fixed(reach, 0))
+    slopes = [near.unit * math.sinh(u) for u in scan(near).zeros]
+    exact = [(1 + sign * 1e-5) / reach for sign in (-1, 1)]
+    assert slopes == pytest.approx(exact, abs=1e-8)
+
+
+def test_what_does_not_arrive_is_told():
+    blow_up = end_map(lambda x, y, dy: dy**2 / 2 + y**4 / 4, vc.Fixed(0, 0), vc.Fixed(1, 1))
+    found = scan(blow_up)
+    assert len(found.zeros) == 1
+    assert "trajectories do not arrive (the solution leaves every bound" in found.searched
+    # y'' = y^3 from 0 with slope v has its pole at sqrt(2)^(1/2) K(1/2) / sqrt(v), here x = 1
+    [(_, low, _), (high, _, _)] = found.lost
+    assert -low == pytest.approx(high, rel=1e-3)
+    assert high == pytest.approx(math.sqrt(2) * 1.8540746773013719**2, rel=1e-3)
+
+
+def test_only_one_open_number_is_scanned():
+    def mapped(*arguments, **more):
+        return mappable(forms(vc.Problem(*arguments, **more))[0])
+
+    assert mapped(spring, vc.Fixed(0, 0), vc.Free(1))
+    assert not mapped(spring, vc.Free(0), vc.Free(1))
+    assert not mapped(lambda x, y, dy: ca.sumsqr(dy), vc.Fixed(0, [0, 0]), vc.Fixed(1, [1, 1]))
+    assert not mapped(lambda x, y, dy, ddy: ddy**2, vc.Fixed(0, 0), vc.Fixed(1, 1), order=2)
+    assert not mapped(spring, vc.Fixed(0, 0), vc.Fixed(1, 1), [vc.Isoperimetric(lambda x, y, dy: y, 1)])
