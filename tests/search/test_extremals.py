@@ -164,6 +164,27 @@ def test_interpolated_data_is_searched_as_formulas_are():
     assert farthest[1] == -1e6 < farthest[0] < -10
 
 
+@pytest.mark.parametrize("unit", [1e-7, 1e7])
+def test_units_change_nothing(unit):
+    scaled = vc.Problem(
+        lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Fixed(-0.5 * unit, unit), vc.Fixed(0.5 * unit, unit)
+    )
+    exact = [float(film_value(0.5, c)) for c in necks(0.5)]
+    assert [s.value / unit**2 for s in vc.extremals(scaled)] == pytest.approx(exact, rel=1e-12)
+
+
+def test_what_cannot_be_searched_is_said():
+    wall = vc.Problem(lambda x, y, dy: dy**2, vc.Fixed(0, 0), vc.Fixed(1, 1), [vc.Bound(lambda x, y, dy: dy, upper=2)])
+    found = vc.extremals(wall)
+    assert len(found) == 0
+    assert "not searched by collocation: constraints[0] is an inequality" in found.searched
+
+
+def test_a_lagrangian_without_a_hold_on_the_slope_has_none():
+    for lagrangian in (lambda x, y, dy: y * dy, lambda x, y, dy: x * dy + y**2, lambda x, y, dy: x**2 * dy**2):
+        assert len(vc.extremals(vc.Problem(lagrangian, vc.Fixed(-1, 0), vc.Fixed(1, 1)))) == 0
+
+
 def test_unusable_arguments_are_named():
     with pytest.raises(TypeError, match="problem must be"):
         vc.extremals(lambda x, y, dy: dy**2)

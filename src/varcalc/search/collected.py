@@ -103,10 +103,9 @@ def starts(form: Form) -> Iterator[Start]:
 def deflated(form: Form, tol: float) -> list[Solution]:
     """Every extremal that deflated Newton iterations reach on a coarse mesh, refined.
 
-    Where the conditions leave a direction open, one DEGENERATE extremal stands for the continuum.
+    The form is one that collocation applies to. Where the conditions leave a
+    direction open, one DEGENERATE extremal stands for the continuum.
     """
-    if Collocation().inapplicable(form):
-        return []
     found: list[Solution] = []
     for elements, degree in MESHES[form.order]:
         at_least = max(degree, form.least_degree)
@@ -120,7 +119,7 @@ def deflated(form: Form, tol: float) -> list[Solution]:
                 return [*found, degenerate(solution)]
             found.append(solution)
         if found:
-            return found
+            break
     return found
 
 

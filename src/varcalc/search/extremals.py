@@ -153,6 +153,10 @@ class _Search:
 
     def by_deflation(self, form: Form) -> None:
         """Solve the collocated equations from many starting curves."""
+        reason = Collocation().inapplicable(form)
+        if reason:
+            self.words.append(f"not searched by collocation: {reason}")
+            return
         before = len(self.found)
         for solution in deflated(form, self.tol):
             self.add(solution)
