@@ -12,8 +12,8 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.mesh import Space
 from varcalc.methods.boundary_value.answer import answered
-from varcalc.methods.boundary_value.damped_newton import Scales, damped_newton
 from varcalc.methods.boundary_value.error import Level, assess
+from varcalc.methods.boundary_value.newton import Scales, stationary
 from varcalc.methods.boundary_value.refinement import Refinement
 from varcalc.methods.boundary_value.starting_curves import Start, function_sizes, starting_curves
 from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space
@@ -29,8 +29,8 @@ POLISH = 1e-4
 """Part of the tolerance of the value to which an extremal is refined ..."""
 LEAST = 1e-14
 """... but no less than this."""
-CLIMBS, AGAIN = 3, 12
-"""Richer spaces in which a root is looked for, and the iterations granted each time."""
+CLIMBS = 3
+"""Richer spaces in which a root is looked for."""
 FALLING = 0.3
 """Factor by which the correction from one to the next must fall at least."""
 MOST_ROOTS = 16
@@ -85,7 +85,7 @@ def persists(level: Level) -> bool:
         if assessment.correction > FALLING * before:
             return False
         before = assessment.correction
-        outcome = damped_newton(assessment.system, assessment.z, scales_of(level.system.form), AGAIN, guarded=False)
+        outcome = stationary(assessment.system, assessment.z, scales_of(level.system.form))
         if not outcome.converged:
             return False
         level = Level(assessment.system, outcome.z, outcome.residual)

@@ -10,8 +10,8 @@ import numpy as np
 from varcalc.conditions import finite
 from varcalc.formulation import formulate
 from varcalc.mesh import Space
-from varcalc.methods.boundary_value.damped_newton import damped_newton
 from varcalc.methods.boundary_value.error import Level
+from varcalc.methods.boundary_value.newton import stationary
 from varcalc.methods.boundary_value.refinement import Refinement
 from varcalc.methods.boundary_value.starting_curves import function_sizes, resolving_vertices
 from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space
@@ -193,7 +193,7 @@ class _Walk:
         share = (edge - point.parameter) / (following.parameter - point.parameter)
         z = point.z + share * (following.z - point.z)
         system = self.family.system(point.space, edge)
-        outcome = damped_newton(system, z, scales_of(system.form), guarded=False)
+        outcome = stationary(system, z, scales_of(system.form))
         if outcome.converged:
             self._solution(Level(system, outcome.z, outcome.residual))
 

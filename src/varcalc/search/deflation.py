@@ -15,15 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from varcalc.methods.boundary_value.damped_newton import (
-    CONVERGED,
-    SPARSE_FROM,
-    Outcome,
-    Scales,
-    damped_newton,
-    factorised,
-    measure,
-)
+from varcalc.methods.boundary_value.newton import SPARSE_FROM, Scales, factorised, measure, stationary
 from varcalc.methods.boundary_value.system import CollocationSystem
 
 ITERATIONS = 50
@@ -57,7 +49,7 @@ def deflated_newton(
         if abs(factor - 1.0) < 0.5 and length < NEAR:
             return _settled(system, z, known, scales)
         reach = abs(factor) * length
-        z = z + factor * min(1.0, LONGEST / max(reach, CONVERGED)) * step
+        z = z + factor * LONGEST / max(reach, LONGEST) * step
     return None
 
 
@@ -77,7 +69,7 @@ def _settled(
     system: CollocationSystem, z: np.ndarray, known: Sequence[np.ndarray], scales: Scales
 ) -> np.ndarray | None:
     """The root that the ordinary iteration ends at, unless it is a known one."""
-    outcome: Outcome = damped_newton(system, z, scales, guarded=False)
+    outcome = stationary(system, z, scales)
     if not outcome.converged or is_known(outcome.z, known, scales.weights(system)):
         return None
     return outcome.z

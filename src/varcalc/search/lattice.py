@@ -15,12 +15,12 @@ from itertools import product
 
 import numpy as np
 
-from varcalc.engines import CannotLower, Flow, available
+from varcalc.engines import CannotLower, Flow, Metered, available
 from varcalc.formulation import Form, Sampled
 from varcalc.methods.direct.starts import size
-from varcalc.methods.initial_value.affine_newton import Ending, iterate
 from varcalc.methods.initial_value.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.initial_value.initial_states import nus
+from varcalc.methods.initial_value.newton import Ending, iterate
 from varcalc.methods.initial_value.segments import Segments
 
 SIZES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
@@ -31,8 +31,8 @@ DISTANCES = (1.0, 0.5, 2.0, 4.0)
 """Distances at which a sliding end is first put, in units of the one that was guessed."""
 MOST_FUNCTIONS = 3
 """Unknown functions up to which directions are covered."""
-EVALUATIONS = 25
-"""Integrations granted to one start."""
+WORK = 60
+"""Integrations granted to one start, long ones counting as several."""
 GROWTH = 1e12
 """Growth of errors on the way beyond which a trajectory tells nothing."""
 SAME = 1e-8
@@ -66,7 +66,7 @@ class Lattice:
         flow = self._flow()
         if flow is None:
             return None
-        return Segments(self.equations, flow, units, np.array([0.0, 1.0]), np.array([0.0]), {})
+        return Segments(self.equations, Metered(flow), units, np.array([0.0, 1.0]), np.array([0.0]), {})
 
     def _flow(self) -> Flow | None:
         system = self.equations.system.system
@@ -93,7 +93,7 @@ class Lattice:
         for slope, numbers in product(self.slopes(), self._numbers()):
             x = self._first(segments, slope, numbers)
             floor = np.maximum(np.abs(x), 1.0)
-            result = iterate(segments, x, floor, GROWTH, EVALUATIONS)
+            result = iterate(segments, x, floor, GROWTH, WORK)
             if result.ending is Ending.CONVERGED and not any(_same(result.x, other) for other in found):
                 found.append(result.x)
         n = self.form.n
