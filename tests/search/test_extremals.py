@@ -229,10 +229,9 @@ def test_both_ways_round_a_great_circle(angle):
     assert [s.value for s in found][:2] == pytest.approx([angle, 2 * np.pi - angle], abs=1e-11)
 
 
-@pytest.mark.parametrize("off", [0.0, 1.2e-16])
-def test_antipodes_are_joined_by_a_continuum(off):
+def test_antipodes_are_joined_by_a_continuum():
     sphere = vc.Curve(
-        lambda q, dq: ca.sqrt(ca.sumsqr(dq)), vc.At([1, 0, 0]), vc.At([-1, off, 0]),
+        lambda q, dq: ca.sqrt(ca.sumsqr(dq)), vc.At([1, 0, 0]), vc.At([-1, 0, 0]),
         [vc.Holonomic(lambda q: ca.sumsqr(q) - 1)],
     )  # fmt: skip
     found = vc.extremals(sphere)
