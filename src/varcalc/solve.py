@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import OnCurve
+from varcalc.arguments import Guess, check_arguments, check_guess, sampled_guess
 from varcalc.existence import explained, outdone, second_look
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
 from varcalc.methods.collocation import Collocation
 from varcalc.methods.first_integral import FirstIntegral
 from varcalc.methods.ritz import Ritz
-from varcalc.problem import Curve, Problem
+from varcalc.problem import Problem
 from varcalc.singular import Infinite, forms
 from varcalc.slopes import vouched
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict, no_answer
-from varcalc.tracing import check_arity
 
 
 class Method(Protocol):
@@ -30,9 +28,6 @@ class Method(Protocol):
     def solve(self, form: Form, *, tol: float, guess: Sampled | None) -> Solution:
         """A Solution, with a status that says why when there is none."""
         ...
-
-
-Guess = Callable[[Any], Any] | Solution | None
 
 
 def solve(
@@ -61,7 +56,7 @@ def solve(
     5.0
     """
     check_arguments(problem, method, tol)
-    _check_guess(problem, guess)
+    check_guess(problem, guess)
     solution = _linear(problem, method or LADDER[0])
     if solution is None:
         solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
@@ -74,67 +69,11 @@ def solve(
 
 WORTHLESS = 1e-6
 """Relative error at which an answer limited by round-off is none."""
-GUESS_PLACES = 16
-"""Abscissae at which a guess is looked at before it is used."""
-SAME = 1e-9
-"""Distance of two abscissae that counts as none, relative to the interval."""
 LADDER: tuple[Ritz, ...] = (Ritz(),)
 """The route taken first: the direct method is the cheapest for most single solves, and it alone ends at a
 minimum by construction (see docs/methods.md for the figures)."""
 GUIDES: tuple[Method, ...] = (Collocation(), FirstIntegral())
 """Routes that may find an extremal where minimisation finds no way to it; it is minimised from there."""
-
-
-def check_arguments(problem: Any, method: Any, tol: Any) -> None:
-    """Raise TypeError or ValueError, naming the argument and the remedy, for what cannot be solved."""
-    if not isinstance(problem, Problem | Curve):
-        raise TypeError(f"problem must be a Problem or a Curve, not {problem!r}")
-    if method is not None and (isinstance(method, type) or not hasattr(method, "solve")):
-        hint = f"; write {method.__name__}()" if isinstance(method, type) else ""
-        raise TypeError(f"method must be a method object such as Ritz() or Shooting(), not {method!r}{hint}")
-    if isinstance(tol, bool) or not (isinstance(tol, float | int | np.number) and math.isfinite(tol) and tol > 0):
-        raise ValueError(f"tol must be a positive number, not {tol!r}")
-
-
-def _check_guess(problem: Functional, guess: Any) -> None:
-    """Refuse a guess that cannot be a curve of this problem, before anything is built for it."""
-    if guess is None:
-        return
-    if isinstance(guess, Solution):
-        _check_kin(problem, guess)
-        first, last = guess.interval
-    elif callable(guess):
-        check_arity("guess", guess, 1, "guess is a function of the abscissa (of t for a Curve)")
-        first, last = problem.span
-    else:
-        raise TypeError(f"guess must be a function of x or a Solution, not {guess!r}")
-    # inside, since a guess may be singular at the ends where the extremal is
-    places = first + (last - first) * (np.arange(GUESS_PLACES) + 0.5) / GUESS_PLACES
-    values = _values(problem, guess.y if isinstance(guess, Solution) else guess, places)
-    bad = ~np.isfinite(values).all(axis=0)
-    if bad.any():
-        raise ValueError(f"guess is not a finite number at {places[bad][0]:.6g}; give one that is, or leave it out")
-
-
-def _check_kin(problem: Functional, guess: Solution) -> None:
-    """Refuse a Solution whose curve is not of this problem's kind."""
-    other = guess.problem
-    if guess.curve is None:
-        raise ValueError("guess is a Solution that holds no curve; leave it out, or give a function of x")
-    if isinstance(problem, Curve) != isinstance(other, Curve):
-        kinds = ("Curve", "Problem") if isinstance(problem, Curve) else ("Problem", "Curve")
-        raise ValueError(f"guess is a Solution of a {kinds[1]} and the problem is a {kinds[0]}; give a function")
-    if other.n != problem.n:
-        raise ValueError(
-            f"guess is a Solution with {other.n} unknown functions and the problem has {problem.n}; give a function"
-        )
-    sliding = any(isinstance(e, OnCurve) for e in (problem.start, problem.end, other.start, other.end))
-    width = problem.span[1] - problem.span[0]
-    if not sliding and max(abs(a - b) for a, b in zip(problem.span, other.span, strict=True)) > SAME * width:
-        raise ValueError(
-            f"guess is a Solution from {other.span[0]} to {other.span[1]} and the problem goes from "
-            f"{problem.span[0]} to {problem.span[1]}; give a function of x that covers it"
-        )
 
 
 def _linear(problem: Functional, method: Method) -> Solution | None:
@@ -238,18 +177,4 @@ def _sampled(problem: Functional, form: Form, guess: Guess) -> Sampled | None:
     if isinstance(guess, Solution):
         curve = guess.curve
         return None if curve is None else form.pull(lambda x: curve(x, 0))
-    return form.pull(lambda x: _values(problem, guess, x))
-
-
-def _values(problem: Functional, function: Callable[[Any], Any], x: np.ndarray) -> np.ndarray:
-    """A person's guess at x (m,), asked one abscissa at a time, as (n, m)."""
-    given = [function(float(v)) for v in x]
-    try:
-        rows = [np.asarray(v, dtype=float).ravel() for v in given]
-    except (TypeError, ValueError):
-        raise TypeError(f"guess must return numbers at each x, not {given[0]!r}") from None
-    for row in rows:
-        if row.shape != (problem.n,):
-            numbers = "1 number" if problem.n == 1 else f"{problem.n} numbers"
-            raise ValueError(f"guess must return {numbers} at each x, not {row.size}")
-    return np.array(rows).T
+    return form.pull(lambda x: sampled_guess(problem, guess, x))

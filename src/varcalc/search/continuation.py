@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from varcalc.arguments import check_arguments
 from varcalc.conditions import finite
 from varcalc.formulation import formulate
 from varcalc.mesh import Space
@@ -19,7 +20,6 @@ from varcalc.methods.collocation import Collocation, first_unknowns, first_verti
 from varcalc.search.arclength import Family, Fold, Follower, Point
 from varcalc.search.collected import finer, refined, scales_of
 from varcalc.solution import Solution
-from varcalc.solve import check_arguments
 
 DEGREES = {1: 20, 2: 24}
 """Degree of the mesh that a branch sets out on, by the order of the functional."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.arguments import check_arguments
 from varcalc.conditions import At, Fixed, components
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
@@ -22,8 +23,9 @@ from varcalc.search.sequence import Extremals
 from varcalc.search.windings import wound
 from varcalc.singular import Infinite, forms
 from varcalc.solution import Solution, Verdict
-from varcalc.solve import WORTHLESS, check_arguments
 
+WORTHLESS = 1e-6
+"""Relative error at which an answer limited by round-off is none."""
 AGREES = 1e-6
 """Relative difference of initial slopes up to which two routes found the same extremal."""
 SAME = 1e-8
