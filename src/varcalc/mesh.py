@@ -26,6 +26,14 @@ def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
     return legendre.leggauss(count)
 
 
+@lru_cache(maxsize=32)
+def antiderivative(count: int) -> np.ndarray:
+    """From values at ``count`` Gauss points to Legendre coefficients of the integral from -1; (count + 1, count)."""
+    nodes = gauss(count)[0]
+    to_series = np.linalg.inv(legendre.legvander(nodes, count - 1))
+    return np.array([legendre.legint(row, lbnd=-1) for row in np.eye(count)]).T @ to_series
+
+
 @lru_cache(maxsize=64)
 def lobatto(degree: int) -> np.ndarray:
     """The ``degree + 1`` Gauss-Lobatto nodes on [-1, 1], ascending."""

@@ -95,6 +95,8 @@ class Solution:
     verdict: Verdict | None = None
     local: bool = False
     lower: float | None = None
+    extremal: Any = field(default=None, repr=False, compare=False)
+    """The curve in the coordinates it was solved in (:class:`varcalc.methods.answer.Extremal`), where there are any."""
 
     @property
     def rung(self) -> str:

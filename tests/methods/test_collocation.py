@@ -561,3 +561,10 @@ def test_meshes_that_cannot_be():
             Collocation(**options)
     with pytest.raises(TypeError, match=r"Collocation\.refine must be True or False, not 'no'"):
         Collocation(refine="no")
+
+
+def test_a_constant_guess_needs_no_fine_mesh():
+    # round-off about a constant is no feature of a guess that a mesh would have to resolve
+    rest = Problem(lambda x, y, dy: ca.sumsqr(dy) / 2 + ca.sumsqr(y - 0.1), Fixed(0, [0.1, 0.1]), Fixed(1, [0.1, 0.1]))
+    solution = Collocation().solve(formulate(rest), tol=1e-10, guess=lambda s: np.full((2, len(s)), 0.1))
+    assert solution.stats.elements <= 4

@@ -288,4 +288,5 @@ def answer(
         unknowns=dict(zip(problem.unknowns, map(float, extremal.unknowns), strict=False)),
         stats=stats,
         message=message,
+        extremal=extremal,
     )

@@ -25,6 +25,8 @@ SAMPLES = 129
 
 FITTED = 1e-4
 """Part of a guess's extent that may be left out by the polynomials which stand for it."""
+ROUNDING = 1e-13
+"""Relative variation of a guess that is round-off."""
 BISECTIONS = 14
 
 Family = Callable[[float], Sampled]
@@ -58,14 +60,21 @@ def function_sizes(form: Form) -> np.ndarray:
     return np.where(sizes > 0.0, sizes, size(form))
 
 
-def resolving_vertices(curve: Sampled, vertices: np.ndarray, degree: int) -> np.ndarray:
-    """The mesh, bisected where polynomials of ``degree`` do not resolve a curve (by its last Legendre coefficients)."""
+def resolving_vertices(
+    curve: Sampled, vertices: np.ndarray, degree: int, negligible: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """The mesh, bisected where polynomials of ``degree`` do not resolve a curve (by its last Legendre coefficients).
+
+    Variations of a function below ``negligible`` (n,) are left alone.
+    """
     nodes = gauss(degree + 1)[0]
     inverse = np.linalg.inv(np.polynomial.legendre.legvander(nodes, degree))
     for _ in range(BISECTIONS):
         middles, half = 0.5 * (vertices[1:] + vertices[:-1]), 0.5 * np.diff(vertices)
         values = curve((middles[:, None] + half[:, None] * nodes).ravel()).reshape(-1, len(middles), degree + 1)
-        coarse = np.abs((values @ inverse.T)[:, :, -2:]).max(2) > FITTED * np.ptp(values, axis=(1, 2))[:, None]
+        rounding = ROUNDING * np.abs(values).max((1, 2))
+        allowed = np.maximum(FITTED * np.ptp(values, axis=(1, 2)) + rounding, negligible)
+        coarse = np.abs((values @ inverse.T)[:, :, -2:]).max(2) > allowed[:, None]
         if not (np.isfinite(values).all() and coarse.any()):
             break
         vertices = np.sort(np.concatenate([vertices, middles[coarse.any(0)]]))

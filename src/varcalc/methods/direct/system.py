@@ -208,6 +208,9 @@ class RitzSystem:
             rows = [self._gradient(out[:, j * stride + 1 : j * stride + 1 + self.k]) for j in range(len(values))]
         if self.form.one_sided and (self._arguments[1][:, self.form.one_sided] < 0).any():
             values[0] = np.inf
+            rows = [
+                self.assembled_gradient(out[:, j * stride + 1 : j * stride + 1 + self.k]) for j in range(len(values))
+            ]
         conditions = values[1:] - self.levels
         value, gradient, jacobian = float(values[0]), rows[0], np.array(rows[1:]).reshape(len(rows) - 1, self.size)
         ends = None
@@ -239,7 +242,8 @@ class RitzSystem:
         """The integrand and those of the levels at the quadrature points, shape (points, 1 + levels)."""
         return evaluation.pointwise[:, :: 1 + self.k + self.k**2]
 
-    def _gradient(self, rows: np.ndarray) -> np.ndarray:
+    def assembled_gradient(self, rows: np.ndarray) -> np.ndarray:
+        """The gradient in the free unknowns of an integral, from that of its integrand in (y, y', .., unknowns)."""
         weighted = rows * self.weights[:, None]
         if self._single is not None:
             return self._single.gradient(weighted)
@@ -270,7 +274,7 @@ class RitzSystem:
 
     # Hessian
 
-    def _combined(self, evaluation: Evaluation, multipliers: np.ndarray) -> np.ndarray:
+    def combined(self, evaluation: Evaluation, multipliers: np.ndarray) -> np.ndarray:
         """Pointwise Hessian of integrand + sum lambda_j g_j, weighted; shape (points, k, k)."""
         k, stride = self.k, 1 + self.k + self.k**2
         out = evaluation.pointwise
@@ -298,7 +302,7 @@ class RitzSystem:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Hessian of the Lagrangian function: element matrices, border (coefficients, extra), corner."""
         n, D = self.n, self.order + 1
-        combined = self._combined(evaluation, multipliers)
+        combined = self.combined(evaluation, multipliers)
         local = self.local_matrices(combined[:, : D * n, : D * n])
         border, corner = np.zeros((self.space.size, self.extra)), np.zeros((self.extra, self.extra))
         if self.extra:
@@ -314,7 +318,7 @@ class RitzSystem:
     def hessian(self, evaluation: Evaluation, multipliers: np.ndarray) -> np.ndarray:
         """Dense Hessian of the Lagrangian function in the free unknowns."""
         if self._single is not None:
-            full = self._single.hessian(self._combined(evaluation, multipliers))
+            full = self._single.hessian(self.combined(evaluation, multipliers))
         else:
             full = self.dense(*self.hessian_parts(evaluation, multipliers))
         return full if evaluation.ends is None else full + self._end_hessian(evaluation, multipliers)
