@@ -27,6 +27,7 @@ from varcalc.reference import Exact, Reference
 from varcalc.search import Branch, Extremals, continue_branch, extremals
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict
 from varcalc.solve import solve
+from varcalc.verify import Finding, Verification, verify
 
 __all__ = [
     "At",
@@ -37,6 +38,7 @@ __all__ = [
     "Curve",
     "Exact",
     "Extremals",
+    "Finding",
     "FirstIntegral",
     "Fixed",
     "Free",
@@ -59,6 +61,7 @@ __all__ = [
     "Through",
     "VariationalError",
     "Verdict",
+    "Verification",
     "compare",
     "continue_branch",
     "euler_lagrange_latex",
@@ -66,4 +69,5 @@ __all__ = [
     "extremals",
     "first_integrals_text",
     "solve",
+    "verify",
 ]

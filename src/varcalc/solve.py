@@ -18,8 +18,8 @@ from varcalc.methods.first_integral import FirstIntegral
 from varcalc.methods.ritz import Ritz
 from varcalc.problem import Problem
 from varcalc.singular import Infinite, forms
-from varcalc.slopes import vouched
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict, no_answer
+from varcalc.verify.weierstrass import vouched
 
 
 class Method(Protocol):

@@ -21,8 +21,8 @@ from varcalc.formulation import broken_form, formulate
 from varcalc.functional import Functional
 from varcalc.methods.ritz import Ritz
 from varcalc.problem import Problem
-from varcalc.slopes import vouched
 from varcalc.solution import Solution, Status, Verdict
+from varcalc.verify.weierstrass import vouched
 
 PIECES = (32, 64)
 """Polygons on which the relaxed problem is solved; the difference tells their error."""

@@ -2,11 +2,13 @@
 
 Weierstrass's excess E(w) = L(w) - L(v) - (w - v) L_v(v) must not be negative,
 else curves close by but with other slopes are lower (Gelfand and Fomin,
-"Calculus of Variations", sect. 34). The test costs one call of L.
+"Calculus of Variations", sect. 34). What every solve asks (:func:`vouched`)
+costs one call of L; a verification looks in more directions at more points.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -15,8 +17,10 @@ import numpy as np
 from varcalc.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.formulation import Form
 from varcalc.functional import Functional
-from varcalc.problem import Problem
+from varcalc.problem import Curve, Problem
 from varcalc.solution import Solution, Status, Verdict
+from varcalc.verify.setting import Setting
+from varcalc.verify.verification import Excess
 
 TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 9), [0.0], np.geomspace(1e-2, 1e2, 9)])
 """Slopes tried, in units of the larger of 1 and the extremal's own."""
@@ -25,6 +29,12 @@ NOISE = 1e-9
 PLACES = 9
 TOUCH = 1e-6
 """Relative distance from a bound within which it is touched."""
+MORE_PLACES = 33
+"""Points of a curve at which slopes are tried for a verification."""
+PLANE_DIRECTIONS = 72
+SPACE_DIRECTIONS = 256
+PRIMES = np.array([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0])
+"""Their square roots spread directions evenly (Weyl)."""
 JUMP = 1e-3
 """Relative jump of the slope that is a corner, not the error of the curve."""
 
@@ -39,8 +49,7 @@ def vouched(solution: Solution, form: Form) -> Solution:
     tested = isinstance(problem, Problem) and problem.order == 1 and not any(problem.of_type(Holonomic))
     if not tested or form.energetic or solution.curve is None:
         return solution
-    low, high = (float(v) for v in (solution.x.min(), solution.x.max()))
-    x = low + (high - low) * (np.arange(PLACES) + 0.5) / PLACES
+    x = _places(solution)
     fan = _Fan(solution, x)
     worst = fan.worst_excess()
     if worst is not None:
@@ -58,11 +67,101 @@ def vouched(solution: Solution, form: Form) -> Solution:
     return solution
 
 
+def _places(solution: Solution) -> np.ndarray:
+    """Abscissae at which slopes are tried."""
+    low, high = (float(v) for v in (solution.x.min(), solution.x.max()))
+    return low + (high - low) * (np.arange(PLACES) + 0.5) / PLACES
+
+
+def least_excess(along: Setting, solution: Solution) -> Excess:
+    """The least excess along a solution's curve, relative to its terms; ``along`` is in the person's coordinates.
+
+    Slopes are tried one component at a time and, for several functions, in
+    directions between them; for a Curve all directions are; at second order
+    second derivatives are tried in place of slopes. Slopes that a bound
+    forbids, or that pathwise conditions do, are left out.
+    """
+    problem = solution.problem
+    if isinstance(problem, Problem) and problem.order == 1 and any(problem.of_type(Bound)):
+        if any(problem.of_type(Holonomic)):
+            return Excess(float("nan"), float("nan"), np.zeros(0), np.zeros(0))
+        fan = _Fan(solution, _places(solution))
+        relative, worst = fan.least()
+        own = fan.v[:, worst.place]
+        slope = own.copy()
+        slope[worst.component] = worst.slope
+        return Excess(relative, float(fan.x[worst.place]), slope, own)
+    return _excess(along, _directed if isinstance(problem, Curve) else _turned)
+
+
+def _excess(along: Setting, tries: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Excess:
+    """The least relative excess over the slopes that ``tries(own (m, n), allowed (m, n, k))`` gives, (m, T, n)."""
+    s = along.span[0] + along.length * (np.arange(MORE_PLACES) + 0.5) / MORE_PLACES
+    top, order, n = along.symbols.slopes[-1], along.order, along.n
+    H = along.whole.expression
+    arguments = along.arguments(s)
+    own = arguments[1 + order].T
+    tried = tries(own, _allowed(along, s))
+    count = tried.shape[1]
+    inputs = [*along.symbols.all, *along.multiplier_symbols]
+    function = ca.Function("excess", inputs, [H, ca.densify(ca.gradient(H, top))])
+    with np.errstate(all="ignore"):
+        value, slope = (np.asarray(v) for v in function.call(arguments))
+        repeated = [np.repeat(v, count, axis=1) for v in arguments]
+        repeated[1 + order] = tried.reshape(-1, n).T
+        other = np.asarray(function.call(repeated)[0]).reshape(len(s), count)
+        linear = np.einsum("ka,kta->kt", slope.T, tried - own[:, None])
+        excess = other - value.T - linear
+        size = np.abs(other) + np.abs(value.T) + np.abs(linear)
+        relative = np.where(np.isfinite(excess) & (size > 0), excess / size, 0.0)
+    k, j = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
+    return Excess(float(relative[k, j]), float(s[k]), tried[k, j], own[k])
+
+
+def _allowed(along: Setting, s: np.ndarray) -> np.ndarray:
+    """Orthonormal bases (m, n, k) of the changes of slope that pathwise conditions allow at s (m,)."""
+    if not along.paths or along.order != 1:
+        return np.broadcast_to(np.eye(along.n), (len(s), along.n, along.n))
+    gradients = along.function(ca.jacobian(ca.vertcat(*along.paths), along.symbols.y))(s)[0]
+    equalities = [k for k, c in enumerate(along.limits) if c.equality]
+    return np.linalg.svd(gradients[:, equalities])[2][:, len(equalities) :].transpose(0, 2, 1)
+
+
+def _directions(k: int) -> np.ndarray:
+    """Unit vectors (T, k) in every direction of k dimensions: the axes, and a low-discrepancy spread between them."""
+    if k == 0:
+        return np.zeros((0, 0))
+    if k == 1:
+        return np.array([[1.0], [-1.0]])
+    if k == 2:
+        angles = 2 * np.pi * np.arange(PLANE_DIRECTIONS) / PLANE_DIRECTIONS
+        return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    from scipy.special import ndtri
+
+    steps = np.modf(np.outer(np.arange(1, SPACE_DIRECTIONS + 1), np.sqrt(PRIMES[:k])))[0]
+    spread = ndtri(steps)
+    return np.concatenate([np.eye(k), -np.eye(k), spread / np.linalg.norm(spread, axis=1, keepdims=True)])
+
+
+def _turned(own: np.ndarray, allowed: np.ndarray) -> np.ndarray:
+    """The curve's own slope changed in every direction by steps of many sizes."""
+    steps = TURNS[TURNS > 0][:, None, None] * _directions(allowed.shape[2])
+    unit = np.maximum(1.0, np.abs(own).max(1))[:, None, None]
+    return own[:, None] + unit * np.einsum("mak,tk->mta", allowed, steps.reshape(-1, steps.shape[2]))
+
+
+def _directed(own: np.ndarray, allowed: np.ndarray) -> np.ndarray:
+    """Every direction at the curve's own speed: F is homogeneous, so lengths do not matter."""
+    speed = np.linalg.norm(own, axis=1)[:, None, None]
+    return speed * np.einsum("mak,tk->mta", allowed, _directions(allowed.shape[2]))
+
+
 @dataclass(frozen=True)
 class Worst:
-    """Where the excess is most negative: index of the point, the slope tried, the curve's own, the excess."""
+    """Where the excess is least: point, component of the slope, the value tried, the curve's own, the excess."""
 
     place: int
+    component: int
     slope: float
     own: float
     excess: float
@@ -107,8 +206,8 @@ class _Fan:
         index = np.arange(n)
         return total[0], total[1 + index, index], total[1 + n + index, index], allowed
 
-    def worst_excess(self) -> Worst | None:
-        """The most negative excess relative to its terms, if it is below round-off."""
+    def least(self) -> tuple[float, Worst]:
+        """The least excess relative to its terms, and where it is found."""
         here = self.tried.shape[2] // 2
         step = self.tried - self.v[:, :, None]
         own, slope = self.values[:, :, [here]], self.slopes[:, :, [here]]
@@ -118,9 +217,13 @@ class _Fan:
             size > 0, size, 1.0
         )
         a, k, j = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
-        if relative[a, k, j] >= -NOISE:
-            return None
-        return Worst(k, float(self.tried[a, k, j]), float(self.v[a, k]), float(excess[a, k, j]))
+        worst = Worst(k, a, float(self.tried[a, k, j]), float(self.v[a, k]), float(excess[a, k, j]))
+        return float(relative[a, k, j]), worst
+
+    def worst_excess(self) -> Worst | None:
+        """Where the excess is most negative relative to its terms, if that is below round-off."""
+        relative, worst = self.least()
+        return worst if relative < -NOISE else None
 
     def concave(self) -> bool:
         """Whether the Lagrangian is concave in a component of the slope somewhere in the fan."""

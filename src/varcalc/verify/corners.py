@@ -1,0 +1,66 @@
+"""Corners: where the slope jumps, the momentum and the energy must not.
+
+At a corner the curve is free to move in both directions, so L_y' and
+L - y' L_y' are the same on either side (Weierstrass and Erdmann; Gelfand and
+Fomin, "Calculus of Variations", sect. 15). At a breakpoint of L the abscissa is
+given and only the momentum is bound; at a waypoint neither is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from varcalc.verify.setting import Setting
+
+JUMP = 1e-3
+"""Relative jump of the slope that is a corner, not the error of the curve."""
+BESIDE = 1e-9
+"""Relative distance from a vertex at which its two sides are looked at."""
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A corner at abscissa ``at``: jumps of the slope, and of momentum and energy relative to their terms.
+
+    ``energy`` is NaN where the abscissa is not free; ``held`` tells that the
+    curve is held there, which takes any jump of the momentum.
+    """
+
+    at: float
+    slope: float
+    momentum: float
+    energy: float
+    held: bool
+
+
+def corners(along: Setting) -> list[Corner]:
+    """The corners of a curve of first order at its inner vertices."""
+    changed = along.form.lift is not None and not along.slides  # such coordinates are smooth, as is the curve in them
+    if along.order != 1 or len(along.vertices) < 3 or changed:
+        return []
+    inner = along.vertices[1:-1]
+    step = BESIDE * along.length
+    v = along.symbols.dy
+    H, momentum = along.whole.expression, along.whole.partial(1)
+    function = along.function(momentum, H - ca.dot(v, momentum), ca.fabs(H) + ca.fabs(ca.dot(v, momentum)))
+    left, right = function(inner - step), function(inner + step)
+    slopes = [along.evaluate(inner + side * step, 1) for side in (-1, 1)]
+    waypoints = {at for at, _ in along.form.waypoints}
+    found = []
+    for k, at in enumerate(map(float, inner)):
+        before, after = slopes[0][:, k], slopes[1][:, k]
+        if not (np.abs(after - before) > JUMP * np.maximum(1.0, np.abs(before) + np.abs(after))).any():
+            continue
+        size = max(float(np.abs(np.concatenate([left[0][k], right[0][k]])).max()), 1e-300)
+        energy = abs(float((right[1] - left[1])[k].item())) / max(float((left[2] + right[2])[k].item()), 1e-300)
+        given = at in along.form.knots
+        found.append(
+            Corner(
+                at, float(np.abs(after - before).max()), float(np.abs(right[0][k] - left[0][k]).max()) / size,
+                float("nan") if given else energy, at in waypoints,
+            )
+        )  # fmt: skip
+    return found

@@ -1,0 +1,77 @@
+"""First integrals: how far what must stay constant along an extremal drifts along a curve.
+
+Without x in L the energy is constant (Euler's second equation), without a
+function the momentum that belongs to it (Gelfand and Fomin, "Calculus of
+Variations", sect. 4 and 17). A Curve is run through at constant speed, which
+its parametrisation was chosen for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from varcalc.methods.answer import Extremal
+from varcalc.problem import Curve
+from varcalc.tracing import Expression
+from varcalc.verify.setting import Setting, inner_points
+
+POINTS = 12
+"""Gauss points an element."""
+
+
+def invariants(along: Setting, curve: Extremal | None) -> dict[str, float]:
+    """Name and relative drift of every first integral; ``curve`` is in the coordinates a Curve was solved in."""
+    H = along.whole
+    homogeneous = isinstance(along.form.problem, Curve)
+    found: dict[str, float] = {}
+    s = inner_points(along, POINTS)
+    evaluate = _tower_function(along)
+    if H.ignorable_abscissa and not homogeneous:
+        tower = H.derivatives_of_y
+        size = sum(ca.fabs(ca.dot(tower[k + 1], m)) for k, m in enumerate(H.momenta)) + ca.fabs(H.expression)
+        values, sizes = evaluate(s, H.energy, size)
+        found["energy"] = _drift(along, s, values, sizes)
+    for i in H.ignorable:
+        values, whole = evaluate(s, H.momenta[0][i], H.expression)
+        extent = float(np.ptp(along.evaluate(s, 0)[i])) or along.length
+        sizes = np.abs(values) + np.abs(whole) * along.length / extent
+        found["momentum" if along.form.problem.scalar else f"momentum[{i}]"] = _drift(along, s, values, sizes)
+    if homogeneous and curve is not None and curve.form.lift is None:
+        velocity = curve.evaluate(s, 1)
+        speed = evaluate(s, H.expression)[0] if curve.form.energetic else np.linalg.norm(velocity, axis=0)
+        found["speed"] = _drift(along, s, speed, np.abs(speed))
+    return found
+
+
+def _tower_function(along: Setting) -> Callable[..., list[np.ndarray]]:
+    """Expressions in the derivatives of y up to twice the order, less one, as functions of s (m,)."""
+    H, symbols = along.whole, along.symbols
+    tower = H.derivatives_of_y[: 2 * along.order]
+
+    def evaluate(s: np.ndarray, *expressions: Expression) -> list[np.ndarray]:
+        arguments = along.arguments(s)
+        curve = [along.evaluate(s, k) for k in range(2 * along.order)]
+        inputs = [symbols.x, *tower, symbols.parameters, symbols.unknowns, *along.multiplier_symbols]
+        function = ca.Function("tower", inputs, [ca.densify(e) for e in expressions])
+        with np.errstate(all="ignore"):
+            return [np.asarray(v).ravel() for v in function.call([arguments[0], *curve, *arguments[4:]])]
+
+    return evaluate
+
+
+def _drift(along: Setting, s: np.ndarray, values: np.ndarray, sizes: np.ndarray) -> float:
+    """The largest departure from the median between waypoints, relative to the terms there or to their mean."""
+    marks = [along.span[0], *(at for at, _ in along.form.waypoints), along.span[1]]
+    good = np.isfinite(values) & np.isfinite(sizes)
+    measure = np.maximum(sizes, sizes[good].mean() if good.any() else 0.0)
+    good &= measure > 0
+    worst = 0.0
+    for left, right in pairwise(marks):
+        here = good & (s >= left) & (s <= right)
+        if here.any():
+            worst = max(worst, float((np.abs(values - np.median(values[here]))[here] / measure[here]).max()))
+    return worst

@@ -1,0 +1,90 @@
+"""Legendre's condition: L must not be concave in the slope anywhere along the curve.
+
+For several functions the matrix L_y'y' must have no negative eigenvalue; under
+pathwise conditions only slopes they allow count, and along a Curve, where F is
+homogeneous, only directions across it (Gelfand and Fomin, "Calculus of
+Variations", sect. 25 and 29; Bolza, "Lectures", sect. 30 for curves).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from varcalc.problem import Curve
+from varcalc.verify.inequalities import touched
+from varcalc.verify.setting import Setting, inner_points
+
+POINTS = 16
+"""Gauss points an element."""
+NOISE = 1e-13
+"""Size of a second derivative that is zero, in units of H / (1 + slope^2)."""
+
+
+@dataclass(frozen=True)
+class Legendre:
+    """The ``least`` eigenvalue and where; whether the condition ``holds`` at all, and strictly (``strengthened``).
+
+    ``vanishes`` tells that there is no second derivative in the slope anywhere.
+    """
+
+    least: float
+    at: float
+    holds: bool
+    strengthened: bool
+    vanishes: bool
+
+
+UNTESTED = Legendre(float("nan"), float("nan"), True, True, False)
+
+
+def legendre(along: Setting) -> Legendre:
+    """The least eigenvalue of the second derivatives in the highest slope along a curve, in the minimising sense."""
+    s = inner_points(along, POINTS)
+    if along.form.lift is None or along.slides:  # else an end may be singular
+        s = np.concatenate([[along.span[0]], s, [along.span[1]]])
+    H, top = along.whole.expression, along.symbols.slopes[-1]
+    s = s[~_held(along, s)]
+    if not len(s):
+        return UNTESTED
+    with np.errstate(all="ignore"):
+        matrices, values = along.function(ca.hessian(H, top)[0], H)(s)
+    basis = crossing(along, s)
+    finite = np.isfinite(matrices).all((1, 2)) & np.isfinite(basis).all((1, 2))
+    s, matrices, basis, values = s[finite], matrices[finite], basis[finite], values[finite, 0, 0]
+    matrices = basis.transpose(0, 2, 1) @ matrices @ basis
+    if not matrices.size:
+        return UNTESTED
+    eigenvalues = np.linalg.eigvalsh(matrices)
+    least, largest = eigenvalues[:, 0], np.abs(eigenvalues).max(1)
+    slopes = np.abs(along.evaluate(s, along.order)).max(0)
+    noise = NOISE * np.maximum(np.where(np.isfinite(values), np.abs(values), 0.0) / (1 + slopes**2), largest)
+    k = int(np.argmin(least))
+    holds, strict = bool((least >= -noise).all()), bool((least > noise).all())
+    return Legendre(float(least[k]), float(s[k]), holds, strict, bool((largest <= noise).all()))
+
+
+def _held(along: Setting, s: np.ndarray) -> np.ndarray:
+    """Points of the elements where a bound is touched: there the slope is not free, or its corner is smeared."""
+    element = np.clip(np.searchsorted(along.vertices, s, side="right") - 1, 0, len(along.vertices) - 2)
+    return np.isin(element, element[touched(along, s)])
+
+
+def crossing(along: Setting, s: np.ndarray) -> np.ndarray:
+    """Bases (m, n, k) of the slopes that count: as pathwise conditions allow, across a Curve's direction."""
+    n = along.n
+    rows = np.zeros((len(s), 0, n))
+    if along.paths and along.order == 1:
+        gradients = along.function(ca.jacobian(ca.vertcat(*along.paths), along.symbols.y))(s)[0]
+        rows = np.concatenate([rows, _equalities(along, gradients)], axis=1)
+    if isinstance(along.form.problem, Curve):
+        rows = np.concatenate([rows, along.evaluate(s, 1).T[:, None, :]], axis=1)
+    if not rows.shape[1]:
+        return np.broadcast_to(np.eye(n), (len(s), n, n))
+    return np.linalg.svd(rows)[2][:, rows.shape[1] :].transpose(0, 2, 1)
+
+
+def _equalities(along: Setting, gradients: np.ndarray) -> np.ndarray:
+    return gradients[:, [k for k, c in enumerate(along.limits) if c.equality]]

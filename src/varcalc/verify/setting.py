@@ -1,0 +1,200 @@
+"""The Lagrangian function along one curve: what every check looks at.
+
+Along an extremal the Lagrangian function
+
+    H = L + sum of lambda_j g_j + sum of mu_k(s) phi_k
+
+is stationary without side conditions. A :class:`Setting` holds its parts, the
+curve and its multipliers in coordinates whose interval is fixed: those of the
+form, or for an abscissa that slides the person's own, in which the end the
+curve has found is as good as fixed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.conditions import OnCurve
+from varcalc.formulation import Form, Sampled, SideCondition
+from varcalc.functional import Symbols
+from varcalc.lagrangian import Lagrangian
+from varcalc.mesh import gauss
+from varcalc.methods.answer import Extremal, composite_gauss, lifted
+from varcalc.problem import Problem
+from varcalc.tracing import Expression
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A functional (in the minimising sense), one curve, and its multipliers.
+
+    ``evaluate(s, k)`` gives the k-th derivative of the n functions at s (m,)
+    as (n, m), for k up to ``order`` at least; ``numbers`` are the values of
+    the unknown numbers, ``forces`` the multipliers of ``paths`` as functions of s,
+    ``limits`` what each of these is held between.
+    """
+
+    extremal: Extremal
+    symbols: Symbols
+    order: int
+    integrand: Expression
+    integrals: tuple[Expression, ...]
+    paths: tuple[Expression, ...]
+    limits: tuple[SideCondition, ...]
+    lambdas: np.ndarray
+    forces: tuple[Sampled, ...]
+    span: tuple[float, float]
+    vertices: np.ndarray
+    evaluate: Callable[[np.ndarray, int], np.ndarray]
+    numbers: np.ndarray
+    slides: bool
+
+    @property
+    def form(self) -> Form:
+        """The form the curve was solved in."""
+        return self.extremal.form
+
+    @property
+    def n(self) -> int:
+        """Number of unknown functions."""
+        return int(self.symbols.y.numel())
+
+    @property
+    def length(self) -> float:
+        """Length of the interval."""
+        return self.span[1] - self.span[0]
+
+    def abscissa(self, s: np.ndarray) -> np.ndarray:
+        """The person's abscissa (the parameter t of a Curve) at s (m,)."""
+        if self.slides or self.form.lift is None:
+            return s
+        return lifted(self.extremal, s)[0]
+
+    def arguments(self, s: np.ndarray) -> list[np.ndarray]:
+        """s, y, dy, ddy, parameters, unknowns, lambda and mu at s (m,), each with m columns."""
+        slopes = [self.evaluate(s, k) for k in range(self.order + 1)]
+        acceleration = slopes[2] if self.order == 2 else np.zeros((0, len(s)))
+        constants = [self.form.problem.parameter_values, self.numbers, self.lambdas]
+        columns = [np.repeat(v[:, None], len(s), axis=1) for v in constants]
+        forces = np.array([mu(s) for mu in self.forces]).reshape(len(self.forces), len(s))
+        return [s[None, :], slopes[0], slopes[1], acceleration, *columns, forces]
+
+    @cached_property
+    def multiplier_symbols(self) -> list[Expression]:
+        """The symbols of lambda and mu in :attr:`whole`."""
+        kind = self.symbols.kind
+        return [kind.sym("lambda", len(self.integrals)), kind.sym("mu", len(self.paths))]
+
+    @cached_property
+    def whole(self) -> Lagrangian:
+        """The Lagrangian function H."""
+        total = self.integrand
+        for symbol, expressions in zip(self.multiplier_symbols, (self.integrals, self.paths), strict=True):
+            for j, expression in enumerate(expressions):
+                total = total + symbol[j] * expression
+        return Lagrangian(self.symbols, total)
+
+    def function(self, *expressions: Expression) -> Callable[[np.ndarray], list[np.ndarray]]:
+        """Expressions in ``symbols`` and multipliers, as a function of s (m,): arrays of shape (m, rows, columns)."""
+        columns = [ca.vec(ca.densify(e)) for e in expressions]
+        function = ca.Function("along", [*self.symbols.all, *self.multiplier_symbols], columns)
+
+        def along(s: np.ndarray) -> list[np.ndarray]:
+            out: Any = function.call(self.arguments(s))
+            arrays = [
+                np.asarray(v).T.reshape(len(s), e.shape[1], e.shape[0]) for v, e in zip(out, expressions, strict=True)
+            ]
+            return [a.transpose(0, 2, 1) for a in arrays]
+
+        return along
+
+    def rule(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes and weights of the composite Gauss rule on the vertices, each flat."""
+        return composite_gauss(self.vertices, count)
+
+    def panels(self) -> list[tuple[float, float]]:
+        """The elements of the mesh."""
+        return list(pairwise(map(float, self.vertices)))
+
+
+def setting(extremal: Extremal) -> Setting:
+    """The Lagrangian function along an extremal."""
+    form = extremal.form
+    problem = form.problem
+    slides = (
+        isinstance(problem, Problem)
+        and not form.energetic
+        and any(isinstance(e, OnCurve) for e in (problem.start, problem.end))
+    )
+    plain = Setting(
+        extremal=extremal,
+        symbols=form.symbols,
+        order=form.order,
+        integrand=form.integrand,
+        integrals=tuple(c.expression for c in form.integrals),
+        paths=tuple(c.expression for c in form.pathwise),
+        limits=form.pathwise,
+        lambdas=np.asarray(extremal.lambdas, dtype=float),
+        forces=tuple(extremal.path.get(c.index, np.zeros_like) for c in form.pathwise),
+        span=form.span,
+        vertices=extremal.vertices,
+        evaluate=extremal.evaluate,
+        numbers=extremal.unknowns,
+        slides=False,
+    )
+    return _in_own_abscissa(plain) if slides else plain
+
+
+def sliding_ends(form: Form) -> tuple[int | None, int | None]:
+    """Which unknown number of a form is the abscissa of its start, and of its end; None where that is fixed."""
+    count = len(form.problem.unknowns)
+    at_start, at_end = (isinstance(e, OnCurve) for e in (form.problem.start, form.problem.end))
+    return (count if at_start else None, count + at_start if at_end else None)
+
+
+def _in_own_abscissa(plain: Setting) -> Setting:
+    """The same curve as a function of the person's abscissa, between the ends it has found."""
+    form, problem = plain.form, plain.form.problem
+    found = [
+        given if number is None else float(plain.numbers[number])
+        for given, number in zip(problem.span, sliding_ends(form), strict=True)
+    ]
+    a, width = found[0], found[1] - found[0]
+    expressions = {id(t.constraint): t.expression for t in problem.traced}
+
+    def own(conditions: tuple[Any, ...]) -> tuple[Expression, ...]:
+        return tuple(expressions[id(problem.constraints[c.index])] for c in conditions)
+
+    def evaluate(x: np.ndarray, derivative: int) -> np.ndarray:
+        return plain.evaluate((x - a) / width, derivative) / width**derivative
+
+    def scaled(mu: Sampled) -> Sampled:
+        return lambda x: mu((x - a) / width) / width
+
+    return replace(
+        plain,
+        symbols=problem.symbols,
+        integrand=form.sign * problem.integrand,
+        integrals=own(form.integrals),
+        paths=own(form.pathwise),
+        forces=tuple(scaled(mu) for mu in plain.forces),
+        span=(found[0], found[1]),
+        vertices=a + width * plain.vertices,
+        evaluate=evaluate,
+        numbers=plain.numbers[: len(problem.unknowns)],
+        slides=True,
+    )
+
+
+def inner_points(points: Setting, count: int) -> np.ndarray:
+    """``count`` Gauss points inside each element."""
+    nodes = gauss(count)[0]
+    half = 0.5 * np.diff(points.vertices)[:, None]
+    return (points.vertices[:-1, None] + half * (1 + nodes)).ravel()

@@ -1,0 +1,146 @@
+"""The curve under test, in coordinates in which it is regular, and the extremal it stands for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from varcalc.formulation import Form, Sampled
+from varcalc.methods.answer import Extremal, person_curve
+from varcalc.methods.ritz import Ritz
+from varcalc.singular import forms
+from varcalc.solution import Solution
+from varcalc.verify.inequalities import touches, without_inequalities
+from varcalc.verify.polish import polished
+from varcalc.verify.setting import sliding_ends
+
+NEARBY = 1e-3
+"""Relative distance a curve may move while it is polished, when its own error claims less."""
+DISTINCT = 1e-9
+"""Relative distance of two nodes that are one but for round-off."""
+MARKS = 65
+"""Points at which two curves are compared."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A solution's curve: ``own`` as it was found, ``best`` the extremal it stands for.
+
+    ``own`` is None when the method gave the curve in the person's coordinates
+    alone and these are singular. ``best`` is in regular coordinates, without
+    inequalities; None where there are no such coordinates, or where the curve
+    touches a bound. ``reason`` says what stood in the way of polishing.
+    """
+
+    solution: Solution
+    own: Extremal | None
+    best: Extremal | None
+    reason: str
+    touched: bool = False
+
+
+def trial(solution: Solution) -> Trial:
+    """The curve of a solution, and the extremal it stands for."""
+    own = _undivided(solution.extremal, solution.value) if solution.extremal is not None else _regular(solution)
+    if own is not None and touches(own):
+        return Trial(solution, own, None, "the curve touches a bound", True)
+    start = own if own is not None and not own.form.weak_only else _in_regular_form(solution)
+    if start is None:
+        reason = "no coordinates are at hand in which Jacobi's equation is regular"
+        return Trial(solution, own or _minimised(solution), None, reason)
+    start = without_inequalities(start)
+    with np.errstate(all="ignore"):  # what is no number is rejected
+        outcome = polished(start)
+        if not isinstance(outcome, str):
+            outcome = _staying(solution, outcome)
+    if isinstance(outcome, str) and own is None:
+        minimised = _minimised(solution)
+        return Trial(solution, minimised, None, outcome)
+    if isinstance(outcome, str):
+        # a curve that is only sampled in the form's coordinates is no basis for derivatives
+        return Trial(solution, own, None if own is None or own.form.weak_only else start, outcome)
+    return Trial(solution, own, outcome, "")
+
+
+def _undivided(extremal: Extremal, value: float) -> Extremal:
+    """The extremal with multipliers of what is minimised: those of an energy J^2 were divided by 2 J for the answer."""
+    if not extremal.form.energetic:
+        return extremal
+    factor = 2.0 * abs(value)
+    path = {k: lambda s, mu=mu: factor * mu(s) for k, mu in extremal.path.items()}
+    return replace(extremal, path=path)
+
+
+def _regular(solution: Solution) -> Extremal | None:
+    """The curve of a method that works in the person's own coordinates, where these are regular."""
+    form = next(filter(None, forms(solution.problem)))
+    if any(form.singular) or form.weak_only or (form.energetic and form.lift is not None):
+        return None
+    return _stated(solution, form)
+
+
+def _in_regular_form(solution: Solution) -> Extremal | None:
+    found = (form for form in forms(solution.problem) if form is not None and not form.weak_only)
+    form = next(found, None)
+    return None if form is None else _stated(solution, form)
+
+
+def _minimised(solution: Solution) -> Extremal | None:
+    """The curve in coordinates in which only minimisation finds it, if it is found there."""
+    for form in forms(solution.problem):
+        if form is None or not form.weak_only:
+            continue
+        found = Ritz(starts=1).solve(form, tol=1e-10, guess=form.pull(_ordinates(solution)))
+        if found.status.ok and found.extremal is not None and not isinstance(_staying(solution, found.extremal), str):
+            return _undivided(found.extremal, found.value)
+    return None
+
+
+def _stated(solution: Solution, form: Form) -> Extremal:
+    """A solution's curve pulled back to the coordinates of a form."""
+    curve, problem = solution.curve, form.problem
+    assert curve is not None
+    nodes = distinct(solution.x)
+    a, b = float(nodes[0]), float(nodes[-1])
+    unknowns = form.unknown_guess.copy()
+    unknowns[: len(problem.unknowns)] = [solution.unknowns[k] for k in problem.unknowns]
+    lambdas = -form.sign * np.array([float(solution.multipliers[c.index]) for c in form.integrals])
+    if form.lift is None:
+        return Extremal(form, curve, unknowns, nodes, lambdas, {})
+    if not form.energetic and not any(form.singular):  # ends that slide
+        for number, value in zip(sliding_ends(form), (a, b), strict=True):
+            if number is not None:
+                unknowns[number] = value
+
+        def evaluate(s: np.ndarray, derivative: int) -> np.ndarray:
+            return curve(np.clip(a + s * (b - a), a, b), derivative) * (b - a) ** derivative
+
+        return Extremal(form, evaluate, unknowns, (nodes - a) / (b - a), lambdas, {})
+    pulled = form.pull(_ordinates(solution))
+    return Extremal(form, lambda s, _: pulled(s), unknowns, np.array(form.span), lambdas, {})
+
+
+def _ordinates(solution: Solution) -> Sampled:
+    curve = solution.curve
+    assert curve is not None
+    return lambda x: curve(x, 0)
+
+
+def distinct(nodes: np.ndarray) -> np.ndarray:
+    """Ascending nodes without those that all but coincide with a neighbour."""
+    nodes = np.unique(nodes)
+    kept = np.concatenate([[True], np.diff(nodes) > DISTINCT * (nodes[-1] - nodes[0])])
+    kept[-1] = True
+    return nodes[kept]
+
+
+def _staying(solution: Solution, best: Extremal) -> Extremal | str:
+    """The polished curve, unless it has left the solution's; held against each other in the person's coordinates."""
+    assert solution.curve is not None
+    x = np.linspace(float(solution.x.min()), float(solution.x.max()), MARKS)
+    given, found = solution.curve(x, 0), person_curve(best)(x, 0)
+    moved = float(np.abs(found - given).max())
+    if moved <= max(NEARBY * float(np.abs(given).max()), 10.0 * solution.error.curve):
+        return best
+    return f"Newton's iteration for the Euler-Lagrange equation moves it by {moved:.2g}"

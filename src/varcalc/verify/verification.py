@@ -1,0 +1,126 @@
+"""What a verification says: the verdict, the numbers behind it, and a report for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+
+from varcalc.solution import Verdict
+
+SHOWN = 8
+"""Conjugate points printed before the rest are only counted."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One statement that holds of the curve, in words and ``numbers``; its ``verdict`` when it decides one."""
+
+    verdict: Verdict | None
+    sentence: str
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return self.sentence
+
+
+class Excess(float):
+    """Weierstrass's excess relative to its terms, where it is least: at abscissa ``at``, for the slope ``slope``.
+
+    Not below zero (but for round-off) when the curve is a minimum also among
+    curves of any slope near it. ``own`` is the curve's own slope there.
+    """
+
+    at: float
+    slope: np.ndarray
+    own: np.ndarray
+
+    def __new__(cls, excess: float, at: float, slope: np.ndarray, own: np.ndarray) -> Self:
+        """A float with the place where it was found."""
+        self = super().__new__(cls, excess)
+        self.at, self.slope, self.own = at, slope, own
+        return self
+
+    def __reduce__(self) -> tuple[type[Excess], tuple[float, float, np.ndarray, np.ndarray]]:
+        return Excess, (float(self), self.at, self.slope, self.own)
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """What kind of stationary curve a solution is, and the evidence.
+
+    ``verdict``: the first in the order of :class:`varcalc.Verdict` of all that hold.
+    ``index``: the number of independent variations that lower the functional
+    to second order; infinite when Legendre's condition fails, NaN where no route tells.
+    ``conjugate_points``: abscissae (t for a Curve) conjugate to the start, or
+    focal to what it slides on, the start excluded, each as often as it counts; shape (k,).
+    ``residual``: of the Euler-Lagrange equation, in du Bois-Reymond's integrated
+    form, on the solution's own curve, relative to its terms.
+    ``legendre``: the least eigenvalue of L_y'y' (L_y''y'' at second order) along
+    the curve, with the sign of what is minimised; for a Curve across its direction.
+    ``weierstrass``: the least excess (:class:`varcalc.verify.verification.Excess`).
+    ``invariants``: for each first integral of L, by name, how far it drifts, relative.
+    ``bound``: the functional on the solution's own curve by a finer rule: an
+    upper bound of a minimum, a lower bound of a maximum.
+    ``routes``: the index by Jacobi's equation and by the Ritz Hessian, None where a route is closed.
+    ``findings``: every statement that holds.
+    """
+
+    name: str
+    verdict: Verdict
+    index: float
+    conjugate_points: np.ndarray
+    residual: float
+    legendre: float
+    weierstrass: Excess
+    invariants: Mapping[str, float]
+    bound: float
+    routes: Mapping[str, int | None]
+    findings: tuple[Finding, ...]
+    maximise: bool = False
+    abscissa: str = "x"
+
+    def __str__(self) -> str:
+        rows = list(self._rows())
+        width = max(len(label) for label, _ in rows)
+        lines = [f"{self.name}: {self._headline()}"]
+        lines += [f"  {label:<{width}}  {text}" for label, text in rows]
+        lines += ["", *(f"- {finding.sentence}" for finding in self.findings)]
+        return "\n".join(lines)
+
+    def _headline(self) -> str:
+        if self.verdict is Verdict.WEAK_MINIMUM and self.maximise:
+            return "a maximum among curves of nearby slope only (Weierstrass fails)"
+        return self.verdict.value
+
+    def _rows(self) -> Iterator[tuple[str, str]]:
+        yield "Euler-Lagrange", f"residual {self.residual:.1e} of the terms"
+        least = "greatest" if self.maximise else "least"
+        sign = -1.0 if self.maximise else 1.0
+        yield "Legendre", f"{least} second derivative in the slope {sign * self.legendre:.6g}"
+        if math.isnan(self.weierstrass):
+            yield "Weierstrass", "not tested"
+        else:
+            yield "Weierstrass", f"least excess {float(self.weierstrass):.1e} of its terms"
+        yield "Jacobi", self._points()
+        yield "index", self._index()
+        for name, drift in self.invariants.items():
+            yield name, f"constant to {drift:.1e}"
+        yield "functional", f"{self.bound:.15g} on this curve"
+
+    def _points(self) -> str:
+        count = len(self.conjugate_points)
+        if not count:
+            return "no conjugate point found" if self.routes.get("Jacobi") is not None else "not carried out"
+        shown = ", ".join(f"{x:.12g}" for x in self.conjugate_points[:SHOWN])
+        more = f", and {count - SHOWN} more" if count > SHOWN else ""
+        return f"conjugate or focal at {self.abscissa} = {shown}{more}"
+
+    def _index(self) -> str:
+        if not math.isfinite(self.index):
+            return "infinite" if math.isinf(self.index) else "unknown"
+        found = {name: index for name, index in self.routes.items() if index is not None}
+        return f"{self.index:.0f} (" + ", ".join(f"{name} {index}" for name, index in found.items()) + ")"
