@@ -24,7 +24,7 @@ from varcalc.methods.shooting import Shooting
 from varcalc.problem import Curve, Problem
 from varcalc.reading import euler_lagrange_latex, euler_lagrange_text, first_integrals_text
 from varcalc.reference import Exact, Reference
-from varcalc.search import Branch, Extremals, continue_branch, extremals
+from varcalc.search import Branch, Extremals, FoundExtremal, continue_branch, extremals
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict
 from varcalc.solve import solve
 from varcalc.verify import Finding, Verification, verify
@@ -41,6 +41,7 @@ __all__ = [
     "Finding",
     "FirstIntegral",
     "Fixed",
+    "FoundExtremal",
     "Free",
     "Holonomic",
     "InfeasibleError",

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from varcalc.search.continuation import Branch, continue_branch
 from varcalc.search.extremals import extremals
-from varcalc.search.sequence import Extremals
+from varcalc.search.sequence import Extremals, FoundExtremal
 
-__all__ = ["Branch", "Extremals", "continue_branch", "extremals"]
+__all__ = ["Branch", "Extremals", "FoundExtremal", "continue_branch", "extremals"]

@@ -70,6 +70,8 @@ def extremals(problem: Functional, *, tol: float = 1e-10, period: Any = None, wi
     >>> found = vc.extremals(film)
     >>> [round(film.y(0.0), 6) for film in found]
     [0.848338, 0.235095]
+    >>> [film.index for film in found], found[1].conjugate_points.round(9)
+    ([0, 1], array([0.15291144]))
     >>> found.searched.split(" that ")[0]
     'all with initial slope in [-1e+06, 1e+06]'
 

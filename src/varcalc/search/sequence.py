@@ -3,12 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
+from functools import cached_property
 from typing import Any, overload
 
+import numpy as np
+
 from varcalc.solution import Solution
+from varcalc.verify import Verification, verify
 
 
-class Extremals(Sequence[Solution]):
+class FoundExtremal(Solution):
+    """A Solution as the search found it: a stationary curve of any kind, verified when that is asked.
+
+    ``verification`` is what :func:`varcalc.verify` says of it, carried out once.
+    """
+
+    @classmethod
+    def of(cls, solution: Solution) -> FoundExtremal:
+        """The same solution, with its verification at hand."""
+        return cls(**{field.name: getattr(solution, field.name) for field in fields(Solution)})
+
+    @cached_property
+    def verification(self) -> Verification:
+        """Every classical condition checked along the curve."""
+        return verify(self)
+
+    @property
+    def index(self) -> float:
+        """The Morse index: 0 for a minimum; infinite where Legendre's condition fails."""
+        return self.verification.index
+
+    @property
+    def conjugate_points(self) -> np.ndarray:
+        """Abscissae (t for a Curve) conjugate to the start, or focal to what it slides on; shape (k,)."""
+        return self.verification.conjugate_points
+
+
+class Extremals(Sequence[FoundExtremal]):
     """Extremals of one problem, best first: the lowest value first, the greatest where the problem is maximised.
 
     ``searched`` says what range was covered, ``windings`` by how many periods
@@ -19,7 +51,7 @@ class Extremals(Sequence[Solution]):
     def __init__(self, solutions: Sequence[Solution], searched: str, windings: Sequence[Any] = ()) -> None:
         kept = tuple(windings) or (0,) * len(solutions)
         order = sorted(range(len(solutions)), key=lambda i: _rank(solutions[i]))
-        self._solutions = tuple(solutions[i] for i in order)
+        self._solutions = tuple(FoundExtremal.of(solutions[i]) for i in order)
         self.windings = tuple(kept[i] for i in order)
         self.searched = searched
 
@@ -27,9 +59,9 @@ class Extremals(Sequence[Solution]):
         return len(self._solutions)
 
     @overload
-    def __getitem__(self, index: int) -> Solution: ...
+    def __getitem__(self, index: int) -> FoundExtremal: ...
     @overload
-    def __getitem__(self, index: slice) -> tuple[Solution, ...]: ...
+    def __getitem__(self, index: slice) -> tuple[FoundExtremal, ...]: ...
     def __getitem__(self, index: Any) -> Any:
         return self._solutions[index]
 

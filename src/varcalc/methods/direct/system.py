@@ -205,12 +205,11 @@ class RitzSystem:
         with np.errstate(invalid="ignore", over="ignore"):
             values = self.weights @ out[:, ::stride]
             scale = float(self.weights @ np.abs(out[:, 0]))
-            rows = [self._gradient(out[:, j * stride + 1 : j * stride + 1 + self.k]) for j in range(len(values))]
-        if self.form.one_sided and (self._arguments[1][:, self.form.one_sided] < 0).any():
-            values[0] = np.inf
             rows = [
                 self.assembled_gradient(out[:, j * stride + 1 : j * stride + 1 + self.k]) for j in range(len(values))
             ]
+        if self.form.one_sided and (self._arguments[1][:, self.form.one_sided] < 0).any():
+            values[0] = np.inf
         conditions = values[1:] - self.levels
         value, gradient, jacobian = float(values[0]), rows[0], np.array(rows[1:]).reshape(len(rows) - 1, self.size)
         ends = None
