@@ -13,6 +13,7 @@ from varcalc.conditions import (
     Periodic,
     Through,
 )
+from varcalc.diagnose import Diagnosis, diagnose
 from varcalc.lagrangian import Lagrangian
 from varcalc.methods.collocation import Collocation
 from varcalc.methods.direct.ipopt import Ipopt
@@ -36,6 +37,7 @@ __all__ = [
     "Collocation",
     "Comparison",
     "Curve",
+    "Diagnosis",
     "Exact",
     "Extremals",
     "Finding",
@@ -65,6 +67,7 @@ __all__ = [
     "Verification",
     "compare",
     "continue_branch",
+    "diagnose",
     "euler_lagrange_latex",
     "euler_lagrange_text",
     "extremals",

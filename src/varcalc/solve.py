@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.arguments import Guess, check_arguments, check_guess, sampled_guess
-from varcalc.existence import explained, outdone, second_look
+from varcalc.existence import explained, outdone, second_look, with_rival
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
 from varcalc.methods.collocation import Collocation
@@ -62,6 +62,8 @@ def solve(
         solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
     if method is None and not solution.status.ok:
         solution = second_look(problem, tol, solution)
+    if (method is None or isinstance(method, Ritz)) and solution.status.ok:
+        solution = with_rival(solution)
     if throw and not solution.status.ok:
         raise (InfeasibleError if solution.verdict is Verdict.INFEASIBLE else VariationalError)(solution)
     return solution

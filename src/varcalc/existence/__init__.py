@@ -8,6 +8,6 @@ from __future__ import annotations
 
 from varcalc.existence.approach import outdone
 from varcalc.existence.feasibility import explained
-from varcalc.existence.second_look import second_look
+from varcalc.existence.second_look import second_look, with_rival
 
-__all__ = ["explained", "outdone", "second_look"]
+__all__ = ["explained", "outdone", "second_look", "with_rival"]

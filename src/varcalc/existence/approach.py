@@ -30,6 +30,8 @@ STEEPENING = 1.7
 POWERS = (2, 3, 4, 5, 6)
 """Powers k of the abscissa, x - x_end ~ t^k, that give a curve an infinite slope at an end."""
 SMOOTH_DEGREE = 10
+RESOLVED = 1e-9
+"""Difference, relative to what is summed, below which two values are one."""
 CLEARLY = 0.5
 """Share of the polygons' limit below which a singular curve has to come."""
 
@@ -100,9 +102,13 @@ def _slopes(rung: Rung) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Gap:
-    """A curve with an infinite slope at one end: its value, and the power k of x - x_end ~ t^k."""
+    """A curve with an infinite slope at one end: its value, and the power k of x - x_end ~ t^k.
+
+    ``scale`` is the sum of the absolute contributions to the value.
+    """
 
     value: float
+    scale: float
     power: int
     at_start: bool
 
@@ -119,13 +125,13 @@ def gap(problem: Functional, approach: Approach) -> Gap | None:
     """A curve with an infinite slope at an end that is clearly better than the limit of all polygons."""
     if not _stretchable(problem):
         return None
-    found = [Gap(v, k, s) for s in (True, False) for k in POWERS if (v := _steep(problem, k, s)) is not None]
+    found = [found for at_start in (True, False) for k in POWERS if (found := _steep(problem, k, at_start))]
     sign = -1.0 if problem.maximise else 1.0
     best = min(found, key=lambda g: sign * g.value, default=None)
     last = float(approach.values[-1])
     # the extrapolation may be off by as much as it adds; a curve between the two proves nothing
     sure = approach.limit - sign * abs(approach.limit - last)
-    if best is None or sign * best.value > sign * sure - CLEARLY * abs(sure):
+    if best is None or sign * (sure - best.value) <= CLEARLY * abs(sure) + RESOLVED * best.scale:
         return None
     return best
 
@@ -149,13 +155,15 @@ def outdone(solution: Solution) -> Gap | None:
     sign = -1.0 if problem.maximise else 1.0
     for at_start in (True, False):
         for power in POWERS:
-            value = _plain(problem, power, at_start)
-            if value is not None and sign * (solution.value - value) > CLEARLY * abs(solution.value):
-                return Gap(value, power, at_start)
+            found = _plain(problem, power, at_start)
+            if found is None:
+                continue
+            if sign * (solution.value - found.value) > CLEARLY * abs(solution.value) + RESOLVED * found.scale:
+                return found
     return None
 
 
-def _plain(problem: Problem, power: int, at_start: bool) -> float | None:
+def _plain(problem: Problem, power: int, at_start: bool) -> Gap | None:
     """The value of y linear in s where x - x_end ~ s^power, when a finer rule confirms it."""
     form = _stretched(problem, power, at_start)
     rungs = Rungs(form, Newton(), 1)
@@ -163,12 +171,13 @@ def _plain(problem: Problem, power: int, at_start: bool) -> float | None:
         system = rungs.system(rungs.first_space(1, SMOOTH_DEGREE))
         z = system.pack(system.space.fit(form.baseline), form.unknown_guess)
         finer, again = rungs.prolonged(system, z)
-        values = np.array([system.evaluate(z).value, finer.evaluate(again).value])
-    settled = np.isfinite(values).all() and np.ptp(values) <= CLEARLY * np.abs(values).max()
-    return form.sign * float(values[1]) if settled else None
+        coarse, fine = system.evaluate(z), finer.evaluate(again)
+    change, size = abs(coarse.value - fine.value), max(abs(coarse.value), abs(fine.value))
+    settled = math.isfinite(size) and change <= CLEARLY * size
+    return Gap(form.sign * fine.value, fine.scale, power, at_start) if settled else None
 
 
-def _steep(problem: Problem, power: int, at_start: bool) -> float | None:
+def _steep(problem: Problem, power: int, at_start: bool) -> Gap | None:
     """The least value over curves smooth in s where x - x_end ~ s^power, from the straight line in s."""
     form = _stretched(problem, power, at_start)
     rungs = Rungs(form, Newton(), 1)
@@ -177,8 +186,8 @@ def _steep(problem: Problem, power: int, at_start: bool) -> float | None:
         if isinstance(rung, str):
             return None
         finer, z = rungs.prolonged(rung.system, rung.z)
-        value = finer.evaluate(z).value
-    return form.sign * value if math.isfinite(value) else None
+        at = finer.evaluate(z)
+    return Gap(form.sign * at.value, at.scale, power, at_start) if math.isfinite(at.value) else None
 
 
 def _stretched(problem: Problem, power: int, at_start: bool) -> Form:

@@ -1,14 +1,29 @@
-"""What the routes of the ladder had no answer to, looked at again."""
+"""What the routes of the ladder had no answer to, looked at again; and what they found, held against worse curves."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from varcalc.existence.approach import approached, gap
+import casadi as ca
+import numpy as np
+
+from varcalc.buffered import Pointwise
+from varcalc.existence.approach import Approach, approached, gap
+from varcalc.existence.broken_curve import broken_curve
 from varcalc.existence.corners import with_corners
 from varcalc.existence.falling import falling
+from varcalc.formulation import formulate
 from varcalc.functional import Functional
+from varcalc.problem import Problem
+from varcalc.search import Extremals, by_slope_alone
 from varcalc.solution import Solution, Status, Verdict
+
+PLACES = 1001
+"""Abscissae at which Legendre's condition is looked at; odd, so that the middle is one of them."""
+VANISHING = 1e-5
+"""Share of its median below which L_y'y' is taken to vanish."""
+RIVAL = 1e-9
+"""Relative margin by which a broken curve has to be better: its own value is no more accurate."""
 
 
 def second_look(problem: Functional, tol: float, failure: Solution) -> Solution:
@@ -19,12 +34,79 @@ def second_look(problem: Functional, tol: float, failure: Solution) -> Solution:
         return failure
     if (fall := falling(problem)) is not None:
         return _refused(failure, Verdict.UNBOUNDED, fall.sentence)
-    if (approach := approached(problem)) is not None:
-        if (between := gap(problem, approach)) is not None:
-            return _refused(failure, Verdict.GAP, between.sentence(approach.limit))
-        if approach.concentrates:
-            return _refused(failure, Verdict.NOT_ATTAINED, f"the infimum is not attained: {approach.sentence}")
-    return failure
+    approach = approached(problem)
+    if approach is not None and (between := gap(problem, approach)) is not None:
+        return _refused(failure, Verdict.GAP, between.sentence(approach.limit))
+    if regular(problem):
+        found = by_slope_alone(problem, tol)
+        if found is not None and len(found):
+            return _judged(failure, found)
+        if found is not None and found.complete:
+            return _refused(failure, Verdict.NO_EXTREMAL, none_found(problem, found))
+    return _concentrated(failure, approach)
+
+
+def with_rival(solution: Solution) -> Solution:
+    """A minimum, marked local when a broken curve, which jumps at its ends, comes lower."""
+    extremal = solution.extremal
+    if solution.local or (extremal is not None and extremal.form.energetic and any(extremal.form.singular)):
+        return solution
+    rival = broken_curve(solution.problem, solution.value)
+    sign = -1.0 if solution.problem.maximise else 1.0
+    margin = solution.error.value + RIVAL * abs(solution.value)
+    if rival is None or sign * rival.value > sign * solution.value - margin:
+        return solution
+    message = f"a local {'maximum' if sign < 0 else 'minimum'} only: {rival.sentence}"
+    return replace(solution, local=True, lower=rival.value, message=message)
+
+
+def regular(problem: Functional) -> bool:
+    """Whether L_y'y' keeps one sign along the chord, so that the Euler-Lagrange equation has no singular place there.
+
+    Only then does a search that finds no extremal say something. One function of first order is looked at.
+    """
+    if not (isinstance(problem, Problem) and problem.n == problem.order == 1) or problem.constraints:
+        return False
+    s = problem.symbols
+    if "legendre" not in problem.built:
+        second = ca.densify(ca.hessian(problem.integrand, s.dy)[0])
+        problem.built["legendre"] = Pointwise(ca.Function("legendre", s.all, [second]))
+    a, b = problem.span
+    x = np.linspace(a, b, PLACES)
+    y = formulate(problem).baseline(x)
+    numbers = problem.parameter_values[None], problem.unknown_guesses[None]
+    slope = np.gradient(y[0], x)
+    values = problem.built["legendre"](PLACES, x[:, None], y.T, slope[:, None], np.zeros((1, 0)), *numbers)[:, 0]
+    inner = values[1:-1]
+    sizes = np.abs(inner)
+    return bool(np.isfinite(inner).all() and np.ptp(np.sign(inner)) == 0 and sizes.min() > VANISHING * np.median(sizes))
+
+
+def none_found(problem: Functional, found: Extremals) -> str:
+    """The sentence that says there is no extremal, what was searched, and what broken curve there is."""
+    rival = broken_curve(problem)
+    instead = "" if rival is None else f"; {rival.sentence}"
+    return f"there is no extremal between these ends, among {found.searched.split(';')[0]}{instead}"
+
+
+def _judged(failure: Solution, found: Extremals) -> Solution:
+    """The best extremal of a search where no minimisation arrived: what it is decides."""
+    best = found[0]
+    check = best.verification
+    if check.verdict in (Verdict.MINIMUM, Verdict.MAXIMUM):
+        return replace(best, verdict=None, local=True)
+    others = f", one of {len(found)} extremals" if len(found) > 1 else ""
+    message = (
+        f"there is no minimum that could be vouched for; the best extremal{others} has the value {best.value:.12g} "
+        f"and the index {check.index:g}: {check.verdict.value}"
+    )
+    return replace(failure, status=Status.REFUSED, verdict=check.verdict, message=message)
+
+
+def _concentrated(failure: Solution, approach: Approach | None) -> Solution:
+    if approach is None or not approach.concentrates:
+        return failure
+    return _refused(failure, Verdict.NOT_ATTAINED, f"the infimum is not attained: {approach.sentence}")
 
 
 def _refused(failure: Solution, verdict: Verdict, message: str) -> Solution:

@@ -86,6 +86,7 @@ def extremals(problem: Functional, *, tol: float = 1e-10, period: Any = None, wi
     solutions: list[Solution] = []
     numbers: list[Any] = []
     words: list[str] = []
+    complete = True
     with np.errstate(all="ignore"):  # trajectories leave the Lagrangian's domain; what is no number is left out
         for number, each in list(wound(problem, period, windings)):
             search = _Search(tol)
@@ -93,7 +94,19 @@ def extremals(problem: Functional, *, tol: float = 1e-10, period: Any = None, wi
             solutions += search.found
             numbers += [number] * len(search.found)
             words.append("; ".join(search.words) if period is None else f"winding {number}: {'; '.join(search.words)}")
-    return Extremals(solutions, ". ".join(words), numbers)
+            complete &= search.complete
+    return Extremals(solutions, ". ".join(words), numbers, complete)
+
+
+def by_slope_alone(problem: Functional, tol: float) -> Extremals | None:
+    """What a scan of the initial slope finds, the first part of :func:`extremals`; None where there is none to scan."""
+    search = _Search(tol)
+    with np.errstate(all="ignore"):
+        form = next((form for form in forms(problem) if form is not None and mappable(form)), None)
+        if form is None:
+            return None
+        search.by_slope(form)
+    return Extremals(search.found, "; ".join(search.words), (), search.complete)
 
 
 @dataclass
@@ -105,6 +118,8 @@ class _Search:
     def __post_init__(self) -> None:
         self.found: list[Solution] = []
         self.words: list[str] = []
+        self.complete = False
+        """Whether a scan of one number covers all there is, and resolved it."""
 
     def run(self, problem: Functional) -> None:
         """Search the forms of a problem in turn until one gives extremals."""
@@ -136,6 +151,7 @@ class _Search:
                 lost += 1
             else:
                 self.add(degenerate(solution) if u in degenerates else solution)
+        self.complete = not (lost or scanned.unresolved)
         if lost:
             self.words.append(f"{lost} zeros of the miss at the end were not confirmed and are left out")
         return scanned.continuum is not None

@@ -45,15 +45,17 @@ class Extremals(Sequence[FoundExtremal]):
 
     ``searched`` says what range was covered, ``windings`` by how many periods
     the end of each was moved: a number, or one for each coordinate that has a
-    period where there are several (0 when no period was given).
+    period where there are several (0 when no period was given). ``complete``
+    is True when a scan of all initial slopes in the range told was resolved and
+    every zero of it confirmed, so that within that range there are no others.
     """
 
-    def __init__(self, solutions: Sequence[Solution], searched: str, windings: Sequence[Any] = ()) -> None:
+    def __init__(self, solutions: Sequence[Solution], searched: str, windings: Sequence[Any], complete: bool) -> None:
         kept = tuple(windings) or (0,) * len(solutions)
         order = sorted(range(len(solutions)), key=lambda i: _rank(solutions[i]))
         self._solutions = tuple(FoundExtremal.of(solutions[i]) for i in order)
         self.windings = tuple(kept[i] for i in order)
-        self.searched = searched
+        self.searched, self.complete = searched, complete
 
     def __len__(self) -> int:
         return len(self._solutions)

@@ -1,0 +1,130 @@
+"""Curves that drop straight down (or up) at their ends and run level between: Goldschmidt's solution.
+
+Where L grows linearly with the slope, a jump from y to c at the abscissa x has
+the finite cost of the integral of L's recession function, the limit of
+L(x, eta, v) / |v|, over eta from y to c. Such a curve is a limit of graphs, so
+a minimum above it is only local (Goldschmidt 1831; Gelfand and Fomin,
+"Calculus of Variations", sect. 4, example 2).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypeGuard
+
+import numpy as np
+
+from varcalc.conditions import Fixed
+from varcalc.functional import Functional
+from varcalc.mesh import gauss
+from varcalc.problem import Problem
+
+STEEP = (1e6, 1e8)
+"""Slopes, in units of the problem's own, at which linear growth is recognised."""
+LINEAR = 1e-4
+"""Relative difference of L / |v| at the two slopes that is linear growth."""
+LEVELS = 33
+REACH = 3.0
+"""How far beyond the ends levels are looked at, in units of the problem's size."""
+POINTS = 10
+NEAR = 0.2
+"""Relative distance from the rival value within which a scan of the levels is followed up."""
+CONTRACTIONS = 70
+GOLDEN = 0.5 * (5**0.5 - 1)
+
+
+@dataclass(frozen=True)
+class BrokenCurve:
+    """The best curve that jumps to y = ``level`` at both ends, and its ``value`` (with the person's sign)."""
+
+    value: float
+    level: float
+
+    @property
+    def sentence(self) -> str:
+        """What the curve is, for a person."""
+        return f"the broken curve that drops to y = {self.level:.6g} at both ends has the value {self.value:.9g}"
+
+
+def broken_curve(problem: Functional, rival: float = math.nan) -> BrokenCurve | None:
+    """The best broken curve between two fixed ends; None where L does not grow linearly, or more is asked.
+
+    With a ``rival`` value, None as well when a scan of the levels shows none that could come near it.
+    """
+    if not _simple(problem):
+        return None
+    with np.errstate(all="ignore"):
+        family = _Family(problem)
+        return family.best(rival) if family.linear else None
+
+
+def _simple(problem: Functional) -> TypeGuard[Problem]:
+    plain = isinstance(problem, Problem) and problem.n == problem.order == 1
+    if not plain or problem.constraints or problem.unknowns or problem.end_cost or problem.breakpoints:
+        return False
+    return isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)
+
+
+class _Family:
+    """Broken curves of one problem by their level, in the sense that is minimised."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.sign = -1.0 if problem.maximise else 1.0
+        a, b = problem.span
+        ends: list[Any] = [problem.start, problem.end]
+        self.y = np.array([float(np.ravel(e.y)[0]) for e in ends])
+        self.size = max(float(np.ptp(self.y)), float(np.abs(self.y).max())) or b - a
+        self.steep = self.size / (b - a)
+        self.nodes, self.weights = (0.5 * (1 + gauss(POINTS)[0]), 0.5 * gauss(POINTS)[1])
+        x = a + (b - a) * np.array([0.0, 0.5, 1.0])
+        y = np.array([self.y[0], self.y.mean(), self.y[1]])
+        rows = [self._recession(x, y, slope * self.steep * side) for slope in STEEP for side in (1.0, -1.0)]
+        low, high = np.array(rows[:2]), np.array(rows[2:])
+        finite = np.isfinite(low).all() and np.isfinite(high).all() and bool((high > 0).all())
+        self.linear = finite and bool((np.abs(high - low) <= LINEAR * high).all())
+
+    def _values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+        x, y, v = np.broadcast_arrays(x, y, v)
+        values = self.problem.integrand_values(x.ravel(), y.reshape(1, -1), v.reshape(1, -1))
+        return self.sign * values.reshape(x.shape)
+
+    def _recession(self, x: Any, y: Any, slope: Any) -> np.ndarray:
+        slope = np.asarray(slope, dtype=float)
+        return self._values(np.asarray(x), np.asarray(y), slope) / np.abs(slope)
+
+    def at(self, levels: np.ndarray) -> np.ndarray:
+        """The functional of the broken curves at levels (m,); NaN beyond where a jump no longer costs anything."""
+        a, b = self.problem.span
+        total = (b - a) * (self._values(a + (b - a) * self.nodes, levels[:, None], np.zeros(1)) @ self.weights)
+        for x, y, outward in ((a, self.y[0], 1.0), (b, self.y[1], -1.0)):
+            jump = levels - y
+            slope = STEEP[1] * self.steep * outward * np.where(jump < 0, -1.0, 1.0)
+            costs = self._recession(x, y + jump[:, None] * [*self.nodes, 1.0], slope[:, None])
+            total = total + np.where((costs >= 0).all(1), np.abs(jump) * (costs[:, :-1] @ self.weights), np.nan)
+        return total
+
+    def best(self, rival: float) -> BrokenCurve | None:
+        """The level of least value, from a scan and golden sections."""
+        low, high = self.y.min() - REACH * self.size, self.y.max() + REACH * self.size
+        levels = np.unique(np.concatenate([np.linspace(low, high, LEVELS), self.y]))
+        values = self.at(levels)
+        if not np.isfinite(values).any() or np.nanmin(values) > self.sign * rival + NEAR * abs(rival):
+            return None
+        k = int(np.nanargmin(values))
+        left, right = levels[max(k - 1, 0)], levels[min(k + 1, len(levels) - 1)]
+        for _ in range(CONTRACTIONS):
+            inner = np.array([right - GOLDEN * (right - left), left + GOLDEN * (right - left)])
+            one, other = np.nan_to_num(self.at(inner), nan=np.inf)
+            if np.isinf(one) and np.isinf(other):
+                # both beyond the edge of what costs anything: toward the level known to be admissible
+                left, right = (inner[1], right) if levels[k] > inner[1] else (left, inner[0])
+            elif one <= other:
+                right = inner[1]
+            else:
+                left = inner[0]
+        tried = np.array([left, 0.5 * (left + right), right, levels[k]])
+        found = self.at(tried)
+        j = int(np.nanargmin(found))
+        return BrokenCurve(self.sign * float(found[j]), float(tried[j]))

@@ -1,0 +1,97 @@
+"""diagnose: the verdict on a problem and the numbers behind it."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import mpmath
+import pytest
+
+import varcalc as vc
+
+
+def graph(lagrangian, first, last, constraints=(), **more):
+    return vc.Problem(lagrangian, vc.Fixed(*first), vc.Fixed(*last), constraints, **more)
+
+
+def soap_film(half):
+    return graph(lambda x, y, v: y * ca.sqrt(1 + v**2), (-half, 1), (half, 1))
+
+
+def oscillator(duration, rise):
+    return graph(lambda x, y, v: (v**2 - y**2) / 2, (0, 0), (duration, rise))
+
+
+def chain(length):
+    level = vc.Isoperimetric(lambda x, y, v: ca.sqrt(1 + v**2), length)
+    return graph(lambda x, y, v: y * ca.sqrt(1 + v**2), (0, 0), (1, 0), [level])
+
+
+CASES = {
+    "a chain shorter than its span": (chain(0.9), "INFEASIBLE"),
+    "a chain as long as its span": (chain(1.0), "DEGENERATE"),
+    "beyond the conjugate point": (oscillator(4, 1), "UNBOUNDED"),
+    "conjugate ends": (oscillator(math.pi, 1), "UNBOUNDED"),
+    "conjugate ends at rest": (oscillator(math.pi, 0), "DEGENERATE"),
+    "beyond the fold": (soap_film(0.7), "NO_EXTREMAL"),
+    "Mania": (graph(lambda x, y, v: (y**3 - x) ** 2 * v**6, (0, 0), (1, 1)), "GAP"),
+    "Weierstrass": (graph(lambda x, y, v: x**2 * v**2, (-1, -1), (1, 1)), "NOT_ATTAINED"),
+    "Bolza": (graph(lambda x, y, v: (1 - v**2) ** 2 + y**2, (0, 0), (1, 0)), "NOT_ATTAINED"),
+    "linear in the slope": (graph(lambda x, y, v: y**2 + x * v, (0, 0), (1, 1)), "SINGULAR"),
+    "a straight line": (graph(lambda x, y, v: ca.sqrt(1 + v**2), (0, 0), (1, 1)), "MINIMUM"),
+    "a greatest value": (graph(lambda x, y, v: -ca.sqrt(1 + v**2), (0, 0), (1, 1), maximise=True), "MAXIMUM"),
+}
+
+
+@pytest.mark.parametrize(("problem", "verdict"), CASES.values(), ids=CASES.keys())
+def test_the_verdict(problem, verdict):
+    diagnosis = vc.diagnose(problem)
+    assert diagnosis.verdict is vc.Verdict[verdict]
+    assert diagnosis.findings
+    assert str(diagnosis).startswith(f"{problem.name}: {diagnosis.verdict.value}")
+    assert diagnosis.evidence["solution"].status.ok == (verdict in ("MINIMUM", "MAXIMUM"))
+
+
+def test_the_relaxed_value_and_how_it_is_approached():
+    diagnosis = vc.diagnose(CASES["Bolza"][0])
+    assert diagnosis.relaxed_value == pytest.approx(0, abs=1e-12)
+    assert diagnosis.evidence["relaxed"].mixed.all()
+    # y = 0 is stationary with J = 1 and fails Legendre: L_vv = 12 v^2 - 4
+    [stationary] = [e for e in diagnosis.evidence["extremals"] if abs(e.value - 1) < 1e-9]
+    assert math.isinf(stationary.index)
+    assert stationary.verification.legendre == pytest.approx(-4, rel=1e-9)
+
+
+def test_how_the_values_move_with_the_mesh():
+    polygons = vc.diagnose(CASES["Weierstrass"][0]).evidence["polygons"]
+    total = mpmath.nsum(lambda j: 1 / (3 * j**2 + 3 * j + 1), [0, mpmath.inf])
+    rates = polygons.values * polygons.elements / 2
+    assert rates[-1] == pytest.approx(float(2 / (3 * total)), rel=1e-2)
+
+
+def test_goldschmidts_curve_is_named():
+    film = vc.solve(soap_film(0.6))
+    # below the fold at 0.6627 and above 0.5277 the catenary is only local: two discs have half the area 2 pi
+    assert film.local
+    assert film.lower == pytest.approx(1, abs=1e-9)
+    assert vc.diagnose(soap_film(0.6)).evidence["broken"].value == pytest.approx(1, abs=1e-9)
+    assert not vc.solve(soap_film(0.5)).local
+
+
+@pytest.mark.parametrize("unit", [1e-7, 1e7])
+def test_goldschmidts_curve_in_any_unit(unit):
+    film = vc.solve(graph(lambda x, y, v: y * ca.sqrt(1 + v**2), (-0.6 * unit, unit), (0.6 * unit, unit)))
+    assert film.local
+    assert film.lower == pytest.approx(unit**2, rel=1e-9)
+
+
+def test_the_refusal_beyond_the_fold_says_what_was_searched():
+    with pytest.raises(vc.VariationalError, match=r"initial slope in \[-1e\+06, 1e\+06\].*broken curve") as refusal:
+        vc.solve(soap_film(0.7))
+    assert refusal.value.verdict is vc.Verdict.NO_EXTREMAL
+
+
+def test_what_is_no_problem_is_refused():
+    with pytest.raises(TypeError, match="must be a Problem or a Curve"):
+        vc.diagnose(3)
