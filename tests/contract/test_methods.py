@@ -67,7 +67,7 @@ LEAVES_THE_SURFACE = {("cone/embedded", label): ON_NODES for label in DIRECT}
 """Where a direct value may lie below the minimum, its curve being not quite admissible, by no more than it claims."""
 
 TOUCHING = "the curvature jumps where the curve leaves its bound, inside an element; IPOPT is given up before 1e-12"
-OBSTACLES = ("obstacle", "obstacle/string", "obstacle/disc", "obstacle/slope")
+OBSTACLES = ("obstacle/disc", "obstacle/slope")
 SHORT = {(name, label): TOUCHING for name in OBSTACLES for label in ("Newton", "IPOPT")}
 """Where a method does not reach 1e-12, and has to say so."""
 

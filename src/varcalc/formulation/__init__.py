@@ -11,7 +11,7 @@ method knows of them.
 from __future__ import annotations
 
 from varcalc.conditions import OnCurve
-from varcalc.formulation.broken import broken_form
+from varcalc.formulation.broken import Contact, broken_form
 from varcalc.formulation.curve import curve_form
 from varcalc.formulation.form import (
     EndConditions,
@@ -30,6 +30,7 @@ from varcalc.functional import Functional
 from varcalc.problem import Curve, Problem
 
 __all__ = [
+    "Contact",
     "EndConditions",
     "Form",
     "Sampled",

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import casadi as ca
@@ -26,11 +26,26 @@ SHORTEST = 1e-2
 """Share of its first length that a piece must keep where IPOPT moves its ends."""
 
 
-def broken_form(problem: Problem, corners: Sequence[float], curve: Sampled) -> Form:
+@dataclass(frozen=True)
+class Contact:
+    """A stretch along which a bound is touched: the constraint's number, its level, and guesses of the ends."""
+
+    index: int
+    level: float
+    start: float
+    end: float
+
+
+def broken_form(
+    problem: Problem, corners: Sequence[float], curve: Sampled, contacts: Sequence[Contact] | None = None
+) -> Form:
     """The problem with corners near the given abscissae, where only they and ``curve`` are guesses.
 
     ``corners`` lie inside the interval, away from breakpoints and waypoints;
     the ends are fixed abscissae (:class:`varcalc.Fixed` or :class:`varcalc.Free`).
+    With ``contacts``, whose ends are corners or ends of the interval, the
+    bounds are kept as equations along them and not at all elsewhere, where it
+    is for the caller to look whether they hold.
     """
     plain = graph_form(problem)
     symbols = extended(problem, problem.n, len(corners))
@@ -44,7 +59,12 @@ def broken_form(problem: Problem, corners: Sequence[float], curve: Sampled) -> F
         y0, y1 = (symbols.kind.sym(name, problem.n) for name in ("y0", "y1"))
         ends = end_conditions(problem, symbols, y0, y1, *problem.span, [])
     conditions = side_conditions(problem, rewrite)
-    if conditions["pathwise"]:  # the interior-point method is kept from turning a piece inside out
+    if contacts is not None:
+        bounds = {c.index: c for c in conditions["pathwise"]}
+        conditions["pathwise"] = tuple(
+            replace(bounds[c.index], lower=c.level, upper=c.level, where=(c.start, c.end)) for c in contacts
+        )
+    elif conditions["pathwise"]:  # the interior-point method is kept from turning a piece inside out
         conditions["pathwise"] += (SideCondition(speed, SHORTEST, math.inf, -1),)
     return replace(
         plain,

@@ -27,6 +27,8 @@ class SideCondition:
     upper: float
     index: int
     """Position of the constraint in ``problem.constraints``."""
+    where: tuple[float, float] | None = None
+    """The interval of s on which a pathwise condition is asked; None for all of it."""
 
     @property
     def bounds(self) -> tuple[float, float]:

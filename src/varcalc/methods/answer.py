@@ -236,8 +236,12 @@ def _of_abscissa(extremal: Extremal, index: int) -> Callable[[Any], Any]:
 
     def multiplier(x: Any) -> Any:
         at = np.asarray(x, dtype=float)
-        s = at.ravel() if extremal.form.lifted is None else _abscissae_to_s(extremal, at.ravel())
-        values = sign * mu(s).reshape(at.shape)
+        if extremal.form.lifted is None:
+            density = mu(at.ravel())
+        else:  # a density in s is stated in the person's abscissa
+            s = _abscissae_to_s(extremal, at.ravel())
+            density = mu(s) / lifted(extremal, s)[2]
+        values = sign * density.reshape(at.shape)
         return float(values) if at.ndim == 0 else values
 
     return multiplier

@@ -23,10 +23,13 @@ from varcalc.methods.direct.ipopt import Ipopt
 from varcalc.methods.direct.newton import Newton
 from varcalc.methods.direct.rungs import DEGREES, NOWHERE, Rung, Rungs
 from varcalc.methods.direct.system import RitzSystem
+from varcalc.methods.direct.touching import touchable, touching
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, no_answer
 
 SPLIT_DEGREE = 16
 """Degree kept while elements are bisected."""
+COARSE, COARSE_DEGREE = 16, 4
+"""Elements and degree of the mesh on which contacts with a bound are looked for."""
 TOUCHING_DEGREE = 6
 """The same where the curve may touch a bound: its curvature jumps there, and high degrees do not help."""
 STALLED = 0.05
@@ -85,7 +88,27 @@ class Ritz:
         if self.degree is not None and self.degree < least:
             reason = f"degree={self.degree} is too low for a functional of order {form.order}; give at least {least}"
             return no_answer(form.problem, self, Status.REFUSED, reason)
+        if self.refine and touchable(form):
+            solution = self._through_contacts(form, tol, guess)
+            if solution is not None:
+                return solution
         return _Climb(self, form, tol).run(guess)
+
+    def _through_contacts(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
+        """The answer with the ends of contact among the unknowns; None where that leads to none that counts."""
+        started = time.perf_counter()
+        coarse = replace(self, elements=max(COARSE, self.elements), degree=COARSE_DEGREE, refine=False)
+        first = _Climb(coarse, form, tol).run(guess)
+        found = touching(form, first)
+        if found is None:
+            return None
+        solution = _Climb(replace(self, elements=1, degree=None, starts=1), found.form, tol).run(None)
+        if not (solution.status.ok and found.counts(solution)):
+            return None
+        build, spent = first.stats.build + solution.stats.build, time.perf_counter() - started
+        iterations = first.stats.iterations + solution.stats.iterations
+        stats = replace(solution.stats, build=build, solve=spent - build, iterations=iterations)
+        return found.plainly(replace(solution, method=self, stats=stats))
 
 
 class _Climb:

@@ -94,7 +94,7 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     if isinstance(richer, str):
         return richer
     error = abs(richer.at.value - system.evaluate(z).value) + abs(richer.at.value - rung.at.value)
-    if math.isfinite(previous):
+    if math.isfinite(previous) and (rungs.inequalities or not rungs.form.corners):
         error = max(error, SHARED * previous)
     here, there = system.reported(z), system.reported(richer.z)
     value = richer.at.value if rungs.form.same_functional else functional_at(rungs, system, richer.z, there)

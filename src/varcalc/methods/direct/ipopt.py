@@ -38,6 +38,16 @@ class Ipopt:
     tol: float = 1e-13
 
 
+@dataclass(frozen=True)
+class _Label:
+    """What a column of constraints stands for: its kind, the number of the condition, rows, elements (of bool)."""
+
+    kind: str
+    index: int
+    rows: int
+    elements: np.ndarray | None
+
+
 @dataclass
 class _Program:
     """The nonlinear program: symbols, rows of constraints, and what each row stands for."""
@@ -47,16 +57,24 @@ class _Program:
     rows: list[Any] = field(default_factory=list)
     lower: list[np.ndarray] = field(default_factory=list)
     upper: list[np.ndarray] = field(default_factory=list)
-    labels: list[tuple[str, int, int]] = field(default_factory=list)
+    labels: list[_Label] = field(default_factory=list)
     sizes: list[np.ndarray] = field(default_factory=list)
 
-    def add(self, label: str, index: int, row: Any, bounds: tuple[float, float], size: float = 1.0) -> None:
+    def add(
+        self,
+        kind: str,
+        index: int,
+        row: Any,
+        bounds: tuple[float, float],
+        size: float = 1.0,
+        elements: np.ndarray | None = None,
+    ) -> None:
         """Append a column of constraints with common bounds, in units of ``size``."""
         count = row.numel()
         self.rows.append(ca.vec(row) / size)
         self.lower.append(np.full(count, bounds[0] / size))
         self.upper.append(np.full(count, bounds[1] / size))
-        self.labels.append((label, index, count))
+        self.labels.append(_Label(kind, index, count, elements))
         self.sizes.append(np.full(count, size))
 
 
@@ -259,16 +277,31 @@ def _add_pathwise(
         function = ca.Function("pathwise", form.symbols.all, [ca.densify(condition.expression)])
         size, bounds = sizes.of_integrand(condition), condition.bounds
 
-        def rows(arguments: list[Any], keep: slice, function: Any = function) -> Any:
-            return function.map(arguments[0].shape[1])(*arguments)[0, keep]
+        elements, corners = _asked(system, condition)
+
+        def rows(arguments: list[Any], keep: np.ndarray, function: Any = function) -> Any:
+            return function.map(arguments[0].shape[1])(*arguments)[0, np.flatnonzero(keep).tolist()]
 
         # a straight element has no nodes of its own, and the first vertex of each but the first is interior
         if len(nodes) > 2:
-            program.add("nodes", condition.index, rows(inner, slice(None)), bounds, size)
-        if system.space.elements > 1 and (condition.equality or _free_of_slopes(system, condition)):
-            program.add("vertices", condition.index, rows(vertices, slice(1, None)), bounds, size)
+            kept = np.repeat(elements, len(nodes) - 2)
+            program.add("nodes", condition.index, rows(inner, kept), bounds, size, elements)
+        if corners.any() and (condition.equality or _free_of_slopes(system, condition)):
+            program.add("vertices", condition.index, rows(vertices, corners), bounds, size, elements)
         if not condition.equality:
-            program.add("gauss", condition.index, rows(at_gauss, slice(None)), bounds, size)
+            kept = np.repeat(elements, system.count)
+            program.add("gauss", condition.index, rows(at_gauss, kept), bounds, size, elements)
+
+
+def _asked(system: RitzSystem, condition: SideCondition) -> tuple[np.ndarray, np.ndarray]:
+    """The elements on which a condition is asked, and those whose left vertex is interior and has to keep it."""
+    left, right = system.space.vertices[:-1], system.space.vertices[1:]
+    low, high = (-np.inf, np.inf) if condition.where is None else condition.where
+    middle = 0.5 * (left + right)
+    near = 1e-9 * (right[-1] - left[0])
+    corners = (left >= low - near) & (left <= high + near)
+    corners[0] = False
+    return (middle > low) & (middle < high), corners
 
 
 def _free_of_slopes(system: RitzSystem, condition: SideCondition) -> bool:
@@ -280,44 +313,47 @@ def _sort_multipliers(
 ) -> tuple[np.ndarray, dict[Any, Any]]:
     """Multipliers of equalities in the order of the system, and the others by their constraint."""
     others: dict[Any, Any] = {}
-    pieces: dict[int, dict[str, np.ndarray]] = {}
+    pieces: dict[int, list[Callable[[np.ndarray], np.ndarray]]] = {}
     equalities: list[float] = []
     ends: list[float] = []
     integrals = {c.index: c for c in system.form.integrals}
     start = 0
-    for label, index, size in program.labels:
-        block = lam[start : start + size]
-        start += size
-        if label == "integral":
-            (equalities if integrals[index].equality else []).append(float(block[0]))
-            others["integral", index] = float(block[0])
-        elif label == "ends":
+    for label in program.labels:
+        block = lam[start : start + label.rows]
+        start += label.rows
+        if label.kind == "integral":
+            (equalities if integrals[label.index].equality else []).append(float(block[0]))
+            others["integral", label.index] = float(block[0])
+        elif label.kind == "ends":
             ends.extend(block)
-        else:
-            pieces.setdefault(index, {})[label] = block
-    for index, blocks in pieces.items():
-        others[index] = _density(system, blocks, nodes)
+        elif label.kind != "vertices":
+            pieces.setdefault(label.index, []).append(_density(system, label, block, nodes))
+    for index, densities in pieces.items():
+        # rows at nodes and at Gauss points each carry a share of one load: the shares add up
+        others[index] = lambda x, parts=densities: sum((part(x) for part in parts), np.zeros(np.shape(x)))
     return np.array([*equalities, *ends])[:count], others
 
 
 def _density(
-    system: RitzSystem, blocks: dict[str, np.ndarray], nodes: np.ndarray
+    system: RitzSystem, label: _Label, block: np.ndarray, nodes: np.ndarray
 ) -> Callable[[np.ndarray], np.ndarray]:
     """The multiplier mu(s) of a pathwise condition from the multipliers of its rows.
 
     A row at a node stands for the condition near it: its multiplier is mu
-    there times the node's quadrature weight. Between nodes mu is interpolated linearly.
+    there times the node's quadrature weight. Between nodes mu is interpolated
+    linearly; where the condition is not asked it is zero.
     """
-    space = system.space
-    half = 0.5 * space.widths[:, None]
-    edges = 0.5 * (nodes[1:] + nodes[:-1])
-    cells = np.diff(np.concatenate([[-1.0], edges, [1.0]]))[1:-1]
-    legendre = np.polynomial.legendre.Legendre.basis(space.degree)(nodes[1:-1])
-    weights = 2.0 / (space.degree * (space.degree + 1) * legendre**2) if space.degree > 1 else cells
-    s = (space.vertices[:-1, None] + half * (1 + nodes[1:-1])).ravel()
-    parts = [(s, blocks["nodes"] / (half * weights).ravel())]
-    if "gauss" in blocks:
-        at, quadrature = space.quadrature(system.count)
-        parts.append((at.ravel(), blocks["gauss"] / quadrature.ravel()))
-    # rows at nodes and at Gauss points each carry a share of one load: the shares add up
-    return lambda x: sum((np.interp(x, at, mu) for at, mu in parts), np.zeros(np.shape(x)))
+    space, elements = system.space, label.elements
+    assert elements is not None
+    if label.kind == "gauss":
+        at, weights = (v[elements].ravel() for v in space.quadrature(system.count))
+    else:
+        half = 0.5 * space.widths[elements, None]
+        edges = 0.5 * (nodes[1:] + nodes[:-1])
+        cells = np.diff(np.concatenate([[-1.0], edges, [1.0]]))[1:-1]
+        legendre = np.polynomial.legendre.Legendre.basis(space.degree)(nodes[1:-1])
+        shares = 2.0 / (space.degree * (space.degree + 1) * legendre**2) if space.degree > 1 else cells
+        at = (space.vertices[:-1][elements, None] + half * (1 + nodes[1:-1])).ravel()
+        weights = (half * shares).ravel()
+    low, high = space.vertices[:-1][elements].min(), space.vertices[1:][elements].max()
+    return lambda x: np.where((x >= low) & (x <= high), np.interp(x, at, block / weights), 0.0)
