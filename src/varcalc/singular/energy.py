@@ -108,7 +108,7 @@ def _energy_form(
         singular=singular,
         weak_only=factored,
         # w and -w are one place: from a line beyond the ends a curve might reach the mirror image of its end
-        one_sided=() if factored or any(singular) or chart.power == 1.0 or chart.height is not None else (1,),
+        one_sided=() if chart.power == 1.0 or chart.height is not None else (1,),
     )
 
 

@@ -134,6 +134,8 @@ class Search:
         for first, amplitudes in ((not steep, FIRST_AMPLITUDES), (False, OTHER_AMPLITUDES)):
             for direction in form.bumps:
                 for amplitude in amplitudes:
+                    if any(amplitude * direction[k] < 0 for k in form.one_sided):
+                        continue
                     yield first, bent(form, amplitude * scale, direction)
         if not steep:
             yield from ((False, curve) for curve in flat)
