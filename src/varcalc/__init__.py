@@ -1,5 +1,8 @@
 """varcalc: variational optics and the calculus of variations, solved and verified."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from varcalc.compare import Comparison, compare
 from varcalc.conditions import (
     At,
@@ -15,20 +18,22 @@ from varcalc.conditions import (
 )
 from varcalc.diagnose import Diagnosis, diagnose
 from varcalc.lagrangian import Lagrangian
-from varcalc.methods.collocation import Collocation
 from varcalc.methods.direct.ipopt import Ipopt
 from varcalc.methods.direct.newton import Newton
-from varcalc.methods.first_integral import FirstIntegral
 from varcalc.methods.ritz import Ritz
-from varcalc.methods.scipy_bvp import SciPyBvp
-from varcalc.methods.shooting import Shooting
 from varcalc.problem import Curve, Problem
-from varcalc.reading import euler_lagrange_latex, euler_lagrange_text, first_integrals_text
 from varcalc.reference import Exact, Reference
-from varcalc.search import Branch, Extremals, FoundExtremal, continue_branch, extremals
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict
 from varcalc.solve import solve
 from varcalc.verify import Finding, Verification, verify
+
+if TYPE_CHECKING:
+    from varcalc.methods.collocation import Collocation
+    from varcalc.methods.first_integral import FirstIntegral
+    from varcalc.methods.scipy_bvp import SciPyBvp
+    from varcalc.methods.shooting import Shooting
+    from varcalc.reading import euler_lagrange_latex, euler_lagrange_text, first_integrals_text
+    from varcalc.search import Branch, Extremals, FoundExtremal, continue_branch, extremals
 
 __all__ = [
     "At",
@@ -75,3 +80,26 @@ __all__ = [
     "solve",
     "verify",
 ]
+
+_LATER = {
+    "Collocation": "varcalc.methods.collocation",
+    "FirstIntegral": "varcalc.methods.first_integral",
+    "Shooting": "varcalc.methods.shooting",
+    "SciPyBvp": "varcalc.methods.scipy_bvp",
+    "euler_lagrange_latex": "varcalc.reading",
+    "euler_lagrange_text": "varcalc.reading",
+    "first_integrals_text": "varcalc.reading",
+    "Branch": "varcalc.search",
+    "Extremals": "varcalc.search",
+    "FoundExtremal": "varcalc.search",
+    "continue_branch": "varcalc.search",
+    "extremals": "varcalc.search",
+}
+"""Public names whose modules are imported when one of them is asked for: many solves need none of them."""
+
+
+def __getattr__(name: str) -> Any:
+    """A public name of a module that is not imported with the package."""
+    if name in _LATER:
+        return getattr(import_module(_LATER[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

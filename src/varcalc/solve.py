@@ -10,11 +10,11 @@ import casadi as ca
 import numpy as np
 
 from varcalc.arguments import Guess, check_arguments, check_guess, sampled_guess
-from varcalc.existence import explained, outdone, second_look, with_rival
+from varcalc.existence.approach import outdone
+from varcalc.existence.broken_curve import with_rival
+from varcalc.existence.feasibility import explained
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
-from varcalc.methods.collocation import Collocation
-from varcalc.methods.first_integral import FirstIntegral
 from varcalc.methods.ritz import Ritz
 from varcalc.problem import Problem
 from varcalc.singular import Infinite, forms
@@ -61,6 +61,8 @@ def solve(
     if solution is None:
         solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
     if method is None and not solution.status.ok:
+        from varcalc.existence.second_look import second_look  # few solves need all that it imports
+
         solution = second_look(problem, tol, solution)
     if (method is None or isinstance(method, Ritz)) and solution.status.ok:
         solution = with_rival(solution)
@@ -74,8 +76,21 @@ WORTHLESS = 1e-6
 LADDER: tuple[Ritz, ...] = (Ritz(),)
 """The route taken first: the direct method is the cheapest for most single solves, and it alone ends at a
 minimum by construction (see docs/methods.md for the figures)."""
-GUIDES: tuple[Method, ...] = (Collocation(), FirstIntegral())
-"""Routes that may find an extremal where minimisation finds no way to it; it is minimised from there."""
+
+
+def _guides() -> tuple[Method, ...]:
+    """Routes that may find an extremal where minimisation finds no way to it; it is minimised from there."""
+    from varcalc.methods.collocation import Collocation  # both are imported by the few solves that need them
+    from varcalc.methods.first_integral import FirstIntegral
+
+    return (Collocation(), FirstIntegral())
+
+
+def _reduces(method: Method) -> bool:
+    """Whether a method is a reduction to quadrature, which goes its own way at singular ends."""
+    from varcalc.methods.first_integral import FirstIntegral
+
+    return isinstance(method, FirstIntegral)
 
 
 def _linear(problem: Functional, method: Method) -> Solution | None:
@@ -101,7 +116,7 @@ def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:
         if solution.status.ok or solution.verdict is not None:
             return solution
         failure = failure or solution
-    for guide in GUIDES:
+    for guide in _guides():
         extremal = _attempt(problem, guide, tol, guess)
         if extremal.status.ok:
             solution = _attempt(problem, replace(LADDER[0], starts=1), tol, extremal)
@@ -122,7 +137,7 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
         for form in candidates:
             if form is None or (form.weak_only and not isinstance(way, Ritz)):
                 continue
-            if form.refused and not isinstance(way, FirstIntegral):
+            if form.refused and not _reduces(way):
                 failure = failure or no_answer(problem, way, Status.REFUSED, form.refused)
                 continue
             start = guess if guess is not None or failure is None or failure.curve is None else failure

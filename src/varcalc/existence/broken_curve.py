@@ -10,7 +10,7 @@ a minimum above it is only local (Goldschmidt 1831; Gelfand and Fomin,
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -19,6 +19,7 @@ from varcalc.conditions import Fixed
 from varcalc.functional import Functional
 from varcalc.mesh import gauss
 from varcalc.problem import Problem
+from varcalc.solution import Solution
 
 STEEP = (1e6, 1e8)
 """Slopes, in units of the problem's own, at which linear growth is recognised."""
@@ -32,6 +33,8 @@ NEAR = 0.2
 """Relative distance from the rival value within which a scan of the levels is followed up."""
 CONTRACTIONS = 70
 GOLDEN = 0.5 * (5**0.5 - 1)
+RIVAL = 1e-9
+"""Relative margin by which a broken curve has to be better: its own value is no more accurate."""
 
 
 @dataclass(frozen=True)
@@ -128,3 +131,17 @@ class _Family:
         found = self.at(tried)
         j = int(np.nanargmin(found))
         return BrokenCurve(self.sign * float(found[j]), float(tried[j]))
+
+
+def with_rival(solution: Solution) -> Solution:
+    """A minimum, marked local when a broken curve, which jumps at its ends, comes lower."""
+    extremal = solution.extremal
+    if solution.local or (extremal is not None and extremal.form.energetic and any(extremal.form.singular)):
+        return solution
+    rival = broken_curve(solution.problem, solution.value)
+    sign = -1.0 if solution.problem.maximise else 1.0
+    margin = solution.error.value + RIVAL * abs(solution.value)
+    if rival is None or sign * rival.value > sign * solution.value - margin:
+        return solution
+    message = f"a local {'maximum' if sign < 0 else 'minimum'} only: {rival.sentence}"
+    return replace(solution, local=True, lower=rival.value, message=message)

@@ -1,4 +1,4 @@
-"""What the routes of the ladder had no answer to, looked at again; and what they found, held against worse curves."""
+"""What the routes of the ladder had no answer to, looked at again."""
 
 from __future__ import annotations
 
@@ -22,8 +22,6 @@ PLACES = 1001
 """Abscissae at which Legendre's condition is looked at; odd, so that the middle is one of them."""
 VANISHING = 1e-5
 """Share of its median below which L_y'y' is taken to vanish."""
-RIVAL = 1e-9
-"""Relative margin by which a broken curve has to be better: its own value is no more accurate."""
 
 
 def second_look(problem: Functional, tol: float, failure: Solution) -> Solution:
@@ -44,20 +42,6 @@ def second_look(problem: Functional, tol: float, failure: Solution) -> Solution:
         if found is not None and found.complete:
             return _refused(failure, Verdict.NO_EXTREMAL, none_found(problem, found))
     return _concentrated(failure, approach)
-
-
-def with_rival(solution: Solution) -> Solution:
-    """A minimum, marked local when a broken curve, which jumps at its ends, comes lower."""
-    extremal = solution.extremal
-    if solution.local or (extremal is not None and extremal.form.energetic and any(extremal.form.singular)):
-        return solution
-    rival = broken_curve(solution.problem, solution.value)
-    sign = -1.0 if solution.problem.maximise else 1.0
-    margin = solution.error.value + RIVAL * abs(solution.value)
-    if rival is None or sign * rival.value > sign * solution.value - margin:
-        return solution
-    message = f"a local {'maximum' if sign < 0 else 'minimum'} only: {rival.sentence}"
-    return replace(solution, local=True, lower=rival.value, message=message)
 
 
 def regular(problem: Functional) -> bool:

@@ -6,8 +6,6 @@ import numpy as np
 
 from varcalc.problem import Curve
 from varcalc.solution import Solution
-from varcalc.verify.evidence import evidence_of
-from varcalc.verify.verdict import judged
 from varcalc.verify.verification import Finding, Verification
 
 __all__ = ["Finding", "Verification", "verify"]
@@ -31,6 +29,10 @@ def verify(solution: Solution) -> Verification:
     >>> check.verdict, check.index, check.conjugate_points
     (<Verdict.SADDLE: 'stationary, but neither a minimum nor a maximum'>, 1, array([3.14159265]))
     """
+    # every check has a module of its own: they are imported by the first verification
+    from varcalc.verify.evidence import evidence_of
+    from varcalc.verify.verdict import judged
+
     if not isinstance(solution, Solution):
         raise TypeError(f"verify takes a Solution, as solve gives, not {solution!r}")
     if solution.curve is None:
