@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -13,6 +14,7 @@ from varcalc.arguments import Guess, check_arguments, check_guess, sampled_guess
 from varcalc.existence.approach import outdone
 from varcalc.existence.broken_curve import with_rival
 from varcalc.existence.feasibility import explained
+from varcalc.existence.standing import off_saddle
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
 from varcalc.methods.ritz import Ritz
@@ -120,7 +122,7 @@ def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:
         extremal = _attempt(problem, guide, tol, guess)
         if extremal.status.ok:
             solution = _attempt(problem, replace(LADDER[0], starts=1), tol, extremal)
-            if solution.status.ok:
+            if solution.status.ok or solution.verdict is Verdict.DEGENERATE:
                 return solution
     assert failure is not None
     return failure
@@ -143,10 +145,11 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
             start = guess if guess is not None or failure is None or failure.curve is None else failure
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 solution = _worth_something(way.solve(form, tol=tol, guess=_sampled(problem, form, start)))
+            solution = _standing(way, form, solution, tol)
+            if solution.status.ok:
+                return _beyond_doubt(vouched(_compared(solution, failure), form), form, candidates)
             if solution.verdict in {Verdict.NOT_ATTAINED, Verdict.DEGENERATE}:
                 return solution
-            if solution.status.ok:
-                return _beyond_doubt(vouched(_compared(solution, failure), form), form)
             if failure is None or (math.isnan(failure.value) and not math.isnan(solution.value)) or solution.verdict:
                 failure = solution
     assert failure is not None
@@ -154,9 +157,19 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
     return failure if hopeless else explained(problem, failure)
 
 
-def _beyond_doubt(solution: Solution, form: Form) -> Solution:
+def _standing(method: Method, form: Form, solution: Solution, tol: float) -> Solution:
+    """The answer of a method, refused where it is a saddle of the constrained problem, or its level an extreme one."""
+    if solution.status.ok:
+        solution = off_saddle(method, form, solution, tol)
+    if solution.status is Status.ROUND_OFF:  # at an extreme level no multiplier exists, and digits are lost
+        solution = explained(solution.problem, solution)
+    return solution
+
+
+def _beyond_doubt(solution: Solution, form: Form, candidates: Sequence[Form | None]) -> Solution:
     """The solution, refused when L is singular at an end and a curve that is steeper there is far better."""
-    if form.energetic or not any(form.singular) or (better := outdone(solution)) is None:
+    singular = any(any(candidate.singular) for candidate in candidates if candidate is not None)
+    if form.energetic or not singular or (better := outdone(solution)) is None:
         return solution
     return replace(solution, status=Status.REFUSED, verdict=Verdict.GAP, message=better.sentence(solution.value))
 

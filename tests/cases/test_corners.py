@@ -113,7 +113,9 @@ DESCENTS = [(1, 1), (5, 1), (1, 0)]
 
 
 @pytest.mark.parametrize(("across", "depth"), DESCENTS)
-@pytest.mark.parametrize("method", [None, vc.Ritz(optimiser=vc.Ipopt()), vc.Collocation(), vc.FirstIntegral()], ids=repr)
+@pytest.mark.parametrize(
+    "method", [None, vc.Ritz(optimiser=vc.Ipopt()), vc.Collocation(), vc.FirstIntegral()], ids=repr
+)
 def test_quickest_descent_with_a_vertical_start(across, depth, method):
     angle, radius, time = cycloid(across, depth)
     solution = vc.solve(descent(across, depth), method)

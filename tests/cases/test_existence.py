@@ -236,5 +236,3 @@ def test_beyond_the_fold_the_functional_has_no_bound_and_no_extremal(excess):
     problem = bratu(float(STRONGEST) + excess)
     assert vc.solve(problem, throw=False).verdict is vc.Verdict.UNBOUNDED
     assert len(vc.extremals(problem)) == 0
-
-

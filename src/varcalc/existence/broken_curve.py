@@ -109,13 +109,20 @@ class _Family:
         return total
 
     def best(self, rival: float) -> BrokenCurve | None:
-        """The level of least value, from a scan and golden sections."""
+        """The level of least value, from a scan and golden sections about each of its lowest places."""
         low, high = self.y.min() - REACH * self.size, self.y.max() + REACH * self.size
         levels = np.unique(np.concatenate([np.linspace(low, high, LEVELS), self.y]))
         values = self.at(levels)
         if not np.isfinite(values).any() or np.nanmin(values) > self.sign * rival + NEAR * abs(rival):
             return None
-        k = int(np.nanargmin(values))
+        around = np.concatenate([[np.inf], np.nan_to_num(values, nan=np.inf), [np.inf]])
+        lowest = np.isfinite(values) & (around[1:-1] <= around[:-2]) & (around[1:-1] <= around[2:])
+        found = [self._least(levels, k) for k in np.flatnonzero(lowest)]
+        value, level = min(found)
+        return BrokenCurve(self.sign * value, level)
+
+    def _least(self, levels: np.ndarray, k: int) -> tuple[float, float]:
+        """The least value between the neighbours of the level k, and its level."""
         left, right = levels[max(k - 1, 0)], levels[min(k + 1, len(levels) - 1)]
         for _ in range(CONTRACTIONS):
             inner = np.array([right - GOLDEN * (right - left), left + GOLDEN * (right - left)])
@@ -130,7 +137,7 @@ class _Family:
         tried = np.array([left, 0.5 * (left + right), right, levels[k]])
         found = self.at(tried)
         j = int(np.nanargmin(found))
-        return BrokenCurve(self.sign * float(found[j]), float(tried[j]))
+        return float(found[j]), float(tried[j])
 
 
 def with_rival(solution: Solution) -> Solution:

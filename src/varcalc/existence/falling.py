@@ -102,8 +102,9 @@ def _along(form: Form, system: RitzSystem, start: np.ndarray, direction: np.ndar
         if not np.isfinite(at.value) or at.legendre * first.legendre < 0:
             break  # beyond a change of Legendre's sign L is another functional, as area is for y < 0
         rows.append((distance, at.value - first.value, at.scale))
-    # the far end decides: near the start the functional may rise first
-    distances, falls, scales = np.array(rows[-LEAST:]).reshape(-1, 3).T
+    # the far end decides, near the start the functional may rise first; but not where round-off is all there is
+    resolved = [row for row in rows if abs(row[1]) > RESOLVED * row[2]]
+    distances, falls, scales = np.array(resolved[-LEAST:]).reshape(-1, 3).T
     real = len(falls) == LEAST and bool(np.all(falls < -RESOLVED * scales)) and falls[-1] < -DEEP * first.scale
     if not real or np.any(falls[1:] > LINEAR * falls[:-1]):
         return None

@@ -134,6 +134,8 @@ class _Search:
                 self.by_deflation(form)
             if self.found:
                 break
+        else:
+            self.by_collocation(candidates)
 
     def by_slope(self, form: Form) -> bool:
         """Scan the initial slopes of a form that allows it; True when that leaves nothing else to find."""
@@ -184,6 +186,18 @@ class _Search:
             f"deflated Newton iterations from the starting curves gave {len(self.found) - before} "
             f"{'more' if before else 'in all'}"
         )
+
+    def by_collocation(self, candidates: list[Form]) -> None:
+        """The extremal that collocation comes to in the first form that has one, where the search had none to show."""
+        for form in candidates:
+            if Collocation().inapplicable(form):
+                continue
+            solution = as_asked(Collocation().solve(form, tol=finer(self.tol), guess=None), self.tol)
+            if solution.status.ok:
+                self.add(solution)
+                break
+        if self.found:
+            self.words.append("collocation from its own starting curves gave 1")
 
     def add(self, solution: Solution) -> None:
         """Keep a solution that has digits to show, meets its ends, and is not one of those known."""

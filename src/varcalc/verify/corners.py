@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from varcalc.verify.residual import FAINT, felt
 from varcalc.verify.setting import Setting
 
 JUMP = 1e-3
@@ -45,7 +46,11 @@ def corners(along: Setting) -> list[Corner]:
     step = BESIDE * along.length
     v = along.symbols.dy
     H, momentum = along.whole.expression, along.whole.partial(1)
-    function = along.function(momentum, H - ca.dot(v, momentum), ca.fabs(H) + ca.fabs(ca.dot(v, momentum)))
+    uncancelled = FAINT * felt(along)
+    function = along.function(
+        momentum, H - ca.dot(v, momentum),
+        ca.fabs(H) + ca.fabs(ca.dot(v, momentum)) + ca.dot(ca.fabs(v), uncancelled), uncancelled,
+    )  # fmt: skip
     left, right = function(inner - step), function(inner + step)
     slopes = [along.evaluate(inner + side * step, 1) for side in (-1, 1)]
     waypoints = {at for at, _ in along.form.waypoints}
@@ -54,7 +59,7 @@ def corners(along: Setting) -> list[Corner]:
         before, after = slopes[0][:, k], slopes[1][:, k]
         if not (np.abs(after - before) > JUMP * np.maximum(1.0, np.abs(before) + np.abs(after))).any():
             continue
-        size = max(float(np.abs(np.concatenate([left[0][k], right[0][k]])).max()), 1e-300)
+        size = max(float(np.abs([side[term][k] for side in (left, right) for term in (0, 3)]).max()), 1e-300)
         energy = abs(float((right[1] - left[1])[k].item())) / max(float((left[2] + right[2])[k].item()), 1e-300)
         given = at in along.form.knots
         found.append(

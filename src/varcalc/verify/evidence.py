@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from varcalc.solution import Solution
 from varcalc.verify.bounds import bound, misses
-from varcalc.verify.corners import corners
+from varcalc.verify.corners import Corner, corners
 from varcalc.verify.index import Index
 from varcalc.verify.invariants import invariants
 from varcalc.verify.legendre import legendre
@@ -40,13 +42,18 @@ def evidence_of(solution: Solution) -> Evidence:
         jacobi=jacobi,
         ritz=ritz,
         points=points,
-        corners=[] if on_trial.touched else corners(person),
+        corners=[] if on_trial.touched else _broken(corners(person), polished),
         invariants=invariants(smooth, own) if measured and not on_trial.touched else {},
         bound=bound(on_trial),
         misses=misses(on_trial),
         unpolished=on_trial.reason,
         touched=on_trial.touched,
     )
+
+
+def _broken(found: list[Corner], polished: bool) -> list[Corner]:
+    """The corners that are the extremal's own: a kink that polishing has smoothed was the error of the curve."""
+    return [c for c in found if not polished or c.held or math.isnan(c.energy)]
 
 
 def _second_variation(on_trial: Trial, strict: bool) -> tuple[JacobiIndex, Index, np.ndarray]:

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.mesh import antiderivative, gauss
+from varcalc.tracing import Expression
 from varcalc.verify.setting import Setting
 
 POINTS = 24
@@ -50,10 +51,20 @@ def residual(along: Setting, singular: bool = False) -> float:
         root = np.sqrt(weights[inside, None])
         fitted = powers @ np.linalg.lstsq(powers * root, total[inside] * root, rcond=None)[0]
         worst = max(worst, float(np.abs(total[inside] - fitted).max()))
+    # terms that are what is left when larger ones cancel say nothing, however they compare with one another
+    cancelled = FAINT * float(along.function(felt(along))(nodes)[0].max())
     # a function the Lagrangian hardly feels is measured by those it does feel
     extent = float(np.abs(along.evaluate(nodes, 0)).max()) or along.length
     faint = FAINT * float(np.abs(whole).max()) * along.length**along.order / extent
-    return worst / max(float(size.max()), faint, 1e-300)
+    return worst / max(float(size.max()), faint, cancelled, 1e-300)
+
+
+def felt(along: Setting) -> Expression:
+    """What the momentum would be made of if nothing cancelled: the sum of abs(H_y'y y) and abs(H_y'y' y'), (n,)."""
+    s = along.symbols
+    variables = ca.vertcat(s.y, *s.slopes)
+    momentum = ca.gradient(along.whole.expression, s.slopes[-1])
+    return ca.mtimes(ca.fabs(ca.jacobian(momentum, variables)), ca.fabs(variables))
 
 
 def _inside(along: Setting) -> Setting:

@@ -42,7 +42,7 @@ class Trial:
 
 def trial(solution: Solution) -> Trial:
     """The curve of a solution, and the extremal it stands for."""
-    own = _undivided(solution.extremal, solution.value) if solution.extremal is not None else _regular(solution)
+    own = undivided(solution.extremal, solution.value) if solution.extremal is not None else _regular(solution)
     if own is not None and touches(own):
         return Trial(solution, own, None, "the curve touches a bound", True)
     start = own if own is not None and not own.form.weak_only else _in_regular_form(solution)
@@ -63,7 +63,7 @@ def trial(solution: Solution) -> Trial:
     return Trial(solution, own, outcome, "")
 
 
-def _undivided(extremal: Extremal, value: float) -> Extremal:
+def undivided(extremal: Extremal, value: float) -> Extremal:
     """The extremal with multipliers of what is minimised: those of an energy J^2 were divided by 2 J for the answer."""
     if not extremal.form.energetic:
         return extremal
@@ -93,7 +93,7 @@ def _minimised(solution: Solution) -> Extremal | None:
             continue
         found = Ritz(starts=1).solve(form, tol=1e-10, guess=form.pull(_ordinates(solution)))
         if found.status.ok and found.extremal is not None and not isinstance(_staying(solution, found.extremal), str):
-            return _undivided(found.extremal, found.value)
+            return undivided(found.extremal, found.value)
     return None
 
 

@@ -74,10 +74,10 @@ class Rungs:
         return Space(vertices, degree, self.form.n, self.form.order, self.form.periodic)
 
     def richer(self, degree: int) -> int:
-        """The degree of the next rung."""
+        """The degree of the next rung: two more at least, as symmetry may leave nothing to gain by one more."""
         if self.inequalities:
             return degree + 4
-        above = [d for d in DEGREES[self.form.order] if d > degree]
+        above = [d for d in DEGREES[self.form.order] if d > degree + 1]
         return above[0] if above else degree + max(4, degree // 3)
 
     def system(self, space: Space) -> RitzSystem:
