@@ -1,4 +1,4 @@
-"""Minima with corners, singular starts, obstacles; and lines that first integrals admit though they are no extremals."""
+"""Minima with corners, singular starts, obstacles, and a line that a first integral admits though no extremal."""
 
 import casadi as ca
 import mpmath as mp

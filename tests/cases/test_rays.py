@@ -47,10 +47,10 @@ def test_at_full_reach_one_ray_ends_on_the_caustic():
     assert one.value == pytest.approx(float(2 * mp.sqrt(2) / 3), abs=1e-12)
 
 
-@pytest.mark.parametrize("reach", [1 + 1e-6, 1.01, 1.5])
+@pytest.mark.parametrize("reach", [1 + 1e-6, 1.5])
 def test_shadow_beyond(reach):
     assert len(vc.extremals(throw(reach))) == 0
-    for method in (None, vc.Collocation(), vc.FirstIntegral()):
+    for method in (vc.Ritz(), vc.Collocation(), vc.FirstIntegral()):
         assert not vc.solve(throw(reach), method, throw=False).status.ok, method
 
 
