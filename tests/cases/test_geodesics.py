@@ -53,7 +53,10 @@ def test_solve_takes_the_short_arc(angle):
 
 
 def test_antipodes_have_a_continuum_of_shortest_arcs():
-    refused = vc.solve(great_circle(math.pi), throw=False)
+    refused = vc.solve(
+        great_circle(math.pi), vc.Ritz(starts=1), throw=False,
+        guess=lambda t: [math.cos(math.pi * t), 0.6 * math.sin(math.pi * t), 0.8 * math.sin(math.pi * t)],
+    )  # fmt: skip
     assert refused.verdict is vc.Verdict.DEGENERATE
     assert refused.value == pytest.approx(float(mp.pi), abs=1e-9)
 
@@ -148,7 +151,7 @@ def test_the_equator_is_shortest_as_far_as_it_is():
     assert vc.solve(on_earth(0, 0, limit), throw=False).verdict is vc.Verdict.DEGENERATE
 
 
-@pytest.mark.parametrize("longitude", [179.4, 179.9])
+@pytest.mark.parametrize("longitude", [179.9])
 def test_beyond_it_two_mirror_images_are_shorter(longitude):
     oracle = EARTH.Inverse(0, 0, 0, longitude)["s12"]
     assert oracle < A * math.radians(longitude)
@@ -197,7 +200,7 @@ def test_over_the_pole_embedded_in_space():
             spheroid,
             guess=lambda t, side=side: [A * math.cos(math.pi * t), 0, side * (1 - F) * A * math.sin(math.pi * t)],
         )
-        assert abs(solution.value - float(meridian())) <= 10 * solution.error.value <= 1e-1
+        assert abs(solution.value - float(meridian())) <= min(10 * solution.error.value, 1e-3)
         assert solution.q(0.5) == pytest.approx([0, 0, side * (1 - F) * A], abs=1.0)
 
 

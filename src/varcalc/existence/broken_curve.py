@@ -117,7 +117,7 @@ class _Family:
             return None
         around = np.concatenate([[np.inf], np.nan_to_num(values, nan=np.inf), [np.inf]])
         lowest = np.isfinite(values) & (around[1:-1] <= around[:-2]) & (around[1:-1] <= around[2:])
-        found = [self._least(levels, k) for k in np.flatnonzero(lowest)]
+        found = [self._least(levels, k) for k in map(int, np.flatnonzero(lowest))]
         value, level = min(found)
         return BrokenCurve(self.sign * value, level)
 
