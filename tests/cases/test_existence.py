@@ -236,15 +236,15 @@ def test_no_route_has_a_solution_beyond_the_fold(excess):
         assert not vc.solve(problem, method, throw=False).status.ok, method
 
 
-def test_shooting_has_no_solution_beyond_the_fold():
-    assert not vc.solve(bratu(float(STRONGEST) + 1e-4), vc.Shooting(), throw=False).status.ok
+@pytest.mark.parametrize("excess", [1e-6, 1e-4])
+def test_shooting_has_no_solution_beyond_the_fold(excess):
+    assert not vc.solve(bratu(float(STRONGEST) + excess), vc.Shooting(), throw=False).status.ok
 
 
-@pytest.mark.xfail(
-    reason="next to the fold the mismatch of the segments is taken for round-off of an ill-conditioned extremal"
-)
-def test_shooting_has_no_solution_just_beyond_the_fold():
-    assert not vc.solve(bratu(float(STRONGEST) + 1e-6), vc.Shooting(), throw=False).status.ok
+def test_shooting_has_one_just_before_it():
+    strength = float(STRONGEST) - 1e-6
+    solution = vc.solve(bratu(strength), vc.Shooting())
+    assert min(abs(solution.y(0.5) - height) for height in bratu_heights(strength)) < 1e-8
 
 
 @pytest.mark.parametrize("excess", [1e-6, 0.1])

@@ -165,6 +165,8 @@ def _compiled(problem: Functional, engine: Engine, equations: EulerLagrangeFlow)
 def _imprecise(finished: Finished, relative: float, tol: float, segments: int | None) -> str:
     """Why the tolerance was not met, and what to do."""
     digits = math.log10(max(finished.growth, 1.0))
+    if not math.isfinite(relative):
+        return "the segments all but match, but nowhere near do they match: next to a fold there may be no extremal"
     says = f"the error of the value is {relative:.1e} of its size, more than tol = {tol:.1e}"
     if segments is not None and digits > COSTLY:
         return (

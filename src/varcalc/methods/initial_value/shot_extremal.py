@@ -6,6 +6,7 @@ finer one would change, with the mismatch left and round-off, is the error claim
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import casadi as ca
@@ -17,6 +18,8 @@ from varcalc.methods.initial_value.newton import size
 from varcalc.methods.initial_value.segments import Evaluation, Failure, Segments
 from varcalc.solution import ErrorEstimate
 
+NEARBY = 0.1
+"""Relative size of a Newton step from converged segments beyond which no extremal is near."""
 ROUND_OFF = 4 * float(np.finfo(float).eps)
 """Relative error of a sum of running integrals, and of a state, that rounding alone explains."""
 
@@ -98,7 +101,16 @@ def finish(segments: Segments, x: np.ndarray, floor: np.ndarray) -> Finished | F
     error = ErrorEstimate(
         change + _mismatch(segments, x, at) + _rounding(segments, at, value), _curve_error(segments, at, reference)
     )
+    if _distance(segments, finer, reference, floor) > NEARBY:
+        error = ErrorEstimate(math.inf, math.inf)
     return Finished(extremal, value, error, float(at.growth.max()), segments.condition(at))
+
+
+def _distance(segments: Segments, x: np.ndarray, at: Evaluation, floor: np.ndarray) -> float:
+    """How far from x the linearised segments match, relative to the unknowns; large where a fold has been passed."""
+    weights = np.maximum(np.abs(x), floor)
+    step = segments.solve(at, -at.residual, weights)
+    return 0.0 if step is None else size(step, weights)
 
 
 def corrected(
