@@ -14,7 +14,6 @@ from varcalc.arguments import Guess, check_arguments, check_guess, sampled_guess
 from varcalc.existence.approach import outdone
 from varcalc.existence.broken_curve import with_rival
 from varcalc.existence.feasibility import explained
-from varcalc.existence.standing import off_saddle
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
 from varcalc.methods.ritz import Ritz
@@ -159,7 +158,9 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
 
 def _standing(method: Method, form: Form, solution: Solution, tol: float) -> Solution:
     """The answer of a method, refused where it is a saddle of the constrained problem, or its level an extreme one."""
-    if solution.status.ok:
+    if solution.status.ok and form.pathwise:
+        from varcalc.existence.standing import off_saddle  # with half of verify
+
         solution = off_saddle(method, form, solution, tol)
     if solution.status is Status.ROUND_OFF:  # at an extreme level no multiplier exists, and digits are lost
         solution = explained(solution.problem, solution)
