@@ -12,19 +12,23 @@ import importlib.util
 from varcalc.engines.dop853 import Dop853
 from varcalc.engines.lowering import CannotLower
 from varcalc.engines.metered import Metered
-from varcalc.engines.protocol import Engine, Flow, Outcome, Run
+from varcalc.engines.protocol import NONE, OUTCOMES, Engine, Flow, Landing, Outcome, Run, Swarm
 from varcalc.engines.taylor import Taylor
 from varcalc.engines.thrifty import Thrifty
 from varcalc.engines.variational import Variational, variational
 
 __all__ = [
+    "NONE",
+    "OUTCOMES",
     "CannotLower",
     "Dop853",
     "Engine",
     "Flow",
     "Metered",
+    "Landing",
     "Outcome",
     "Run",
+    "Swarm",
     "Taylor",
     "Thrifty",
     "Variational",

@@ -15,7 +15,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.engines.dop853_swarm import Dop853Swarm
 from varcalc.engines.protocol import Outcome, Run, check_system, checked
+from varcalc.engines.stops import Stops
 
 REFINEMENT = 100.0
 """By how much the tolerance of each level is the smaller one."""
@@ -43,6 +45,14 @@ class Dop853:
         check_system(system)
         return Dop853Flow(self, system)
 
+    def compile_swarm(self, system: ca.Function, stops: ca.Function) -> Dop853Swarm:
+        """Wrap ``system`` and ``stops``; never raises CannotLower."""
+        check_system(system)
+        flow = Dop853Flow(self, system)
+        return Dop853Swarm(
+            flow.right_hand_side, flow.set_constants, Stops(system, stops), self.tolerance, self.most_steps
+        )
+
 
 class Dop853Flow:
     """A system ready for SciPy; :meth:`run` is that of the protocol."""
@@ -55,7 +65,12 @@ class Dop853Flow:
         self._rate = np.zeros(system.numel_out(0))
         self._buffer, self._call = _bound(system, [self._time, self._state, self._constants], self._rate)
 
-    def _right_hand_side(self, time: float, state: np.ndarray) -> np.ndarray:
+    def set_constants(self, constants: np.ndarray) -> None:
+        """Use these constants (c,) from here on."""
+        self._constants[:] = constants
+
+    def right_hand_side(self, time: float, state: np.ndarray) -> np.ndarray:
+        """dY/ds at one state, with the constants set last."""
         self._time[0] = time
         self._state[:] = state
         self._call()
@@ -74,7 +89,7 @@ class Dop853Flow:
         from scipy.integrate import DOP853
 
         checked(abscissae, state, constants, self.system)
-        self._constants[:] = constants
+        self.set_constants(constants)
         tolerance = max(self.engine.tolerance / REFINEMENT**level, SMALLEST)
         longest = math.inf
         if level:  # smaller steps as well: few steps may be the same at any tolerance
@@ -83,10 +98,10 @@ class Dop853Flow:
         states = np.full((len(abscissae), len(state)), math.nan)
         states[0] = state
         with np.errstate(all="ignore"):
-            if not np.all(np.isfinite(self._right_hand_side(float(abscissae[0]), state))):
+            if not np.all(np.isfinite(self.right_hand_side(float(abscissae[0]), state))):
                 return Run(abscissae, states, Outcome.NOT_FINITE, float(abscissae[0]), 0)
             solver = DOP853(
-                self._right_hand_side, abscissae[0], state, abscissae[-1], rtol=tolerance,
+                self.right_hand_side, abscissae[0], state, abscissae[-1], rtol=tolerance,
                 atol=tolerance * max(1.0, float(np.abs(state).max())),
                 max_step=longest,
             )  # fmt: skip

@@ -22,6 +22,7 @@ class Outcome(Enum):
     """How an integration ended; each member carries its meaning."""
 
     COMPLETED = "the last abscissa was reached"
+    STOPPED = "a stopping function became zero"
     NOT_FINITE = "the right-hand side is not a number at the initial values"
     BLOW_UP = "the solution leaves every bound, or the domain of the system, before the last abscissa"
     UNRESOLVED = "no smooth solution was found between the singular end and a place near it"
@@ -71,6 +72,40 @@ class Flow(Protocol):
         ...
 
 
+OUTCOMES = tuple(Outcome)
+"""What the small integers of :attr:`Landing.outcomes` stand for."""
+NONE = -1
+"""In place of the number of a stopping function: none of them."""
+
+
+@dataclass(frozen=True)
+class Landing:
+    """Where m integrations ended, each at an abscissa of its own.
+
+    ``states`` (m, N) at the abscissae ``reached`` (m,); ``outcomes`` (m,) are indices into
+    :data:`OUTCOMES`, ``stopped_by`` (m,) the numbers of the stopping functions that were met, or
+    :data:`NONE`. A run that failed keeps the last state that is known, never NaN.
+    """
+
+    states: np.ndarray
+    reached: np.ndarray
+    outcomes: np.ndarray
+    stopped_by: np.ndarray
+
+
+class Swarm(Protocol):
+    """A compiled autonomous system with stopping functions, for many initial values at once."""
+
+    def run(self, states: np.ndarray, constants: np.ndarray, leaving: int = NONE) -> Landing:
+        """Carry each row of ``states`` (m, N) from s = 0 until one of the stopping functions crosses zero.
+
+        ``constants`` has shape (m, c). ``leaving`` is the number of a stopping
+        function that is zero, to round-off, at the start of every run: that
+        zero does not count, later ones do. A stop is located to round-off.
+        """
+        ...
+
+
 class Engine(Protocol):
     """An integrator with its options."""
 
@@ -84,6 +119,13 @@ class Engine(Protocol):
 
         Raises :class:`varcalc.engines.lowering.CannotLower` when the system
         holds an operation the engine does not know.
+        """
+        ...
+
+    def compile_swarm(self, system: ca.Function, stops: ca.Function) -> Swarm:
+        """Prepare ``system`` for many runs at once, with ``stops``: ``(s, Y (N,), constants (c,)) -> (k,)``.
+
+        Neither may depend on s. Raises as :meth:`compile` does.
         """
         ...
 

@@ -1,0 +1,84 @@
+"""Stopping functions of a swarm: their values and their rates along the solutions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.engines.protocol import NONE, check_system
+from varcalc.instructions import Vectorised
+
+
+@dataclass(frozen=True)
+class Stops:
+    """Stopping functions g(Y, constants) of a system, with dg/ds = g_Y f, on arrays of states.
+
+    Parameters
+    ----------
+    system, stops : ca.Function
+        As :meth:`varcalc.engines.protocol.Engine.compile_swarm` takes them.
+    """
+
+    system: ca.Function
+    stops: ca.Function
+    _call: Any = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        size = check_system(self.system)
+        s, state, constants = ca.SX.sym("s"), ca.SX.sym("Y", size), ca.SX.sym("c", self.system.numel_in(2))
+        rate = ca.densify(ca.SX(self.system(s, state, constants)))
+        level = ca.densify(ca.SX(self.stops(s, state, constants)))
+        if ca.depends_on(ca.vertcat(rate, level), s):
+            raise ValueError("the system of a swarm and its stopping functions must not depend on s")
+        slope = ca.jtimes(level, state, rate)
+        bend = ca.jtimes(slope, state, rate)
+        results = [level, ca.densify(slope), rate, ca.densify(bend)]
+        object.__setattr__(self, "_call", Vectorised(ca.Function("stops", [state, constants], results)))
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return int(self.stops.numel_out(0))
+
+    def __call__(self, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """g (m, k), dg/ds (m, k) and dY/ds (m, N) at states (m, N), constants (m, c)."""
+        table, k = self._table(states, constants), self.count
+        return table[:, :k], table[:, k : 2 * k], table[:, 2 * k : -k]
+
+    def _table(self, states: np.ndarray, constants: np.ndarray) -> np.ndarray:
+        columns = self._call(list(states.T), list(constants.T))
+        return np.stack([np.broadcast_to(np.asarray(c, dtype=float), (len(states),)) for c in columns], axis=1)
+
+    def reach(self, states: np.ndarray, constants: np.ndarray, leaving: int = NONE) -> np.ndarray:
+        """How far in s (m,) the nearest stop may lie, by order of magnitude, from g and its two derivatives.
+
+        A solution that is a polynomial has no length of its own that would
+        bound a step, and a stop is found no more precisely than the step is long.
+        """
+        table, k = self._table(states, constants), self.count
+        level, slope, rate, bend = table[:, :k], table[:, k : 2 * k], table[:, 2 * k : -k], table[:, -k:]
+        if leaving != NONE:
+            level = level.copy()
+            level[:, leaving] = 0.0  # round-off: what counts is how the stop is come back to
+        with np.errstate(all="ignore"):
+            lengths = np.concatenate(
+                [np.abs(level / slope), np.sqrt(np.abs(2 * level / bend)), np.abs(2 * slope / bend)], axis=1
+            )
+            nearest = np.where(np.isfinite(lengths) & (lengths > 0), lengths, np.inf).min(axis=1, initial=np.inf)
+            usual = np.linalg.norm(states, axis=1) / np.linalg.norm(rate, axis=1)
+        nearest = np.where(np.isfinite(nearest), nearest, usual)
+        return np.where(np.isfinite(nearest) & (nearest > 0), nearest, 1.0)
+
+    def polished(
+        self, states: np.ndarray, constants: np.ndarray, stopped_by: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """States (m, N) moved along their rates onto the stops they are at, and by how much in s (m,)."""
+        level, slope, rate = self(states, constants)
+        rows = np.arange(len(states))
+        with np.errstate(all="ignore"):
+            shift = -level[rows, stopped_by] / slope[rows, stopped_by]
+        shift = np.where(np.isfinite(shift), shift, 0.0)  # a graze: the rate is zero, and so is the level
+        return states + shift[:, None] * rate, shift

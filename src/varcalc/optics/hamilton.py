@@ -1,0 +1,137 @@
+"""Hamilton's ray equations in a graded medium.
+
+dr/dσ = p, dp/dσ = ∇n²/2, dS/dσ = n², of the Hamiltonian (|p|² - n²)/2 = 0
+(Born and Wolf, sect. 3.2; Brizard, "An Introduction to Lagrangian Mechanics",
+sect. 3.3): for many media polynomials. The deviations of neighbours obey
+δr' = δp, δp' = H δr/2 with H the Hessian matrix of n² (the ray deviation
+equation, Brizard sect. 1.4.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from varcalc.engines import NONE, OUTCOMES, Engine, Landing, Outcome, Swarm
+from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
+from varcalc.optics.media import Field, Medium
+from varcalc.optics.surfaces import Geometry
+
+FAR = 1e6
+"""Rays that have come so many times farther than the scene is large meet nothing any more."""
+BROKEN = 1e-8
+"""|p|² and n², which are equal along a ray, differ by so much of n² only where the index is singular."""
+ENDED = {
+    OUTCOMES.index(Outcome.NOT_FINITE): RayStatus.SINGULAR,
+    OUTCOMES.index(Outcome.BLOW_UP): RayStatus.SINGULAR,
+    OUTCOMES.index(Outcome.TOO_MANY_STEPS): RayStatus.TOO_MANY_STEPS,
+    OUTCOMES.index(Outcome.STOPPED): RayStatus.ARRIVED,
+}
+
+
+def ray_system(medium: Medium, dimension: int, neighbours: int) -> ca.Function:
+    """Hamilton's ray equations with ``neighbours`` deviations, as the engines take a system: no constants.
+
+    The state is r, p, S, then δr and δp of each neighbour.
+    """
+    d = dimension
+    s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * d + 1 + 2 * d * neighbours)
+    squared = medium.squared_index(state[:d])
+    pull = ca.gradient(squared, state[:d]) / 2
+    rates = [state[d : 2 * d], pull, squared]
+    bend = ca.jacobian(pull, state[:d])
+    for k in range(neighbours):
+        first = 2 * d + 1 + 2 * d * k
+        rates += [state[first + d : first + 2 * d], bend @ state[first : first + d]]
+    return ca.Function("rays", [s, state, ca.SX.sym("c", 0)], [ca.densify(ca.vertcat(*rates))])
+
+
+def packed(beam: Beam) -> np.ndarray:
+    """The states (m, N) of :func:`ray_system` for the rays of ``beam``."""
+    pairs = np.concatenate([beam.moved, beam.turned], axis=2).reshape(len(beam), -1)
+    return np.column_stack([beam.position, beam.momentum, beam.optical_path, pairs])
+
+
+def unpacked(states: np.ndarray, dimension: int) -> Beam:
+    """The rays of the states (m, N)."""
+    d = dimension
+    pairs = states[:, 2 * d + 1 :].reshape(len(states), -1, 2 * d)
+    return Beam(states[:, :d], states[:, d : 2 * d], states[:, 2 * d], pairs[:, :, :d], pairs[:, :, d:])
+
+
+@dataclass
+class HamiltonRays:
+    """The model for one graded medium, with the surfaces that rays in it may meet.
+
+    ``extent`` is the size of the scene. Systems are compiled when they are first needed, and kept.
+    """
+
+    medium: Medium
+    dimension: int
+    surfaces: Sequence[Geometry]
+    extent: float
+    engine: Engine
+    _swarms: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
+
+    name = "Hamilton's ray equations"
+
+    def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
+        """Carry the rays to the first surface, or to the optical path ``limit`` (m,), infinite where there is none.
+
+        ``leaving`` is the number of the surface all of them start from.
+        """
+        states = packed(beam)
+        struck = np.full(len(beam), NOTHING)
+        status = np.full(len(beam), int(RayStatus.ARRIVED))
+        limited = bool(np.all(np.isfinite(limit)))
+        swarm = self._swarm(beam.deviations, limited)
+        constants = (limit if limited else np.full(len(beam), FAR * self.extent))[:, None]
+        waiting = {leaving: np.flatnonzero(limit > beam.optical_path)}
+        while waiting:
+            start, rows = waiting.popitem()
+            landing = swarm.run(states[rows], constants[rows], start if start != NOTHING else NONE)
+            states[rows] = landing.states
+            struck[rows], status[rows] = self._told(landing, limited)
+            for number in self._strangers(states, struck, rows):
+                again = rows[(struck[rows] == number) & ~self._belong(states[rows], number)]
+                waiting[number] = np.concatenate([waiting.get(number, again[:0]), again])
+        carried = unpacked(states, self.dimension)
+        return Arrival(carried, struck, self._checked(carried, status))
+
+    def _told(self, landing: Landing, limited: bool) -> tuple[np.ndarray, np.ndarray]:
+        """What a landing says: the surfaces struck, and the status of each ray."""
+        status = np.array([int(ENDED[int(code)]) for code in landing.outcomes])
+        end = landing.stopped_by == len(self.surfaces)  # the limit, or the far sphere
+        if not limited:
+            status[end] = RayStatus.MISSED
+        return np.where(end, NOTHING, landing.stopped_by), status
+
+    def _strangers(self, states: np.ndarray, struck: np.ndarray, rows: np.ndarray) -> list[int]:
+        """The surfaces on whose levels, but not on which themselves, some of the rays have stopped."""
+        numbers = [int(k) for k in np.unique(struck[rows]) if k != NOTHING]
+        return [k for k in numbers if not np.all(self._belong(states[rows[struck[rows] == k]], k))]
+
+    def _belong(self, states: np.ndarray, number: int) -> np.ndarray:
+        return self.surfaces[number].belongs(states[:, : self.dimension])
+
+    def _checked(self, beam: Beam, status: np.ndarray) -> np.ndarray:
+        """The status, SINGULAR where |p| = n no longer holds."""
+        with np.errstate(all="ignore"):
+            squared, _, _ = Field(self.medium, self.dimension)(beam.position)
+            sound = np.abs(np.sum(beam.momentum**2, axis=1) - squared) <= BROKEN * np.abs(squared)
+        return np.where(sound, status, int(RayStatus.SINGULAR))
+
+    def _swarm(self, neighbours: int, limited: bool) -> Swarm:
+        """The compiled system; its last stop is the limit of the optical path, or a sphere far away."""
+        if (neighbours, limited) not in self._swarms:
+            d, rates = self.dimension, ray_system(self.medium, self.dimension, neighbours)
+            s, state, bound = ca.SX.sym("s"), ca.SX.sym("Y", rates.numel_in(1)), ca.SX.sym("c")
+            levels = [surface.surface.level(state[:d]) for surface in self.surfaces]
+            end = state[2 * d] - bound if limited else (ca.sumsqr(state[:d]) / bound**2 - 1) / 2
+            system = ca.Function("rays", [s, state, bound], [rates(s, state, ca.SX(0, 1))])
+            stops = ca.Function("stops", [s, state, bound], [ca.vertcat(*levels, end)])
+            self._swarms[neighbours, limited] = self.engine.compile_swarm(system, stops)
+        return self._swarms[neighbours, limited]

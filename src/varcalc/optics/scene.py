@@ -1,0 +1,201 @@
+"""A scene: what rays go through. Its two questions are ``trace`` and ``rays``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from varcalc.optics.beam import launched, spreading
+from varcalc.optics.bundle import Bundle
+from varcalc.optics.march import March
+from varcalc.optics.media import Field, Medium
+from varcalc.optics.surfaces import Geometry, Surface
+from varcalc.optics.values import numbers, rows, unit_rows
+
+CHUNK = 1 << 16
+"""Rays carried together: some hundred bytes each, with their neighbours, are held beside the results."""
+ON = 1e-12
+"""A point is on a surface when it is no farther from it than this share of the scene's size."""
+
+
+class Scene:
+    """Media and the surfaces between them.
+
+    Parameters
+    ----------
+    media : Medium or sequence of Medium
+        In the order in which a ray from the source meets them: one more than there are surfaces. The medium after
+        a mirror is that before it, and need not be repeated.
+    surfaces : sequence of Surface, optional
+        In the order in which a ray meets them.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Where the media and surfaces do not fit each other.
+
+    Examples
+    --------
+    A plane wave is focused by a Luneburg lens to a point of its rim.
+
+    >>> from varcalc import optics
+    >>> scene = optics.Scene(optics.luneburg())
+    >>> bundle = scene.trace([(-0.8, 0.6), (-1.0, 0.0)], [(1, 0), (1, 0)], until=optics.Sphere((0, 0), 1.0))
+    >>> bundle.points.round(12) + 0.0
+    array([[1., 0.],
+           [1., 0.]])
+    """
+
+    def __init__(self, media: Medium | Sequence[Medium], surfaces: Sequence[Surface] = ()) -> None:
+        self.surfaces = (surfaces,) if isinstance(surfaces, Surface) else tuple(surfaces)
+        given = (media,) if isinstance(media, Medium) else tuple(media)
+        for name, kind, items in (("media", Medium, given), ("surfaces", Surface, self.surfaces)):
+            for item in items:
+                if not isinstance(item, kind):
+                    raise TypeError(
+                        f"{name} must hold members of varcalc.optics such as Uniform or Plane, not {item!r}"
+                    )
+        self.media = _one_more(given, self.surfaces)
+        dimensions = {item.dimension for item in (*self.media, *self.surfaces)} - {None}
+        if len(dimensions) > 1:
+            raise ValueError(
+                "the scene has parts in the plane and parts in space; give all points 2 or all 3 coordinates"
+            )
+        self.dimension = dimensions.pop() if dimensions else None
+
+    def __repr__(self) -> str:
+        return f"Scene({list(self.media)}, {list(self.surfaces)})"
+
+    def trace(
+        self,
+        points: Any,
+        directions: Any,
+        *,
+        optical_path: Any = None,
+        until: Surface | None = None,
+        with_spreading: bool = False,
+    ) -> Bundle:
+        """Carry a bundle of rays through the scene, each with steps, an end and a status of its own.
+
+        Parameters
+        ----------
+        points, directions : array_like, shape (m, d) or (d,)
+            Where the rays start and which way; one point serves for all directions, and one direction for all
+            points. Directions need not have length one.
+        optical_path : float or array_like, shape (m,)
+            The optical path ∫ n ds at which to stop.
+        until : Surface
+            The surface at which to stop. Exactly one of the two is given.
+        with_spreading : bool
+            Whether to carry d - 1 neighbours of each ray along, which costs about three times as much.
+
+        Returns
+        -------
+        Bundle
+
+        Raises
+        ------
+        TypeError, ValueError
+            For arguments that do not fit the scene: a source on a surface or where the index is not positive, a
+            direction of length zero, no stop or two.
+        """
+        start, heading = self._sources(points, directions)
+        if (optical_path is None) == (until is None):
+            raise ValueError("give either optical_path= or until=, to say where the rays are to stop")
+        if until is not None and not isinstance(until, Surface):
+            raise TypeError(f"until must be a surface such as Plane or Sphere, not {until!r}")
+        limit = _limits(optical_path, len(start))
+        index = self._index_at_source(start)
+        march = March(self.media, self.surfaces, until, start.shape[1], _extent(start))
+        parts = []
+        for first in range(0, len(start), CHUNK):
+            part = slice(first, first + CHUNK)
+            beam = launched(start[part], heading[part], index[part], neighbours=with_spreading)
+            on_stop = np.zeros(len(beam), bool) if until is None else _on(until, start[part])
+            end, status = march.run(beam, limit[part], on_stop)
+            spread = spreading(end) if with_spreading else np.zeros(0)
+            ahead = end.momentum / np.linalg.norm(end.momentum, axis=1)[:, None]
+            parts.append((end.position, ahead, end.optical_path, status.astype(np.int8), spread))
+        ends, ahead, paths, statuses, spread = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return Bundle(ends, ahead, paths, statuses, spread if with_spreading else None, march.name)
+
+    def _sources(self, points: Any, directions: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Points and unit directions, as many of the one as of the other, off every surface."""
+        start = rows("points", points, self.dimension)
+        heading = unit_rows("directions", directions, start.shape[1])
+        if len(start) != len(heading) and 1 not in (len(start), len(heading)):
+            raise ValueError(
+                f"there are {len(start)} points and {len(heading)} directions; give as many of both, or one"
+            )
+        m = len(heading) if len(start) == 1 else len(start)
+        start, heading = (np.broadcast_to(a, (m, start.shape[1])) for a in (start, heading))
+        for number, surface in enumerate(self.surfaces):
+            on = _on(surface, start)
+            if np.any(on):
+                raise ValueError(
+                    f"points: row {int(np.argmax(on))} lies on surface {number} of the scene, so that it is not said "
+                    "which side the ray starts from; move it off by any amount"
+                )
+        return start, heading
+
+    def _index_at_source(self, start: np.ndarray) -> np.ndarray:
+        """n (m,) where the rays start; ValueError where it is no positive number."""
+        index = Field(self.media[0], start.shape[1]).index(start)
+        bad = ~((index > 0) & np.isfinite(index))
+        if np.any(bad):
+            row = int(np.argmax(bad))
+            raise ValueError(
+                f"the index is {index[row]:g} at the source {tuple(start[row].tolist())}; rays start only "
+                "where the index is a positive number"
+            )
+        return index
+
+
+def _one_more(media: Sequence[Medium], surfaces: Sequence[Surface]) -> tuple[Medium, ...]:
+    """One medium before the first surface and one after each; those after mirrors filled in."""
+    mirrors = sum(surface.mirror for surface in surfaces)
+    if len(media) == len(surfaces) + 1:
+        full = tuple(media)
+    elif len(media) == len(surfaces) + 1 - mirrors:
+        rest = iter(media)
+        full = (next(rest),)
+        for surface in surfaces:
+            full += (full[-1] if surface.mirror else next(rest),)
+    else:
+        raise ValueError(
+            f"{len(surfaces)} surfaces, {mirrors} of them mirrors, need {len(surfaces) + 1} media, "
+            f"or {len(surfaces) + 1 - mirrors} when those after mirrors are left out; there are {len(media)}"
+        )
+    for number, surface in enumerate(surfaces):
+        if surface.mirror and full[number] != full[number + 1]:
+            raise ValueError(f"surface {number} is a mirror, so the medium after it must be that before it")
+    return full
+
+
+def _extent(points: np.ndarray) -> float:
+    """The size of a scene seen from the points of its sources."""
+    return float(np.abs(points).max(initial=0.0)) or 1.0
+
+
+def _on(surface: Surface, points: np.ndarray) -> np.ndarray:
+    """True (m,) for points on ``surface`` to round-off."""
+    geometry = Geometry(surface, points.shape[1])
+    with np.errstate(all="ignore"):
+        away = np.abs(geometry.level(points)) / np.linalg.norm(geometry.gradient(points), axis=1)
+        return (away <= ON * _extent(points)) & geometry.belongs(points)
+
+
+def _limits(optical_path: Any, count: int) -> np.ndarray:
+    """The optical path (m,) at which each ray stops, infinite where none is given."""
+    if optical_path is None:
+        return np.full(count, np.inf)
+    limit = numbers("optical_path", optical_path)
+    if limit.shape not in ((), (count,)):
+        raise ValueError(
+            f"optical_path must be one number or one for each of the {count} rays, not of shape {limit.shape}"
+        )
+    if np.any(limit < 0):
+        raise ValueError("optical_path must not be negative; turn the directions round to go back")
+    return np.broadcast_to(limit, (count,))

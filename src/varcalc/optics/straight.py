@@ -1,0 +1,115 @@
+"""Straight rays in a uniform medium: where they meet surfaces.
+
+Along a straight ray the level of a plane, sphere or conic is a polynomial of
+second degree, and its zeros are written down; that of any other surface is
+looked at in many places, and its first change of sign bracketed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
+from varcalc.optics.surfaces import Geometry
+
+SAMPLES = np.concatenate([np.geomspace(1e-6, 1e-2, 20, endpoint=False), np.geomspace(1e-2, 1e4, 600)])
+"""Where a general surface is looked for along a ray, in units of the ray's distance from it and from the origin."""
+BISECTIONS = 60
+ROWS = 1024
+"""Rays looked at together; bounds the memory."""
+
+
+@dataclass(frozen=True)
+class StraightRays:
+    """The model for one uniform medium, with the surfaces that rays in it may meet."""
+
+    squared_index: float
+    surfaces: Sequence[Geometry]
+
+    name = "straight segments"
+
+    def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
+        """Carry the rays to the first surface, or to the optical path ``limit`` (m,), infinite where there is none.
+
+        ``leaving`` is the number of the surface all of them start from.
+        """
+        far = np.stack([self._distance(beam, k, leaving == k) for k in range(len(self.surfaces))] or [_never(beam)])
+        struck = np.argmin(far, axis=0)
+        nearest = far[struck, np.arange(len(beam))]
+        end = (limit - beam.optical_path) / self.squared_index
+        struck = np.where((end <= nearest) | ~np.isfinite(nearest), NOTHING, struck)
+        reach = np.minimum(nearest, end)
+        missed = ~np.isfinite(reach)
+        status = np.where(missed, int(RayStatus.MISSED), int(RayStatus.ARRIVED))
+        return Arrival(moved_on(beam, np.where(missed, 0.0, reach), self.squared_index), struck, status)
+
+    def _distance(self, beam: Beam, number: int, leaving: bool) -> np.ndarray:
+        """σ (m,) at which each ray first meets surface ``number``; infinite where it does not."""
+        geometry = self.surfaces[number]
+        if geometry.quadric:
+            return _first_of_two(beam, geometry, leaving)
+        parts = [beam.take(np.arange(k, min(k + ROWS, len(beam)))) for k in range(0, len(beam), ROWS)]
+        return np.concatenate([_first_of_many(part, geometry, leaving) for part in parts])
+
+
+def moved_on(beam: Beam, sigma: np.ndarray, squared_index: float) -> Beam:
+    """The rays after ``sigma`` (m,) on their straight lines."""
+    return replace(
+        beam,
+        position=beam.position + sigma[:, None] * beam.momentum,
+        optical_path=beam.optical_path + sigma * squared_index,
+        moved=beam.moved + sigma[:, None, None] * beam.turned,
+    )
+
+
+def _never(beam: Beam) -> np.ndarray:
+    return np.full(len(beam), np.inf)
+
+
+def _first_of_two(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
+    """The smaller positive zero of a quadratic level that belongs to the surface, without cancellation."""
+    constant, slope, bend = geometry.along(beam.position, beam.momentum)
+    with np.errstate(all="ignore"):
+        if leaving:  # one zero is the start itself
+            candidates = np.stack([-2 * slope / bend])
+        else:
+            root = np.sqrt(slope**2 - 2 * constant * bend)
+            q = -(slope + np.where(slope < 0, -root, root))
+            candidates = np.stack([q / bend, 2 * constant / q])
+        met = np.isfinite(candidates) & (candidates > 0)
+        for row, valid in zip(candidates, met, strict=True):
+            where = np.flatnonzero(valid)
+            valid[where] = geometry.belongs(beam.position[where] + row[where, None] * beam.momentum[where])
+    return np.where(met, candidates, np.inf).min(axis=0)
+
+
+def _first_of_many(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
+    """The first change of sign of a general level along each ray, bisected."""
+    m, d = beam.position.shape
+    level, slope, _ = geometry.along(beam.position, beam.momentum)
+    with np.errstate(all="ignore"):
+        away = np.abs(level / np.linalg.norm(geometry.gradient(beam.position), axis=1))
+    size = np.linalg.norm(beam.position, axis=1)
+    unit = (np.where(np.isfinite(away), away, 0.0) + np.where(size > 0, size, 1.0)) / np.linalg.norm(
+        beam.momentum, axis=1
+    )
+    sigma = unit[:, None] * SAMPLES
+    places = beam.position[:, None, :] + sigma[:, :, None] * beam.momentum[:, None, :]
+    levels = geometry.level(places.reshape(-1, d)).reshape(m, -1)
+    first = np.sign(slope if leaving else level)
+    levels = np.column_stack([first, levels])
+    sigma = np.column_stack([np.zeros(m), sigma])
+    belongs = np.column_stack([np.ones(m, bool), geometry.belongs(places.reshape(-1, d)).reshape(m, -1)])
+    with np.errstate(all="ignore"):
+        crossed = (levels[:, 1:] * levels[:, :-1] <= 0) & np.isfinite(levels[:, 1:] * levels[:, :-1]) & belongs[:, 1:]
+    place = np.argmax(crossed, axis=1)
+    rows = np.arange(m)
+    low, high, sign = sigma[rows, place], sigma[rows, place + 1], np.sign(levels[rows, place])
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        same = geometry.level(beam.position + middle[:, None] * beam.momentum) * sign > 0
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return np.where(np.any(crossed, axis=1), (low + high) / 2, np.inf)

@@ -1,0 +1,283 @@
+"""Surfaces: where a ray is refracted or reflected, and where a bundle is stopped.
+
+A surface is the zero set of a smooth function of position, its *level*; the
+normal is the gradient of that, and its curvature the second derivatives.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc import tracing
+from varcalc.instructions import Vectorised
+from varcalc.optics.values import direction, numbers, point
+
+Expression = Any
+"""A CasADi SX expression."""
+
+
+class Surface(ABC):
+    """A surface in the plane (a curve there) or in space. A new one defines :meth:`level`."""
+
+    mirror: bool
+
+    @abstractmethod
+    def level(self, position: Expression) -> Expression:
+        """A smooth expression that is zero on the surface, at ``position`` (a column of symbols)."""
+
+    def belongs(self, position: Expression) -> Expression:  # noqa: ARG002  every zero does, unless a surface says otherwise
+        """Positive where a zero of the level belongs to the surface; an expression, or a number."""
+        return 1.0
+
+    @property
+    def dimension(self) -> int | None:
+        """2 or 3; None for a surface that fits both."""
+        return None
+
+
+@dataclass(frozen=True)
+class Plane(Surface):
+    """The plane through ``point`` with the given ``normal`` (a straight line, in the plane)."""
+
+    point: Sequence[float]
+    normal: Sequence[float]
+    mirror: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", point("point", self.point))
+        object.__setattr__(self, "normal", direction("normal", self.normal))
+        _same_dimension(point=self.point, normal=self.normal)
+
+    @property
+    def dimension(self) -> int:
+        """That of the point."""
+        return len(self.point)
+
+    def level(self, position: Expression) -> Expression:
+        """The distance from the plane, with sign."""
+        return ca.dot(ca.DM(self.normal), position) - float(np.dot(self.normal, self.point))
+
+
+@dataclass(frozen=True)
+class Sphere(Surface):
+    """The whole sphere (circle) of ``radius`` about ``center``."""
+
+    center: Sequence[float]
+    radius: float
+    mirror: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", point("center", self.center))
+        if not (numbers("radius", self.radius).ndim == 0 and self.radius > 0):
+            raise ValueError(f"radius must be a positive number, not {self.radius!r}")
+
+    @property
+    def dimension(self) -> int:
+        """That of the centre."""
+        return len(self.center)
+
+    def level(self, position: Expression) -> Expression:
+        """(|r - center|² - radius²)/(2 radius): near the surface the distance from it."""
+        return (ca.sumsqr(position - ca.DM(self.center)) - self.radius**2) / (2 * self.radius)
+
+
+@dataclass(frozen=True)
+class Conic(Surface):
+    """A conic of revolution: the sheet through its vertex, as far as it is a graph over the tangent plane there.
+
+    Parameters
+    ----------
+    vertex, axis : sequence of float
+        The vertex and the direction of the axis of revolution.
+    radius : float
+        Radius of curvature at the vertex, the centre of curvature at ``vertex + radius * axis``: negative for a
+        surface bent the other way.
+    conic : float
+        The conic constant k = -e²: 0 a sphere, -1 a paraboloid, below -1 a hyperboloid, above an ellipsoid.
+    mirror : bool
+
+    Notes
+    -----
+    With z along the axis and ρ the distance from it, ρ² - 2 R z + (1 + k) z² = 0 (Malacara, "Optical Shop
+    Testing", appendix A).
+    """
+
+    vertex: Sequence[float]
+    axis: Sequence[float]
+    radius: float
+    conic: float = 0.0
+    mirror: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertex", point("vertex", self.vertex))
+        object.__setattr__(self, "axis", direction("axis", self.axis))
+        _same_dimension(vertex=self.vertex, axis=self.axis)
+        if not (numbers("radius", self.radius).ndim == 0 and self.radius != 0):
+            raise ValueError(f"radius must be a number other than zero, not {self.radius!r}; for none take Plane")
+        numbers("conic", self.conic)
+
+    @property
+    def dimension(self) -> int:
+        """That of the vertex."""
+        return len(self.vertex)
+
+    def level(self, position: Expression) -> Expression:
+        """The conic's equation over 2 R."""
+        height, squared = _cylindrical(position, self.vertex, self.axis)
+        return (squared + (1 + self.conic) * height**2) / (2 * self.radius) - height
+
+    def belongs(self, position: Expression) -> Expression:
+        """Positive on the sheet of the vertex."""
+        height, _ = _cylindrical(position, self.vertex, self.axis)
+        return 1 - (1 + self.conic) * height / self.radius
+
+
+@dataclass(frozen=True)
+class Asphere(Surface):
+    """A conic with even powers added: z = c ρ²/(1 + sqrt(1 - (1 + k) c² ρ²)) + a₄ ρ⁴ + a₆ ρ⁶ + ...
+
+    Parameters
+    ----------
+    vertex, axis, radius, conic, mirror
+        As for :class:`Conic`; c = 1/radius.
+    coefficients : sequence of float
+        a₄, a₆, ...; ISO 10110-12.
+    """
+
+    vertex: Sequence[float]
+    axis: Sequence[float]
+    radius: float
+    conic: float = 0.0
+    coefficients: Sequence[float] = ()
+    mirror: bool = False
+
+    def __post_init__(self) -> None:
+        base = Conic(self.vertex, self.axis, self.radius, self.conic)
+        object.__setattr__(self, "vertex", base.vertex)
+        object.__setattr__(self, "axis", base.axis)
+        coefficients = numbers("coefficients", self.coefficients)
+        if coefficients.ndim != 1:
+            raise ValueError(f"coefficients must be a sequence a4, a6, ..., not {self.coefficients!r}")
+        object.__setattr__(self, "coefficients", tuple(float(a) for a in coefficients))
+
+    @property
+    def dimension(self) -> int:
+        """That of the vertex."""
+        return len(self.vertex)
+
+    def level(self, position: Expression) -> Expression:
+        """The sag at the distance of ``position`` from the axis, less its height."""
+        height, squared = _cylindrical(position, self.vertex, self.axis)
+        root = ca.sqrt(1 - (1 + self.conic) * squared / self.radius**2)
+        sag = squared / self.radius / (1 + root)
+        return sag + sum(a * squared ** (i + 2) for i, a in enumerate(self.coefficients)) - height
+
+
+@dataclass(frozen=True)
+class Implicit(Surface):
+    """The zeros of any smooth function.
+
+    Parameters
+    ----------
+    level_function : callable
+        ``f(x, y)`` in the plane, ``f(x, y, z)`` in space; zero on the surface, with a gradient other than zero
+        there; written with NumPy's or CasADi's functions, called once, with symbols.
+    mirror : bool
+    """
+
+    level_function: Callable[..., Expression]
+    mirror: bool = False
+
+    def __post_init__(self) -> None:
+        if not callable(self.level_function):
+            raise TypeError(f"f must be a function of the coordinates, not {self.level_function!r}")
+
+    def level(self, position: Expression) -> Expression:
+        """f at ``position``."""
+        hint = "it is called with as many coordinates as a point has"
+        arguments = [position[i] for i in range(position.numel())]
+        try:
+            return tracing.trace("f", self.level_function, arguments, ca.SX, hint)
+        except tracing.NotSymbolic as error:
+            raise ValueError(f"f could not be evaluated with symbols: {error}") from error
+
+
+def _same_dimension(**points: Sequence[float]) -> None:
+    (first, a), (second, b) = points.items()
+    if len(a) != len(b):
+        raise ValueError(f"{first} has {len(a)} coordinates and {second} {len(b)}; give both 2 or both 3")
+
+
+def _cylindrical(position: Expression, vertex: Sequence[float], axis: Sequence[float]) -> tuple[Expression, Expression]:
+    """Height along the axis above the vertex, and the squared distance from the axis."""
+    offset = position - ca.DM(vertex)
+    height = ca.dot(ca.DM(axis), offset)
+    return height, ca.sumsqr(offset - height * ca.DM(axis))
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """A surface's level and its derivatives, evaluated on arrays of points.
+
+    Parameters
+    ----------
+    surface : Surface
+    dimension : int
+        2 or 3.
+    """
+
+    surface: Surface
+    dimension: int
+    quadric: bool = field(init=False)
+    """True where the level is a polynomial of second degree along every straight line."""
+    _call: Callable[..., list[Any]] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        position = ca.SX.sym("r", self.dimension)
+        level = ca.SX(self.surface.level(position))
+        gradient = ca.gradient(level, position)
+        hessian = ca.jacobian(gradient, position)
+        object.__setattr__(self, "quadric", not ca.depends_on(hessian, position))
+        results = [ca.SX(self.surface.belongs(position)), level, gradient, hessian]
+        function = ca.Function("surface", [position], [ca.densify(result) for result in results])
+        object.__setattr__(self, "_call", Vectorised(function))
+
+    def _table(self, points: np.ndarray) -> np.ndarray:
+        columns = self._call(list(points.T))
+        return np.stack([np.broadcast_to(np.asarray(c, dtype=float), (len(points),)) for c in columns], axis=1)
+
+    def level(self, points: np.ndarray) -> np.ndarray:
+        """The level (m,) at points (m, d)."""
+        return self._table(points)[:, 1]
+
+    def gradient(self, points: np.ndarray) -> np.ndarray:
+        """Its gradient (m, d) at points (m, d)."""
+        return self._table(points)[:, 2 : 2 + self.dimension]
+
+    def along(self, points: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The level and its first two derivatives (m,) along the straight lines from points (m, d)."""
+        d = self.dimension
+        table = self._table(points)
+        slope = np.sum(table[:, 2 : 2 + d] * directions, axis=1)
+        bend = np.einsum("mi,mij,mj->m", directions, table[:, 2 + d :].reshape(-1, d, d), directions)
+        return table[:, 1], slope, bend
+
+    def belongs(self, points: np.ndarray) -> np.ndarray:
+        """True (m,) where a zero of the level at the point belongs to the surface."""
+        return self._table(points)[:, 0] > 0
+
+    def normal(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The unit normal (m, d) and its derivative by position (m, d, d), tangential part."""
+        d = self.dimension
+        table = self._table(points)
+        gradient, hessian = table[:, 2 : 2 + d], table[:, 2 + d :].reshape(-1, d, d)
+        length = np.linalg.norm(gradient, axis=1)
+        normal = gradient / length[:, None]
+        tangential = np.eye(d) - normal[:, :, None] * normal[:, None, :]
+        return normal, tangential @ hessian / length[:, None, None]
