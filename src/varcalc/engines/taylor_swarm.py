@@ -74,7 +74,8 @@ class TaylorSwarm:
         batches = [rows[np.minimum(np.arange(k, k + size), len(rows) - 1)] for k in range(0, len(rows), size)]
 
         def share(number: int) -> None:
-            integrator = copy.deepcopy(self.integrator)  # shares the compiled code
+            # a copy shares the compiled code
+            integrator = copy.deepcopy(self.integrator) if number else self.integrator
             for lanes in batches[number::threads]:
                 _Batch(self, integrator, lanes, leaving, signs, reach[lanes]).run(landing, constants)
 

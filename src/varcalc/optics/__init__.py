@@ -13,6 +13,7 @@ from varcalc.optics.known import (
     standard_atmosphere,
 )
 from varcalc.optics.media import Graded, Medium, Radial, Stratified, Uniform
+from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Asphere, Conic, Implicit, Plane, Sphere, Surface
 
@@ -27,7 +28,9 @@ __all__ = [
     "Medium",
     "Plane",
     "Radial",
+    "Ray",
     "RayStatus",
+    "Rays",
     "Scene",
     "Sellmeier",
     "Sphere",

@@ -58,7 +58,7 @@ def packed(beam: Beam) -> np.ndarray:
 def unpacked(states: np.ndarray, dimension: int) -> Beam:
     """The rays of the states (m, N)."""
     d = dimension
-    pairs = states[:, 2 * d + 1 :].reshape(len(states), -1, 2 * d)
+    pairs = states[:, 2 * d + 1 :].reshape(len(states), states.shape[1] // (2 * d) - 1, 2 * d)
     return Beam(states[:, :d], states[:, d : 2 * d], states[:, 2 * d], pairs[:, :, :d], pairs[:, :, d:])
 
 
@@ -75,6 +75,7 @@ class HamiltonRays:
     extent: float
     engine: Engine
     _swarms: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
+    _free: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
 
     name = "Hamilton's ray equations"
 
@@ -87,7 +88,7 @@ class HamiltonRays:
         struck = np.full(len(beam), NOTHING)
         status = np.full(len(beam), int(RayStatus.ARRIVED))
         limited = bool(np.all(np.isfinite(limit)))
-        swarm = self._swarm(beam.deviations, limited)
+        swarm = self.swarm(beam.deviations, limited)
         constants = (limit if limited else np.full(len(beam), FAR * self.extent))[:, None]
         waiting = {leaving: np.flatnonzero(limit > beam.optical_path)}
         while waiting:
@@ -100,6 +101,14 @@ class HamiltonRays:
                 waiting[number] = np.concatenate([waiting.get(number, again[:0]), again])
         carried = unpacked(states, self.dimension)
         return Arrival(carried, struck, self._checked(carried, status))
+
+    def sigma(self, beam: Beam, path: float) -> float:
+        """σ at which the one ray of ``beam`` has the optical path ``path``, whatever surfaces stand there."""
+        free = self
+        if self.surfaces:
+            free = HamiltonRays(self.medium, self.dimension, (), self.extent, self.engine, self._free)
+        landing = free.swarm(beam.deviations, True).run(packed(beam), np.array([[path]]))
+        return float(landing.reached[0])
 
     def _told(self, landing: Landing, limited: bool) -> tuple[np.ndarray, np.ndarray]:
         """What a landing says: the surfaces struck, and the status of each ray."""
@@ -124,7 +133,7 @@ class HamiltonRays:
             sound = np.abs(np.sum(beam.momentum**2, axis=1) - squared) <= BROKEN * np.abs(squared)
         return np.where(sound, status, int(RayStatus.SINGULAR))
 
-    def _swarm(self, neighbours: int, limited: bool) -> Swarm:
+    def swarm(self, neighbours: int, limited: bool) -> Swarm:
         """The compiled system; its last stop is the limit of the optical path, or a sphere far away."""
         if (neighbours, limited) not in self._swarms:
             d, rates = self.dimension, ray_system(self.medium, self.dimension, neighbours)

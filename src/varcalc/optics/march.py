@@ -4,29 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 
 from varcalc import engines
-from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus, at_surface
+from varcalc.optics.beam import NOTHING, Beam, RayStatus, at_surface
 from varcalc.optics.hamilton import HamiltonRays
 from varcalc.optics.media import Field, Medium
 from varcalc.optics.straight import StraightRays
 from varcalc.optics.surfaces import Geometry, Surface
 
-
-class Model(Protocol):
-    """How rays get from one surface to the next."""
-
-    @property
-    def name(self) -> str:
-        """What to call it in an answer."""
-        ...
-
-    def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
-        """Carry the rays to the first surface, or to the optical path ``limit`` (m,)."""
-        ...
+Model = StraightRays | HamiltonRays
+"""How rays get from one surface to the next."""
 
 
 @dataclass
@@ -83,25 +72,48 @@ class March:
 
     def run(self, beam: Beam, limit: np.ndarray, starts_at_stop: np.ndarray) -> tuple[Beam, np.ndarray]:
         """The ends of the rays and their status; ``starts_at_stop`` (m,) marks rays that start on ``until``."""
+        beam, struck, status, alive = self._to_last_medium(beam, limit, starts_at_stop)
+        if self.surfaces:
+            struck[alive], status[alive] = self._leg(len(self.surfaces), beam, alive, limit, self.shapes[-1])
+        status[self._strayed(struck, status, len(self.surfaces))] = RayStatus.OUT_OF_ORDER
+        return beam, status
+
+    def to_last_medium(self, beam: Beam, limit: np.ndarray) -> tuple[Beam, np.ndarray, np.ndarray]:
+        """The rays where they enter the last medium, their status, and True (m,) for those which do."""
+        if not self.surfaces:
+            return beam, np.full(len(beam), int(RayStatus.ARRIVED)), np.ones(len(beam), dtype=bool)
+        beam, _, status, rows = self._to_last_medium(beam, limit, np.zeros(len(beam), dtype=bool))
+        return beam, status, np.isin(np.arange(len(beam)), rows)
+
+    def refracted(self, number: int, beam: Beam) -> tuple[Beam, np.ndarray]:
+        """Rays on surface ``number`` as they leave it, and True (m,) where they are totally reflected."""
+        before, after = self.fields[number : number + 2]
+        mirror = self.surfaces[number].mirror
+        return at_surface(beam, self.geometries[self.shapes[number]], before, after, mirror=mirror)
+
+    def _to_last_medium(
+        self, beam: Beam, limit: np.ndarray, starts_at_stop: np.ndarray
+    ) -> tuple[Beam, np.ndarray, np.ndarray, np.ndarray]:
+        """A copy of the rays, what they have struck, their status, and the rows of those in the last medium.
+
+        Without surfaces the first medium is the last, and they are carried through it.
+        """
         beam = beam.take(np.arange(len(beam)))
         status = np.full(len(beam), int(RayStatus.ARRIVED))
         struck = np.full(len(beam), NOTHING)
-        for rows, leaving in ((np.flatnonzero(~starts_at_stop), NOTHING), (np.flatnonzero(starts_at_stop), self.stop)):
-            struck[rows], status[rows] = self._leg(0, beam, rows, limit, leaving)
-        for number, surface in enumerate(self.surfaces):
+        for alive, leaving in ((np.flatnonzero(~starts_at_stop), NOTHING), (np.flatnonzero(starts_at_stop), self.stop)):
+            struck[alive], status[alive] = self._leg(0, beam, alive, limit, leaving)
+        alive = np.arange(len(beam))
+        for number, shape in enumerate(self.shapes):
+            if number:
+                struck[alive], status[alive] = self._leg(number, beam, alive, limit, self.shapes[number - 1])
             status[self._strayed(struck, status, number)] = RayStatus.OUT_OF_ORDER
-            shape = self.shapes[number]
-            rows = np.flatnonzero((status == RayStatus.ARRIVED) & (struck == shape) & (struck != self.stop))
-            if len(rows) == 0:
-                break
-            before, after = self.fields[number : number + 2]
-            refracted, total = at_surface(beam.take(rows), self.geometries[shape], before, after, mirror=surface.mirror)
-            beam.put(rows, refracted)
-            status[rows[total]] = RayStatus.TOTAL_REFLECTION
-            rows = rows[~total]
-            struck[rows], status[rows] = self._leg(number + 1, beam, rows, limit, shape)
-        status[self._strayed(struck, status, len(self.surfaces))] = RayStatus.OUT_OF_ORDER
-        return beam, status
+            alive = alive[(status == RayStatus.ARRIVED)[alive] & (struck == shape)[alive] & (shape != self.stop)]
+            refracted, total = self.refracted(number, beam.take(alive))
+            beam.put(alive, refracted)
+            status[alive[total]] = RayStatus.TOTAL_REFLECTION
+            alive = alive[~total]
+        return beam, struck, status, alive
 
     def _leg(
         self, number: int, beam: Beam, rows: np.ndarray, limit: np.ndarray, leaving: int

@@ -11,11 +11,16 @@ from varcalc.optics.beam import launched, spreading
 from varcalc.optics.bundle import Bundle
 from varcalc.optics.march import March
 from varcalc.optics.media import Field, Medium
+from varcalc.optics.plane import Section, section, whole_plane
+from varcalc.optics.ray import Rays
 from varcalc.optics.surfaces import Geometry, Surface
-from varcalc.optics.values import numbers, rows, unit_rows
+from varcalc.optics.two_point import TwoPoint
+from varcalc.optics.values import numbers, point, rows, unit_rows
 
 CHUNK = 1 << 16
 """Rays carried together: some hundred bytes each, with their neighbours, are held beside the results."""
+RANGE = 8.0
+"""Rays are looked for up to so many times the optical length of the scene."""
 ON = 1e-12
 """A point is on a surface when it is no farther from it than this share of the scene's size."""
 
@@ -64,6 +69,7 @@ class Scene:
                 "the scene has parts in the plane and parts in space; give all points 2 or all 3 coordinates"
             )
         self.dimension = dimensions.pop() if dimensions else None
+        self._problems: dict[str, TwoPoint] = {}  # what has been compiled
 
     def __repr__(self) -> str:
         return f"Scene({list(self.media)}, {list(self.surfaces)})"
@@ -120,6 +126,98 @@ class Scene:
             parts.append((end.position, ahead, end.optical_path, status.astype(np.int8), spread))
         ends, ahead, paths, statuses, spread = (np.concatenate(column) for column in zip(*parts, strict=True))
         return Bundle(ends, ahead, paths, statuses, spread if with_spreading else None, march.name)
+
+    def rays(self, A: Any, B: Any, *, within: float | None = None) -> Rays:
+        """All rays from A to B, each polished to round-off, none twice and none false.
+
+        Every direction is searched. Where there are infinitely many rays, by winding, the optical path limits
+        the search.
+
+        Parameters
+        ----------
+        A, B : array_like, shape (d,)
+            The source, in the first medium, and the point to reach, in the last.
+        within : float, optional
+            The optical path up to which rays are looked for; a multiple of the optical distance of A and B, and of
+            the lengths over which the index changes there, when left out. It is stated in ``searched``.
+
+        Returns
+        -------
+        Rays
+            A sequence, the shortest optical path first; empty, with a ``reason``, where there is none.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For A = B, a source on a surface or where the index is not positive, and scenes in space whose rays do
+            not lie in a plane that is known beforehand.
+
+        Examples
+        --------
+        Two rays meet the far point of a parabolic profile's floor, one of them after touching the caustic.
+
+        >>> import casadi as ca
+        >>> from varcalc import optics
+        >>> rays = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 - 2 * y))).rays((0, 0), (0.5, 0))
+        >>> [(round(ray.optical_path, 12), ray.index) for ray in rays]
+        [(0.494521305498, 0), (0.730223565894, 1)]
+        """
+        a, b = self._ends(A, B)
+        if within is not None and not (numbers("within", within).ndim == 0 and within > 0):
+            raise ValueError(f"within must be a positive optical path, not {within!r}")
+        at_b = Field(self.media[-1], len(b)).index(b[None, :])[0]
+        if not (at_b > 0 and np.isfinite(at_b)):
+            return Rays((), f"the index is {at_b:g} at B, so that no ray comes there", "nothing")
+        flat, problem = self._two_point(a, b)
+        return problem.between(a, b, flat, self._usual_range(a, b) if within is None else float(within))
+
+    def _ends(self, A: Any, B: Any) -> tuple[np.ndarray, np.ndarray]:
+        """A and B as arrays (d,), checked."""
+        a, b = np.array(point("A", A)), np.array(point("B", B))
+        if len(a) != len(b) or self.dimension not in (None, len(a)):
+            raise ValueError(f"A has {len(a)} coordinates, B {len(b)}, the scene {self.dimension or 'either number'}")
+        if np.array_equal(a, b):
+            raise ValueError("A and B are the same point, which every direction leaves; give two points")
+        for name, end in (("A", a), ("B", b)):
+            for number, surface in enumerate(self.surfaces):
+                if _on(surface, end[None, :])[0]:
+                    raise ValueError(f"{name} lies on surface {number} of the scene; move it off by any amount")
+        self._index_at_source(a[None, :])
+        return a, b
+
+    def _two_point(self, a: np.ndarray, b: np.ndarray) -> tuple[Section, TwoPoint]:
+        """The plane of the rays from ``a`` to ``b``, and the problem in it."""
+        extent = _extent(np.stack([a, b]))
+        if len(a) == 2:
+            if "plane" not in self._problems:
+                march = March(self.media, self.surfaces, None, 2, extent)
+                self._problems["plane"] = TwoPoint(march, march)
+            return whole_plane(), self._problems["plane"]
+        found = section(self.media[0], a, b) if len(self.media) == 1 else None
+        if found is None:
+            raise ValueError(
+                "in space, all rays between two points are found in one medium that is Uniform, Stratified or Radial; "
+                "for other scenes trace a bundle"
+            )
+        flat, medium = found
+        if "space" not in self._problems:
+            march = March((medium,), (), None, 2, extent)
+            self._problems["space"] = TwoPoint(march, March(self.media, (), None, 3, extent))
+        return flat, self._problems["space"]
+
+    def _usual_range(self, a: np.ndarray, b: np.ndarray) -> float:
+        """The optical path up to which rays are looked for when nobody says."""
+        lengths, largest = [float(np.linalg.norm(b - a))], 0.0
+        for medium, end in ((self.media[0], a), (self.media[-1], b)):
+            squared, gradient, hessian = (values[0] for values in Field(medium, len(end))(end[None, :]))
+            largest = max(largest, float(np.sqrt(squared)))
+            with np.errstate(all="ignore"):
+                first = 2 * squared / np.linalg.norm(gradient)
+                second = np.sqrt(2 * squared / np.linalg.norm(hessian))
+            lengths.append(float(min(first, second)))
+        for surface in self.surfaces:
+            lengths += [float(away) for away in _away(surface, np.stack([a, b]))]
+        return RANGE * largest * sum(length for length in lengths if np.isfinite(length))
 
     def _sources(self, points: Any, directions: Any) -> tuple[np.ndarray, np.ndarray]:
         """Points and unit directions, as many of the one as of the other, off every surface."""
@@ -181,10 +279,15 @@ def _extent(points: np.ndarray) -> float:
 
 def _on(surface: Surface, points: np.ndarray) -> np.ndarray:
     """True (m,) for points on ``surface`` to round-off."""
+    with np.errstate(invalid="ignore"):
+        return (_away(surface, points) <= ON * _extent(points)) & Geometry(surface, points.shape[1]).belongs(points)
+
+
+def _away(surface: Surface, points: np.ndarray) -> np.ndarray:
+    """The distance (m,) of points from ``surface``, to first order; not a number where its level is none."""
     geometry = Geometry(surface, points.shape[1])
     with np.errstate(all="ignore"):
-        away = np.abs(geometry.level(points)) / np.linalg.norm(geometry.gradient(points), axis=1)
-        return (away <= ON * _extent(points)) & geometry.belongs(points)
+        return np.abs(geometry.level(points)) / np.linalg.norm(geometry.gradient(points), axis=1)
 
 
 def _limits(optical_path: Any, count: int) -> np.ndarray:

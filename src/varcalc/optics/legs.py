@@ -1,0 +1,111 @@
+"""One ray, leg by leg: its points, and where its neighbours cross it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.engines import Flow, Outcome
+from varcalc.optics.beam import Beam
+from varcalc.optics.hamilton import packed, unpacked
+from varcalc.optics.straight import moved_on
+
+SAMPLES = 129
+"""Places along a leg at which the neighbours are looked at."""
+STARTING = 1e-6
+"""Phases are this close to π where all neighbours start from one point."""
+ROUNDS = 100
+"""Steps of a bracketed search."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A ray between two surfaces: ``at`` takes σ (k,) in [0, ``length``] to the ray there, a beam of k rows.
+
+    ``pull`` takes positions (k, d) to dp/dσ = ∇n²/2 (k, d).
+    """
+
+    at: Callable[[np.ndarray], Beam]
+    pull: Callable[[np.ndarray], np.ndarray]
+    length: float
+
+    def sampled(self) -> tuple[np.ndarray, Beam]:
+        """σ (k,) from end to end, and the ray there."""
+        sigma = np.linspace(0.0, self.length, SAMPLES)
+        return sigma, self.at(sigma)
+
+    def foci(self) -> list[tuple[float, np.ndarray]]:
+        """Conjugate points inside the leg, as (optical path, position); a double one twice.
+
+        The positions' and momenta's deviations A and B, with the ray's own
+        motion as one more column of each, span a Lagrangian plane, and the
+        unitary matrix (A - iB)(A + iB)^-1 has the eigenvalue -1 where A is
+        singular. The eigenvalues turn one way only (Arnold, "Mathematical
+        Methods of Classical Mechanics", appendix 11), so that none is missed
+        where two come together.
+        """
+        sigma, beam = self.sampled()
+        scale = float(np.linalg.norm(beam.turned) / max(np.linalg.norm(beam.moved), np.finfo(float).tiny))
+        phases = self._phases(beam, scale)
+        if not np.any(beam.moved[0]):  # all neighbours start together: that is no conjugate point
+            phases[0] = np.where(np.abs(phases[0] - np.pi) < STARTING, np.pi, phases[0])
+        found = []
+        for k in range(len(sigma) - 1):
+            passed = _passed(phases[k], phases[k + 1])
+            for number in range(passed):
+                where = self._located(sigma[k], sigma[k + 1], phases[k], scale, number)
+                at = self.at(np.array([where]))
+                found.append((float(at.optical_path[0]), at.position[0]))
+        return found
+
+    def _phases(self, beam: Beam, scale: float) -> np.ndarray:
+        """The phases (k, d) of the eigenvalues in [0, 2π), ascending; π where a neighbour crosses the ray."""
+        a = np.concatenate([scale * beam.moved, scale * beam.momentum[:, None, :]], axis=1)
+        b = np.concatenate([beam.turned, self.pull(beam.position)[:, None, :]], axis=1)
+        a, b = np.swapaxes(a, 1, 2), np.swapaxes(b, 1, 2)
+        size = np.linalg.norm(np.concatenate([a, b], axis=1), axis=1)[:, None, :]
+        a, b = a / size, b / size
+        values = np.linalg.eigvals((a - 1j * b) @ np.linalg.inv(a + 1j * b))
+        return np.sort(np.mod(np.angle(values), 2 * np.pi), axis=1)
+
+    def _located(self, low: float, high: float, before: np.ndarray, scale: float, number: int) -> float:
+        """σ at which eigenvalue ``number`` of those that pass -1 does so: bisection on how many have."""
+        for _ in range(ROUNDS):
+            middle = (low + high) / 2
+            if not low < middle < high:
+                break
+            phases = self._phases(self.at(np.array([middle])), scale)[0]
+            low, high = (low, middle) if _passed(before, phases) > number else (middle, high)
+        return (low + high) / 2
+
+
+def _passed(before: np.ndarray, after: np.ndarray) -> int:
+    """How many phases pass π on the shortest way from ``before`` to ``after`` (d,), both ascending in [0, 2π).
+
+    Which goes where is unknown, but they keep their order round the circle.
+    """
+    d = len(before)
+    unrolled = np.concatenate([after - 2 * np.pi, after, after + 2 * np.pi])
+    moves = [unrolled[k : k + d] for k in range(2 * d + 1)]
+    moved = min(moves, key=lambda to: float(np.sum(np.abs(to - before))))
+    return int(np.sum(moved >= np.pi)) - int(np.sum(before >= np.pi))
+
+
+def straight_leg(beam: Beam, squared_index: float, length: float) -> Leg:
+    """A leg in a uniform medium from ``beam``, one ray."""
+
+    def at(sigma: np.ndarray) -> Beam:
+        return moved_on(beam.take(np.zeros(len(sigma), dtype=int)), sigma, squared_index)
+
+    return Leg(at, np.zeros_like, length)
+
+
+def hamilton_leg(beam: Beam, flow: Flow, pull: Callable[[np.ndarray], np.ndarray], length: float) -> Leg:
+    """A leg in a graded medium from ``beam``, one ray; ``flow`` is the compiled ray system with its neighbours."""
+    run = flow.run(np.array([0.0, length]), packed(beam)[0], np.zeros(0), dense=True)
+    if run.outcome is not Outcome.COMPLETED or run.trajectory is None:
+        raise ArithmeticError(f"a ray could not be followed a second time: {run.outcome.value}")
+    trajectory = run.trajectory
+    return Leg(lambda sigma: unpacked(trajectory(sigma), beam.dimension), pull, length)

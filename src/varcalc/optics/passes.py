@@ -1,0 +1,158 @@
+"""Where rays pass closest to a point.
+
+Along a ray the distance to B is stationary where g = p·(r - B) = 0, and least
+where g grows. The signed distance there, m = t × (r - B) with t the tangent,
+is zero for a ray that meets B, and its derivative by the launching angle is
+t × δr: so to find the rays through B is to find the zeros of a function of
+one angle, whose derivative is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from varcalc.engines import NONE, OUTCOMES, Engine, Outcome, Swarm
+from varcalc.optics.beam import NOTHING, Beam
+from varcalc.optics.hamilton import packed, ray_system, unpacked
+from varcalc.optics.media import Field, Medium
+from varcalc.optics.straight import StraightRays, moved_on
+from varcalc.optics.surfaces import Geometry
+
+STOPPED = OUTCOMES.index(Outcome.STOPPED)
+MOST_PASSES = 200
+"""Passes of one ray; a ray that is caught in a small circle would go on for ever."""
+
+
+@dataclass(frozen=True)
+class Passes:
+    """Places of least distance from a point: ``rows`` (k,) says of which rays, ``beam`` holds them there.
+
+    Attributes
+    ----------
+    miss : ndarray, shape (k,)
+        The signed distance, positive to the left of the point.
+    miss_rate : ndarray, shape (k,)
+        Its derivative by the launching angle.
+    path_rate : ndarray, shape (k,)
+        The derivative of the optical path to the pass by the launching angle.
+    """
+
+    rows: np.ndarray
+    beam: Beam
+    miss: np.ndarray
+    miss_rate: np.ndarray
+    path_rate: np.ndarray
+
+
+class LastLeg(Protocol):
+    """How rays go on in the medium that holds the point."""
+
+    def minima(self, beam: Beam, target: np.ndarray, limit: float, far: float, leaving: int) -> tuple[np.ndarray, Beam]:
+        """The rows of ``beam`` that pass ``target`` (2,), and the rays there.
+
+        Rays are followed to the optical path ``limit`` and the distance ``far`` from the target.
+        """
+        ...
+
+
+def passes(leg: LastLeg, pull: Field, beam: Beam, target: np.ndarray, limit: float, far: float, leaving: int) -> Passes:
+    """All passes of the rays of ``beam``, each with one neighbour, as :meth:`LastLeg.minima` finds them."""
+    rows, at = leg.minima(beam, target, limit, far, leaving)
+    squared, gradient, _ = pull(at.position)
+    length = np.linalg.norm(at.momentum, axis=1)
+    offset, moved, turned = at.position - target, at.moved[:, 0], at.turned[:, 0]
+    growth = np.sum(at.momentum**2, axis=1) + np.sum(gradient / 2 * offset, axis=1)
+    delay = -(np.sum(turned * offset, axis=1) + np.sum(at.momentum * moved, axis=1)) / growth
+    return Passes(
+        rows,
+        at,
+        miss=cross(at.momentum, offset) / length,
+        miss_rate=cross(at.momentum, moved) / length,
+        path_rate=np.sum(at.momentum * moved, axis=1) + squared * delay,
+    )
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a × b (m,) of vectors (m, 2) in the plane."""
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+@dataclass(frozen=True)
+class StraightLeg:
+    """A last leg in a uniform medium."""
+
+    model: StraightRays
+
+    def minima(self, beam: Beam, target: np.ndarray, limit: float, far: float, leaving: int) -> tuple[np.ndarray, Beam]:
+        """See :meth:`LastLeg.minima`."""
+        squared = self.model.squared_index
+        sigma = np.sum((target - beam.position) * beam.momentum, axis=1) / squared
+        there = moved_on(beam, sigma, squared)
+        near = np.linalg.norm(there.position - target, axis=1) <= far
+        end = self.model.advance(beam, np.full(len(beam), limit), leaving).beam.optical_path
+        end = np.where(end > beam.optical_path, end, limit)  # nothing is met: only the limit counts
+        rows = np.flatnonzero(near & (sigma > 0) & (there.optical_path <= end))
+        return rows, there.take(rows)
+
+
+@dataclass
+class HamiltonLeg:
+    """A last leg in a graded medium; compiled when first needed, for every target and limit."""
+
+    medium: Medium
+    surfaces: Sequence[Geometry]
+    engine: Engine
+    _swarm: Swarm | None = field(default=None, repr=False)
+
+    def minima(self, beam: Beam, target: np.ndarray, limit: float, far: float, leaving: int) -> tuple[np.ndarray, Beam]:
+        """See :meth:`LastLeg.minima`."""
+        swarm, least = self._compiled(), len(self.surfaces)
+        states = packed(beam)
+        constants = np.tile([*target, limit, far], (len(beam), 1))
+        waiting = {leaving: np.flatnonzero(beam.optical_path < limit)}
+        found: list[tuple[np.ndarray, np.ndarray]] = []
+        for _ in range(MOST_PASSES):
+            if not waiting:
+                break
+            start, rows = waiting.popitem()
+            if len(rows) == 0:
+                continue
+            landing = swarm.run(states[rows], constants[rows], start if start != NOTHING else NONE)
+            states[rows] = landing.states
+            stop = np.where(landing.outcomes == STOPPED, landing.stopped_by, NONE)
+            nearest = rows[stop == least]
+            if len(nearest):
+                minimum = nearest[self._grows(states[nearest], target)]
+                found.append((minimum, states[minimum]))
+                waiting[least] = np.concatenate([waiting.get(least, nearest[:0]), nearest])
+            for number in range(least):  # levels of surfaces where these do not reach
+                strangers = rows[stop == number]
+                strangers = strangers[~self.surfaces[number].belongs(states[strangers, :2])]
+                if len(strangers):
+                    waiting[number] = np.concatenate([waiting.get(number, strangers[:0]), strangers])
+        rows = np.concatenate([r for r, _ in found]) if found else np.zeros(0, dtype=int)
+        ends = np.concatenate([s for _, s in found]) if found else states[:0]
+        return rows, unpacked(ends, 2)
+
+    def _grows(self, states: np.ndarray, target: np.ndarray) -> np.ndarray:
+        """True where g = p·(r - B) grows along the ray: the distance is least."""
+        _, gradient, _ = Field(self.medium, 2)(states[:, :2])
+        return np.sum(states[:, 2:4] ** 2 + gradient / 2 * (states[:, :2] - target), axis=1) > 0
+
+    def _compiled(self) -> Swarm:
+        """The ray system with one neighbour; constants are the target and the two limits."""
+        if self._swarm is None:
+            rates = ray_system(self.medium, 2, 1)
+            s, state, constants = ca.SX.sym("s"), ca.SX.sym("Y", rates.numel_in(1)), ca.SX.sym("c", 4)
+            levels = [surface.surface.level(state[:2]) for surface in self.surfaces]
+            distance = ca.dot(state[2:4], state[:2] - constants[:2])
+            system = ca.Function("rays", [s, state, constants], [rates(s, state, ca.SX(0, 1))])
+            away = (ca.sumsqr(state[:2] - constants[:2]) / constants[3] ** 2 - 1) / 2
+            stops = ca.vertcat(*levels, distance, state[4] - constants[2], away)
+            self._swarm = self.engine.compile_swarm(system, ca.Function("stops", [s, state, constants], [stops]))
+        return self._swarm

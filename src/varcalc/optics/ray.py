@@ -1,0 +1,110 @@
+"""One ray between two points, and all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import overload
+
+import numpy as np
+
+from varcalc.optics.legs import Leg
+
+ROUNDS = 8
+"""Newton's steps from a sampled σ to one at a given optical path."""
+
+
+@dataclass(frozen=True)
+class Ray:
+    """A ray from A to B.
+
+    Attributes
+    ----------
+    optical_path : float
+        ∫ n ds from A to B, in units of length; divided by the speed of light in vacuum it is the travel time.
+    error : float
+        An estimate of the error of ``optical_path``.
+    index : int
+        The number of conjugate points between A and B, each as often as its multiplicity (the KMAH index): 0 for a
+        ray of locally least time.
+    conjugate_points : ndarray, shape (index, d)
+        Where neighbouring rays from A cross this one, in the order in which they are met.
+    spreading : float
+        |dr⊥/dθ| at B in the plane, |dA/dΩ| in space: the intensity of a source at A is in inverse proportion to it.
+    degenerate : bool
+        True where B itself is conjugate to A, on a caustic: then the spreading is zero to round-off.
+    tangents : tuple of ndarray, shape (d,)
+        Unit vectors along the ray at A and at B.
+    model : str
+        The models that carried the ray.
+    """
+
+    optical_path: float
+    error: float
+    index: int
+    conjugate_points: np.ndarray
+    spreading: float
+    degenerate: bool
+    tangents: tuple[np.ndarray, np.ndarray]
+    model: str
+    legs: Sequence[Leg] = field(repr=False)
+
+    def point(self, s: float | np.ndarray) -> np.ndarray:
+        """The point of the ray at the optical path ``s`` from A, shape ``np.shape(s) + (d,)``.
+
+        Raises ValueError for ``s`` beyond the ends of the ray.
+        """
+        wanted = np.atleast_1d(np.asarray(s, dtype=float))
+        if not np.all((wanted >= 0) & (wanted <= self.optical_path * (1 + 1e-12))):
+            raise ValueError(f"s must lie between 0 and the ray's optical path {self.optical_path}, not {s!r}")
+        points = np.empty((wanted.size, len(self.tangents[0])))
+        for leg in self.legs:
+            start = float(leg.at(np.zeros(1)).optical_path[0])
+            rows = np.flatnonzero(wanted.ravel() >= start)
+            if len(rows):
+                points[rows] = _at_path(leg, wanted.ravel()[rows])
+        return points.reshape(np.shape(s) + points.shape[1:])
+
+
+def _at_path(leg: Leg, wanted: np.ndarray) -> np.ndarray:
+    """Positions (k, d) at the optical paths ``wanted`` (k,), none before the leg; beyond its end they are its end."""
+    sampled, beam = leg.sampled()
+    sigma = np.interp(wanted, beam.optical_path, sampled)
+    for _ in range(ROUNDS):
+        here = leg.at(sigma)
+        step = (wanted - here.optical_path) / np.sum(here.momentum**2, axis=1)
+        sigma = np.clip(sigma + step, 0.0, leg.length)
+        if np.all(np.abs(step) <= 4 * np.finfo(float).eps * leg.length):
+            break
+    return leg.at(sigma).position
+
+
+@dataclass(frozen=True)
+class Rays(Sequence[Ray]):
+    """The rays from A to B, the shortest optical path first.
+
+    Attributes
+    ----------
+    reason : str
+        Why there is none, where there is none: shadow, total reflection, blocked, or an index that is not real at B.
+    searched : str
+        What was searched, in words.
+    continuum : bool
+        True where infinitely many rays join A and B, as from a point of a fish-eye to its image; one of them is
+        given for all.
+    """
+
+    found: tuple[Ray, ...]
+    reason: str
+    searched: str
+    continuum: bool = False
+
+    @overload
+    def __getitem__(self, key: int) -> Ray: ...
+    @overload
+    def __getitem__(self, key: slice) -> tuple[Ray, ...]: ...
+    def __getitem__(self, key: int | slice) -> Ray | tuple[Ray, ...]:
+        return self.found[key]
+
+    def __len__(self) -> int:
+        return len(self.found)

@@ -1,0 +1,149 @@
+"""All rays between two points: the search in a plane, and each ray carried once more for what belongs to it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from varcalc import engines
+from varcalc.engines import Flow
+from varcalc.optics.arrivals import Arrivals, Search
+from varcalc.optics.beam import NOTHING, Beam, RayStatus, launched, spreading
+from varcalc.optics.hamilton import ray_system
+from varcalc.optics.legs import Leg, hamilton_leg, straight_leg
+from varcalc.optics.march import March
+from varcalc.optics.passes import HamiltonLeg, LastLeg, Passes, StraightLeg, passes
+from varcalc.optics.plane import Section
+from varcalc.optics.ray import Ray, Rays
+from varcalc.optics.straight import StraightRays
+
+FLAT = 1e-9
+"""A spreading so small beside that of a uniform medium is that of a conjugate point."""
+AT_END = 1e-6
+"""Conjugate points so close to the end of a ray on a caustic, in its optical path, are the end itself."""
+
+
+@dataclass
+class TwoPoint:
+    """The rays from one point to others in one scene; what is compiled is kept.
+
+    ``march`` is the scene in the plane of the search, ``full`` the scene itself; in the plane they are the same.
+    """
+
+    march: March
+    full: March
+    leg: LastLeg = field(init=False, repr=False)
+    _flows: dict[int, Flow] = field(init=False, default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        last = self.march.models[-1]
+        if isinstance(last, StraightRays):
+            self.leg = StraightLeg(last)
+        else:
+            self.leg = HamiltonLeg(self.march.media[-1], self.march.geometries, engines.default())
+
+    def between(self, a: np.ndarray, b: np.ndarray, section: Section, within: float) -> Rays:
+        """All rays from ``a`` to ``b`` (d,) whose optical path is at most ``within``."""
+        source, target = section.into(a), section.into(b)
+        largest = max(float(self.full.fields[k].index(end[None, :])[0]) for k, end in ((0, a), (-1, b)))
+        far = max(within / largest, 2 * float(np.linalg.norm(b - a)))
+        fan = _Fan(self, source, target, within, far)
+        arrivals = Search(fan, float(np.linalg.norm(target - source))).run()
+        rays = [self._ray(a, b, section, *found) for found in _listed(arrivals)]
+        searched = (
+            f"all directions of the plane, optical paths up to {within:.6g}, no farther than {far:.6g} from B; "
+            f"{arrivals.looked_at} directions looked at, {arrivals.unresolved} narrow intervals left unresolved"
+        )
+        reason = "" if rays else f"{fan.reason()} (searched: {searched})"
+        return Rays(tuple(sorted(rays, key=lambda ray: ray.optical_path)), reason, searched, arrivals.continuum)
+
+    def _ray(self, a: np.ndarray, b: np.ndarray, section: Section, angle: float, path: float, touching: bool) -> Ray:
+        """The ray at ``angle`` with its neighbours, in the dimensions of the scene."""
+        heading = section.out(np.array([np.cos(angle), np.sin(angle)]))
+        index = self.full.fields[0].index(a[None, :])
+        beam = launched(a[None, :], heading[None, :], index, neighbours=True)
+        legs, end = self._legs(beam, path)
+        away = b - end.position[0]
+        along = float(np.dot(end.momentum[0], away))
+        spread = float(spreading(end)[0])
+        flat = touching or spread <= FLAT * (path / float(index[0]) ** 2) ** (len(a) - 1)
+        foci = [focus for leg in legs for focus in leg.foci() if not flat or focus[0] < path * (1 - AT_END)]
+        tangent = end.momentum[0] / np.linalg.norm(end.momentum[0])
+        squared = 0.0 if flat else float(np.dot(away, away)) * float(index[0]) ** 2 / spread  # the path is stationary
+        return Ray(
+            optical_path=float(end.optical_path[0]) + along,
+            error=abs(along) + squared + 16 * float(np.finfo(float).eps) * path,
+            index=len(foci),
+            conjugate_points=np.array([position for _, position in foci]).reshape(-1, len(a)),
+            spreading=spread,
+            degenerate=flat,
+            tangents=(heading, tangent),
+            model=self.full.name,
+            legs=legs,
+        )
+
+    def _legs(self, beam: Beam, path: float) -> tuple[list[Leg], Beam]:
+        """The legs of one ray up to the optical path ``path``, and its end."""
+        legs = []
+        for number in range(len(self.full.media)):
+            before = beam
+            last = number == len(self.full.media) - 1
+            leaving = self.full.shapes[number - 1] if number else NOTHING
+            arrival = self.full.models[number].advance(beam, np.full(1, path), leaving)
+            legs.append(self._one_leg(number, before, arrival.beam))
+            beam = arrival.beam if last else self.full.refracted(number, arrival.beam)[0]
+        return legs, beam
+
+    def _one_leg(self, number: int, before: Beam, after: Beam) -> Leg:
+        """The leg in medium ``number`` from ``before`` to ``after``."""
+        model = self.full.models[number]
+        if isinstance(model, StraightRays):
+            length = float(after.optical_path[0] - before.optical_path[0]) / model.squared_index
+            return straight_leg(before, model.squared_index, length)
+        field_here = self.full.fields[number]
+        if number not in self._flows:
+            system = ray_system(self.full.media[number], self.full.dimension, self.full.dimension - 1)
+            self._flows[number] = engines.available()[0].compile(system)
+        length = model.sigma(before, float(after.optical_path[0]))
+        return hamilton_leg(before, self._flows[number], lambda r: field_here(r)[1] / 2, length)
+
+
+@dataclass
+class _Fan:
+    """Angles to passes, for :class:`Search`; remembers what became of the rays."""
+
+    problem: TwoPoint
+    source: np.ndarray
+    target: np.ndarray
+    within: float
+    far: float
+    ends: Counter[RayStatus] = field(default_factory=Counter)
+    passed: int = 0
+
+    def __call__(self, angles: np.ndarray, limit: float) -> Passes:
+        march = self.problem.march
+        heading = np.column_stack([np.cos(angles), np.sin(angles)])
+        start = np.tile(self.source, (len(angles), 1))
+        beam = launched(start, heading, march.fields[0].index(start), neighbours=True)
+        limit = min(limit, self.within)
+        beam, status, alive = march.to_last_medium(beam, np.full(len(angles), limit))
+        self.ends.update(RayStatus(int(code)) for code in status[~alive])
+        rows = np.flatnonzero(alive)
+        leaving = march.shapes[-1] if march.shapes else NOTHING
+        found = passes(self.problem.leg, march.fields[-1], beam.take(rows), self.target, limit, self.far, leaving)
+        self.passed += len(rows)
+        return Passes(rows[found.rows], found.beam, found.miss, found.miss_rate, found.path_rate)
+
+    def reason(self) -> str:
+        """Why no ray was found."""
+        if self.passed:
+            return "shadow: no ray of the source comes to B"
+        if self.ends[RayStatus.TOTAL_REFLECTION]:
+            return "total reflection: no ray gets through the surfaces"
+        return "blocked: no ray meets the surfaces in the order of the scene"
+
+
+def _listed(arrivals: Arrivals) -> list[tuple[float, float, bool]]:
+    return list(zip(arrivals.angles, arrivals.paths, arrivals.touching, strict=True))

@@ -1,0 +1,211 @@
+"""All rays between two points, against closed forms evaluated here."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from varcalc import optics
+
+AIR, GLASS = optics.Uniform(1.0), optics.Uniform(1.5)
+
+
+def parabolic(n0=1.0, g=1.0):
+    return optics.Scene(optics.Stratified(lambda y: ca.sqrt(n0**2 - 2 * g * y)))
+
+
+def parabolic_paths(n0, g, a, b):
+    """Optical paths of all rays from a to b where n² = n0² - 2 g y, one rising to the caustic last."""
+    n2, dy, d2 = n0**2 - 2 * g * a[1], b[1] - a[1], float(np.sum((np.array(b) - a) ** 2))
+    mean = n2 - g * dy
+    inside = mean**2 - g**2 * d2
+    if inside < 0:
+        return []
+    sigma = np.sqrt(2 * (mean + np.array([-1, 1]) * np.sqrt(inside)) / g**2)
+    sigma[0] = np.sqrt(2 * d2 / (mean + np.sqrt(inside)))  # without cancellation
+    climb = dy / sigma + g * sigma / 2  # n sin(theta) at the start
+    return list(n2 * sigma - g * climb * sigma**2 + g**2 * sigma**3 / 3)
+
+
+def test_arrivals_where_the_squared_index_is_linear():
+    scene = parabolic()
+    first, second = scene.rays((0, 0), (0.5, 0))
+    assert first.optical_path == pytest.approx(0.494521305498037, rel=1e-14)
+    assert second.optical_path == pytest.approx(0.730223565893552, rel=1e-14)
+    assert (first.index, second.index) == (0, 1)
+    np.testing.assert_allclose(np.degrees(np.arctan2(*first.tangents[0][::-1])), 15.0, rtol=1e-13)
+    np.testing.assert_allclose(second.conjugate_points, [[2 - np.sqrt(3), np.sqrt(3) * (2 - np.sqrt(3))]], rtol=1e-10)
+    assert first.error < 1e-14
+    np.testing.assert_allclose(second.point(np.array([0.0, second.optical_path])), [[0, 0], [0.5, 0]], atol=1e-14)
+    assert first.model == "Hamilton's ray equations"
+
+
+def test_no_arrival_is_missed_and_none_is_false():
+    """Random pairs, a third of them within a millionth of the caustic, on either side."""
+    rng = np.random.default_rng(7)
+    scene = parabolic(1.0, 1.0)
+    a = np.array([0.0, 0.0])
+    for k in range(24):
+        x = rng.uniform(-0.9, 0.9)
+        y = rng.uniform(-1.0, 0.5 - x**2 / 2)
+        if k % 3 == 0:
+            y = 0.5 - x**2 / 2 + rng.choice([-1, 1]) * 10 ** rng.uniform(-9, -6)
+        paths = parabolic_paths(1.0, 1.0, a, (x, y))
+        rays = scene.rays(a, (x, y))
+        np.testing.assert_allclose([r.optical_path for r in rays], paths, rtol=1e-12)
+        assert [r.index for r in rays] == list(range(len(paths)))
+
+
+def test_the_caustic_and_the_shadow():
+    [ray] = parabolic().rays((0, 0), (1, 0))
+    assert ray.degenerate
+    assert ray.optical_path == pytest.approx(2 * np.sqrt(2) / 3, rel=1e-14)
+    dark = parabolic().rays((0, 0), (1.001, 0))
+    assert len(dark) == 0
+    assert "shadow" in dark.reason
+    assert not parabolic().rays((0, 0), (1 + 1e-9, 0))
+
+
+def test_a_point_in_reach_of_a_source_deep_down_in_other_units():
+    scene = parabolic(1.6, 2e-4)
+    a, b = (1e3, -2e3), (7e3, 500.0)
+    rays = scene.rays(a, b)
+    np.testing.assert_allclose([r.optical_path for r in rays], parabolic_paths(1.6, 2e-4, a, b), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("index", "path"),
+    [
+        (lambda y: 2.0 / y, lambda d2, y1, y2: 2.0 * np.arccosh(1 + d2 / (2 * y1 * y2))),
+        (lambda y: 1 / (1 + y), lambda d2, y1, y2: np.arccosh(1 + d2 / (2 * (1 + y1) * (1 + y2)))),
+    ],
+    ids=["H/y", "c = 1 + y"],
+)
+def test_one_ray_and_no_conjugate_point_where_the_speed_is_linear(index, path):
+    a, b = np.array([0.1, 0.7]), np.array([1.4, 0.4])
+    [ray] = optics.Scene(optics.Stratified(index)).rays(a, b)
+    assert ray.optical_path == pytest.approx(path(np.sum((b - a) ** 2), a[1], b[1]), rel=1e-13)
+    assert ray.index == 0
+
+
+def test_the_exponential_index():
+    k, a, b = -0.4, np.array([0.0, 0.2]), np.array([2.0, 0.5])
+    [ray] = optics.Scene(optics.Stratified(lambda y: 1.3 * ca.exp(k * y))).rays(a, b)
+    e = np.exp(k * np.array([a[1], b[1]]))
+    exact = 1.3 / abs(k) * np.sqrt(e[0] ** 2 + e[1] ** 2 - 2 * e[0] * e[1] * np.cos(k * (b[0] - a[0])))
+    assert ray.optical_path == pytest.approx(exact, rel=1e-13)
+    beyond = optics.Scene(optics.Stratified(lambda y: 1.3 * ca.exp(k * y))).rays((0, 0), (np.pi / 0.4 + 0.01, 0.0))
+    assert len(beyond) == 0
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_both_ways_round_in_a_fish_eye(dimension):
+    a, b = np.array([1.0, 0.2, 0.1])[:dimension], np.array([-0.3, 0.9, 0.4])[:dimension]
+    rays = optics.Scene(optics.fish_eye()).rays(a, b, within=6.0)
+    chord = np.linalg.norm(a - b) / np.sqrt((1 + a @ a) * (1 + b @ b))
+    short = 2 * np.arcsin(chord)
+    np.testing.assert_allclose([r.optical_path for r in rays], [short, 2 * np.pi - short], rtol=1e-12)
+    assert [r.index for r in rays] == [0, dimension - 1]
+    np.testing.assert_allclose(rays[1].conjugate_points, np.tile(-a / (a @ a), (dimension - 1, 1)), atol=1e-10)
+    exact = (np.sin(short) * (1 + b @ b) / 2) ** (dimension - 1)
+    np.testing.assert_allclose([r.spreading for r in rays], exact, rtol=1e-11)
+
+
+def test_the_antipode_of_a_fish_eye_is_a_continuum():
+    rays = optics.Scene(optics.fish_eye()).rays((1, 0), (-1, 0))
+    assert rays.continuum
+    assert rays[0].degenerate
+    assert rays[0].optical_path == pytest.approx(np.pi, rel=1e-13)
+
+
+def test_layers_in_space_bend_rays_in_a_vertical_plane():
+    a, b = np.array([0.0, 0.0, 0.0]), np.array([0.3, 0.4, 0.0])
+    rays = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 - 2 * y))).rays(a, b)
+    np.testing.assert_allclose(
+        [r.optical_path for r in rays], parabolic_paths(1.0, 1.0, np.zeros(2), (0.5, 0.0)), rtol=1e-12
+    )
+    assert [r.index for r in rays] == [0, 1]
+    angle = np.deg2rad([15.0, 75.0])
+    in_plane = np.abs(2 * np.cos(2 * angle)) * np.sin(angle)  # |dX/dθ| sin θ, with X = sin 2θ
+    sagittal = 2 * np.sin(angle)  # σ: layers do not bend rays sideways
+    np.testing.assert_allclose([r.spreading for r in rays], in_plane * sagittal, rtol=1e-12)
+
+
+def test_refraction_at_a_plane_is_fermats():
+    [ray] = optics.Scene([AIR, GLASS], [optics.Plane((0, 0), (0, 1))]).rays((-1.0, 1.0), (1.0, -1.0))
+    x = brentq(lambda x: (x + 1) / np.hypot(x + 1, 1) - 1.5 * (1 - x) / np.hypot(1 - x, 1), -1, 1, xtol=1e-15)
+    assert ray.optical_path == pytest.approx(np.hypot(x + 1, 1) + 1.5 * np.hypot(1 - x, 1), rel=1e-14)
+    np.testing.assert_allclose(ray.point(np.hypot(x + 1, 1)), [x, 0], atol=1e-14)
+    assert ray.index == 0
+    assert ray.model == "straight segments"
+
+
+def test_a_hollow_mirror_has_a_shortest_and_a_longest_ray():
+    """Alhazen's problem inside a circle, for two points near its centre."""
+    mirror = optics.Sphere((0, 0), 1.0, mirror=True)
+    a, b = np.array([0.1, 0.0]), np.array([-0.1, 0.05])
+    rays = optics.Scene(AIR, mirror).rays(a, b)
+    t = np.linspace(0, 2 * np.pi, 20001)
+
+    def path(t):
+        p = np.stack([np.cos(t), np.sin(t)])
+        return np.hypot(*(p - a[:, None])) + np.hypot(*(p - b[:, None]))
+
+    values = path(t[:-1])
+    turning = np.flatnonzero((values - np.roll(values, 1)) * (np.roll(values, -1) - values) < 0)
+    np.testing.assert_allclose([r.optical_path for r in rays], np.sort(values[turning]), rtol=1e-7)
+    assert [r.index for r in rays] == [0, 1]  # a minimum, and a maximum with a focus on the way
+
+
+def test_rays_through_air_into_graded_glass():
+    n0, g = 1.5, 0.3
+    glass = optics.Stratified(lambda y: ca.sqrt(n0**2 + 2 * g * y))
+    scene = optics.Scene([AIR, glass], [optics.Plane((0, 0), (0, 1))])
+    rays = scene.rays((-1.0, 1.0), (0.8, -0.9))
+
+    def path(x, arc):
+        return np.hypot(x + 1, 1) + parabolic_paths(n0, g, np.zeros(2), (0.8 - x, 0.9))[arc]
+
+    for arc, ray in enumerate(rays):  # the glass bends rays up: one goes straight, one by way of its deepest point
+        x, y = ray.point(_crossing(ray))
+        assert y == pytest.approx(0.0, abs=1e-13)
+        assert ray.optical_path == pytest.approx(path(x, arc), rel=1e-13)
+        assert path(x + 1e-4, arc) == pytest.approx(path(x - 1e-4, arc), abs=1e-11)
+    assert len(rays) == 2
+    assert rays[0].model == "straight segments, Hamilton's ray equations"
+
+
+def _crossing(ray):
+    """The optical path at which the first of the two legs ends."""
+    return float(ray.legs[0].at(np.array([ray.legs[0].length])).optical_path[0])
+
+
+def test_reasons_for_no_ray():
+    assert "index" in parabolic().rays((0, 0), (0, 0.6)).reason
+    corner = optics.Scene([AIR, GLASS, AIR], [optics.Plane((0, 0), (1, 0)), optics.Plane((0, 0), (0, 1))])
+    rays = corner.rays((-1.0, -1.0), (1.0, 1.0))  # n > sqrt 2: what enters one face of a cube cannot leave by the next
+    assert len(rays) == 0
+    assert "total reflection" in rays.reason
+    ball = optics.Scene([AIR, GLASS], optics.Sphere((0, 0), 1.0))
+    assert "shadow" in ball.rays((-3.0, 0.0), (5.0, 4.0)).reason
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "message"),
+    [
+        ((0, 0), (0, 0), "the same point"),
+        ((0, 0.7), (0, 0), "index is nan at the source"),
+        ((0, 0), (0, 0, 1), "A has 2 coordinates, B 3"),
+        ((0, 0), "there", "must be made of numbers"),
+    ],
+)
+def test_bad_ends_are_refused(a, b, message):
+    with pytest.raises((ValueError, TypeError), match=message):
+        parabolic().rays(a, b)
+
+
+def test_a_range_that_is_no_length_is_refused():
+    with pytest.raises(ValueError, match="within must be a positive"):
+        parabolic().rays((0, 0), (0.5, 0), within=-1)
+    with pytest.raises(ValueError, match="B lies on surface 0"):
+        optics.Scene([AIR, GLASS], [optics.Plane((0, 0), (0, 1))]).rays((0, 1), (3, 0))
