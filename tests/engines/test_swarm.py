@@ -94,3 +94,18 @@ def test_a_system_that_depends_on_the_abscissa_is_refused():
     s, y, c = ca.SX.sym("s"), ca.SX.sym("Y"), ca.SX.sym("c", 0)
     with pytest.raises(ValueError, match="must not depend on s"):
         Dop853().compile_swarm(ca.Function("f", [s, y, c], [s]), ca.Function("g", [s, y, c], [y]))
+
+
+@pytest.mark.parametrize("engine", ENGINES, ids=lambda e: e.name)
+def test_a_fleet_goes_to_abscissae_of_its_own(engine):
+    s, y, c = ca.SX.sym("s"), ca.SX.sym("Y"), ca.SX.sym("c")
+    fleet = engine.compile_fleet(ca.Function("blow", [s, y, c], [c * y**2]))
+    until = np.linspace(0.0, 0.9, 11)
+    until[4] = 2.0  # beyond the pole, in the middle of a batch
+    landing = fleet.run(np.ones((11, 1)), np.ones((11, 1)), until)
+    good = np.arange(11) != 4
+    np.testing.assert_allclose(landing.states[good, 0], 1 / (1 - until[good]), rtol=1e-10)
+    np.testing.assert_array_equal(landing.reached[good], until[good])
+    assert np.all(landing.outcomes[good] == OUTCOMES.index(Outcome.COMPLETED))
+    assert landing.outcomes[4] in (BLOW_UP, TOO_MANY)
+    assert np.isfinite(landing.states[4, 0])

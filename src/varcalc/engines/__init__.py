@@ -13,6 +13,7 @@ from varcalc.engines.dop853 import Dop853
 from varcalc.engines.lowering import CannotLower
 from varcalc.engines.metered import Metered
 from varcalc.engines.protocol import NONE, OUTCOMES, Engine, Flow, Landing, Outcome, Run, Swarm
+from varcalc.engines.protocol import NONE, OUTCOMES, Engine, Fleet, Flow, Landing, Outcome, Run, Swarm
 from varcalc.engines.taylor import Taylor
 from varcalc.engines.thrifty import Thrifty
 from varcalc.engines.variational import Variational, variational
@@ -23,6 +24,7 @@ __all__ = [
     "CannotLower",
     "Dop853",
     "Engine",
+    "Fleet",
     "Flow",
     "Metered",
     "Landing",

@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.engines.dop853_swarm import Dop853Swarm
+from varcalc.engines.fleet import OneByOne
 from varcalc.engines.protocol import Outcome, Run, check_system, checked
 from varcalc.engines.stops import Stops
 
@@ -44,6 +45,10 @@ class Dop853:
         """Wrap ``system`` for calls without copies; never raises CannotLower."""
         check_system(system)
         return Dop853Flow(self, system)
+
+    def compile_fleet(self, system: ca.Function) -> OneByOne:
+        """Wrap ``system``; never raises CannotLower."""
+        return OneByOne(self.compile(system))
 
     def compile_swarm(self, system: ca.Function, stops: ca.Function) -> Dop853Swarm:
         """Wrap ``system`` and ``stops``; never raises CannotLower."""

@@ -106,6 +106,14 @@ class Swarm(Protocol):
         ...
 
 
+class Fleet(Protocol):
+    """A compiled autonomous system for many initial values, each carried to an abscissa of its own."""
+
+    def run(self, states: np.ndarray, constants: np.ndarray, until: np.ndarray) -> Landing:
+        """Carry each row of ``states`` (m, N) from s = 0 to ``until`` (m,), not negative; ``constants`` (m, c)."""
+        ...
+
+
 class Engine(Protocol):
     """An integrator with its options."""
 
@@ -127,6 +135,10 @@ class Engine(Protocol):
 
         Neither may depend on s. Raises as :meth:`compile` does.
         """
+        ...
+
+    def compile_fleet(self, system: ca.Function) -> Fleet:
+        """Prepare ``system``, which must not depend on s, for many runs to given abscissae. Raises as above."""
         ...
 
 

@@ -50,7 +50,10 @@ class Stops:
 
     def _table(self, states: np.ndarray, constants: np.ndarray) -> np.ndarray:
         columns = self._call(list(states.T), list(constants.T))
-        return np.stack([np.broadcast_to(np.asarray(c, dtype=float), (len(states),)) for c in columns], axis=1)
+        table = np.empty((len(states), len(columns)))
+        for k, column in enumerate(columns):
+            table[:, k] = column
+        return table
 
     def reach(self, states: np.ndarray, constants: np.ndarray, leaving: int = NONE) -> np.ndarray:
         """How far in s (m,) the nearest stop may lie, by order of magnitude, from g and its two derivatives.

@@ -14,6 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.engines.fleet import TaylorFleet
 from varcalc.engines.lowering import lower
 from varcalc.engines.protocol import Outcome, Run, check_system, checked
 from varcalc.engines.stops import Stops
@@ -50,6 +51,18 @@ class Taylor:
             list(zip(state, rates, strict=True)), np.zeros(size), tol=self.tolerance, compact_mode=self.compact
         )
         return TaylorFlow(self, system, integrator, hy)
+
+    def compile_fleet(self, system: ca.Function) -> TaylorFleet:
+        """As :meth:`compile_swarm`, without stops."""
+        import heyoka as hy
+
+        size, width = check_system(system), hy.recommended_simd_size()
+        state = [hy.expression(f"Y{i}") for i in range(size)]
+        rates = lower(system, [[hy.time], state, [hy.par[i] for i in range(system.numel_in(2))]])
+        integrator = hy.taylor_adaptive_batch(
+            list(zip(state, rates, strict=True)), np.zeros((size, width)), tol=self.tolerance, compact_mode=self.compact
+        )
+        return TaylorFleet(integrator, lambda: self.compile(system), self.most_steps)
 
     def compile_swarm(self, system: ca.Function, stops: ca.Function) -> TaylorSwarm:
         """Lower both to heyoka and compile a batch integrator as wide as the processor's registers."""

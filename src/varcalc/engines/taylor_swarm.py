@@ -9,7 +9,6 @@ have are held at their own time.
 from __future__ import annotations
 
 import copy
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,6 +17,7 @@ import numpy as np
 
 from varcalc.engines.protocol import NONE, OUTCOMES, Landing, Outcome
 from varcalc.engines.stops import Stops
+from varcalc.engines.threads import threads_for
 
 FAR = 1e300
 """An abscissa that no run reaches: stops end them."""
@@ -25,8 +25,6 @@ COMPLETED, STOPPED, NOT_FINITE, BLOW_UP, TOO_MANY = (
     OUTCOMES.index(o)
     for o in (Outcome.COMPLETED, Outcome.STOPPED, Outcome.NOT_FINITE, Outcome.BLOW_UP, Outcome.TOO_MANY_STEPS)
 )
-SMALLEST_SHARE = 256
-"""Fewer runs than this are not worth another thread."""
 PATIENCE = 16
 """Steps after which the bound on their length is raised."""
 GROWTH = 16.0
@@ -70,7 +68,7 @@ class TaylorSwarm:
     ) -> None:  # fmt: skip
         """Run ``rows``, batch by batch, over the cores."""
         size = self.integrator.batch_size
-        threads = max(1, min(os.cpu_count() or 1, len(rows) // SMALLEST_SHARE))
+        threads = threads_for(len(rows))
         batches = [rows[np.minimum(np.arange(k, k + size), len(rows) - 1)] for k in range(0, len(rows), size)]
 
         def share(number: int) -> None:
@@ -136,37 +134,38 @@ class _Batch:
             before = np.array(integrator.state)
             left = self.swarm.most_steps - int(self.steps[~self.ended].max())
             integrator.propagate_until(self.until, max_steps=max(1, min(left, PATIENCE)), max_delta_t=self.longest)
-            for lane in np.flatnonzero(~self.ended):
-                code, _, _, steps = integrator.propagate_res[lane]
-                self.steps[lane] += int(steps)
-                self._judge(int(lane), int(code), before, landing, constants)
+            results = integrator.propagate_res
+            self.steps += np.array([result[3] for result in results])
+            codes = np.array([int(result[0]) for result in results])
+            self._judge(codes, before, np.array(integrator.state), landing, constants)
             if np.all(self.ended):
                 return
-            self.longest = np.where(self.steps >= self.raised + PATIENCE, GROWTH * self.longest, self.longest)
-            self.raised = np.where(self.steps >= self.raised + PATIENCE, self.steps, self.raised)
+            tired = self.steps >= self.raised + PATIENCE
+            self.longest = np.where(tired, GROWTH * self.longest, self.longest)
+            self.raised = np.where(tired, self.steps, self.raised)
             self._hold()
 
-    def _judge(self, lane: int, code: int, before: np.ndarray, landing: Landing, constants: np.ndarray) -> None:
-        """Hold ``lane`` if it has come to its end."""
-        integrator, row, codes = self.integrator, self.rows[lane], self.swarm.codes
-        state, stop = np.array(integrator.state[:, lane]), NONE
-        if not np.all(np.isfinite(state)) or code == int(codes.err_nf_state):
-            outcome = NOT_FINITE if np.array_equal(before[:, lane], landing.states[row]) else BLOW_UP
-            state = before[:, lane]
-        elif self.steps[lane] >= self.swarm.most_steps:
-            outcome = TOO_MANY
-        elif int(codes.success) < code < 0:
-            outcome, stop = STOPPED, -code - 1
-            if stop == self.leaving and self._is_the_start(state, row, constants):
-                return
-        else:
+    def _judge(
+        self, codes: np.ndarray, before: np.ndarray, after: np.ndarray, landing: Landing, constants: np.ndarray
+    ) -> None:
+        """Note the lanes that have come to their ends; ``codes`` are heyoka's, ``before`` and ``after`` (N, lanes)."""
+        known, rows = self.swarm.codes, self.rows
+        failed = ~np.all(np.isfinite(after), axis=0) | (codes == int(known.err_nf_state))
+        stopped = ~failed & (codes > int(known.success)) & (codes < 0)
+        for lane in np.flatnonzero(stopped & ~self.ended & (codes == -self.leaving - 1)):
+            stopped[lane] = not self._is_the_start(after[:, lane], rows[lane], constants)
+        tired = ~failed & ~stopped & (self.steps >= self.swarm.most_steps)
+        at_once = np.all(before == landing.states[rows].T, axis=0)
+        outcomes = np.select([failed & at_once, failed, stopped], [NOT_FINITE, BLOW_UP, STOPPED], TOO_MANY)
+        new = ~self.ended & (failed | stopped | tired)
+        if not np.any(new):
             return
-        time = float(integrator.time[lane])
-        landing.states[row] = state
-        landing.reached[row] = time if np.isfinite(time) else 0.0
-        landing.outcomes[row] = outcome
-        landing.stopped_by[row] = stop
-        self.ended[lane] = True
+        times = np.array(self.integrator.time)
+        landing.reached[rows[new]] = np.where(np.isfinite(times), times, 0.0)[new]
+        landing.states[rows[new]] = np.where(failed, before, after)[:, new].T
+        landing.outcomes[rows[new]] = outcomes[new]
+        landing.stopped_by[rows[new]] = np.where(stopped, -codes - 1, NONE)[new]
+        self.ended |= new
 
     def _is_the_start(self, state: np.ndarray, row: int, constants: np.ndarray) -> bool:
         """Whether the stop being left is crossed the way it was left: between two such crossings lies another."""
@@ -181,9 +180,9 @@ class _Batch:
         integrator = self.integrator
         running = int(np.argmin(self.ended))
         times = np.array(integrator.time)
-        for lane in np.flatnonzero(self.ended):
-            integrator.state[:, lane] = integrator.state[:, running]
-            integrator.pars[:, lane] = integrator.pars[:, running]
-            times[lane] = times[running]
+        ended = self.ended
+        integrator.state[:, ended] = integrator.state[:, [running]]
+        integrator.pars[:, ended] = integrator.pars[:, [running]]
+        times[ended] = times[running]
         integrator.set_time(times)
         self.until = np.where(self.ended, times, FAR)

@@ -16,7 +16,7 @@ import numpy as np
 
 from varcalc.engines.dop853 import Dop853
 from varcalc.engines.lowering import CannotLower
-from varcalc.engines.protocol import Flow, Run, Swarm
+from varcalc.engines.protocol import Fleet, Flow, Run, Swarm
 from varcalc.engines.taylor import Taylor
 
 STEPS = 2500
@@ -39,6 +39,13 @@ class Thrifty:
     def compile(self, system: ca.Function) -> ThriftyFlow:
         """Wrap ``system`` for DOP853; never raises CannotLower."""
         return ThriftyFlow(self, system, self.first.compile(system))
+
+    def compile_fleet(self, system: ca.Function) -> Fleet:
+        """As :meth:`compile_swarm`, without stops."""
+        try:
+            return self.then.compile_fleet(system)
+        except CannotLower:
+            return self.first.compile_fleet(system)
 
     def compile_swarm(self, system: ca.Function, stops: ca.Function) -> Swarm:
         """Compile for Taylor at once, since many runs pay for it; for DOP853 what Taylor cannot take."""

@@ -15,15 +15,18 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from varcalc.engines import NONE, OUTCOMES, Engine, Landing, Outcome, Swarm
+from varcalc.engines import NONE, OUTCOMES, Engine, Fleet, Landing, Outcome, Swarm
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.media import Field, Medium
 from varcalc.optics.surfaces import Geometry
 
 FAR = 1e6
-"""Rays that have come so many times farther than the scene is large meet nothing any more."""
+"""Rays that have come so many times farther than the sources lie from the origin meet nothing any more."""
 BROKEN = 1e-8
 """|p|² and n², which are equal along a ray, differ by so much of n² only where the index is singular."""
+DRIFT = 1e-13
+"""By as much they may differ before a ray is carried again in the regular parameter."""
+COMPLETED = OUTCOMES.index(Outcome.COMPLETED)
 ENDED = {
     OUTCOMES.index(Outcome.NOT_FINITE): RayStatus.SINGULAR,
     OUTCOMES.index(Outcome.BLOW_UP): RayStatus.SINGULAR,
@@ -66,15 +69,15 @@ def unpacked(states: np.ndarray, dimension: int) -> Beam:
 class HamiltonRays:
     """The model for one graded medium, with the surfaces that rays in it may meet.
 
-    ``extent`` is the size of the scene. Systems are compiled when they are first needed, and kept.
+    Systems are compiled when they are first needed, and kept.
     """
 
     medium: Medium
     dimension: int
     surfaces: Sequence[Geometry]
-    extent: float
     engine: Engine
     _swarms: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
+    _fleets: dict[int, Fleet] = field(default_factory=dict, repr=False)
     _free: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
 
     name = "Hamilton's ray equations"
@@ -88,9 +91,13 @@ class HamiltonRays:
         struck = np.full(len(beam), NOTHING)
         status = np.full(len(beam), int(RayStatus.ARRIVED))
         limited = bool(np.all(np.isfinite(limit)))
+        extent = float(np.abs(beam.position).max(initial=0.0)) or 1.0
         swarm = self.swarm(beam.deviations, limited)
-        constants = (limit if limited else np.full(len(beam), FAR * self.extent))[:, None]
-        waiting = {leaving: np.flatnonzero(limit > beam.optical_path)}
+        constants = (limit if limited else np.full(len(beam), FAR * extent))[:, None]
+        left = np.flatnonzero(limit > beam.optical_path)
+        if limited and not self.surfaces:
+            left = self._along_the_path(states, limit, left)
+        waiting = {leaving: left} if len(left) else {}
         while waiting:
             start, rows = waiting.popitem()
             landing = swarm.run(states[rows], constants[rows], start if start != NOTHING else NONE)
@@ -102,11 +109,41 @@ class HamiltonRays:
         carried = unpacked(states, self.dimension)
         return Arrival(carried, struck, self._checked(carried, status))
 
+    def _along_the_path(self, states: np.ndarray, limit: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Carry ``rows`` of ``states``, in place, with S for the parameter; returns those that need σ.
+
+        There is no stop to be looked for then, but the equations, divided by
+        n², are singular where n is zero.
+        """
+        d = self.dimension
+        landing = self._fleet(states.shape[1]).run(
+            states[rows], np.zeros((len(rows), 0)), limit[rows] - states[rows, 2 * d]
+        )
+        with np.errstate(all="ignore"):
+            squared, _, _ = Field(self.medium, d)(landing.states[:, :d])
+            drift = np.abs(np.sum(landing.states[:, d : 2 * d] ** 2, axis=1) / squared - 1)
+        sound = (landing.outcomes == COMPLETED) & (drift <= DRIFT)
+        states[rows[sound]] = landing.states[sound]
+        states[rows[sound], 2 * d] = limit[rows[sound]]
+        return rows[~sound]
+
+    def _fleet(self, size: int) -> Fleet:
+        """The compiled system for ``size`` states with the optical path for its parameter."""
+        if size not in self._fleets:
+            d = self.dimension
+            rates = ray_system(self.medium, d, size // (2 * d) - 1)
+            s, state = ca.SX.sym("s"), ca.SX.sym("Y", size)
+            divided = rates(s, state, ca.SX(0, 1)) / self.medium.squared_index(state[:d])
+            self._fleets[size] = self.engine.compile_fleet(
+                ca.Function("rays", [s, state, ca.SX.sym("c", 0)], [divided])
+            )
+        return self._fleets[size]
+
     def sigma(self, beam: Beam, path: float) -> float:
         """σ at which the one ray of ``beam`` has the optical path ``path``, whatever surfaces stand there."""
         free = self
         if self.surfaces:
-            free = HamiltonRays(self.medium, self.dimension, (), self.extent, self.engine, self._free)
+            free = HamiltonRays(self.medium, self.dimension, (), self.engine, self._free)
         landing = free.swarm(beam.deviations, True).run(packed(beam), np.array([[path]]))
         return float(landing.reached[0])
 

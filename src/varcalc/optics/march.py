@@ -31,15 +31,12 @@ class March:
     until : Surface or None
         Where rays stop, wherever they are on their way.
     dimension : int
-    extent : float
-        The size of the scene.
     """
 
     media: Sequence[Medium]
     surfaces: Sequence[Surface]
     until: Surface | None
     dimension: int
-    extent: float
     geometries: list[Geometry] = field(init=False)
     fields: list[Field] = field(init=False)
     models: list[Model] = field(init=False)
@@ -63,7 +60,7 @@ class March:
         if medium.is_uniform:
             squared, _, _ = self.fields[number](np.zeros((1, self.dimension)))
             return StraightRays(float(squared[0]), self.geometries)
-        return HamiltonRays(medium, self.dimension, self.geometries, self.extent, engines.default())
+        return HamiltonRays(medium, self.dimension, self.geometries, engines.default())
 
     @property
     def name(self) -> str:

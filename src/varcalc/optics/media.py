@@ -190,8 +190,11 @@ class Field:
         object.__setattr__(self, "_call", Vectorised(function))
 
     def _table(self, points: np.ndarray) -> np.ndarray:
-        rows = self._call(list(points.T))
-        return np.stack([np.broadcast_to(np.asarray(row, dtype=float), (len(points),)) for row in rows], axis=1)
+        columns = self._call(list(points.T))
+        table = np.empty((len(points), len(columns)))
+        for k, column in enumerate(columns):
+            table[:, k] = column
+        return table
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """n² (m,), its gradient (m, d) and its Hessian matrix (m, d, d) at points (m, d)."""

@@ -19,6 +19,8 @@ from varcalc.optics.values import numbers, point, rows, unit_rows
 
 CHUNK = 1 << 16
 """Rays carried together: some hundred bytes each, with their neighbours, are held beside the results."""
+KEPT = 16
+"""Ends of bundles for which compiled systems are kept."""
 RANGE = 8.0
 """Rays are looked for up to so many times the optical length of the scene."""
 ON = 1e-12
@@ -70,6 +72,7 @@ class Scene:
             )
         self.dimension = dimensions.pop() if dimensions else None
         self._problems: dict[str, TwoPoint] = {}  # what has been compiled
+        self._marches: dict[tuple[Surface | None, int], March] = {}
 
     def __repr__(self) -> str:
         return f"Scene({list(self.media)}, {list(self.surfaces)})"
@@ -114,7 +117,7 @@ class Scene:
             raise TypeError(f"until must be a surface such as Plane or Sphere, not {until!r}")
         limit = _limits(optical_path, len(start))
         index = self._index_at_source(start)
-        march = March(self.media, self.surfaces, until, start.shape[1], _extent(start))
+        march = self._march(until, start.shape[1])
         parts = []
         for first in range(0, len(start), CHUNK):
             part = slice(first, first + CHUNK)
@@ -187,10 +190,9 @@ class Scene:
 
     def _two_point(self, a: np.ndarray, b: np.ndarray) -> tuple[Section, TwoPoint]:
         """The plane of the rays from ``a`` to ``b``, and the problem in it."""
-        extent = _extent(np.stack([a, b]))
         if len(a) == 2:
             if "plane" not in self._problems:
-                march = March(self.media, self.surfaces, None, 2, extent)
+                march = self._march(None, 2)
                 self._problems["plane"] = TwoPoint(march, march)
             return whole_plane(), self._problems["plane"]
         found = section(self.media[0], a, b) if len(self.media) == 1 else None
@@ -201,8 +203,8 @@ class Scene:
             )
         flat, medium = found
         if "space" not in self._problems:
-            march = March((medium,), (), None, 2, extent)
-            self._problems["space"] = TwoPoint(march, March(self.media, (), None, 3, extent))
+            march = March((medium,), (), None, 2)
+            self._problems["space"] = TwoPoint(march, self._march(None, 3))
         return flat, self._problems["space"]
 
     def _usual_range(self, a: np.ndarray, b: np.ndarray) -> float:
@@ -218,6 +220,15 @@ class Scene:
         for surface in self.surfaces:
             lengths += [float(away) for away in _away(surface, np.stack([a, b]))]
         return RANGE * largest * sum(length for length in lengths if np.isfinite(length))
+
+    def _march(self, until: Surface | None, dimension: int) -> March:
+        """The way through the scene; what has been compiled for it is kept, for a number of ends."""
+        key = until, dimension
+        if key not in self._marches:
+            if len(self._marches) >= KEPT:
+                self._marches.pop(next(iter(self._marches)))
+            self._marches[key] = March(self.media, self.surfaces, until, dimension)
+        return self._marches[key]
 
     def _sources(self, points: Any, directions: Any) -> tuple[np.ndarray, np.ndarray]:
         """Points and unit directions, as many of the one as of the other, off every surface."""

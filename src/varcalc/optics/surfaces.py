@@ -250,7 +250,10 @@ class Geometry:
 
     def _table(self, points: np.ndarray) -> np.ndarray:
         columns = self._call(list(points.T))
-        return np.stack([np.broadcast_to(np.asarray(c, dtype=float), (len(points),)) for c in columns], axis=1)
+        table = np.empty((len(points), len(columns)))
+        for k, column in enumerate(columns):
+            table[:, k] = column
+        return table
 
     def level(self, points: np.ndarray) -> np.ndarray:
         """The level (m,) at points (m, d)."""
