@@ -47,7 +47,7 @@ def test_the_first_of_several_stops_counts(engine):
 def test_a_run_that_leaves_a_stop_comes_back_to_it(engine, offset):
     speeds = np.array([1e-3, 0.3, 1.0, 20.0])
     swarm = engine.compile_swarm(*free_fall())
-    landing = swarm.run(np.column_stack([0 * speeds + offset, speeds, 0 * speeds]), np.zeros((4, 1)), leaving=0)
+    landing = swarm.run(np.column_stack([0 * speeds + offset, speeds, 0 * speeds]), np.zeros((4, 1)), leaving=(0,))
     np.testing.assert_allclose(landing.reached, 2 * speeds, rtol=1e-13, atol=3e-14)
 
 

@@ -122,3 +122,10 @@ def test_a_lens_of_graded_glass_between_air_and_air():
     pz = n0 * np.sqrt(1 - a**2 * height**2)
     y, py = height * np.cos(n0 * a * length / pz), -height * n0 * a * np.sin(n0 * a * length / pz)
     np.testing.assert_allclose(bundle.points[:, 1], y + 2 * py / np.sqrt(1 - py**2), atol=1e-14)
+
+
+def test_a_surface_far_away_is_reached_from_the_origin():
+    scene = optics.Scene(optics.Stratified(lambda y: 1 + 1e-9 * y / 1e7))
+    bundle = scene.trace((0, 0), (1, 0), until=optics.Plane((1e8, 0), (1, 0)))
+    assert bundle.arrived[0]
+    np.testing.assert_allclose(bundle.points[0, 0], 1e8, rtol=1e-15)

@@ -32,7 +32,7 @@ class Dop853Swarm:
     tolerance: float
     most_steps: int = field(default=4000)
 
-    def run(self, states: np.ndarray, constants: np.ndarray, leaving: int = NONE) -> Landing:
+    def run(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...] = ()) -> Landing:
         """See :meth:`varcalc.engines.protocol.Swarm.run`."""
         m = len(states)
         landing = Landing(np.array(states), np.zeros(m), np.zeros(m, np.int8), np.full(m, NONE, np.int16))
@@ -50,13 +50,15 @@ class Dop853Swarm:
         scale = self.tolerance * max(1.0, float(np.abs(state).max()))
         return DOP853(self.rate, time, state, end, rtol=self.tolerance, atol=scale)
 
-    def _one(self, start: np.ndarray, constants: np.ndarray, leaving: int) -> tuple[np.ndarray, float, Outcome, int]:
+    def _one(
+        self, start: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...]
+    ) -> tuple[np.ndarray, float, Outcome, int]:
         if not np.all(np.isfinite(self.rate(0.0, start))):
             return start, 0.0, Outcome.NOT_FINITE, NONE
         signs, slopes, _ = (a[0] for a in self.stops(start[None, :], constants[None, :]))
         signs = np.sign(signs)
-        if leaving != NONE:
-            signs[leaving] = np.sign(slopes[leaving])
+        for stop in leaving:
+            signs[stop] = np.sign(slopes[stop])
         solver = self._solver(0.0, start, np.inf)
         for _ in range(self.most_steps):
             before, time = solver.y, solver.t

@@ -96,12 +96,12 @@ class Landing:
 class Swarm(Protocol):
     """A compiled autonomous system with stopping functions, for many initial values at once."""
 
-    def run(self, states: np.ndarray, constants: np.ndarray, leaving: int = NONE) -> Landing:
+    def run(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...] = ()) -> Landing:
         """Carry each row of ``states`` (m, N) from s = 0 until one of the stopping functions crosses zero.
 
-        ``constants`` has shape (m, c). ``leaving`` is the number of a stopping
-        function that is zero, to round-off, at the start of every run: that
-        zero does not count, later ones do. A stop is located to round-off.
+        ``constants`` has shape (m, c). ``leaving`` are the numbers of stopping
+        functions that are zero, to round-off, at the start of every run:
+        those zeros do not count, later ones do. A stop is located to round-off.
         """
         ...
 

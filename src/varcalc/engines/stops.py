@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.engines.protocol import NONE, check_system
+from varcalc.engines.protocol import check_system
 from varcalc.instructions import Vectorised
 
 
@@ -55,7 +55,7 @@ class Stops:
             table[:, k] = column
         return table
 
-    def reach(self, states: np.ndarray, constants: np.ndarray, leaving: int = NONE) -> np.ndarray:
+    def reach(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...] = ()) -> np.ndarray:
         """How far in s (m,) the nearest stop may lie, by order of magnitude, from g and its two derivatives.
 
         A solution that is a polynomial has no length of its own that would
@@ -63,9 +63,9 @@ class Stops:
         """
         table, k = self._table(states, constants), self.count
         level, slope, rate, bend = table[:, :k], table[:, k : 2 * k], table[:, 2 * k : -k], table[:, -k:]
-        if leaving != NONE:
+        if leaving:
             level = level.copy()
-            level[:, leaving] = 0.0  # round-off: what counts is how the stop is come back to
+            level[:, list(leaving)] = 0.0  # round-off: what counts is how the stop is come back to
         with np.errstate(all="ignore"):
             lengths = np.concatenate(
                 [np.abs(level / slope), np.sqrt(np.abs(2 * level / bend)), np.abs(2 * slope / bend)], axis=1

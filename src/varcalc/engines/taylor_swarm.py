@@ -44,7 +44,7 @@ class TaylorSwarm:
     most_steps: int
     codes: Any = field(repr=False)  # heyoka's taylor_outcome
 
-    def run(self, states: np.ndarray, constants: np.ndarray, leaving: int = NONE) -> Landing:
+    def run(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...] = ()) -> Landing:
         """See :meth:`varcalc.engines.protocol.Swarm.run`; the batches are spread over the cores."""
         m = len(states)
         landing = Landing(np.array(states), np.zeros(m), np.full(m, COMPLETED, np.int8), np.full(m, NONE, np.int16))
@@ -63,7 +63,7 @@ class TaylorSwarm:
         return landing
 
     def _spread(
-        self, rows: np.ndarray, landing: Landing, constants: np.ndarray, leaving: int, signs: np.ndarray,
+        self, rows: np.ndarray, landing: Landing, constants: np.ndarray, leaving: tuple[int, ...], signs: np.ndarray,
         reach: np.ndarray,
     ) -> None:  # fmt: skip
         """Run ``rows``, batch by batch, over the cores."""
@@ -83,12 +83,12 @@ class TaylorSwarm:
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(share, range(threads)))
 
-    def _signs(self, states: np.ndarray, constants: np.ndarray, leaving: int) -> np.ndarray:
+    def _signs(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...]) -> np.ndarray:
         """The signs (m, k) of the stopping functions just after the start."""
         level, slope, _ = self.stops(states, constants)
         signs = np.sign(level)
-        if leaving != NONE:
-            signs[:, leaving] = np.sign(slope[:, leaving])
+        for stop in leaving:
+            signs[:, stop] = np.sign(slope[:, stop])
         return signs
 
     def _missed(self, landing: Landing, constants: np.ndarray, signs: np.ndarray) -> np.ndarray:
@@ -112,7 +112,13 @@ class _Batch:
     """One batch on its way; ``rows`` are its lanes' places in the swarm, the last repeated to fill it."""
 
     def __init__(
-        self, swarm: TaylorSwarm, integrator: Any, rows: np.ndarray, leaving: int, signs: np.ndarray, reach: np.ndarray
+        self,
+        swarm: TaylorSwarm,
+        integrator: Any,
+        rows: np.ndarray,
+        leaving: tuple[int, ...],
+        signs: np.ndarray,
+        reach: np.ndarray,
     ) -> None:
         self.swarm, self.integrator, self.rows = swarm, integrator, rows
         self.leaving, self.signs = leaving, signs
@@ -152,8 +158,8 @@ class _Batch:
         known, rows = self.swarm.codes, self.rows
         failed = ~np.all(np.isfinite(after), axis=0) | (codes == int(known.err_nf_state))
         stopped = ~failed & (codes > int(known.success)) & (codes < 0)
-        for lane in np.flatnonzero(stopped & ~self.ended & (codes == -self.leaving - 1)):
-            stopped[lane] = not self._is_the_start(after[:, lane], rows[lane], constants)
+        for lane in np.flatnonzero(stopped & ~self.ended & np.isin(-codes - 1, self.leaving)):
+            stopped[lane] = not self._is_the_start(-codes[lane] - 1, after[:, lane], rows[lane], constants)
         tired = ~failed & ~stopped & (self.steps >= self.swarm.most_steps)
         at_once = np.all(before == landing.states[rows].T, axis=0)
         outcomes = np.select([failed & at_once, failed, stopped], [NOT_FINITE, BLOW_UP, STOPPED], TOO_MANY)
@@ -167,10 +173,10 @@ class _Batch:
         landing.stopped_by[rows[new]] = np.where(stopped, -codes - 1, NONE)[new]
         self.ended |= new
 
-    def _is_the_start(self, state: np.ndarray, row: int, constants: np.ndarray) -> bool:
-        """Whether the stop being left is crossed the way it was left: between two such crossings lies another."""
-        slope = self.swarm.stops(state[None, :], constants[row][None, :])[1][0, self.leaving]
-        return bool(np.sign(slope) == self.signs[row, self.leaving])
+    def _is_the_start(self, stop: int, state: np.ndarray, row: int, constants: np.ndarray) -> bool:
+        """Whether a stop being left is crossed the way it was left: between two such crossings lies another."""
+        slope = self.swarm.stops(state[None, :], constants[row][None, :])[1][0, stop]
+        return bool(np.sign(slope) == self.signs[row, stop])
 
     def _hold(self) -> None:
         """Keep the lanes that have ended where they are; those that failed stand in another's place.

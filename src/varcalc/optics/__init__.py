@@ -16,6 +16,7 @@ from varcalc.optics.media import Graded, Medium, Radial, Stratified, Uniform
 from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Asphere, Conic, Implicit, Plane, Sphere, Surface
+from varcalc.optics.tabulated import Tabulated
 
 __all__ = [
     "GLASSES",
@@ -36,6 +37,7 @@ __all__ = [
     "Sphere",
     "Stratified",
     "Surface",
+    "Tabulated",
     "Uniform",
     "eaton",
     "exponential_atmosphere",

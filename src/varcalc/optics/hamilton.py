@@ -15,13 +15,15 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from varcalc.engines import NONE, OUTCOMES, Engine, Fleet, Landing, Outcome, Swarm
+from varcalc.engines import OUTCOMES, Engine, Fleet, Landing, Outcome, Swarm
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
+from varcalc.optics.layered import Expression, compile_rays, ray_rates
 from varcalc.optics.media import Field, Medium
 from varcalc.optics.surfaces import Geometry
+from varcalc.optics.tabulated import Tabulated
 
 FAR = 1e6
-"""Rays that have come so many times farther than the sources lie from the origin meet nothing any more."""
+"""Rays that have come so many times farther than the scene is large meet nothing any more."""
 BROKEN = 1e-8
 """|p|² and n², which are equal along a ray, differ by so much of n² only where the index is singular."""
 DRIFT = 1e-13
@@ -40,16 +42,9 @@ def ray_system(medium: Medium, dimension: int, neighbours: int) -> ca.Function:
 
     The state is r, p, S, then δr and δp of each neighbour.
     """
-    d = dimension
-    s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * d + 1 + 2 * d * neighbours)
-    squared = medium.squared_index(state[:d])
-    pull = ca.gradient(squared, state[:d]) / 2
-    rates = [state[d : 2 * d], pull, squared]
-    bend = ca.jacobian(pull, state[:d])
-    for k in range(neighbours):
-        first = 2 * d + 1 + 2 * d * k
-        rates += [state[first + d : first + 2 * d], bend @ state[first : first + d]]
-    return ca.Function("rays", [s, state, ca.SX.sym("c", 0)], [ca.densify(ca.vertcat(*rates))])
+    s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * dimension + 1 + 2 * dimension * neighbours)
+    rates = ray_rates(medium.squared_index(state[:dimension]), state, dimension)
+    return ca.Function("rays", [s, state, ca.SX.sym("c", 0)], [rates])
 
 
 def packed(beam: Beam) -> np.ndarray:
@@ -91,16 +86,15 @@ class HamiltonRays:
         struck = np.full(len(beam), NOTHING)
         status = np.full(len(beam), int(RayStatus.ARRIVED))
         limited = bool(np.all(np.isfinite(limit)))
-        extent = float(np.abs(beam.position).max(initial=0.0)) or 1.0
         swarm = self.swarm(beam.deviations, limited)
-        constants = (limit if limited else np.full(len(beam), FAR * extent))[:, None]
+        constants = (limit if limited else np.full(len(beam), FAR * self._extent(beam.position)))[:, None]
         left = np.flatnonzero(limit > beam.optical_path)
-        if limited and not self.surfaces:
+        if limited and not self.surfaces and not isinstance(self.medium, Tabulated):
             left = self._along_the_path(states, limit, left)
         waiting = {leaving: left} if len(left) else {}
         while waiting:
             start, rows = waiting.popitem()
-            landing = swarm.run(states[rows], constants[rows], start if start != NOTHING else NONE)
+            landing = swarm.run(states[rows], constants[rows], () if start == NOTHING else (start,))
             states[rows] = landing.states
             struck[rows], status[rows] = self._told(landing, limited)
             for number in self._strangers(states, struck, rows):
@@ -108,6 +102,15 @@ class HamiltonRays:
                 waiting[number] = np.concatenate([waiting.get(number, again[:0]), again])
         carried = unpacked(states, self.dimension)
         return Arrival(carried, struck, self._checked(carried, status))
+
+    def _extent(self, points: np.ndarray) -> float:
+        """The size of the scene seen from ``points``: their distances from the origin and from the surfaces."""
+        away = [np.abs(points).max(initial=0.0)]
+        for surface in self.surfaces:
+            with np.errstate(all="ignore"):
+                distance = np.abs(surface.level(points)) / np.linalg.norm(surface.gradient(points), axis=1)
+            away.append(distance[np.isfinite(distance)].max(initial=0.0))
+        return float(max(away)) or 1.0
 
     def _along_the_path(self, states: np.ndarray, limit: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Carry ``rows`` of ``states``, in place, with S for the parameter; returns those that need σ.
@@ -153,7 +156,9 @@ class HamiltonRays:
         end = landing.stopped_by == len(self.surfaces)  # the limit, or the far sphere
         if not limited:
             status[end] = RayStatus.MISSED
-        return np.where(end, NOTHING, landing.stopped_by), status
+        outside = landing.stopped_by > len(self.surfaces)
+        status[outside] = RayStatus.OUTSIDE
+        return np.where(end | outside, NOTHING, landing.stopped_by), status
 
     def _strangers(self, states: np.ndarray, struck: np.ndarray, rows: np.ndarray) -> list[int]:
         """The surfaces on whose levels, but not on which themselves, some of the rays have stopped."""
@@ -173,11 +178,12 @@ class HamiltonRays:
     def swarm(self, neighbours: int, limited: bool) -> Swarm:
         """The compiled system; its last stop is the limit of the optical path, or a sphere far away."""
         if (neighbours, limited) not in self._swarms:
-            d, rates = self.dimension, ray_system(self.medium, self.dimension, neighbours)
-            s, state, bound = ca.SX.sym("s"), ca.SX.sym("Y", rates.numel_in(1)), ca.SX.sym("c")
-            levels = [surface.surface.level(state[:d]) for surface in self.surfaces]
-            end = state[2 * d] - bound if limited else (ca.sumsqr(state[:d]) / bound**2 - 1) / 2
-            system = ca.Function("rays", [s, state, bound], [rates(s, state, ca.SX(0, 1))])
-            stops = ca.Function("stops", [s, state, bound], [ca.vertcat(*levels, end)])
-            self._swarms[neighbours, limited] = self.engine.compile_swarm(system, stops)
+            d = self.dimension
+
+            def stops(state: Expression, bound: Expression) -> Expression:
+                levels = [surface.surface.level(state[:d]) for surface in self.surfaces]
+                end = state[2 * d] - bound if limited else (ca.sumsqr(state[:d]) / bound**2 - 1) / 2
+                return ca.vertcat(*levels, end)
+
+            self._swarms[neighbours, limited] = compile_rays(self.engine, self.medium, d, neighbours, stops, 1)
         return self._swarms[neighbours, limited]

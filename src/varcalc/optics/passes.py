@@ -18,7 +18,8 @@ import numpy as np
 
 from varcalc.engines import NONE, OUTCOMES, Engine, Outcome, Swarm
 from varcalc.optics.beam import NOTHING, Beam
-from varcalc.optics.hamilton import packed, ray_system, unpacked
+from varcalc.optics.hamilton import packed, unpacked
+from varcalc.optics.layered import Expression, compile_rays
 from varcalc.optics.media import Field, Medium
 from varcalc.optics.straight import StraightRays, moved_on
 from varcalc.optics.surfaces import Geometry
@@ -122,7 +123,7 @@ class HamiltonLeg:
             start, rows = waiting.popitem()
             if len(rows) == 0:
                 continue
-            landing = swarm.run(states[rows], constants[rows], start if start != NOTHING else NONE)
+            landing = swarm.run(states[rows], constants[rows], () if start == NOTHING else (start,))
             states[rows] = landing.states
             stop = np.where(landing.outcomes == STOPPED, landing.stopped_by, NONE)
             nearest = rows[stop == least]
@@ -147,12 +148,12 @@ class HamiltonLeg:
     def _compiled(self) -> Swarm:
         """The ray system with one neighbour; constants are the target and the two limits."""
         if self._swarm is None:
-            rates = ray_system(self.medium, 2, 1)
-            s, state, constants = ca.SX.sym("s"), ca.SX.sym("Y", rates.numel_in(1)), ca.SX.sym("c", 4)
-            levels = [surface.surface.level(state[:2]) for surface in self.surfaces]
-            distance = ca.dot(state[2:4], state[:2] - constants[:2])
-            system = ca.Function("rays", [s, state, constants], [rates(s, state, ca.SX(0, 1))])
-            away = (ca.sumsqr(state[:2] - constants[:2]) / constants[3] ** 2 - 1) / 2
-            stops = ca.vertcat(*levels, distance, state[4] - constants[2], away)
-            self._swarm = self.engine.compile_swarm(system, ca.Function("stops", [s, state, constants], [stops]))
+
+            def stops(state: Expression, constants: Expression) -> Expression:
+                levels = [surface.surface.level(state[:2]) for surface in self.surfaces]
+                distance = ca.dot(state[2:4], state[:2] - constants[:2])
+                away = (ca.sumsqr(state[:2] - constants[:2]) / constants[3] ** 2 - 1) / 2
+                return ca.vertcat(*levels, distance, state[4] - constants[2], away)
+
+            self._swarm = compile_rays(self.engine, self.medium, 2, 1, stops, 4)
         return self._swarm

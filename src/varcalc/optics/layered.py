@@ -1,0 +1,112 @@
+"""Rays through a table, layer by layer: every height of it ends a run, and the next begins with the next cubic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.engines import NONE, OUTCOMES, Engine, Landing, Outcome, Swarm
+from varcalc.optics.media import Medium
+from varcalc.optics.tabulated import Tabulated, cubic
+
+Expression = Any
+"""A CasADi SX expression."""
+STOPPED = OUTCOMES.index(Outcome.STOPPED)
+TOO_MANY = OUTCOMES.index(Outcome.TOO_MANY_STEPS)
+CROSSINGS = 100_000
+"""Heights of the table crossed by one ray."""
+
+
+def ray_rates(squared: Expression, state: Expression, dimension: int) -> Expression:
+    """Hamilton's ray equations for ``squared``, n² at the position in ``state``: r, p, S, δr and δp of each neighbour."""
+    d = dimension
+    pull = ca.gradient(squared, state[:d]) / 2
+    rates = [state[d : 2 * d], pull, squared]
+    bend = ca.jacobian(pull, state[:d])
+    for first in range(2 * d + 1, state.numel(), 2 * d):
+        rates += [state[first + d : first + 2 * d], bend @ state[first : first + d]]
+    return ca.densify(ca.vertcat(*rates))
+
+
+def compile_rays(
+    engine: Engine,
+    medium: Medium,
+    dimension: int,
+    neighbours: int,
+    stops: Callable[[Expression, Expression], Expression],
+    constants: int,
+) -> Swarm:
+    """Compile the rays of ``medium`` with ``stops``, of the state and so many ``constants``.
+
+    In a table there is one stop more, the last: the ray has left it.
+    """
+    d = dimension
+    table = medium if isinstance(medium, Tabulated) else None
+    s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * d + 1 + 2 * d * neighbours)
+    numbers = ca.SX.sym("c", constants + (6 if table else 0))
+    if table:
+        layer, height = numbers[constants:], state[d - 1]
+        squared, ends = cubic(height, layer), ca.vertcat(height - layer[0], height - layer[1])
+    else:
+        squared, ends = medium.squared_index(state[:d]), ca.SX(0, 1)
+    rates = ca.Function("rays", [s, state, numbers], [ray_rates(squared, state, d)])
+    levels = ca.vertcat(stops(state, numbers[:constants]), ends)
+    swarm = engine.compile_swarm(rates, ca.Function("stops", [s, state, numbers], [levels]))
+    return LayeredSwarm(swarm, table, d, levels.numel() - 2) if table else swarm
+
+
+@dataclass(frozen=True)
+class LayeredSwarm:
+    """A swarm for one layer, handed on from layer to layer; ``stops`` is the number of stops beside the heights."""
+
+    swarm: Swarm
+    table: Tabulated
+    dimension: int
+    stops: int
+
+    def run(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...] = ()) -> Landing:
+        """See :meth:`varcalc.engines.protocol.Swarm.run`."""
+        m, d = len(states), self.dimension
+        ends = Landing(np.array(states), np.zeros(m), np.full(m, TOO_MANY, np.int8), np.full(m, NONE, np.int16))
+        climbing = states[:, 2 * d - 1] > 0
+        layer = self.table.layer_of(states[:, d - 1], climbing)
+        start = self._starts(states[:, d - 1], layer)
+        alive = np.arange(m)
+        for _ in range(CROSSINGS):
+            for number in np.unique(start[alive]):
+                rows = alive[start[alive] == number]
+                known = np.column_stack([constants[rows], self.table.constants(layer[rows])])
+                height = () if number == NONE else (int(number),)
+                landing = self.swarm.run(ends.states[rows], known, (*leaving, *height))
+                ends.states[rows], ends.outcomes[rows] = landing.states, landing.outcomes
+                ends.stopped_by[rows] = landing.stopped_by
+                ends.reached[rows] += landing.reached
+            alive, leaving = self._handed_on(ends, layer, start, alive), ()
+            if len(alive) == 0:
+                break
+        return ends
+
+    def _starts(self, heights: np.ndarray, layer: np.ndarray) -> np.ndarray:
+        """The height of the table (m,), as a stop, that each ray starts from, or NONE."""
+        bounds = self.table.constants(layer)
+        start = np.full(len(heights), NONE)
+        start[heights == bounds[:, 0]] = self.stops
+        start[heights == bounds[:, 1]] = self.stops + 1
+        return start
+
+    def _handed_on(self, ends: Landing, layer: np.ndarray, start: np.ndarray, alive: np.ndarray) -> np.ndarray:
+        """Put the rays that have come to a height into the next layer; those of ``alive`` that go on."""
+        at = alive[(ends.outcomes[alive] == STOPPED) & (ends.stopped_by[alive] >= self.stops)]
+        knot = layer[at] + (ends.stopped_by[at] - self.stops)
+        climbing = ends.states[at, 2 * self.dimension - 1] > 0
+        ends.states[at, self.dimension - 1] = np.asarray(self.table.heights)[knot]
+        following = np.where(climbing, knot, knot - 1)
+        inside = (following >= 0) & (following < self.table.layers)
+        ends.stopped_by[at[~inside]] = self.stops
+        layer[at[inside]] = following[inside]
+        start[at] = np.where(climbing, self.stops, self.stops + 1)
+        return at[inside]

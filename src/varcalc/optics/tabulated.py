@@ -1,0 +1,120 @@
+"""An index that was measured: heights and the index there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from varcalc.optics.media import Expression, Medium
+from varcalc.optics.values import numbers
+
+LOOKED_AT = 33
+"""Places in each layer at which n² is asked to be positive."""
+
+
+@dataclass(frozen=True)
+class Tabulated(Medium):
+    """An index given at some heights, the last coordinate; rays end where they leave the table.
+
+    Between the heights n² is a cubic: by default that of the smooth spline, with two continuous derivatives (de
+    Boor, "A Practical Guide to Splines", ch. IV). No step of an integration goes over a height of the table.
+
+    Parameters
+    ----------
+    heights : sequence of float
+        In ascending order.
+    n : sequence of float
+        The index there, positive; c0/c for a speed c.
+    smooth : bool
+        With False n² is linear between the heights, exactly, and rays are pieces of parabolas. The kinks of such a
+        profile focus: they make caustics that a smooth profile does not have.
+
+    Raises
+    ------
+    ValueError
+        For heights out of order, an index that is not positive, or too few of either.
+    """
+
+    heights: Sequence[float]
+    n: Sequence[float]
+    smooth: bool = True
+    coefficients: np.ndarray = field(init=False, repr=False, compare=False)
+    """Shape (layers, 4): n² = Σ a_k (y - y_0)^k above the lower height y_0 of each layer."""
+
+    def __post_init__(self) -> None:
+        heights, index = numbers("heights", self.heights), numbers("n", self.n)
+        if heights.ndim != 1 or heights.shape != index.shape or len(heights) < 2:
+            raise ValueError(
+                f"heights and n must be as many numbers, two or more, not {heights.shape} and {index.shape}"
+            )
+        if not np.all(np.diff(heights) > 0):
+            place = int(np.argmin(np.diff(heights) > 0))
+            raise ValueError(
+                f"heights must ascend, but {heights[place]:g} is followed by {heights[place + 1]:g}; "
+                "sort the table and leave out what is there twice"
+            )
+        if not np.all(index > 0):
+            raise ValueError(f"n must be positive, but it is {index.min():g} at height {heights[index.argmin()]:g}")
+        object.__setattr__(self, "heights", tuple(float(h) for h in heights))
+        object.__setattr__(self, "n", tuple(float(v) for v in index))
+        object.__setattr__(self, "coefficients", self._fitted(heights, index**2))
+        self._check_between(heights)
+
+    def _fitted(self, heights: np.ndarray, squared: np.ndarray) -> np.ndarray:
+        if self.smooth and len(heights) > 2:
+            from scipy.interpolate import CubicSpline
+
+            return np.ascontiguousarray(CubicSpline(heights, squared).c[::-1].T)
+        slopes = np.diff(squared) / np.diff(heights)
+        return np.column_stack([squared[:-1], slopes, 0 * slopes, 0 * slopes])
+
+    def _check_between(self, heights: np.ndarray) -> None:
+        above = np.diff(heights)[:, None] * np.linspace(0, 1, LOOKED_AT)
+        squared = sum(self.coefficients[:, k, None] * above**k for k in range(4))
+        if not np.min(squared) > 0:
+            layer = int(np.argmin(np.min(squared, axis=1)))
+            raise ValueError(
+                f"the spline through the table is negative between heights {heights[layer]:g} and "
+                f"{heights[layer + 1]:g}; give more heights there, or smooth=False"
+            )
+
+    @property
+    def layers(self) -> int:
+        """How many there are between the heights."""
+        return len(self.heights) - 1
+
+    def index(self, position: Expression) -> Expression:
+        """n at the height of ``position``; not a number outside the table."""
+        height = position[position.numel() - 1]
+        inside = ca.logic_and(height >= self.heights[0], height <= self.heights[-1])
+        return ca.sqrt(ca.if_else(inside, self.squared_index(position), -1.0))
+
+    def squared_index(self, position: Expression) -> Expression:
+        """n² at the height of ``position``; the end layers go on outside the table."""
+        height = position[position.numel() - 1]
+        squared = cubic(height, ca.DM(self.constants(np.array([0]))[0]))
+        for layer in range(1, self.layers):
+            above = cubic(height, ca.DM(self.constants(np.array([layer]))[0]))
+            squared = ca.if_else(height >= self.heights[layer], above, squared)
+        return squared
+
+    def constants(self, layers: np.ndarray) -> np.ndarray:
+        """What :func:`cubic` needs to know of the ``layers`` (m,): lower and upper height, coefficients; (m, 6)."""
+        heights = np.asarray(self.heights)
+        return np.column_stack([heights[layers], heights[layers + 1], self.coefficients[layers]])
+
+    def layer_of(self, heights: np.ndarray, climbing: np.ndarray) -> np.ndarray:
+        """The layers (m,) that rays at ``heights`` (m,) are in, or come into where they are between two."""
+        knots = np.asarray(self.heights)
+        above = np.searchsorted(knots, heights, side="right") - 1
+        below = np.searchsorted(knots, heights, side="left") - 1
+        return np.clip(np.where(climbing, above, below), 0, self.layers - 1)
+
+
+def cubic(height: Expression, constants: Expression) -> Expression:
+    """n² in one layer, from its :meth:`Tabulated.constants`."""
+    above = height - constants[0]
+    return constants[2] + above * (constants[3] + above * (constants[4] + above * constants[5]))

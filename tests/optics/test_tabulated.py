@@ -1,0 +1,77 @@
+"""Measured profiles: what is exact by construction, and what is refused."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from varcalc import optics
+from varcalc.optics import RayStatus
+
+HEIGHTS = np.array([-3.0, -1.7, -1.0, -0.2, 0.1, 0.3, 0.45])
+ANGLES = np.linspace(-2.0, 1.2, 9)
+FAN = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+def test_a_table_of_a_linear_squared_index_has_parabolas_for_rays(smooth):
+    table = optics.Tabulated(HEIGHTS, np.sqrt(1 - 2 * HEIGHTS), smooth=smooth)
+    exact = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 - 2 * y)))
+    for until in ({"optical_path": 0.9}, {"until": optics.Plane((0.4, 0), (1, 0))}):
+        ends = [s.trace((0, -0.1), FAN, with_spreading=True, **until) for s in (optics.Scene(table), exact)]
+        assert np.sum(ends[1].arrived) >= 7
+        np.testing.assert_allclose(ends[0].points[ends[1].arrived], ends[1].points[ends[1].arrived], atol=1e-13)
+        np.testing.assert_allclose(ends[0].spreading[ends[1].arrived], ends[1].spreading[ends[1].arrived], rtol=1e-11)
+
+
+def test_a_ray_may_start_at_a_height_of_the_table_and_touch_one():
+    table = optics.Tabulated(HEIGHTS, np.sqrt(1 - 2 * HEIGHTS), smooth=False)
+    top = 0.1  # a turning point at a height of the table: sin² θ (1 - 2 y) = 2 (top - y)
+    y = -0.2
+    sine = np.sqrt(2 * (top - y) / (1 - 2 * y))
+    bundle = optics.Scene(table).trace((0, y), (np.sqrt(1 - sine**2), sine), until=optics.Plane((0, y), (0, 1)))
+    sigma = 2 * sine * np.sqrt(1 - 2 * y)
+    np.testing.assert_allclose(bundle.points, [[np.sqrt(1 - sine**2) * np.sqrt(1 - 2 * y) * sigma, y]], atol=1e-12)
+
+
+def test_a_cubic_table_is_the_cubic_it_was_made_from():
+    def squared(y):
+        return 2 - 0.3 * y + 0.1 * y**2 - 0.05 * y**3
+
+    table = optics.Tabulated(HEIGHTS, np.sqrt(squared(HEIGHTS)))
+    smooth = optics.Stratified(lambda y: ca.sqrt(squared(y)))
+    ends = [optics.Scene(medium).trace((0, -0.5), FAN, optical_path=0.8) for medium in (table, smooth)]
+    np.testing.assert_allclose(ends[0].points, ends[1].points, atol=1e-13)
+
+
+def test_rays_that_leave_the_table_are_marked():
+    table = optics.Tabulated([0.0, 1.0], [1.2, 1.0], smooth=False)
+    bundle = optics.Scene(table).trace((0, 0.5), [(0, 1), (0, -1), (1, 0)], optical_path=0.7)
+    assert list(bundle.status) == [RayStatus.OUTSIDE, RayStatus.OUTSIDE, RayStatus.ARRIVED]
+    np.testing.assert_allclose(bundle.points[:2], [[0, 1], [0, 0]], atol=1e-15)
+
+
+def test_all_rays_in_a_table():
+    table = optics.Tabulated(HEIGHTS, np.sqrt(1 - 2 * HEIGHTS), smooth=False)
+    rays = optics.Scene(table).rays((0, 0), (0.5, 0))
+    assert rays[0].optical_path == pytest.approx(0.494521305498037, rel=1e-13)
+    assert [r.index for r in rays] == [0]  # the other one rises to 0.4665, above the table
+
+
+@pytest.mark.parametrize(
+    ("heights", "n", "message"),
+    [
+        ([0, 2, 1], [1, 1, 1], "2 is followed by 1"),
+        ([0, 1, 1], [1, 1, 1], "leave out what is there twice"),
+        ([0, 1], [1, 0], "n must be positive, but it is 0 at height 1"),
+        ([0, 1, 2], [1, 1], "as many numbers"),
+        ([0, 1, 1.01, 3], [0.1, 0.1, 3, 0.1], "the spline through the table is negative"),
+    ],
+)
+def test_tables_that_make_no_profile_are_refused(heights, n, message):
+    with pytest.raises(ValueError, match=message):
+        optics.Tabulated(heights, n)
+
+
+def test_a_source_outside_the_table_is_refused():
+    with pytest.raises(ValueError, match="index is nan at the source"):
+        optics.Scene(optics.Tabulated([0, 1], [1, 1])).trace((0, 2), (1, 0), optical_path=1)
