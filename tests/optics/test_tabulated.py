@@ -75,3 +75,17 @@ def test_tables_that_make_no_profile_are_refused(heights, n, message):
 def test_a_source_outside_the_table_is_refused():
     with pytest.raises(ValueError, match="index is nan at the source"):
         optics.Scene(optics.Tabulated([0, 1], [1, 1])).trace((0, 2), (1, 0), optical_path=1)
+
+
+def test_the_rays_of_a_smooth_table_end_where_they_should():
+    """A spline that is no polynomial: the ray found is traced again, and passes B."""
+    heights = np.linspace(-2.0, 0.6, 14)
+    table = optics.Tabulated(heights, np.sqrt(1.2 - heights + 0.2 * np.sin(3 * heights)))
+    scene = optics.Scene(table)
+    rays = scene.rays((0, 0.05), (0.9, -0.1))
+    assert len(rays) >= 1
+    for ray in rays:
+        again = scene.trace((0, 0.05), ray.tangents[0], optical_path=ray.optical_path)
+        np.testing.assert_allclose(again.points[0], [0.9, -0.1], atol=1e-13)
+        half = scene.trace((0, 0.05), ray.tangents[0], optical_path=ray.optical_path / 2)
+        np.testing.assert_allclose(ray.point(ray.optical_path / 2), half.points[0], atol=1e-13)

@@ -17,10 +17,10 @@ import numpy as np
 
 from varcalc.engines import OUTCOMES, Engine, Fleet, Landing, Outcome, Swarm
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
-from varcalc.optics.layered import Expression, compile_rays, ray_rates
+from varcalc.optics.layered import Expression, LayeredSwarm, compile_rays, ray_rates
 from varcalc.optics.media import Field, Medium
 from varcalc.optics.surfaces import Geometry
-from varcalc.optics.tabulated import Tabulated
+from varcalc.optics.tabulated import Tabulated, cubic
 
 FAR = 1e6
 """Rays that have come so many times farther than the scene is large meet nothing any more."""
@@ -38,13 +38,18 @@ ENDED = {
 
 
 def ray_system(medium: Medium, dimension: int, neighbours: int) -> ca.Function:
-    """Hamilton's ray equations with ``neighbours`` deviations, as the engines take a system: no constants.
+    """Hamilton's ray equations with ``neighbours`` deviations, as the engines take a system.
 
-    The state is r, p, S, then δr and δp of each neighbour.
+    The state is r, p, S, then δr and δp of each neighbour. There are no
+    constants, but for those of one layer where the medium is a table.
     """
     s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * dimension + 1 + 2 * dimension * neighbours)
-    rates = ray_rates(medium.squared_index(state[:dimension]), state, dimension)
-    return ca.Function("rays", [s, state, ca.SX.sym("c", 0)], [rates])
+    constants = ca.SX.sym("c", 6 if isinstance(medium, Tabulated) else 0)
+    if isinstance(medium, Tabulated):
+        squared = cubic(state[dimension - 1], constants)
+    else:
+        squared = medium.squared_index(state[:dimension])
+    return ca.Function("rays", [s, state, constants], [ray_rates(squared, state, dimension)])
 
 
 def packed(beam: Beam) -> np.ndarray:
@@ -144,11 +149,19 @@ class HamiltonRays:
 
     def sigma(self, beam: Beam, path: float) -> float:
         """σ at which the one ray of ``beam`` has the optical path ``path``, whatever surfaces stand there."""
-        free = self
-        if self.surfaces:
-            free = HamiltonRays(self.medium, self.dimension, (), self.engine, self._free)
-        landing = free.swarm(beam.deviations, True).run(packed(beam), np.array([[path]]))
+        landing = self._unhindered(beam).run(packed(beam), np.array([[path]]))
         return float(landing.reached[0])
+
+    def pieces(self, beam: Beam, path: float) -> list[tuple[float, np.ndarray, np.ndarray]]:
+        """The layers of a table that the one ray of ``beam`` goes through: see :meth:`LayeredSwarm.pieces`."""
+        swarm = self._unhindered(beam)
+        return swarm.pieces(packed(beam)[0], np.array([path])) if isinstance(swarm, LayeredSwarm) else []
+
+    def _unhindered(self, beam: Beam) -> Swarm:
+        """The compiled system without the surfaces."""
+        if not self.surfaces:
+            return self.swarm(beam.deviations, True)
+        return HamiltonRays(self.medium, self.dimension, (), self.engine, self._free).swarm(beam.deviations, True)
 
     def _told(self, landing: Landing, limited: bool) -> tuple[np.ndarray, np.ndarray]:
         """What a landing says: the surfaces struck, and the status of each ray."""

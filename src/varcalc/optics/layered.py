@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,7 +22,7 @@ CROSSINGS = 100_000
 
 
 def ray_rates(squared: Expression, state: Expression, dimension: int) -> Expression:
-    """Hamilton's ray equations for ``squared``, n² at the position in ``state``: r, p, S, δr and δp of each neighbour."""
+    """Hamilton's ray equations for ``squared``, n² at the position: of r, p, S, then δr and δp of each neighbour."""
     d = dimension
     pull = ca.gradient(squared, state[:d]) / 2
     rates = [state[d : 2 * d], pull, squared]
@@ -70,13 +70,27 @@ class LayeredSwarm:
 
     def run(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...] = ()) -> Landing:
         """See :meth:`varcalc.engines.protocol.Swarm.run`."""
-        m, d = len(states), self.dimension
+        m = len(states)
         ends = Landing(np.array(states), np.zeros(m), np.full(m, TOO_MANY, np.int8), np.full(m, NONE, np.int16))
-        climbing = states[:, 2 * d - 1] > 0
-        layer = self.table.layer_of(states[:, d - 1], climbing)
-        start = self._starts(states[:, d - 1], layer)
-        alive = np.arange(m)
+        for _ in self._rounds(ends, constants, leaving):
+            pass
+        return ends
+
+    def pieces(self, state: np.ndarray, constants: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
+        """The layers that one ray goes through: where each begins, its :meth:`Tabulated.constants`, the state there."""
+        ends = Landing(state[None, :].copy(), np.zeros(1), np.zeros(1, np.int8), np.full(1, NONE, np.int16))
+        return [
+            (float(ends.reached[0]), self.table.constants(layer)[0], ends.states[0].copy())
+            for layer in self._rounds(ends, constants[None, :], ())
+        ]
+
+    def _rounds(self, ends: Landing, constants: np.ndarray, leaving: tuple[int, ...]) -> Iterator[np.ndarray]:
+        """Carry all rays through one layer after the other, in place; the layers (m,) before each is gone through."""
+        d, alive = self.dimension, np.arange(len(ends.states))
+        layer = self.table.layer_of(ends.states[:, d - 1], ends.states[:, 2 * d - 1] > 0)
+        start = self._starts(ends.states[:, d - 1], layer)
         for _ in range(CROSSINGS):
+            yield layer
             for number in np.unique(start[alive]):
                 rows = alive[start[alive] == number]
                 known = np.column_stack([constants[rows], self.table.constants(layer[rows])])
@@ -87,8 +101,7 @@ class LayeredSwarm:
                 ends.reached[rows] += landing.reached
             alive, leaving = self._handed_on(ends, layer, start, alive), ()
             if len(alive) == 0:
-                break
-        return ends
+                return
 
     def _starts(self, heights: np.ndarray, layer: np.ndarray) -> np.ndarray:
         """The height of the table (m,), as a stop, that each ray starts from, or NONE."""

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from varcalc.engines import Flow, Outcome
 from varcalc.optics.beam import Beam
-from varcalc.optics.hamilton import packed, unpacked
+from varcalc.optics.hamilton import unpacked
 from varcalc.optics.straight import moved_on
 
 SAMPLES = 129
 """Places along a leg at which the neighbours are looked at."""
 STARTING = 1e-6
 """Phases are this close to π where all neighbours start from one point."""
+TINY = 1e-13
+"""Of a leg: the shortest part of it that is integrated."""
 ROUNDS = 100
 """Steps of a bracketed search."""
 
@@ -102,10 +104,31 @@ def straight_leg(beam: Beam, squared_index: float, length: float) -> Leg:
     return Leg(at, np.zeros_like, length)
 
 
-def hamilton_leg(beam: Beam, flow: Flow, pull: Callable[[np.ndarray], np.ndarray], length: float) -> Leg:
-    """A leg in a graded medium from ``beam``, one ray; ``flow`` is the compiled ray system with its neighbours."""
-    run = flow.run(np.array([0.0, length]), packed(beam)[0], np.zeros(0), dense=True)
-    if run.outcome is not Outcome.COMPLETED or run.trajectory is None:
-        raise ArithmeticError(f"a ray could not be followed a second time: {run.outcome.value}")
-    trajectory = run.trajectory
-    return Leg(lambda sigma: unpacked(trajectory(sigma), beam.dimension), pull, length)
+def hamilton_leg(
+    pieces: Sequence[tuple[float, np.ndarray, np.ndarray]],
+    flow: Flow,
+    dimension: int,
+    pull: Callable[[np.ndarray], np.ndarray],
+    length: float,
+) -> Leg:
+    """A leg in a graded medium; ``flow`` is the compiled ray system with its neighbours.
+
+    ``pieces`` are σ, the system's constants and the state where each of its
+    parts begins: the layers of a table, otherwise one.
+    """
+    starts = np.array([start for start, _, _ in pieces])
+    trajectories = []
+    for (start, constants, state), end in zip(pieces, [*starts[1:], length], strict=True):
+        run = flow.run(np.array([0.0, max(end - start, TINY * length)]), state, constants, dense=True)
+        if run.outcome is not Outcome.COMPLETED or run.trajectory is None:
+            raise ArithmeticError(f"a ray could not be followed a second time: {run.outcome.value}")
+        trajectories.append(run.trajectory)
+
+    def at(sigma: np.ndarray) -> Beam:
+        part = np.maximum(np.searchsorted(starts, sigma, side="right") - 1, 0)
+        states = np.empty((len(sigma), len(pieces[0][2])))
+        for k in np.unique(part):
+            states[part == k] = trajectories[k](sigma[part == k] - starts[k])
+        return unpacked(states, dimension)
+
+    return Leg(at, pull, length)

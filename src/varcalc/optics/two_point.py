@@ -11,7 +11,7 @@ from varcalc import engines
 from varcalc.engines import Flow
 from varcalc.optics.arrivals import Arrivals, Search
 from varcalc.optics.beam import NOTHING, Beam, RayStatus, launched, spreading
-from varcalc.optics.hamilton import ray_system
+from varcalc.optics.hamilton import packed, ray_system
 from varcalc.optics.legs import Leg, hamilton_leg, straight_leg
 from varcalc.optics.march import March
 from varcalc.optics.passes import HamiltonLeg, LastLeg, Passes, StraightLeg, passes
@@ -107,7 +107,8 @@ class TwoPoint:
             system = ray_system(self.full.media[number], self.full.dimension, self.full.dimension - 1)
             self._flows[number] = engines.available()[0].compile(system)
         length = model.sigma(before, float(after.optical_path[0]))
-        return hamilton_leg(before, self._flows[number], lambda r: field_here(r)[1] / 2, length)
+        pieces = model.pieces(before, float(after.optical_path[0])) or [(0.0, np.zeros(0), packed(before)[0])]
+        return hamilton_leg(pieces, self._flows[number], self.full.dimension, lambda r: field_here(r)[1] / 2, length)
 
 
 @dataclass
