@@ -1,11 +1,13 @@
 """All rays between two points, against closed forms evaluated here."""
 
+from itertools import pairwise
+
 import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from varcalc import optics
+from varcalc import engines, optics
 
 AIR, GLASS = optics.Uniform(1.0), optics.Uniform(1.5)
 
@@ -209,3 +211,39 @@ def test_a_range_that_is_no_length_is_refused():
         parabolic().rays((0, 0), (0.5, 0), within=-1)
     with pytest.raises(ValueError, match="B lies on surface 0"):
         optics.Scene([AIR, GLASS], [optics.Plane((0, 0), (0, 1))]).rays((0, 1), (3, 0))
+
+
+def test_refraction_in_space_is_that_in_the_plane_of_incidence():
+    scene = optics.Scene([AIR, GLASS], [optics.Plane((0, 0, 0), (0, 0, 1))])
+    [ray] = scene.rays((-0.6, -0.8, 1.0), (0.6, 0.8, -1.0))
+    [flat] = optics.Scene([AIR, GLASS], [optics.Plane((0, 0), (0, 1))]).rays((-1.0, 1.0), (1.0, -1.0))
+    assert ray.optical_path == pytest.approx(flat.optical_path, rel=1e-14)
+    assert ray.index == 0
+
+
+def test_a_graded_medium_in_space_without_a_plane_for_the_rays():
+    """A rod, from its axis: r = (p/w) sin(w σ) in the plane of the axis and B, and σ = z/pz."""
+    n0, a, length, within = 1.5, 0.8, 2.0, 4.5
+    rays = optics.Scene(optics.selfoc(n0, a)).rays((0, 0, 0), (0.3, 0.1, length), within=within)
+    w, expected = n0 * a, []
+    for across in (np.hypot(0.3, 0.1), -np.hypot(0.3, 0.1)):  # B on the side the ray starts to, and on the other
+
+        def miss(pz, across=across):
+            return np.sqrt(n0**2 - pz**2) / w * np.sin(w * length / pz) - across
+
+        grid = np.linspace(0.3, n0 - 1e-9, 4001)
+        brackets = [(p, q) for p, q in pairwise(grid) if miss(p) * miss(q) < 0]
+        sigma = length / np.array([brentq(miss, p, q, xtol=1e-15) for p, q in brackets])
+        square = (n0**2 - (length / sigma) ** 2) / w**2  # ∫ r² dσ = square (σ/2 - sin(2 w σ)/(4 w))
+        expected += list(n0**2 * sigma - w**2 * square * (sigma / 2 - np.sin(2 * w * sigma) / (4 * w)))
+    expected = sorted(path for path in expected if path <= within)
+    assert len(expected) >= 1
+    np.testing.assert_allclose([r.optical_path for r in rays], expected, rtol=1e-12)
+
+
+def test_without_heyoka_the_answers_are_the_same_to_fewer_digits(monkeypatch):
+    for name, choice in (("default", engines.Dop853), ("available", lambda: (engines.Dop853(),))):
+        monkeypatch.setattr(engines, name, choice)
+    rays = parabolic().rays((0, 0), (0.5, 0))
+    np.testing.assert_allclose([r.optical_path for r in rays], [0.494521305498037, 0.730223565893552], rtol=1e-10)
+    assert [r.index for r in rays] == [0, 1]

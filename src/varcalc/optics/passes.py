@@ -54,16 +54,15 @@ class LastLeg(Protocol):
     """How rays go on in the medium that holds the point."""
 
     def minima(self, beam: Beam, target: np.ndarray, limit: float, far: float, leaving: int) -> tuple[np.ndarray, Beam]:
-        """The rows of ``beam`` that pass ``target`` (2,), and the rays there.
+        """The rows of ``beam`` that pass ``target`` (d,), and the rays there.
 
         Rays are followed to the optical path ``limit`` and the distance ``far`` from the target.
         """
         ...
 
 
-def passes(leg: LastLeg, pull: Field, beam: Beam, target: np.ndarray, limit: float, far: float, leaving: int) -> Passes:
-    """All passes of the rays of ``beam``, each with one neighbour, as :meth:`LastLeg.minima` finds them."""
-    rows, at = leg.minima(beam, target, limit, far, leaving)
+def passes(rows: np.ndarray, at: Beam, pull: Field, target: np.ndarray) -> Passes:
+    """What belongs to the rays ``at`` their least distances from ``target`` (2,), each with one neighbour."""
     squared, gradient, _ = pull(at.position)
     length = np.linalg.norm(at.momentum, axis=1)
     offset, moved, turned = at.position - target, at.moved[:, 0], at.turned[:, 0]
@@ -106,6 +105,7 @@ class HamiltonLeg:
     """A last leg in a graded medium; compiled when first needed, for every target and limit."""
 
     medium: Medium
+    dimension: int
     surfaces: Sequence[Geometry]
     engine: Engine
     _swarm: Swarm | None = field(default=None, repr=False)
@@ -133,27 +133,29 @@ class HamiltonLeg:
                 waiting[least] = np.concatenate([waiting.get(least, nearest[:0]), nearest])
             for number in range(least):  # levels of surfaces where these do not reach
                 strangers = rows[stop == number]
-                strangers = strangers[~self.surfaces[number].belongs(states[strangers, :2])]
+                strangers = strangers[~self.surfaces[number].belongs(states[strangers, : self.dimension])]
                 if len(strangers):
                     waiting[number] = np.concatenate([waiting.get(number, strangers[:0]), strangers])
         rows = np.concatenate([r for r, _ in found]) if found else np.zeros(0, dtype=int)
         ends = np.concatenate([s for _, s in found]) if found else states[:0]
-        return rows, unpacked(ends, 2)
+        return rows, unpacked(ends, self.dimension)
 
     def _grows(self, states: np.ndarray, target: np.ndarray) -> np.ndarray:
         """True where g = p·(r - B) grows along the ray: the distance is least."""
-        _, gradient, _ = Field(self.medium, 2)(states[:, :2])
-        return np.sum(states[:, 2:4] ** 2 + gradient / 2 * (states[:, :2] - target), axis=1) > 0
+        d = self.dimension
+        _, gradient, _ = Field(self.medium, d)(states[:, :d])
+        return np.sum(states[:, d : 2 * d] ** 2 + gradient / 2 * (states[:, :d] - target), axis=1) > 0
 
     def _compiled(self) -> Swarm:
-        """The ray system with one neighbour; constants are the target and the two limits."""
+        """The ray system with all neighbours; constants are the target and the two limits."""
+        d = self.dimension
         if self._swarm is None:
 
             def stops(state: Expression, constants: Expression) -> Expression:
-                levels = [surface.surface.level(state[:2]) for surface in self.surfaces]
-                distance = ca.dot(state[2:4], state[:2] - constants[:2])
-                away = (ca.sumsqr(state[:2] - constants[:2]) / constants[3] ** 2 - 1) / 2
-                return ca.vertcat(*levels, distance, state[4] - constants[2], away)
+                levels = [surface.surface.level(state[:d]) for surface in self.surfaces]
+                offset = state[:d] - constants[:d]
+                away = (ca.sumsqr(offset) / constants[d + 1] ** 2 - 1) / 2
+                return ca.vertcat(*levels, ca.dot(state[d : 2 * d], offset), state[2 * d] - constants[d], away)
 
-            self._swarm = compile_rays(self.engine, self.medium, 2, 1, stops, 4)
+            self._swarm = compile_rays(self.engine, self.medium, d, d - 1, stops, d + 2)
         return self._swarm

@@ -133,8 +133,9 @@ class Scene:
     def rays(self, A: Any, B: Any, *, within: float | None = None) -> Rays:
         """All rays from A to B, each polished to round-off, none twice and none false.
 
-        Every direction is searched. Where there are infinitely many rays, by winding, the optical path limits
-        the search.
+        Every direction is searched. In space, unless the medium keeps rays in a plane, as layers and a centre do,
+        that is a net of directions, and rays in whose neighbourhood it is too coarse may be missed. Where there
+        are infinitely many rays, by winding, the optical path limits the search.
 
         Parameters
         ----------
@@ -152,8 +153,7 @@ class Scene:
         Raises
         ------
         TypeError, ValueError
-            For A = B, a source on a surface or where the index is not positive, and scenes in space whose rays do
-            not lie in a plane that is known beforehand.
+            For A = B, a source on a surface or where the index is not positive.
 
         Examples
         --------
@@ -188,8 +188,8 @@ class Scene:
         self._index_at_source(a[None, :])
         return a, b
 
-    def _two_point(self, a: np.ndarray, b: np.ndarray) -> tuple[Section, TwoPoint]:
-        """The plane of the rays from ``a`` to ``b``, and the problem in it."""
+    def _two_point(self, a: np.ndarray, b: np.ndarray) -> tuple[Section | None, TwoPoint]:
+        """The plane of the rays from ``a`` to ``b``, where there is one, and the problem in it."""
         if len(a) == 2:
             if "plane" not in self._problems:
                 march = self._march(None, 2)
@@ -197,14 +197,12 @@ class Scene:
             return whole_plane(), self._problems["plane"]
         found = section(self.media[0], a, b) if len(self.media) == 1 else None
         if found is None:
-            raise ValueError(
-                "in space, all rays between two points are found in one medium that is Uniform, Stratified or Radial; "
-                "for other scenes trace a bundle"
-            )
+            if "sphere" not in self._problems:
+                self._problems["sphere"] = TwoPoint(self._march(None, 3), self._march(None, 3))
+            return None, self._problems["sphere"]
         flat, medium = found
         if "space" not in self._problems:
-            march = March((medium,), (), None, 2)
-            self._problems["space"] = TwoPoint(march, self._march(None, 3))
+            self._problems["space"] = TwoPoint(March((medium,), (), None, 2), self._march(None, 3))
         return flat, self._problems["space"]
 
     def _usual_range(self, a: np.ndarray, b: np.ndarray) -> float:

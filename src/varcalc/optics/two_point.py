@@ -9,7 +9,8 @@ import numpy as np
 
 from varcalc import engines
 from varcalc.engines import Flow
-from varcalc.optics.arrivals import Arrivals, Search
+from varcalc.optics import sphere
+from varcalc.optics.arrivals import Search
 from varcalc.optics.beam import NOTHING, Beam, RayStatus, launched, spreading
 from varcalc.optics.hamilton import packed, ray_system
 from varcalc.optics.legs import Leg, hamilton_leg, straight_leg
@@ -42,26 +43,52 @@ class TwoPoint:
         if isinstance(last, StraightRays):
             self.leg = StraightLeg(last)
         else:
-            self.leg = HamiltonLeg(self.march.media[-1], self.march.geometries, engines.default())
+            self.leg = HamiltonLeg(self.march.media[-1], self.march.dimension, self.march.geometries, engines.default())
 
-    def between(self, a: np.ndarray, b: np.ndarray, section: Section, within: float) -> Rays:
-        """All rays from ``a`` to ``b`` (d,) whose optical path is at most ``within``."""
-        source, target = section.into(a), section.into(b)
+    def between(self, a: np.ndarray, b: np.ndarray, section: Section | None, within: float) -> Rays:
+        """All rays from ``a`` to ``b`` (d,) whose optical path is at most ``within``.
+
+        ``section`` is the plane that holds them; without one the search goes over the sphere of directions.
+        """
         largest = max(float(self.full.fields[k].index(end[None, :])[0]) for k, end in ((0, a), (-1, b)))
         far = max(within / largest, 2 * float(np.linalg.norm(b - a)))
-        fan = _Fan(self, source, target, within, far)
-        arrivals = Search(fan, float(np.linalg.norm(target - source))).run()
-        rays = [self._ray(a, b, section, *found) for found in _listed(arrivals)]
-        searched = (
-            f"all directions of the plane, optical paths up to {within:.6g}, no farther than {far:.6g} from B; "
-            f"{arrivals.looked_at} directions looked at, {arrivals.unresolved} narrow intervals left unresolved"
-        )
+        if section is None:
+            rays, fan, how, continuum = self._over_the_sphere(a, b, within, far)
+        else:
+            rays, fan, how, continuum = self._in_the_plane(a, b, section, within, far)
+        searched = f"{how}, optical paths up to {within:.6g}, no farther than {far:.6g} from B"
         reason = "" if rays else f"{fan.reason()} (searched: {searched})"
-        return Rays(tuple(sorted(rays, key=lambda ray: ray.optical_path)), reason, searched, arrivals.continuum)
+        return Rays(tuple(sorted(rays, key=lambda ray: ray.optical_path)), reason, searched, continuum)
 
-    def _ray(self, a: np.ndarray, b: np.ndarray, section: Section, angle: float, path: float, touching: bool) -> Ray:
-        """The ray at ``angle`` with its neighbours, in the dimensions of the scene."""
-        heading = section.out(np.array([np.cos(angle), np.sin(angle)]))
+    def _in_the_plane(
+        self, a: np.ndarray, b: np.ndarray, section: Section, within: float, far: float
+    ) -> tuple[list[Ray], _Fan, str, bool]:
+        fan = _Fan(self, section.into(a), section.into(b), within, far)
+        found = Search(fan.passes, float(np.linalg.norm(b - a))).run()
+        rays = [
+            self._ray(a, b, section.out(np.array([np.cos(angle), np.sin(angle)])), path, touching)
+            for angle, path, touching in zip(found.angles, found.paths, found.touching, strict=True)
+        ]
+        how = (
+            f"all directions of the plane ({found.looked_at} looked at, "
+            f"{found.unresolved} narrow intervals left unresolved)"
+        )
+        return rays, fan, how, found.continuum
+
+    def _over_the_sphere(
+        self, a: np.ndarray, b: np.ndarray, within: float, far: float
+    ) -> tuple[list[Ray], _Fan, str, bool]:
+        fan = _Fan(self, a, b, within, far)
+        found = sphere.search(lambda headings: fan.minima(headings, within), b, float(np.linalg.norm(b - a)))
+        rays = [
+            self._ray(a, b, heading, float(path), False)
+            for heading, path in zip(found.directions, found.paths, strict=True)
+        ]
+        how = f"{sphere.DIRECTIONS} directions of space, and Newton's iteration from the best ({found.looked_at} rays)"
+        return rays, fan, how, False
+
+    def _ray(self, a: np.ndarray, b: np.ndarray, heading: np.ndarray, path: float, touching: bool) -> Ray:
+        """The ray along ``heading`` (d,) with its neighbours, in the dimensions of the scene."""
         index = self.full.fields[0].index(a[None, :])
         beam = launched(a[None, :], heading[None, :], index, neighbours=True)
         legs, end = self._legs(beam, path)
@@ -113,7 +140,7 @@ class TwoPoint:
 
 @dataclass
 class _Fan:
-    """Angles to passes, for :class:`Search`; remembers what became of the rays."""
+    """Directions to passes, for the searches; remembers what became of the rays."""
 
     problem: TwoPoint
     source: np.ndarray
@@ -123,19 +150,23 @@ class _Fan:
     ends: Counter[RayStatus] = field(default_factory=Counter)
     passed: int = 0
 
-    def __call__(self, angles: np.ndarray, limit: float) -> Passes:
-        march = self.problem.march
-        heading = np.column_stack([np.cos(angles), np.sin(angles)])
-        start = np.tile(self.source, (len(angles), 1))
-        beam = launched(start, heading, march.fields[0].index(start), neighbours=True)
-        limit = min(limit, self.within)
-        beam, status, alive = march.to_last_medium(beam, np.full(len(angles), limit))
+    def passes(self, angles: np.ndarray, limit: float) -> Passes:
+        """The passes of the rays of the plane at ``angles`` (m,)."""
+        rows, at = self.minima(np.column_stack([np.cos(angles), np.sin(angles)]), limit)
+        return passes(rows, at, self.problem.march.fields[-1], self.target)
+
+    def minima(self, headings: np.ndarray, limit: float) -> tuple[np.ndarray, Beam]:
+        """The rows of ``headings`` (m, d) whose rays pass the target, and the rays there."""
+        march, limit = self.problem.march, min(limit, self.within)
+        start = np.tile(self.source, (len(headings), 1))
+        beam = launched(start, headings, march.fields[0].index(start), neighbours=True)
+        beam, status, alive = march.to_last_medium(beam, np.full(len(headings), limit))
         self.ends.update(RayStatus(int(code)) for code in status[~alive])
         rows = np.flatnonzero(alive)
-        leaving = march.shapes[-1] if march.shapes else NOTHING
-        found = passes(self.problem.leg, march.fields[-1], beam.take(rows), self.target, limit, self.far, leaving)
         self.passed += len(rows)
-        return Passes(rows[found.rows], found.beam, found.miss, found.miss_rate, found.path_rate)
+        leaving = march.shapes[-1] if march.shapes else NOTHING
+        found, at = self.problem.leg.minima(beam.take(rows), self.target, limit, self.far, leaving)
+        return rows[found], at
 
     def reason(self) -> str:
         """Why no ray was found."""
@@ -144,7 +175,3 @@ class _Fan:
         if self.ends[RayStatus.TOTAL_REFLECTION]:
             return "total reflection: no ray gets through the surfaces"
         return "blocked: no ray meets the surfaces in the order of the scene"
-
-
-def _listed(arrivals: Arrivals) -> list[tuple[float, float, bool]]:
-    return list(zip(arrivals.angles, arrivals.paths, arrivals.touching, strict=True))
