@@ -23,7 +23,7 @@ class Bundle:
     status : ndarray of int, shape (m,)
         Members of :class:`RayStatus`; the numbers of a ray that did not arrive are those of the last place known.
     spreading : ndarray, shape (m,), or None
-        |dr⊥/dθ| in the plane, |dA/dΩ| in space, where it was asked for.
+        ``|dr⊥/dθ|`` in the plane, ``|dA/dΩ|`` in space, where it was asked for.
     model : str
         The models that carried the rays.
     """
