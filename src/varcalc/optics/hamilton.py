@@ -1,11 +1,4 @@
-"""Hamilton's ray equations in a graded medium.
-
-dr/dσ = p, dp/dσ = ∇n²/2, dS/dσ = n², of the Hamiltonian (|p|² - n²)/2 = 0
-(Born and Wolf, sect. 3.2; Brizard, "An Introduction to Lagrangian Mechanics",
-sect. 3.3): for many media polynomials. The deviations of neighbours obey
-δr' = δp, δp' = H δr/2 with H the Hessian matrix of n² (the ray deviation
-equation, Brizard sect. 1.4.3).
-"""
+"""Rays in a graded medium, by Hamilton's ray equations."""
 
 from __future__ import annotations
 
@@ -15,54 +8,25 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from varcalc.engines import OUTCOMES, Engine, Fleet, Landing, Outcome, Swarm
+from varcalc.engines import OUTCOMES, Engine, Landing, Outcome, Swarm
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
-from varcalc.optics.layered import Expression, LayeredSwarm, compile_rays, ray_rates
+from varcalc.optics.known_ends import KnownEnds
+from varcalc.optics.layered import Expression, LayeredSwarm, compile_rays
 from varcalc.optics.media import Field, Medium
 from varcalc.optics.surfaces import Geometry
-from varcalc.optics.tabulated import Tabulated, cubic
+from varcalc.optics.system import packed, unpacked
+from varcalc.optics.tabulated import Tabulated
 
 FAR = 1e6
 """Rays that have come so many times farther than the scene is large meet nothing any more."""
 BROKEN = 1e-8
 """|p|² and n², which are equal along a ray, differ by so much of n² only where the index is singular."""
-DRIFT = 1e-13
-"""By as much they may differ before a ray is carried again in the regular parameter."""
-COMPLETED = OUTCOMES.index(Outcome.COMPLETED)
 ENDED = {
     OUTCOMES.index(Outcome.NOT_FINITE): RayStatus.SINGULAR,
     OUTCOMES.index(Outcome.BLOW_UP): RayStatus.SINGULAR,
     OUTCOMES.index(Outcome.TOO_MANY_STEPS): RayStatus.TOO_MANY_STEPS,
     OUTCOMES.index(Outcome.STOPPED): RayStatus.ARRIVED,
 }
-
-
-def ray_system(medium: Medium, dimension: int, neighbours: int) -> ca.Function:
-    """Hamilton's ray equations with ``neighbours`` deviations, as the engines take a system.
-
-    The state is r, p, S, then δr and δp of each neighbour. There are no
-    constants, but for those of one layer where the medium is a table.
-    """
-    s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * dimension + 1 + 2 * dimension * neighbours)
-    constants = ca.SX.sym("c", 6 if isinstance(medium, Tabulated) else 0)
-    if isinstance(medium, Tabulated):
-        squared = cubic(state[dimension - 1], constants)
-    else:
-        squared = medium.squared_index(state[:dimension])
-    return ca.Function("rays", [s, state, constants], [ray_rates(squared, state, dimension)])
-
-
-def packed(beam: Beam) -> np.ndarray:
-    """The states (m, N) of :func:`ray_system` for the rays of ``beam``."""
-    pairs = np.concatenate([beam.moved, beam.turned], axis=2).reshape(len(beam), -1)
-    return np.column_stack([beam.position, beam.momentum, beam.optical_path, pairs])
-
-
-def unpacked(states: np.ndarray, dimension: int) -> Beam:
-    """The rays of the states (m, N)."""
-    d = dimension
-    pairs = states[:, 2 * d + 1 :].reshape(len(states), states.shape[1] // (2 * d) - 1, 2 * d)
-    return Beam(states[:, :d], states[:, d : 2 * d], states[:, 2 * d], pairs[:, :, :d], pairs[:, :, d:])
 
 
 @dataclass
@@ -77,10 +41,13 @@ class HamiltonRays:
     surfaces: Sequence[Geometry]
     engine: Engine
     _swarms: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
-    _fleets: dict[int, Fleet] = field(default_factory=dict, repr=False)
+    known: KnownEnds = field(init=False, repr=False)
     _free: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
 
     name = "Hamilton's ray equations"
+
+    def __post_init__(self) -> None:
+        self.known = KnownEnds(self.medium, self.dimension, self.engine)
 
     def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
         """Carry the rays to the first surface, or to the optical path ``limit`` (m,), infinite where there is none.
@@ -91,14 +58,16 @@ class HamiltonRays:
         struck = np.full(len(beam), NOTHING)
         status = np.full(len(beam), int(RayStatus.ARRIVED))
         limited = bool(np.all(np.isfinite(limit)))
-        swarm = self.swarm(beam.deviations, limited)
         constants = (limit if limited else np.full(len(beam), FAR * self._extent(beam.position)))[:, None]
         left = np.flatnonzero(limit > beam.optical_path)
-        if limited and not self.surfaces and not isinstance(self.medium, Tabulated):
-            left = self._along_the_path(states, limit, left)
+        if leaving == NOTHING:
+            met, never, left = self._foreseen(states, limit, left)
+            struck[met] = 0
+            status[never] = RayStatus.MISSED
         waiting = {leaving: left} if len(left) else {}
         while waiting:
             start, rows = waiting.popitem()
+            swarm = self.swarm(beam.deviations, limited)
             landing = swarm.run(states[rows], constants[rows], () if start == NOTHING else (start,))
             states[rows] = landing.states
             struck[rows], status[rows] = self._told(landing, limited)
@@ -108,6 +77,22 @@ class HamiltonRays:
         carried = unpacked(states, self.dimension)
         return Arrival(carried, struck, self._checked(carried, status))
 
+    def _foreseen(
+        self, states: np.ndarray, limit: np.ndarray, rows: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Carry, in place, those of ``rows`` whose ends are known beforehand.
+
+        Returns the rows at the surface, those that never come to it, and those left.
+        """
+        nobody = rows[:0]
+        if isinstance(self.medium, Tabulated) or len(rows) == 0:
+            return nobody, nobody, rows
+        if not self.surfaces:
+            return nobody, nobody, self.known.to_path(states, limit, rows)
+        if len(self.surfaces) == 1 and np.all(np.isinf(limit)):
+            return self.known.to_surface(states, self.surfaces[0], rows)
+        return nobody, nobody, rows
+
     def _extent(self, points: np.ndarray) -> float:
         """The size of the scene seen from ``points``: their distances from the origin and from the surfaces."""
         away = [np.abs(points).max(initial=0.0)]
@@ -116,36 +101,6 @@ class HamiltonRays:
                 distance = np.abs(surface.level(points)) / np.linalg.norm(surface.gradient(points), axis=1)
             away.append(distance[np.isfinite(distance)].max(initial=0.0))
         return float(max(away)) or 1.0
-
-    def _along_the_path(self, states: np.ndarray, limit: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Carry ``rows`` of ``states``, in place, with S for the parameter; returns those that need σ.
-
-        There is no stop to be looked for then, but the equations, divided by
-        n², are singular where n is zero.
-        """
-        d = self.dimension
-        landing = self._fleet(states.shape[1]).run(
-            states[rows], np.zeros((len(rows), 0)), limit[rows] - states[rows, 2 * d]
-        )
-        with np.errstate(all="ignore"):
-            squared, _, _ = Field(self.medium, d)(landing.states[:, :d])
-            drift = np.abs(np.sum(landing.states[:, d : 2 * d] ** 2, axis=1) / squared - 1)
-        sound = (landing.outcomes == COMPLETED) & (drift <= DRIFT)
-        states[rows[sound]] = landing.states[sound]
-        states[rows[sound], 2 * d] = limit[rows[sound]]
-        return rows[~sound]
-
-    def _fleet(self, size: int) -> Fleet:
-        """The compiled system for ``size`` states with the optical path for its parameter."""
-        if size not in self._fleets:
-            d = self.dimension
-            rates = ray_system(self.medium, d, size // (2 * d) - 1)
-            s, state = ca.SX.sym("s"), ca.SX.sym("Y", size)
-            divided = rates(s, state, ca.SX(0, 1)) / self.medium.squared_index(state[:d])
-            self._fleets[size] = self.engine.compile_fleet(
-                ca.Function("rays", [s, state, ca.SX.sym("c", 0)], [divided])
-            )
-        return self._fleets[size]
 
     def sigma(self, beam: Beam, path: float) -> float:
         """σ at which the one ray of ``beam`` has the optical path ``path``, whatever surfaces stand there."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from varcalc.engines import NONE, OUTCOMES, Engine, Landing, Outcome, Swarm
 from varcalc.optics.media import Medium
+from varcalc.optics.system import ray_rates
 from varcalc.optics.tabulated import Tabulated, cubic
 
 Expression = Any
@@ -19,17 +20,6 @@ STOPPED = OUTCOMES.index(Outcome.STOPPED)
 TOO_MANY = OUTCOMES.index(Outcome.TOO_MANY_STEPS)
 CROSSINGS = 100_000
 """Heights of the table crossed by one ray."""
-
-
-def ray_rates(squared: Expression, state: Expression, dimension: int) -> Expression:
-    """Hamilton's ray equations for ``squared``, n² at the position: of r, p, S, then δr and δp of each neighbour."""
-    d = dimension
-    pull = ca.gradient(squared, state[:d]) / 2
-    rates = [state[d : 2 * d], pull, squared]
-    bend = ca.jacobian(pull, state[:d])
-    for first in range(2 * d + 1, state.numel(), 2 * d):
-        rates += [state[first + d : first + 2 * d], bend @ state[first : first + d]]
-    return ca.densify(ca.vertcat(*rates))
 
 
 def compile_rays(

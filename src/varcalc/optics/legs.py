@@ -9,8 +9,8 @@ import numpy as np
 
 from varcalc.engines import Flow, Outcome
 from varcalc.optics.beam import Beam
-from varcalc.optics.hamilton import unpacked
 from varcalc.optics.straight import moved_on
+from varcalc.optics.system import unpacked
 
 SAMPLES = 129
 """Places along a leg at which the neighbours are looked at."""

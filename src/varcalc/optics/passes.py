@@ -18,11 +18,11 @@ import numpy as np
 
 from varcalc.engines import NONE, OUTCOMES, Engine, Outcome, Swarm
 from varcalc.optics.beam import NOTHING, Beam
-from varcalc.optics.hamilton import packed, unpacked
 from varcalc.optics.layered import Expression, compile_rays
 from varcalc.optics.media import Field, Medium
 from varcalc.optics.straight import StraightRays, moved_on
 from varcalc.optics.surfaces import Geometry
+from varcalc.optics.system import packed, unpacked
 
 STOPPED = OUTCOMES.index(Outcome.STOPPED)
 MOST_PASSES = 200

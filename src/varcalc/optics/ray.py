@@ -30,7 +30,8 @@ class Ray:
     conjugate_points : ndarray, shape (index, d)
         Where neighbouring rays from A cross this one, in the order in which they are met.
     spreading : float
-        ``|dr⊥/dθ|`` at B in the plane, ``|dA/dΩ|`` in space: the intensity of a source at A is in inverse proportion to it.
+        ``|dr⊥/dθ|`` at B in the plane, ``|dA/dΩ|`` in space: the intensity of a source at A is in
+        inverse proportion to it.
     degenerate : bool
         True where B itself is conjugate to A, on a caustic: then the spreading is zero to round-off.
     tangents : tuple of ndarray, shape (d,)

@@ -12,13 +12,13 @@ from varcalc.engines import Flow
 from varcalc.optics import sphere
 from varcalc.optics.arrivals import Search
 from varcalc.optics.beam import NOTHING, Beam, RayStatus, launched, spreading
-from varcalc.optics.hamilton import packed, ray_system
 from varcalc.optics.legs import Leg, hamilton_leg, straight_leg
 from varcalc.optics.march import March
 from varcalc.optics.passes import HamiltonLeg, LastLeg, Passes, StraightLeg, passes
 from varcalc.optics.plane import Section
 from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.straight import StraightRays
+from varcalc.optics.system import packed, ray_system
 
 FLAT = 1e-9
 """A spreading so small beside that of a uniform medium is that of a conjugate point."""
