@@ -12,7 +12,6 @@ import importlib.util
 from varcalc.engines.dop853 import Dop853
 from varcalc.engines.lowering import CannotLower
 from varcalc.engines.metered import Metered
-from varcalc.engines.protocol import NONE, OUTCOMES, Engine, Flow, Landing, Outcome, Run, Swarm
 from varcalc.engines.protocol import NONE, OUTCOMES, Engine, Fleet, Flow, Landing, Outcome, Run, Swarm
 from varcalc.engines.taylor import Taylor
 from varcalc.engines.thrifty import Thrifty
@@ -26,8 +25,8 @@ __all__ = [
     "Engine",
     "Fleet",
     "Flow",
-    "Metered",
     "Landing",
+    "Metered",
     "Outcome",
     "Run",
     "Swarm",
