@@ -127,11 +127,13 @@ class _Climb:
         self.built = time.perf_counter() - self.started
         best: tuple[Rung, Estimate] | None = None
         previous = math.inf
+        refuted = False
         while not isinstance(rung, str):
             found = estimate(self.rungs, rung, previous)
             if isinstance(found, str):
                 rung = found
                 break
+            refuted = not math.isfinite(found.error)
             if best is None or found.error < best[1].error:
                 best = (rung, found)
             if not self.method.refine or self.is_met(rung, found):
@@ -147,7 +149,9 @@ class _Climb:
             status = Status.REFUSED if rung == NOWHERE else Status.NOT_CONVERGED
             return no_answer(self.form.problem, self.method, status, rung, stats=stats)
         sure = settled(self.rungs, best[1])
-        return self.report(best[0], replace(best[1], error=math.inf) if isinstance(sure, str) else sure, rung)
+        # the last space, the richest, has the last word: where it holds no minimum, that of a poorer one was none
+        unsure = isinstance(sure, str) or refuted
+        return self.report(best[0], replace(best[1], error=math.inf) if unsure else sure, rung)
 
     def first_rung(self, guess: Sampled | None) -> Rung | str:
         """A minimum in the first space, or in the next ones: a coarse space may hold none where a richer one does."""

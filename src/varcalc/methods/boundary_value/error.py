@@ -12,7 +12,7 @@ exists: beyond a fold the ratio exceeds one quarter.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -86,7 +86,9 @@ def assess(level: Level, scales: Scales) -> Assessment | None:
     system = CollocationSystem(form, collocation_space(form, base.space.vertices, following))
     z = system.pack(base.transferred(level.state, system))
     before = system.evaluate(z)
-    weights = scales.weights(system)
+    own = replace(scales)
+    own.grow(system, z)
+    weights = own.weights(system)
     solve = factorised(system, before, weights) if before.finite else None
     if solve is None:
         return None

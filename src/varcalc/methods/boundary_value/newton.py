@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ Solve = Callable[[np.ndarray], np.ndarray]
 class Scales:
     """The sizes in which corrections are measured: one for each unknown function and number.
 
-    They only ever grow, so that a curve on its way to zero keeps its unit.
+    In one iteration they only ever grow, so that a curve on its way to zero keeps its unit.
     """
 
     functions: np.ndarray
@@ -144,7 +144,8 @@ class _Conditions:
     """
 
     def __init__(self, system: CollocationSystem, scales: Scales, first: Residual) -> None:
-        self.system, self.scales = system, scales
+        # a copy: an iteration that runs away must not blow up the unit of those that follow
+        self.system, self.scales = system, replace(scales)
         self._guarded = first.legendre > 0.0 and system.counts.levels == 0
 
     def evaluate(self, z: np.ndarray) -> Residual | None:

@@ -24,6 +24,16 @@ SAFETY = 1.5
 """The correction leaves out what lies beyond the richer space."""
 ROUND_OFF = 4e-16
 """Round-off of the value relative to the sum of the absolute contributions."""
+SOFT = 1e-2
+"""Decrease of the functional, by the size of the step in the metric, that tells of a soft mode."""
+COMPLIANT = 1e2
+"""Compliance of a step below which no mode is as soft; the banded solver does not tell it, and gives 0."""
+LARGEST = 800
+"""Unknowns up to which the metric is computed."""
+UNMOVED = 1e-7
+"""Step of a curve, relative in the metric, that may be made of round-off along a soft mode."""
+CONTRACTION = 0.1
+"""Largest ratio of successive Newton steps that counts as evidence of a minimum."""
 SHARED = 0.1
 """Share of the last error that two spaces on one mesh may have in common, where a curve touches a bound."""
 
@@ -68,15 +78,16 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
         return "the Newton step in the richer space is not defined (degenerate Hessian)"
     # the finer rule sees the side conditions missed: to first order that costs the multiplier times the miss
     miss = step.multipliers
-    error = abs(step.decrement) if step.definite else math.inf
     moved = z + step.change
     here, there = system.reported(z), system.reported(moved)
+    sound = step.definite and _contracts(system, z, step, at)
+    error = abs(step.decrement) if sound else math.inf
     if rungs.form.same_functional:
         value, scale = at.value + float(miss @ at.conditions), at.scale
         error += abs(value - rung.at.value)
     else:
         value = functional_at(rungs, system, z, here)
-        error = abs(value - functional_at(rungs, system, moved, there)) if step.definite else math.inf
+        error = abs(value - functional_at(rungs, system, moved, there)) if sound else math.inf
         if rungs.form.energetic and value > 0:  # the energy is the square of the value
             miss = miss * (0.5 / value)
         value += float(miss @ at.conditions)
@@ -86,6 +97,27 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
     curve, shares = displacement(here, there), _shares(rungs, system, step.change)
     integrand = _with_levels(system, here, at, miss)
     return Estimate(value, SAFETY * error, SAFETY * curve, scale, floor, system, z, step, shares, integrand, miss)
+
+
+def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation) -> bool:
+    """Whether there is a minimum near ``z``, as far as a second Newton step can tell.
+
+    A step that lowers the functional by far less than its own size in the metric
+    would have it goes along a soft mode. Where two extremals have just merged and
+    vanished there is one, the functional is all but stationary, and what it still
+    falls by is no error of anything. Newton's steps do not shrink there (the theorem of
+    Newton and Kantorovich).
+    """
+    if 0.0 < step.compliance < COMPLIANT or system.size > LARGEST:
+        return True
+    size = 0.5 * float(step.change @ system.metric(at) @ step.change)
+    if size <= UNMOVED**2 * at.scale or step.decrement >= SOFT * size:
+        return True
+    following = newton_step(system, system.evaluate(z + step.change), step.multipliers)
+    if following is None or not following.definite:
+        return False
+    here, there, beyond = (system.reported(y) for y in (z, z + step.change, z + step.change + following.change))
+    return displacement(there, beyond) <= CONTRACTION * displacement(here, there)
 
 
 def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, previous: float) -> Estimate | str:
