@@ -5,7 +5,7 @@ the answer changes, from every method's own starting curves and from random
 ones, held against closed forms. What the stored records lack is measured; then
 the shares of the outcomes are printed, and drawn.
 
-Run: python benchmarks/stability.py [--starts N] [--workers N] [--fresh]
+Run: python benchmarks/stability.py [--starts N] [--workers N] [--fresh] [--draw]
 """
 
 from __future__ import annotations
@@ -66,13 +66,14 @@ def wanted(starts: int) -> list[Record]:
 @click.option("--starts", default=2, show_default=True, help="Random starting curves for each problem.")
 @click.option("--workers", default=2, show_default=True, help="Processes that solve side by side.")
 @click.option("--fresh", is_flag=True, help="Measure everything anew.")
-def main(starts: int, workers: int, fresh: bool) -> None:
+@click.option("--draw", is_flag=True, help="Draw what the records hold, and measure nothing.")
+def main(starts: int, workers: int, fresh: bool, draw: bool) -> None:
     """Measure what the records lack, print the outcomes and draw them; exit 1 when a wrong answer was called right."""
-    if fresh:
+    if fresh and not draw:
         RECORDS.unlink(missing_ok=True)
-    records = completed(RECORDS, wanted(starts), solved, seconds=LIMIT, workers=workers)
+    records = read(RECORDS) if draw else completed(RECORDS, wanted(starts), solved, seconds=LIMIT, workers=workers)
     print(tally(records, [*ROUTES, PEER], lambda record: record.route))
-    stability_picture(FAMILIES, [*ROUTES, PEER], records, read(PAIRS)).savefig(PICTURE, dpi=110)
+    stability_picture(FAMILIES, [*ROUTES, PEER], records, read(PAIRS)).savefig(PICTURE, dpi=100)
     sys.exit(any(r.outcome == Outcome.FALSE.name and r.route != PEER for r in records))
 
 
