@@ -150,8 +150,9 @@ class _Climb:
             return no_answer(self.form.problem, self.method, status, rung, stats=stats)
         sure = settled(self.rungs, best[1])
         # the last space, the richest, has the last word: where it holds no minimum, that of a poorer one was none
-        unsure = isinstance(sure, str) or refuted
-        return self.report(best[0], replace(best[1], error=math.inf) if unsure else sure, rung)
+        if isinstance(sure, str) or refuted:
+            sure = replace(best[1], error=math.inf)
+        return self.report(best[0], sure, rung)
 
     def first_rung(self, guess: Sampled | None) -> Rung | str:
         """A minimum in the first space, or in the next ones: a coarse space may hold none where a richer one does."""
