@@ -193,9 +193,32 @@ def test_a_guess_of_another_kind_of_problem_is_refused() -> None:
 
 def test_a_guess_that_is_nowhere_a_number_is_refused() -> None:
     solution = vc.solve(film(0.5))
-    broken = replace(solution, curve=lambda x, derivative: np.full((1, len(x)), math.nan))
+    broken = replace(solution, curve=lambda x, derivative: np.full((1, len(x)), math.nan), extremal=None)
     with pytest.raises(ValueError, match=r"guess is not a finite number at -0\.46875"):
         vc.solve(film(0.5), guess=broken)
+
+
+def test_a_solution_is_taken_over_in_its_own_coordinates(monkeypatch: pytest.MonkeyPatch) -> None:
+    fall = vc.Problem(
+        lambda x, y, dy, p: ca.sqrt((1 + dy**2) / (2 * p.g * y)), vc.Fixed(0, 0), vc.Fixed(1, 1), parameters={"g": 9.81}
+    )
+    earth = vc.solve(fall)
+
+    def inverted(*_: Any) -> Any:
+        raise AssertionError("inverting x(s) costs more than the solve it is done for")
+
+    monkeypatch.setattr("varcalc.methods.answer._abscissae_to_s", inverted)
+    moon = vc.solve(fall.with_parameters({"g": 1.62}), guess=earth)
+    assert moon.value == pytest.approx(earth.value * math.sqrt(9.81 / 1.62), rel=1e-12)
+    assert moon.stats.iterations < earth.stats.iterations
+
+
+def test_a_guess_in_other_coordinates_is_pulled_there() -> None:
+    quadratic = vc.solve(vc.Problem(lambda x, y, dy: dy**2, vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    fall = vc.solve(vc.Problem(quickest, vc.Fixed(0, 0), vc.Fixed(1, 1)), guess=quadratic)
+    back = vc.solve(vc.Problem(lambda x, y, dy: dy**2, vc.Fixed(0, 0), vc.Fixed(1, 1)), guess=fall)
+    assert fall.value == pytest.approx(math.sqrt(2 * 9.81) * 0.582895463154743, rel=1e-12)
+    assert back.value == pytest.approx(1.0, rel=1e-14)
 
 
 def test_a_guess_may_slide_to_other_abscissae() -> None:

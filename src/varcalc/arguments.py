@@ -39,18 +39,30 @@ def check_guess(problem: Functional, guess: Any) -> None:
         return
     if isinstance(guess, Solution):
         _check_kin(problem, guess)
-        first, last = guess.interval
     elif callable(guess):
         check_arity("guess", guess, 1, "guess is a function of the abscissa (of t for a Curve)")
-        first, last = problem.span
     else:
         raise TypeError(f"guess must be a function of x or a Solution, not {guess!r}")
-    # inside, since a guess may be singular at the ends where the extremal is
-    places = first + (last - first) * (np.arange(GUESS_PLACES) + 0.5) / GUESS_PLACES
-    values = sampled_guess(problem, guess.y if isinstance(guess, Solution) else guess, places)
+    places, values = _looked_at(problem, guess)
     bad = ~np.isfinite(values).all(axis=0)
     if bad.any():
         raise ValueError(f"guess is not a finite number at {places[bad][0]:.6g}; give one that is, or leave it out")
+
+
+def _looked_at(problem: Functional, guess: Any) -> tuple[np.ndarray, np.ndarray]:
+    """A guess at a few places (m,), inside, since it may be singular at the ends where the extremal is; (n, m).
+
+    A Solution is looked at in the coordinates it was found in: at abscissae of the person's it would have to be
+    inverted for each.
+    """
+    inside = (np.arange(GUESS_PLACES) + 0.5) / GUESS_PLACES
+    if isinstance(guess, Solution) and guess.extremal is not None:
+        first, last = guess.extremal.form.span
+        places = first + (last - first) * inside
+        return places, guess.extremal.evaluate(places, 0)
+    first, last = guess.interval if isinstance(guess, Solution) else problem.span
+    places = first + (last - first) * inside
+    return places, sampled_guess(problem, guess.y if isinstance(guess, Solution) else guess, places)
 
 
 def _check_kin(problem: Functional, guess: Solution) -> None:

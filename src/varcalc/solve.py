@@ -16,6 +16,7 @@ from varcalc.existence.broken_curve import with_rival
 from varcalc.existence.feasibility import explained
 from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
+from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.ritz import Ritz
 from varcalc.problem import Problem
 from varcalc.singular import Infinite, forms
@@ -207,5 +208,6 @@ def _sampled(problem: Functional, form: Form, guess: Guess) -> Sampled | None:
         return None
     if isinstance(guess, Solution):
         curve = guess.curve
-        return None if curve is None else form.pull(lambda x: curve(x, 0))
+        carried = None if guess.extremal is None else in_coordinates_of(form, guess.extremal)
+        return carried if carried is not None or curve is None else form.pull(lambda x: curve(x, 0))
     return form.pull(lambda x: sampled_guess(problem, guess, x))

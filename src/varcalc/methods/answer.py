@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.conditions import Isoperimetric, OnCurve
-from varcalc.formulation import Form
+from varcalc.formulation import Form, Sampled
 from varcalc.mesh import gauss
 from varcalc.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, no_answer
@@ -21,6 +21,9 @@ APPROACH = (2e-2, 2e-3)
 """Relative distances from a singular end between which the growth of the slope is judged."""
 INVERSION_STEPS = 60
 """Bisections that bring any bracket to round-off."""
+ALIKE_PLACES = 7
+ALIKE = 1e-6
+"""Distance, in units of the curve, up to which two changes of variable send a curve to the same place."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +152,28 @@ def lift(form: Form, arguments: list[np.ndarray]) -> list[np.ndarray]:
 def lifted(extremal: Extremal, s: np.ndarray) -> list[np.ndarray]:
     """:func:`lift` along an extremal at s (m,)."""
     return lift(extremal.form, sample(extremal, s))
+
+
+def in_coordinates_of(form: Form, extremal: Extremal) -> Sampled | None:
+    """The curve of an extremal in the coordinates of ``form``, where they are those it was found in; else None.
+
+    They are where both changes of variable send the curve to the same place. Then nothing has to be inverted,
+    which costs more than the solve that a curve is carried over for.
+    """
+    own = extremal.form
+    if own.lifted is None or form.lifted is None or (own.n, own.span) != (form.n, form.span):
+        return None
+    if len(form.unknown_guess) != len(extremal.unknowns):
+        return None
+    a, b = form.span
+    arguments = sample(extremal, a + (b - a) * (np.arange(ALIKE_PLACES) + 0.5) / ALIKE_PLACES)
+    here = lift(own, arguments)
+    arguments[4] = np.repeat(form.problem.parameter_values[:, None], ALIKE_PLACES, axis=1)
+    there = lift(form, arguments)
+    for k in (0, 1):
+        if not np.abs(there[k] - here[k]).max() <= ALIKE * np.abs(here[k]).max():
+            return None
+    return lambda s: extremal.evaluate(s, 0)
 
 
 def _abscissae_to_s(extremal: Extremal, x: np.ndarray) -> np.ndarray:
