@@ -206,3 +206,92 @@ def test_the_list_is_wrapped_for_a_person_only(call, monkeypatch):
     assert max(map(len, lines)) <= 80
     assert [line.split()[0] for line in lines[:-2] if not line.startswith(" ")] == list(catalogue())
     assert lines[-1].startswith("varcalc run NAME")
+
+
+@pytest.fixture
+def stored(call, tmp_path):
+    path = tmp_path / "measured.json"
+    done = call("chart", "soap_film", "--tol", "1e-3", "--tol", "1e-9", "--repeats", "1", "--store", path)
+    assert done.exit_code == 0, done.output
+    return path
+
+
+def test_chart_measures_and_prints_every_method(call, stored):
+    done = call("chart", stored)
+    assert done.exit_code == 0, done.output
+    for method in ("Ritz", "Ritz(optimiser=Ipopt())", "Collocation", "Shooting", "FirstIntegral", "ladder"):
+        assert sum(f" {method} " in line for line in done.output.splitlines()) == 2
+
+
+def test_a_stored_file_is_drawn_again_without_measuring(call, stored, tmp_path, monkeypatch):
+    monkeypatch.setattr("varcalc.cli._routes", lambda problem: pytest.fail("measured again"))
+    pictures = tmp_path / "picture.png", tmp_path / "claims.svg"
+    done = call("chart", stored, "-o", pictures[0], "--claims", pictures[1])
+    assert done.exit_code == 0, done.output
+    assert all(p.stat().st_size > 5000 for p in pictures)
+
+
+def test_chart_prints_one_json_document(call, stored):
+    document = json.loads(call("chart", stored, stored, "--json").stdout)
+    assert len(document["records"]) == 2 * 12
+    assert document["about"]["varcalc"]
+
+
+def test_a_chart_of_a_wrong_closed_form_fails(call, write):
+    done = call("chart", write(SHORTEST + "exact = 5.1\n"), "--tol", "1e-6", "--repeats", "1")
+    assert done.exit_code == 1
+    assert "mine by Ritz at 1e-06 is wrong by more than it claims" in done.stderr
+
+
+def test_no_picture_of_errors_without_a_closed_form(call, write, tmp_path):
+    picture = tmp_path / "picture.png"
+    done = call("chart", write(SHORTEST), "--tol", "1e-6", "--repeats", "1", "-o", picture)
+    assert done.exit_code == 0
+    assert "no picture: the errors of mine are not known, as no closed form was given" in done.stderr
+    assert not picture.exists()
+
+
+def test_sweep_prints_every_point(call):
+    done = call("sweep", "brachistochrone", "g=1.62:9.81:3")
+    assert done.exit_code == 0, done.output
+    assert [line.split()[0] for line in done.output.splitlines()[2:]] == ["1.62", "5.715", "9.81"]
+
+
+def test_sweep_stores_and_goes_on(call, tmp_path):
+    store = tmp_path / "sweep.jsonl"
+    first = call("sweep", "brachistochrone", "g=1,2", "--json", "--store", store)
+    assert first.exit_code == 0, first.output
+    assert len(store.read_text(encoding="utf-8").splitlines()) == 3
+    assert json.loads(call("sweep", "brachistochrone", "g=1,2", "--json", "--store", store).stdout) == json.loads(
+        first.stdout
+    )
+
+
+def test_a_sweep_with_failures_fails(call, write):
+    spring = write(
+        "import varcalc as vc\nproblem = vc.Problem(lambda x, y, dy, p: dy**2 + p.k * y**2, vc.Fixed(0, 0), "
+        "vc.Fixed(1, 1), parameters={'k': 1.0})\n"
+    )
+    done = call("sweep", spring, "k=1,-20")
+    assert done.exit_code == 1
+    assert "-20" in done.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["chart"], "Missing argument"),
+        (["chart", "nowhere"], "'nowhere' is no problem of the catalogue"),
+        (["chart", "nowhere.json"], "nowhere.json could not be read"),
+        (["chart", "brachistochrone", "--store", "no/such/folder/a.json"], "does not exist; make it first"),
+        (["chart", "brachistochrone", "--claims", "a.gif"], "must end in .png, .pdf or .svg"),
+        (["sweep", "brachistochrone"], "Missing argument"),
+        (["sweep", "brachistochrone", "g"], "is no grid; write name=from:to:count"),
+        (["sweep", "brachistochrone", "k=1:2:3"], "are no parameters of this problem"),
+    ],
+)
+def test_wrong_usage_of_chart_and_sweep_says_why(call, arguments, message):
+    done = call(*arguments)
+    assert done.exit_code == 2
+    assert message in " ".join(done.stderr.split())
+    assert done.stdout == ""

@@ -25,7 +25,9 @@ from varcalc.problem import Curve, Problem
 from varcalc.reference import Exact, Reference
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict
 from varcalc.solve import solve
+from varcalc.sweep import Sweep, SweepPoint, sweep
 from varcalc.verify import Finding, Verification, verify
+from varcalc.work_precision import Record, WorkPrecision, work_precision
 
 if TYPE_CHECKING:
     from varcalc.methods.collocation import Collocation
@@ -60,16 +62,20 @@ __all__ = [
     "OnSurface",
     "Periodic",
     "Problem",
+    "Record",
     "Reference",
     "Ritz",
     "SciPyBvp",
     "Shooting",
     "Solution",
     "Status",
+    "Sweep",
+    "SweepPoint",
     "Through",
     "VariationalError",
     "Verdict",
     "Verification",
+    "WorkPrecision",
     "compare",
     "continue_branch",
     "diagnose",
@@ -78,7 +84,9 @@ __all__ = [
     "extremals",
     "first_integrals_text",
     "solve",
+    "sweep",
     "verify",
+    "work_precision",
 ]
 
 _LATER = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
@@ -168,7 +168,9 @@ def compare(
         raise TypeError(f"methods must be a sequence, not {methods!r}; write methods=[...]")
     closed_form = as_exact(exact)
     reasons = inapplicable or {}
-    rows = tuple(_row(problem, _checked(i, method), closed_form, tol, reasons) for i, method in enumerate(methods))
+    rows = tuple(
+        _row(problem, checked_method(i, method), closed_form, tol, reasons) for i, method in enumerate(methods)
+    )
     if not rows:
         raise ValueError("methods is empty; give at least one method, or None for the ladder")
     return Comparison(problem, rows, closed_form, tol)
@@ -200,7 +202,8 @@ def _default(field: dataclasses.Field[Any]) -> Any:
     return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
 
 
-def _checked(index: int, method: Any) -> Any:
+def checked_method(index: int, method: Any) -> Any:
+    """``methods[index]``, refused with TypeError when it is neither a method object nor None."""
     if isinstance(method, type):
         raise TypeError(f"methods[{index}] is the class {method.__name__}; give an object: {method.__name__}()")
     if method is not None and not dataclasses.is_dataclass(method):
@@ -213,7 +216,7 @@ def _row(problem: Problem | Curve, method: Any, exact: Exact | None, tol: float,
     if reason is not None:
         return Row(label(method), method, status=None, reason=reason)
     try:
-        solution = solve(_cold(problem), method, tol=tol, throw=False)
+        solution = solve(cold(problem), method, tol=tol, throw=False)
     except VariationalError as error:
         solution = error.solution
     name = label(method) if method is not None else f"ladder ({solution.rung})" if solution.status.ok else "ladder"
@@ -233,7 +236,7 @@ def _row(problem: Problem | Curve, method: Any, exact: Exact | None, tol: float,
     )
 
 
-def _cold(problem: Problem | Curve) -> Problem | Curve:
+def cold(problem: Problem | Curve) -> Problem | Curve:
     """The same problem with nothing built yet, so that no method's build time is paid by another."""
     other = copy.copy(problem)
     other.built = {}
@@ -272,19 +275,29 @@ def _shown(value: float, form: str) -> str:
     return "" if math.isnan(value) else format(value, form)
 
 
-def _table(comparison: Comparison) -> str:
+def monospaced(words: Sequence[str], numbers: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """The lines of a table: columns of words, then columns of numbers, as wide as their content."""
     # rich is only for those who ask for a table
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
 
     table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for heading in ("method", "status"):
+    for heading in words:
         table.add_column(heading, no_wrap=True)
-    for heading in ("value", "error", "claimed", "build ms", "solve ms", "unknowns"):
+    for heading in numbers:
         table.add_column(heading, justify="right", no_wrap=True)
-    for row in comparison.rows:
-        table.add_row(
+    for row in rows:
+        table.add_row(*row)
+    console = Console(width=TABLE_WIDTH, color_system=None, force_terminal=False, markup=False)
+    with console.capture() as capture:
+        console.print(table)
+    return [line.rstrip() for line in capture.get().splitlines()]
+
+
+def _table(comparison: Comparison) -> str:
+    rows = [
+        (
             row.label,
             row.outcome,
             _shown(row.value if row.ok else math.nan, ".15g"),
@@ -294,11 +307,10 @@ def _table(comparison: Comparison) -> str:
             _shown(1e3 * row.solve, ".2f"),
             "" if row.unknowns is None else str(row.unknowns),
         )
-    console = Console(width=TABLE_WIDTH, color_system=None, force_terminal=False, markup=False)
-    with console.capture() as capture:
-        console.print(table)
-    lines = [line.rstrip() for line in capture.get().splitlines()]
-    return "\n".join([*lines, *_notes(comparison)])
+        for row in comparison.rows
+    ]
+    headings = ("value", "error", "claimed", "build ms", "solve ms", "unknowns")
+    return "\n".join([*monospaced(("method", "status"), headings, rows), *_notes(comparison)])
 
 
 def _notes(comparison: Comparison) -> list[str]:

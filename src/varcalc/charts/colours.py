@@ -38,13 +38,24 @@ GRID = "0.90"
 
 def colours_of(rows: Sequence[Row]) -> list[str]:
     """The colour of each row: its method's own, and a variant of it for every further set of options."""
+    names = [type(row.method).__name__ for row in rows]
+    return _colours([(n, row.method is None or label(row.method) == n) for n, row in zip(names, rows, strict=True)])
+
+
+def colours_by_label(labels: Sequence[str]) -> dict[str, str]:
+    """The same for methods of which only the label is known, as in a stored file; "ladder" is the ladder's."""
+    heads = [LADDER if text == "ladder" else text.partition("(")[0] for text in labels]
+    pairs = [(head, "(" not in text) for head, text in zip(heads, labels, strict=True)]
+    return dict(zip(labels, _colours(pairs), strict=True))
+
+
+def _colours(methods: Sequence[tuple[str, bool]]) -> list[str]:
+    """The colours of methods by their names, and whether their options are the default."""
     used: set[tuple[str, int]] = set()
-    strangers = dict.fromkeys(name for row in rows if (name := type(row.method).__name__) not in COLOURS)
+    strangers = dict.fromkeys(name for name, _ in methods if name not in COLOURS)
     hues = COLOURS | {s: (OTHER_COLOURS[i % len(OTHER_COLOURS)],) for i, s in enumerate(strangers)}
     colours = []
-    for row in rows:
-        name = type(row.method).__name__
-        plain = row.method is None or label(row.method) == name
+    for name, plain in methods:
         variant = next(i for i in count(0 if plain else 1) if (name, i) not in used)
         used.add((name, variant))
         known = hues[name]

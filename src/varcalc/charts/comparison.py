@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from varcalc.charts.closed import ALIGNED, aligned, free_directions, is_closed
-from varcalc.charts.colours import EXACT_COLOUR, GRID, INK, colours_of
+from varcalc.charts.colours import EXACT_COLOUR, INK, colours_of
 from varcalc.charts.labels import label_beside
 from varcalc.charts.lines import Line, distance_along, envelope, shaped
+from varcalc.charts.panels import plain
 from varcalc.compare import Comparison, Row
 from varcalc.functional import Functional
 from varcalc.problem import Curve
@@ -107,20 +108,12 @@ def _panels(count: int, in_plane: bool, with_differences: bool) -> tuple[Figure,
     figure = Figure(figsize=(8.0, sum(heights) + 0.6), layout="constrained", facecolor="white")
     axes = list(np.atleast_1d(figure.subplots(len(heights), 1, height_ratios=heights)))
     for panel in axes:
-        _plain(panel)
+        plain(panel)
     if not in_plane:
         for panel in axes[:-1]:
             panel.sharex(axes[-1])
             panel.tick_params(labelbottom=False)
     return figure, axes[:count], axes[-1] if with_differences else None
-
-
-def _plain(panel: Axes) -> None:
-    panel.grid(visible=True, color=GRID, linewidth=0.8)
-    panel.set_axisbelow(True)
-    panel.tick_params(which="both", colors=INK, length=0)
-    for side in panel.spines.values():
-        side.set_visible(False)
 
 
 def _draw_curves(

@@ -1,0 +1,268 @@
+"""One problem solved over a grid of parameter values or end points, each from its neighbour's curve.
+
+Points are stored as they come, one line of JSON each, so that whatever ends a
+sweep early costs no point that was reported; the same call goes on from there.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import multiprocessing
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from varcalc.compare import checked_method, label, monospaced
+from varcalc.conditions import finite
+from varcalc.problem import Curve, Problem
+from varcalc.solution import Solution
+from varcalc.solve import solve
+
+CHUNK = 16
+"""Points that a core solves in a row before it reports: each begins from the last, and few are lost with it."""
+
+Source = Problem | Curve | Callable[..., Problem | Curve]
+"""A problem with parameters, or a function that makes it from their values."""
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """One point of a grid: its ``values`` in the order of the names, and what :func:`varcalc.solve` found there.
+
+    ``value`` and ``claimed_error`` are None where there is no answer, and
+    ``reason`` says why; ``seconds`` is the wall clock of the solve.
+    """
+
+    values: tuple[float, ...]
+    status: str
+    value: float | None
+    claimed_error: float | None
+    iterations: int
+    seconds: float
+    reason: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """True for an answer that stands."""
+        return self.value is not None
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What :func:`sweep` found: ``points``, one for each combination of the ``grid``, the last name fastest."""
+
+    grid: Mapping[str, tuple[float, ...]]
+    points: tuple[SweepPoint, ...]
+
+    @property
+    def failures(self) -> tuple[SweepPoint, ...]:
+        """The points without an answer."""
+        return tuple(p for p in self.points if not p.ok)
+
+    @property
+    def values(self) -> np.ndarray:
+        """The functional at the points, shaped as the grid (one axis a name); NaN where there is no answer."""
+        flat = [math.nan if p.value is None else p.value for p in self.points]
+        return np.array(flat).reshape([len(v) for v in self.grid.values()])
+
+    def table(self) -> str:
+        """The points as text for a monospaced page, with the reasons of failures beneath."""
+        rows = [
+            (
+                *(f"{v:.9g}" for v in p.values), p.status, "" if p.value is None else f"{p.value:.15g}",
+                "" if p.claimed_error is None else f"{p.claimed_error:.1e}", f"{1e3 * p.seconds:.2f}",
+            )
+            for p in self.points
+        ]  # fmt: skip
+        reasons = dict.fromkeys(p.reason for p in self.failures)
+        return "\n".join([*monospaced((*self.grid, "status"), ("value", "claimed", "ms"), rows), "", *reasons]).rstrip()
+
+    def document(self) -> dict[str, Any]:
+        """The sweep as plain numbers, strings, lists and dicts, ready for JSON."""
+        grid = {name: list(values) for name, values in self.grid.items()}
+        return {"grid": grid, "points": [asdict(p) for p in self.points]}
+
+
+def sweep(
+    problem: Source,
+    grid: Mapping[str, Iterable[float]],
+    method: Any = None,
+    *,
+    tol: float = 1e-10,
+    cores: int = 1,
+    store: str | Path | None = None,
+) -> Sweep:
+    """Solve ``problem`` for every combination of the values in ``grid``.
+
+    ``problem`` is a Problem or Curve whose parameters are named in ``grid``, or
+    a function that takes them as keywords and returns one: so end points are
+    varied, and so a problem is made anew on each of several ``cores``, where
+    the function must be one that can be pickled (defined at the top of a
+    module). The grid is walked from neighbour to neighbour; each solve begins
+    from the last answer where that is a curve over the same interval, and
+    afresh where that leads nowhere. A point without an answer keeps its status.
+
+    With ``store``, the name of a file, every point is written as it comes, and points
+    that are in it already are not solved again: an interrupted sweep goes on
+    when the same call is made again.
+
+    Raises TypeError and ValueError for what cannot be swept, and whatever
+    :func:`varcalc.solve` raises for bad arguments.
+
+    >>> import varcalc as vc
+    >>> spring = vc.Problem(lambda x, y, dy, p: dy**2 + p.k * y**2, vc.Fixed(0, 0), vc.Fixed(1, 1), parameters={"k": 1})
+    >>> sweep(spring, {"k": [0, 1, 4]}).values.round(6).tolist()
+    [1.0, 1.313035, 2.074629]
+    """
+    axes = _checked_grid(grid)
+    checked_method(0, method)
+    if not isinstance(cores, int) or isinstance(cores, bool) or cores < 1:
+        raise ValueError(f"cores must be a whole number from 1 on, not {cores!r}")
+    built = isinstance(problem, Problem | Curve)
+    if not (built or callable(problem)):
+        raise TypeError(f"problem must be a Problem, a Curve or a function that makes one, not {problem!r}")
+    if built and cores > 1:
+        raise ValueError(
+            "a problem that is built stays in its process; for several cores give a function that makes it from "
+            f"{', '.join(axes)}, or cores=1"
+        )
+    header = {"sweep": {n: list(v) for n, v in axes.items()}, "method": label(method), "tol": tol}
+    known = {} if store is None else _begun(Path(store), header)
+    missing = [at for at in _walk([len(v) for v in axes.values()]) if at not in known]
+    for at, point in _solved(problem, axes, missing, method, tol, cores):
+        known[at] = point
+        if store is not None:
+            _append(Path(store), {"at": at, **asdict(point)})
+    return Sweep(axes, tuple(known[at] for at in sorted(known)))
+
+
+def _checked_grid(grid: Mapping[str, Iterable[float]]) -> dict[str, tuple[float, ...]]:
+    if not isinstance(grid, Mapping) or not grid:
+        raise ValueError(f"grid must map names to values, such as {{'g': [1.6, 9.8]}}, not {grid!r}")
+    axes = {}
+    for name, values in grid.items():
+        if isinstance(values, str) or not isinstance(values, Iterable):
+            raise TypeError(f"grid[{name!r}] must be a sequence of numbers, not {values!r}")
+        axes[name] = tuple(finite(f"grid[{name!r}]", v) for v in values)
+        if not axes[name]:
+            raise ValueError(f"grid[{name!r}] is empty; give at least one value")
+    return axes
+
+
+Place = tuple[int, ...]
+"""Where in a grid a point lies: one number an axis."""
+
+
+def _walk(shape: Sequence[int]) -> Iterator[Place]:
+    """Every place of a grid, each a neighbour of the one before: every line is walked back where the last went on."""
+    if not shape:
+        yield ()
+        return
+    for number, rest in enumerate(_walk(shape[:-1])):
+        line = range(shape[-1])
+        yield from ((*rest, i) for i in (reversed(line) if number % 2 else line))
+
+
+def _solved(
+    problem: Source, axes: Mapping[str, tuple[float, ...]], places: list[Place], method: Any, tol: float, cores: int
+) -> Iterator[tuple[Place, SweepPoint]]:
+    """The points at ``places`` as they come."""
+    points = [dict(zip(axes, [v[i] for v, i in zip(axes.values(), at, strict=True)], strict=True)) for at in places]
+    if cores == 1:
+        yield from zip(places, _in_a_row(problem, points, method, tol), strict=True)
+        return
+    pieces = [slice(i, i + CHUNK) for i in range(0, len(places), CHUNK)]
+    # a forked process would inherit the locks of threads that are not there
+    with ProcessPoolExecutor(cores, multiprocessing.get_context("spawn")) as pool:
+        running = {pool.submit(_chunk, problem, points[piece], method, tol): piece for piece in pieces}
+        try:
+            for future in as_completed(running):
+                yield from zip(places[running[future]], future.result(), strict=True)
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _chunk(problem: Source, points: list[dict[str, float]], method: Any, tol: float) -> list[SweepPoint]:
+    return list(_in_a_row(problem, points, method, tol))
+
+
+def _in_a_row(source: Source, points: Iterable[dict[str, float]], method: Any, tol: float) -> Iterator[SweepPoint]:
+    """Solve one point after the other, each from the last curve."""
+    last: Solution | None = None
+    for values in points:
+        began = time.perf_counter()
+        problem = source.with_parameters(values) if isinstance(source, Problem | Curve) else source(**values)
+        guess = last if last is not None and _alike(problem, last) else None
+        solution = solve(problem, method, tol=tol, throw=False, guess=guess)
+        if guess is not None and not solution.status.ok:
+            solution = solve(problem, method, tol=tol, throw=False)
+        last = solution if solution.status.ok else last
+        yield _point(tuple(values.values()), solution, time.perf_counter() - began)
+
+
+def _alike(problem: Problem | Curve, last: Solution) -> bool:
+    """Whether the last curve is one of this problem's kind, over the same interval."""
+    other = last.problem
+    return type(problem) is type(other) and (problem.n, problem.span) == (other.n, last.interval)
+
+
+def _point(values: tuple[float, ...], solution: Solution, seconds: float) -> SweepPoint:
+    stands = solution.status.ok
+    return SweepPoint(
+        values, solution.status.name.lower().replace("_", " "), solution.value if stands else None,
+        solution.error.value if stands else None, solution.stats.iterations, seconds,
+        "" if stands else solution.message or solution.status.value,
+    )  # fmt: skip
+
+
+def _begun(path: Path, header: dict[str, Any]) -> dict[Place, SweepPoint]:
+    """The points that a stored sweep already has; a file of this one is begun where there is none.
+
+    Raises ValueError when the file belongs to something else, OSError when it cannot be written.
+    """
+    if not path.exists():
+        _append(path, header)
+        return {}
+    whole = [line for line in path.read_text(encoding="utf-8").splitlines(keepends=True) if line.endswith("\n")]
+    try:
+        first, *rows = [json.loads(line) for line in whole]
+        found = {tuple(row.pop("at")): SweepPoint(**row | {"values": tuple(row["values"])}) for row in rows}
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise ValueError(f"{path} is no store of this sweep ({error}); give another name, or remove it") from error
+    if first != header:
+        raise ValueError(
+            f"{path} is the store of a sweep with another grid, method or tolerance; give another name, or remove it"
+        )
+    # what was being written when the sweep ended is written again
+    path.write_text("".join(whole), encoding="utf-8")
+    return found
+
+
+def _append(path: Path, row: dict[str, Any]) -> None:
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(row, allow_nan=False) + "\n")
+
+
+def spaced(text: str) -> tuple[str, tuple[float, ...]]:
+    """The name and values in "name=from:to:count", or "name=value,value,..."; ValueError for anything else.
+
+    >>> spaced("g=1:3:3"), spaced("k=0.5,2")
+    (('g', (1.0, 2.0, 3.0)), ('k', (0.5, 2.0)))
+    """
+    name, sign, rest = text.partition("=")
+    parts = rest.split(":")
+    refusal = f"{text!r} is no grid; write name=from:to:count, or name=value,value"
+    if not (name and sign) or len(parts) not in (1, 3):
+        raise ValueError(refusal)
+    try:
+        if len(parts) == 1:
+            return name, tuple(float(v) for v in rest.split(","))
+        return name, tuple(np.linspace(float(parts[0]), float(parts[1]), int(parts[2])).tolist())
+    except ValueError:
+        raise ValueError(refusal) from None
