@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from varcalc.charts import claims_picture, work_precision_picture
-from varcalc.charts.colours import COLOURS
+from varcalc.charts import claims_picture, cold_picture, work_precision_picture
+from varcalc.charts.colours import COLOURS, colours_by_label
 from varcalc.charts.work_precision import BRIEFEST, FLOOR
 from varcalc.work_precision import Record
 
@@ -69,7 +69,7 @@ def test_claims_of_many_problems_are_a_grid():
     assert visible == [True] * 4 + [False] * 2
 
 
-@pytest.mark.parametrize("draw", [work_precision_picture, claims_picture])
+@pytest.mark.parametrize("draw", [work_precision_picture, cold_picture, claims_picture])
 def test_nothing_to_draw_is_refused_with_the_reason(draw):
     with pytest.raises(ValueError, match="no method applied"):
         draw([record(status="not applicable")])
@@ -85,3 +85,18 @@ def test_claims_without_answers_are_refused():
 def test_failures_alone_are_drawn():
     panels = work_precision_picture([failed()]).axes
     assert np.isfinite(panels[0].get_ylim()).all()
+
+
+def test_only_the_fastest_way_to_an_accuracy_is_joined():
+    times = {1e-2: (1.0, 1e-3), 1e-4: (9.0, 1e-3), 1e-6: (3.0, 1e-7), 1e-8: (20.0, 1e-9)}
+    records = [record(setting=tol, build_ms=t / 2, solve_ms=t / 2, error=e) for tol, (t, e) in times.items()]
+    (panel,) = cold_picture([*records, failed(build_ms=1.0, solve_ms=4.0)]).axes
+    colour = COLOURS["Ritz"][0]
+    assert sorted(points(panel, colour)) == [(1.0, 1e-3), (3.0, 1e-7), (9.0, 1e-3), (20.0, 1e-9)]
+    assert points(panel, colour, "None") == [(1.0, 1e-3), (3.0, 1e-7), (20.0, 1e-9)]
+    assert points(panel, COLOURS["Shooting"][0], "x") == [(5.0, panel.get_ylim()[1])]
+
+
+def test_many_packages_have_colours_of_their_own():
+    names = ["Ritz", "ladder", *(f"package {i}" for i in range(8))]
+    assert len(set(colours_by_label(names).values())) == len(names)

@@ -436,3 +436,27 @@ def test_regular_metrics_are_not_taken_to_be_almost_singular() -> None:
         problem = vc.Problem(lagrangian, vc.Fixed(0, 1), vc.Fixed(1, 2))
         assert almost_singular_ends(problem) == (False, False)
         assert forms(problem)[0].lift is None
+
+
+def test_a_form_is_made_once_for_all_parameter_values_with_its_chart():
+    def travel_time(x, y, dy, p):
+        return ca.sqrt((1 + dy**2) / (2 * p.g * y))
+
+    fall = vc.Problem(travel_time, vc.Fixed(0, 0), vc.Fixed(1, 1), parameters={"g": 9.81})
+    moon = fall.with_parameters({"g": 1.62})
+    assert forms(moon)[0].problem is moon
+    assert forms(moon)[0].built is forms(fall)[0].built
+
+
+@pytest.mark.parametrize("exponent", [0.25, 0.5, 0.0, -1.0])
+def test_parameter_values_with_other_charts_have_forms_of_their_own(exponent):
+    def weighted(x, y, dy, p):
+        return ca.sqrt(1 + dy**2) * y ** (-p.k)
+
+    family = vc.Problem(weighted, vc.Fixed(0, 0), vc.Fixed(1, 1), parameters={"k": 0.4})
+    vc.solve(family, tol=1e-9)
+    alone = vc.Problem(weighted, vc.Fixed(0, 0), vc.Fixed(1, 1), parameters={"k": exponent})
+    known, fresh = (vc.solve(p, tol=1e-9, throw=False) for p in (family.with_parameters({"k": exponent}), alone))
+    assert known.status is fresh.status
+    if fresh.status.ok:
+        assert known.value == pytest.approx(fresh.value, rel=1e-12)

@@ -54,14 +54,46 @@ def work_precision_picture(records: Sequence[Record], *, title: str = "Error aga
                 _draw_line(panel, [r for r in of_problem if r.method == method], time, colour, top)
             if panels is rows[0]:
                 panel.set_title(name, fontsize=10, color=INK, loc="left")
-            panel.axhline(np.finfo(float).eps, color=INK, linewidth=0.8, linestyle=(0, (2, 3)), zorder=1.5)
-            panel.set_yscale("log")
-            panel.set_ylim(FLOOR / 2, top)
+            _finish(panel, top)
         panels[0].set_ylabel(f"{problem}\nrelative error of the value", color=INK)
         panels[0].set_xlim(*_time_limits(of_problem))
     for panel in rows[-1]:
         panel.set_xlabel("milliseconds", color=INK)
     return figure
+
+
+def cold_picture(records: Sequence[Record], *, title: str = "Error against the time to build and solve") -> Figure:
+    """The error of the value against the time to build and solve together: a panel a problem, else as above.
+
+    Only the fastest way to each accuracy is joined: a setting that is slower
+    and no better than another is a point beside the line. Raises ValueError as
+    :func:`work_precision_picture` does.
+    """
+    drawn = _drawable(records)
+    problems, colours = list(dict.fromkeys(r.problem for r in drawn)), colours_by_label(_methods(drawn))
+    columns = min(3, len(problems))
+    names = [problems[i : i + columns] for i in range(0, len(problems), columns)]
+    figure, rows = _figure(["" for _ in names], columns, title, colours, crosses=not all(r.ok for r in drawn))
+    top = _top(drawn)
+    for row, panels in zip(names, rows, strict=True):
+        for panel, problem in zip(panels, row, strict=False):
+            of_problem = [r for r in drawn if r.problem == problem]
+            for method, colour in colours.items():
+                _draw_line(panel, [r for r in of_problem if r.method == method], _whole, colour, top, fastest=True)
+            _finish(panel, top)
+            panel.set_title(problem, fontsize=10, color=INK, loc="left")
+            panel.tick_params(labelbottom=True)
+        for panel in panels[len(row) :]:
+            panel.set_visible(False)
+        panels[0].set_ylabel("relative error of the value", color=INK)
+    for panel in rows[-1]:
+        panel.set_xlabel("milliseconds", color=INK)
+    return figure
+
+
+def _whole(record: Record) -> float | None:
+    """Milliseconds to build and solve."""
+    return None if record.build_ms is None or record.solve_ms is None else record.build_ms + record.solve_ms
 
 
 def claims_picture(records: Sequence[Record], *, title: str = "Claimed against delivered error") -> Figure:
@@ -90,6 +122,13 @@ def claims_picture(records: Sequence[Record], *, title: str = "Claimed against d
     for panel in rows[-1]:
         panel.set_xlabel("delivered", color=INK)
     return figure
+
+
+def _finish(panel: Axes, top: float) -> None:
+    """The axis of errors, and the line where double precision ends."""
+    panel.axhline(np.finfo(float).eps, color=INK, linewidth=0.8, linestyle=(0, (2, 3)), zorder=1.5)
+    panel.set_yscale("log")
+    panel.set_ylim(FLOOR / 2, top)
 
 
 def _drawable(records: Sequence[Record]) -> list[Record]:
@@ -147,17 +186,31 @@ def _figure(
 
 
 def _draw_line(
-    panel: Axes, records: Sequence[Record], time: Callable[[Record], float | None], colour: str, top: float
+    panel: Axes,
+    records: Sequence[Record],
+    time: Callable[[Record], float | None],
+    colour: str,
+    top: float,
+    *,
+    fastest: bool = False,
 ) -> None:
     """The points of one method in the order of its tolerances, joined as long as it answers."""
     ordered = sorted((r for r in records if time(r) is not None), key=lambda r: -r.setting)
     at = np.array([max(time(r) or 0.0, BRIEFEST) for r in ordered])
     errors = np.array([_delivered(r) if r.ok else np.nan for r in ordered])
-    panel.plot(at, errors, color=colour, linewidth=1.2, alpha=0.7, zorder=2)
+    joined = _front(at, errors) if fastest else np.arange(len(at))
+    panel.plot(at[joined], errors[joined], color=colour, linewidth=1.2, alpha=0.7, zorder=2)
     panel.plot(at, errors, "o", color=colour, markersize=4.5, markeredgecolor="white", markeredgewidth=0.5, zorder=3)
     failed = at[np.isnan(errors)]
     crosses = panel.plot(failed, np.full(len(failed), top), "x", color=colour, markersize=7, clip_on=False, zorder=4)
     crosses[0].set_in_layout(False)
+
+
+def _front(at: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """The points that no other beats in both time and error, the slowest last."""
+    known = [i for i in np.argsort(at, kind="stable") if np.isfinite(errors[i])]
+    best = np.minimum.accumulate(errors[known]) if known else np.empty(0)
+    return np.array([i for n, i in enumerate(known) if n == 0 or errors[i] < best[n - 1]], dtype=int)
 
 
 def _time_limits(records: Sequence[Record]) -> tuple[float, float]:

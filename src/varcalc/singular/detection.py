@@ -58,9 +58,13 @@ class Infinite(Exception):
 
 @dataclass(frozen=True)
 class Metric:
-    """The square of a length element as a function of symbols: ``square(q, dq, unknowns)``, scalar."""
+    """The square of a length element as a function of symbols: ``square(q, dq, unknowns)``, scalar.
+
+    ``conformal`` tells that it was written as a factor of the Euclidean one.
+    """
 
     square: Callable[[Expression, Expression, Expression], Expression]
+    conformal: bool = False
 
 
 @dataclass(frozen=True)
@@ -180,7 +184,7 @@ def _metric(problem: Problem, conformal: bool) -> Metric:
         a, b, c = ca.substitute([whole, slope, ca.gradient(slope, s.dy)], old, new)
         return a * dq[0] ** 2 + b * dq[0] * dq[1] + 0.5 * c * dq[1] ** 2
 
-    return Metric(square)
+    return Metric(square, conformal)
 
 
 def homogeneous(problem: Functional) -> Metric:

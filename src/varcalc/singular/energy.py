@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -42,16 +43,28 @@ def energy_forms(
         return []
     if chart.power == 1.0:
         return [
-            partial(
-                _energy_form, problem, metric, chart, singular=(False, False), graded=(False, False), factored=False
-            )
+            partial(_kept_form, problem, metric, chart, singular=(False, False), graded=(False, False), factored=False)
         ]
     # where the line lies beyond an end, the extremal has no power of s to take out there
     ways = (True, False) if chart.height is None and not beyond else (False,)
     graded = (True in blowups, False in blowups)
-    return [
-        partial(_energy_form, problem, metric, chart, singular=singular, graded=graded, factored=way) for way in ways
-    ]
+    return [partial(_kept_form, problem, metric, chart, singular=singular, graded=graded, factored=way) for way in ways]
+
+
+def _kept_form(problem: Functional, metric: Metric, chart: Chart, **how: Any) -> Form:
+    """:func:`_energy_form`, made once for all parameter values at which it is the same.
+
+    A form is stated in symbols, the parameters among them; only the chart and the kind of the metric are found from
+    numbers, and the guesses for ends that slide.
+    """
+    if any(isinstance(end, OnCurve | OnSurface) for end in (problem.start, problem.end)):
+        return _energy_form(problem, metric, chart, **how)
+    numbers = (chart.origin.tobytes(), chart.normal.tobytes(), chart.power, chart.grade, chart.growth, chart.height)
+    kept = problem.built.setdefault("energy forms", {})
+    key = (metric.conformal, *numbers, *how.values())
+    if key not in kept:
+        kept[key] = _energy_form(problem, metric, chart, **how)
+    return kept[key]
 
 
 def _energy_form(
