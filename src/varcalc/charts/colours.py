@@ -23,7 +23,7 @@ COLOURS = {
 
 They are the colours of Okabe and Ito, told apart by every kind of eye, and one more."""
 
-OTHER_COLOURS = ("#882255", "#999933", "#44aa99", "#661100", "#332288", "#cc6677", "#117733", "#777777")
+OTHER_COLOURS = ("#882255", "#999933", "#44aa99", "#661100", "#332288", "#cc6677", "#aa4499", "#777777")
 """For methods that are not the library's, in the order in which they appear (Tol's muted scheme)."""
 
 DARKER = 0.65
