@@ -32,10 +32,9 @@ from typing import Any
 for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[threads] = "1"  # before NumPy is loaded: one core for everybody
 
+import varcalc as vc  # noqa: E402
 from peers.adapter import Adapter, NotSolvedError  # noqa: E402
 from tasks import SHIFT, TASKS, Task  # noqa: E402
-
-import varcalc as vc  # noqa: E402
 from varcalc.charts import cold_picture  # noqa: E402
 from varcalc.compare import monospaced  # noqa: E402
 from varcalc.work_precision import ENOUGH, Record, WorkPrecision, about  # noqa: E402

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from tasks import GRAVITY, Descent, Task
 
 from peers.adapter import Adapter, NotSolvedError, quiet
 from peers.casadi_radau import first_guess
+from tasks import GRAVITY, Descent, Task
 
 POINTS = 50
 """Points of the first guess."""

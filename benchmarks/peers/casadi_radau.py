@@ -6,9 +6,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from tasks import GRAVITY, Descent, Task
 
 from peers.adapter import IPOPT, Adapter, NotSolvedError
+from tasks import GRAVITY, Descent, Task
 
 
 def dynamics(task: Task) -> tuple[ca.Function, np.ndarray, np.ndarray]:

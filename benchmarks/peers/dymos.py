@@ -14,9 +14,9 @@ import warnings
 from typing import Any
 
 import numpy as np
-from tasks import GRAVITY, Descent, Task
 
 from peers.adapter import Adapter, NotSolvedError, quiet
+from tasks import GRAVITY, Descent, Task
 
 
 def build(task: Task, setting: tuple[int, int]) -> Any:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tasks import FLATTENING, Graph, Task
-
 from peers.adapter import Adapter
+from tasks import FLATTENING, Graph, Task
 
 
 def build(task: Task, setting: None) -> Any:

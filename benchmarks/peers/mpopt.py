@@ -8,10 +8,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from tasks import GRAVITY, Descent, Task
 
 from peers.adapter import IPOPT, Adapter, NotSolvedError, quiet
 from peers.casadi_radau import first_guess
+from tasks import GRAVITY, Descent, Task
 
 
 def build(task: Task, setting: tuple[int, int]) -> Any:

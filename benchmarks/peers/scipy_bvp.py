@@ -11,9 +11,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from scipy.integrate import solve_bvp
-from tasks import GRAVITY, TASKS, Descent, Graph, Task
 
 from peers.adapter import Adapter, NotSolvedError
+from tasks import GRAVITY, TASKS, Descent, Graph, Task
 
 NODES = 10000
 """Nodes after which solve_bvp gives up; a step there takes seconds."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from tasks import GRAVITY, Descent, Task
 
 from peers.adapter import Adapter, NotSolvedError, quiet
 from peers.casadi_radau import first_guess
+from tasks import GRAVITY, Descent, Task
 
 
 def build(task: Task, setting: tuple[int, int]) -> Any:
