@@ -19,7 +19,7 @@ from varcalc.conditions import Fixed
 from varcalc.functional import Functional
 from varcalc.mesh import gauss
 from varcalc.problem import Problem
-from varcalc.solution import Solution
+from varcalc.solution import Solution, Status, Verdict
 
 STEEP = (1e6, 1e8)
 """Slopes, in units of the problem's own, at which linear growth is recognised."""
@@ -33,6 +33,12 @@ NEAR = 0.2
 """Relative distance from the rival value within which a scan of the levels is followed up."""
 CONTRACTIONS = 70
 GOLDEN = 0.5 * (5**0.5 - 1)
+STEP = 1e-3
+"""Relative height of a jump that is one."""
+LIKE = 1e-7
+"""Relative difference of the values of a graph and of the broken curve that it comes near."""
+ALONG = 0.05
+"""Distance from the level, in units of the jump, at which a graph runs along it."""
 RIVAL = 1e-9
 """Relative margin by which a broken curve has to be better: its own value is no more accurate."""
 
@@ -50,16 +56,19 @@ class BrokenCurve:
         return f"the broken curve that drops to y = {self.level:.6g} at both ends has the value {self.value:.9g}"
 
 
-def broken_curve(problem: Functional, rival: float = math.nan) -> BrokenCurve | None:
-    """The best broken curve between two fixed ends; None where L does not grow linearly, or more is asked.
+def broken_curve(problem: Functional) -> BrokenCurve | None:
+    """The best broken curve between two fixed ends; None where L does not grow linearly, or more is asked."""
+    found = _broken_curves(problem, math.nan)
+    return found[0] if found else None
 
-    With a ``rival`` value, None as well when a scan of the levels shows none that could come near it.
-    """
+
+def _broken_curves(problem: Functional, rival: float) -> list[BrokenCurve]:
+    """The broken curves of locally best level, best first; none when a scan shows that none comes near ``rival``."""
     if not _simple(problem):
-        return None
+        return []
     with np.errstate(all="ignore"):
         family = _Family(problem)
-        return family.best(rival) if family.linear else None
+        return family.best(rival) if family.linear else []
 
 
 def _simple(problem: Functional) -> TypeGuard[Problem]:
@@ -108,18 +117,17 @@ class _Family:
             total = total + np.where((costs >= 0).all(1), np.abs(jump) * (costs[:, :-1] @ self.weights), np.nan)
         return total
 
-    def best(self, rival: float) -> BrokenCurve | None:
-        """The level of least value, from a scan and golden sections about each of its lowest places."""
+    def best(self, rival: float) -> list[BrokenCurve]:
+        """The levels of least value, from a scan and golden sections about each of its lowest places; best first."""
         low, high = self.y.min() - REACH * self.size, self.y.max() + REACH * self.size
         levels = np.unique(np.concatenate([np.linspace(low, high, LEVELS), self.y]))
         values = self.at(levels)
         if not np.isfinite(values).any() or np.nanmin(values) > self.sign * rival + NEAR * abs(rival):
-            return None
+            return []
         around = np.concatenate([[np.inf], np.nan_to_num(values, nan=np.inf), [np.inf]])
         lowest = np.isfinite(values) & (around[1:-1] <= around[:-2]) & (around[1:-1] <= around[2:])
-        found = [self._least(levels, k) for k in map(int, np.flatnonzero(lowest))]
-        value, level = min(found)
-        return BrokenCurve(self.sign * value, level)
+        found = sorted(self._least(levels, k) for k in map(int, np.flatnonzero(lowest)))
+        return [BrokenCurve(self.sign * value, level) for value, level in found]
 
     def _least(self, levels: np.ndarray, k: int) -> tuple[float, float]:
         """The least value between the neighbours of the level k, and its level."""
@@ -141,14 +149,34 @@ class _Family:
 
 
 def with_rival(solution: Solution) -> Solution:
-    """A minimum, marked local when a broken curve, which jumps at its ends, comes lower."""
+    """A minimum, marked local when a broken curve, which jumps at its ends, comes lower.
+
+    Refused where it is that broken curve itself, as near as graphs come to it.
+    """
     extremal = solution.extremal
     if solution.local or (extremal is not None and extremal.form.energetic and any(extremal.form.singular)):
         return solution
-    rival = broken_curve(solution.problem, solution.value)
+    rivals = _broken_curves(solution.problem, solution.value)
+    for same in rivals:
+        if _is_rival(solution, same):
+            message = (
+                f"the infimum is not attained: graphs come as near as one likes to one that is none; {same.sentence}"
+            )
+            return replace(solution, status=Status.REFUSED, verdict=Verdict.NOT_ATTAINED, message=message)
     sign = -1.0 if solution.problem.maximise else 1.0
     margin = solution.error.value + RIVAL * abs(solution.value)
-    if rival is None or sign * rival.value > sign * solution.value - margin:
+    if not rivals or sign * rivals[0].value > sign * solution.value - margin:
         return solution
+    rival = rivals[0]
     message = f"a local {'maximum' if sign < 0 else 'minimum'} only: {rival.sentence}"
     return replace(solution, local=True, lower=rival.value, message=message)
+
+
+def _is_rival(solution: Solution, rival: BrokenCurve) -> bool:
+    """Whether a graph has the value of a broken curve with a real jump, and runs at its level."""
+    first, last = (float(solution.y(x)) for x in solution.interval)
+    jump = max(abs(rival.level - first), abs(rival.level - last))
+    size = max(abs(first), abs(last), abs(rival.level))
+    if jump <= STEP * size or abs(solution.value - rival.value) > LIKE * abs(rival.value):
+        return False
+    return abs(float(solution.y(0.5 * sum(solution.interval))) - rival.level) <= ALONG * jump
