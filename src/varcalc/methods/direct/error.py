@@ -32,6 +32,8 @@ LARGEST = 800
 """Unknowns up to which the metric is computed."""
 UNMOVED = 1e-7
 """Step of a curve, relative in the metric, that may be made of round-off along a soft mode."""
+SLIGHT = 3e-6
+"""Relative move of the curve that no merging of extremals explains: they are apart by the root of what is missing."""
 CONTRACTION = 0.1
 """Largest ratio of successive Newton steps that counts as evidence of a minimum."""
 SHARED = 0.1
@@ -114,9 +116,12 @@ def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation) ->
     if size <= UNMOVED**2 * at.scale or step.decrement >= SOFT * size:
         return True
     following = newton_step(system, system.evaluate(z + step.change), step.multipliers)
+    here, there = (system.reported(y) for y in (z, z + step.change))
+    if displacement(here, there) <= SLIGHT * float(np.abs(here.y).max(initial=0.0)):
+        return True  # next to a fold the two extremals are further apart than that
     if following is None or not following.definite:
         return False
-    here, there, beyond = (system.reported(y) for y in (z, z + step.change, z + step.change + following.change))
+    beyond = system.reported(z + step.change + following.change)
     return displacement(there, beyond) <= CONTRACTION * displacement(here, there)
 
 
