@@ -1,8 +1,14 @@
-"""Options of the test suite."""
+"""Options of the test suite, and one thread for the linear algebra of each worker."""
 
 from __future__ import annotations
 
+import os
+
 import pytest
+
+# Set before NumPy is first imported: with a worker on every core, threads of the BLAS only wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
