@@ -90,7 +90,9 @@ def _energy_form(
     coordinates = _factored(symbols, *guess, chart.growth, singular) if factored else symbols.y
     q = chart.point(coordinates)
     velocity = ca.jtimes(q, symbols.y, symbols.dy) + ca.jacobian(q, symbols.x)
-    square = gathered(metric.square(q, velocity, symbols.unknowns), symbols)
+    square = metric.square(q, velocity, symbols.unknowns)
+    if chart.origin.any():  # else there is no constant that could cancel against another
+        square = gathered(square, symbols)
     graph = isinstance(problem, Problem)
     fixed, baseline = (start, end), _graded_line(*guess, chart.growth, graded)
     if factored:
