@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -29,6 +30,8 @@ LEVELS = 33
 REACH = 3.0
 """How far beyond the ends levels are looked at, in units of the problem's size."""
 POINTS = 10
+GRADES, FINE_POINTS = 26, (8, 12)
+"""Halvings of the panels toward both ends of a jump, and points a panel, by which a value is made sure of."""
 NEAR = 0.2
 """Relative distance from the rival value within which a scan of the levels is followed up."""
 CONTRACTIONS = 70
@@ -89,7 +92,7 @@ class _Family:
         self.y = np.array([float(np.ravel(e.y)[0]) for e in ends])
         self.size = max(float(np.ptp(self.y)), float(np.abs(self.y).max())) or b - a
         self.steep = self.size / (b - a)
-        self.nodes, self.weights = (0.5 * (1 + gauss(POINTS)[0]), 0.5 * gauss(POINTS)[1])
+        self.coarse = _graded(0, POINTS)
         x = a + (b - a) * np.array([0.0, 0.5, 1.0])
         y = np.array([self.y[0], self.y.mean(), self.y[1]])
         rows = [self._recession(x, y, slope * self.steep * side) for slope in STEEP for side in (1.0, -1.0)]
@@ -106,15 +109,16 @@ class _Family:
         slope = np.asarray(slope, dtype=float)
         return self._values(np.asarray(x), np.asarray(y), slope) / np.abs(slope)
 
-    def at(self, levels: np.ndarray) -> np.ndarray:
+    def at(self, levels: np.ndarray, rule: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
         """The functional of the broken curves at levels (m,); NaN beyond where a jump no longer costs anything."""
         a, b = self.problem.span
-        total = (b - a) * (self._values(a + (b - a) * self.nodes, levels[:, None], np.zeros(1)) @ self.weights)
+        nodes, weights = self.coarse if rule is None else rule
+        total = (b - a) * (self._values(a + (b - a) * nodes, levels[:, None], np.zeros(1)) @ weights)
         for x, y, outward in ((a, self.y[0], 1.0), (b, self.y[1], -1.0)):
             jump = levels - y
             slope = STEEP[1] * self.steep * outward * np.where(jump < 0, -1.0, 1.0)
-            costs = self._recession(x, y + jump[:, None] * [*self.nodes, 1.0], slope[:, None])
-            total = total + np.where((costs >= 0).all(1), np.abs(jump) * (costs[:, :-1] @ self.weights), np.nan)
+            costs = self._recession(x, y + jump[:, None] * [*nodes, 1.0], slope[:, None])
+            total = total + np.where((costs >= 0).all(1), np.abs(jump) * (costs[:, :-1] @ weights), np.nan)
         return total
 
     def best(self, rival: float) -> list[BrokenCurve]:
@@ -126,11 +130,17 @@ class _Family:
             return []
         around = np.concatenate([[np.inf], np.nan_to_num(values, nan=np.inf), [np.inf]])
         lowest = np.isfinite(values) & (around[1:-1] <= around[:-2]) & (around[1:-1] <= around[2:])
-        found = sorted(self._least(levels, k) for k in map(int, np.flatnonzero(lowest)))
+        places = [self._least(levels, k) for k in map(int, np.flatnonzero(lowest))]
+        found = sorted((value, level) for level in places if (value := self._sure(level)) is not None)
         return [BrokenCurve(self.sign * value, level) for value, level in found]
 
-    def _least(self, levels: np.ndarray, k: int) -> tuple[float, float]:
-        """The least value between the neighbours of the level k, and its level."""
+    def _sure(self, level: float) -> float | None:
+        """The value at a level by rules that resolve what a jump costs near its ends; None where two of them differ."""
+        one, other = (float(self.at(np.array([level]), _graded(GRADES, n))[0]) for n in FINE_POINTS)
+        return other if abs(one - other) <= 0.1 * RIVAL * abs(other) else None
+
+    def _least(self, levels: np.ndarray, k: int) -> float:
+        """The level of least value between the neighbours of the level k."""
         left, right = levels[max(k - 1, 0)], levels[min(k + 1, len(levels) - 1)]
         for _ in range(CONTRACTIONS):
             inner = np.array([right - GOLDEN * (right - left), left + GOLDEN * (right - left)])
@@ -143,9 +153,17 @@ class _Family:
             else:
                 left = inner[0]
         tried = np.array([left, 0.5 * (left + right), right, levels[k]])
-        found = self.at(tried)
-        j = int(np.nanargmin(found))
-        return float(found[j]), float(tried[j])
+        return float(tried[int(np.nanargmin(self.at(tried)))])
+
+
+@lru_cache(maxsize=8)
+def _graded(grades: int, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights on [0, 1] of Gauss rules on panels that are halved ``grades`` times toward both ends."""
+    toward = 0.5 ** np.arange(grades + 1, 0, -1)
+    edges = np.concatenate([[0.0], toward, 1.0 - toward[-2::-1], [1.0]]) if grades else np.array([0.0, 1.0])
+    half = 0.5 * np.diff(edges)[:, None]
+    nodes, weights = gauss(points)
+    return (edges[:-1, None] + half * (1 + nodes)).ravel(), (half * weights).ravel()
 
 
 def with_rival(solution: Solution) -> Solution:

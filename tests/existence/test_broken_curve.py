@@ -1,0 +1,43 @@
+"""Curves that jump at their ends, and what they say of a minimum."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import pytest
+
+import varcalc as vc
+from varcalc.existence.broken_curve import broken_curve
+
+
+def graph(lagrangian, first, last):
+    return vc.Problem(lagrangian, vc.Fixed(*first), vc.Fixed(*last))
+
+
+@pytest.mark.parametrize("height", [1e-1, 1e-3, 1e-6])
+def test_what_a_jump_costs_near_a_singular_line_is_resolved(height):
+    # in the half-plane a jump from ``height`` to c costs log(c / height), and the level c costs 1 / c
+    problem = graph(lambda x, y, v: ca.sqrt(1 + v**2) / y, (0, height), (1, 1))
+    found = broken_curve(problem)
+    assert found.value >= math.log(1 / height) + 1 - 1e-9  # least at c = 1, where 1/c + 2 log c - log height turns
+    assert found.value == pytest.approx(math.log(1 / height) + 1, rel=1e-9)
+
+
+def test_a_shortest_way_is_not_called_local():
+    # the geodesic of the half-plane is the least of all: no curve of any kind is shorter
+    height = 1e-3
+    solution = vc.solve(graph(lambda x, y, v: ca.sqrt(1 + v**2) / y, (0, height), (1, 1)))
+    assert solution.value == pytest.approx(math.acosh(1 + (1 + (1 - height) ** 2) / (2 * height)), rel=1e-13)
+    assert not solution.local
+
+
+@pytest.mark.parametrize("half", [0.53, 0.6, 0.66])
+def test_two_discs_are_less_than_a_catenary(half):
+    film = graph(lambda x, y, v: y * ca.sqrt(1 + v**2), (-half, 1), (half, 1))
+    assert broken_curve(film).value == pytest.approx(1, abs=1e-12)
+    assert vc.solve(film).local
+
+
+def test_no_jump_where_it_costs_infinitely_much():
+    assert broken_curve(graph(lambda x, y, v: v**2 + y**2, (0, 0), (1, 1))) is None
