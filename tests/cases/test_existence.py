@@ -43,8 +43,14 @@ def bratu(strength):
 
 def bratu_heights(strength):
     """y(1/2) of both solutions: t = sqrt(2 lambda) cosh(t/4), y(1/2) = 2 log cosh(t/4)."""
-    roots = [mp.findroot(lambda t: t - mp.sqrt(2 * strength) * mp.cosh(t / 4), start) for start in (1.0, 10.0)]
-    return [float(2 * mp.log(mp.cosh(t / 4))) for t in roots]
+    with mp.workdps(40):  # next to the fold, whose t lies between them, half of the digits go
+        fold = 4 * mp.findroot(lambda u: u * mp.tanh(u) - 1, 1.2)
+
+        def miss(t):
+            return t - mp.sqrt(2 * mp.mpf(strength)) * mp.cosh(t / 4)
+
+        roots = [mp.findroot(miss, bounds, "illinois", maxsteps=300) for bounds in ((0, fold), (fold, 60))]
+        return [float(2 * mp.log(mp.cosh(t / 4))) for t in roots]
 
 
 def oscillator(duration, end):
@@ -229,22 +235,25 @@ def test_the_fold_of_bratus_problem():
     assert branch.solutions[-1].y(0.5) == pytest.approx(bratu_heights(3.0)[1], abs=1e-9)
 
 
-@pytest.mark.parametrize("excess", [1e-6, 1e-3, 5.0])
+@pytest.mark.parametrize("excess", [1e-13, 1e-10, 1e-6, 1e-3, 5.0])
 def test_no_route_has_a_solution_beyond_the_fold(excess):
     problem = bratu(float(STRONGEST) + excess)
     for method in (vc.Ritz(), vc.Collocation(), vc.FirstIntegral()):
         assert not vc.solve(problem, method, throw=False).status.ok, method
 
 
-@pytest.mark.parametrize("excess", [1e-6, 1e-4])
+@pytest.mark.parametrize("excess", [1e-13, 4.8e-12, 1e-10, 1e-8, 1e-6, 1e-4])
 def test_shooting_has_no_solution_beyond_the_fold(excess):
     assert not vc.solve(bratu(float(STRONGEST) + excess), vc.Shooting(), throw=False).status.ok
 
 
-def test_shooting_has_one_just_before_it():
-    strength = float(STRONGEST) - 1e-6
+@pytest.mark.parametrize("short", [1e-6, 1e-8, 1e-10, 1e-12])
+def test_shooting_has_one_just_before_it(short):
+    strength = float(STRONGEST) - short
     solution = vc.solve(bratu(strength), vc.Shooting())
-    assert min(abs(solution.y(0.5) - height) for height in bratu_heights(strength)) < 1e-8
+    missed = min(abs(solution.y(0.5) - height) for height in bratu_heights(strength))
+    assert missed < 2 * solution.error.curve + 1e-15
+    assert solution.error.curve < 1e-7
 
 
 @pytest.mark.parametrize("excess", [1e-6, 0.1])

@@ -81,6 +81,15 @@ def test_where_legendres_condition_fails_the_index_is_infinite():
     assert "Legendre's condition fails" in sentences(check)
 
 
+@pytest.mark.parametrize("method", [vc.Collocation(), vc.Shooting()])
+def test_a_maximum_is_no_weak_minimum(method):
+    # y'' = -1/2 on -y'^2 + y: the extremal makes the concave functional greatest
+    concave = vc.Problem(lambda x, y, dy: -(dy**2) + y, vc.Fixed(0, 0), vc.Fixed(1, 0.2))
+    found = vc.solve(concave, method, throw=False)
+    assert (found.status, found.verdict) == (vc.Status.REFUSED, vc.Verdict.SADDLE)
+    assert vc.verify(found).verdict is vc.Verdict.SADDLE
+
+
 def test_a_weak_minimum_is_told_from_a_strong_one():
     # E(w) = w^2 (1 + w) along y = 0: negative for w < -1
     weak = vc.Problem(lambda x, y, dy: dy**2 + dy**3, vc.Fixed(0, 0), vc.Fixed(1, 0))

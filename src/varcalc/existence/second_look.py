@@ -26,7 +26,7 @@ VANISHING = 1e-5
 
 def second_look(problem: Functional, tol: float, failure: Solution) -> Solution:
     """A minimum with corners, or the failure with the verdict that says why there is no minimum at all."""
-    if failure.verdict in (None, Verdict.WEAK_MINIMUM):
+    if failure.verdict in (None, Verdict.WEAK_MINIMUM, Verdict.SADDLE):
         failure = with_corners(problem, tol, failure)
     if failure.status.ok or failure.verdict is not None:
         return failure

@@ -131,7 +131,9 @@ def _best_between_given(problem: Problem, ends: Ends, building: Stopwatch) -> Re
 
 def _not_found(reduction: Reduction) -> NotFound:
     level = " at the level demanded" if reduction.integrands.problem.traced else ""
-    return NotFound(f"{reduction.searched} joins the ends{level}; Ritz and Collocation look for others")
+    return NotFound(
+        f"the quadrature found {reduction.searched} that joins the ends{level}; Ritz and Collocation look for others"
+    )
 
 
 def _best_sliding(problem: Problem, building: Stopwatch) -> Reduced:

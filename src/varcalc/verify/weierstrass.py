@@ -51,6 +51,15 @@ def vouched(solution: Solution, form: Form) -> Solution:
         return solution
     x = _places(solution)
     fan = _Fan(solution, x)
+    bent = fan.legendre_fails()
+    if bent is not None:
+        place, curvature = bent
+        return _refused(
+            solution,
+            f"no minimum of any kind: at x = {x[place]:.4g} the second derivative of L in the slope is "
+            f"{curvature:.3g}, so Legendre's condition fails and fine ripples come lower",
+            Verdict.SADDLE,
+        )
     worst = fan.worst_excess()
     if worst is not None:
         return _refused(
@@ -225,6 +234,15 @@ class _Fan:
         relative, worst = self.least()
         return worst if relative < -NOISE else None
 
+    def legendre_fails(self) -> tuple[int, float] | None:
+        """Where L is most concave in a component of the curve's own slope, and its second derivative there."""
+        here = self.tried.shape[2] // 2
+        curvature = np.where(self.allowed & np.isfinite(self.curvature), self.curvature, 0.0)[:, :, here]
+        unit = np.maximum(1.0, np.abs(self.v))
+        relative = curvature * unit**2 / np.maximum(np.abs(self.values[:, :, here]), np.finfo(float).tiny)
+        a, k = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
+        return (k, float(curvature[a, k])) if relative[a, k] < -NOISE else None
+
     def concave(self) -> bool:
         """Whether the Lagrangian is concave in a component of the slope somewhere in the fan."""
         return bool((np.where(np.isfinite(self.curvature), self.curvature, 0.0) < 0).any())
@@ -261,5 +279,5 @@ def _corners(solution: Solution) -> np.ndarray:
     return inner[jumps]
 
 
-def _refused(solution: Solution, message: str) -> Solution:
-    return replace(solution, status=Status.REFUSED, verdict=Verdict.WEAK_MINIMUM, message=message)
+def _refused(solution: Solution, message: str, verdict: Verdict = Verdict.WEAK_MINIMUM) -> Solution:
+    return replace(solution, status=Status.REFUSED, verdict=verdict, message=message)

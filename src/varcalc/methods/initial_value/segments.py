@@ -232,13 +232,24 @@ class Segments:
 
     def left_open(self, at: Evaluation, x: np.ndarray) -> float:
         """The largest residual relative to its row of the Jacobian: what steps in a singular system cannot reach."""
-        if self.size > DENSE:
-            return 0.0
         weights = np.abs(x)
         states = weights[: self.count * self.dimension]
         np.maximum(states, 1.0, out=states)
-        rows = np.abs(self._matrix(at) * weights).max(axis=1)
+        rows = self._rows(at, weights)
         return float(np.max(np.abs(at.residual) / np.where(rows == 0.0, 1.0, rows)))
+
+    def shaken(self, at: Evaluation, weights: np.ndarray, share: float) -> np.ndarray | None:
+        """The Newton step (M,) from residuals of random sign that are a ``share`` of their rows of the Jacobian."""
+        signs = np.where(np.random.default_rng(0).random(self.size) < 0.5, -1.0, 1.0)
+        return self.solve(at, share * signs * self._rows(at, weights), weights)
+
+    def _rows(self, at: Evaluation, weights: np.ndarray) -> np.ndarray:
+        """The largest entry of each row (M,) of the Jacobian, the unknowns being of sizes ``weights`` (M,)."""
+        rows = np.zeros(self.size)
+        for row, column, block in at.blocks:
+            here, there = slice(row, row + block.shape[0]), slice(column, column + block.shape[1])
+            rows[here] = np.maximum(rows[here], np.abs(block * weights[there]).max(axis=1, initial=0.0))
+        return rows
 
     def solve(self, at: Evaluation, right: np.ndarray, weights: np.ndarray) -> np.ndarray | None:
         """The solution of Jacobian . dx = right; None when the Jacobian is singular to working precision.

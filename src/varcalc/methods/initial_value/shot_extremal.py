@@ -18,8 +18,12 @@ from varcalc.methods.initial_value.newton import size
 from varcalc.methods.initial_value.segments import Evaluation, Failure, Segments
 from varcalc.solution import ErrorEstimate
 
-NEARBY = 0.1
-"""Relative size of a Newton step from converged segments beyond which no extremal is near."""
+SHRINKING = 0.5
+"""Newton's steps shrink by less than this next to a zero (Kantorovich), and never next to a fold without one."""
+NOISE = 256 * float(np.finfo(float).eps)
+"""Relative size of a mismatch in the next evaluation that rounding alone explains."""
+LEFT_OPEN = 1e-13
+"""A mismatch, relative to its row of the Jacobian, that rounding does not explain."""
 ROUND_OFF = 4 * float(np.finfo(float).eps)
 """Relative error of a sum of running integrals, and of a state, that rounding alone explains."""
 
@@ -81,10 +85,10 @@ def finish(segments: Segments, x: np.ndarray, floor: np.ndarray) -> Finished | F
     kept = corrected(segments, x, floor, 1)
     if isinstance(kept, Failure):
         return kept
-    check = corrected(segments, kept[0], floor, 2)
+    check = corrected(segments, kept.x, floor, 2)
     if isinstance(check, Failure):
         return check
-    (x, at), (finer, reference) = kept, check
+    x, at = kept.x, kept.at
     trajectories: list[Trajectory] = []
     for i in range(segments.count):
         trajectory = segments.leg(i, x).trajectory(level=1)
@@ -97,34 +101,51 @@ def finish(segments: Segments, x: np.ndarray, floor: np.ndarray) -> Finished | F
     vertices = a + (b - a) * segments.vertices
     extremal = Extremal(form, Shots(segments, x, trajectories).evaluate, unknowns, vertices, lambdas, {})
     value = value_of(segments, x, at)
-    change = abs(value - value_of(segments, finer, reference))
+    change = abs(value - value_of(segments, check.x, check.at))
     error = ErrorEstimate(
-        change + _mismatch(segments, x, at) + _rounding(segments, at, value), _curve_error(segments, at, reference)
+        change + _mismatch(segments, x, at) + _rounding(segments, at, value), _curve_error(segments, at, check.at)
     )
-    if _distance(segments, finer, reference, floor) > NEARBY:
+    if not _matches(segments, check, floor):
         error = ErrorEstimate(math.inf, math.inf)
     return Finished(extremal, value, error, float(at.growth.max()), segments.condition(at))
 
 
-def _distance(segments: Segments, x: np.ndarray, at: Evaluation, floor: np.ndarray) -> float:
-    """How far from x the linearised segments match, relative to the unknowns; large where a fold has been passed."""
-    weights = np.maximum(np.abs(x), floor)
-    step = segments.solve(at, -at.residual, weights)
-    return 0.0 if step is None else size(step, weights)
+@dataclass(frozen=True)
+class Corrected:
+    """The unknowns after a Newton step, what the segments give there, and the size of that step."""
+
+    x: np.ndarray
+    at: Evaluation
+    step: float
 
 
-def corrected(
-    segments: Segments, x: np.ndarray, floor: np.ndarray, level: int
-) -> tuple[np.ndarray, Evaluation] | Failure:
-    """x after one Newton step at a level of the integration, and its evaluation there."""
+def corrected(segments: Segments, x: np.ndarray, floor: np.ndarray, level: int) -> Corrected | Failure:
+    """x after one Newton step at a level of the integration; x itself where no step leads anywhere."""
     at = segments.evaluate(x, level=level)
     if isinstance(at, Failure):
         return at
     step = segments.solve(at, -at.residual, np.maximum(np.abs(x), floor))
     if step is None or size(step, floor) > 1.0:
-        return x, at
+        return Corrected(x, at, math.inf)
     following = segments.evaluate(x + step, level=level)
-    return following if isinstance(following, Failure) else (x + step, following)
+    if isinstance(following, Failure):
+        return following
+    return Corrected(x + step, following, size(step, np.maximum(np.abs(x), floor)))
+
+
+def _matches(segments: Segments, found: Corrected, floor: np.ndarray) -> bool:
+    """Whether the segments match near ``found``, and do not merely come nearest to it next to a fold.
+
+    The next step is measured against the last one, so far as rounding does not explain both.
+    """
+    if segments.left_open(found.at, found.x) > LEFT_OPEN:
+        return False
+    weights = np.maximum(np.abs(found.x), floor)
+    step = segments.solve(found.at, -found.at.residual, weights)
+    noise = segments.shaken(found.at, weights, NOISE)
+    if step is None or noise is None:
+        return False
+    return size(step, weights) <= max(SHRINKING * found.step, min(size(noise, weights), SHRINKING))
 
 
 def value_of(segments: Segments, x: np.ndarray, at: Evaluation) -> float:
