@@ -21,6 +21,8 @@ BEYOND = 1.5
 SHARE = 0.02
 """Elements with more than this share of the largest contribution to the error are bisected."""
 MOST_UNKNOWNS = 6000
+MOST_ON_THE_WAY = 1000
+"""The same for the stations of a continuation: where one needs more, the path leads to no extremal."""
 ROUNDS = 60
 STALLED = 0.3
 """An error that falls by less than this factor in two successive refinements has met round-off."""
@@ -67,8 +69,8 @@ class Refinement:
     def _failed(self, reason: str) -> None:
         self.reasons.append(reason)
 
-    def improve(self, level: Level, tol: float) -> Improved | None:
-        """Refine a root until the error of its value meets ``tol``; a mesh that is kept is only assessed."""
+    def improve(self, level: Level, tol: float, most: int = MOST_UNKNOWNS) -> Improved | None:
+        """Refine a root, with at most so many unknowns, until its error meets ``tol``; a kept mesh is only assessed."""
         history: History = []
         best: Improved | None = None
         stalls = 0
@@ -89,7 +91,7 @@ class Refinement:
                 rounded = self._rounded(best, "")
                 if rounded is not None:
                     return rounded
-            following = self.richer(level, assessment, history, target)
+            following = self.richer(level, assessment, history, target, most)
             if following is None:
                 return self._rounded(best, "")
             level = following
@@ -103,7 +105,7 @@ class Refinement:
                 return best
         return self._failed(reason) if reason else None
 
-    def richer(self, level: Level, assessment: Assessment, history: History, target: float) -> Level | None:
+    def richer(self, level: Level, assessment: Assessment, history: History, target: float, most: int) -> Level | None:
         """Climb the degree while that pays, else bisect where the error is."""
         space, form = level.system.space, level.system.form
         history.append((space.degree, assessment.value_error))
@@ -114,7 +116,7 @@ class Refinement:
         middles = 0.5 * (space.vertices[1:] + space.vertices[:-1])
         vertices = np.sort(np.concatenate([space.vertices, middles[marked]]))
         system = CollocationSystem(form, collocation_space(form, vertices, space.degree))
-        if system.size > MOST_UNKNOWNS:
+        if system.size > most:
             return self._failed(f"{system.size} unknowns would be needed")
         return self.newton(system, system.pack(level.system.transferred(level.state, system)))
 
@@ -129,7 +131,7 @@ class Refinement:
             system = CollocationSystem(form_at(following), level.system.space)
             trial = self.newton(system, system.pack(level.state))
             if trial is not None and self.adaptive:
-                improved = self.improve(trial, ON_THE_WAY)
+                improved = self.improve(trial, ON_THE_WAY, MOST_ON_THE_WAY)
                 trial = None if improved is None else improved.level
             if trial is None:
                 stride *= 0.5
