@@ -1,11 +1,11 @@
-"""Why a problem with isoperimetric conditions has no answer: levels out of reach."""
+"""Why a problem with conditions has no answer: levels out of reach, and conditions that contradict each other."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 
-from varcalc.conditions import Isoperimetric
+from varcalc.conditions import Bound, Isoperimetric
 from varcalc.functional import Functional
 from varcalc.methods.ritz import Ritz
 from varcalc.problem import Curve, Problem
@@ -17,11 +17,12 @@ EQUAL = 1e-9
 
 
 def explained(problem: Functional, failure: Solution) -> Solution:
-    """The failure, with verdict and sentence when an isoperimetric level lies beyond what its functional can reach.
+    """The failure, with verdict and sentence when no curve meets the conditions.
 
-    The least and greatest value of the constraint's own functional between
+    For a level the least and greatest value of the constraint's own functional between
     the same ends decide: beyond them no curve exists; at them only the extreme
-    curve does, and the multiplier rule is abnormal there.
+    curve does, and the multiplier rule is abnormal there. Bounds, and levels each of which can be
+    reached, may still contradict each other.
     """
     for index, constraint in enumerate(problem.constraints):
         if not isinstance(constraint, Isoperimetric):
@@ -44,7 +45,18 @@ def explained(problem: Functional, failure: Solution) -> Solution:
                     message=f"{label} asks for {lower:.12g}, the extreme value of its integral between these ends: "
                     "only the extreme curve is admissible, and no multiplier exists there",
                 )  # fmt: skip
+    if _can_contradict(problem) and not failure.status.ok:
+        from varcalc.existence.contradiction import contradiction  # few solves come here
+
+        found = contradiction(problem)
+        if found is not None:
+            return replace(failure, status=Status.REFUSED, verdict=Verdict.INFEASIBLE, message=found.sentence)
     return failure
+
+
+def _can_contradict(problem: Functional) -> bool:
+    """Whether there are bounds, or several levels."""
+    return any(problem.of_type(Bound)) or len(list(problem.of_type(Isoperimetric))) > 1
 
 
 def _extreme(problem: Functional, constraint: Isoperimetric, greatest: bool) -> float:

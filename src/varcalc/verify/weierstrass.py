@@ -237,11 +237,13 @@ class _Fan:
     def legendre_fails(self) -> tuple[int, float] | None:
         """Where L is most concave in a component of the curve's own slope, and its second derivative there."""
         here = self.tried.shape[2] // 2
-        curvature = np.where(self.allowed & np.isfinite(self.curvature), self.curvature, 0.0)[:, :, here]
+        curvature = np.where(self.allowed & np.isfinite(self.curvature), self.curvature, 0.0)
         unit = np.maximum(1.0, np.abs(self.v))
-        relative = curvature * unit**2 / np.maximum(np.abs(self.values[:, :, here]), np.finfo(float).tiny)
+        size = np.abs(self.values[:, :, here]) / unit**2 + np.median(np.abs(curvature), axis=2)
+        own = curvature[:, :, here]
+        relative = np.divide(own, size, out=np.zeros_like(own), where=size > NOISE * np.abs(own))
         a, k = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
-        return (k, float(curvature[a, k])) if relative[a, k] < -NOISE else None
+        return (k, float(own[a, k])) if relative[a, k] < -NOISE else None
 
     def concave(self) -> bool:
         """Whether the Lagrangian is concave in a component of the slope somewhere in the fan."""

@@ -1,0 +1,145 @@
+"""Conditions that no curve meets together, found by letting all of them give way.
+
+Every level and bound may be missed by the same multiple of its own size, and
+the least such multiple is sought: where it is not zero, the conditions contradict
+each other or the ends (the elastic form of a feasibility problem; Nocedal and
+Wright, "Numerical Optimization", sect. 15.4).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.conditions import Bound, Fixed, Free, Holonomic, Isoperimetric, Through
+from varcalc.formulation import formulate
+from varcalc.functional import Functional
+from varcalc.methods.ritz import Ritz
+from varcalc.problem import Problem
+
+SMOOTH = (1e-6, 1e-9)
+"""Weights of the slope beside the squared miss: what depends on them is the price of steepness, no contradiction."""
+LEAST = 1e-3
+"""A miss, relative to the sizes of the conditions, that smoothness alone does not explain."""
+SETTLED = 0.9
+"""Share of the miss that is left when steepness costs a thousandth."""
+PLACES = 33
+TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """The places of the conditions among the constraints, and by how much the nearest curve misses each."""
+
+    problem: Problem
+    misses: dict[int, float]
+
+    @property
+    def sentence(self) -> str:
+        """What contradicts what, in words."""
+        names = [f"constraints[{i}] ({type(self.problem.constraints[i]).__name__})" for i in self.misses]
+        together = " and ".join(names) + (" cannot be met together" if len(names) > 1 else " cannot be met")
+        misses = ", ".join(f"{miss:.4g}" for miss in self.misses.values())
+        return (
+            f"{together} between these ends: the curve that comes nearest misses {'them' if len(names) > 1 else 'it'} "
+            f"by {misses}; change a level, a bound or the ends"
+        )
+
+
+def contradiction(problem: Functional) -> Contradiction | None:
+    """The contradiction between the conditions of a graph between fixed or free ends; None where none is found."""
+    own = [i for i, c in enumerate(problem.constraints) if isinstance(c, Isoperimetric | Bound)]
+    if not isinstance(problem, Problem) or not own:
+        return None
+    if not all(isinstance(end, Fixed | Free) for end in (problem.start, problem.end)):
+        return None
+    sizes = _sizes(problem)
+    misses = []
+    for weight in SMOOTH:
+        solution = Ritz(starts=3).solve(formulate(_elastic(problem, sizes, weight)), tol=TOLERANCE, guess=None)
+        if not solution.status.ok:
+            return None
+        misses.append(solution.unknowns[_name(problem)])
+    if misses[-1] <= LEAST or misses[-1] < SETTLED * misses[0]:
+        return None
+    return Contradiction(problem, {i: misses[-1] * sizes[i] for i in own})
+
+
+def _name(problem: Problem) -> str:
+    """A name for the miss that the problem itself does not use."""
+    name = "miss"
+    while name in problem.unknowns or name in problem.parameters:
+        name += "_"
+    return name
+
+
+def _sizes(problem: Problem) -> dict[int, float]:
+    """The size of each level and bound: its limits, or what the chord has where these are zero."""
+    x = np.linspace(*problem.span, PLACES)
+    y = formulate(problem).baseline(x)
+    slope = np.gradient(y, x, axis=1)
+    numbers = [np.repeat(v[:, None], PLACES, axis=1) for v in (problem.parameter_values, problem.unknown_guesses)]
+    second = np.zeros((problem.symbols.ddy.numel(), PLACES))
+    sizes = {}
+    for traced in problem.traced:
+        constraint = traced.constraint
+        if isinstance(constraint, Holonomic):
+            continue
+        function = ca.Function("condition", problem.symbols.all, [traced.expression])
+        values = np.asarray(function(x[None], y, slope, second, *numbers)).ravel()
+        own = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+        width = problem.span[1] - problem.span[0] if isinstance(constraint, Isoperimetric) else 1.0
+        limits = [abs(limit) for limit in constraint.interval if math.isfinite(limit)]
+        place = next(i for i, c in enumerate(problem.constraints) if c is constraint)
+        sizes[place] = max(*limits, own * width) or 1.0
+    return sizes
+
+
+def _elastic(problem: Problem, sizes: dict[int, float], weight: float) -> Problem:
+    """The problem whose curve misses the conditions of ``problem`` least, and is smooth for the rest."""
+    name, named = _name(problem), bool(problem.parameters or problem.unknowns)
+    a, b = problem.span
+    ends = [np.abs(v).max(initial=0.0) for v in formulate(problem).baseline(np.array([a, b])).T]
+    steepness = float(weight * (b - a) / (max(ends) or 1.0) ** 2)
+
+    def cost(*arguments: Any) -> Any:
+        *slopes, p = arguments[2:]
+        return getattr(p, name) ** 2 / (b - a) + steepness * ca.sumsqr(slopes[-1]) * (b - a) ** (2 * len(slopes) - 2)
+
+    def shifted(function: Callable[..., Any], share: float) -> Callable[..., Any]:
+        """``function`` with a share of the miss added."""
+        return lambda *a: function(*(a if named else a[:-1])) + share * getattr(a[-1], name)
+
+    conditions: list[Any] = []
+    for i, constraint in enumerate(problem.constraints):
+        if isinstance(constraint, Through):
+            conditions.append(constraint)
+        elif isinstance(constraint, Holonomic):
+            conditions.append(Holonomic(shifted(constraint.phi, 0.0)))
+        elif isinstance(constraint, Isoperimetric):
+            conditions += _loosened(Isoperimetric, constraint.g, constraint.interval, sizes[i] / (b - a), shifted)
+        else:
+            conditions += _loosened(Bound, constraint.h, constraint.interval, sizes[i], shifted)
+    return Problem(
+        cost, problem.start, problem.end, constraints=conditions, parameters=problem.parameters,
+        unknowns={**problem.unknowns, name: 1.0}, order=problem.order, breakpoints=problem.breakpoints,
+    )  # fmt: skip
+
+
+def _loosened(
+    kind: type[Isoperimetric | Bound],
+    function: Callable[..., Any],
+    interval: tuple[float, float],
+    share: float,
+    shifted: Callable[[Callable[..., Any], float], Callable[..., Any]],
+) -> list[Isoperimetric | Bound]:
+    """The condition as up to two inequalities, each of which gives way by a share of the miss."""
+    lower, upper = interval
+    from_below = [kind(shifted(function, share), lower=lower)] if lower > -math.inf else []
+    from_above = [kind(shifted(function, -share), upper=upper)] if upper < math.inf else []
+    return from_below + from_above
