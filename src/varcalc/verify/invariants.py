@@ -17,6 +17,7 @@ import numpy as np
 from varcalc.methods.answer import Extremal
 from varcalc.problem import Curve
 from varcalc.tracing import Expression
+from varcalc.verify.residual import FAINT, felt
 from varcalc.verify.setting import Setting, inner_points
 
 POINTS = 12
@@ -24,7 +25,10 @@ POINTS = 12
 
 
 def invariants(along: Setting, curve: Extremal | None) -> dict[str, float]:
-    """Name and relative drift of every first integral; ``curve`` is in the coordinates a Curve was solved in."""
+    """Name and relative drift of every first integral; ``curve`` is in the coordinates a Curve was solved in.
+
+    What is left where larger terms cancel is measured by a share of those.
+    """
     H = along.whole
     homogeneous = isinstance(along.form.problem, Curve)
     found: dict[str, float] = {}
@@ -33,12 +37,13 @@ def invariants(along: Setting, curve: Extremal | None) -> dict[str, float]:
     if H.ignorable_abscissa and not homogeneous:
         tower = H.derivatives_of_y
         size = sum(ca.fabs(ca.dot(tower[k + 1], m)) for k, m in enumerate(H.momenta)) + ca.fabs(H.expression)
-        values, sizes = evaluate(s, H.energy, size)
-        found["energy"] = _drift(along, s, values, sizes)
+        slope, uncancelled = ca.fabs(tower[along.order]), felt(along)
+        values, sizes, left = evaluate(s, H.energy, size, FAINT * ca.dot(slope, uncancelled))
+        found["energy"] = _drift(along, s, values, np.maximum(sizes, left))
     for i in H.ignorable:
-        values, whole = evaluate(s, H.momenta[0][i], H.expression)
+        values, whole, left = evaluate(s, H.momenta[0][i], H.expression, FAINT * felt(along)[i])
         extent = float(np.ptp(along.evaluate(s, 0)[i])) or along.length
-        sizes = np.abs(values) + np.abs(whole) * along.length / extent
+        sizes = np.maximum(np.abs(values) + np.abs(whole) * along.length / extent, left)
         found["momentum" if along.form.problem.scalar else f"momentum[{i}]"] = _drift(along, s, values, sizes)
     if homogeneous and curve is not None and curve.form.lift is None:
         velocity = curve.evaluate(s, 1)
