@@ -96,8 +96,8 @@ class Functional:
             raise TypeError(f"lagrangian must be a function, not {lagrangian!r}")
         self.lagrangian = lagrangian
         self.start, self.end = start, end
-        self.parameters = _named("parameters", parameters)
-        self.unknowns = _named("unknowns", unknowns)
+        self.parameters = named("parameters", parameters)
+        self.unknowns = named("unknowns", unknowns)
         both = self.parameters.keys() & self.unknowns.keys()
         if both:
             raise ValueError(f"{sorted(both)} are given both in parameters and in unknowns; choose one")
@@ -204,12 +204,12 @@ class Functional:
         >>> fall.with_parameters({"g": 1.62}).parameters
         {'g': 1.62}
         """
-        named = _named("parameters", values)
-        strange = named.keys() - self.parameters.keys()
+        given = named("parameters", values)
+        strange = given.keys() - self.parameters.keys()
         if strange:
             raise ValueError(f"{sorted(strange)} are no parameters of this problem; it has {sorted(self.parameters)}")
         other = copy.copy(self)
-        other.parameters = self.parameters | named
+        other.parameters = self.parameters | given
         other.check_places()
         return other
 
@@ -232,7 +232,8 @@ def _own_name(lagrangian: Callable[..., Any]) -> str:
     return UNNAMED if name == "<lambda>" else name
 
 
-def _named(name: str, values: Mapping[str, float] | None) -> dict[str, float]:
+def named(name: str, values: Mapping[str, float] | None) -> dict[str, float]:
+    """Parameters as people give them, copied; TypeError or ValueError naming ``name`` for what are none."""
     if values is None:
         return {}
     if not isinstance(values, Mapping):

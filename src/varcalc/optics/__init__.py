@@ -2,7 +2,7 @@
 
 from varcalc.optics.beam import RayStatus
 from varcalc.optics.bundle import Bundle
-from varcalc.optics.dispersion import GLASSES, Cauchy, Sellmeier
+from varcalc.optics.dispersion import GLASSES, Cauchy, Dispersion, Sellmeier
 from varcalc.optics.known import (
     eaton,
     exponential_atmosphere,
@@ -24,6 +24,7 @@ __all__ = [
     "Bundle",
     "Cauchy",
     "Conic",
+    "Dispersion",
     "Graded",
     "Implicit",
     "Medium",

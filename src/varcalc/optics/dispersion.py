@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from varcalc.optics.values import numbers
 
 
+class Dispersion(ABC):
+    """A formula for the index of a material at a wavelength. A new one defines :meth:`index`."""
+
+    @abstractmethod
+    def index(self, wavelength: Any) -> Any:
+        """n at ``wavelength``, in micrometres in vacuum: a number, which is checked, or a symbol."""
+
+
 @dataclass(frozen=True)
-class Sellmeier:
+class Sellmeier(Dispersion):
     """n² = 1 + Σ B λ²/(λ² - C), with λ the vacuum wavelength in micrometres and C in square micrometres.
 
     Parameters
@@ -40,10 +51,15 @@ class Sellmeier:
         if strengths.ndim != 1 or strengths.shape != resonances.shape:
             raise ValueError(f"B and C must be as many numbers each, not {self.B!r} and {self.C!r}")
 
-    def index(self, wavelength: float) -> float:
-        """n at ``wavelength`` in micrometres; ValueError outside the range of the formula, and at a resonance."""
+    def index(self, wavelength: Any) -> Any:
+        """n at ``wavelength`` in micrometres; ValueError outside the range of the formula, and at a resonance.
+
+        Where ``wavelength`` is a symbol, so is n.
+        """
         check_wavelength(wavelength, self.range)
         squared = 1 + sum(b * wavelength**2 / (wavelength**2 - c) for b, c in zip(self.B, self.C, strict=True))
+        if isinstance(wavelength, ca.SX):
+            return ca.sqrt(squared)
         if not squared > 0:
             raise ValueError(
                 f"the formula gives n² = {squared:g} at {wavelength} micrometres: that is an absorption band"
@@ -52,7 +68,7 @@ class Sellmeier:
 
 
 @dataclass(frozen=True)
-class Cauchy:
+class Cauchy(Dispersion):
     """n = A₀ + A₁/λ² + A₂/λ⁴ + ..., with λ the vacuum wavelength in micrometres.
 
     Parameters
@@ -72,14 +88,20 @@ class Cauchy:
         if numbers("A", self.A).ndim != 1:
             raise ValueError(f"A must be a sequence of numbers, not {self.A!r}")
 
-    def index(self, wavelength: float) -> float:
-        """n at ``wavelength`` in micrometres; ValueError outside the range of the formula."""
+    def index(self, wavelength: Any) -> Any:
+        """n at ``wavelength`` in micrometres; ValueError outside the range of the formula.
+
+        Where ``wavelength`` is a symbol, so is n.
+        """
         check_wavelength(wavelength, self.range)
-        return float(sum(a * wavelength ** (-2 * k) for k, a in enumerate(self.A)))
+        index = sum(a * wavelength ** (-2 * k) for k, a in enumerate(self.A))
+        return index if isinstance(wavelength, ca.SX) else float(index)
 
 
-def check_wavelength(wavelength: float, between: tuple[float, float]) -> None:
-    """Raise ValueError unless ``wavelength`` lies in the range, in micrometres."""
+def check_wavelength(wavelength: Any, between: tuple[float, float]) -> None:
+    """Raise ValueError for a number that does not lie in the range, in micrometres; symbols pass."""
+    if isinstance(wavelength, ca.SX):
+        return
     if not between[0] <= wavelength <= between[1] or not wavelength > 0:
         raise ValueError(f"wavelength must lie between {between[0]} and {between[1]} micrometres, not {wavelength}")
 

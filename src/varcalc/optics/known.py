@@ -1,9 +1,13 @@
-"""Media that people ask for by name, each with its source."""
+"""Media that people ask for by name, each with its source; their numbers are parameters of the medium."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from typing import Any
+
 import casadi as ca
 
+from varcalc.optics.dispersion import check_wavelength
 from varcalc.optics.media import Graded, Radial, Stratified
 
 EARTH = 6371e3
@@ -12,17 +16,17 @@ EARTH = 6371e3
 
 def luneburg(radius: float = 1.0) -> Radial:
     """n² = 2 - (r/R)²: a plane wave is focused on the rim (Luneburg, "Mathematical Theory of Optics", sect. 29)."""
-    return Radial(lambda r: ca.sqrt(2 - (r / radius) ** 2))
+    return Radial(lambda r, p: ca.sqrt(2 - (r / p.radius) ** 2), parameters={"radius": radius})
 
 
 def fish_eye(index: float = 2.0, radius: float = 1.0) -> Radial:
     """n = n0/(1 + (r/a)²): rays are circles, every point is imaged (Maxwell 1854; Born and Wolf, sect. 4.2.2)."""
-    return Radial(lambda r: index / (1 + (r / radius) ** 2))
+    return Radial(lambda r, p: p.index / (1 + (r / p.radius) ** 2), parameters={"index": index, "radius": radius})
 
 
 def eaton(radius: float = 1.0) -> Radial:
     """n² = 2 R/r - 1: rays are sent back the way they came; singular at the centre (Eaton 1952)."""
-    return Radial(lambda r: ca.sqrt(2 * radius / r - 1))
+    return Radial(lambda r, p: ca.sqrt(2 * p.radius / r - 1), parameters={"radius": radius})
 
 
 def selfoc(index: float = 1.5, gradient: float = 1.0) -> Graded:
@@ -31,11 +35,12 @@ def selfoc(index: float = 1.5, gradient: float = 1.0) -> Graded:
     ``gradient`` is a, one over a length.
     """
 
-    def index_at(*position: ca.SX) -> ca.SX:
+    def index_at(*arguments: Any) -> ca.SX:
+        *position, p = arguments
         across = ca.vertcat(*position[:-1])
-        return index * ca.sqrt(1 - gradient**2 * ca.sumsqr(across))
+        return p.index * ca.sqrt(1 - p.gradient**2 * ca.sumsqr(across))
 
-    return Graded(index_at)
+    return Graded(index_at, parameters={"index": index, "gradient": gradient})
 
 
 def exponential_atmosphere(
@@ -45,9 +50,11 @@ def exponential_atmosphere(
 
     h is the last coordinate, or the distance from the sphere's surface.
     """
-    if earth_radius is None:
-        return Stratified(lambda h: 1 + refractivity * ca.exp(-h / scale_height))
-    return Radial(lambda r: 1 + refractivity * ca.exp(-(r - earth_radius) / scale_height))
+
+    def index(height: ca.SX, p: Any) -> ca.SX:
+        return 1 + p.refractivity * ca.exp(-height / p.scale_height)
+
+    return _over_ground(index, earth_radius, {"refractivity": refractivity, "scale_height": scale_height})
 
 
 def munk_profile(
@@ -60,11 +67,11 @@ def munk_profile(
     are those of Jensen, Kuperman, Porter, Schmidt, "Computational Ocean Acoustics", sect. 5.6.
     """
 
-    def index(height: ca.SX) -> ca.SX:
-        eta = 2 * (-height - axis) / axis
-        return reference / (speed * (1 + epsilon * (eta - 1 + ca.exp(-eta))))
+    def index(height: ca.SX, p: Any) -> ca.SX:
+        eta = 2 * (-height - p.axis) / p.axis
+        return reference / (p.speed * (1 + p.epsilon * (eta - 1 + ca.exp(-eta))))
 
-    return Stratified(index)
+    return Stratified(index, {"axis": axis, "speed": speed, "epsilon": epsilon})
 
 
 def standard_atmosphere(wavelength: float = 0.55, earth_radius: float | None = None) -> Stratified | Radial:
@@ -74,15 +81,21 @@ def standard_atmosphere(wavelength: float = 0.55, earth_radius: float | None = N
     formula as Birch and Downs have it (Metrologia 30 (1993) 155), in proportion to the density of an ideal gas.
     ``wavelength`` is in micrometres, in vacuum, from 0.35 to 0.65.
     """
-    if not 0.3 <= wavelength <= 1.7:
-        raise ValueError(f"wavelength must be in micrometres, between 0.3 and 1.7, not {wavelength}")
-    sigma = 1 / wavelength**2
-    at_15 = 1e-8 * (8342.54 + 2406147 / (130 - sigma) + 15998 / (38.9 - sigma))
 
-    def index(height: ca.SX) -> ca.SX:
+    def index(height: ca.SX, p: Any) -> ca.SX:
+        check_wavelength(p.wavelength, (0.3, 1.7))
+        sigma = 1 / p.wavelength**2
+        at_15 = 1e-8 * (8342.54 + 2406147 / (130 - sigma) + 15998 / (38.9 - sigma))
         ratio = 1 - 0.0065 * height / 288.15
         return 1 + at_15 * ratio**4.25588
 
+    return _over_ground(index, earth_radius, {"wavelength": wavelength})
+
+
+def _over_ground(
+    index: Callable[[Any, Any], Any], earth_radius: float | None, parameters: Mapping[str, float]
+) -> Stratified | Radial:
+    """``index`` of the height and the parameters, over a plane, or over a sphere about the origin."""
     if earth_radius is None:
-        return Stratified(index)
-    return Radial(lambda r: index(r - earth_radius))
+        return Stratified(index, parameters)
+    return Radial(lambda r, p: index(r - earth_radius, p), parameters=parameters)

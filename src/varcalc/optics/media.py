@@ -7,27 +7,45 @@ is what Hamilton's ray equations need, and often a polynomial where n is none.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import casadi as ca
 import numpy as np
 
 from varcalc import tracing
+from varcalc.functional import named
 from varcalc.instructions import Vectorised
+from varcalc.optics.dispersion import Dispersion
+from varcalc.optics.parameters import Parametrised
 from varcalc.optics.values import point
 
 Expression = Any
 """A CasADi SX expression."""
 
 
-class Medium(ABC):
+WAVELENGTH = "wavelength"
+"""The parameter that a scene's ``wavelength`` sets, in micrometres in vacuum."""
+
+
+class Medium(Parametrised, ABC):
     """What fills a part of a scene. A new medium defines :meth:`index`."""
 
     @abstractmethod
     def index(self, position: Expression) -> Expression:
         """n at ``position``, a column of 2 or 3 CasADi symbols."""
+
+    def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:  # noqa: ARG002  none, unless a medium says otherwise
+        """n at ``position`` for other values of the parameters, which may be symbols."""
+        return self.index(position)
+
+    def at_wavelength(self, wavelength: float) -> Self:
+        """The medium for light of ``wavelength``, in micrometres in vacuum; itself where it has no dispersion.
+
+        It has where ``wavelength`` is among its parameters.
+        """
+        return self.with_parameters({WAVELENGTH: wavelength}) if WAVELENGTH in self.parameters else self
 
     def squared_index(self, position: Expression) -> Expression:
         """n² at ``position``; simpler than n where that is a root."""
@@ -44,32 +62,76 @@ class Medium(ABC):
         return False
 
 
+def _declared() -> Any:
+    """The field ``parameters`` of a medium."""
+    return field(default_factory=dict, hash=False)
+
+
 @dataclass(frozen=True)
-class Uniform(Medium):
+class _Parametric(Medium):
+    """A medium whose ``n`` takes the parameters as its last argument ``p``, where there are any."""
+
+    def index(self, position: Expression) -> Expression:
+        """n at ``position``, for the present values of the parameters."""
+        return self.parametric_index(position, self.parameters)
+
+
+@dataclass(frozen=True)
+class Uniform(_Parametric):
     """The same index everywhere.
 
     Parameters
     ----------
-    n : float
-        The refractive index, positive.
+    n : float, Dispersion or callable
+        The refractive index, positive; or the formula of a glass, for a scene with a ``wavelength``; or ``n(p)``, a
+        function of the parameters.
+    parameters : Mapping[str, float], optional
+        Names with values, that ``n`` finds in its last argument: ``p.name``.
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         Where ``n`` is not a positive number.
+
+    Examples
+    --------
+    >>> from varcalc import optics
+    >>> glass = optics.Uniform(optics.GLASSES["N-BK7"])
+    >>> round(float(glass.at_wavelength(0.5875618).index(None)), 5)
+    1.5168
     """
 
-    n: float
+    n: float | Dispersion | Callable[[Any], Expression]
+    parameters: Mapping[str, float] = _declared()
 
     def __post_init__(self) -> None:
-        if not isinstance(self.n, int | float | np.number) or isinstance(self.n, bool):
+        object.__setattr__(self, "parameters", named("parameters", self.parameters))
+        if isinstance(self.n, Dispersion) and not self.parameters:
+            return
+        if not isinstance(self.n, int | float | np.number | Dispersion | Callable) or isinstance(self.n, bool):
             raise TypeError(f"n must be a number, not {self.n!r}; for an index that varies take Graded")
-        if not 0 < self.n < np.inf:
-            raise ValueError(f"n must be a positive index, not {self.n}; a mirror is a surface with mirror=True")
+        value = float(self.index(None))
+        if not 0 < value < np.inf:
+            raise ValueError(f"n must be a positive index, not {value}; a mirror is a surface with mirror=True")
 
-    def index(self, position: Expression) -> Expression:  # noqa: ARG002  the same everywhere
-        """n, a constant."""
+    def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:  # noqa: ARG002  the same everywhere
+        """n, the same everywhere."""
+        if isinstance(self.n, Dispersion):
+            if WAVELENGTH not in parameters:
+                raise ValueError(
+                    "a medium of the scene has dispersion; give wavelength=, in micrometres in vacuum, to the scene or "
+                    "to the call"
+                )
+            return ca.SX(self.n.index(parameters[WAVELENGTH]))
+        if callable(self.n):
+            return _traced("n", self.n, [], parameters)
         return ca.SX(float(self.n))
+
+    def at_wavelength(self, wavelength: float) -> Self:
+        """The medium for light of ``wavelength``, in micrometres in vacuum; itself where it has no dispersion."""
+        if isinstance(self.n, Dispersion):
+            return replace(self, parameters={**self.parameters, WAVELENGTH: wavelength})
+        return super().at_wavelength(wavelength)
 
     @property
     def is_uniform(self) -> bool:
@@ -78,44 +140,54 @@ class Uniform(Medium):
 
 
 @dataclass(frozen=True)
-class Stratified(Medium):
+class Stratified(_Parametric):
     """An index that depends on the height, the last coordinate.
 
     Parameters
     ----------
     n : callable
-        ``n(height)``, written with NumPy's or CasADi's functions; called once, with a symbol.
+        ``n(height)``, written with NumPy's or CasADi's functions, or ``n(height, p)`` where there are parameters;
+        called with symbols.
+    parameters : Mapping[str, float], optional
+        Names with values, that ``n`` finds in its last argument: ``p.name``.
     """
 
-    n: Callable[[Expression], Expression]
+    n: Callable[..., Expression]
+    parameters: Mapping[str, float] = _declared()
 
     def __post_init__(self) -> None:
-        _traced("n", self.n, [ca.SX.sym("height")])
+        object.__setattr__(self, "parameters", named("parameters", self.parameters))
+        _traced("n", self.n, [ca.SX.sym("height")], self.parameters)
 
-    def index(self, position: Expression) -> Expression:
+    def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:
         """n at the height of ``position``."""
-        return _traced("n", self.n, [position[position.numel() - 1]])
+        return _traced("n", self.n, [position[position.numel() - 1]], parameters)
 
 
 @dataclass(frozen=True)
-class Radial(Medium):
+class Radial(_Parametric):
     """An index that depends on the distance from a centre.
 
     Parameters
     ----------
     n : callable
-        ``n(radius)``, written with NumPy's or CasADi's functions; called once, with a symbol.
+        ``n(radius)``, written with NumPy's or CasADi's functions, or ``n(radius, p)`` where there are parameters;
+        called with symbols.
     center : sequence of float, optional
         2 or 3 coordinates; the origin when left out.
+    parameters : Mapping[str, float], optional
+        Names with values, that ``n`` finds in its last argument: ``p.name``.
     """
 
-    n: Callable[[Expression], Expression]
+    n: Callable[..., Expression]
     center: Sequence[float] | None = None
+    parameters: Mapping[str, float] = _declared()
 
     def __post_init__(self) -> None:
         if self.center is not None:
             object.__setattr__(self, "center", point("center", self.center))
-        _traced("n", self.n, [ca.SX.sym("radius")])
+        object.__setattr__(self, "parameters", named("parameters", self.parameters))
+        _traced("n", self.n, [ca.SX.sym("radius")], self.parameters)
 
     @property
     def dimension(self) -> int | None:
@@ -126,39 +198,46 @@ class Radial(Medium):
         """The centre as an array."""
         return np.zeros(dimension) if self.center is None else np.asarray(self.center, dtype=float)
 
-    def index(self, position: Expression) -> Expression:
+    def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:
         """n at the distance of ``position`` from the centre; even powers of it are written without a root."""
         offset = position - ca.DM(self.middle(position.numel()))
-        return _traced("n", self.n, [ca.sqrt(ca.sumsqr(offset))])
+        return _traced("n", self.n, [ca.sqrt(ca.sumsqr(offset))], parameters)
 
 
 @dataclass(frozen=True)
-class Graded(Medium):
+class Graded(_Parametric):
     """Any index.
 
     Parameters
     ----------
     n : callable
-        ``n(x, y)`` in the plane, ``n(x, y, z)`` in space: as many arguments as points have coordinates;
-        written with NumPy's or CasADi's functions, called once, with symbols.
+        ``n(x, y)`` in the plane, ``n(x, y, z)`` in space: as many arguments as points have coordinates, and ``p``
+        last where there are parameters; written with NumPy's or CasADi's functions, called with symbols.
+    parameters : Mapping[str, float], optional
+        Names with values, that ``n`` finds in its last argument: ``p.name``.
     """
 
     n: Callable[..., Expression]
+    parameters: Mapping[str, float] = _declared()
 
     def __post_init__(self) -> None:
         if not callable(self.n):
             raise TypeError(f"n must be a function of the coordinates, not {self.n!r}; for a number take Uniform")
+        object.__setattr__(self, "parameters", named("parameters", self.parameters))
 
-    def index(self, position: Expression) -> Expression:
+    def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:
         """n at ``position``."""
-        return _traced("n", self.n, [position[i] for i in range(position.numel())])
+        return _traced("n", self.n, [position[i] for i in range(position.numel())], parameters)
 
 
-def _traced(name: str, n: Callable[..., Expression], arguments: list[Expression]) -> Expression:
+def _traced(
+    name: str, n: Callable[..., Expression], arguments: list[Expression], parameters: Mapping[str, Expression]
+) -> Expression:
     """n(*arguments), or an error that names the argument and says what is wrong with it."""
-    hint = "it is called with as many coordinates as a point has"
+    hint = "it is called with as many coordinates as a point has, and with p last where there are parameters"
+    last = [tracing.Names(dict(parameters))] if parameters else []
     try:
-        return tracing.trace(name, n, arguments, ca.SX, hint)
+        return tracing.trace(name, n, [*arguments, *last], ca.SX, hint)
     except tracing.NotSymbolic as error:
         raise ValueError(
             f"{name} could not be evaluated with symbols: {error}; write comparisons with ca.if_else, "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,7 +51,7 @@ def section(medium: Medium, a: np.ndarray, b: np.ndarray) -> tuple[Section, Medi
         center = medium.middle(3)
         first, other = (a - center, b - center) if np.linalg.norm(a - center) > 0 else (b - center, b - center)
         first = first / np.linalg.norm(first)
-        return Section(center, np.stack([first, _across(first, other)])), Radial(medium.n)
+        return Section(center, np.stack([first, _across(first, other)])), replace(medium, center=None)
     return None
 
 

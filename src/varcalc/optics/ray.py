@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import overload
 
 import numpy as np
 
+from varcalc.optics.derivatives import path_derivatives
 from varcalc.optics.legs import Leg
+from varcalc.optics.media import Medium
+from varcalc.optics.surfaces import Surface
 
 ROUNDS = 8
 """Newton's steps from a sampled σ to one at a given optical path."""
@@ -49,6 +53,19 @@ class Ray:
     tangents: tuple[np.ndarray, np.ndarray]
     model: str
     legs: Sequence[Leg] = field(repr=False)
+    media: Sequence[Medium] = field(repr=False, default=())
+    surfaces: Sequence[Surface] = field(repr=False, default=())
+
+    @cached_property
+    def derivatives(self) -> dict[str, float]:
+        """The derivatives of ``optical_path`` in the parameters of the media and surfaces, by name; A and B stay.
+
+        Fermat's principle makes them one integral along the ray, ∂S/∂p = ∫ ∂n/∂p ds. A name that stands in several
+        media or surfaces is one parameter, which changes in all of them by the same amount.
+
+        Raises ArithmeticError where the index is not smooth along the ray.
+        """
+        return path_derivatives(self.legs, self.media, self.surfaces)
 
     def point(self, s: float | np.ndarray) -> np.ndarray:
         """The point of the ray at the optical path ``s`` from A, shape ``np.shape(s) + (d,)``.

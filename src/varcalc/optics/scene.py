@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,8 @@ class Scene:
         a mirror is that before it, and need not be repeated.
     surfaces : sequence of Surface, optional
         In the order in which a ray meets them.
+    wavelength : float, optional
+        In micrometres, in vacuum, for media with dispersion.
 
     Raises
     ------
@@ -55,7 +57,13 @@ class Scene:
            [1., 0.]])
     """
 
-    def __init__(self, media: Medium | Sequence[Medium], surfaces: Sequence[Surface] = ()) -> None:
+    def __init__(
+        self,
+        media: Medium | Sequence[Medium],
+        surfaces: Surface | Sequence[Surface] = (),
+        *,
+        wavelength: float | None = None,
+    ) -> None:
         self.surfaces = (surfaces,) if isinstance(surfaces, Surface) else tuple(surfaces)
         given = (media,) if isinstance(media, Medium) else tuple(media)
         for name, kind, items in (("media", Medium, given), ("surfaces", Surface, self.surfaces)):
@@ -64,6 +72,9 @@ class Scene:
                     raise TypeError(
                         f"{name} must hold members of varcalc.optics such as Uniform or Plane, not {item!r}"
                     )
+        self.wavelength = wavelength
+        if wavelength is not None:
+            given = tuple(medium.at_wavelength(wavelength) for medium in given)
         self.media = _one_more(given, self.surfaces)
         dimensions = {item.dimension for item in (*self.media, *self.surfaces)} - {None}
         if len(dimensions) > 1:
@@ -77,6 +88,22 @@ class Scene:
     def __repr__(self) -> str:
         return f"Scene({list(self.media)}, {list(self.surfaces)})"
 
+    def at_wavelength(self, wavelength: float) -> Scene:
+        """The scene in light of ``wavelength``, in micrometres in vacuum."""
+        return Scene(self.media, self.surfaces, wavelength=wavelength)
+
+    def with_parameters(self, values: Mapping[str, float]) -> Scene:
+        """The scene for other values of its media's and surfaces' parameters.
+
+        Raises ValueError for a name that none of them has.
+        """
+        known = {name for part in (*self.media, *self.surfaces) for name in part.parameters}
+        if values.keys() - known:
+            raise ValueError(f"{sorted(values.keys() - known)} are no parameters of this scene; it has {sorted(known)}")
+        media = [m.with_parameters({k: v for k, v in values.items() if k in m.parameters}) for m in self.media]
+        surfaces = [s.with_parameters({k: v for k, v in values.items() if k in s.parameters}) for s in self.surfaces]
+        return Scene(media, surfaces, wavelength=self.wavelength)
+
     def trace(
         self,
         points: Any,
@@ -85,6 +112,7 @@ class Scene:
         optical_path: Any = None,
         until: Surface | None = None,
         with_spreading: bool = False,
+        wavelength: float | None = None,
     ) -> Bundle:
         """Carry a bundle of rays through the scene, each with steps, an end and a status of its own.
 
@@ -99,6 +127,8 @@ class Scene:
             The surface at which to stop. Exactly one of the two is given.
         with_spreading : bool
             Whether to carry d - 1 neighbours of each ray along, which costs about three times as much.
+        wavelength : float, optional
+            That of the light, in micrometres in vacuum, if it is another than the scene's.
 
         Returns
         -------
@@ -110,6 +140,10 @@ class Scene:
             For arguments that do not fit the scene: a source on a surface or where the index is not positive, a
             direction of length zero, no stop or two.
         """
+        if wavelength is not None:
+            return self.at_wavelength(wavelength).trace(
+                points, directions, optical_path=optical_path, until=until, with_spreading=with_spreading
+            )
         start, heading = self._sources(points, directions)
         if (optical_path is None) == (until is None):
             raise ValueError("give either optical_path= or until=, to say where the rays are to stop")
@@ -130,7 +164,7 @@ class Scene:
         ends, ahead, paths, statuses, spread = (np.concatenate(column) for column in zip(*parts, strict=True))
         return Bundle(ends, ahead, paths, statuses, spread if with_spreading else None, march.name)
 
-    def rays(self, A: Any, B: Any, *, within: float | None = None) -> Rays:
+    def rays(self, A: Any, B: Any, *, within: float | None = None, wavelength: float | None = None) -> Rays:
         """All rays from A to B, each polished to round-off, none twice and none false.
 
         Every direction is searched. In space, unless the medium keeps rays in a plane, as layers and a centre do,
@@ -144,6 +178,8 @@ class Scene:
         within : float, optional
             The optical path up to which rays are looked for; a multiple of the optical distance of A and B, and of
             the lengths over which the index changes there, when left out. It is stated in ``searched``.
+        wavelength : float, optional
+            That of the light, in micrometres in vacuum, if it is another than the scene's.
 
         Returns
         -------
@@ -165,6 +201,8 @@ class Scene:
         >>> [(round(ray.optical_path, 12), ray.index) for ray in rays]
         [(0.494521305498, 0), (0.730223565894, 1)]
         """
+        if wavelength is not None:
+            return self.at_wavelength(wavelength).rays(A, B, within=within)
         a, b = self._ends(A, B)
         if within is not None and not (numbers("within", within).ndim == 0 and within > 0):
             raise ValueError(f"within must be a positive optical path, not {within!r}")

@@ -7,7 +7,7 @@ normal is the gradient of that, and its curvature the second derivatives.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,14 +15,16 @@ import casadi as ca
 import numpy as np
 
 from varcalc import tracing
+from varcalc.functional import named
 from varcalc.instructions import Vectorised
+from varcalc.optics.parameters import Parametrised
 from varcalc.optics.values import direction, numbers, point
 
 Expression = Any
 """A CasADi SX expression."""
 
 
-class Surface(ABC):
+class Surface(Parametrised, ABC):
     """A surface in the plane (a curve there) or in space. A new one defines :meth:`level`."""
 
     mirror: bool
@@ -30,6 +32,10 @@ class Surface(ABC):
     @abstractmethod
     def level(self, position: Expression) -> Expression:
         """A smooth expression that is zero on the surface, at ``position`` (a column of symbols)."""
+
+    def parametric_level(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:  # noqa: ARG002  none, unless a surface says otherwise
+        """The level for other values of the parameters, which may be symbols."""
+        return self.level(position)
 
     def belongs(self, position: Expression) -> Expression:  # noqa: ARG002  every zero does, unless a surface says otherwise
         """Positive where a zero of the level belongs to the surface; an expression, or a number."""
@@ -186,24 +192,34 @@ class Implicit(Surface):
     Parameters
     ----------
     level_function : callable
-        ``f(x, y)`` in the plane, ``f(x, y, z)`` in space; zero on the surface, with a gradient other than zero
-        there; written with NumPy's or CasADi's functions, called once, with symbols.
+        ``f(x, y)`` in the plane, ``f(x, y, z)`` in space, and ``p`` last where there are parameters; zero on the
+        surface, with a gradient other than zero there; written with NumPy's or CasADi's functions, called with
+        symbols.
     mirror : bool
+    parameters : Mapping[str, float], optional
+        Names with values, that the function finds in its last argument: ``p.name``.
     """
 
     level_function: Callable[..., Expression]
     mirror: bool = False
+    parameters: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         if not callable(self.level_function):
             raise TypeError(f"f must be a function of the coordinates, not {self.level_function!r}")
+        object.__setattr__(self, "parameters", named("parameters", self.parameters))
 
     def level(self, position: Expression) -> Expression:
+        """f at ``position``, for the present values of the parameters."""
+        return self.parametric_level(position, self.parameters)
+
+    def parametric_level(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:
         """f at ``position``."""
-        hint = "it is called with as many coordinates as a point has"
+        hint = "it is called with as many coordinates as a point has, and with p last where there are parameters"
         arguments = [position[i] for i in range(position.numel())]
+        last = [tracing.Names(dict(parameters))] if parameters else []
         try:
-            return tracing.trace("f", self.level_function, arguments, ca.SX, hint)
+            return tracing.trace("f", self.level_function, [*arguments, *last], ca.SX, hint)
         except tracing.NotSymbolic as error:
             raise ValueError(f"f could not be evaluated with symbols: {error}") from error
 

@@ -109,6 +109,8 @@ class TwoPoint:
             tangents=(heading, tangent),
             model=self.full.name,
             legs=legs,
+            media=self.full.media,
+            surfaces=self.full.surfaces,
         )
 
     def _legs(self, beam: Beam, path: float) -> tuple[list[Leg], Beam]:
