@@ -15,36 +15,49 @@ from varcalc.optics.known import (
 from varcalc.optics.media import Graded, Medium, Radial, Stratified, Uniform
 from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.scene import Scene
+from varcalc.optics.sources import PlaneWave, PointSource, Source
 from varcalc.optics.surfaces import Asphere, Conic, Implicit, Plane, Sphere, Surface
 from varcalc.optics.tabulated import Tabulated
+from varcalc.optics.tubes import Intensity, RayTube
+from varcalc.optics.wavefronts import Caustic, Wavefront, caustic, ray_tube, wavefront
 
 __all__ = [
     "GLASSES",
     "Asphere",
     "Bundle",
     "Cauchy",
+    "Caustic",
     "Conic",
     "Dispersion",
     "Graded",
     "Implicit",
+    "Intensity",
     "Medium",
     "Plane",
+    "PlaneWave",
+    "PointSource",
     "Radial",
     "Ray",
     "RayStatus",
+    "RayTube",
     "Rays",
     "Scene",
     "Sellmeier",
+    "Source",
     "Sphere",
     "Stratified",
     "Surface",
     "Tabulated",
     "Uniform",
+    "Wavefront",
+    "caustic",
     "eaton",
     "exponential_atmosphere",
     "fish_eye",
     "luneburg",
     "munk_profile",
+    "ray_tube",
     "selfoc",
     "standard_atmosphere",
+    "wavefront",
 ]

@@ -50,6 +50,7 @@ class Leg:
         """
         sigma, beam = self.sampled()
         scale = float(np.linalg.norm(beam.turned) / max(np.linalg.norm(beam.moved), np.finfo(float).tiny))
+        scale = scale or 1 / self.length  # neighbours that are parallel all the way have none of their own
         phases = self._phases(beam, scale)
         if not np.any(beam.moved[0]):  # all neighbours start together: that is no conjugate point
             phases[0] = np.where(np.abs(phases[0] - np.pi) < STARTING, np.pi, phases[0])

@@ -9,13 +9,12 @@ from typing import overload
 
 import numpy as np
 
+from varcalc.optics.beam import RayStatus
 from varcalc.optics.derivatives import path_derivatives
 from varcalc.optics.legs import Leg
 from varcalc.optics.media import Medium
 from varcalc.optics.surfaces import Surface
-
-ROUNDS = 8
-"""Newton's steps from a sampled σ to one at a given optical path."""
+from varcalc.optics.tubes import RayTube
 
 
 @dataclass(frozen=True)
@@ -72,29 +71,12 @@ class Ray:
 
         Raises ValueError for ``s`` beyond the ends of the ray.
         """
-        wanted = np.atleast_1d(np.asarray(s, dtype=float))
-        if not np.all((wanted >= 0) & (wanted <= self.optical_path * (1 + 1e-12))):
-            raise ValueError(f"s must lie between 0 and the ray's optical path {self.optical_path}, not {s!r}")
-        points = np.empty((wanted.size, len(self.tangents[0])))
-        for leg in self.legs:
-            start = float(leg.at(np.zeros(1)).optical_path[0])
-            rows = np.flatnonzero(wanted.ravel() >= start)
-            if len(rows):
-                points[rows] = _at_path(leg, wanted.ravel()[rows])
-        return points.reshape(np.shape(s) + points.shape[1:])
+        return self.tube.point(s)
 
-
-def _at_path(leg: Leg, wanted: np.ndarray) -> np.ndarray:
-    """Positions (k, d) at the optical paths ``wanted`` (k,), none before the leg; beyond its end they are its end."""
-    sampled, beam = leg.sampled()
-    sigma = np.interp(wanted, beam.optical_path, sampled)
-    for _ in range(ROUNDS):
-        here = leg.at(sigma)
-        step = (wanted - here.optical_path) / np.sum(here.momentum**2, axis=1)
-        sigma = np.clip(sigma + step, 0.0, leg.length)
-        if np.all(np.abs(step) <= 4 * np.finfo(float).eps * leg.length):
-            break
-    return leg.at(sigma).position
+    @cached_property
+    def tube(self) -> RayTube:
+        """The ray with its neighbours from A: its spreading and intensity all along."""
+        return RayTube(RayStatus.ARRIVED, self.legs)
 
 
 @dataclass(frozen=True)

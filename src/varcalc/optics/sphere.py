@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.optics.beam import Beam, frames
+from varcalc.optics.sources import spread
 
 DIRECTIONS = 1500
 """Directions looked at, 0.09 apart."""
@@ -42,7 +43,7 @@ class Found:
 
 def search(fan: Fan, target: np.ndarray, size: float) -> Found:
     """Rays to ``target`` (3,), each polished; one whose neighbourhood is finer than the net may be missed."""
-    net = _net()
+    net = spread(DIRECTIONS, 3)
     headings, paths = _starts(fan, net, target)
     misses = np.full(len(headings), np.inf)
     count = len(net)
@@ -62,14 +63,6 @@ def search(fan: Fan, target: np.ndarray, size: float) -> Found:
         if misses[k] <= MET * size and not any(alike):
             kept.append(int(k))
     return Found(headings[kept], paths[kept], count)
-
-
-def _net() -> np.ndarray:
-    """Directions spread evenly over the sphere, on a spiral (Swinbank and Purser, 2006)."""
-    number = np.arange(DIRECTIONS) + 0.5
-    height, turn = 1 - 2 * number / DIRECTIONS, np.pi * (1 + np.sqrt(5)) * number
-    across = np.sqrt(1 - height**2)
-    return np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
 
 
 def _starts(fan: Fan, net: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

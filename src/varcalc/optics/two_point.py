@@ -8,17 +8,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from varcalc import engines
-from varcalc.engines import Flow
 from varcalc.optics import sphere
 from varcalc.optics.arrivals import Search
 from varcalc.optics.beam import NOTHING, Beam, RayStatus, launched, spreading
-from varcalc.optics.legs import Leg, hamilton_leg, straight_leg
 from varcalc.optics.march import March
 from varcalc.optics.passes import HamiltonLeg, LastLeg, Passes, StraightLeg, passes
 from varcalc.optics.plane import Section
 from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.straight import StraightRays
-from varcalc.optics.system import packed, ray_system
+from varcalc.optics.tracks import Tracks
 
 FLAT = 1e-9
 """A spreading so small beside that of a uniform medium is that of a conjugate point."""
@@ -36,9 +34,10 @@ class TwoPoint:
     march: March
     full: March
     leg: LastLeg = field(init=False, repr=False)
-    _flows: dict[int, Flow] = field(init=False, default_factory=dict, repr=False)
+    tracks: Tracks = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        self.tracks = Tracks(self.full)
         last = self.march.models[-1]
         if isinstance(last, StraightRays):
             self.leg = StraightLeg(last)
@@ -91,7 +90,7 @@ class TwoPoint:
         """The ray along ``heading`` (d,) with its neighbours, in the dimensions of the scene."""
         index = self.full.fields[0].index(a[None, :])
         beam = launched(a[None, :], heading[None, :], index, neighbours=True)
-        legs, end = self._legs(beam, path)
+        legs, end, _ = self.tracks.legs(beam, path)
         away = b - end.position[0]
         along = float(np.dot(end.momentum[0], away))
         spread = float(spreading(end)[0])
@@ -112,32 +111,6 @@ class TwoPoint:
             media=self.full.media,
             surfaces=self.full.surfaces,
         )
-
-    def _legs(self, beam: Beam, path: float) -> tuple[list[Leg], Beam]:
-        """The legs of one ray up to the optical path ``path``, and its end."""
-        legs = []
-        for number in range(len(self.full.media)):
-            before = beam
-            last = number == len(self.full.media) - 1
-            leaving = self.full.shapes[number - 1] if number else NOTHING
-            arrival = self.full.models[number].advance(beam, np.full(1, path), leaving)
-            legs.append(self._one_leg(number, before, arrival.beam))
-            beam = arrival.beam if last else self.full.refracted(number, arrival.beam)[0]
-        return legs, beam
-
-    def _one_leg(self, number: int, before: Beam, after: Beam) -> Leg:
-        """The leg in medium ``number`` from ``before`` to ``after``."""
-        model = self.full.models[number]
-        if isinstance(model, StraightRays):
-            length = float(after.optical_path[0] - before.optical_path[0]) / model.squared_index
-            return straight_leg(before, model.squared_index, length)
-        field_here = self.full.fields[number]
-        if number not in self._flows:
-            system = ray_system(self.full.media[number], self.full.dimension, self.full.dimension - 1)
-            self._flows[number] = engines.available()[0].compile(system)
-        length = model.sigma(before, float(after.optical_path[0]))
-        pieces = model.pieces(before, float(after.optical_path[0])) or [(0.0, np.zeros(0), packed(before)[0])]
-        return hamilton_leg(pieces, self._flows[number], self.full.dimension, lambda r: field_here(r)[1] / 2, length)
 
 
 @dataclass
