@@ -2,6 +2,7 @@
 
 from varcalc.optics.beam import RayStatus
 from varcalc.optics.bundle import Bundle
+from varcalc.optics.curved import CurvedMedium
 from varcalc.optics.dispersion import GLASSES, Cauchy, Dispersion, Sellmeier
 from varcalc.optics.known import (
     eaton,
@@ -12,7 +13,9 @@ from varcalc.optics.known import (
     selfoc,
     standard_atmosphere,
 )
+from varcalc.optics.maupertuis import maupertuis
 from varcalc.optics.media import Graded, Medium, Radial, Stratified, Uniform
+from varcalc.optics.packets import DispersionRelation, WavePackets
 from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.scene import Scene
 from varcalc.optics.sources import PlaneWave, PointSource, Source
@@ -28,7 +31,9 @@ __all__ = [
     "Cauchy",
     "Caustic",
     "Conic",
+    "CurvedMedium",
     "Dispersion",
+    "DispersionRelation",
     "Graded",
     "Implicit",
     "Intensity",
@@ -49,12 +54,14 @@ __all__ = [
     "Surface",
     "Tabulated",
     "Uniform",
+    "WavePackets",
     "Wavefront",
     "caustic",
     "eaton",
     "exponential_atmosphere",
     "fish_eye",
     "luneburg",
+    "maupertuis",
     "munk_profile",
     "ray_tube",
     "selfoc",

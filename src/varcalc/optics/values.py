@@ -56,3 +56,13 @@ def unit_rows(name: str, given: Any, dimension: int | None = None) -> np.ndarray
     if np.any(lengths == 0):
         raise ValueError(f"{name}: row {int(np.argmin(lengths))} has length zero; give any vector that points the way")
     return array / lengths[:, None]
+
+
+def matched(names: str, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Copies (m, d) of both, where a single row of one serves for all of the other; ``names`` are theirs."""
+    if len(first) != len(second) and 1 not in (len(first), len(second)):
+        raise ValueError(f"there are {len(first)} and {len(second)} {names}; give as many of both, or one")
+    m = len(second) if len(first) == 1 else len(first)
+    return np.array(np.broadcast_to(first, (m, first.shape[1]))), np.array(
+        np.broadcast_to(second, (m, second.shape[1]))
+    )

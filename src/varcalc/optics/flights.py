@@ -1,0 +1,39 @@
+"""Many solutions of a system of ordinary differential equations, each with a status of its own as rays have it."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from varcalc import engines
+from varcalc.engines import OUTCOMES, Outcome
+from varcalc.optics.beam import RayStatus
+from varcalc.optics.values import numbers
+
+ENDED = {
+    Outcome.COMPLETED: RayStatus.ARRIVED,
+    Outcome.NOT_FINITE: RayStatus.SINGULAR,
+    Outcome.BLOW_UP: RayStatus.SINGULAR,
+    Outcome.TOO_MANY_STEPS: RayStatus.TOO_MANY_STEPS,
+}
+
+
+def flown(rates: ca.SX, state: ca.SX, states: np.ndarray, until: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Carry ``states`` (m, N) by dstate/ds = ``rates`` from s = 0 to ``until`` (m,); the ends and their status.
+
+    Those that have not arrived keep the last state that is known.
+    """
+    system = ca.Function("rays", [ca.SX.sym("s"), state, ca.SX.sym("c", 0)], [ca.densify(rates)])
+    landing = engines.default().compile_fleet(system).run(states, np.zeros((len(states), 0)), until)
+    status = np.array([int(ENDED[OUTCOMES[code]]) for code in landing.outcomes], dtype=np.int8)
+    return landing.states, status
+
+
+def how_far(name: str, given: float | np.ndarray, count: int) -> np.ndarray:
+    """Ends (count,) of the parameter, not negative, from one number or one for each; ValueError naming ``name``."""
+    until = numbers(name, given)
+    if until.shape not in ((), (count,)):
+        raise ValueError(f"{name} must be one number or one for each of the {count} rays, not of shape {until.shape}")
+    if np.any(until < 0):
+        raise ValueError(f"{name} must not be negative; turn the directions round to go back")
+    return np.array(np.broadcast_to(until, (count,)))
