@@ -16,6 +16,7 @@ from varcalc.optics.known import (
 from varcalc.optics.maupertuis import maupertuis
 from varcalc.optics.media import Graded, Medium, Radial, Stratified, Uniform
 from varcalc.optics.packets import DispersionRelation, WavePackets
+from varcalc.optics.profiles import read_profile
 from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.scene import Scene
 from varcalc.optics.sources import PlaneWave, PointSource, Source
@@ -64,6 +65,7 @@ __all__ = [
     "maupertuis",
     "munk_profile",
     "ray_tube",
+    "read_profile",
     "selfoc",
     "standard_atmosphere",
     "wavefront",
