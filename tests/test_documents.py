@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import varcalc as vc
+from varcalc import optics
 
 ROOT = Path(__file__).parents[1]
 KNOWN = {("spheroid", "14", "the ladder"), ("spheroid", "14", "Ritz (Newton)"), ("spheroid", "14", "Ritz (IPOPT)")}
@@ -63,6 +64,13 @@ def test_reference_page_names_every_public_name():
     page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
     documented = set(re.findall(r"^\.\. auto(?:class|function|exception):: (\w+)$", page, re.MULTILINE))
     assert documented == set(vc.__all__)
+
+
+def test_reference_page_names_every_public_name_of_optics():
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    documented = set(re.findall(r"^\.\. auto(?:class|function):: varcalc\.optics\.(\w+)$", page, re.MULTILINE))
+    listed = re.findall(r"automodule:: varcalc\.optics\.\w+\n   :members: (.*)$", page, re.MULTILINE)
+    assert documented | set(", ".join(listed).split(", ")) == set(optics.__all__)
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/architecture.md"])
