@@ -147,6 +147,38 @@ class TestCaustics:
             assert found.points.shape == (0, 2)
             assert np.all(found.status == RayStatus.ARRIVED)
 
+    def test_a_table_has_the_caustic_of_the_profile_it_was_made_from(self):
+        """n² = 1 - 2 y in a table, which rays may leave: those that do have touched nothing."""
+        heights = np.linspace(-6, 0.45, 20)
+        table = optics.Scene(optics.Tabulated(heights, np.sqrt(1 - 2 * heights)))
+        found = optics.caustic(table, optics.PointSource((0, 0)), unit(np.radians([40, 60, 85, 120])), 3.0)
+        assert found.ray.tolist() == [0, 1, 3]
+        assert found.status[2] == RayStatus.OUTSIDE
+        np.testing.assert_allclose(found.points[:, 1], (1 - found.points[:, 0] ** 2) / 2, atol=1e-12)
+
+    def test_both_sheets_behind_a_ball_of_glass(self):
+        """Rotational symmetry puts one of a ray's conjugate points on the axis; the other lies in its plane."""
+        ball = [optics.Uniform(1.0), optics.Uniform(1.5), optics.Uniform(1.0)]
+        scene = optics.Scene(ball, [optics.Sphere((0, 0, 0), 1.0)] * 2)
+        wave = optics.PlaneWave((0, 0, -2), (0, 0, 1))
+        offsets = np.array([(0.0, 0.0), (0.1, 0.0), (0.18, 0.24)])
+        found = optics.caustic(scene, wave, offsets, 6.0)
+        assert found.order.tolist() == [1, 2] * 3
+        np.testing.assert_allclose(found.points[:2], [[0, 0, 1.5]] * 2, atol=1e-12)  # n R/(2 (n - 1))
+        height = np.linalg.norm(offsets[1:], axis=1)
+        turned = 2 * (np.arcsin(height) - np.arcsin(height / 1.5))
+        np.testing.assert_allclose(found.points[3::2, :2], 0, atol=1e-12)
+        np.testing.assert_allclose(found.points[3::2, 2], height / np.sin(turned), rtol=1e-12)
+        starts = offsets[1:] @ wave.axes
+        outward = np.sum(np.cross(starts, found.points[2::2]) * (0, 0, 1), axis=1)
+        np.testing.assert_allclose(outward, 0, atol=1e-12)
+
+    def test_rays_into_a_singular_centre_are_marked(self):
+        scene, source = optics.Scene(optics.eaton()), optics.PointSource((0.5, 0))
+        assert optics.caustic(scene, source, [(-1, 0), (0, 1)], 2.0).status.tolist() == [RayStatus.SINGULAR, 0]
+        with pytest.raises(ValueError, match="could not be followed anywhere"):
+            optics.ray_tube(scene, source, (-1, 0), 2.0).point(0.0)
+
 
 class TestRainbow:
     """A sphere of n = 4/3 in which light is reflected once: the rays that leave it have a caustic, which goes to

@@ -53,7 +53,7 @@ class RayTube:
     Attributes
     ----------
     status : RayStatus
-        How the ray ended.
+        How the ray ended. One that comes to a singular index is followed to the last surface before only.
     legs : sequence
         Its parts from surface to surface.
     """
@@ -103,8 +103,10 @@ class RayTube:
         return [focus for leg in self.legs for focus in leg.foci()]
 
     def at(self, s: float | np.ndarray) -> Beam:
-        """The ray with its neighbours at the optical paths ``s``, one row each."""
+        """The ray with its neighbours at the optical paths ``s``, one row each; ValueError beyond its ends."""
         wanted = np.atleast_1d(np.asarray(s, dtype=float)).ravel()
+        if not self.legs:
+            raise ValueError(f"the ray could not be followed anywhere: {self.status.message}")
         if not np.all((wanted >= 0) & (wanted <= self.optical_path * (1 + 1e-12))):
             raise ValueError(f"s must lie between 0 and the ray's optical path {self.optical_path}, not {s!r}")
         beam = self.legs[0].at(np.zeros(len(wanted)))

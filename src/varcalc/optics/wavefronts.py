@@ -64,7 +64,8 @@ class Caustic:
         The row of the ray that touches the caustic there, and which of its conjugate points it is: 1, 2, ...
         Points of the same order make up one sheet.
     status : ndarray of int, shape (m,)
-        How each ray ended: members of :class:`RayStatus`.
+        How each ray ended: members of :class:`RayStatus`. One that comes to a singular index is followed to the last
+        surface before only.
     """
 
     points: np.ndarray
