@@ -18,8 +18,10 @@ STARTING = 1e-6
 """Phases are this close to π where all neighbours start from one point."""
 TINY = 1e-13
 """Of a leg: the shortest part of it that is integrated."""
-ROUNDS = 100
-"""Steps of a bracketed search."""
+PARTS = 16
+"""Into which a bracket is cut at a time: one integration goes through them all."""
+ROUNDS = 40
+"""Cuts of a bracket."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +57,9 @@ class Leg:
         if not np.any(beam.moved[0]):  # all neighbours start together: that is no conjugate point
             phases[0] = np.where(np.abs(phases[0] - np.pi) < STARTING, np.pi, phases[0])
         found = []
-        for k in range(len(sigma) - 1):
-            passed = _passed(phases[k], phases[k + 1])
-            for number in range(passed):
+        passed = _passed(phases[:-1], phases[1:])
+        for k in np.flatnonzero(passed > 0):
+            for number in range(passed[k]):
                 where = self._located(sigma[k], sigma[k + 1], phases[k], scale, number)
                 at = self.at(np.array([where]))
                 found.append((float(at.optical_path[0]), at.position[0]))
@@ -74,26 +76,28 @@ class Leg:
         return np.sort(np.mod(np.angle(values), 2 * np.pi), axis=1)
 
     def _located(self, low: float, high: float, before: np.ndarray, scale: float, number: int) -> float:
-        """σ at which eigenvalue ``number`` of those that pass -1 does so: bisection on how many have."""
+        """σ at which eigenvalue ``number`` of those that pass -1 does so: the bracket is cut by how many have."""
         for _ in range(ROUNDS):
-            middle = (low + high) / 2
-            if not low < middle < high:
+            cuts = low + (high - low) * np.arange(PARTS + 1) / PARTS
+            cuts[-1] = high
+            if not low < cuts[PARTS // 2] < high:
                 break
-            phases = self._phases(self.at(np.array([middle])), scale)[0]
-            low, high = (low, middle) if _passed(before, phases) > number else (middle, high)
+            done = np.append(_passed(before, self._phases(self.at(cuts[1:-1]), scale)) > number, True)
+            first = int(np.argmax(done))
+            low, high = float(cuts[first]), float(cuts[first + 1])
         return (low + high) / 2
 
 
-def _passed(before: np.ndarray, after: np.ndarray) -> int:
-    """How many phases pass π on the shortest way from ``before`` to ``after`` (d,), both ascending in [0, 2π).
+def _passed(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """How many phases pass π on the shortest way from ``before`` to ``after``, (..., d) ascending in [0, 2π).
 
     Which goes where is unknown, but they keep their order round the circle.
     """
-    d = len(before)
-    unrolled = np.concatenate([after - 2 * np.pi, after, after + 2 * np.pi])
-    moves = [unrolled[k : k + d] for k in range(2 * d + 1)]
-    moved = min(moves, key=lambda to: float(np.sum(np.abs(to - before))))
-    return int(np.sum(moved >= np.pi)) - int(np.sum(before >= np.pi))
+    unrolled = np.concatenate([after - 2 * np.pi, after, after + 2 * np.pi], axis=-1)
+    moves = np.lib.stride_tricks.sliding_window_view(unrolled, after.shape[-1], axis=-1)
+    least = np.argmin(np.sum(np.abs(moves - before[..., None, :]), axis=-1), axis=-1)
+    moved = np.take_along_axis(moves, least[..., None, None], axis=-2)[..., 0, :]
+    return np.sum(moved >= np.pi, axis=-1) - np.sum(before >= np.pi, axis=-1)
 
 
 def straight_leg(beam: Beam, squared_index: float, length: float) -> Leg:
