@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -60,13 +61,19 @@ def _index_rates(medium: Medium, dimension: int) -> Callable[[np.ndarray], np.nd
 
 
 def _integral(leg: Leg, rates: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """The integral of ``rates`` over σ along a leg."""
+    """The integral of ``rates`` over σ along a leg, from break to break."""
+    ends = [0.0, *leg.breaks, leg.length]
+    parts = [_smooth_part(leg, rates, low, high) for low, high in pairwise(ends) if high > low]
+    return np.sum(parts, axis=0)
+
+
+def _smooth_part(leg: Leg, rates: Callable[[np.ndarray], np.ndarray], low: float, high: float) -> np.ndarray:
     known, gap = np.full(1, np.nan), np.inf
     for count in NODES:
         nodes, weights = np.polynomial.legendre.leggauss(count)
-        values = rates(leg.at(leg.length * (nodes + 1) / 2).position)
-        integral, size = (leg.length / 2 * (weights @ v) for v in (values, np.abs(values)))
-        gap = float(np.max(np.abs(integral - known) / np.where(size > 0, size, 1.0)))
+        values = rates(leg.at(low + (high - low) * (nodes + 1) / 2).position)
+        integral, size = ((high - low) / 2 * (weights @ v) for v in (values, np.abs(values)))
+        gap = float(np.max(np.abs(integral - known)) / (np.max(size) or 1.0))
         known = integral
         if gap <= AGREED:
             return integral

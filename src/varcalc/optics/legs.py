@@ -28,12 +28,13 @@ ROUNDS = 40
 class Leg:
     """A ray between two surfaces: ``at`` takes σ (k,) in [0, ``length``] to the ray there, a beam of k rows.
 
-    ``pull`` takes positions (k, d) to dp/dσ = ∇n²/2 (k, d).
+    ``pull`` takes positions (k, d) to dp/dσ = ∇n²/2 (k, d); at the σ of ``breaks`` the ray is not smooth.
     """
 
     at: Callable[[np.ndarray], Beam]
     pull: Callable[[np.ndarray], np.ndarray]
     length: float
+    breaks: tuple[float, ...] = ()
 
     def sampled(self) -> tuple[np.ndarray, Beam]:
         """σ (k,) from end to end, and the ray there."""
@@ -136,4 +137,4 @@ def hamilton_leg(
             states[part == k] = trajectories[k](sigma[part == k] - starts[k])
         return unpacked(states, dimension)
 
-    return Leg(at, pull, length)
+    return Leg(at, pull, length, tuple(starts[1:].tolist()))

@@ -31,5 +31,9 @@ class Parametrised:
         if strange:
             what = type(self).__name__
             raise ValueError(f"{sorted(strange)} are no parameters of this {what}; it has {sorted(self.parameters)}")
+        return self._changed({**self.parameters, **given}) if given else self
+
+    def _changed(self, parameters: Mapping[str, float]) -> Self:
+        """The same with all its ``parameters`` given."""
         whole: Any = self
-        return replace(whole, parameters={**self.parameters, **given}) if given else self
+        return replace(whole, parameters=parameters)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import casadi as ca
 import numpy as np
@@ -18,6 +19,8 @@ LOOKED_AT = 33
 @dataclass(frozen=True)
 class Tabulated(Medium):
     """An index given at some heights, the last coordinate; rays end where they leave the table.
+
+    The index at each height is a parameter of the medium: ``n0``, ``n1``, ... in the order of the heights.
 
     Between the heights n² is a cubic: by default that of the smooth spline, with two continuous derivatives (de
     Boor, "A Practical Guide to Splines", ch. IV). No step of an integration goes over a height of the table.
@@ -64,12 +67,13 @@ class Tabulated(Medium):
         self._check_between(heights)
 
     def _fitted(self, heights: np.ndarray, squared: np.ndarray) -> np.ndarray:
+        """The cubics' coefficients (layers, 4) from n² (k,) at the heights; from columns (k, j) those of all j."""
         if self.smooth and len(heights) > 2:
             from scipy.interpolate import CubicSpline
 
-            return np.ascontiguousarray(CubicSpline(heights, squared).c[::-1].T)
-        slopes = np.diff(squared) / np.diff(heights)
-        return np.column_stack([squared[:-1], slopes, 0 * slopes, 0 * slopes])
+            return np.ascontiguousarray(np.moveaxis(CubicSpline(heights, squared).c[::-1], 0, 1))
+        slopes = (np.diff(squared, axis=0).T / np.diff(heights)).T
+        return np.stack([squared[:-1], slopes, 0 * slopes, 0 * slopes], axis=1)
 
     def _check_between(self, heights: np.ndarray) -> None:
         above = np.diff(heights)[:, None] * np.linspace(0, 1, LOOKED_AT)
@@ -80,6 +84,26 @@ class Tabulated(Medium):
                 f"the spline through the table is negative between heights {heights[layer]:g} and "
                 f"{heights[layer + 1]:g}; give more heights there, or smooth=False"
             )
+
+    @property
+    def parameters(self) -> Mapping[str, float]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The index at each height, by the names n0, n1, ..."""
+        return {f"n{k}": value for k, value in enumerate(self.n)}
+
+    def _changed(self, parameters: Mapping[str, float]) -> Self:
+        return replace(self, n=tuple(parameters.values()))
+
+    def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:
+        """n at ``position`` inside the table, for any index at the heights."""
+        height = position[position.numel() - 1]
+        values = ca.vertcat(*parameters.values())
+        shares = self._fitted(np.array(self.heights), np.eye(len(self.heights)))  # of each height in each coefficient
+        squared = ca.SX(0)
+        for layer, share in enumerate(shares):
+            bounds = ca.DM(self.heights[layer : layer + 2])
+            above = cubic(height, ca.vertcat(bounds, ca.mtimes(ca.DM(share), values**2)))
+            squared = ca.if_else(height >= self.heights[layer], above, squared) if layer else above
+        return ca.sqrt(squared)
 
     @property
     def layers(self) -> int:
