@@ -117,6 +117,23 @@ def test_a_profile_is_fitted_to_measured_times():
     assert fit.njev < 8
 
 
+def test_sound_in_deep_water():
+    """The optical path is in inverse proportion to the speed on the axis; the channel's shape counts along the ray."""
+    scene = optics.Scene(optics.munk_profile())
+    rays = scene.rays((0, -1010.0), (2e4, -2500.0), within=2.2e4)
+    assert len(rays) == 2
+    for ray in rays:
+        assert ray.derivatives["speed"] == pytest.approx(-ray.optical_path / 1500, rel=1e-12)
+    step = 1e-6
+    moved = [
+        scene.with_parameters({"epsilon": 0.00737 + h}).rays((0, -1010.0), (2e4, -2500.0), within=2.2e4)
+        for h in (step, -step)
+    ]
+    for ray, more, less in zip(rays, *moved, strict=True):
+        difference = (more.optical_path - less.optical_path) / (2 * step)
+        assert ray.derivatives["epsilon"] == pytest.approx(difference, rel=1e-6)
+
+
 @pytest.mark.parametrize("smooth", [True, False])
 def test_the_index_at_the_heights_of_a_table(smooth):
     """By the chain rule they make up the derivatives of n² = n0² - 2 g y, which a table holds exactly."""

@@ -21,6 +21,7 @@ from varcalc.instructions import Vectorised
 from varcalc.optics.legs import Leg
 from varcalc.optics.media import Medium
 from varcalc.optics.surfaces import Surface
+from varcalc.optics.tabulated import Tabulated
 
 NODES = tuple(2**k for k in range(5, 12))
 """Numbers of Gauss-Legendre nodes on a leg, one tried after the other until two agree."""
@@ -50,6 +51,8 @@ def path_derivatives(legs: Sequence[Leg], media: Sequence[Medium], surfaces: Seq
 
 def _index_rates(medium: Medium, dimension: int) -> Callable[[np.ndarray], np.ndarray]:
     """Takes positions (k, d) to ∂(n²)/∂p / 2 (k, number of parameters)."""
+    if isinstance(medium, Tabulated):
+        return medium.parameter_rates
     position = ca.SX.sym("r", dimension)
     symbols = ca.SX.sym("p", len(medium.parameters))
     named = {name: symbols[i] for i, name in enumerate(medium.parameters)}

@@ -94,16 +94,16 @@ class Tabulated(Medium):
         return replace(self, n=tuple(parameters.values()))
 
     def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:
-        """n at ``position`` inside the table, for any index at the heights."""
-        height = position[position.numel() - 1]
-        values = ca.vertcat(*parameters.values())
-        shares = self._fitted(np.array(self.heights), np.eye(len(self.heights)))  # of each height in each coefficient
-        squared = ca.SX(0)
-        for layer, share in enumerate(shares):
-            bounds = ca.DM(self.heights[layer : layer + 2])
-            above = cubic(height, ca.vertcat(bounds, ca.mtimes(ca.DM(share), values**2)))
-            squared = ca.if_else(height >= self.heights[layer], above, squared) if layer else above
-        return ca.sqrt(squared)
+        """n at ``position`` for other numbers at the heights; ValueError for symbols, which have no table."""
+        return self.with_parameters(parameters).index(position)
+
+    def parameter_rates(self, points: np.ndarray) -> np.ndarray:
+        """∂(n²)/∂p / 2 (k, number of heights) at ``points`` (k, d), p the index at each height."""
+        heights = points[:, -1]
+        layer = self.layer_of(heights, np.ones(len(heights), dtype=bool))
+        powers = (heights - np.asarray(self.heights)[layer])[:, None] ** np.arange(4)
+        shares = self._fitted(np.array(self.heights), np.eye(len(self.heights)))  # of each n² in each coefficient
+        return np.einsum("ka,kan->kn", powers, shares[layer]) * np.array(self.n)
 
     @property
     def layers(self) -> int:
