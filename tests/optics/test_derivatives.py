@@ -157,6 +157,8 @@ def test_the_index_at_the_heights_of_a_table(smooth):
 def test_what_is_refused():
     with pytest.raises(ValueError, match=r"\['k'\] are no parameters of this scene; it has \['g', 'n0'\]"):
         optics.Scene(PARABOLIC).with_parameters({"k": 1.0})
+    with pytest.raises(TypeError, match="parameters must be a mapping from names to numbers"):
+        optics.Scene(PARABOLIC).with_parameters([1.0])
     with pytest.raises(ValueError, match="are no parameters of this Stratified"):
         PARABOLIC.with_parameters({"k": 1.0})
     with pytest.raises(ValueError, match="are no parameters of this Plane"):

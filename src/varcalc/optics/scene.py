@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.functional import named
 from varcalc.optics.beam import launched, spreading
 from varcalc.optics.bundle import Bundle
 from varcalc.optics.march import March
@@ -74,6 +75,8 @@ class Scene:
                     )
         self.wavelength = wavelength
         if wavelength is not None:
+            if not (numbers("wavelength", wavelength).ndim == 0 and wavelength > 0):
+                raise ValueError(f"wavelength must be one positive number, in micrometres, not {wavelength!r}")
             given = tuple(medium.at_wavelength(wavelength) for medium in given)
         self.media = _one_more(given, self.surfaces)
         dimensions = {item.dimension for item in (*self.media, *self.surfaces)} - {None}
@@ -97,6 +100,7 @@ class Scene:
 
         Raises ValueError for a name that none of them has.
         """
+        values = named("parameters", values)
         known = {name for part in (*self.media, *self.surfaces) for name in part.parameters}
         if values.keys() - known:
             raise ValueError(f"{sorted(values.keys() - known)} are no parameters of this scene; it has {sorted(known)}")
