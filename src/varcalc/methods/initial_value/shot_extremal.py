@@ -23,7 +23,7 @@ SHRINKING = 0.5
 NOISE = 256 * float(np.finfo(float).eps)
 """Relative size of a mismatch in the next evaluation that rounding alone explains."""
 LEFT_OPEN = 1e-13
-"""A mismatch, relative to its row of the Jacobian, that rounding does not explain."""
+"""A mismatch, relative to its row of the Jacobian, that rounding does not explain where errors do not grow."""
 ROUND_OFF = 4 * float(np.finfo(float).eps)
 """Relative error of a sum of running integrals, and of a state, that rounding alone explains."""
 
@@ -138,7 +138,7 @@ def _matches(segments: Segments, found: Corrected, floor: np.ndarray) -> bool:
 
     The next step is measured against the last one, so far as rounding does not explain both.
     """
-    if segments.left_open(found.at, found.x) > LEFT_OPEN:
+    if segments.left_open(found.at, found.x) > LEFT_OPEN * max(1.0, float(found.at.growth.max())):
         return False
     weights = np.maximum(np.abs(found.x), floor)
     step = segments.solve(found.at, -found.at.residual, weights)
