@@ -13,6 +13,7 @@ from varcalc.conditions import (
     Isoperimetric,
     OnCurve,
     OnSurface,
+    Parameter,
     Periodic,
     Through,
 )
@@ -60,6 +61,7 @@ __all__ = [
     "Newton",
     "OnCurve",
     "OnSurface",
+    "Parameter",
     "Periodic",
     "Problem",
     "Record",

@@ -7,8 +7,8 @@ knows nothing of how a problem is solved.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -16,6 +16,29 @@ import numpy as np
 
 Number = float | int
 Components = Number | Sequence[Number | None] | None
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A coordinate of an end that is the parameter ``name`` of its problem.
+
+    It stands where a number does in :class:`Fixed`, :class:`Free` and :class:`At`,
+    and takes the value given in ``parameters``, so that
+    ``problem.with_parameters`` moves the end with nothing built anew.
+
+    >>> import casadi as ca
+    >>> import varcalc as vc
+    >>> line = vc.Problem(lambda x, y, dy, p: ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.Fixed(3, vc.Parameter("height")),
+    ...                   parameters={"height": 4})
+    >>> [round(vc.solve(line.with_parameters({"height": h})).value, 12) for h in (0, 4)]
+    [3.0, 5.0]
+    """
+
+    name: str
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise TypeError(f"Parameter.name must be a text, not {self.name!r}")
 
 
 def finite(name: str, value: Any) -> float:
@@ -31,6 +54,11 @@ def finite(name: str, value: Any) -> float:
     if not math.isfinite(number):
         raise ValueError(f"{name} must be finite, not {number}")
     return number
+
+
+def coordinate(name: str, value: Any) -> float | Parameter:
+    """``value`` as a float, or the :class:`Parameter` it is; TypeError or ValueError naming ``name`` otherwise."""
+    return value if isinstance(value, Parameter) else finite(name, value)
 
 
 def whole(name: str, value: Any, least: int = 1) -> int:
@@ -56,15 +84,15 @@ def sequence(name: str, value: Any) -> tuple[Any, ...]:
     return tuple(value)
 
 
-def components(name: str, value: Any) -> tuple[float | None, ...]:
-    """``value`` as a tuple of floats, ``None`` where a component is free."""
+def components(name: str, value: Any) -> tuple[Any, ...]:
+    """``value`` as a tuple of floats, ``None`` where a component is free; a :class:`Parameter` stays what it is."""
     if isinstance(value, str):
         raise TypeError(f"{name} must be a number or a sequence of numbers, not {value!r}")
     if not is_vector(value):
-        return (None if value is None else finite(name, value),)
+        return (None if value is None else coordinate(name, value),)
     if len(value) == 0:
         raise ValueError(f"{name} is empty; give one number for each unknown function")
-    return tuple(None if v is None else finite(f"{name}[{i}]", v) for i, v in enumerate(value))
+    return tuple(None if v is None else coordinate(f"{name}[{i}]", v) for i, v in enumerate(value))
 
 
 def is_vector(value: Any) -> bool:
@@ -90,15 +118,15 @@ class Fixed:
     ``y`` is a number, or a sequence with one entry for each unknown function,
     ``None`` where that component is free (natural condition). For a
     second-order Lagrangian ``dy`` fixes the slope as well; without it the
-    slope is natural.
+    slope is natural. Each number may be a :class:`Parameter`.
     """
 
-    x: float
+    x: float | Parameter
     y: Any
     dy: Any = None
 
     def __post_init__(self) -> None:
-        finite("Fixed.x", self.x)
+        coordinate("Fixed.x", self.x)
         values = components("Fixed.y", self.y)
         if all(v is None for v in values):
             raise ValueError("Fixed.y gives no component; use Free(x) for an end that is wholly free")
@@ -116,11 +144,11 @@ class Free:
     does not tell.
     """
 
-    x: float
+    x: float | Parameter
     n: int | None = None
 
     def __post_init__(self) -> None:
-        finite("Free.x", self.x)
+        coordinate("Free.x", self.x)
         _number_of_functions("Free.n", self.n)
 
 
@@ -180,7 +208,9 @@ class OnSurface:
 
     def __post_init__(self) -> None:
         function("OnSurface.phi", self.phi)
-        if not is_vector(self.guess) or None in components("OnSurface.guess", self.guess):
+        if not is_vector(self.guess) or any(
+            v is None or isinstance(v, Parameter) for v in components("OnSurface.guess", self.guess)
+        ):
             raise TypeError("OnSurface.guess must be a point: one number for each coordinate")
 
 
@@ -268,8 +298,32 @@ class Through:
 
     def __post_init__(self) -> None:
         finite("Through.x", self.x)
-        if None in components("Through.y", self.y):
+        given = components("Through.y", self.y)
+        if None in given:
             raise ValueError("Through.y must give every component of the waypoint; None is for ends")
+        if any(isinstance(v, Parameter) for v in given):
+            raise TypeError("Through.y must be numbers; only the ends may be parameters")
+
+
+def parameters_of(end: Any) -> tuple[tuple[str, str, int], ...]:
+    """The parameters among the coordinates of an end: name, field and component of each."""
+    found = []
+    for field in ("x", "y", "dy", "q"):
+        given = getattr(end, field, None)
+        entries = given if is_vector(given) else (given,)
+        found += [(v.name, field, i) for i, v in enumerate(entries) if isinstance(v, Parameter)]
+    return tuple(found)
+
+
+def placed(end: Any, values: Mapping[str, float]) -> Any:
+    """The end with the ``values`` of its parameters in place of them; KeyError for one that has none."""
+
+    def number(given: Any) -> Any:
+        return values[given.name] if isinstance(given, Parameter) else given
+
+    fields = {field for _, field, _ in parameters_of(end)}
+    given = {f: getattr(end, f) for f in fields}
+    return replace(end, **{f: [*map(number, v)] if is_vector(v) else number(v) for f, v in given.items()})
 
 
 End = Fixed | Free | OnCurve | Periodic

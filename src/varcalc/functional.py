@@ -11,7 +11,18 @@ from typing import Any, Self
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import Bound, Constraint, Holonomic, Isoperimetric, Through, finite, sequence, truth
+from varcalc.conditions import (
+    Bound,
+    Constraint,
+    Holonomic,
+    Isoperimetric,
+    Through,
+    finite,
+    parameters_of,
+    placed,
+    sequence,
+    truth,
+)
 from varcalc.tracing import Expression, Names, NotSymbolic, trace
 
 
@@ -65,7 +76,8 @@ class Functional:
     ``n`` is the number of unknown functions, ``scalar`` tells that they are
     handed over and returned as numbers rather than columns, ``integrand`` is
     the traced Lagrangian in ``symbols``; ``built`` keeps what methods derive
-    from them, shared by copies with other parameter values.
+    from them, shared by copies with other parameter values. ``templates`` are the
+    ends as they were given, parameters among their coordinates.
     """
 
     start: Any
@@ -95,8 +107,9 @@ class Functional:
         if not callable(lagrangian):
             raise TypeError(f"lagrangian must be a function, not {lagrangian!r}")
         self.lagrangian = lagrangian
-        self.start, self.end = start, end
+        self.templates = (start, end)
         self.parameters = named("parameters", parameters)
+        self.start, self.end = self._placed_ends()
         self.unknowns = named("unknowns", unknowns)
         both = self.parameters.keys() & self.unknowns.keys()
         if both:
@@ -111,7 +124,28 @@ class Functional:
         except NotSymbolic:
             self._trace(ca.MX)
 
+    def _placed_ends(self) -> tuple[Any, Any]:
+        """The ends at the present parameter values; ValueError for a parameter that has none."""
+        ends = []
+        for label, end in zip(("start", "end"), self.templates, strict=True):
+            unknown = {name for name, _, _ in parameters_of(end)} - self.parameters.keys()
+            if unknown:
+                raise ValueError(
+                    f"{label} = {end} holds the parameter {min(unknown)}, which is not declared; "
+                    f"give its value in parameters= (declared: {', '.join(sorted(self.parameters)) or 'none'})"
+                )
+            ends.append(placed(end, self.parameters) if parameters_of(end) else end)
+        return ends[0], ends[1]
+
+    @property
+    def end_parameters(self) -> frozenset[str]:
+        """The parameters that are coordinates of the ends."""
+        return frozenset(name for end in self.templates for name, _, _ in parameters_of(end))
+
     # what Problem and Curve each define
+    def _check_ends(self) -> None:
+        raise TypeError("a functional is either a Problem or a Curve")
+
     def _arguments(self) -> list[Expression]:
         raise TypeError("a functional is either a Problem or a Curve")
 
@@ -194,8 +228,9 @@ class Functional:
     def with_parameters(self, values: Mapping[str, float]) -> Self:
         """The same problem for other parameter values; nothing is traced or built anew.
 
-        Raises ValueError for a name that is not among ``parameters``, and where
-        an end violates a constraint at these values.
+        Raises ValueError for a name that is not among ``parameters``, where an
+        end violates a constraint at these values, and where one that is moved
+        by them lies where no end can be.
 
         >>> import casadi as ca
         >>> import varcalc as vc
@@ -210,6 +245,9 @@ class Functional:
             raise ValueError(f"{sorted(strange)} are no parameters of this problem; it has {sorted(self.parameters)}")
         other = copy.copy(self)
         other.parameters = self.parameters | given
+        if self.end_parameters & given.keys():
+            other.start, other.end = other._placed_ends()
+            other._check_ends()
         other.check_places()
         return other
 

@@ -89,9 +89,8 @@ class Problem(Functional):
             raise ValueError(f"order must be 1 or 2, not {order!r}")
         self.order = int(order)
         self.n, self.scalar = _dimension(start, end)
-        self.span = _span(start, end)
         _check_slopes(start, end, order)
-        self.breakpoints = _inside("breakpoints", breakpoints, self.span, start, end)
+        self.breakpoints = breakpoints  # checked with the ends, whose coordinates may be parameters
         super().__init__(lagrangian, start, end, constraints, parameters, unknowns, end_cost, maximise, name)
         self._check_domain()
         self.check_places()
@@ -101,6 +100,19 @@ class Problem(Functional):
 
     def _position_arguments(self) -> list[Expression]:
         return self._arguments()
+
+    def _placed_ends(self) -> tuple[Any, Any]:
+        start, end = super()._placed_ends()
+        self.span = _span(start, end)
+        self.breakpoints = _inside("breakpoints", self.breakpoints, self.span, start, end)
+        return start, end
+
+    def _check_ends(self) -> None:
+        for i, c in enumerate(self.constraints):
+            if isinstance(c, Through):
+                self._check_beside_ends(i, c)
+                _inside(f"constraints[{i}].x (Through)", (c.x,), self.span, self.start, self.end)
+        self._check_domain()
 
     def _end_symbols(self) -> list[Expression]:
         kind = self.symbols.kind
@@ -225,6 +237,9 @@ class Curve(Functional):
             if isinstance(t.constraint, Isoperimetric):
                 self._check_homogeneous(f"constraints[{i}].g", t.expression)
         self.check_places()
+
+    def _check_ends(self) -> None:
+        pass  # a point anywhere may be the end of a Curve
 
     def _arguments(self) -> list[Expression]:
         return [self.symbols.y]

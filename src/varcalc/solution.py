@@ -74,7 +74,8 @@ class Solution:
     ``value`` is the functional on the curve, ``error`` the claimed errors,
     ``x`` the nodes, ``multipliers`` one entry for each constraint in the order
     given (floats, dJ/dlevel, for :class:`varcalc.Isoperimetric`),
-    ``sensitivities`` dJ/dparameter by name, ``unknowns`` the optimised
+    ``sensitivities`` dJ/dparameter by name (NaN for one that moves an end where that is not known:
+    at singular ends, at second order, beside pathwise conditions and costs of the ends), ``unknowns`` the optimised
     unknowns by name, ``rung`` the name of the method that answered,
     ``message`` why there is no answer, when there is none. ``local`` is True
     when a better value, ``lower``, is known of.

@@ -52,6 +52,8 @@ def graph_form(problem: Problem) -> Form:
         baseline=through(problem.span, straight(problem.span, start[0], end[0]), waypoints),
         bumps=np.eye(problem.n),
         pull=lambda curve: curve,
+        # where ends are moved nothing else changes: the expressions are in the problem's own symbols
+        built=problem.built.setdefault("graph", {}) if ends is None else {},
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from varcalc.conditions import Isoperimetric, OnCurve
 from varcalc.formulation import Form, Sampled
 from varcalc.mesh import gauss
+from varcalc.methods.moved_ends import by_moved_ends
 from varcalc.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, no_answer
 
@@ -117,7 +118,10 @@ def functional(form: Form) -> ca.Function:
 
 
 def sensitivities(extremal: Extremal, count: int) -> np.ndarray:
-    """dJ/dparameter by the envelope theorem: the partial derivative of the Lagrangian function at fixed curve."""
+    """dJ/dparameter by the envelope theorem: the partial derivative of the Lagrangian function at fixed curve.
+
+    To it comes what the parameters do by moving ends.
+    """
     form = extremal.form
     s, weights = composite_gauss(extremal.vertices, count)
     arguments = sample(extremal, s)
@@ -139,7 +143,10 @@ def sensitivities(extremal: Extremal, count: int) -> np.ndarray:
         )
         first, last = (extremal.evaluate(np.array([t]), 0)[:, 0] for t in form.span)
         total += np.asarray(partial(first, last, form.problem.parameter_values, extremal.unknowns)).ravel()
-    return form.sign * total
+    if not form.problem.end_parameters:
+        return form.sign * total
+    levels = multipliers(extremal) if form.problem.constraints else ()
+    return form.sign * total + by_moved_ends(form.problem, person_curve(extremal), levels, extremal.unknowns)
 
 
 def lift(form: Form, arguments: list[np.ndarray]) -> list[np.ndarray]:

@@ -75,7 +75,7 @@ def continue_branch(solution: Solution, name: str, *, until: float, tol: float =
     (Keller 1977; Seydel, "Practical Bifurcation and Stability Analysis", ch. 4
     and 5).
 
-    Raises ValueError for a ``name`` that is no parameter of the problem, for
+    Raises ValueError for a ``name`` that is no parameter of the problem, or one that moves an end, for
     an ``until`` that is the parameter's own value, for a solution without a
     curve, and where collocation in the person's own coordinates cannot follow
     it: with inequalities, or with an infinite Lagrangian at an end.
@@ -94,6 +94,8 @@ def continue_branch(solution: Solution, name: str, *, until: float, tol: float =
     check_arguments(problem, None, tol)
     if name not in problem.parameters:
         raise ValueError(f"{name!r} is no parameter of this problem; it has {sorted(problem.parameters)}")
+    if name in problem.end_parameters:
+        raise ValueError(f"{name!r} moves an end; a branch is followed in a parameter of the Lagrangian, see sweep")
     until = finite("until", until)
     if until == problem.parameters[name]:
         raise ValueError(f"until must differ from the value that {name} has, {until}")

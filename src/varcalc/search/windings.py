@@ -96,6 +96,7 @@ def _moved(problem: Functional, offset: np.ndarray, turns: tuple[int, ...]) -> F
         other.end = At(values)
     else:
         other.end = Fixed(problem.end.x, values[0] if problem.scalar else values, problem.end.dy)
+    other.templates = (other.start, other.end)
     other.name = f"{problem.name}, winding {', '.join(f'{k:+d}' for k in turns)}"
     # compiled flows do not know the ends; all else that is kept does
     other.built = {"flows": problem.built.setdefault("flows", {})}

@@ -80,10 +80,12 @@ def forms(problem: Functional) -> Forms:
 
 
 def _direct(problem: Functional) -> Form:
-    """The direct form, the same for all parameter values."""
-    if "direct" not in problem.built:
-        problem.built["direct"] = formulate(problem)
-    return problem.built["direct"]
+    """The direct form, the same for all values of the parameters that move no end."""
+    moved = tuple(problem.parameters[name] for name in sorted(problem.end_parameters))
+    kept = problem.built.setdefault("direct", {})
+    if moved not in kept:
+        kept[moved] = formulate(problem)
+    return kept[moved]
 
 
 def _makers(problem: Functional) -> Makers:

@@ -43,27 +43,60 @@ def energy_forms(
         return []
     if chart.power == 1.0:
         return [
-            partial(_kept_form, problem, metric, chart, singular=(False, False), graded=(False, False), factored=False)
+            partial(
+                _energy_form, problem, metric, chart, singular=(False, False), graded=(False, False), factored=False
+            )
         ]
     # where the line lies beyond an end, the extremal has no power of s to take out there
     ways = (True, False) if chart.height is None and not beyond else (False,)
     graded = (True in blowups, False in blowups)
-    return [partial(_kept_form, problem, metric, chart, singular=singular, graded=graded, factored=way) for way in ways]
+    return [partial(_energy_form, problem, metric, chart, singular=singular, graded=graded, factored=way) for way in ways]
 
 
-def _kept_form(problem: Functional, metric: Metric, chart: Chart, **how: Any) -> Form:
-    """:func:`_energy_form`, made once for all parameter values at which it is the same.
+@dataclass(frozen=True)
+class _Stated:
+    """A metric in coordinates of a form: what does not change when an end moves that the coordinates do not begin at.
 
-    A form is stated in symbols, the parameters among them; only the chart and the kind of the metric are found from
-    numbers, and the guesses for ends that slide.
+    ``lifted`` is the point of the plane and the velocity, ``square`` that of the length of the latter.
     """
-    if any(isinstance(end, OnCurve | OnSurface) for end in (problem.start, problem.end)):
-        return _energy_form(problem, metric, chart, **how)
-    numbers = (chart.origin.tobytes(), chart.normal.tobytes(), chart.power, chart.grade, chart.growth, chart.height)
+
+    symbols: Symbols
+    square: Expression
+    integrand: Expression
+    functional: Expression
+    q: Expression
+    velocity: Expression
+    built: dict[Any, Any]
+
+
+def _stated(
+    problem: Functional,
+    metric: Metric,
+    chart: Chart,
+    line: tuple[float, float],
+    singular: tuple[bool, bool],
+    factored: bool,
+) -> _Stated:
+    """The expressions of an energy form, made once for all parameter values at which they are the same.
+
+    They are stated in symbols, the parameters among them; only the chart, the kind of the metric and, with
+    ``factored``, the coordinates xi of the ends (``line``: start, end) are found from numbers.
+    """
+    needed = () if not factored else line if all(singular) else (line[0] if singular[0] else line[1],)
     kept = problem.built.setdefault("energy forms", {})
-    key = (metric.conformal, *numbers, *how.values())
-    if key not in kept:
-        kept[key] = _energy_form(problem, metric, chart, **how)
+    key = (metric.conformal, chart.key, singular, needed)
+    if key in kept:
+        return kept[key]
+    s = problem.symbols
+    symbols = replace(Symbols.make(s.kind, 2, 1, 0, len(problem.unknowns)), parameters=s.parameters)
+    q = chart.point(_factored(symbols, line, chart.growth, singular) if factored else symbols.y)
+    velocity = ca.jtimes(q, symbols.y, symbols.dy) + ca.jacobian(q, symbols.x)
+    square = metric.square(q, velocity, symbols.unknowns)
+    if chart.origin.any():  # else there is no constant that could cancel against another
+        square = gathered(square, symbols)
+    # constant speed in tau ~ s^grade: the energy in tau, stated in s
+    integrand = square / _grading(symbols.x, chart.grade, singular)
+    kept[key] = _Stated(symbols, square, integrand, ca.sqrt(square), q, velocity, {})
     return kept[key]
 
 
@@ -82,33 +115,27 @@ def _energy_form(
     ``factored`` the unknown functions are what remains when the known powers
     of s are taken out; they are free at singular ends.
     """
-    s = problem.symbols
-    kind = s.kind
-    symbols = replace(Symbols.make(kind, 2, 1, 0, len(problem.unknowns)), parameters=s.parameters)
     start, end = (chart.coordinates(p[:, None])[:, 0] for p in end_points(problem))
     guess = _guessed(problem, chart)
-    coordinates = _factored(symbols, *guess, chart.growth, singular) if factored else symbols.y
-    q = chart.point(coordinates)
-    velocity = ca.jtimes(q, symbols.y, symbols.dy) + ca.jacobian(q, symbols.x)
-    square = metric.square(q, velocity, symbols.unknowns)
-    if chart.origin.any():  # else there is no constant that could cancel against another
-        square = gathered(square, symbols)
+    stated = _stated(problem, metric, chart, (float(guess[0][0]), float(guess[1][0])), singular, factored)
+    symbols, q, velocity = stated.symbols, stated.q, stated.velocity
+    kind = symbols.kind
     graph = isinstance(problem, Problem)
     fixed, baseline = (start, end), _graded_line(*guess, chart.growth, graded)
     if factored:
         fixed, baseline = _factored_ends((start, end), guess, singular)
+    sliding = _sliding(problem, symbols, q)
     return Form(
         problem=problem,
         symbols=symbols,
-        # constant speed in tau ~ s^grade: the energy in tau, stated in s
-        integrand=square / _grading(symbols.x, chart.grade, singular),
-        functional=ca.sqrt(square),
+        integrand=stated.integrand,
+        functional=stated.functional,
         sign=-1.0 if problem.maximise else 1.0,
         span=(0.0, 1.0),
         **side_conditions(problem, rewriter(problem, symbols, symbols.x, q, [velocity], kind(1))),
         fixed_start=fixed[0][None, :],
         fixed_end=fixed[1][None, :],
-        ends=_sliding(problem, symbols, q),
+        ends=sliding,
         periodic=False,
         knots=(),
         waypoints=(),
@@ -124,6 +151,8 @@ def _energy_form(
         weak_only=factored,
         # w and -w are one place: from a line beyond the ends a curve might reach the mirror image of its end
         one_sided=() if chart.power == 1.0 or chart.height is not None else (1,),
+        # expressions for the ends that slide are made with the form
+        built=stated.built if sliding is None else {},
     )
 
 
@@ -160,9 +189,9 @@ def _sliding(problem: Functional, symbols: Symbols, q: Expression) -> EndConditi
 
 
 def _factored(
-    symbols: Symbols, start: np.ndarray, end: np.ndarray, growth: float, singular: tuple[bool, bool]
+    symbols: Symbols, line: tuple[float, float], growth: float, singular: tuple[bool, bool]
 ) -> Expression:
-    """(xi, w) as known powers of s times unknown functions, which are free at the singular ends.
+    """(xi, w) as known powers of s times unknown functions, free at the singular ends; ``line``: xi at both ends.
 
     One singular end: xi = xi_end + r^growth z, w = r omega with r the
     distance in s from it; z and omega keep the values of the other end. Two:
@@ -171,12 +200,12 @@ def _factored(
     s, z, omega = symbols.x, symbols.y[0], symbols.y[1]
     if all(singular):
         edge = s * (1 - s)
-        line = start[0] + (end[0] - start[0]) * _incomplete_beta(s, growth)
-        return ca.vertcat(line + edge**growth * z, edge * omega)
+        graded = line[0] + (line[1] - line[0]) * _incomplete_beta(s, growth)
+        return ca.vertcat(graded + edge**growth * z, edge * omega)
     at_start = singular[0]
-    near, origin, sign = (s, start, 1.0) if at_start else (1 - s, end, -1.0)
+    near, origin, sign = (s, line[0], 1.0) if at_start else (1 - s, line[1], -1.0)
     step = near**growth * z if sign > 0 else -(near**growth) * z
-    xi = step if origin[0] == 0.0 else origin[0] + step
+    xi = step if origin == 0.0 else origin + step
     return ca.vertcat(xi, near * omega)
 
 
@@ -252,6 +281,11 @@ class Chart:
     growth: float
     """Power of s with which the tangential coordinate grows along an extremal."""
     height: float | None = None
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What tells one chart from another."""
+        return self.origin.tobytes(), self.normal.tobytes(), self.power, self.grade, self.growth, self.height
 
     @property
     def tangent(self) -> np.ndarray:
