@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 CHUNK = 64
-"""Points evaluated in one go by :class:`Pointwise`."""
+"""Points evaluated in one go by :class:`Pointwise`, unless it is told otherwise."""
 
 
 class BufferedCall:
@@ -35,20 +35,22 @@ class BufferedCall:
 
 
 class Pointwise:
-    """A CasADi function of columns, evaluated at any number of points, :data:`CHUNK` at a time."""
+    """A CasADi function of columns, evaluated at any number of points, ``chunk`` at a time."""
 
-    def __init__(self, function: ca.Function) -> None:
-        self._inputs = [np.zeros((CHUNK, function.numel_in(i))) for i in range(function.n_in())]
-        self._output = np.zeros((CHUNK, function.numel_out(0)))
-        self._call = BufferedCall(function.map(CHUNK), self._inputs, self._output)
+    def __init__(self, function: ca.Function, chunk: int = CHUNK) -> None:
+        self._chunk = chunk
+        self._inputs = [np.zeros((chunk, function.numel_in(i))) for i in range(function.n_in())]
+        self._output = np.zeros((chunk, function.numel_out(0)))
+        self._call = BufferedCall(function.map(chunk), self._inputs, self._output)
 
     def __call__(self, count: int, *arguments: np.ndarray) -> np.ndarray:
         """The results, shape (count, rows); each argument has ``count`` rows, or one row for all points."""
         results = np.empty((count, self._output.shape[1]))
-        for first in range(0, count, CHUNK):
-            size = min(CHUNK, count - first)
+        for first in range(0, count, self._chunk):
+            size = min(self._chunk, count - first)
             for own, given in zip(self._inputs, arguments, strict=True):
-                own[:size] = given[first : first + size] if len(given) == count else given
+                if own.shape[1]:
+                    own[:size] = given[first : first + size] if len(given) == count else given
             self._call()
             results[first : first + size] = self._output[:size]
         return results

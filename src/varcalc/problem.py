@@ -190,12 +190,17 @@ class Problem(Functional):
         rise = [0.0 if a is None or b is None else b - a for a, b in zip(*ends, strict=True)]
         return np.array(rise) / (self.span[1] - self.span[0])
 
-    def integrand_values(self, x: np.ndarray, y: np.ndarray, dy: np.ndarray) -> np.ndarray:
-        """L at ``m`` points: x of shape (m,), y and dy of shape (n, m); unknowns at their guesses."""
+    def integrand_values(
+        self, x: np.ndarray, y: np.ndarray, dy: np.ndarray, parameters: np.ndarray | None = None
+    ) -> np.ndarray:
+        """L at ``m`` points: x of shape (m,), y and dy of shape (n, m); unknowns at their guesses.
+
+        ``parameters`` (m, number of them) are other values of the parameters than the problem's own.
+        """
         if "L" not in self.built:
             self.built["L"] = Pointwise(ca.Function("L", self.symbols.all, [self.integrand]))
         level = np.zeros((1, self.symbols.ddy.numel()))
-        numbers = self.parameter_values[None], self.unknown_guesses[None]
+        numbers = self.parameter_values[None] if parameters is None else parameters, self.unknown_guesses[None]
         return self.built["L"](len(x), x[:, None], y.T, dy.T, level, *numbers)[:, 0]
 
 

@@ -18,6 +18,7 @@ from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
 from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.ritz import Ritz
+from varcalc.neighbours import resolved
 from varcalc.problem import Problem
 from varcalc.singular import Infinite, forms
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict, no_answer
@@ -59,6 +60,9 @@ def solve(
     """
     check_arguments(problem, method, tol)
     check_guess(problem, guess)
+    known = resolved(problem, method, tol, guess)
+    if known is not None:
+        return known
     solution = _linear(problem, method or LADDER[0])
     if solution is None:
         solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
@@ -209,5 +213,15 @@ def _sampled(problem: Functional, form: Form, guess: Guess) -> Sampled | None:
     if isinstance(guess, Solution):
         curve = guess.curve
         carried = None if guess.extremal is None else in_coordinates_of(form, guess.extremal)
-        return carried if carried is not None or curve is None else form.pull(lambda x: curve(x, 0))
+        return carried if carried is not None or curve is None else form.pull(_spanning(problem, guess))
     return form.pull(lambda x: sampled_guess(problem, guess, x))
+
+
+def _spanning(problem: Functional, guess: Solution) -> Sampled:
+    """The curve of a solution, stretched to the problem's interval where parameters have moved its ends."""
+    curve, (a, b) = guess.curve, problem.span
+    assert curve is not None
+    if problem.span == guess.problem.span:
+        return lambda x: curve(x, 0)
+    first, last = guess.problem.span
+    return lambda x: curve(first + (x - a) * ((last - first) / (b - a)), 0)

@@ -14,6 +14,7 @@ from varcalc.conditions import OnCurve
 from varcalc.formulation.broken import Contact, broken_form
 from varcalc.formulation.curve import curve_form
 from varcalc.formulation.form import (
+    Elsewhere,
     EndConditions,
     Form,
     Sampled,
@@ -31,6 +32,7 @@ from varcalc.problem import Curve, Problem
 
 __all__ = [
     "Contact",
+    "Elsewhere",
     "EndConditions",
     "Form",
     "Sampled",

@@ -57,6 +57,20 @@ class EndConditions:
 
 
 @dataclass(frozen=True)
+class Elsewhere:
+    """A form at other parameter values, some of which may move its ends.
+
+    ``placed`` takes ends (K, 2, 1 + n), NaN where they are free, to the spans of s (K, 2) and to what is fixed at
+    the start and the end, each (K, functions). ``form`` makes the form of a problem. Both hold where ``alike``, from
+    values (K, parameters) to (K,) of bool, finds that singular ends are what they are here.
+    """
+
+    placed: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+    form: Callable[[Functional], Form]
+    alike: Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
 class Form:
     """A functional on a fixed interval, ready for any method.
 
@@ -107,6 +121,8 @@ class Form:
     """How many of the unknown numbers are abscissae of corners."""
     built: dict[Any, Any] = field(default_factory=dict, repr=False)
     """What methods derive from the expressions; shared by copies for other parameter values."""
+    elsewhere: Elsewhere | None = None
+    """How the same expressions serve at other parameter values; None where they may not."""
 
     @property
     def lift(self) -> ca.Function | None:

@@ -16,11 +16,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from varcalc.conditions import Fixed, Free, OnCurve
-from varcalc.formulation import Form, formulate
+from varcalc.formulation import Elsewhere, Form, formulate
 from varcalc.functional import Functional
 from varcalc.problem import Curve, Problem
 from varcalc.singular.abscissa import abscissa_form
+from varcalc.singular.alike import alike
 from varcalc.singular.departure import departure
 from varcalc.singular.detection import (
     Blowup,
@@ -84,8 +87,22 @@ def _direct(problem: Functional) -> Form:
     moved = tuple(problem.parameters[name] for name in sorted(problem.end_parameters))
     kept = problem.built.setdefault("direct", {})
     if moved not in kept:
-        kept[moved] = formulate(problem)
+        kept[moved] = _formulated(problem)
     return kept[moved]
+
+
+def _formulated(problem: Functional) -> Form:
+    form = formulate(problem)
+    if not isinstance(problem, Problem) or form.lifted is not None:
+        return form
+
+    def placed(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return points[:, :, 0], points[:, 0, 1:], points[:, 1, 1:]
+
+    def regular(values: np.ndarray) -> np.ndarray:
+        return alike(problem, values, {}, False)
+
+    return replace(form, elsewhere=Elsewhere(placed, _formulated, regular))
 
 
 def _makers(problem: Functional) -> Makers:

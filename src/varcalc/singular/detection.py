@@ -313,7 +313,15 @@ def blowup_beyond(problem: Functional, at_start: bool) -> Blowup | None:
 
 
 def _trace(problem: Functional, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The metric summed over two directions at points (2, m), and the gradient (2, m) of its logarithm."""
+    """:func:`traced_metric` at the problem's own parameter values."""
+    return traced_metric(problem, points, problem.parameter_values[None])
+
+
+def traced_metric(problem: Functional, points: np.ndarray, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The metric summed over two directions at points (2, m), and the gradient (2, m) of its logarithm.
+
+    ``parameters`` has one row for each point, or one for all.
+    """
     s = problem.symbols
     if "metric" not in problem.built:
         position = ca.vertcat(s.x, s.y) if isinstance(problem, Problem) else s.y
@@ -326,7 +334,7 @@ def _trace(problem: Functional, points: np.ndarray) -> tuple[np.ndarray, np.ndar
     else:
         directions = np.vstack([np.ones(2), ASLANT]).T
         place = [np.zeros((1, 1)), np.tile(points.T, (2, 1)), np.repeat(directions, count, axis=0)]
-    numbers = problem.parameter_values[None], problem.unknown_guesses[None]
+    numbers = parameters if len(parameters) == 1 else np.tile(parameters, (2, 1)), problem.unknown_guesses[None]
     rows = problem.built["metric"](2 * count, *place, np.zeros((1, 0)), *numbers).reshape(2, count, -1)
     values = (rows[:, :, 0] ** 2).sum(0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

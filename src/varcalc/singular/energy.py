@@ -20,9 +20,10 @@ import casadi as ca
 import numpy as np
 
 from varcalc.conditions import Free, OnCurve, OnSurface
-from varcalc.formulation import EndConditions, Form, Sampled, on_curve, rewriter, side_conditions, straight
+from varcalc.formulation import Elsewhere, EndConditions, Form, Sampled, on_curve, rewriter, side_conditions, straight
 from varcalc.functional import Functional, Symbols
 from varcalc.problem import Problem
+from varcalc.singular.alike import alike
 from varcalc.singular.detection import LARGEST_DENOMINATOR, Blowup, Metric, end_points, extent
 from varcalc.singular.offsets import gathered
 from varcalc.tracing import Expression, trace
@@ -50,7 +51,42 @@ def energy_forms(
     # where the line lies beyond an end, the extremal has no power of s to take out there
     ways = (True, False) if chart.height is None and not beyond else (False,)
     graded = (True in blowups, False in blowups)
-    return [partial(_energy_form, problem, metric, chart, singular=singular, graded=graded, factored=way) for way in ways]
+    lines = {at_start: line for at_start, line in blowups.items() if line is not None}
+    return [
+        partial(_movable, problem, metric, chart, lines, singular=singular, graded=graded, factored=way)
+        for way in ways
+    ]
+
+
+def _movable(problem: Functional, metric: Metric, chart: Chart, lines: dict[bool, Blowup], **how: Any) -> Form:
+    """:func:`_energy_form`, with how it serves where its parameters move the other end than the singular one."""
+    form = _energy_form(problem, metric, chart, **how)
+    if not isinstance(problem, Problem) or form.ends is not None or sum(how["singular"]) != 1 or len(lines) != 1:
+        return form
+
+    def placed(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        own = chart.coordinates(points.reshape(-1, 2).T).T.reshape(-1, 2, 2)
+        ends = own[:, 0], own[:, 1]
+        if how["factored"]:
+            ends = _factors(ends, how["singular"])
+        return np.tile([0.0, 1.0], (len(points), 1)), *ends
+
+    def unchanged(values: np.ndarray) -> np.ndarray:
+        return alike(problem, values, lines, metric.conformal)
+
+    def elsewhere(other: Functional) -> Form:
+        return _energy_form(other, metric, chart, **how)
+
+    return replace(form, elsewhere=Elsewhere(placed, elsewhere, unchanged))
+
+
+def _factors(
+    ends: tuple[np.ndarray, np.ndarray], singular: tuple[bool, bool]
+) -> tuple[np.ndarray, np.ndarray]:
+    """What is fixed of the factors at the ends, each (K, 2), for one singular end: its own values are free."""
+    known = np.column_stack([ends[1][:, 0] - ends[0][:, 0], ends[1 if singular[0] else 0][:, 1]])
+    blank = np.full_like(known, np.nan)
+    return (blank, known) if singular[0] else (known, blank)
 
 
 @dataclass(frozen=True)

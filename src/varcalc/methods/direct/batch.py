@@ -1,0 +1,272 @@
+"""One form on one element at many ends and parameter values at once.
+
+The arithmetic of a small problem costs less than the calls that carry it out.
+Here every call serves all values: the leading axis of every array counts them.
+The variables (y, y') at the Gauss points are a matrix times the unknowns, the
+same for all values up to the length of the interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from varcalc.buffered import Pointwise
+from varcalc.formulation import Form
+from varcalc.lagrangian import Lagrangian
+from varcalc.mesh import Space, gauss
+from varcalc.methods.direct.element import OneElement
+from varcalc.methods.direct.newton import ARMIJO, CONVERGED, SHRINK
+from varcalc.methods.direct.rungs import quadrature_points
+
+ITERATIONS = 12
+"""Newton steps after which a value is left to a solve of its own: it begins close to a solution."""
+HALVINGS = 6
+CHUNK = 128
+"""Points evaluated in one go."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the curves of ``K`` values run: ``spans`` (K, 2) in s, what is fixed at the ends (K, n), parameters."""
+
+    spans: np.ndarray
+    start: np.ndarray
+    end: np.ndarray
+    parameters: np.ndarray
+
+    def __getitem__(self, rows: np.ndarray) -> Places:
+        return Places(self.spans[rows], self.start[rows], self.end[rows], self.parameters[rows])
+
+
+@dataclass
+class Evaluated:
+    """The functional (K,), the sum of its absolute contributions, gradients (K, N), and pointwise Hessians, weighted.
+
+    ``blocks`` has shape (K, Q, k, k) in the variables that the matrix gives, ``legendre`` (K,) is the least
+    eigenvalue of L_y'y'.
+    """
+
+    value: np.ndarray
+    scale: np.ndarray
+    gradient: np.ndarray
+    blocks: np.ndarray
+    legendre: np.ndarray
+
+    @property
+    def sound(self) -> np.ndarray:
+        """Where everything is a number and the Legendre condition holds; (K,) of bool."""
+        return np.isfinite(self.value) & np.isfinite(self.gradient).all(1) & (self.legendre > 0.0)
+
+    def __getitem__(self, rows: np.ndarray) -> Evaluated:
+        return Evaluated(*(v[rows] for v in vars(self).values()))
+
+
+class Batch:
+    """The discretised functionals of ``form`` at ``places``, polynomials of one degree."""
+
+    def __init__(self, form: Form, degree: int, places: Places) -> None:
+        self.form, self.degree, self.places = form, degree, places
+        self.n, self.count = form.n, quadrature_points(degree)
+        space = Space(np.array([-1.0, 1.0]), degree, self.n, 1)
+        self.numbers = space.numbers[0]
+        everything = np.arange(space.size)
+        whole = OneElement(space, self.count, 1, everything, np.zeros(space.size), 0).matrix
+        known = np.concatenate([form.fixed_start[0], form.fixed_end[0]])
+        ends = np.concatenate([self.numbers[0], self.numbers[1]])
+        self.held, held_ends = ends[~np.isnan(known)], ~np.isnan(known)
+        self.free = np.setdiff1d(everything, self.held)
+        self.matrix = np.ascontiguousarray(whole[:, :, self.free])
+        self.flat = self.matrix.reshape(-1, len(self.free))
+        self.fixed = np.hstack([places.start, places.end])[:, held_ends]
+        self.offset = self.fixed @ whole[:, :, self.held].reshape(-1, len(self.held)).T
+        half = 0.5 * np.diff(places.spans, axis=1)
+        nodes, weights = gauss(self.count)
+        self.x = places.spans[:, :1] + half * (1 + nodes)
+        self.weights = half * weights
+        self.scale = np.hstack([np.ones_like(half).repeat(self.n, 1), (1 / half).repeat(self.n, 1)])[:, None, :]
+
+    def restricted(self, rows: np.ndarray) -> Batch:
+        """The batch of some of the values."""
+        other = object.__new__(Batch)
+        other.__dict__ = self.__dict__ | {
+            "places": self.places[rows],
+            **{name: getattr(self, name)[rows] for name in ("fixed", "offset", "x", "weights", "scale")},
+        }
+        return other
+
+    # unknowns
+
+    def coefficients(self, z: np.ndarray) -> np.ndarray:
+        """All coefficients, those of the ends included; (K, size)."""
+        out = np.empty((len(z), len(self.free) + len(self.held)))
+        out[:, self.free], out[:, self.held] = z, self.fixed
+        return out
+
+    def of_degree(self, coefficients: np.ndarray, degree: int) -> np.ndarray:
+        """The unknowns of curves given by coefficients (K, size) of another degree; bubbles beyond are left out."""
+        other = Space(np.array([-1.0, 1.0]), degree, self.n, 1).numbers[0]
+        common = min(self.degree, degree) + 1
+        out = np.zeros((len(coefficients), self.numbers.size))
+        out[:, self.numbers[:common].ravel()] = coefficients[:, other[:common].ravel()]
+        return out[:, self.free]
+
+    # evaluation
+
+    def variables(self, z: np.ndarray) -> np.ndarray:
+        """(y, y') at the Gauss points; (K, Q, 2 n)."""
+        shape = (len(z), self.count, 2 * self.n)
+        return (self.offset + z @ self.flat.T).reshape(shape) * self.scale
+
+    def moved(self, step: np.ndarray) -> np.ndarray:
+        """By how much a step of the unknowns changes them."""
+        return (step @ self.flat.T).reshape(len(step), self.count, 2 * self.n) * self.scale
+
+    def _called(self, name: str, variables: np.ndarray) -> np.ndarray:
+        points = self.x.size
+        rows = variables.reshape(points, -1)
+        blank = np.zeros((1, 0))
+        parameters = np.repeat(self.places.parameters, self.count, axis=0)
+        out = self._function(name)(points, self.x.reshape(-1, 1), rows[:, : self.n], rows[:, self.n :], blank, parameters, blank)
+        return out.reshape(*self.x.shape, -1)
+
+    def _function(self, name: str) -> Pointwise:
+        """A kept function of points, in pieces of the size of one curve or of many."""
+        chunk = min(CHUNK, self.x.size)
+        built, key = self.form.built, (name, chunk)
+        if key not in built:
+            if name not in built:
+                built[name] = _made(self.form, name)
+            built[key] = Pointwise(built[name], chunk)
+        return built[key]
+
+    def evaluate(self, z: np.ndarray) -> Evaluated:
+        """The functionals and their derivatives; inf or NaN outside the domain."""
+        k, variables = 2 * self.n, self.variables(z)
+        out = self._called("pointwise", variables)
+        value = (self.weights * out[:, :, 0]).sum(1)
+        scale = (self.weights * np.abs(out[:, :, 0])).sum(1)
+        if self.form.one_sided:
+            value = np.where((variables[:, :, self.form.one_sided] < 0).any((1, 2)), np.inf, value)
+        weighted = out[:, :, 1 : 1 + k] * (self.weights[:, :, None] * self.scale)
+        gradient = weighted.reshape(len(z), -1) @ self.flat
+        hessians = out[:, :, 1 + k :].reshape(*self.x.shape, k, k)
+        legendre = _least(hessians[:, :, self.n :, self.n :])
+        blocks = hessians * (self.weights[:, :, None, None] * (self.scale[:, :, :, None] * self.scale[:, :, None, :]))
+        return Evaluated(value, scale, gradient, blocks, legendre)
+
+    def assembled(self, blocks: np.ndarray) -> np.ndarray:
+        """The matrices (K, N, N) of pointwise quadratic forms (K, Q, k, k)."""
+        return self.flat.T @ (blocks @ self.matrix).reshape(len(blocks), len(self.flat), -1)
+
+    def leading(self, at: Evaluated) -> np.ndarray:
+        """Pointwise blocks of the leading term: L_y'y' in the slopes, and in y on the interval's length."""
+        n, length = self.n, np.diff(self.places.spans, axis=1)[:, :, None, None]
+        blocks = np.zeros_like(at.blocks)
+        top = at.blocks[:, :, n:, n:]
+        blocks[:, :, n:, n:] = top
+        # the weights hold the factor of the slopes' scale, which y has not
+        blocks[:, :, :n, :n] = top / (self.scale[:, :, None, -1:] * length) ** 2
+        return blocks
+
+    def squared(self, at: Evaluated, step: np.ndarray) -> np.ndarray:
+        """The squared length of steps in the metric that weighs each function by its own L_y'y'; (K,)."""
+        n, length = self.n, np.diff(self.places.spans, axis=1)[:, :, None]
+        weight = np.abs(np.einsum("kqaa->kqa", at.blocks[:, :, n:, n:]))
+        moved = (step @ self.flat.T).reshape(len(step), self.count, 2 * n)
+        ratio = 1 / (self.scale[:, :, -1:] * length) ** 2
+        return (weight * (moved[:, :, n:] ** 2 + ratio * moved[:, :, :n] ** 2)).sum((1, 2))
+
+    def reported(self, variables: np.ndarray) -> np.ndarray:
+        """The reported integrand and, where the form is lifted, x, y, dx/ds, dy/ds; (K, Q, rows)."""
+        return self._called("reported", variables)
+
+
+def _made(form: Form, name: str) -> ca.Function:
+    s = form.symbols
+    if name == "pointwise":
+        return Lagrangian(s, form.integrand).pointwise()
+    outputs = [form.functional, *(form.lifted or ())]
+    return ca.Function("reported", s.all, [ca.densify(ca.vertcat(*outputs))])
+
+
+def _least(blocks: np.ndarray) -> np.ndarray:
+    """The least eigenvalue of symmetric blocks (K, Q, n, n) over all points; -inf where they are no numbers."""
+    n = blocks.shape[-1]
+    if n == 1:
+        least = blocks[:, :, 0, 0]
+    elif n == 2:
+        middle = 0.5 * (blocks[:, :, 0, 0] + blocks[:, :, 1, 1])
+        least = middle - np.hypot(0.5 * (blocks[:, :, 0, 0] - blocks[:, :, 1, 1]), blocks[:, :, 0, 1])
+    else:
+        finite = np.isfinite(blocks).all((2, 3))
+        least = np.linalg.eigvalsh(np.where(finite[:, :, None, None], blocks, 0.0))[:, :, 0]
+        least = np.where(finite, least, -np.inf)
+    return np.where(np.isfinite(least), least, -np.inf).min(1)
+
+
+def positive(matrices: np.ndarray) -> np.ndarray:
+    """Which of the symmetric matrices (K, N, N) are positive definite; (K,) of bool."""
+    try:
+        np.linalg.cholesky(matrices)
+    except np.linalg.LinAlgError:
+        if len(matrices) == 1:
+            return np.zeros(1, dtype=bool)
+        half = len(matrices) // 2
+        return np.concatenate([positive(matrices[:half]), positive(matrices[half:])])
+    return np.ones(len(matrices), dtype=bool)
+
+
+def minimise(batch: Batch, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """Newton's guarded iteration from ``z`` (K, N) for all values; the minima, where they are, and the steps taken.
+
+    A value is given up where its Hessian is not positive, or no step descends.
+    """
+    z = z.copy()
+    done = np.zeros(len(z), dtype=bool)
+    at = batch.evaluate(z)
+    rows = np.flatnonzero(at.sound)
+    batch, at = batch.restricted(rows), at[rows]
+    for iteration in range(1, ITERATIONS + 1):
+        if not len(rows):
+            break
+        hessians = batch.assembled(at.blocks)
+        definite = positive(hessians)
+        rows, batch, at, hessians = rows[definite], batch.restricted(definite), at[definite], hessians[definite]
+        step = -np.linalg.solve(hessians, at.gradient[:, :, None])[:, :, 0]
+        decrement = -0.5 * np.einsum("kn,kn->k", step, at.gradient)
+        last = decrement <= CONVERGED * at.scale
+        z[rows[last]] += step[last]
+        done[rows[last]] = True
+        going = ~last
+        rows, batch = rows[going], batch.restricted(going)
+        if not len(rows):
+            return z, done, iteration
+        found, z[rows], at = _search(batch, z[rows], at[going], step[going])
+        rows, batch, at = rows[found], batch.restricted(found), at[found]
+    return z, done, ITERATIONS
+
+
+def _search(batch: Batch, z: np.ndarray, at: Evaluated, step: np.ndarray) -> tuple[np.ndarray, np.ndarray, Evaluated]:
+    """Backtrack to where the functional falls, inside the guarded domain; where that was found, and what is there."""
+    fall = np.einsum("kn,kn->k", step, at.gradient)
+    noise = 1e-14 * (at.scale + np.abs(at.value))
+    length = 1.0
+    moved = z + step
+    trial = batch.evaluate(moved)
+    found = trial.sound & (trial.value <= at.value + ARMIJO * fall + noise)
+    for _ in range(HALVINGS):
+        left = np.flatnonzero(~found)
+        if not len(left):
+            break
+        length *= SHRINK
+        shorter = z[left] + length * step[left]
+        there = batch.restricted(left).evaluate(shorter)
+        good = there.sound & (there.value <= at.value[left] + ARMIJO * length * fall[left] + noise[left])
+        moved[left[good]] = shorter[good]
+        for name, values in vars(there).items():
+            getattr(trial, name)[left[good]] = values[good]
+        found[left[good]] = True
+    return found, moved, trial
