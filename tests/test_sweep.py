@@ -73,9 +73,24 @@ def test_a_solve_begins_from_its_neighbour(monkeypatch):
         return original(problem, method, **options)
 
     monkeypatch.setattr(sys.modules["varcalc.sweep"], "solve", watched)
-    vc.sweep(spring(), {"k": [1.0, 2.0, 3.0]})
+    vc.sweep(spring(), {"k": [1.0, 2.0, 3.0]}, vc.Collocation())
     assert [g is None for g in guesses] == [True, False, False]
     assert [g.problem.parameters["k"] for g in guesses[1:]] == [1.0, 2.0]
+    guesses.clear()
+    vc.sweep(spring(), {"k": [1.0, 2.0, 3.0]})  # by the direct method the others are solved together
+    assert guesses == [None]
+
+
+def test_a_function_without_arguments_makes_the_problem_once():
+    made = []
+
+    def make():
+        made.append(spring())
+        return made[-1]
+
+    found = vc.sweep(make, {"k": [1.0, 2.0, 3.0]})
+    np.testing.assert_allclose(found.values, [least(k) for k in (1, 2, 3)], rtol=1e-10)
+    assert len(made) == 1
 
 
 def test_a_curve_over_another_interval_is_no_guess():
@@ -121,15 +136,15 @@ def test_an_interrupted_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
     ks = [1.0, 2.0, 3.0, 4.0, 5.0]
     monkeypatch.setattr(sys.modules["varcalc.sweep"], "solve", watched)
     with pytest.raises(Interrupted):
-        vc.sweep(spring(), {"k": ks}, store=store)
+        vc.sweep(stretched, {"k": ks}, store=store)
     # and the machine went down while it wrote
     with store.open("a", encoding="utf-8") as file:
         file.write('{"at": [3], "val')
     count = -10
-    found = vc.sweep(spring(), {"k": ks}, store=store)
+    found = vc.sweep(stretched, {"k": ks}, store=store)
     assert count == -10 + 2
     np.testing.assert_allclose(found.values, [least(k) for k in ks], rtol=1e-10)
-    assert vc.sweep(spring(), {"k": ks}, store=store) == found
+    assert vc.sweep(stretched, {"k": ks}, store=store) == found
     assert count == -10 + 2
 
 

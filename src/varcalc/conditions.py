@@ -121,7 +121,7 @@ class Fixed:
     slope is natural. Each number may be a :class:`Parameter`.
     """
 
-    x: float | Parameter
+    x: Any
     y: Any
     dy: Any = None
 
@@ -144,7 +144,7 @@ class Free:
     does not tell.
     """
 
-    x: float | Parameter
+    x: Any
     n: int | None = None
 
     def __post_init__(self) -> None:
@@ -309,8 +309,8 @@ def parameters_of(end: Any) -> tuple[tuple[str, str, int], ...]:
     """The parameters among the coordinates of an end: name, field and component of each."""
     found = []
     for field in ("x", "y", "dy", "q"):
-        given = getattr(end, field, None)
-        entries = given if is_vector(given) else (given,)
+        given: Any = getattr(end, field, None)
+        entries: Iterable[Any] = given if is_vector(given) else (given,)
         found += [(v.name, field, i) for i, v in enumerate(entries) if isinstance(v, Parameter)]
     return tuple(found)
 

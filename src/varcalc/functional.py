@@ -109,7 +109,7 @@ class Functional:
         self.lagrangian = lagrangian
         self.templates = (start, end)
         self.parameters = named("parameters", parameters)
-        self.start, self.end = self._placed_ends()
+        self.start, self.end = self.placed_ends()
         self.unknowns = named("unknowns", unknowns)
         both = self.parameters.keys() & self.unknowns.keys()
         if both:
@@ -124,7 +124,7 @@ class Functional:
         except NotSymbolic:
             self._trace(ca.MX)
 
-    def _placed_ends(self) -> tuple[Any, Any]:
+    def placed_ends(self) -> tuple[Any, Any]:
         """The ends at the present parameter values; ValueError for a parameter that has none."""
         ends = []
         for label, end in zip(("start", "end"), self.templates, strict=True):
@@ -143,7 +143,8 @@ class Functional:
         return frozenset(name for end in self.templates for name, _, _ in parameters_of(end))
 
     # what Problem and Curve each define
-    def _check_ends(self) -> None:
+    def check_ends(self) -> None:
+        """Raise ValueError where parameters have moved an end to where none can be."""
         raise TypeError("a functional is either a Problem or a Curve")
 
     def _arguments(self) -> list[Expression]:
@@ -246,8 +247,8 @@ class Functional:
         other = copy.copy(self)
         other.parameters = self.parameters | given
         if self.end_parameters & given.keys():
-            other.start, other.end = other._placed_ends()
-            other._check_ends()
+            other.start, other.end = other.placed_ends()
+            other.check_ends()
         other.check_places()
         return other
 

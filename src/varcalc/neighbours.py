@@ -9,6 +9,7 @@ for which that is in doubt has none here.
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,19 @@ from varcalc.singular.alike import Ends
 from varcalc.solution import ErrorEstimate, Solution, Stats
 from varcalc.verify.weierstrass import vouched
 
-REMEMBERED = 512
+SEEN_FORWARD = np.ones(1)
+"""A speed dx/ds for curves that have been seen not to turn back."""
+REMEMBERED = 256
 """Solutions among which the nearest is looked for: the last ones."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """A solution to begin from: parameter values, degree and coefficients on one element."""
+
+    values: np.ndarray
+    degree: int
+    coefficients: np.ndarray
 
 
 class Neighbours:
@@ -41,37 +53,31 @@ class Neighbours:
 
     def __init__(self, form: Form, elsewhere: Elsewhere, method: Ritz, tol: float) -> None:
         self.form, self.elsewhere, self.method, self.tol = form, elsewhere, method, tol
-        self.places: list[np.ndarray] = []
-        self.degrees: list[int] = []
-        self.coefficients: list[np.ndarray] = []
+        self.known: list[Known] = []
 
     @classmethod
     def of(cls, solution: Solution, tol: float) -> Neighbours | None:
         """The neighbourhood of a solution; None where the method, its mesh or the form needs more than is done here."""
-        extremal, method, problem = solution.extremal, solution.method, solution.problem
-        if extremal is None or not solution.status.ok or not _plainly(method) or not isinstance(problem, Problem):
+        extremal = solution.extremal
+        if not (solution.status.ok and isinstance(extremal, Extremal) and _plainly(solution.method)):
             return None
-        first = forms(problem)[0]
-        kept = isinstance(extremal, Extremal) and first is not None and extremal.form.built is first.built
-        if not kept or first.elsewhere is None or not applies(first) or solution.stats.elements != 1:
+        first = _first_of(extremal.form)
+        if first is None or first.elsewhere is None or extremal.coefficients is None:
             return None
-        found = cls(first, first.elsewhere, method, tol)
+        found = cls(first, first.elsewhere, solution.method, tol)
         found.add(solution)
         return found
 
     def add(self, solution: Solution) -> None:
         """Take a solution among those to begin from, if it is one of the same form on one element."""
         extremal = solution.extremal
-        if not isinstance(extremal, Extremal) or extremal.form.built is not self.form.built:
-            return
-        if solution.status.ok and solution.stats.elements == 1:
-            space = self._space(extremal.form, solution.stats.degree)
-            self._remember(solution.problem.parameter_values, solution.stats.degree, space.fit(_curve(extremal)))
+        kin = isinstance(extremal, Extremal) and extremal.form.built is self.form.built
+        if kin and solution.status.ok and extremal.coefficients is not None:
+            self._remember(solution.problem.parameter_values, solution.stats.degree, extremal.coefficients)
 
     def _remember(self, values: np.ndarray, degree: int, coefficients: np.ndarray) -> None:
-        for kept, new in ((self.places, values), (self.degrees, degree), (self.coefficients, coefficients)):
-            kept.append(new)
-            del kept[:-REMEMBERED]
+        self.known.append(Known(values, degree, coefficients))
+        del self.known[:-REMEMBERED]
 
     def solved(self, values: np.ndarray) -> Answers:
         """What is found at ``values`` (K, parameters), each from the nearest solution; they are remembered."""
@@ -83,10 +89,10 @@ class Neighbours:
             return answers
         points = Ends(problem, values[rows]).points
         places = Places(*self.elsewhere.placed(points), values[rows])
-        nearest = self._nearest(values[rows])
-        degrees = np.array([self.degrees[k] for k in nearest])
+        nearest = [self.known[k] for k in self._nearest(values[rows])]
+        degrees = np.array([k.degree for k in nearest])
         with np.errstate(all="ignore"):
-            found = solved(self.form, places, degrees, [self.coefficients[k] for k in nearest], self.tol)
+            found = solved(self.form, places, degrees, [k.coefficients for k in nearest], self.tol)
         answers.enter(rows, found)
         for row in np.flatnonzero(answers.stands):
             self._remember(values[row], int(answers.degree[row]), answers.coefficients[row])
@@ -94,10 +100,12 @@ class Neighbours:
 
     def _nearest(self, values: np.ndarray) -> list[int]:
         """The number of the nearest solution, each parameter measured by the range it takes."""
-        known = np.array(self.places)
-        both = np.vstack([known, values])
-        unit = np.where(np.ptp(both, axis=0) > 0, np.ptp(both, axis=0), 1.0)
-        distances = np.abs((values[:, None] - known) / unit).max(2, initial=0.0)
+        known = np.array([k.values for k in self.known])
+        ranges = np.ptp(np.vstack([known, values]), axis=0)
+        distances = np.zeros((len(values), len(known)))
+        for column in np.flatnonzero(ranges):
+            apart = np.abs(np.subtract.outer(values[:, column], known[:, column])) / ranges[column]
+            np.maximum(distances, apart, out=distances)
         # of several at one distance the last
         return list(distances.shape[1] - 1 - distances[:, ::-1].argmin(1))
 
@@ -110,10 +118,11 @@ class Neighbours:
         """An answer as the Solution of ``problem``, held against curves with corners and jumps."""
         form = self.elsewhere.form(problem)
         degree, coefficients = int(answers.degree[row]), answers.coefficients[row]
-        space = self._space(form, degree)
+        space = Space(np.array(form.span), degree, form.n, form.order)
         extremal = Extremal(
-            form, lambda s, k: space.evaluate(coefficients, s, k), np.zeros(0), space.vertices, np.zeros(0), {}
-        )
+            form, lambda s, k: space.evaluate(coefficients, s, k), np.zeros(0), space.vertices, np.zeros(0), {},
+            SEEN_FORWARD, coefficients,
+        )  # fmt: skip
         error = ErrorEstimate(float(answers.error[row]), float(answers.curve[row]))
         free = int(np.isnan(form.fixed_start[0]).sum() + np.isnan(form.fixed_end[0]).sum())
         stats = Stats(0.0, seconds, int(answers.iterations[row]), space.size - 2 * form.n + free, 1, degree)
@@ -124,18 +133,28 @@ class Neighbours:
         found = vouched(found, form)
         return with_rival(found) if found.status.ok else found
 
-    def _space(self, form: Form, degree: int) -> Space:
-        return Space(np.array(form.span), degree, form.n, form.order)
 
+def _first_of(form: Form) -> Form | None:
+    """The form that is tried first of the problem of ``form``, if it is stated as that one is and can be solved so.
 
-def _curve(extremal: Extremal) -> Any:
-    return lambda s: extremal.evaluate(s, 0)
+    It is asked once of forms that share their expressions: where singular ends are what they are at one value, the
+    first form is the same.
+    """
+    if "first" not in form.built:
+        first = forms(form.problem)[0] if isinstance(form.problem, Problem) else None
+        alike = first is not None and first.built is form.built and applies(first)
+        form.built["first"] = first if alike else None
+    return form.built["first"]
 
 
 def _plainly(method: Any) -> bool:
     """Whether a method is the direct one with Newton's iteration and a mesh that is its own affair."""
     plain = isinstance(method, Ritz) and method.refine and method.degree is None and method.elements == 1
     return plain and (method.optimiser is None or method.optimiser == Newton())
+
+
+def _one_start(method: Any) -> Any:
+    return replace(method, starts=1) if isinstance(method, Ritz) else method
 
 
 def resolved(problem: Functional, method: Any, tol: float, known: Any) -> Solution | None:
@@ -145,7 +164,8 @@ def resolved(problem: Functional, method: Any, tol: float, known: Any) -> Soluti
     """
     if not isinstance(known, Solution) or known.problem.templates is not problem.templates:
         return None
-    if method is not None and method != known.method:
+    # how many starting curves are tried is no matter where one is at hand
+    if not (method is None or (isinstance(method, Ritz) and replace(method, starts=1) == _one_start(known.method))):
         return None
     began = time.perf_counter()
     neighbours = Neighbours.of(known, tol)

@@ -90,7 +90,7 @@ class Problem(Functional):
         self.order = int(order)
         self.n, self.scalar = _dimension(start, end)
         _check_slopes(start, end, order)
-        self.breakpoints = breakpoints  # checked with the ends, whose coordinates may be parameters
+        self.breakpoints = sequence("breakpoints", breakpoints)  # checked with the ends, whose coordinates may be parameters
         super().__init__(lagrangian, start, end, constraints, parameters, unknowns, end_cost, maximise, name)
         self._check_domain()
         self.check_places()
@@ -101,13 +101,13 @@ class Problem(Functional):
     def _position_arguments(self) -> list[Expression]:
         return self._arguments()
 
-    def _placed_ends(self) -> tuple[Any, Any]:
-        start, end = super()._placed_ends()
+    def placed_ends(self) -> tuple[Any, Any]:  # noqa: D102
+        start, end = super().placed_ends()
         self.span = _span(start, end)
         self.breakpoints = _inside("breakpoints", self.breakpoints, self.span, start, end)
         return start, end
 
-    def _check_ends(self) -> None:
+    def check_ends(self) -> None:  # noqa: D102
         for i, c in enumerate(self.constraints):
             if isinstance(c, Through):
                 self._check_beside_ends(i, c)
@@ -243,7 +243,7 @@ class Curve(Functional):
                 self._check_homogeneous(f"constraints[{i}].g", t.expression)
         self.check_places()
 
-    def _check_ends(self) -> None:
+    def check_ends(self) -> None:  # noqa: D102
         pass  # a point anywhere may be the end of a Curve
 
     def _arguments(self) -> list[Expression]:

@@ -59,10 +59,10 @@ def solve(
     5.0
     """
     check_arguments(problem, method, tol)
-    check_guess(problem, guess)
     known = resolved(problem, method, tol, guess)
     if known is not None:
         return known
+    check_guess(problem, guess)
     solution = _linear(problem, method or LADDER[0])
     if solution is None:
         solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)

@@ -6,6 +6,7 @@ sweep early costs no point that was reported; the same call goes on from there.
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 import multiprocessing
@@ -20,15 +21,21 @@ import numpy as np
 
 from varcalc.compare import checked_method, label, monospaced
 from varcalc.conditions import finite
+from varcalc.methods.family import Answers
+from varcalc.neighbours import Neighbours
 from varcalc.problem import Curve, Problem
 from varcalc.solution import Solution
 from varcalc.solve import solve
 
 CHUNK = 16
 """Points that a core solves in a row before it reports: each begins from the last, and few are lost with it."""
+LONG_CHUNK = 512
+"""The same where each core makes one problem and moves its parameters: what is built for it serves many points."""
+BATCH = 128
+"""Points solved together at most."""
 
 Source = Problem | Curve | Callable[..., Problem | Curve]
-"""A problem with parameters, or a function that makes it from their values."""
+"""A problem with parameters, or a function that makes it, from their values or once for all of them."""
 
 
 @dataclass(frozen=True)
@@ -100,13 +107,15 @@ def sweep(
 ) -> Sweep:
     """Solve ``problem`` for every combination of the values in ``grid``.
 
-    ``problem`` is a Problem or Curve whose parameters are named in ``grid``, or
-    a function that takes them as keywords and returns one: so end points are
-    varied, and so a problem is made anew on each of several ``cores``, where
-    the function must be one that can be pickled (defined at the top of a
-    module). The grid is walked from neighbour to neighbour; each solve begins
-    from the last answer where that is a curve over the same interval, and
-    afresh where that leads nowhere. A point without an answer keeps its status.
+    ``problem`` is a Problem or Curve whose parameters are named in ``grid``
+    (end points among them, see :class:`varcalc.Parameter`), a function without
+    arguments that makes such a problem, or one that takes the values as keywords
+    and makes a problem for each point. On several ``cores`` it must be a
+    function, and one that can be pickled (defined at the top of a module). The
+    grid is walked from neighbour to neighbour; each solve begins from the
+    nearest answer, and afresh where that leads nowhere. By the direct method the
+    points of one problem are solved many at a time, each held to what a solve
+    asks of an answer. A point without an answer keeps its status.
 
     With ``store``, the name of a file, every point is written as it comes, and points
     that are in it already are not solved again: an interrupted sweep goes on
@@ -130,7 +139,7 @@ def sweep(
     if built and cores > 1:
         raise ValueError(
             "a problem that is built stays in its process; for several cores give a function that makes it from "
-            f"{', '.join(axes)}, or cores=1"
+            f"{', '.join(axes)}, or cores=1; a function without arguments makes it once for each"
         )
     header = {"sweep": {n: list(v) for n, v in axes.items()}, "method": label(method), "tol": tol}
     known = {} if store is None else _begun(Path(store), header)
@@ -177,7 +186,9 @@ def _solved(
     if cores == 1:
         yield from zip(places, _in_a_row(problem, points, method, tol), strict=True)
         return
-    pieces = [slice(i, i + CHUNK) for i in range(0, len(places), CHUNK)]
+    # each core has something to do, also where there are few points
+    size = min(LONG_CHUNK, -(-len(places) // cores)) if _made_once(problem) else CHUNK
+    pieces = [slice(i, i + size) for i in range(0, len(places), size)]
     # a forked process would inherit the locks of threads that are not there
     with ProcessPoolExecutor(cores, multiprocessing.get_context("spawn")) as pool:
         running = {pool.submit(_chunk, problem, points[piece], method, tol): piece for piece in pieces}
@@ -188,27 +199,90 @@ def _solved(
             pool.shutdown(wait=True, cancel_futures=True)
 
 
+def _made_once(source: Source) -> bool:
+    """Whether a source is a function without arguments."""
+    return not isinstance(source, Problem | Curve) and not inspect.signature(source).parameters
+
+
 def _chunk(problem: Source, points: list[dict[str, float]], method: Any, tol: float) -> list[SweepPoint]:
     return list(_in_a_row(problem, points, method, tol))
 
 
-def _in_a_row(source: Source, points: Iterable[dict[str, float]], method: Any, tol: float) -> Iterator[SweepPoint]:
-    """Solve one point after the other, each from the last curve."""
-    last: Solution | None = None
-    for values in points:
+def _in_a_row(source: Source, points: list[dict[str, float]], method: Any, tol: float) -> Iterator[SweepPoint]:
+    """Solve one point after the other, or many together, each from what is known nearby."""
+    source = source() if callable(source) and _made_once(source) else source
+    row = _Row(source, method, tol)
+    size, done = 1, 0
+    while done < len(points):
+        together = points[done : done + size]
+        yield from row.solved(together)
+        done += len(together)
+        # the first of the points are far from what is known
+        size = min(2 * size, BATCH) if row.neighbours is not None else 1
+
+
+class _Row:
+    """The points of a sweep that are solved one after the other, and what is known from those before."""
+
+    def __init__(self, source: Source, method: Any, tol: float) -> None:
+        self.source, self.method, self.tol = source, method, tol
+        self.last: Solution | None = None
+        self.neighbours: Neighbours | None = None
+
+    def solved(self, points: list[dict[str, float]]) -> list[SweepPoint]:
+        """What is found at some points, in their order."""
         began = time.perf_counter()
+        answers, found = self._together(points), []
+        each = (time.perf_counter() - began) / len(points)
+        for row, values in enumerate(points):
+            point = None
+            if answers is not None and answers.stands[row]:
+                point = self._of_answers(values, answers, row, each)
+            found.append(point or self._alone(values))
+        return found
+
+    def _together(self, points: list[dict[str, float]]) -> Answers | None:
+        if self.neighbours is None or not isinstance(self.source, Problem):
+            return None
+        everything = [self.source.parameters | values for values in points]
+        return self.neighbours.solved(np.array([list(v.values()) for v in everything]))
+
+    def _of_answers(self, values: dict[str, float], answers: Answers, row: int, seconds: float) -> SweepPoint | None:
+        """A point that was solved with others; None where more is to be asked and it does not stand up to that."""
+        assert self.neighbours is not None
+        assert isinstance(self.source, Problem)
+        if not self.neighbours.beyond_doubt:
+            began = time.perf_counter()
+            solution = self.neighbours.solution(self.source.with_parameters(values), answers, row, seconds)
+            spent = seconds + time.perf_counter() - began
+            return _point(tuple(values.values()), solution, spent) if solution.status.ok else None
+        value = self.neighbours.form.sign * float(answers.value[row])
+        steps = int(answers.iterations[row])
+        return SweepPoint(tuple(values.values()), "solved", value, float(answers.error[row]), steps, seconds)
+
+    def _alone(self, values: dict[str, float]) -> SweepPoint:
+        """A point solved for itself, from the last curve if that leads anywhere."""
+        began = time.perf_counter()
+        source = self.source
         problem = source.with_parameters(values) if isinstance(source, Problem | Curve) else source(**values)
-        guess = last if last is not None and _alike(problem, last) else None
-        solution = solve(problem, method, tol=tol, throw=False, guess=guess)
+        guess = self.last if self.last is not None and _alike(problem, self.last) else None
+        solution = solve(problem, self.method, tol=self.tol, throw=False, guess=guess)
         if guess is not None and not solution.status.ok:
-            solution = solve(problem, method, tol=tol, throw=False)
-        last = solution if solution.status.ok else last
-        yield _point(tuple(values.values()), solution, time.perf_counter() - began)
+            solution = solve(problem, self.method, tol=self.tol, throw=False)
+        if solution.status.ok:
+            self.last = solution
+            if self.neighbours is not None:
+                self.neighbours.add(solution)
+            elif isinstance(source, Problem):
+                self.neighbours = Neighbours.of(solution, self.tol)
+        return _point(tuple(values.values()), solution, time.perf_counter() - began)
 
 
 def _alike(problem: Problem | Curve, last: Solution) -> bool:
     """Whether the last curve is one of this problem's kind, over the same interval."""
     other = last.problem
+    if problem.templates is other.templates:
+        return True
     return type(problem) is type(other) and (problem.n, problem.span) == (other.n, last.interval)
 
 

@@ -47,6 +47,8 @@ class Extremal:
     path: Mapping[int, Callable[[np.ndarray], np.ndarray]]
     speed: np.ndarray | None = None
     """dx/ds at a number of points, where the method has it at hand."""
+    coefficients: np.ndarray | None = None
+    """Those of the curve in the basis of :class:`varcalc.mesh.Space`, where it was found so on one element."""
 
 
 class Deferred(Mapping[str, float]):

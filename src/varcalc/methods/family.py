@@ -10,6 +10,7 @@ any of that is in doubt has no answer here; it is left to a solve of its own.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -60,9 +61,7 @@ def applies(form: Form) -> bool:
     return form.order == 1 and bare and form.ends is None and not form.periodic and not len(form.unknown_guess)
 
 
-def solved(
-    form: Form, places: Places, degrees: np.ndarray, starts: list[np.ndarray], tol: float
-) -> Answers:
+def solved(form: Form, places: Places, degrees: np.ndarray, starts: list[np.ndarray], tol: float) -> Answers:
     """The minima at ``places`` near curves of ``degrees`` (K,) with the coefficients ``starts``.
 
     ``form`` is the form of one of the values: its expressions serve all. The
@@ -71,7 +70,7 @@ def solved(
     answers = Answers.none(len(degrees))
     ladder = DEGREES[form.order][:-1]
     degrees, starts = degrees.copy(), list(starts)
-    for degree, richer in zip(ladder[:-1], ladder[1:], strict=True):
+    for degree, richer in pairwise(ladder):
         rows = np.flatnonzero(degrees == degree)
         if not len(rows):
             continue
@@ -102,6 +101,8 @@ def _judged(
     good = at.sound & np.isfinite(soft).all((1, 2, 3))
     # what is positive with a part of the leading term taken off has no soft mode, and is no saddle
     good[good] = positive(there.restricted(good).assembled(soft[good]))
+    if not good.any():
+        return {}
     rows, here, there, at = rows[good], here.restricted(good), there.restricted(good), at[good]
     coefficients, start = coefficients[good], start[good]
     step = -np.linalg.solve(there.assembled(at.blocks), at.gradient[:, :, None])[:, :, 0]
@@ -148,7 +149,7 @@ def _reports(there: Batch, z: np.ndarray, step: np.ndarray, own: np.ndarray, at:
         error, scale = np.abs(decrement) + np.abs(at.value - own), at.scale
     else:
         error, scale = np.abs(values - beyond_values), np.abs(values)
-    graph = np.ones(len(z), dtype=bool)
+    forward = np.ones_like(there.x)
     if form.lifted is None:
         move = there.moved(step)[:, :, : there.n]
     else:
@@ -156,9 +157,9 @@ def _reports(there: Batch, z: np.ndarray, step: np.ndarray, own: np.ndarray, at:
         slope = np.where(forward[:, :, None] != 0, here[:, :, 3 + n :] / forward[:, :, None], 0.0)
         move = beyond[:, :, 2 : 2 + n] - here[:, :, 2 : 2 + n] - slope * (beyond[:, :, 1:2] - here[:, :, 1:2])
     curve = SAFETY * np.abs(move).max((1, 2), initial=0.0)
-    if form.energetic and form.lifted is not None:
-        width = (there.weights * forward).sum(1)
-        graph = forward.min(1) >= -(1e-9 + TURNED * curve / width) * np.abs(forward).max(1)
+    # a curve whose own parameter is not the abscissa may turn back in it
+    width = (there.weights * forward).sum(1)
+    graph = forward.min(1) >= -(1e-9 + TURNED * curve / width) * np.abs(forward).max(1)
     lengths = np.diff(there.places.spans, axis=1)[:, 0]
     resolved = missed(here[:, :, 0]) * 0.5 * lengths <= RESOLVED * scale
     return _Reports(values, SAFETY * error, scale, curve, resolved, graph)

@@ -36,8 +36,9 @@ def by_moved_ends(
     known = problem.order == 1 and problem.end_cost is None and not pathwise
     for at, outward, template in zip(problem.span, (-1.0, 1.0), problem.templates, strict=True):
         found = parameters_of(template)
-        if found:
-            by_x, by_y = _covector(problem, curve, multipliers, unknowns, at) if known else (np.nan, _none(problem))
+        by_x, by_y = np.nan, _none(problem)
+        if found and known:
+            by_x, by_y = _covector(problem, curve, multipliers, unknowns, at)
         for name, field, component in found:
             total[names.index(name)] += outward * (by_x if field == "x" else float(by_y[component]))
     return total

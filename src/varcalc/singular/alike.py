@@ -15,6 +15,7 @@ import numpy as np
 from varcalc.conditions import parameters_of
 from varcalc.problem import NUDGE, Problem
 from varcalc.singular.detection import (
+    A_FRACTION,
     ACROSS,
     ASIDE,
     FIT,
@@ -75,8 +76,8 @@ class Ends:
         """Where L is infinite or no number at an end, for any slope tried; (K, 2) of bool."""
         points = np.repeat(self.points, len(SLOPES), axis=1)
         values = self.lagrangian(points, np.tile(SLOPES, 2)[:, None])
-        finite = np.isfinite(values).reshape(len(values), 2, -1).all(2)
-        return ~(finite | np.isnan(self.points).any(2))
+        finite = np.all(np.isfinite(values).reshape(len(values), 2, -1), axis=2)
+        return np.logical_not(finite | np.any(np.isnan(self.points), axis=2))
 
     @cached_property
     def steep(self) -> np.ndarray:
@@ -99,8 +100,8 @@ class Ends:
         rise = np.nan_to_num(self.points[:, 1, 1:] - self.points[:, 0, 1:])
         slopes = rise / (self.points[:, 1, :1] - self.points[:, 0, :1])
         values = self.lagrangian(around.reshape(len(self.values), -1, 1 + n), slopes[:, None])
-        number = ~np.isnan(values).reshape(len(values), 2, -1).all(2)
-        return (number | np.isnan(self.points).any(2)).all(1)
+        nowhere = np.all(np.isnan(values).reshape(len(values), 2, -1), axis=2)
+        return np.all(~nowhere | np.any(np.isnan(self.points), axis=2), axis=1)
 
     def metric(self, conformal: bool) -> np.ndarray:
         """Whether L^2 is quadratic in the slope, and conformal or not, and L of one sign across the problem; (K,)."""
@@ -113,7 +114,7 @@ class Ends:
         across = values[:, -len(ACROSS) :]
         one_sign = ~(np.isfinite(across) & (across <= 0)).any(1) & np.isfinite(across).any(1)
         sampled = values[:, : -len(ACROSS)].reshape(len(values), -1, len(SLOPES))
-        usable = (np.isfinite(sampled) & (sampled > 0)).all(2)
+        usable = np.all(np.isfinite(sampled) & (sampled > 0), axis=2)
         squares = np.where(usable[:, :, None], sampled, 1.0) ** 2
         fit = squares @ FIT.T
         off = np.abs(fit @ POWERS.T - squares).max(2) > QUADRATIC * squares.max(2)
@@ -135,7 +136,8 @@ class Ends:
         first = np.take_along_axis(normals, usable.argmax(1)[:, None, None], 1)[:, 0]
         same = np.abs(first - known.normal).max(1) <= TURNED
         powers = 0.5 * np.log(values[:, -1] / values[:, -2]) / np.log(PROBE[0] / PROBE[1])
-        alike = np.array([rational(float(p)) == known.power for p in powers])
+        # a power that is no fraction was measured, and may be another one there
+        alike = (np.abs(powers - known.power) < A_FRACTION) & (rational(known.power + A_FRACTION / 2) == known.power)
         return usable.any(1) & along.all(1) & same & alike & (here == known.origin).all(1)
 
 

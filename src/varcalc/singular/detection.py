@@ -44,6 +44,8 @@ SURVEY = _survey()
 QUADRATIC = 1e-9
 """Relative departure from a quadratic form below which L^2 is taken to be one."""
 LARGEST_DENOMINATOR = 6
+A_FRACTION = 2e-3
+"""Distance from a fraction of small denominator within which a measured power is that fraction."""
 ASIDE, STEEP = 0.05, 0.5
 """A step from an end, in units of the problem's size, that leaves less than this share of L: a singularity is near."""
 GROWN = 1.2
@@ -346,4 +348,4 @@ def rational(value: float, denominator: int = LARGEST_DENOMINATOR) -> float:
     if not math.isfinite(value):
         return value
     fraction = Fraction(value).limit_denominator(denominator)
-    return float(fraction) if abs(float(fraction) - value) < 2e-3 else value
+    return float(fraction) if abs(float(fraction) - value) < A_FRACTION else value

@@ -53,8 +53,7 @@ def energy_forms(
     graded = (True in blowups, False in blowups)
     lines = {at_start: line for at_start, line in blowups.items() if line is not None}
     return [
-        partial(_movable, problem, metric, chart, lines, singular=singular, graded=graded, factored=way)
-        for way in ways
+        partial(_movable, problem, metric, chart, lines, singular=singular, graded=graded, factored=way) for way in ways
     ]
 
 
@@ -74,15 +73,12 @@ def _movable(problem: Functional, metric: Metric, chart: Chart, lines: dict[bool
     def unchanged(values: np.ndarray) -> np.ndarray:
         return alike(problem, values, lines, metric.conformal)
 
-    def elsewhere(other: Functional) -> Form:
-        return _energy_form(other, metric, chart, **how)
+    return replace(
+        form, elsewhere=Elsewhere(placed, partial(_energy_form, metric=metric, chart=chart, **how), unchanged)
+    )
 
-    return replace(form, elsewhere=Elsewhere(placed, elsewhere, unchanged))
 
-
-def _factors(
-    ends: tuple[np.ndarray, np.ndarray], singular: tuple[bool, bool]
-) -> tuple[np.ndarray, np.ndarray]:
+def _factors(ends: tuple[np.ndarray, np.ndarray], singular: tuple[bool, bool]) -> tuple[np.ndarray, np.ndarray]:
     """What is fixed of the factors at the ends, each (K, 2), for one singular end: its own values are free."""
     known = np.column_stack([ends[1][:, 0] - ends[0][:, 0], ends[1 if singular[0] else 0][:, 1]])
     blank = np.full_like(known, np.nan)
@@ -224,9 +220,7 @@ def _sliding(problem: Functional, symbols: Symbols, q: Expression) -> EndConditi
     return EndConditions(first, last, ca.vertcat(*equations), kind(0))
 
 
-def _factored(
-    symbols: Symbols, line: tuple[float, float], growth: float, singular: tuple[bool, bool]
-) -> Expression:
+def _factored(symbols: Symbols, line: tuple[float, float], growth: float, singular: tuple[bool, bool]) -> Expression:
     """(xi, w) as known powers of s times unknown functions, free at the singular ends; ``line``: xi at both ends.
 
     One singular end: xi = xi_end + r^growth z, w = r omega with r the

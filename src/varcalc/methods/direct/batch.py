@@ -64,32 +64,54 @@ class Evaluated:
         return Evaluated(*(v[rows] for v in vars(self).values()))
 
 
+class Basis:
+    """What a batch of one degree has in common for all values: which coefficients are ``held`` at the ends, which free.
+
+    ``matrix`` (Q, 2 n, N) takes the free ones to (y, y') at the Gauss points of [-1, 1], ``known`` those of the ends.
+    """
+
+    def __init__(self, form: Form, degree: int) -> None:
+        n, self.degree, self.count = form.n, degree, quadrature_points(degree)
+        space = Space(np.array([-1.0, 1.0]), degree, n, 1)
+        self.numbers, self.size = space.numbers[0], space.size
+        everything = np.arange(space.size)
+        whole = OneElement(space, self.count, 1, everything, np.zeros(space.size), 0).matrix
+        self.held_ends = ~np.isnan(np.concatenate([form.fixed_start[0], form.fixed_end[0]]))
+        self.held = np.concatenate([self.numbers[0], self.numbers[1]])[self.held_ends]
+        self.free = np.setdiff1d(everything, self.held)
+        self.matrix = np.ascontiguousarray(whole[:, :, self.free])
+        self.flat = self.matrix.reshape(-1, len(self.free))
+        self.known = whole[:, :, self.held].reshape(-1, len(self.held)).T
+
+    @classmethod
+    def of(cls, form: Form, degree: int) -> Basis:
+        """The basis of a form, kept with it."""
+        key = ("basis", degree, np.isnan(form.fixed_start).tobytes(), np.isnan(form.fixed_end).tobytes())
+        if key not in form.built:
+            form.built[key] = cls(form, degree)
+        return form.built[key]
+
+
 class Batch:
     """The discretised functionals of ``form`` at ``places``, polynomials of one degree."""
 
     def __init__(self, form: Form, degree: int, places: Places) -> None:
-        self.form, self.degree, self.places = form, degree, places
-        self.n, self.count = form.n, quadrature_points(degree)
-        space = Space(np.array([-1.0, 1.0]), degree, self.n, 1)
-        self.numbers = space.numbers[0]
-        everything = np.arange(space.size)
-        whole = OneElement(space, self.count, 1, everything, np.zeros(space.size), 0).matrix
-        known = np.concatenate([form.fixed_start[0], form.fixed_end[0]])
-        ends = np.concatenate([self.numbers[0], self.numbers[1]])
-        self.held, held_ends = ends[~np.isnan(known)], ~np.isnan(known)
-        self.free = np.setdiff1d(everything, self.held)
-        self.matrix = np.ascontiguousarray(whole[:, :, self.free])
-        self.flat = self.matrix.reshape(-1, len(self.free))
-        self.fixed = np.hstack([places.start, places.end])[:, held_ends]
-        self.offset = self.fixed @ whole[:, :, self.held].reshape(-1, len(self.held)).T
-        half = 0.5 * np.diff(places.spans, axis=1)
+        self.form, self.places, self.n = form, places, form.n
+        self.basis = Basis.of(form, degree)
+        self.degree, self.count = degree, self.basis.count
+        self.matrix, self.flat = self.basis.matrix, self.basis.flat
+        self.fixed = np.hstack([places.start, places.end])[:, self.basis.held_ends]
+        self.offset = self.fixed @ self.basis.known
+        half = 0.5 * (places.spans[:, 1:] - places.spans[:, :1])
         nodes, weights = gauss(self.count)
         self.x = places.spans[:, :1] + half * (1 + nodes)
         self.weights = half * weights
-        self.scale = np.hstack([np.ones_like(half).repeat(self.n, 1), (1 / half).repeat(self.n, 1)])[:, None, :]
+        self.scale = np.repeat(np.hstack([np.ones_like(half), 1 / half]), self.n, axis=1)[:, None, :]
 
     def restricted(self, rows: np.ndarray) -> Batch:
         """The batch of some of the values."""
+        if rows.dtype == bool and rows.all():
+            return self
         other = object.__new__(Batch)
         other.__dict__ = self.__dict__ | {
             "places": self.places[rows],
@@ -101,17 +123,19 @@ class Batch:
 
     def coefficients(self, z: np.ndarray) -> np.ndarray:
         """All coefficients, those of the ends included; (K, size)."""
-        out = np.empty((len(z), len(self.free) + len(self.held)))
-        out[:, self.free], out[:, self.held] = z, self.fixed
+        out = np.empty((len(z), self.basis.size))
+        out[:, self.basis.free], out[:, self.basis.held] = z, self.fixed
         return out
 
     def of_degree(self, coefficients: np.ndarray, degree: int) -> np.ndarray:
         """The unknowns of curves given by coefficients (K, size) of another degree; bubbles beyond are left out."""
-        other = Space(np.array([-1.0, 1.0]), degree, self.n, 1).numbers[0]
+        if degree == self.degree:
+            return coefficients[:, self.basis.free]
+        other = Basis.of(self.form, degree).numbers
         common = min(self.degree, degree) + 1
-        out = np.zeros((len(coefficients), self.numbers.size))
-        out[:, self.numbers[:common].ravel()] = coefficients[:, other[:common].ravel()]
-        return out[:, self.free]
+        out = np.zeros((len(coefficients), self.basis.size))
+        out[:, self.basis.numbers[:common].ravel()] = coefficients[:, other[:common].ravel()]
+        return out[:, self.basis.free]
 
     # evaluation
 
@@ -129,7 +153,9 @@ class Batch:
         rows = variables.reshape(points, -1)
         blank = np.zeros((1, 0))
         parameters = np.repeat(self.places.parameters, self.count, axis=0)
-        out = self._function(name)(points, self.x.reshape(-1, 1), rows[:, : self.n], rows[:, self.n :], blank, parameters, blank)
+        out = self._function(name)(
+            points, self.x.reshape(-1, 1), rows[:, : self.n], rows[:, self.n :], blank, parameters, blank
+        )
         return out.reshape(*self.x.shape, -1)
 
     def _function(self, name: str) -> Pointwise:
@@ -201,10 +227,10 @@ def _least(blocks: np.ndarray) -> np.ndarray:
         middle = 0.5 * (blocks[:, :, 0, 0] + blocks[:, :, 1, 1])
         least = middle - np.hypot(0.5 * (blocks[:, :, 0, 0] - blocks[:, :, 1, 1]), blocks[:, :, 0, 1])
     else:
-        finite = np.isfinite(blocks).all((2, 3))
-        least = np.linalg.eigvalsh(np.where(finite[:, :, None, None], blocks, 0.0))[:, :, 0]
-        least = np.where(finite, least, -np.inf)
-    return np.where(np.isfinite(least), least, -np.inf).min(1)
+        finite = np.all(np.isfinite(blocks), axis=(2, 3), keepdims=True)
+        least = np.linalg.eigvalsh(np.where(finite, blocks, 0.0))[:, :, 0]
+        least = np.where(finite[:, :, 0, 0], least, -np.inf)
+    return np.min(np.where(np.isfinite(least), least, -np.inf), axis=1)
 
 
 def positive(matrices: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -158,6 +158,7 @@ class Rungs:
             vertices=space.vertices,
             lambdas=np.zeros(len(self.form.integrals)),
             path={},
+            coefficients=coefficients if space.elements == 1 else None,
         )
 
     def extremal_of(self, rung: Rung) -> Extremal:
@@ -168,4 +169,4 @@ class Rungs:
         factor = 0.5 / math.sqrt(rung.at.value) if self.form.energetic and rung.at.value > 0 else 1.0
         path = {k: lambda s, mu=mu: factor * mu(s) for k, mu in rung.path.items()}
         speed = rung.system.reported(rung.z).dx if self.form.energetic else None
-        return Extremal(self.form, bare.evaluate, bare.unknowns, bare.vertices, np.array(lambdas), path, speed)
+        return replace(bare, lambdas=np.array(lambdas), path=path, speed=speed)
