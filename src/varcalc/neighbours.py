@@ -17,21 +17,16 @@ import numpy as np
 from varcalc.existence.broken_curve import with_rival
 from varcalc.formulation import Elsewhere, Form
 from varcalc.functional import Functional
-from varcalc.mesh import Space
-from varcalc.methods.answer import Extremal, answer
+from varcalc.methods.answer import Extremal
 from varcalc.methods.direct.batch import Places
-from varcalc.methods.direct.newton import Newton
-from varcalc.methods.direct.rungs import quadrature_points
-from varcalc.methods.family import Answers, applies, solved
+from varcalc.methods.family import Answers, applies, solution, solved
 from varcalc.methods.ritz import Ritz
 from varcalc.problem import Problem
 from varcalc.singular import forms
 from varcalc.singular.alike import Ends
-from varcalc.solution import ErrorEstimate, Solution, Stats
+from varcalc.solution import Solution
 from varcalc.verify.weierstrass import vouched
 
-SEEN_FORWARD = np.ones(1)
-"""A speed dx/ds for curves that have been seen not to turn back."""
 REMEMBERED = 256
 """Solutions among which the nearest is looked for: the last ones."""
 
@@ -56,24 +51,24 @@ class Neighbours:
         self.known: list[Known] = []
 
     @classmethod
-    def of(cls, solution: Solution, tol: float) -> Neighbours | None:
+    def of(cls, known: Solution, tol: float) -> Neighbours | None:
         """The neighbourhood of a solution; None where the method, its mesh or the form needs more than is done here."""
-        extremal = solution.extremal
-        if not (solution.status.ok and isinstance(extremal, Extremal) and _plainly(solution.method)):
+        extremal, method = known.extremal, known.method
+        if not (known.status.ok and isinstance(extremal, Extremal) and isinstance(method, Ritz) and method.plain):
             return None
         first = _first_of(extremal.form)
         if first is None or first.elsewhere is None or extremal.coefficients is None:
             return None
-        found = cls(first, first.elsewhere, solution.method, tol)
-        found.add(solution)
+        found = cls(first, first.elsewhere, method, tol)
+        found.add(known)
         return found
 
-    def add(self, solution: Solution) -> None:
+    def add(self, known: Solution) -> None:
         """Take a solution among those to begin from, if it is one of the same form on one element."""
-        extremal = solution.extremal
+        extremal = known.extremal
         kin = isinstance(extremal, Extremal) and extremal.form.built is self.form.built
-        if kin and solution.status.ok and extremal.coefficients is not None:
-            self._remember(solution.problem.parameter_values, solution.stats.degree, extremal.coefficients)
+        if kin and known.status.ok and extremal.coefficients is not None:
+            self._remember(known.problem.parameter_values, known.stats.degree, extremal.coefficients)
 
     def _remember(self, values: np.ndarray, degree: int, coefficients: np.ndarray) -> None:
         self.known.append(Known(values, degree, coefficients))
@@ -92,7 +87,7 @@ class Neighbours:
         nearest = [self.known[k] for k in self._nearest(values[rows])]
         degrees = np.array([k.degree for k in nearest])
         with np.errstate(all="ignore"):
-            found = solved(self.form, places, degrees, [k.coefficients for k in nearest], self.tol)
+            found = solved(self.form, places, degrees, [k.coefficients for k in nearest], self.tol, near=True)
         answers.enter(rows, found)
         for row in np.flatnonzero(answers.stands):
             self._remember(values[row], int(answers.degree[row]), answers.coefficients[row])
@@ -117,19 +112,7 @@ class Neighbours:
     def solution(self, problem: Functional, answers: Answers, row: int, seconds: float) -> Solution:
         """An answer as the Solution of ``problem``, held against curves with corners and jumps."""
         form = self.elsewhere.form(problem)
-        degree, coefficients = int(answers.degree[row]), answers.coefficients[row]
-        space = Space(np.array(form.span), degree, form.n, form.order)
-        extremal = Extremal(
-            form, lambda s, k: space.evaluate(coefficients, s, k), np.zeros(0), space.vertices, np.zeros(0), {},
-            SEEN_FORWARD, coefficients,
-        )  # fmt: skip
-        error = ErrorEstimate(float(answers.error[row]), float(answers.curve[row]))
-        free = int(np.isnan(form.fixed_start[0]).sum() + np.isnan(form.fixed_end[0]).sum())
-        stats = Stats(0.0, seconds, int(answers.iterations[row]), space.size - 2 * form.n + free, 1, degree)
-        found = answer(
-            extremal, self.method, form.sign * float(answers.value[row]), error, space.vertices, stats,
-            rule=quadrature_points(degree),
-        )  # fmt: skip
+        found = solution(form, self.method, answers, row, seconds)
         found = vouched(found, form)
         return with_rival(found) if found.status.ok else found
 
@@ -145,12 +128,6 @@ def _first_of(form: Form) -> Form | None:
         alike = first is not None and first.built is form.built and applies(first)
         form.built["first"] = first if alike else None
     return form.built["first"]
-
-
-def _plainly(method: Any) -> bool:
-    """Whether a method is the direct one with Newton's iteration and a mesh that is its own affair."""
-    plain = isinstance(method, Ritz) and method.refine and method.degree is None and method.elements == 1
-    return plain and (method.optimiser is None or method.optimiser == Newton())
 
 
 def _one_start(method: Any) -> Any:

@@ -90,7 +90,9 @@ class Problem(Functional):
         self.order = int(order)
         self.n, self.scalar = _dimension(start, end)
         _check_slopes(start, end, order)
-        self.breakpoints = sequence("breakpoints", breakpoints)  # checked with the ends, whose coordinates may be parameters
+        self.breakpoints = sequence(
+            "breakpoints", breakpoints
+        )  # checked with the ends, whose coordinates may be parameters
         super().__init__(lagrangian, start, end, constraints, parameters, unknowns, end_cost, maximise, name)
         self._check_domain()
         self.check_places()

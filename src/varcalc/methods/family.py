@@ -11,17 +11,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.methods.answer import TURNED
+from varcalc.mesh import Space
+from varcalc.methods.answer import TURNED, Extremal, answer
 from varcalc.methods.direct.batch import Batch, Evaluated, Places, minimise, positive
 from varcalc.methods.direct.degeneracy import SOFT as SOFT_MODE
-from varcalc.methods.direct.error import ROUND_OFF, SAFETY, SOFT, UNMOVED
+from varcalc.methods.direct.error import ASTRAY, ASTRAY_SHARE, CURVE, ROUND_OFF, SAFETY, SOFT, UNMOVED
 from varcalc.methods.direct.quadrature import RESOLVED, missed
-from varcalc.methods.direct.rungs import DEGREES
-from varcalc.methods.ritz import ASTRAY, ASTRAY_SHARE, CURVE
+from varcalc.methods.direct.rungs import DEGREES, quadrature_points
+from varcalc.solution import ErrorEstimate, Solution, Stats
+
+SEEN_FORWARD = np.ones(1)
+"""A speed dx/ds for curves that have been seen not to turn back."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +66,12 @@ def applies(form: Form) -> bool:
     return form.order == 1 and bare and form.ends is None and not form.periodic and not len(form.unknown_guess)
 
 
-def solved(form: Form, places: Places, degrees: np.ndarray, starts: list[np.ndarray], tol: float) -> Answers:
-    """The minima at ``places`` near curves of ``degrees`` (K,) with the coefficients ``starts``.
+def solved(
+    form: Form, places: Places, degrees: np.ndarray, starts: list[np.ndarray], tol: float, *, near: bool
+) -> Answers:
+    """The minima at ``places`` from curves of ``degrees`` (K,) with the coefficients ``starts``.
+
+    Where these are ``near`` to minima and the functional is not convex there, something is wrong.
 
     ``form`` is the form of one of the values: its expressions serve all. The
     degree climbs where the error asks for it; up to the last but one of those a solve climbs.
@@ -76,7 +85,7 @@ def solved(form: Form, places: Places, degrees: np.ndarray, starts: list[np.ndar
             continue
         here, there = (Batch(form, d, places[rows]) for d in (degree, richer))
         z = np.array([starts[row] for row in rows])
-        z, found, steps = minimise(here, here.of_degree(z, degree))
+        z, found, steps = minimise(here, here.of_degree(z, degree), shifting=not near)
         answers.iterations[rows] += steps
         rows, z = rows[found], z[found]
         if len(rows):
@@ -84,6 +93,21 @@ def solved(form: Form, places: Places, degrees: np.ndarray, starts: list[np.ndar
             for row, coefficients in climbing.items():
                 degrees[row], starts[row] = richer, coefficients
     return answers
+
+
+def solution(form: Form, method: Any, answers: Answers, row: int, seconds: float) -> Solution:
+    """An answer as the Solution by ``method`` of the form's problem; ``seconds`` is what it took."""
+    degree, coefficients = int(answers.degree[row]), answers.coefficients[row]
+    space = Space(np.array(form.span), degree, form.n, form.order)
+    extremal = Extremal(
+        form, lambda s, k: space.evaluate(coefficients, s, k), np.zeros(0), space.vertices, np.zeros(0), {},
+        SEEN_FORWARD, coefficients,
+    )  # fmt: skip
+    error = ErrorEstimate(float(answers.error[row]), float(answers.curve[row]))
+    free = int(np.isnan(form.fixed_start[0]).sum() + np.isnan(form.fixed_end[0]).sum())
+    stats = Stats(0.0, seconds, int(answers.iterations[row]), space.size - 2 * form.n + free, 1, degree)
+    value, rule = form.sign * float(answers.value[row]), quadrature_points(degree)
+    return answer(extremal, method, value, error, space.vertices, stats, rule=rule)
 
 
 def _judged(

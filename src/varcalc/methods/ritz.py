@@ -16,9 +16,11 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.mesh import Space
+from varcalc.methods import family
 from varcalc.methods.answer import answer
+from varcalc.methods.direct.batch import Places
 from varcalc.methods.direct.degeneracy import degenerate
-from varcalc.methods.direct.error import Estimate, estimate, settled
+from varcalc.methods.direct.error import ASTRAY, ASTRAY_SHARE, CURVE, Estimate, estimate, settled
 from varcalc.methods.direct.ipopt import Ipopt
 from varcalc.methods.direct.newton import Newton
 from varcalc.methods.direct.rungs import DEGREES, NOWHERE, Rung, Rungs
@@ -47,10 +49,6 @@ LOCAL = 0.25
 MOST_UNKNOWNS = 4000
 WORTHLESS = 1e-3
 """Relative round-off at which a value is no answer."""
-CURVE = 3e-2
-"""Relative error of the curve, in units of the square root of the value's tolerance, that ends the climb."""
-ASTRAY, ASTRAY_SHARE = 2e-2, 30.0
-"""Relative error of the curve, and the same by the square root of the tolerance, with which no value counts."""
 RESTART_DEGREE = 24
 """Degree up to which a solve begins again from the starting curves."""
 
@@ -88,11 +86,38 @@ class Ritz:
         if self.degree is not None and self.degree < least:
             reason = f"degree={self.degree} is too low for a functional of order {form.order}; give at least {least}"
             return no_answer(form.problem, self, Status.REFUSED, reason)
+        at_once = self._at_once(form, tol, guess)
+        if at_once is not None:
+            return at_once
         if self.refine and touchable(form):
             solution = self._through_contacts(form, tol, guess)
             if solution is not None:
                 return solution
         return _Climb(self, form, tol).run(guess)
+
+    @property
+    def plain(self) -> bool:
+        """Whether the mesh is the method's own affair, and Newton's iteration the optimiser."""
+        newton = self.optimiser is None or self.optimiser == Newton()
+        return newton and self.refine and self.degree is None and self.elements == 1
+
+    def _at_once(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
+        """The answer that the first starting curve leads to without any difficulty; None where there is one."""
+        if not (self.plain and family.applies(form)):
+            return None
+        started = time.perf_counter()
+        lowest = max(form.least_degree, 1)
+        degree = min(d for d in DEGREES[form.order] if d >= lowest)
+        space = Space(np.array(form.span), degree, form.n, form.order)
+        places = Places(
+            np.array([form.span]), form.fixed_start, form.fixed_end, form.problem.parameter_values[None]
+        )  # fmt: skip
+        start = space.fit(form.baseline if guess is None else guess)
+        with np.errstate(all="ignore"):
+            answers = family.solved(form, places, np.array([degree]), [start], tol, near=False)
+        if not answers.stands[0]:
+            return None
+        return family.solution(form, self, answers, 0, time.perf_counter() - started)
 
     def _through_contacts(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
         """The answer with the ends of contact among the unknowns; None where that leads to none that counts."""

@@ -9,6 +9,7 @@ same for all values up to the length of the interval.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -18,7 +19,7 @@ from varcalc.formulation import Form
 from varcalc.lagrangian import Lagrangian
 from varcalc.mesh import Space, gauss
 from varcalc.methods.direct.element import OneElement
-from varcalc.methods.direct.newton import ARMIJO, CONVERGED, SHRINK
+from varcalc.methods.direct.newton import ARMIJO, CONVERGED, NEARLY_SINGULAR, SHRINK, lowest_eigenvalue
 from varcalc.methods.direct.rungs import quadrature_points
 
 ITERATIONS = 12
@@ -64,6 +65,13 @@ class Evaluated:
         return Evaluated(*(v[rows] for v in vars(self).values()))
 
 
+@lru_cache(maxsize=64)
+def _tables(n: int, degree: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers (degree + 1, n) of the coefficients on [-1, 1], and the matrix (Q, 2 n, size) from them to (y, y')."""
+    space = Space(np.array([-1.0, 1.0]), degree, n, 1)
+    return space.numbers[0], OneElement(space, count, 1, np.arange(space.size), np.zeros(space.size), 0).matrix
+
+
 class Basis:
     """What a batch of one degree has in common for all values: which coefficients are ``held`` at the ends, which free.
 
@@ -72,16 +80,15 @@ class Basis:
 
     def __init__(self, form: Form, degree: int) -> None:
         n, self.degree, self.count = form.n, degree, quadrature_points(degree)
-        space = Space(np.array([-1.0, 1.0]), degree, n, 1)
-        self.numbers, self.size = space.numbers[0], space.size
-        everything = np.arange(space.size)
-        whole = OneElement(space, self.count, 1, everything, np.zeros(space.size), 0).matrix
+        self.numbers, whole = _tables(n, degree, self.count)
+        self.size = self.numbers.size
         self.held_ends = ~np.isnan(np.concatenate([form.fixed_start[0], form.fixed_end[0]]))
         self.held = np.concatenate([self.numbers[0], self.numbers[1]])[self.held_ends]
-        self.free = np.setdiff1d(everything, self.held)
+        self.free = np.delete(np.arange(self.size), self.held)
         self.matrix = np.ascontiguousarray(whole[:, :, self.free])
-        self.flat = self.matrix.reshape(-1, len(self.free))
-        self.known = whole[:, :, self.held].reshape(-1, len(self.held)).T
+        points = self.count * 2 * n
+        self.flat = self.matrix.reshape(points, len(self.free))
+        self.known = whole[:, :, self.held].reshape(points, len(self.held)).T
 
     @classmethod
     def of(cls, form: Form, degree: int) -> Basis:
@@ -107,6 +114,8 @@ class Batch:
         self.x = places.spans[:, :1] + half * (1 + nodes)
         self.weights = half * weights
         self.scale = np.repeat(np.hstack([np.ones_like(half), 1 / half]), self.n, axis=1)[:, None, :]
+        self.first = self.weights[:, :, None] * self.scale
+        self.second = self.first[:, :, :, None] * self.scale[:, :, None, :]
 
     def restricted(self, rows: np.ndarray) -> Batch:
         """The batch of some of the values."""
@@ -115,7 +124,10 @@ class Batch:
         other = object.__new__(Batch)
         other.__dict__ = self.__dict__ | {
             "places": self.places[rows],
-            **{name: getattr(self, name)[rows] for name in ("fixed", "offset", "x", "weights", "scale")},
+            **{
+                name: getattr(self, name)[rows]
+                for name in ("fixed", "offset", "x", "weights", "scale", "first", "second")
+            },
         }
         return other
 
@@ -176,12 +188,10 @@ class Batch:
         scale = (self.weights * np.abs(out[:, :, 0])).sum(1)
         if self.form.one_sided:
             value = np.where((variables[:, :, self.form.one_sided] < 0).any((1, 2)), np.inf, value)
-        weighted = out[:, :, 1 : 1 + k] * (self.weights[:, :, None] * self.scale)
-        gradient = weighted.reshape(len(z), -1) @ self.flat
+        gradient = (out[:, :, 1 : 1 + k] * self.first).reshape(len(z), -1) @ self.flat
         hessians = out[:, :, 1 + k :].reshape(*self.x.shape, k, k)
         legendre = _least(hessians[:, :, self.n :, self.n :])
-        blocks = hessians * (self.weights[:, :, None, None] * (self.scale[:, :, :, None] * self.scale[:, :, None, :]))
-        return Evaluated(value, scale, gradient, blocks, legendre)
+        return Evaluated(value, scale, gradient, hessians * self.second, legendre)
 
     def assembled(self, blocks: np.ndarray) -> np.ndarray:
         """The matrices (K, N, N) of pointwise quadratic forms (K, Q, k, k)."""
@@ -197,13 +207,20 @@ class Batch:
         blocks[:, :, :n, :n] = top / (self.scale[:, :, None, -1:] * length) ** 2
         return blocks
 
-    def squared(self, at: Evaluated, step: np.ndarray) -> np.ndarray:
-        """The squared length of steps in the metric that weighs each function by its own L_y'y'; (K,)."""
+    def _weights(self, at: Evaluated) -> np.ndarray:
+        """The diagonal (K, Q, 2 n) of the metric, which weighs each function by its own L_y'y'."""
         n, length = self.n, np.diff(self.places.spans, axis=1)[:, :, None]
         weight = np.abs(np.einsum("kqaa->kqa", at.blocks[:, :, n:, n:]))
-        moved = (step @ self.flat.T).reshape(len(step), self.count, 2 * n)
-        ratio = 1 / (self.scale[:, :, -1:] * length) ** 2
-        return (weight * (moved[:, :, n:] ** 2 + ratio * moved[:, :, :n] ** 2)).sum((1, 2))
+        return np.concatenate([weight / (self.scale[:, :, -1:] * length) ** 2, weight], axis=2)
+
+    def metric(self, at: Evaluated) -> np.ndarray:
+        """Pointwise blocks of the metric."""
+        return self._weights(at)[:, :, :, None] * np.eye(2 * self.n)
+
+    def squared(self, at: Evaluated, step: np.ndarray) -> np.ndarray:
+        """The squared length of steps in the metric; (K,)."""
+        moved = (step @ self.flat.T).reshape(len(step), self.count, 2 * self.n)
+        return (self._weights(at) * moved**2).sum((1, 2))
 
     def reported(self, variables: np.ndarray) -> np.ndarray:
         """The reported integrand and, where the form is lifted, x, y, dx/ds, dy/ds; (K, Q, rows)."""
@@ -245,10 +262,12 @@ def positive(matrices: np.ndarray) -> np.ndarray:
     return np.ones(len(matrices), dtype=bool)
 
 
-def minimise(batch: Batch, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+def minimise(batch: Batch, z: np.ndarray, *, shifting: bool) -> tuple[np.ndarray, np.ndarray, int]:
     """Newton's guarded iteration from ``z`` (K, N) for all values; the minima, where they are, and the steps taken.
 
-    A value is given up where its Hessian is not positive, or no step descends.
+    Where a Hessian is not positive it is shifted by a multiple of the metric, as in
+    :mod:`varcalc.methods.direct.newton`, or, without ``shifting``, the value is given up; so is one
+    where no step descends.
     """
     z = z.copy()
     done = np.zeros(len(z), dtype=bool)
@@ -257,22 +276,38 @@ def minimise(batch: Batch, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     batch, at = batch.restricted(rows), at[rows]
     for iteration in range(1, ITERATIONS + 1):
         if not len(rows):
-            break
+            return z, done, iteration - 1
         hessians = batch.assembled(at.blocks)
         definite = positive(hessians)
-        rows, batch, at, hessians = rows[definite], batch.restricted(definite), at[definite], hessians[definite]
+        if shifting and not definite.all():
+            hessians = _shifted(batch, at, hessians, definite)
+        elif not definite.all():
+            rows, batch, at, hessians = rows[definite], batch.restricted(definite), at[definite], hessians[definite]
+            definite = definite[definite]
         step = -np.linalg.solve(hessians, at.gradient[:, :, None])[:, :, 0]
         decrement = -0.5 * np.einsum("kn,kn->k", step, at.gradient)
-        last = decrement <= CONVERGED * at.scale
-        z[rows[last]] += step[last]
-        done[rows[last]] = True
-        going = ~last
-        rows, batch = rows[going], batch.restricted(going)
-        if not len(rows):
-            return z, done, iteration
-        found, z[rows], at = _search(batch, z[rows], at[going], step[going])
-        rows, batch, at = rows[found], batch.restricted(found), at[found]
+        last = definite & (decrement <= CONVERGED * at.scale)
+        if last.any():
+            z[rows[last]] += step[last]
+            done[rows[last]] = True
+            rows, batch, at, step = rows[~last], batch.restricted(~last), at[~last], step[~last]
+        if len(rows):
+            found, z[rows], at = _search(batch, z[rows], at, step)
+            rows, batch, at = rows[found], batch.restricted(found), at[found]
     return z, done, ITERATIONS
+
+
+def _shifted(batch: Batch, at: Evaluated, hessians: np.ndarray, definite: np.ndarray) -> np.ndarray:
+    """The Hessians with those that are not positive made so."""
+    bad = np.flatnonzero(~definite)
+    metrics = batch.restricted(bad).assembled(batch.restricted(bad).metric(at[bad]))
+    out = hessians.copy()
+    for k, metric in zip(bad, metrics, strict=True):
+        lowest = lowest_eigenvalue(hessians[k], metric)
+        # along a symmetry, or where there is no metric, nothing tells how far to go
+        shift = -1.5 * lowest if lowest < -NEARLY_SINGULAR else np.nan
+        out[k] = hessians[k] + shift * metric
+    return out
 
 
 def _search(batch: Batch, z: np.ndarray, at: Evaluated, step: np.ndarray) -> tuple[np.ndarray, np.ndarray, Evaluated]:

@@ -22,6 +22,10 @@ from varcalc.methods.direct.system import Evaluation, Reported, RitzSystem
 
 SAFETY = 1.5
 """The correction leaves out what lies beyond the richer space."""
+CURVE = 3e-2
+"""Relative error of the curve, in units of the square root of the value's tolerance, that ends the climb."""
+ASTRAY, ASTRAY_SHARE = 2e-2, 30.0
+"""Relative error of the curve, and the same by the square root of the tolerance, with which no value counts."""
 ROUND_OFF = 4e-16
 """Round-off of the value relative to the sum of the absolute contributions."""
 SOFT = 1e-2

@@ -19,6 +19,7 @@ import numpy as np
 from varcalc.formulation import SideCondition
 from varcalc.mesh import basis, basis_at_gauss, gauss, lobatto
 from varcalc.methods.direct.newton import Outcome
+from varcalc.methods.direct.summed import placement, summed_up
 from varcalc.methods.direct.system import RitzSystem
 
 GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
@@ -92,8 +93,7 @@ def optimise(
     scale = _scales(system, z)
     size = system.evaluate(z).scale
     size = size if np.isfinite(size) and size > 0 else 1.0
-    program, points = _program(system, z, scale)
-    options = {
+    options: dict[str, Any] = {
         "print_time": False,
         "show_eval_warnings": False,
         "no_nlp_grad": True,  # the sensitivities are taken from the curve, by the envelope theorem
@@ -110,7 +110,14 @@ def optimise(
             "diverging_iterates_tol": 1e8,
         },
     }
-    nlp = {"x": program.w, "f": program.objective / size}
+    if _only_minimised(system):
+        derivatives = summed_up(system, scale, size)
+        program, points = _Program(derivatives.unknowns, derivatives.value), lobatto(system.space.degree)
+        nlp = {"x": program.w, "f": program.objective}
+        options |= derivatives.options
+    else:
+        program, points = _program(system, z, scale)
+        nlp = {"x": program.w, "f": program.objective / size}
     if program.rows:
         nlp["g"] = ca.vertcat(*program.rows)
     solver = ca.nlpsol("ritz", "ipopt", nlp, options)
@@ -125,6 +132,12 @@ def optimise(
     good = np.isfinite(at.value) and (status in GOOD or (status in FINISHED and _stationary(stats)))
     reason = "" if good else f"IPOPT stopped with {status}"
     return Outcome(found, equalities, at, int(stats["iter_count"]), reason), others
+
+
+def _only_minimised(system: RitzSystem) -> bool:
+    """Whether there are no conditions, no unknown numbers and no cost of the ends."""
+    form = system.form
+    return not (form.integrals or form.pathwise or system.extra) and form.ends is None
 
 
 def _stationary(stats: dict[str, Any]) -> bool:
@@ -144,29 +157,6 @@ def _scales(system: RitzSystem, z: np.ndarray) -> np.ndarray:
     return np.concatenate([column[system.free], np.where(unknowns > 0, unknowns, 1.0)])
 
 
-def _placement(system: RitzSystem, table: np.ndarray, derivative: int) -> tuple[ca.DM, np.ndarray]:
-    """Sparse matrix from free coefficients to values at points of every element, and the fixed part.
-
-    Rows run over elements, points, functions.
-    """
-    space, n = system.space, system.n
-    factor = (2.0 / space.widths[:, None, None]) ** derivative * space.local_scale[:, None, :]
-    entries = table[derivative][None] * factor
-    E, Q, P = entries.shape
-    values = np.broadcast_to(entries[:, :, :, None], (E, Q, P, n))
-    rows = np.broadcast_to((np.arange(E * Q).reshape(E, Q)[:, :, None, None] * n + np.arange(n)), (E, Q, P, n))
-    columns = np.broadcast_to(space.numbers[:, None], (E, Q, P, n))
-    place = np.full(space.size, -1)
-    place[system.free] = np.arange(len(system.free))
-    free = place[columns] >= 0
-    constant = np.zeros(E * Q * n)
-    np.add.at(constant, rows[~free], values[~free] * system.fixed[columns[~free]])
-    matrix = ca.DM.triplet(
-        rows[free].tolist(), place[columns][free].tolist(), ca.DM(values[free]), E * Q * n, len(system.free)
-    )
-    return matrix, constant
-
-
 def _arguments(system: RitzSystem, w: Any, scale: np.ndarray, points: np.ndarray | None) -> list[Any]:
     """Symbolic arguments of the form's functions at the Gauss points, or at ``points`` of the reference element."""
     space, n, order = system.space, system.n, system.order
@@ -182,7 +172,7 @@ def _arguments(system: RitzSystem, w: Any, scale: np.ndarray, points: np.ndarray
     s = (middle[:, None] + half[:, None] * points).ravel()
     columns = []
     for d in range(order + 1):
-        matrix, constant = _placement(system, table, d)
+        matrix, constant = placement(system, table, d)
         columns.append(ca.reshape(ca.mtimes(matrix, coefficients) + constant, n, len(s)))
     if order == 1:
         columns.append(ca.MX(0, len(s)))

@@ -143,7 +143,7 @@ def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
     if solved is None or (solved[1] > SINGULAR and at.legendre > 0.0):
         metric = system.metric(at)
         flat = metric if null is None else null.T @ metric @ null
-        lowest = _lowest(reduced, flat)
+        lowest = lowest_eigenvalue(reduced, flat)
         if not math.isfinite(lowest):
             return None
         zero_mode = abs(lowest) < (NEARLY_SINGULAR if solved is None else ROUND_OFF)
@@ -196,7 +196,7 @@ def first_multipliers(at: Evaluation) -> np.ndarray:
     return found if np.isfinite(found).all() else np.zeros(len(at.conditions))
 
 
-def _lowest(matrix: np.ndarray, metric: np.ndarray) -> float:
+def lowest_eigenvalue(matrix: np.ndarray, metric: np.ndarray) -> float:
     """Least eigenvalue of the pencil (matrix, metric)."""
     try:
         factor = np.linalg.cholesky(metric)

@@ -1,0 +1,97 @@
+"""The discretised functional as CasADi expressions, summed up from pointwise derivatives.
+
+Where nothing but the functional is asked for, its gradient and Hessian are the
+pointwise ones between the matrices that take the unknowns to the Gauss points.
+Handing these to IPOPT spares it the differentiation of the whole program,
+which takes longer than its solution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.mesh import basis_at_gauss
+from varcalc.methods.direct.system import RitzSystem
+
+
+@dataclass(frozen=True)
+class Summed:
+    """The value as an expression in ``unknowns``, and the ``options`` that give a solver its derivatives."""
+
+    unknowns: Any
+    value: Any
+    options: dict[str, Any]
+
+
+def summed_up(system: RitzSystem, scale: np.ndarray, size: float) -> Summed:
+    """The functional of ``system`` in units of ``size``, its unknowns in units of ``scale`` (unknowns,)."""
+    space, n, order, k = system.space, system.n, system.order, system.k
+    count = len(system.weights)
+    w = ca.MX.sym("w", system.size)
+    table = basis_at_gauss(space.smoothness, space.degree, system.count, order)
+    pairs = [placement(system, table, d) for d in range(order + 1)]
+    whole = ca.mtimes(ca.vertcat(*(matrix for matrix, _ in pairs)), ca.diag(ca.DM(scale)))
+    flat = ca.reshape(ca.mtimes(whole, w) + ca.DM(np.concatenate([c for _, c in pairs])), n * count, order + 1)
+    columns = [ca.reshape(flat[:, d], n, count) for d in range(order + 1)]
+    columns += [] if order == 2 else [ca.MX(0, count)]
+    parameters = np.repeat(system.form.problem.parameter_values[:, None], count, axis=1)
+    s = space.quadrature(system.count)[0].reshape(1, -1)
+    out = system.form.built["pointwise"].map(count)(s, *columns, parameters, ca.MX(0, count))
+    out = ca.mtimes(out, ca.diag(ca.DM(system.weights / size)))
+    value = ca.sum2(out[0, :])
+    # rows of a derivative, then points, then functions: as the matrices have them
+    slopes = ca.vertcat(*(ca.vec(out[1 + d * n : 1 + (d + 1) * n, :]) for d in range(order + 1)))
+    sparsity, places = _blocks(count, n, order + 1)
+    blocks = ca.MX(sparsity, ca.vec(out[1 + k :, :])[places])
+    hessian = ca.mtimes(whole.T, ca.mtimes(blocks, whole))
+    p, lam_f, lam_g = ca.MX.sym("p", 0), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", 0)
+    gradient = ca.Function("grad_f", [w, p], [value, ca.mtimes(whole.T, slopes)], ["x", "p"], ["f", "grad_f_x"])
+    second = ca.Function(
+        "hess_lag", [w, p, lam_f, lam_g], [ca.triu(lam_f * hessian)],
+        ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"],
+    )  # fmt: skip
+    return Summed(w, value, {"grad_f": gradient, "hess_lag": second})
+
+
+@lru_cache(maxsize=64)
+def _blocks(count: int, n: int, derivatives: int) -> tuple[ca.Sparsity, list[int]]:
+    """Where the pointwise Hessians lie in a matrix of all variables at all points, and their entries in that order.
+
+    Entries are numbered as they come: points, then columns of a Hessian, then its rows.
+    """
+    k = n * derivatives
+    variable = np.arange(k)
+    row = (variable // n * count)[None, :] * n + np.arange(count)[:, None] * n + variable % n  # (points, k)
+    rows = np.repeat(row[:, None, :], k, axis=1).ravel()
+    columns = np.repeat(row[:, :, None], k, axis=2).ravel()
+    order = np.lexsort((rows, columns))
+    sparsity = ca.Sparsity.triplet(k * count, k * count, rows.tolist(), columns.tolist())
+    return sparsity, order.tolist()
+
+
+def placement(system: RitzSystem, table: np.ndarray, derivative: int) -> tuple[ca.DM, np.ndarray]:
+    """Sparse matrix from free coefficients to values at points of every element, and the fixed part.
+
+    Rows run over elements, points, functions.
+    """
+    space, n = system.space, system.n
+    factor = (2.0 / space.widths[:, None, None]) ** derivative * space.local_scale[:, None, :]
+    entries = table[derivative][None] * factor
+    E, Q, P = entries.shape
+    values = np.broadcast_to(entries[:, :, :, None], (E, Q, P, n))
+    rows = np.broadcast_to((np.arange(E * Q).reshape(E, Q)[:, :, None, None] * n + np.arange(n)), (E, Q, P, n))
+    columns = np.broadcast_to(space.numbers[:, None], (E, Q, P, n))
+    place = np.full(space.size, -1)
+    place[system.free] = np.arange(len(system.free))
+    free = place[columns] >= 0
+    constant = np.zeros(E * Q * n)
+    np.add.at(constant, rows[~free], values[~free] * system.fixed[columns[~free]])
+    matrix = ca.DM.triplet(
+        rows[free].tolist(), place[columns][free].tolist(), ca.DM(values[free]), E * Q * n, len(system.free)
+    )
+    return matrix, constant
