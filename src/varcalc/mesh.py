@@ -101,6 +101,14 @@ def basis(smoothness: int, degree: int, points: np.ndarray, derivatives: int) ->
     return table
 
 
+@lru_cache(maxsize=64)
+def interpolation(smoothness: int, degree: int) -> np.ndarray:
+    """The element basis at the Lobatto nodes of its degree; (degree + 1, degree + 1)."""
+    table = basis(smoothness, degree, lobatto(degree), 0)[0]
+    table.setflags(write=False)
+    return table
+
+
 @lru_cache(maxsize=256)
 def basis_at_gauss(smoothness: int, degree: int, count: int, derivatives: int) -> np.ndarray:
     """:func:`basis` at the ``count`` Gauss points, kept for the life of the process."""
@@ -258,9 +266,13 @@ class Space:
         half = 0.5 * self.widths[:, None]
         at = self.vertices[:-1, None] + half * (1 + nodes)
         values = np.asarray(curve(at.ravel()), dtype=float).reshape(self.n, self.elements, -1)
-        table = basis(self.smoothness, self.degree, nodes, 0)[0]
+        table = interpolation(self.smoothness, self.degree)
         local = np.linalg.solve(table, values.transpose(1, 2, 0)) / self.local_scale[:, :, None]
         flat = self.numbers.ravel()
+        if self.elements == 1 and not self.periodic:
+            out = np.empty(self.size)
+            out[flat] = local.ravel()
+            return out
         return np.bincount(flat, local.ravel(), self.size) / np.bincount(flat, minlength=self.size)
 
     def prolonged(self, coefficients: np.ndarray, richer: Space) -> np.ndarray:

@@ -30,27 +30,24 @@ class Summed:
 
 def summed_up(system: RitzSystem, scale: np.ndarray, size: float) -> Summed:
     """The functional of ``system`` in units of ``size``, its unknowns in units of ``scale`` (unknowns,)."""
-    space, n, order, k = system.space, system.n, system.order, system.k
-    count = len(system.weights)
+    n, order, k, count = system.n, system.order, system.k, len(system.weights)
     w = ca.MX.sym("w", system.size)
-    table = basis_at_gauss(space.smoothness, space.degree, system.count, order)
-    pairs = [placement(system, table, d) for d in range(order + 1)]
-    whole = ca.mtimes(ca.vertcat(*(matrix for matrix, _ in pairs)), ca.diag(ca.DM(scale)))
-    flat = ca.reshape(ca.mtimes(whole, w) + ca.DM(np.concatenate([c for _, c in pairs])), n * count, order + 1)
-    columns = [ca.reshape(flat[:, d], n, count) for d in range(order + 1)]
+    matrix, constant = _to_points(system)
+    whole = ca.mtimes(matrix, ca.diag(ca.DM(scale)))
+    variables = ca.reshape(ca.mtimes(whole, w) + constant, k, count)
+    columns = [variables[d * n : (d + 1) * n, :] for d in range(order + 1)]
     columns += [] if order == 2 else [ca.MX(0, count)]
     parameters = np.repeat(system.form.problem.parameter_values[:, None], count, axis=1)
-    s = space.quadrature(system.count)[0].reshape(1, -1)
+    s = system.space.quadrature(system.count)[0].reshape(1, -1)
     out = system.form.built["pointwise"].map(count)(s, *columns, parameters, ca.MX(0, count))
     out = ca.mtimes(out, ca.diag(ca.DM(system.weights / size)))
     value = ca.sum2(out[0, :])
-    # rows of a derivative, then points, then functions: as the matrices have them
-    slopes = ca.vertcat(*(ca.vec(out[1 + d * n : 1 + (d + 1) * n, :]) for d in range(order + 1)))
-    sparsity, places = _blocks(count, n, order + 1)
-    blocks = ca.MX(sparsity, ca.vec(out[1 + k :, :])[places])
+    blocks = ca.MX(_block_diagonal(count, k), ca.vec(out[1 + k :, :]))
     hessian = ca.mtimes(whole.T, ca.mtimes(blocks, whole))
     p, lam_f, lam_g = ca.MX.sym("p", 0), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", 0)
-    gradient = ca.Function("grad_f", [w, p], [value, ca.mtimes(whole.T, slopes)], ["x", "p"], ["f", "grad_f_x"])
+    gradient = ca.Function(
+        "grad_f", [w, p], [value, ca.mtimes(whole.T, ca.vec(out[1 : 1 + k, :]))], ["x", "p"], ["f", "grad_f_x"]
+    )
     second = ca.Function(
         "hess_lag", [w, p, lam_f, lam_g], [ca.triu(lam_f * hessian)],
         ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"],
@@ -59,19 +56,22 @@ def summed_up(system: RitzSystem, scale: np.ndarray, size: float) -> Summed:
 
 
 @lru_cache(maxsize=64)
-def _blocks(count: int, n: int, derivatives: int) -> tuple[ca.Sparsity, list[int]]:
-    """Where the pointwise Hessians lie in a matrix of all variables at all points, and their entries in that order.
+def _block_diagonal(count: int, k: int) -> ca.Sparsity:
+    """``count`` dense blocks of k by k along the diagonal."""
+    return ca.diagcat(*[ca.Sparsity.dense(k, k)] * count)
 
-    Entries are numbered as they come: points, then columns of a Hessian, then its rows.
-    """
-    k = n * derivatives
-    variable = np.arange(k)
-    row = (variable // n * count)[None, :] * n + np.arange(count)[:, None] * n + variable % n  # (points, k)
-    rows = np.repeat(row[:, None, :], k, axis=1).ravel()
-    columns = np.repeat(row[:, :, None], k, axis=2).ravel()
-    order = np.lexsort((rows, columns))
-    sparsity = ca.Sparsity.triplet(k * count, k * count, rows.tolist(), columns.tolist())
-    return sparsity, order.tolist()
+
+def _to_points(system: RitzSystem) -> tuple[ca.DM, np.ndarray]:
+    """From the free coefficients to (y, y', ..) at all points, one point after the other: matrix and fixed part."""
+    if system.single is not None:
+        return ca.DM(system.single.flat), system.single.offset.ravel()
+    space, n = system.space, system.n
+    table = basis_at_gauss(space.smoothness, space.degree, system.count, system.order)
+    pairs = [placement(system, table, d) for d in range(system.order + 1)]
+    # from derivatives, points, functions to points, derivatives, functions
+    places = np.arange(len(pairs) * len(system.weights) * n).reshape(len(pairs), -1, n).transpose(1, 0, 2).ravel()
+    matrix, constant = ca.vertcat(*(m for m, _ in pairs)), np.concatenate([c for _, c in pairs])
+    return matrix[places.tolist(), :], constant[places]
 
 
 def placement(system: RitzSystem, table: np.ndarray, derivative: int) -> tuple[ca.DM, np.ndarray]:

@@ -119,9 +119,9 @@ class RitzSystem:
         ]
         self._out = np.zeros((points, (1 + len(self.equalities)) * (1 + self.k + self.k**2)))
         self._pointwise = BufferedCall(built["pointwise"].map(points), self._arguments, self._out)
-        self._single: OneElement | None = None
+        self.single: OneElement | None = None
         if self.space.elements == 1 and not self.space.periodic:
-            self._single = OneElement(self.space, self.count, self.order, self.free, self.fixed, self.extra)
+            self.single = OneElement(self.space, self.count, self.order, self.free, self.fixed, self.extra)
         self._slope_scale = [(2.0 / self.space.widths[:, None, None]) ** d for d in range(self.order + 1)]
 
     # unknowns <-> coefficients
@@ -148,8 +148,8 @@ class RitzSystem:
 
     def _fill(self, z: np.ndarray) -> None:
         """Put the curve of ``z`` into the arguments of the pointwise functions."""
-        if self._single is not None:
-            values, n = self._single.values(z), self.n
+        if self.single is not None:
+            values, n = self.single.values(z), self.n
             for d in range(self.order + 1):
                 self._arguments[1 + d][:] = values[:, d * n : (d + 1) * n]
             self._arguments[5][:] = values[:, (self.order + 1) * n :]
@@ -244,8 +244,8 @@ class RitzSystem:
     def assembled_gradient(self, rows: np.ndarray) -> np.ndarray:
         """The gradient in the free unknowns of an integral, from that of its integrand in (y, y', .., unknowns)."""
         weighted = rows * self.weights[:, None]
-        if self._single is not None:
-            return self._single.gradient(weighted)
+        if self.single is not None:
+            return self.single.gradient(weighted)
         elements, n = self.space.elements, self.n
         table = basis_at_gauss(self.space.smoothness, self.space.degree, self.count, self.order)
         total = np.zeros((elements, self.space.degree + 1, n))
@@ -316,8 +316,8 @@ class RitzSystem:
 
     def hessian(self, evaluation: Evaluation, multipliers: np.ndarray) -> np.ndarray:
         """Dense Hessian of the Lagrangian function in the free unknowns."""
-        if self._single is not None:
-            full = self._single.hessian(self.combined(evaluation, multipliers))
+        if self.single is not None:
+            full = self.single.hessian(self.combined(evaluation, multipliers))
         else:
             full = self.dense(*self.hessian_parts(evaluation, multipliers))
         return full if evaluation.ends is None else full + self._end_hessian(evaluation, multipliers)
