@@ -81,6 +81,13 @@ def test_a_solve_begins_from_its_neighbour(monkeypatch):
     assert guesses == [None]
 
 
+def test_a_core_that_takes_its_time_reports_and_goes_on(monkeypatch):
+    module = sys.modules["varcalc.sweep"]
+    monkeypatch.setattr(module, "REPORT", 0.0)
+    points = [{"k": 1.0}, {"k": 2.0}]
+    assert [p.values for p in module._chunk(spring, points, None, 1e-10)] == [(1.0,)]
+
+
 def test_a_function_without_arguments_makes_the_problem_once():
     made = []
 

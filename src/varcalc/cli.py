@@ -299,12 +299,12 @@ def _save(write: Callable[[Path], None], path: Path) -> None:
 
 @dataclass(frozen=True)
 class _Loaded:
-    """A reference problem at other parameter values; made anew in every process, where it is loaded once."""
+    """A reference problem; made anew in every process, where it is loaded once."""
 
     name: str
 
-    def __call__(self, **values: float) -> Problem | Curve:
-        return _kept(self.name).problem.with_parameters(values)
+    def __call__(self) -> Problem | Curve:
+        return _kept(self.name).problem
 
 
 @lru_cache(maxsize=1)

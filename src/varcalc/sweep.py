@@ -12,8 +12,9 @@ import math
 import multiprocessing
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,8 @@ CHUNK = 16
 """Points that a core solves in a row before it reports: each begins from the last, and few are lost with it."""
 LONG_CHUNK = 512
 """The same where each core makes one problem and moves its parameters: what is built for it serves many points."""
+REPORT = 5.0
+"""Seconds after which a core reports what it has, be its points done or not."""
 BATCH = 128
 """Points solved together at most."""
 
@@ -184,7 +187,7 @@ def _solved(
     """The points at ``places`` as they come."""
     points = [dict(zip(axes, [v[i] for v, i in zip(axes.values(), at, strict=True)], strict=True)) for at in places]
     if cores == 1:
-        yield from zip(places, _in_a_row(problem, points, method, tol), strict=True)
+        yield from zip(places, chain.from_iterable(_in_a_row(problem, points, method, tol)), strict=True)
         return
     # each core has something to do, also where there are few points
     size = min(LONG_CHUNK, -(-len(places) // cores)) if _made_once(problem) else CHUNK
@@ -193,8 +196,13 @@ def _solved(
     with ProcessPoolExecutor(cores, multiprocessing.get_context("spawn")) as pool:
         running = {pool.submit(_chunk, problem, points[piece], method, tol): piece for piece in pieces}
         try:
-            for future in as_completed(running):
-                yield from zip(places[running[future]], future.result(), strict=True)
+            while running:
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    piece, found = running.pop(future), future.result()
+                    yield from zip(places[piece], found)  # noqa: B905 - what is left over is solved next
+                    rest = slice(piece.start + len(found), piece.stop)
+                    if len(places[rest]):
+                        running[pool.submit(_chunk, problem, points[rest], method, tol)] = rest
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
@@ -205,17 +213,23 @@ def _made_once(source: Source) -> bool:
 
 
 def _chunk(problem: Source, points: list[dict[str, float]], method: Any, tol: float) -> list[SweepPoint]:
-    return list(_in_a_row(problem, points, method, tol))
+    """The first of the points, as many as a core may take its time for."""
+    began, found = time.perf_counter(), []
+    for together in _in_a_row(problem, points, method, tol):
+        found += together
+        if time.perf_counter() - began > REPORT:
+            break
+    return found
 
 
-def _in_a_row(source: Source, points: list[dict[str, float]], method: Any, tol: float) -> Iterator[SweepPoint]:
-    """Solve one point after the other, or many together, each from what is known nearby."""
+def _in_a_row(source: Source, points: list[dict[str, float]], method: Any, tol: float) -> Iterator[list[SweepPoint]]:
+    """Solve one point after the other, or many together, each from what is known nearby; those that were together."""
     source = source() if callable(source) and _made_once(source) else source
     row = _Row(source, method, tol)
     size, done = 1, 0
     while done < len(points):
         together = points[done : done + size]
-        yield from row.solved(together)
+        yield row.solved(together)
         done += len(together)
         # the first of the points are far from what is known
         size = min(2 * size, BATCH) if row.neighbours is not None else 1
