@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -20,7 +19,7 @@ from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.ritz import Ritz
 from varcalc.neighbours import resolved
 from varcalc.problem import Problem
-from varcalc.singular import Infinite, forms
+from varcalc.singular import Forms, Infinite, forms
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict, no_answer
 from varcalc.verify.weierstrass import vouched
 
@@ -172,10 +171,9 @@ def _standing(method: Method, form: Form, solution: Solution, tol: float) -> Sol
     return solution
 
 
-def _beyond_doubt(solution: Solution, form: Form, candidates: Sequence[Form | None]) -> Solution:
+def _beyond_doubt(solution: Solution, form: Form, candidates: Forms) -> Solution:
     """The solution, refused when L is singular at an end and a curve that is steeper there is far better."""
-    singular = any(any(candidate.singular) for candidate in candidates if candidate is not None)
-    if form.energetic or not singular or (better := outdone(solution)) is None:
+    if form.energetic or not candidates.singular or (better := outdone(solution)) is None:
         return solution
     return replace(solution, status=Status.REFUSED, verdict=Verdict.GAP, message=better.sentence(solution.value))
 

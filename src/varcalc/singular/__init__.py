@@ -59,6 +59,16 @@ class Forms(Sequence[Form | None]):
     def __len__(self) -> int:
         return len(self._makers)
 
+    @property
+    def singular(self) -> bool:
+        """Whether an end is singular in any of the forms; one that is told not to have any is not made for this."""
+        for index, maker in enumerate(self._makers):
+            told = isinstance(maker, partial) and maker.keywords.get("singular") == (False, False)
+            form = None if told else self[index]
+            if form is not None and any(form.singular):
+                return True
+        return False
+
     def __getitem__(self, index: Any) -> Any:
         if index not in range(len(self._makers)):
             raise IndexError(index)

@@ -195,7 +195,7 @@ class Batch:
 
     def assembled(self, blocks: np.ndarray) -> np.ndarray:
         """The matrices (K, N, N) of pointwise quadratic forms (K, Q, k, k)."""
-        return self.flat.T @ (blocks @ self.matrix).reshape(len(blocks), len(self.flat), -1)
+        return self.flat.T @ (blocks @ self.matrix).reshape(len(blocks), *self.flat.shape)
 
     def leading(self, at: Evaluated) -> np.ndarray:
         """Pointwise blocks of the leading term: L_y'y' in the slopes, and in y on the interval's length."""
