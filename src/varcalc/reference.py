@@ -7,12 +7,10 @@ with the closed form in ``exact`` where there is one.
 
 from __future__ import annotations
 
-import ast
 import copy
 import importlib
 import importlib.util
 import pkgutil
-import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,26 +22,13 @@ import numpy as np
 from varcalc.conditions import finite
 from varcalc.functional import UNNAMED
 from varcalc.problem import Curve, Problem
-from varcalc.solution import VariationalError
+from varcalc.user_file import BROKEN, SUFFIX, ProblemFileError, failed, first_line, run_file
 
 CATALOGUE = "varcalc.problems"
 """The package the reference problems are installed as."""
 
-SUFFIX = ".py"
-"""What tells a person's own file from a name in the catalogue."""
-
-_BROKEN_CODE = (
-    SyntaxError, ImportError, NameError, AttributeError, TypeError, ValueError, RuntimeError, ArithmeticError,
-    LookupError, AssertionError, OSError, EOFError, SystemExit, VariationalError,
-)  # fmt: skip
-"""What a file that is not a working problem file raises when it is run (CasADi raises RuntimeError)."""
-
 LOOKED_AT = 3
 """Places at which a person's closed form is tried out before anything is solved."""
-
-
-class ProblemFileError(ValueError):
-    """A problem file or name that cannot be used; the message names it and the remedy."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +109,7 @@ def catalogue() -> dict[str, str]:
     found = {}
     for module in pkgutil.iter_modules(package.__path__):
         if not module.ispkg and not module.name.startswith("_"):
-            found[module.name] = _first_line(_origin(f"{CATALOGUE}.{module.name}"))
+            found[module.name] = first_line(f"{CATALOGUE}.{module.name}")
     return found
 
 
@@ -169,38 +154,12 @@ def _select(references: tuple[Reference, ...], case: str, where: str) -> tuple[R
     return chosen
 
 
-def _origin(module_name: str) -> Path:
-    spec = importlib.util.find_spec(module_name)
-    if spec is None or spec.origin is None:
-        raise ProblemFileError(f"{module_name} is no file that can be read; reinstall varcalc")
-    return Path(spec.origin)
-
-
-def _first_line(path: Path) -> str:
-    docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-    return docstring.partition("\n")[0].rstrip(".")
-
-
 def _from_file(path: Path) -> tuple[Reference, ...]:
-    if not path.is_file():
-        raise ProblemFileError(f"there is no file {path}; give the path of a Python file that defines `problem`")
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    if spec is None or spec.loader is None:
-        raise ProblemFileError(f"{path} cannot be read as Python; give a file ending in {SUFFIX}")
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except _BROKEN_CODE as error:
-        raise _failed(path, "", error) from error
+    module = run_file(path, "`problem`")
     references = _references(module, path.stem, str(path))
     for reference in references:
         _try_out(reference, path)
     return references
-
-
-def _failed(path: Path, part: str, error: BaseException) -> ProblemFileError:
-    what = f"{part} in {path}" if part else str(path)
-    return ProblemFileError(f"{what}{_line_of(error, path)} failed with {type(error).__name__}: {error}; mend the file")
 
 
 def _try_out(reference: Reference, path: Path) -> None:
@@ -211,23 +170,14 @@ def _try_out(reference: Reference, path: Path) -> None:
     at = np.linspace(*problem.span, LOOKED_AT + 2)[1:-1]
     try:
         values = np.asarray(exact.y(at), dtype=float)
-    except _BROKEN_CODE as error:
-        raise _failed(path, f"exact.y of {reference.name!r}", error) from error
+    except BROKEN as error:
+        raise failed(path, f"exact.y of {reference.name!r}", error) from error
     wanted = [(problem.n, LOOKED_AT), *([(LOOKED_AT,), ()] if problem.n == 1 else [])]
     if values.shape not in wanted:
         raise ProblemFileError(
             f"exact.y of {reference.name!r} in {path} must return an array of shape {wanted[0]} for {LOOKED_AT} "
             f"abscissae, not {values.shape}"
         )
-
-
-def _line_of(error: BaseException, path: Path) -> str:
-    """`, line N` for the last line of ``path`` that ``error`` came through."""
-    if isinstance(error, SyntaxError) and error.lineno is not None:
-        return f", line {error.lineno}"
-    frames = traceback.extract_tb(error.__traceback__)
-    lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == path.resolve()]
-    return f", line {lines[-1]}" if lines else ""
 
 
 def _references(module: ModuleType, name: str, where: str) -> tuple[Reference, ...]:

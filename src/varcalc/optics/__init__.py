@@ -17,9 +17,11 @@ from varcalc.optics.maupertuis import maupertuis
 from varcalc.optics.media import Graded, Medium, Radial, Stratified, Uniform
 from varcalc.optics.packets import DispersionRelation, WavePackets
 from varcalc.optics.profiles import read_profile
+from varcalc.optics.ranges import RangeChart, range_chart
 from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.scene import Scene
 from varcalc.optics.sources import PlaneWave, PointSource, Source
+from varcalc.optics.study import Seen, Study
 from varcalc.optics.surfaces import Asphere, Conic, Implicit, Plane, Sphere, Surface
 from varcalc.optics.tabulated import Tabulated
 from varcalc.optics.tubes import Intensity, RayTube
@@ -43,15 +45,18 @@ __all__ = [
     "PlaneWave",
     "PointSource",
     "Radial",
+    "RangeChart",
     "Ray",
     "RayStatus",
     "RayTube",
     "Rays",
     "Scene",
+    "Seen",
     "Sellmeier",
     "Source",
     "Sphere",
     "Stratified",
+    "Study",
     "Surface",
     "Tabulated",
     "Uniform",
@@ -64,6 +69,7 @@ __all__ = [
     "luneburg",
     "maupertuis",
     "munk_profile",
+    "range_chart",
     "ray_tube",
     "read_profile",
     "selfoc",

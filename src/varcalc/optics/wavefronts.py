@@ -10,7 +10,7 @@ caustic.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -149,10 +149,14 @@ def caustic(scene: Scene, source: Source, rays: Any, optical_path: float) -> Cau
     >>> (envelope.points[:, 1] - (0.5 - envelope.points[:, 0] ** 2 / 2)).round(12) + 0.0
     array([0., 0.])
     """
-    tubes = list(_tubes(scene, source, rays, optical_path))
+    return caustic_of(ray_tubes(scene, source, rays, optical_path), source.dimension)
+
+
+def caustic_of(tubes: Sequence[RayTube], dimension: int) -> Caustic:
+    """The caustic that rays already followed with their neighbours touch."""
     found = [(*focus, row, k + 1) for row, tube in enumerate(tubes) for k, focus in enumerate(tube.foci)]
     return Caustic(
-        points=np.array([position for _, position, _, _ in found]).reshape(-1, source.dimension),
+        points=np.array([position for _, position, _, _ in found]).reshape(-1, dimension),
         optical_path=np.array([path for path, _, _, _ in found]),
         ray=np.array([row for _, _, row, _ in found], dtype=int),
         order=np.array([order for _, _, _, order in found], dtype=int),
@@ -190,12 +194,12 @@ def ray_tube(scene: Scene, source: Source, ray: Any, optical_path: float) -> Ray
     >>> tube.intensity(np.array([1.0, 2.0, 4.0])).values
     array([1.    , 0.25  , 0.0625])
     """
-    [tube] = _tubes(scene, source, np.asarray(ray, dtype=float)[None], optical_path)
+    [tube] = ray_tubes(scene, source, np.asarray(ray, dtype=float)[None], optical_path)
     return tube
 
 
-def _tubes(scene: Scene, source: Source, rays: Any, optical_path: float) -> Iterator[RayTube]:
-    """The rays one after the other."""
+def ray_tubes(scene: Scene, source: Source, rays: Any, optical_path: float) -> list[RayTube]:
+    """Several rays of a source, each as :func:`ray_tube` gives it; arguments and errors are those of `wavefront`."""
     points, directions = source.starts(rays)
     scene.trace(points, directions, optical_path=0.0)  # goes nowhere, but refuses what cannot be traced
     if not 0 < optical_path < np.inf:
@@ -203,6 +207,5 @@ def _tubes(scene: Scene, source: Source, rays: Any, optical_path: float) -> Iter
     dimension = points.shape[1]
     tracks = Tracks(March(scene.media, scene.surfaces, None, dimension))
     beam = source.beam(Field(scene.media[0], dimension), points, directions)
-    for row in range(len(beam)):
-        legs, _, status = tracks.legs(beam.take(np.array([row])), float(optical_path))
-        yield RayTube(status, legs)
+    followed = [tracks.legs(beam.take(np.array([row])), float(optical_path)) for row in range(len(beam))]
+    return [RayTube(status, legs) for legs, _, status in followed]

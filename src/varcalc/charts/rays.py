@@ -1,0 +1,147 @@
+"""Pictures of rays: over the index, with wavefronts, caustic and surfaces; and how far they come."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from varcalc.charts.colours import INK
+from varcalc.charts.panels import plain
+from varcalc.optics.beam import RayStatus
+from varcalc.optics.ranges import RangeChart
+from varcalc.optics.study import Background, Seen, Track
+from varcalc.optics.wavefronts import Wavefront
+
+RAY, LOST, FRONT, CAUSTIC, ARRIVAL = "#0072b2", "#999999", "#009e73", "#d55e00", "#7a5195"
+SHADES = "Greys"
+"""The index, the higher the darker, light enough for what is drawn upon it."""
+DARKEST = 0.45
+GAP = 8.0
+"""Neighbouring points of a wavefront that lie so many times the usual distance apart are not joined."""
+CROSSINGS = ("#0072b2", "#56b4e9", "#009e73", "#e69f00")
+SIZE = 8.0
+
+
+def rays_picture(seen: Seen) -> Figure:
+    """The rays of a study over the index of their medium, with wavefronts, caustic, surfaces and arrivals.
+
+    Rays in space are drawn as seen along the middle coordinate. Raises
+    ValueError when no ray could be followed anywhere.
+    """
+    if not seen.tracks and not seen.arriving:
+        raise ValueError("there is no ray to draw: none could be followed; see the status of the rays")
+    behind = seen.background()
+    extent = float(np.ptp(behind.up)) / float(np.ptp(behind.across))
+    equal = 0.15 <= extent <= 4.0
+    height = SIZE * min(max(extent, 0.45), 1.2) if equal else 0.6 * SIZE
+    figure = Figure(figsize=(SIZE + 1.2, height + 1.4), layout="constrained", facecolor="white")
+    panel = figure.subplots()
+    plain(panel)
+    _draw_background(figure, panel, behind)
+    _draw_tracks(panel, seen.tracks)
+    for front in seen.wavefronts:
+        _draw_front(panel, front)
+    if len(seen.caustic):
+        panel.plot(*seen.caustic.points[:, [0, -1]].T, "o", color=CAUSTIC, markersize=3, zorder=6)
+    for track in seen.arriving:
+        panel.plot(*track.points[:, [0, -1]].T, color=ARRIVAL, linewidth=2.2, zorder=7)
+    _mark_ends(panel, seen)
+    panel.set_xlim(behind.across[0], behind.across[-1])
+    panel.set_ylim(behind.up[0], behind.up[-1])
+    if equal:
+        panel.set_aspect("equal")
+    last = "y" if seen.study.source.dimension == 2 else "z"
+    panel.set_xlabel("x", color=INK)
+    panel.set_ylabel(last, rotation=0, labelpad=12, color=INK)
+    panel.set_title(seen.study.title, loc="left", color=INK, fontsize=12, pad=12)
+    _legend(figure, seen)
+    return figure
+
+
+def range_picture(chart: RangeChart, *, title: str = "") -> Figure:
+    """Where rays cross the receiver's height, against the angle at which they leave, with every arrival marked."""
+    figure = Figure(figsize=(SIZE, 4.8), layout="constrained", facecolor="white")
+    panel = figure.subplots()
+    plain(panel)
+    degrees = np.degrees(chart.angles)
+    for k, reach in enumerate(chart.reach.T):
+        panel.plot(degrees, reach, color=CROSSINGS[k % len(CROSSINGS)], linewidth=1.8, label=f"crossing {k + 1}")
+    panel.axhline(chart.receiver[0], color=INK, linewidth=0.8, linestyle=(0, (2, 3)), label="receiver")
+    for number, ray in enumerate(chart.arrivals):
+        angle = np.degrees(np.arctan2(ray.tangents[0][1], ray.tangents[0][0]))
+        label = "arrivals" if number == 0 else None
+        panel.plot(angle, chart.receiver[0], "o", color=ARRIVAL, markersize=7, zorder=6, label=label)
+    panel.set_xlabel("launching angle, degrees above the horizontal", color=INK)
+    panel.set_ylabel(f"x at y = {chart.receiver[1]:g}", color=INK)
+    panel.set_title(title, loc="left", color=INK, fontsize=12, pad=12)
+    figure.legend(loc="outside right upper", frameon=False, labelcolor=INK, fontsize=9)
+    return figure
+
+
+def _draw_background(figure: Figure, panel: Axes, behind: Background) -> None:
+    if behind.index is not None and np.isfinite(behind.index).any():
+        shown = np.ma.masked_invalid(behind.index)
+        low, high = (float(v) for v in np.percentile(shown.compressed(), (1, 99)))
+        if high - low > 1e-9 * abs(high):
+            top = low + (high - low) / DARKEST
+            image = panel.pcolormesh(
+                behind.across, behind.up, shown, cmap=SHADES, vmin=low, vmax=top, shading="nearest", rasterized=True
+            )
+            bar = figure.colorbar(image, ax=panel, label="index", shrink=0.7, pad=0.02)
+            bar.ax.set_ylim(low, high)
+            bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
+            bar.ax.tick_params(colors=INK, length=0)
+    for level, mirror in zip(behind.levels, behind.mirrors, strict=True):
+        finite = level[np.isfinite(level)]
+        if finite.size and finite.min() < 0 < finite.max():
+            panel.contour(
+                behind.across, behind.up, level, levels=[0.0], colors=INK, linewidths=2.4 if mirror else 1.2, zorder=4
+            )
+
+
+def _draw_tracks(panel: Axes, tracks: tuple[Track, ...]) -> None:
+    thin = 1.1 if len(tracks) <= 60 else 0.6
+    for track in tracks:
+        colour = RAY if track.status == RayStatus.ARRIVED else LOST
+        panel.plot(*track.points[:, [0, -1]].T, color=colour, linewidth=thin, alpha=0.8, zorder=5)
+
+
+def _draw_front(panel: Axes, front: Wavefront) -> None:
+    """The points joined in the order of the rays, but not across where rays are missing."""
+    points = np.where(front.arrived[:, None], front.points, np.nan)[:, [0, -1]]
+    apart = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    usual = np.nanmedian(apart) if np.isfinite(apart).any() else 0.0
+    broken = np.insert(points, 1 + np.flatnonzero(apart > GAP * usual), np.nan, axis=0)
+    panel.plot(*broken.T, color=FRONT, linewidth=1.2, zorder=5.5)
+
+
+def _mark_ends(panel: Axes, seen: Seen) -> None:
+    source = getattr(seen.study.source, "point", None)
+    if source is not None and not hasattr(seen.study.source, "direction"):
+        panel.plot(source[0], source[-1], "o", color=INK, markersize=6, zorder=9)
+    if seen.study.receiver is not None:
+        panel.plot(
+            seen.study.receiver[0], seen.study.receiver[-1], "s", color=ARRIVAL, markersize=7, zorder=9,
+            markeredgecolor="white",
+        )  # fmt: skip
+
+
+def _legend(figure: Figure, seen: Seen) -> None:
+    """One entry for each kind of line there is."""
+    ended = {track.status == RayStatus.ARRIVED for track in seen.tracks}
+    there = [
+        (True in ended, Line2D([], [], color=RAY, label="rays")),
+        (False in ended, Line2D([], [], color=LOST, label="rays that end early")),
+        (bool(seen.wavefronts), Line2D([], [], color=FRONT, label="wavefronts")),
+        (
+            len(seen.caustic) > 0,
+            Line2D([], [], color=CAUSTIC, marker="o", markersize=4, linestyle="", label="conjugate points"),
+        ),
+        (bool(seen.arriving), Line2D([], [], color=ARRIVAL, linewidth=2.2, label="rays to the receiver")),
+    ]
+    handles = [line for present, line in there if present]
+    figure.legend(
+        handles=handles, loc="outside lower left", ncols=len(handles), frameon=False, labelcolor=INK, fontsize=9
+    )

@@ -1,0 +1,66 @@
+"""A person's own Python file, run for what it defines; what is wrong with it is said with the line."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import traceback
+from pathlib import Path
+from types import ModuleType
+
+from varcalc.solution import VariationalError
+
+SUFFIX = ".py"
+"""What tells a person's own file from a name in a catalogue."""
+
+BROKEN = (
+    SyntaxError, ImportError, NameError, AttributeError, TypeError, ValueError, RuntimeError, ArithmeticError,
+    LookupError, AssertionError, OSError, EOFError, SystemExit, VariationalError,
+)  # fmt: skip
+"""What a file that does not work raises when it is run (CasADi raises RuntimeError)."""
+
+
+class ProblemFileError(ValueError):
+    """A problem or scene file, or name, that cannot be used; the message names it and the remedy."""
+
+
+def run_file(path: Path, wanted: str) -> ModuleType:
+    """The module that the file at ``path`` is, run; ``wanted`` names what it is to define.
+
+    Raises :class:`ProblemFileError` where there is no such file or where it fails.
+    """
+    if not path.is_file():
+        raise ProblemFileError(f"there is no file {path}; give the path of a Python file that defines {wanted}")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise ProblemFileError(f"{path} cannot be read as Python; give a file ending in {SUFFIX}")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except BROKEN as error:
+        raise failed(path, "", error) from error
+    return module
+
+
+def first_line(module_name: str) -> str:
+    """The first line of a module's docstring; the module is read, not run."""
+    spec = importlib.util.find_spec(module_name)
+    if spec is None or spec.origin is None:
+        raise ProblemFileError(f"{module_name} is no file that can be read; reinstall varcalc")
+    docstring = ast.get_docstring(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))) or ""
+    return docstring.partition("\n")[0].rstrip(".")
+
+
+def failed(path: Path, part: str, error: BaseException) -> ProblemFileError:
+    """The error that says which line of the file at ``path`` failed, and how."""
+    what = f"{part} in {path}" if part else str(path)
+    return ProblemFileError(f"{what}{_line_of(error, path)} failed with {type(error).__name__}: {error}; mend the file")
+
+
+def _line_of(error: BaseException, path: Path) -> str:
+    """`, line N` for the last line of ``path`` that ``error`` came through."""
+    if isinstance(error, SyntaxError) and error.lineno is not None:
+        return f", line {error.lineno}"
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == path.resolve()]
+    return f", line {lines[-1]}" if lines else ""
