@@ -224,7 +224,7 @@ def test_chart_measures_and_prints_every_method(call, stored):
 
 
 def test_a_stored_file_is_drawn_again_without_measuring(call, stored, tmp_path, monkeypatch):
-    monkeypatch.setattr("varcalc.cli._routes", lambda problem: pytest.fail("measured again"))
+    monkeypatch.setattr("varcalc.cli.measuring.routes_for", lambda problem: pytest.fail("measured again"))
     pictures = tmp_path / "picture.png", tmp_path / "claims.svg"
     done = call("chart", stored, "-o", pictures[0], "--claims", pictures[1])
     assert done.exit_code == 0, done.output

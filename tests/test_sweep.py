@@ -117,7 +117,7 @@ def test_a_grid_is_walked_from_neighbour_to_neighbour(shape):
 def test_several_cores_find_the_same():
     ks = np.linspace(0.0, 10.0, 20)
     # what a process imports is found by its module's name, which a test file loaded by its path has not
-    from varcalc.cli import _Loaded
+    from varcalc.cli.measuring import _Loaded
 
     alone = vc.sweep(_Loaded("brachistochrone"), {"g": 1 + ks})
     shared = vc.sweep(_Loaded("brachistochrone"), {"g": 1 + ks}, cores=2)

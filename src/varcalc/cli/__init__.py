@@ -1,0 +1,22 @@
+"""The command line: ``varcalc list``, ``run``, ``chart``, ``sweep`` and ``trace``.
+
+What a command needs is imported when it runs, so that help and the list come at once.
+"""
+
+from __future__ import annotations
+
+import click
+
+from varcalc.cli.measuring import chart, sweep
+from varcalc.cli.problems import list_, run
+from varcalc.cli.tracing import trace
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="varcalc")
+def main() -> None:
+    """The calculus of variations as a solver: extremals by independent routes, with honest errors."""
+
+
+for command in (list_, run, chart, sweep, trace):
+    main.add_command(command)

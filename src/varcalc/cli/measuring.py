@@ -1,0 +1,166 @@
+"""``varcalc chart`` and ``varcalc sweep``: speed against accuracy, and grids of parameter values."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from contextlib import nullcontext, redirect_stdout
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from varcalc.cli.options import (
+    DISAGREE,
+    PICTURE_TEXT,
+    JsonCommand,
+    loaded,
+    picture_option,
+    routes_for,
+    save,
+    save_figure,
+    store_option,
+    with_progress,
+)
+
+if TYPE_CHECKING:
+    from varcalc.problem import Curve, Problem
+    from varcalc.reference import Reference
+    from varcalc.sweep import Sweep
+    from varcalc.work_precision import WorkPrecision
+
+STORED = ".json"
+"""The suffix of a file of measurements."""
+
+
+@click.command(cls=JsonCommand)
+@click.argument("names", nargs=-1, required=True, metavar="NAME...")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+@picture_option("-o", "--output", text=PICTURE_TEXT)
+@picture_option("--claims", text="Write a picture of claimed against delivered errors here.")
+@store_option("Write the measurements here (JSON); the file can be given as NAME later.")
+@click.option(
+    "--tol", "tolerances", type=click.FloatRange(0, min_open=True), multiple=True,
+    help="A tolerance to measure at; may be given several times.  [default: 1e-2, 1e-3, ... 1e-14]",
+)  # fmt: skip
+@click.option(
+    "--repeats", type=click.IntRange(1), default=5, show_default=True,
+    help="Solves of which a time is the median, beside one that is not counted.",
+)  # fmt: skip
+def chart(
+    names: tuple[str, ...],
+    as_json: bool,
+    output: Path | None,
+    claims: Path | None,
+    store: Path | None,
+    tolerances: tuple[float, ...],
+    repeats: int,
+) -> None:
+    """Measure speed against accuracy by every method, and draw it.
+
+    NAME is a reference problem, one case of it, a Python file of your own (see `varcalc run`), or a .json file that
+    --store wrote, which is drawn again and not measured.
+
+    The exit status is 0 when some method answered and no answer lies further from the closed form than its claimed
+    error allows, 1 when not, 2 when there was nothing to measure.
+    """
+    from varcalc.charts import claims_picture, work_precision_picture
+
+    with redirect_stdout(sys.stderr) if as_json else nullcontext():
+        measured = _gathered(names, tolerances, repeats)
+    if store is not None:
+        save(measured.save, store)
+    click.echo(json.dumps(measured.document(), indent=2, allow_nan=False) if as_json else measured.table())
+    for draw, path in ((work_precision_picture, output), (claims_picture, claims)):
+        if path is not None:
+            save_figure(partial(draw, measured.records), path)
+    for record in measured.astray:
+        click.echo(
+            f"{record.problem} by {record.method} at {record.setting:g} is wrong by more than it claims", err=True
+        )
+    if measured.astray or not any(r.ok for r in measured.records):
+        raise SystemExit(DISAGREE)
+
+
+def _gathered(names: Sequence[str], tolerances: Sequence[float], repeats: int) -> WorkPrecision:
+    """The measurements in stored files, and new ones of everything else, in the order of the names."""
+    from varcalc.work_precision import TOLERANCES, WorkPrecision, about, work_precision
+
+    parts: list[WorkPrecision] = []
+    for name in names:
+        if name.endswith(STORED):
+            parts.append(_stored(Path(name)))
+            continue
+        reference = loaded(name)[0]
+        routes = with_progress(routes_for(reference.problem), reference.name)
+        parts += [work_precision([reference], [m], tolerances or TOLERANCES, repeats=repeats) for m in routes]
+    known = [part.about for part in parts if part.about != parts[0].about]
+    return WorkPrecision(tuple(r for part in parts for r in part.records), about() if known else parts[0].about)
+
+
+def _stored(path: Path) -> WorkPrecision:
+    from varcalc.work_precision import WorkPrecision
+
+    try:
+        return WorkPrecision.load(path)
+    except OSError as error:
+        raise click.UsageError(f"{path} could not be read: {error.strerror}") from error
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+
+
+@dataclass(frozen=True)
+class _Loaded:
+    """A reference problem; made anew in every process, where it is loaded once."""
+
+    name: str
+
+    def __call__(self) -> Problem | Curve:
+        return _kept(self.name).problem
+
+
+@lru_cache(maxsize=1)
+def _kept(name: str) -> Reference:
+    return loaded(name)[0]
+
+
+@click.command(cls=JsonCommand)
+@click.argument("name_or_file")
+@click.argument("grid", nargs=-1, required=True, metavar="NAME=FROM:TO:COUNT...")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+@store_option("Write every point here as it comes; the same command goes on from there.")
+@click.option("--cores", type=click.IntRange(1), default=1, show_default=True, help="Processes to share the points.")
+@click.option(
+    "--tol", type=click.FloatRange(0, min_open=True), default=1e-10, show_default=True,
+    help="Error of the value to stay below, relative to max(1, |value|).",
+)  # fmt: skip
+def sweep(name_or_file: str, grid: tuple[str, ...], as_json: bool, store: Path | None, cores: int, tol: float) -> None:
+    """Solve a problem over a grid of parameter values.
+
+    NAME_OR_FILE is as for `varcalc run`; each NAME=FROM:TO:COUNT, or NAME=VALUE,VALUE, varies one of its parameters.
+
+    The exit status is 0 when every point has an answer, 1 when not, 2 when there was nothing to solve.
+    """
+    with redirect_stdout(sys.stderr) if as_json else nullcontext():
+        found = _swept(name_or_file, grid, store, cores, tol)
+    click.echo(json.dumps(found.document(), indent=2, allow_nan=False) if as_json else found.table())
+    if found.failures:
+        raise SystemExit(DISAGREE)
+
+
+def _swept(name: str, grid: Sequence[str], store: Path | None, cores: int, tol: float) -> Sweep:
+    from varcalc.sweep import spaced
+    from varcalc.sweep import sweep as solve_all
+
+    problem = _kept(name).problem
+    try:
+        axes = dict(spaced(text) for text in grid)
+        problem.with_parameters({n: values[0] for n, values in axes.items()})
+        return solve_all(_Loaded(name) if cores > 1 else problem, axes, tol=tol, cores=cores, store=store)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    except OSError as error:
+        raise click.ClickException(f"{store} could not be written: {error.strerror}") from error

@@ -1,0 +1,131 @@
+"""What the commands share: options, how a failure is told, what is written."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from varcalc.problem import Curve, Problem
+    from varcalc.reference import Reference
+
+PICTURES = (".png", ".pdf", ".svg")
+"""What a picture may be written as; the suffix of its name decides."""
+
+
+DISAGREE = 1
+"""Exit status when routes disagree, or the ladder has no answer that stands."""
+
+
+def _written_path(_context: click.Context, _parameter: click.Parameter, value: Path | None) -> Path | None:
+    """Refuse a file that could not be written before anything is solved for it."""
+    if value is not None and not value.absolute().parent.is_dir():
+        raise click.BadParameter(f"the folder {value.absolute().parent} does not exist; make it first")
+    return value
+
+
+def _picture_path(context: click.Context, parameter: click.Parameter, value: Path | None) -> Path | None:
+    """The same for a picture, whose suffix says what it is written as."""
+    if value is not None and value.suffix.lower() not in PICTURES:
+        raise click.BadParameter(f"{value} must end in {', '.join(PICTURES[:-1])} or {PICTURES[-1]}")
+    return _written_path(context, parameter, value)
+
+
+def picture_option(*names: str, text: str) -> Any:
+    """An option that names a picture to write."""
+    return click.option(*names, type=click.Path(dir_okay=False, path_type=Path), callback=_picture_path, help=text)
+
+
+def store_option(text: str) -> Any:
+    """``--store``, which names a file of results."""
+    return click.option(
+        "--store", type=click.Path(dir_okay=False, path_type=Path), callback=_written_path, help=text
+    )  # fmt: skip
+
+
+PICTURE_TEXT = "Write the picture here (.png, .pdf or .svg)."
+
+
+class JsonCommand(click.Command):
+    """A command whose ``--json`` prints a document on failure too: ``{"error": the sentence}``."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the arguments; where that fails after ``--json``, say so as JSON as well."""
+        as_json = "--json" in args
+        try:
+            return super().parse_args(ctx, args)
+        except click.UsageError as error:
+            _document_failure(error, as_json)
+            raise
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Carry the command out; the same."""
+        try:
+            return super().invoke(ctx)
+        except click.UsageError as error:
+            _document_failure(error, ctx.params["as_json"])
+            raise
+
+
+def _document_failure(error: click.UsageError, as_json: bool) -> None:
+    if as_json:
+        click.echo(json.dumps({"error": error.format_message()}, indent=2))
+
+
+def loaded(name_or_file: str) -> tuple[Reference, ...]:
+    """The references of a problem; a usage error, with its sentence, where there are none."""
+    from varcalc.reference import ProblemFileError, load
+
+    try:
+        return load(name_or_file)
+    except ProblemFileError as error:
+        raise click.UsageError(str(error)) from error
+
+
+def routes_for(problem: Problem | Curve) -> list[Any]:
+    """Every method, and last the ladder, which chooses for itself; Ritz once where it always goes to IPOPT."""
+    from varcalc import Collocation, FirstIntegral, Ipopt, Isoperimetric, Ritz, Shooting, Through
+
+    prescribed = all(
+        isinstance(c, Through) or (isinstance(c, Isoperimetric) and c.equality) for c in problem.constraints
+    )
+    newton = [Ritz()] if prescribed else []
+    return [*newton, Ritz(optimiser=Ipopt()), Collocation(), Shooting(), FirstIntegral(), None]
+
+
+def with_progress(routes: Sequence[Any], name: str) -> Iterable[Any]:
+    """``routes``, with a bar on standard error while they are worked through, if a person is watching."""
+    if not sys.stderr.isatty():
+        return routes
+    from rich.console import Console
+    from rich.progress import track
+
+    return track(routes, description=name, console=Console(stderr=True), transient=True)
+
+
+def save_figure(draw: Callable[[], Figure], path: Path) -> None:
+    """Draw and write; what cannot be drawn is said, what cannot be written fails."""
+    try:
+        figure = draw()
+    except ValueError as error:
+        click.echo(f"no picture: {error}", err=True)
+        return
+    try:
+        figure.savefig(path, dpi=160)
+    except OSError as error:
+        raise click.ClickException(f"the picture could not be written to {path}: {error.strerror}") from error
+
+
+def save(write: Callable[[Path], None], path: Path) -> None:
+    """Write a file; what cannot be written fails with the reason."""
+    try:
+        write(path)
+    except OSError as error:
+        raise click.ClickException(f"{path} could not be written: {error.strerror}") from error

@@ -1,0 +1,112 @@
+"""``varcalc list`` and ``varcalc run``: the catalogue, and one problem solved by every method."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+import textwrap
+from contextlib import nullcontext, redirect_stdout
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from varcalc.cli.options import (
+    DISAGREE,
+    PICTURE_TEXT,
+    JsonCommand,
+    loaded,
+    picture_option,
+    routes_for,
+    save_figure,
+    with_progress,
+)
+
+if TYPE_CHECKING:
+    from varcalc.compare import Comparison
+    from varcalc.reference import Reference
+
+
+@click.command("list")
+@click.argument("name", required=False)
+@click.option("--scenes", is_flag=True, help="List the scenes of ray optics instead, for `varcalc trace`.")
+def list_(name: str | None, scenes: bool) -> None:
+    """List the reference problems, or the cases of problem NAME."""
+    from varcalc.optics.scenes import scene_catalogue
+    from varcalc.reference import catalogue
+
+    if scenes and name is not None:
+        raise click.UsageError("--scenes lists scenes, which have no cases; leave NAME out")
+    if name is None:
+        entries = scene_catalogue() if scenes else catalogue()
+    else:
+        entries = {reference.name: reference.statement.partition("\n")[0] for reference in loaded(name)}
+    indent = max(map(len, entries), default=0) + 2
+    # a program that reads the list gets one line an entry, a person whole words
+    columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
+    for entry, line in entries.items():
+        text = textwrap.fill(
+            line, max(columns, indent + 20), initial_indent=" " * indent, subsequent_indent=" " * indent
+        )
+        click.echo(f"{entry:{indent}}{text[indent:]}".rstrip())
+    if name is None and sys.stdout.isatty():
+        way = (
+            "varcalc trace NAME traces one."
+            if scenes
+            else "varcalc run NAME solves one; varcalc list NAME shows its cases."
+        )
+        click.echo(f"\n{way}")
+
+
+@click.command(cls=JsonCommand)
+@click.argument("name_or_file")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+@picture_option("-o", "--output", text=PICTURE_TEXT)
+@click.option(
+    "--tol", type=click.FloatRange(0, min_open=True), default=1e-10, show_default=True,
+    help="Error of the value to stay below, relative to max(1, |value|).",
+)  # fmt: skip
+def run(name_or_file: str, as_json: bool, output: Path | None, tol: float) -> None:
+    """Solve a problem by every method and compare the answers.
+
+    NAME_OR_FILE is a reference problem (see `varcalc list`), one case of it
+    such as brachistochrone/beyond, or a Python file of your own that defines
+    `problem`, and `exact` where the closed form is known.
+
+    The exit status is 0 when the routes agree and the ladder's answer stands, 1 when not, 2 when there was nothing
+    to solve: a wrong option, or a file that does not work.
+    """
+    from varcalc.compare import compare
+
+    # what a person's own file prints must not end up in the JSON document
+    with redirect_stdout(sys.stderr) if as_json else nullcontext():
+        reference = loaded(name_or_file)[0]
+        routes = with_progress(routes_for(reference.problem), reference.name)
+        comparison = compare(reference.problem, routes, reference.exact, tol=tol, inapplicable=reference.inapplicable)
+    if as_json:
+        click.echo(json.dumps(_document(reference, comparison), indent=2, allow_nan=False))
+    else:
+        click.echo(_page(reference, comparison))
+    if output is not None:
+        _write_picture(comparison, reference, output)
+    if not (comparison.agree and comparison.rows[-1].ok):
+        raise SystemExit(DISAGREE)
+
+
+def _page(reference: Reference, comparison: Comparison) -> str:
+    heading = [reference.name, reference.statement, f"source: {reference.source}" if reference.source else ""]
+    return "\n".join([*filter(None, heading), "", comparison.table()])
+
+
+def _document(reference: Reference, comparison: Comparison) -> dict[str, Any]:
+    return {
+        "name": reference.name,
+        "statement": reference.statement,
+        "source": reference.source,
+        **comparison.record(),
+    }
+
+
+def _write_picture(comparison: Comparison, reference: Reference, path: Path) -> None:
+    save_figure(lambda: comparison.chart(title=reference.name, downward=reference.downward), path)
