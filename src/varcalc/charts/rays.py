@@ -91,7 +91,7 @@ def _draw_background(figure: Figure, panel: Axes, behind: Background) -> None:
             )
             bar = figure.colorbar(image, ax=panel, label="index", shrink=0.7, pad=0.02)
             bar.ax.set_ylim(low, high)
-            bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
+            bar.outline.set_visible(False)
             bar.ax.tick_params(colors=INK, length=0)
     for level, mirror in zip(behind.levels, behind.mirrors, strict=True):
         finite = level[np.isfinite(level)]

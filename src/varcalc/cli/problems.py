@@ -51,12 +51,8 @@ def list_(name: str | None, scenes: bool) -> None:
         )
         click.echo(f"{entry:{indent}}{text[indent:]}".rstrip())
     if name is None and sys.stdout.isatty():
-        way = (
-            "varcalc trace NAME traces one."
-            if scenes
-            else "varcalc run NAME solves one; varcalc list NAME shows its cases."
-        )
-        click.echo(f"\n{way}")
+        way = "trace NAME traces one." if scenes else "run NAME solves one; varcalc list NAME shows its cases."
+        click.echo(f"\nvarcalc {way}")
 
 
 @click.command(cls=JsonCommand)

@@ -6,6 +6,7 @@ arrival; where it turns round, a caustic.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +17,10 @@ from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Plane
 from varcalc.optics.values import point
 
-ANGLES = 721
+ANGLES = 720
 """Angles looked at by default, half a degree apart."""
+OFF_AXIS = 1e-3
+"""Radians by which they are turned: a ray that leaves along the receiver's height touches it at once."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +50,8 @@ class RangeChart:
 
 def range_chart(
     scene: Scene,
-    source: tuple[float, float],
-    receiver: tuple[float, float],
+    source: Sequence[float],
+    receiver: Sequence[float],
     *,
     angles: np.ndarray | None = None,
     crossings: int = 2,
@@ -60,7 +63,7 @@ def range_chart(
     ----------
     scene : Scene
         In the plane, of one medium; heights are the last coordinate.
-    source, receiver : (float, float)
+    source, receiver : sequence of two floats
     angles : array_like, shape (m,), optional
         Launching angles in radians, all round by default.
     crossings : int
@@ -88,7 +91,11 @@ def range_chart(
     if scene.surfaces or len(start) != 2 or scene.dimension == 3:
         raise ValueError("a range chart is drawn of one medium in the plane; the scene has surfaces, or is in space")
     whole("crossings", crossings)
-    tried = np.linspace(-np.pi, np.pi, ANGLES) if angles is None else np.atleast_1d(np.asarray(angles, dtype=float))
+    tried = (
+        np.linspace(-np.pi, np.pi, ANGLES, endpoint=False) + OFF_AXIS
+        if angles is None
+        else np.atleast_1d(np.asarray(angles, dtype=float))
+    )
     points = np.tile(start, (len(tried), 1))
     headings = np.column_stack([np.cos(tried), np.sin(tried)])
     reach = np.full((len(tried), crossings), np.nan)
