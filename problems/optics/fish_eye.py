@@ -17,6 +17,7 @@ study = optics.Study(
     [(np.cos(a), np.sin(a)) for a in np.linspace(np.pi / 2 + 0.15, 3 * np.pi / 2 - 0.15, 24)],
     optical_path=3.6,
     receiver=(-0.3, 0.8),
+    within=6.0,
     wavefronts=9,
     title="Maxwell's fish-eye",
 )

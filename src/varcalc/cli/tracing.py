@@ -49,7 +49,8 @@ def _carried_out(name_or_file: str, with_range: bool) -> tuple[Seen, RangeChart 
 
     try:
         study = load_study(name_or_file)
-        return study.run(), _range_chart(study) if with_range else None
+        chart = _range_chart(study) if with_range else None  # the quicker to be refused
+        return study.run(), chart
     except ValueError as error:
         raise click.UsageError(str(error)) from error
 

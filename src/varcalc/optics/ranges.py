@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.conditions import whole
+from varcalc.optics.media import Field
 from varcalc.optics.ray import Rays
 from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Plane
@@ -111,7 +112,7 @@ def range_chart(
     return RangeChart(
         angles=tried,
         reach=reach,
-        momentum=float(scene.media[0].index(start[None])[0]) * np.cos(tried),
+        momentum=float(Field(scene.media[0], 2).index(start[None])[0]) * np.cos(tried),
         receiver=(target[0], target[1]),
         arrivals=scene.rays(start, target, within=within),
     )
