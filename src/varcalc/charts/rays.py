@@ -67,6 +67,8 @@ def range_picture(chart: RangeChart, *, title: str = "") -> Figure:
     plain(panel)
     degrees = np.degrees(chart.angles)
     for k, reach in enumerate(chart.reach.T):
+        if not np.isfinite(reach).any():
+            continue
         panel.plot(degrees, reach, color=CROSSINGS[k % len(CROSSINGS)], linewidth=1.8, label=f"crossing {k + 1}")
     panel.axhline(chart.receiver[0], color=INK, linewidth=0.8, linestyle=(0, (2, 3)), label="receiver")
     for number, ray in enumerate(chart.arrivals):
