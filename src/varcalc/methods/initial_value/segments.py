@@ -232,16 +232,23 @@ class Segments:
 
     def left_open(self, at: Evaluation, x: np.ndarray) -> float:
         """The largest residual relative to its row of the Jacobian: what steps in a singular system cannot reach."""
-        weights = np.abs(x)
-        states = weights[: self.count * self.dimension]
-        np.maximum(states, 1.0, out=states)
-        rows = self._rows(at, weights)
+        rows = self._rows(at, self._sizes(x))
         return float(np.max(np.abs(at.residual) / np.where(rows == 0.0, 1.0, rows)))
 
-    def shaken(self, at: Evaluation, weights: np.ndarray, share: float) -> np.ndarray | None:
+    def shaken(self, at: Evaluation, x: np.ndarray, weights: np.ndarray, share: float) -> np.ndarray | None:
         """The Newton step (M,) from residuals of random sign that are a ``share`` of their rows of the Jacobian."""
         signs = np.where(np.random.default_rng(0).random(self.size) < 0.5, -1.0, 1.0)
-        return self.solve(at, share * signs * self._rows(at, weights), weights)
+        return self.solve(at, share * signs * self._rows(at, self._sizes(x)), weights)
+
+    def _sizes(self, x: np.ndarray) -> np.ndarray:
+        """The size (M,) of each unknown, of a state's component the largest it has in any segment.
+
+        That is what its rounding is like everywhere: a segment leads from the largest to the smallest.
+        """
+        sizes = np.abs(x)
+        states = sizes[: self.count * self.dimension].reshape(self.count, self.dimension)
+        states[:] = np.maximum(states.max(axis=0), 1.0)
+        return sizes
 
     def _rows(self, at: Evaluation, weights: np.ndarray) -> np.ndarray:
         """The largest entry of each row (M,) of the Jacobian, the unknowns being of sizes ``weights`` (M,)."""

@@ -142,7 +142,7 @@ def _matches(segments: Segments, found: Corrected, floor: np.ndarray) -> bool:
         return False
     weights = np.maximum(np.abs(found.x), floor)
     step = segments.solve(found.at, -found.at.residual, weights)
-    noise = segments.shaken(found.at, weights, NOISE)
+    noise = segments.shaken(found.at, found.x, weights, NOISE)
     if step is None or noise is None:
         return False
     return size(step, weights) <= max(SHRINKING * found.step, min(size(noise, weights), SHRINKING))
