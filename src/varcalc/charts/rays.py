@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from varcalc.charts.colours import INK
 from varcalc.charts.panels import plain
 from varcalc.optics.beam import RayStatus
-from varcalc.optics.ranges import RangeChart
+from varcalc.optics.range_chart import RangeChart
 from varcalc.optics.study import Background, Seen, Track
 from varcalc.optics.wavefronts import Wavefront
 

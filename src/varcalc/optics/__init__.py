@@ -17,7 +17,7 @@ from varcalc.optics.maupertuis import maupertuis
 from varcalc.optics.media import Graded, Medium, Radial, Stratified, Uniform
 from varcalc.optics.packets import DispersionRelation, WavePackets
 from varcalc.optics.profiles import read_profile
-from varcalc.optics.ranges import RangeChart, range_chart
+from varcalc.optics.range_chart import RangeChart, range_chart
 from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.scene import Scene
 from varcalc.optics.sources import PlaneWave, PointSource, Source
