@@ -14,6 +14,7 @@ from varcalc.engines.lowering import CannotLower
 from varcalc.engines.metered import Metered
 from varcalc.engines.protocol import NONE, OUTCOMES, Engine, Fleet, Flow, Landing, Outcome, Run, Swarm
 from varcalc.engines.taylor import Taylor
+from varcalc.engines.threads import spread
 from varcalc.engines.thrifty import Thrifty
 from varcalc.engines.variational import Variational, variational
 
@@ -35,6 +36,7 @@ __all__ = [
     "Variational",
     "available",
     "default",
+    "spread",
     "variational",
 ]
 

@@ -17,7 +17,6 @@ import numpy as np
 from varcalc.engines.fleet import TaylorFleet
 from varcalc.engines.lowering import lower
 from varcalc.engines.protocol import Outcome, Run, check_system, checked
-from varcalc.engines.stops import Stops
 from varcalc.engines.taylor_swarm import TaylorSwarm
 
 
@@ -65,19 +64,8 @@ class Taylor:
         return TaylorFleet(integrator, lambda: self.compile(system), self.most_steps)
 
     def compile_swarm(self, system: ca.Function, stops: ca.Function) -> TaylorSwarm:
-        """Lower both to heyoka and compile a batch integrator as wide as the processor's registers."""
-        import heyoka as hy
-
-        size, width = check_system(system), hy.recommended_simd_size()
-        state = [hy.expression(f"Y{i}") for i in range(size)]
-        constants = [hy.par[i] for i in range(system.numel_in(2))]
-        rates = lower(system, [[hy.time], state, constants])
-        events = [hy.t_event_batch(g) for g in lower(stops, [[hy.time], state, constants])]
-        integrator = hy.taylor_adaptive_batch(
-            list(zip(state, rates, strict=True)), np.zeros((size, width)), tol=self.tolerance,
-            compact_mode=self.compact, t_events=events,
-        )  # fmt: skip
-        return TaylorSwarm(integrator, Stops(system, stops), self.most_steps, hy.taylor_outcome)
+        """Write one step of many runs as a function; heyoka compiles it where there are many of them."""
+        return TaylorSwarm(system, stops, self.tolerance, self.most_steps)
 
 
 @dataclass(frozen=True)

@@ -1,194 +1,90 @@
-"""Many initial values at once by heyoka's batch integrators, one batch in the lanes of one vector register.
+"""Many initial values at once by Taylor's method, each with steps and an end of its own.
 
-A stop that one lane meets halts the whole batch, while the others are in the
-middle of their way; so does a lane whose state is no longer a number. The batch is therefore
-started again until every lane has come to its own end, and the lanes that
-have are held at their own time.
+All that are on their way take their next steps together, by one call of one
+compiled function (:mod:`varcalc.engines.stride`); those that have come to
+their ends make room for the next.
 """
 
 from __future__ import annotations
 
-import copy
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any
 
+import casadi as ca
 import numpy as np
 
-from varcalc.engines.protocol import NONE, OUTCOMES, Landing, Outcome
-from varcalc.engines.stops import Stops
-from varcalc.engines.threads import threads_for
+from varcalc.engines.columnwise import Columnwise
+from varcalc.engines.protocol import NONE, OUTCOMES, Landing, Outcome, check_system
+from varcalc.engines.stride import LOST, MET, Stride
 
-FAR = 1e300
-"""An abscissa that no run reaches: stops end them."""
-COMPLETED, STOPPED, NOT_FINITE, BLOW_UP, TOO_MANY = (
-    OUTCOMES.index(o)
-    for o in (Outcome.COMPLETED, Outcome.STOPPED, Outcome.NOT_FINITE, Outcome.BLOW_UP, Outcome.TOO_MANY_STEPS)
+STOPPED, NOT_FINITE, BLOW_UP, TOO_MANY = (
+    OUTCOMES.index(o) for o in (Outcome.STOPPED, Outcome.NOT_FINITE, Outcome.BLOW_UP, Outcome.TOO_MANY_STEPS)
 )
+TOGETHER = 1024
+"""Runs that take their steps together: enough to make up for the call, and few enough to stay near the processor."""
 PATIENCE = 16
-"""Steps after which the bound on their length is raised."""
-GROWTH = 16.0
-"""By how much it is raised."""
-STRIDE = 0.83
-"""Of the distance at which a stop seems to lie: steps that end on the stop itself are to be avoided."""
-ATTEMPTS = 3
-"""How often a run that missed a stop is tried again with other steps."""
+"""A run that has ended is taken out when one in so many has: until then it ends again, the same way."""
+USUAL = 20
+"""Steps that a run is expected to take."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class TaylorSwarm:
-    """A compiled batch integrator with terminal events; :meth:`run` is that of the protocol."""
+    """A system with its stops; :meth:`run` is that of the protocol, and may be called by several threads at once."""
 
-    integrator: Any
-    stops: Stops
+    system: ca.Function
+    stops: ca.Function
+    tolerance: float
     most_steps: int
-    codes: Any = field(repr=False)  # heyoka's taylor_outcome
+    stride: Stride = field(init=False, repr=False)
+    _step: Columnwise = field(init=False, repr=False)
+    _land: Columnwise = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        check_system(self.system)
+        self.stride = Stride(self.system, self.stops, self.tolerance)
+        self._step, self._land = Columnwise(self.stride.step), Columnwise(self.stride.land)
 
     def run(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...] = ()) -> Landing:
-        """See :meth:`varcalc.engines.protocol.Swarm.run`; the batches are spread over the cores."""
-        m = len(states)
-        landing = Landing(np.array(states), np.zeros(m), np.full(m, COMPLETED, np.int8), np.full(m, NONE, np.int16))
-        signs = self._signs(states, constants, leaving)
-        reach = STRIDE * self.stops.reach(states, constants, leaving)
-        self._spread(np.arange(m), landing, constants, leaving, signs, reach)
-        self._settle(landing, constants)
-        for _ in range(ATTEMPTS):
-            missed = np.flatnonzero(self._missed(landing, constants, signs))
-            if len(missed) == 0:
-                break
-            landing.states[missed] = states[missed]
-            reach *= STRIDE
-            self._spread(missed, landing, constants, leaving, signs, reach)
-            self._settle(landing, constants)
+        """See :meth:`varcalc.engines.protocol.Swarm.run`."""
+        m, size = states.shape
+        landing = Landing(np.array(states), np.zeros(m), np.full(m, TOO_MANY, np.int8), np.full(m, NONE, np.int16))
+        if m == 0:
+            return landing
+        self._step.expects(USUAL * m)
+        self._land.expects(m)
+        rows, columns, codes = self._ends(self.stride.travellers(states, constants, leaving))
+        landing.states[rows], landing.reached[rows] = columns[:size].T, columns[size]
+        landing.outcomes[rows[codes == LOST]] = BLOW_UP
+        landing.outcomes[rows[(codes == LOST) & (columns[size] == 0)]] = NOT_FINITE
+        met = np.flatnonzero(codes == MET)
+        if len(met):
+            landed, at = self._land(np.take(columns, met, axis=1)), rows[met]
+            landing.states[at], landing.reached[at] = landed[:size].T, landed[size]
+            landing.outcomes[at], landing.stopped_by[at] = STOPPED, landed[size + 1]
         return landing
 
-    def _spread(
-        self, rows: np.ndarray, landing: Landing, constants: np.ndarray, leaving: tuple[int, ...], signs: np.ndarray,
-        reach: np.ndarray,
-    ) -> None:  # fmt: skip
-        """Run ``rows``, batch by batch, over the cores."""
-        size = self.integrator.batch_size
-        threads = threads_for(len(rows))
-        batches = [rows[np.minimum(np.arange(k, k + size), len(rows) - 1)] for k in range(0, len(rows), size)]
+    def _ends(self, waiting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Carry the columns ``waiting`` to their ends: their places there, themselves, and what the last steps came to.
 
-        def share(number: int) -> None:
-            # a copy shares the compiled code
-            integrator = copy.deepcopy(self.integrator) if number else self.integrator
-            for lanes in batches[number::threads]:
-                _Batch(self, integrator, lanes, leaving, signs, reach[lanes]).run(landing, constants)
-
-        if threads == 1:
-            share(0)
-        else:
-            with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(share, range(threads)))
-
-    def _signs(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...]) -> np.ndarray:
-        """The signs (m, k) of the stopping functions just after the start."""
-        level, slope, _ = self.stops(states, constants)
-        signs = np.sign(level)
-        for stop in leaving:
-            signs[:, stop] = np.sign(slope[:, stop])
-        return signs
-
-    def _missed(self, landing: Landing, constants: np.ndarray, signs: np.ndarray) -> np.ndarray:
-        """True (m,) where a stop has changed its sign without being met: its zero fell on the end of a step."""
-        level = self.stops(landing.states, constants)[0]
-        changed = np.sign(level) * signs < 0
-        stopped = np.flatnonzero(landing.stopped_by != NONE)
-        changed[stopped, landing.stopped_by[stopped]] = False
-        return np.any(changed, axis=1)
-
-    def _settle(self, landing: Landing, constants: np.ndarray) -> None:
-        """Locate the stops once more, on the stopping functions themselves."""
-        at = np.flatnonzero(landing.outcomes == STOPPED)
-        if len(at):
-            states, shift = self.stops.polished(landing.states[at], constants[at], landing.stopped_by[at])
-            landing.states[at] = states
-            landing.reached[at] += shift
-
-
-class _Batch:
-    """One batch on its way; ``rows`` are its lanes' places in the swarm, the last repeated to fill it."""
-
-    def __init__(
-        self,
-        swarm: TaylorSwarm,
-        integrator: Any,
-        rows: np.ndarray,
-        leaving: tuple[int, ...],
-        signs: np.ndarray,
-        reach: np.ndarray,
-    ) -> None:
-        self.swarm, self.integrator, self.rows = swarm, integrator, rows
-        self.leaving, self.signs = leaving, signs
-        self.longest = reach
-        self.until = np.full(len(rows), FAR)
-        self.ended = np.zeros(len(rows), dtype=bool)
-        self.steps = np.zeros(len(rows), dtype=int)
-        self.raised = np.zeros(len(rows), dtype=int)  # steps taken when the bound on their length was last raised
-
-    def run(self, landing: Landing, constants: np.ndarray) -> None:
-        """Start again until every lane has ended; write the ends into ``landing``."""
-        integrator = self.integrator
-        integrator.set_time(0.0)
-        integrator.reset_cooldowns()
-        integrator.state[:] = landing.states[self.rows].T
-        if constants.shape[1]:
-            integrator.pars[: constants.shape[1]] = constants[self.rows].T
-        while True:
-            before = np.array(integrator.state)
-            left = self.swarm.most_steps - int(self.steps[~self.ended].max())
-            integrator.propagate_until(self.until, max_steps=max(1, min(left, PATIENCE)), max_delta_t=self.longest)
-            results = integrator.propagate_res
-            self.steps += np.array([result[3] for result in results])
-            codes = np.array([int(result[0]) for result in results])
-            self._judge(codes, before, np.array(integrator.state), landing, constants)
-            if np.all(self.ended):
-                return
-            tired = self.steps >= self.raised + PATIENCE
-            self.longest = np.where(tired, GROWTH * self.longest, self.longest)
-            self.raised = np.where(tired, self.steps, self.raised)
-            self._hold()
-
-    def _judge(
-        self, codes: np.ndarray, before: np.ndarray, after: np.ndarray, landing: Landing, constants: np.ndarray
-    ) -> None:
-        """Note the lanes that have come to their ends; ``codes`` are heyoka's, ``before`` and ``after`` (N, lanes)."""
-        known, rows = self.swarm.codes, self.rows
-        failed = ~np.all(np.isfinite(after), axis=0) | (codes == int(known.err_nf_state))
-        stopped = ~failed & (codes > int(known.success)) & (codes < 0)
-        for lane in np.flatnonzero(stopped & ~self.ended & np.isin(-codes - 1, self.leaving)):
-            stopped[lane] = not self._is_the_start(-codes[lane] - 1, after[:, lane], rows[lane], constants)
-        tired = ~failed & ~stopped & (self.steps >= self.swarm.most_steps)
-        at_once = np.all(before == landing.states[rows].T, axis=0)
-        outcomes = np.select([failed & at_once, failed, stopped], [NOT_FINITE, BLOW_UP, STOPPED], TOO_MANY)
-        new = ~self.ended & (failed | stopped | tired)
-        if not np.any(new):
-            return
-        times = np.array(self.integrator.time)
-        landing.reached[rows[new]] = np.where(np.isfinite(times), times, 0.0)[new]
-        landing.states[rows[new]] = np.where(failed, before, after)[:, new].T
-        landing.outcomes[rows[new]] = outcomes[new]
-        landing.stopped_by[rows[new]] = np.where(stopped, -codes - 1, NONE)[new]
-        self.ended |= new
-
-    def _is_the_start(self, stop: int, state: np.ndarray, row: int, constants: np.ndarray) -> bool:
-        """Whether a stop being left is crossed the way it was left: between two such crossings lies another."""
-        slope = self.swarm.stops(state[None, :], constants[row][None, :])[1][0, stop]
-        return bool(np.sign(slope) == self.signs[row, stop])
-
-    def _hold(self) -> None:
-        """Keep the lanes that have ended where they are; those that failed stand in another's place.
-
-        A lane whose Taylor series is not a number would halt the batch at every step.
+        They are in the order in which they end.
         """
-        integrator = self.integrator
-        running = int(np.argmin(self.ended))
-        times = np.array(integrator.time)
-        ended = self.ended
-        integrator.state[:, ended] = integrator.state[:, [running]]
-        integrator.pars[:, ended] = integrator.pars[:, [running]]
-        times[ended] = times[running]
-        integrator.set_time(times)
-        self.until = np.where(self.ended, times, FAR)
+        ended: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        begun = min(TOGETHER, waiting.shape[1])
+        rows, columns = np.arange(begun), np.ascontiguousarray(waiting[:, :begun])
+        steps = np.zeros(begun, dtype=int)
+        while len(rows):
+            columns = self._step(columns)
+            columns, codes = columns[:-1], columns[-1]
+            steps += 1
+            over = (codes == MET) | (codes == LOST) | (steps >= self.most_steps)
+            count = np.count_nonzero(over)
+            if count * PATIENCE < len(rows):
+                continue
+            out, on = np.flatnonzero(over), np.flatnonzero(~over)
+            ended.append((rows[out], np.take(columns, out, axis=1), codes[out]))
+            more = np.arange(begun, min(begun + count, waiting.shape[1]))
+            begun += len(more)
+            rows, steps = np.concatenate([rows[on], more]), np.concatenate([steps[on], np.zeros(len(more), int)])
+            columns = np.concatenate([np.take(columns, on, axis=1), waiting[:, more]], axis=1)
+        places, ends, last = (np.concatenate(parts, axis=-1) for parts in zip(*ended, strict=True))
+        return places, ends, last

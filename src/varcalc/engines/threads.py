@@ -1,13 +1,33 @@
-"""How many threads a number of runs is worth."""
+"""Many like things, spread over the cores."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 SMALLEST_SHARE = 256
-"""Fewer runs than this are not worth another thread."""
+"""Fewer than this are not worth another thread."""
+LARGEST_SHARE = 8192
+"""More than this do not stay near the processor."""
 
 
 def threads_for(runs: int) -> int:
     """Threads for so many runs: at most one a core, at least one."""
     return max(1, min(os.cpu_count() or 1, runs // SMALLEST_SHARE))
+
+
+def spread(work: Callable[[slice], None], count: int) -> None:
+    """Call ``work`` with slices of ``range(count)`` that together are all of it, on as many threads as there are cores.
+
+    What one of them raises is raised.
+    """
+    threads = threads_for(count)
+    size = min(LARGEST_SHARE, max(1, -(-count // threads)))
+    parts = [slice(first, min(first + size, count)) for first in range(0, count, size)]
+    if threads == 1:
+        for part in parts:
+            work(part)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(work, parts))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from threading import Lock
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from varcalc.instructions import Vectorised
 from varcalc.engines import OUTCOMES, Engine, Landing, Outcome, Swarm
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.known_ends import KnownEnds
@@ -27,6 +31,8 @@ ENDED = {
     OUTCOMES.index(Outcome.TOO_MANY_STEPS): RayStatus.TOO_MANY_STEPS,
     OUTCOMES.index(Outcome.STOPPED): RayStatus.ARRIVED,
 }
+MEANING = np.array([int(ENDED.get(code, RayStatus.SINGULAR)) for code in range(len(OUTCOMES))])
+"""The status for each outcome of a run."""
 
 
 @dataclass
@@ -43,6 +49,7 @@ class HamiltonRays:
     _swarms: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
     known: KnownEnds = field(init=False, repr=False)
     _free: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
+    _lock: Any = field(default_factory=Lock, repr=False)
 
     name = "Hamilton's ray equations"
 
@@ -60,10 +67,10 @@ class HamiltonRays:
         limited = bool(np.all(np.isfinite(limit)))
         constants = (limit if limited else np.full(len(beam), FAR * self._extent(beam.position)))[:, None]
         left = np.flatnonzero(limit > beam.optical_path)
-        if leaving == NOTHING:
-            met, never, left = self._foreseen(states, limit, left)
-            struck[met] = 0
+        if not limited and self._steady:
+            never = self._behind(beam, leaving != NOTHING)
             status[never] = RayStatus.MISSED
+            left = np.flatnonzero(~never)
         waiting = {leaving: left} if len(left) else {}
         while waiting:
             start, rows = waiting.popitem()
@@ -77,21 +84,21 @@ class HamiltonRays:
         carried = unpacked(states, self.dimension)
         return Arrival(carried, struck, self._checked(carried, status))
 
-    def _foreseen(
-        self, states: np.ndarray, limit: np.ndarray, rows: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Carry, in place, those of ``rows`` whose ends are known beforehand.
+    @cached_property
+    def _steady(self) -> bool:
+        """Whether there is one surface, whose level grows along every ray at a constant rate: no force acts across it."""
+        if len(self.surfaces) != 1 or isinstance(self.medium, Tabulated):
+            return False
+        r, p = ca.SX.sym("r", self.dimension), ca.SX.sym("p", self.dimension)
+        level = self.surfaces[0].surface.level(r)
+        slope = ca.jtimes(level, r, p)
+        pull = ca.gradient(self.medium.squared_index(r), r) / 2
+        return bool((ca.jtimes(slope, r, p) + ca.jtimes(slope, p, pull)).is_zero())
 
-        Returns the rows at the surface, those that never come to it, and those left.
-        """
-        nobody = rows[:0]
-        if isinstance(self.medium, Tabulated) or len(rows) == 0:
-            return nobody, nobody, rows
-        if not self.surfaces:
-            return nobody, nobody, self.known.to_path(states, limit, rows)
-        if len(self.surfaces) == 1 and np.all(np.isinf(limit)):
-            return self.known.to_surface(states, self.surfaces[0], rows)
-        return nobody, nobody, rows
+    def _behind(self, beam: Beam, leaving: bool) -> np.ndarray:
+        """True (m,) for rays that never come to the one surface, where they approach it at a constant rate."""
+        level, slope, _ = self.surfaces[0].along(beam.position, beam.momentum)
+        return np.full(len(beam), fill_value=True) if leaving else ~(level * slope < 0)
 
     def _extent(self, points: np.ndarray) -> float:
         """The size of the scene seen from ``points``: their distances from the origin and from the surfaces."""
@@ -118,9 +125,16 @@ class HamiltonRays:
             return self.swarm(beam.deviations, True)
         return HamiltonRays(self.medium, self.dimension, (), self.engine, self._free).swarm(beam.deviations, True)
 
+    @cached_property
+    def _squared(self) -> Callable[[np.ndarray], np.ndarray]:
+        """n² (m,) at points (m, d)."""
+        position = ca.SX.sym("r", self.dimension)
+        call = Vectorised(ca.Function("squared", [position], [ca.densify(self.medium.squared_index(position))]))
+        return lambda points: call(list(points.T))[0]
+
     def _told(self, landing: Landing, limited: bool) -> tuple[np.ndarray, np.ndarray]:
         """What a landing says: the surfaces struck, and the status of each ray."""
-        status = np.array([int(ENDED[int(code)]) for code in landing.outcomes])
+        status = MEANING[landing.outcomes]
         end = landing.stopped_by == len(self.surfaces)  # the limit, or the far sphere
         if not limited:
             status[end] = RayStatus.MISSED
@@ -139,19 +153,23 @@ class HamiltonRays:
     def _checked(self, beam: Beam, status: np.ndarray) -> np.ndarray:
         """The status, SINGULAR where |p| = n no longer holds."""
         with np.errstate(all="ignore"):
-            squared, _, _ = Field(self.medium, self.dimension)(beam.position)
+            squared = self._squared(beam.position)
             sound = np.abs(np.sum(beam.momentum**2, axis=1) - squared) <= BROKEN * np.abs(squared)
         return np.where(sound, status, int(RayStatus.SINGULAR))
 
     def swarm(self, neighbours: int, limited: bool) -> Swarm:
         """The compiled system; its last stop is the limit of the optical path, or a sphere far away."""
-        if (neighbours, limited) not in self._swarms:
-            d = self.dimension
+        with self._lock:
+            if (neighbours, limited) not in self._swarms:
+                self._swarms[neighbours, limited] = self._compiled(neighbours, limited)
+            return self._swarms[neighbours, limited]
 
-            def stops(state: Expression, bound: Expression) -> Expression:
-                levels = [surface.surface.level(state[:d]) for surface in self.surfaces]
-                end = state[2 * d] - bound if limited else (ca.sumsqr(state[:d]) / bound**2 - 1) / 2
-                return ca.vertcat(*levels, end)
+    def _compiled(self, neighbours: int, limited: bool) -> Swarm:
+        d = self.dimension
 
-            self._swarms[neighbours, limited] = compile_rays(self.engine, self.medium, d, neighbours, stops, 1)
-        return self._swarms[neighbours, limited]
+        def stops(state: Expression, bound: Expression) -> Expression:
+            levels = [surface.surface.level(state[:d]) for surface in self.surfaces]
+            end = state[2 * d] - bound if limited else (ca.sumsqr(state[:d]) / bound**2 - 1) / 2
+            return ca.vertcat(*levels, end)
+
+        return compile_rays(self.engine, self.medium, d, neighbours, stops, 1)

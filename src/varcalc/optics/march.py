@@ -116,11 +116,16 @@ class March:
         self, number: int, beam: Beam, rows: np.ndarray, limit: np.ndarray, leaving: int
     ) -> tuple[np.ndarray, np.ndarray]:
         """Carry ``rows`` of ``beam``, in place, through medium ``number`` to the first surface."""
-        if len(rows) == 0:
-            return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
-        arrival = self.models[number].advance(beam.take(rows), limit[rows], leaving)
-        beam.put(rows, arrival.beam)
-        return arrival.struck, arrival.status
+        struck, status = np.empty(len(rows), dtype=int), np.empty(len(rows), dtype=int)
+
+        def carry(part: slice) -> None:
+            own = rows[part]
+            arrival = self.models[number].advance(beam.take(own), limit[own], leaving)
+            beam.put(own, arrival.beam)
+            struck[part], status[part] = arrival.struck, arrival.status
+
+        engines.spread(carry, len(rows))
+        return struck, status
 
     def _strayed(self, struck: np.ndarray, status: np.ndarray, number: int) -> np.ndarray:
         """True (m,) for rays in medium ``number`` that have come to a surface which is not the next one."""

@@ -1,0 +1,52 @@
+"""A function of many columns of numbers, compiled where that is worth its time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from threading import Lock
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.engines.lowering import lower
+
+COLUMNS = 30_000
+"""Columns by CasADi's interpreter, at some 10 microseconds each, that take as long as compiling."""
+
+
+@dataclass
+class Columnwise:
+    """A function of columns of numbers: interpreted by CasADi while it has little to do, then compiled by heyoka.
+
+    The number of columns decides, not the clock, so results are reproducible.
+    """
+
+    function: ca.Function
+    _left: int = field(default=COLUMNS, init=False)
+    _compiled: Any = field(default=None, init=False, repr=False)
+    _lock: Any = field(default_factory=Lock, init=False, repr=False)
+
+    def expects(self, columns: int) -> None:
+        """Compile the function if so many columns, or those before them, are worth it."""
+        if self._compiled is None and columns > self._left:
+            with self._lock:
+                if self._compiled is None:
+                    self._compiled = _compiled(self.function)
+
+    def __call__(self, columns: np.ndarray) -> np.ndarray:
+        """The function of each of the columns (n, m), as columns."""
+        if self._compiled is not None:
+            return self._compiled(columns)
+        self._left -= columns.shape[1]
+        return np.array(self.function(columns))
+
+
+def _compiled(function: ca.Function) -> Any:
+    """``function`` of one argument as a heyoka function of arrays."""
+    import heyoka as hy
+
+    column, nothing = ca.SX.sym("Y", function.numel_in(0)), ca.SX.sym("c", 0)
+    system = ca.Function(function.name(), [ca.SX.sym("s"), column, nothing], [function(column)])
+    names = [hy.expression(f"Y{i}") for i in range(function.numel_in(0))]
+    return hy.cfunc(lower(system, [[hy.time], names, []]), names)

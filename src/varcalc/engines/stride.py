@@ -1,0 +1,197 @@
+"""One step of Taylor's method with its stops, as one function of one column of numbers.
+
+A *traveller* is such a column: its state Y, the time t it has come to, the
+bound on its next step, its constants, and for each stop whether it stands on
+it, having just set out. The step carries Y as far as the series allows, yet
+never over a zero of a stopping function unless it can be certain that there
+is one only: where on [0, h] the higher terms are too small to bring the
+function to zero, there is none, and where they are too small to turn its
+slope, one at most. Steps are made shorter until one of the two is certain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.engines.lowering import scalar_function
+from varcalc.engines.series import solution_series
+
+Expression = Any
+"""A CasADi SX expression."""
+WENT, MET, SHORTER, LOST = range(4)
+"""What a step came to: it was made; a stop lies in it; it has to be tried again, shorter; it leads to no number."""
+SHARE = 1 / 8
+"""Of the tolerance: by so much of the step's own length may the series miss its end."""
+SHRUNK = (1.0, 0.5, 0.125)
+"""The lengths, as parts of the longest step possible, of which the first is taken that the stops allow."""
+LENGTHEN = 8.0
+"""A step may be so many times as long as the last."""
+UNBOUNDED = 1e8
+"""In units of the time in which the state changes by its own size: where the series ends, no step is too long."""
+GRAZE = 1e-9
+"""A stop that leaves no more of a step than this touches the solution, and is passed over."""
+ROUNDS = 10
+"""Newton's steps, kept inside a bracket, to the zero of a stopping function."""
+
+
+@dataclass(frozen=True)
+class Stride:
+    """The functions ``step`` and ``land`` of travellers for a ``system`` with its ``stops``.
+
+    ``step`` takes a traveller (``rows``,) to where the step leaves it, and, as one number more, what the step came
+    to. For a traveller whose step has MET a stop ``land`` gives Y there, t, and the number of the stop.
+    """
+
+    system: ca.Function
+    stops: ca.Function
+    tolerance: float
+    step: ca.Function = field(init=False)
+    land: ca.Function = field(init=False)
+
+    def __post_init__(self) -> None:
+        system, stops = _autonomous(self.system), _autonomous(self.stops)
+        order = int(np.ceil(1 - np.log(self.tolerance) / 2))  # the cheapest: Jorba and Zou, sect. 3
+        solution, levels, state, constants = solution_series(system, stops, order)
+        time, longest, leaving = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("l", len(levels))
+        traveller = ca.vertcat(state, time, longest, constants, leaving)
+        # what stands on a stop is asked for its next zero: its own is divided out
+        ahead = [ca.if_else(leaving[j], ca.vertcat(level[1:], 0), level) for j, level in enumerate(levels)]
+        free = _free_step(solution, time, self.tolerance * SHARE)
+        length = ca.fmin(longest, free)
+        tests = [_certain(ahead, length * part) for part in SHRUNK]
+        graze = length <= GRAZE * free
+        certain = reduce(lambda rest, k: ca.if_else(tests[k][0], SHRUNK[k], rest), reversed(range(len(SHRUNK))), 0.0)
+        length = ca.if_else(graze, GRAZE * free, ca.if_else(certain > 0, certain, 1.0) * length)
+        end = ca.vertcat(*(_polynomial(series, length) for series in solution))
+        met = reduce(ca.logic_or, (_crossed(level, length) for level in ahead), ca.SX(0))
+        lost = ca.logic_not(ca.logic_and(ca.norm_1(end) < np.inf, time + length > time))
+        code = ca.if_else(ca.logic_or(graze, certain > 0), ca.if_else(met, MET, WENT), SHORTER)
+        code = ca.if_else(lost, LOST, code)
+        went = code == WENT
+        bound = ca.if_else(went, LENGTHEN * length, ca.if_else(code == MET, length, SHRUNK[-1] * length / 2))
+        after = [ca.if_else(went, end, state), ca.if_else(went, time + length, time), bound, constants]
+        standing = ca.if_else(went, 0.0, leaving)
+        object.__setattr__(self, "step", ca.Function("step", [traveller], [ca.densify(ca.vertcat(*after, standing, code))]))
+        first, number = _first(ahead, longest)
+        there = ca.vertcat(*(_polynomial(series, first) for series in solution))
+        there, shift = _settled(system, stops, there, constants, number)
+        landed = ca.vertcat(there, time + first + shift, number)
+        object.__setattr__(self, "land", ca.Function("land", [traveller], [ca.densify(landed)]))
+
+    @property
+    def rows(self) -> int:
+        """The numbers in a traveller."""
+        return int(self.step.numel_in(0))
+
+    def travellers(self, states: np.ndarray, constants: np.ndarray, leaving: Sequence[int]) -> np.ndarray:
+        """Columns (rows, m) for runs about to begin at ``states`` (m, N)."""
+        m, size = states.shape
+        found = np.zeros((self.rows, m))
+        found[:size] = states.T
+        found[size + 1] = np.inf
+        found[size + 2 : size + 2 + constants.shape[1]] = constants.T
+        found[[self.rows - self.stops.numel_out(0) + stop for stop in leaving]] = 1.0
+        return found
+
+
+def _autonomous(function: ca.Function) -> ca.Function:
+    """``function`` of scalars; ValueError where it depends on s."""
+    function = scalar_function(function)
+    s, state, constants = (ca.SX.sym(name, function.numel_in(k)) for k, name in enumerate("sYc"))
+    if ca.depends_on(function(s, state, constants), s):
+        raise ValueError("the system of a swarm and its stopping functions must not depend on s")
+    return function
+
+
+def _polynomial(coefficients: Expression, h: Expression) -> Expression:
+    """Horner's scheme."""
+    total = coefficients[-1]
+    for k in range(coefficients.numel() - 2, -1, -1):
+        total = total * h + coefficients[k]
+    return total
+
+
+def _slope(coefficients: Expression) -> Expression:
+    """The coefficients of the derivative."""
+    return ca.vertcat(*(k * coefficients[k] for k in range(1, coefficients.numel())))
+
+
+def _largest(columns: Sequence[Expression], k: int) -> Expression:
+    return reduce(ca.fmax, (ca.fabs(column[k]) for column in columns))
+
+
+def _free_step(solution: Sequence[Expression], time: Expression, share: float) -> Expression:
+    """The step after which the last terms of the series are ``share`` of what the step changes.
+
+    The measure is the change and not the state, which may be at the origin
+    of its coordinates, or very far from it.
+    """
+    order = solution[0].numel() - 1
+    change, tiny = _largest(solution, 1), np.finfo(float).tiny
+    steps = [
+        (share * (change + tiny) / (_largest(solution, k) + tiny)) ** (1 / (k - 1)) for k in (order - 1, order)
+    ]
+    whole = time + _largest(solution, 0) / change
+    return ca.fmin(ca.fmin(*steps), UNBOUNDED * whole)
+
+
+def _certain(levels: Sequence[Expression], h: Expression) -> tuple[Expression]:
+    """Whether each of the functions is known to have no zero, or one at most, on [0, h]."""
+    known = ca.SX(1)
+    for level in levels:
+        size = ca.fabs(level)
+        higher = _polynomial(size[1:], h) * h
+        steeper = _slope(size)
+        known = ca.logic_and(
+            known, ca.logic_or(size[0] >= higher, steeper[0] >= _polynomial(steeper[1:], h) * h)
+        )
+    return (known,)
+
+
+def _crossed(level: Expression, h: Expression) -> Expression:
+    """Whether a function is zero between 0 and ``h``, where it has one zero at most."""
+    return ca.logic_and(level[0] != 0, level[0] * _polynomial(level, h) <= 0)
+
+
+def _first(levels: Sequence[Expression], h: Expression) -> tuple[Expression, Expression]:
+    """The first of the zeros on [0, h], and the number of the function."""
+    first, number = h, ca.SX(-1)
+    for j, level in enumerate(levels):
+        zero = _zero(level, h)
+        sooner = ca.logic_and(_crossed(level, h), ca.logic_or(number < 0, zero < first))
+        first, number = ca.if_else(sooner, zero, first), ca.if_else(sooner, j, number)
+    return first, number
+
+
+def _settled(
+    system: ca.Function, stops: ca.Function, there: Expression, constants: Expression, number: Expression
+) -> tuple[Expression, Expression]:
+    """Y moved along its rate onto the stop itself, off which it is by round-off, and by how much in t."""
+    state, known = ca.SX.sym("Y", there.numel()), ca.SX.sym("c", constants.numel())
+    rate, level = system(0, state, known), stops(0, state, known)
+    results = [rate, level, ca.jtimes(level, state, rate)]
+    rate, level, slope = ca.Function("there", [state, known], [ca.densify(r) for r in results])(there, constants)
+    shift = ca.SX(0)
+    for j in range(level.numel()):
+        shift = ca.if_else(ca.logic_and(number == j, slope[j] != 0), -level[j] / slope[j], shift)
+    return there + shift * rate, shift
+
+
+def _zero(level: Expression, h: Expression) -> Expression:
+    """The one zero on [0, h]: Newton's iteration, with bisection where it would leave the bracket."""
+    slope = _slope(level)
+    low, high, at = ca.SX(0), h, h * level[0] / (level[0] - _polynomial(level, h))
+    for _ in range(ROUNDS):
+        here = _polynomial(level, at)
+        before = here * level[0] > 0
+        low, high = ca.if_else(before, at, low), ca.if_else(before, high, at)
+        newton = at - here / _polynomial(slope, at)
+        inside = ca.logic_and(newton >= low, newton <= high)
+        at = ca.if_else(inside, newton, (low + high) / 2)
+    return at
