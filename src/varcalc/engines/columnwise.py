@@ -34,12 +34,13 @@ class Columnwise:
                 if self._compiled is None:
                     self._compiled = _compiled(self.function)
 
-    def __call__(self, columns: np.ndarray) -> np.ndarray:
-        """The function of each of the columns (n, m), as columns."""
+    def __call__(self, columns: np.ndarray, results: np.ndarray) -> None:
+        """The function of each of the ``columns`` (n, m), written into ``results`` (k, m); both contiguous."""
         if self._compiled is not None:
-            return self._compiled(columns)
+            self._compiled(columns, outputs=results)
+            return
         self._left -= columns.shape[1]
-        return np.array(self.function(columns))
+        results[:] = np.array(self.function(columns))
 
 
 def _compiled(function: ca.Function) -> Any:

@@ -19,7 +19,7 @@ from varcalc.engines.stride import LOST, MET, Stride
 STOPPED, NOT_FINITE, BLOW_UP, TOO_MANY = (
     OUTCOMES.index(o) for o in (Outcome.STOPPED, Outcome.NOT_FINITE, Outcome.BLOW_UP, Outcome.TOO_MANY_STEPS)
 )
-TOGETHER = 1024
+TOGETHER = 2048
 """Runs that take their steps together: enough to make up for the call, and few enough to stay near the processor."""
 PATIENCE = 16
 """A run that has ended is taken out when one in so many has: until then it ends again, the same way."""
@@ -58,7 +58,8 @@ class TaylorSwarm:
         landing.outcomes[rows[(codes == LOST) & (columns[size] == 0)]] = NOT_FINITE
         met = np.flatnonzero(codes == MET)
         if len(met):
-            landed, at = self._land(np.take(columns, met, axis=1)), rows[met]
+            landed, at = np.empty((size + 2, len(met))), rows[met]
+            self._land(np.take(columns, met, axis=1), landed)
             landing.states[at], landing.reached[at] = landed[:size].T, landed[size]
             landing.outcomes[at], landing.stopped_by[at] = STOPPED, landed[size + 1]
         return landing
@@ -69,22 +70,69 @@ class TaylorSwarm:
         They are in the order in which they end.
         """
         ended: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-        begun = min(TOGETHER, waiting.shape[1])
-        rows, columns = np.arange(begun), np.ascontiguousarray(waiting[:, :begun])
-        steps = np.zeros(begun, dtype=int)
-        while len(rows):
-            columns = self._step(columns)
-            columns, codes = columns[:-1], columns[-1]
-            steps += 1
-            over = (codes == MET) | (codes == LOST) | (steps >= self.most_steps)
-            count = np.count_nonzero(over)
-            if count * PATIENCE < len(rows):
-                continue
-            out, on = np.flatnonzero(over), np.flatnonzero(~over)
-            ended.append((rows[out], np.take(columns, out, axis=1), codes[out]))
-            more = np.arange(begun, min(begun + count, waiting.shape[1]))
-            begun += len(more)
-            rows, steps = np.concatenate([rows[on], more]), np.concatenate([steps[on], np.zeros(len(more), int)])
-            columns = np.concatenate([np.take(columns, on, axis=1), waiting[:, more]], axis=1)
+        pool = _Pool(self.stride.rows, waiting)
+        taken = 0
+        while pool.count:
+            self._step(*pool.before_and_after())
+            taken += 1
+            over = pool.codes % 2 == 1  # MET or LOST
+            if taken >= self.most_steps:
+                over |= taken - pool.since >= self.most_steps
+            if np.count_nonzero(over) * PATIENCE >= pool.count:
+                ended.append(pool.exchanged(over, taken))
         places, ends, last = (np.concatenate(parts, axis=-1) for parts in zip(*ended, strict=True))
         return places, ends, last
+
+
+class _Pool:
+    """The columns that take their steps together, taken from those ``waiting`` and going from one buffer to the other.
+
+    New arrays of this size would be fetched from the system, and cleared, at every step.
+    """
+
+    def __init__(self, rows: int, waiting: np.ndarray) -> None:
+        self.rows, self.waiting = rows, waiting
+        self._buffers = [np.empty((rows + 1) * min(TOGETHER, waiting.shape[1])) for _ in range(2)]
+        self.places, self.since = np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+        self.begun = 0
+        self._fill(np.empty((rows, 0)), 0)
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.places)
+
+    @property
+    def columns(self) -> np.ndarray:
+        """They themselves (rows, count)."""
+        return self._buffers[0][: self.rows * self.count].reshape(self.rows, self.count)
+
+    @property
+    def codes(self) -> np.ndarray:
+        """What their last steps came to (count,)."""
+        return self._buffers[0][self.rows * self.count : (self.rows + 1) * self.count]
+
+    def before_and_after(self) -> tuple[np.ndarray, np.ndarray]:
+        """The columns, and the room for what the next step makes of them, which becomes the columns."""
+        before = self.columns
+        self._buffers.reverse()
+        return before, self._buffers[0][: (self.rows + 1) * self.count].reshape(self.rows + 1, self.count)
+
+    def exchanged(self, over: np.ndarray, now: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Places, columns and codes of those that are ``over``, and others in their stead, which begin ``now``."""
+        out, on = np.flatnonzero(over), np.flatnonzero(~over)
+        ended = self.places[out], np.take(self.columns, out, axis=1), self.codes[out]
+        going = np.take(self.columns, on, axis=1)
+        self.places, self.since = self.places[on], self.since[on]
+        self._fill(going, now)
+        return ended
+
+    def _fill(self, going: np.ndarray, now: int) -> None:
+        more = np.arange(self.begun, min(self.begun + TOGETHER - len(self.places), self.waiting.shape[1]))
+        self.begun += len(more)
+        old = len(self.places)
+        self.places = np.concatenate([self.places, more])
+        self.since = np.concatenate([self.since, np.full(len(more), now)])
+        columns = self.columns
+        columns[:, :old] = going
+        columns[:, old:] = self.waiting[:, more]
