@@ -26,9 +26,6 @@ Expression = Any
 """A CasADi SX expression."""
 WENT, MET, SHORTER, LOST = range(4)
 """What a step came to: it was made; a stop lies in it; it has to be tried again, shorter; it leads to no number."""
-STEEPNESS = 1.6
-"""The order is by so much less than the logarithm of the tolerance: 2 would need the fewest operations (Jorba and
-Zou, sect. 3), but every step costs some beside its series (measured, on the fish-eye: 24 against 20, 0.2 less)."""
 SHARE = 1 / 2
 """Of the tolerance: by so much of the step's own length may the series miss its end."""
 SHRUNK = (1.0, 0.5, 0.125)
@@ -59,7 +56,7 @@ class Stride:
 
     def __post_init__(self) -> None:
         system, stops = _autonomous(self.system), _autonomous(self.stops)
-        order = int(np.ceil(1 - np.log(self.tolerance) / STEEPNESS))
+        order = int(np.ceil(1 - np.log(self.tolerance) / 2))  # the cheapest: Jorba and Zou, sect. 3
         solution, levels, state, constants = solution_series(system, stops, order)
         time, longest, leaving = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("l", len(levels))
         traveller = ca.vertcat(state, time, longest, constants, leaving)

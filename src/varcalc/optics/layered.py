@@ -11,8 +11,8 @@ import numpy as np
 
 from varcalc.engines import NONE, OUTCOMES, Engine, Landing, Outcome, Swarm
 from varcalc.optics.media import Medium
-from varcalc.optics.system import ray_rates
-from varcalc.optics.tabulated import Tabulated, cubic
+from varcalc.optics.system import force_of, ray_rates
+from varcalc.optics.tabulated import Tabulated
 
 Expression = Any
 """A CasADi SX expression."""
@@ -40,10 +40,11 @@ def compile_rays(
     numbers = ca.SX.sym("c", constants + (6 if table else 0))
     if table:
         layer, height = numbers[constants:], state[d - 1]
-        squared, ends = cubic(height, layer), ca.vertcat(height - layer[0], height - layer[1])
+        ends = ca.vertcat(height - layer[0], height - layer[1])
     else:
-        squared, ends = medium.squared_index(state[:d]), ca.SX(0, 1)
-    rates = ca.Function("rays", [s, state, numbers], [ray_rates(squared, state, d)])
+        layer, ends = ca.SX(0, 1), ca.SX(0, 1)
+    here = force_of(medium, state[:d], layer)
+    rates = ca.Function("rays", [s, state, numbers], [ray_rates(here, state, d)])
     levels = ca.vertcat(stops(state, numbers[:constants]), ends)
     swarm = engine.compile_swarm(rates, ca.Function("stops", [s, state, numbers], [levels]))
     return LayeredSwarm(swarm, table, d, levels.numel() - 2) if table else swarm

@@ -51,6 +51,13 @@ class Medium(Parametrised, ABC):
         """n² at ``position``; simpler than n where that is a root."""
         return self.index(position) ** 2
 
+    def through(self, position: Expression) -> tuple[ca.Function, Expression] | None:  # noqa: ARG002  most have none
+        """A function F and an expression u of ``position`` with n² = F(u), where n² depends on one u alone.
+
+        Its derivatives are then cheaper by the chain rule.
+        """
+        return None
+
     @property
     def dimension(self) -> int | None:
         """2 or 3 where the medium itself says so; None for a medium that fits both."""
@@ -163,6 +170,11 @@ class Stratified(_Parametric):
         """n at the height of ``position``."""
         return _traced("n", self.n, [position[position.numel() - 1]], parameters)
 
+    def through(self, position: Expression) -> tuple[ca.Function, Expression]:
+        """n² as a function of the height."""
+        height = ca.SX.sym("height")
+        return ca.Function("squared", [height], [_traced("n", self.n, [height], self.parameters) ** 2]), position[position.numel() - 1]
+
 
 @dataclass(frozen=True)
 class Radial(_Parametric):
@@ -200,8 +212,15 @@ class Radial(_Parametric):
 
     def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:
         """n at the distance of ``position`` from the centre; even powers of it are written without a root."""
-        offset = position - ca.DM(self.middle(position.numel()))
-        return _traced("n", self.n, [ca.sqrt(ca.sumsqr(offset))], parameters)
+        return _traced("n", self.n, [ca.sqrt(self._squared_distance(position))], parameters)
+
+    def through(self, position: Expression) -> tuple[ca.Function, Expression]:
+        """n² as a function of the squared distance from the centre."""
+        u = ca.SX.sym("u")
+        return ca.Function("squared", [u], [_traced("n", self.n, [ca.sqrt(u)], self.parameters) ** 2]), self._squared_distance(position)
+
+    def _squared_distance(self, position: Expression) -> Expression:
+        return ca.sumsqr(position - ca.DM(self.middle(position.numel())))
 
 
 @dataclass(frozen=True)

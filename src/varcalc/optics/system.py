@@ -9,6 +9,9 @@ equation, Brizard sect. 1.4.3).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import casadi as ca
 import numpy as np
 
@@ -17,15 +20,52 @@ from varcalc.optics.media import Expression, Medium
 from varcalc.optics.tabulated import Tabulated, cubic
 
 
-def ray_rates(squared: Expression, state: Expression, dimension: int) -> Expression:
-    """Hamilton's ray equations for ``squared``, n² at the position: of r, p, S, then δr and δp of each neighbour."""
+@dataclass(frozen=True)
+class Force:
+    """n² (a scalar), ∇n²/2 (d,) and the latter's derivative along a deviation, as expressions of a position."""
+
+    squared: Expression
+    pull: Expression
+    along: Callable[[Expression], Expression]
+
+
+def force(squared: Expression, position: Expression) -> Force:
+    """The force of any n², an expression of the symbols ``position``."""
+    pull = ca.gradient(squared, position) / 2
+    return Force(squared, pull, lambda moved: ca.jtimes(pull, position, moved))
+
+
+def force_through(function: ca.Function, u: Expression, position: Expression) -> Force:
+    """The force of n² = F(u), by the chain rule; ∇u and u's second derivatives are simple."""
+    symbol = ca.SX.sym("u")
+    squared = function(symbol)
+    half = ca.gradient(squared, symbol) / 2
+    orders = ca.Function("orders", [symbol], [squared, half, ca.gradient(half, symbol)])
+    squared, half, bend = orders(u)
+    slope = ca.gradient(u, position)
+    hessian = ca.jacobian(slope, position)
+
+    def along(moved: Expression) -> Expression:
+        return half * (hessian @ moved) + (bend * ca.dot(slope, moved)) * slope
+
+    return Force(squared, half * slope, along)
+
+
+def ray_rates(force: Force, state: Expression, dimension: int) -> Expression:
+    """Hamilton's ray equations: of r, p, S, then δr and δp of each neighbour."""
     d = dimension
-    pull = ca.gradient(squared, state[:d]) / 2
-    rates = [state[d : 2 * d], pull, squared]
-    bend = ca.jacobian(pull, state[:d])
+    rates = [state[d : 2 * d], force.pull, force.squared]
     for first in range(2 * d + 1, state.numel(), 2 * d):
-        rates += [state[first + d : first + 2 * d], bend @ state[first : first + d]]
-    return ca.densify(ca.vertcat(*rates))
+        rates += [state[first + d : first + 2 * d], force.along(state[first : first + d])]
+    return ca.cse(ca.densify(ca.vertcat(*rates)))
+
+
+def force_of(medium: Medium, position: Expression, constants: Expression) -> Force:
+    """The force of ``medium``; of one layer of a table, whose ``constants`` are given."""
+    if isinstance(medium, Tabulated):
+        return force(cubic(position[position.numel() - 1], constants), position)
+    known = medium.through(position)
+    return force(medium.squared_index(position), position) if known is None else force_through(*known, position)
 
 
 def ray_system(medium: Medium, dimension: int, neighbours: int) -> ca.Function:
@@ -36,11 +76,8 @@ def ray_system(medium: Medium, dimension: int, neighbours: int) -> ca.Function:
     """
     s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * dimension + 1 + 2 * dimension * neighbours)
     constants = ca.SX.sym("c", 6 if isinstance(medium, Tabulated) else 0)
-    if isinstance(medium, Tabulated):
-        squared = cubic(state[dimension - 1], constants)
-    else:
-        squared = medium.squared_index(state[:dimension])
-    return ca.Function("rays", [s, state, constants], [ray_rates(squared, state, dimension)])
+    here = force_of(medium, state[:dimension], constants)
+    return ca.Function("rays", [s, state, constants], [ray_rates(here, state, dimension)])
 
 
 def packed(beam: Beam) -> np.ndarray:
