@@ -24,8 +24,10 @@ from varcalc.engines.series import solution_series
 
 Expression = Any
 """A CasADi SX expression."""
-WENT, MET, SHORTER, LOST = range(4)
-"""What a step came to: it was made; a stop lies in it; it has to be tried again, shorter; it leads to no number."""
+WENT, SHORTER, LOST, MET = range(4)
+"""What a step came to: it was made; it is to be tried again, shorter; it leads to no number; it ended at stop 0.
+
+MET + k says that it ended at stop k. A traveller that has ended stays where it is, and ends again."""
 SHARE = 1 / 2
 """Of the tolerance: by so much of the step's own length may the series miss its end."""
 SHRUNK = (1.0, 0.5, 0.125)
@@ -36,53 +38,55 @@ UNBOUNDED = 1e8
 """In units of the time in which the state changes by its own size: where the series ends, no step is too long."""
 GRAZE = 1e-9
 """A stop that leaves no more of a step than this touches the solution, and is passed over."""
-ROUNDS = 10
+ROUNDS = 7
 """Newton's steps, kept inside a bracket, to the zero of a stopping function."""
+CLOSE = 1e-6
+"""The last of them, as a part of the step: one more, on the function itself, leads to round-off."""
 
 
 @dataclass(frozen=True)
 class Stride:
-    """The functions ``step`` and ``land`` of travellers for a ``system`` with its ``stops``.
+    """The function ``step`` of travellers for a ``system`` with its ``stops``.
 
-    ``step`` takes a traveller (``rows``,) to where the step leaves it, and, as one number more, what the step came
-    to. For a traveller whose step has MET a stop ``land`` gives Y there, t, and the number of the stop.
+    It takes a traveller (``rows``,) to where the step leaves it, with one number more: what the step came to.
     """
 
     system: ca.Function
     stops: ca.Function
     tolerance: float
     step: ca.Function = field(init=False)
-    land: ca.Function = field(init=False)
 
     def __post_init__(self) -> None:
         system, stops = _autonomous(self.system), _autonomous(self.stops)
         order = int(np.ceil(1 - np.log(self.tolerance) / 2))  # the cheapest: Jorba and Zou, sect. 3
         solution, levels, state, constants = solution_series(system, stops, order)
-        time, longest, leaving = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("l", len(levels))
-        traveller = ca.vertcat(state, time, longest, constants, leaving)
+        time, bound, leaving = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("l", len(levels))
         # what stands on a stop is asked for its next zero: its own is divided out
         ahead = [ca.if_else(leaving[j], ca.vertcat(level[1:], 0), level) for j, level in enumerate(levels)]
         free = _free_step(solution, time, self.tolerance * SHARE)
-        length = ca.fmin(longest, free)
-        tests = [_certain(ahead, length * part) for part in SHRUNK]
-        graze = length <= GRAZE * free
-        certain = reduce(lambda rest, k: ca.if_else(tests[k][0], SHRUNK[k], rest), reversed(range(len(SHRUNK))), 0.0)
-        length = ca.if_else(graze, GRAZE * free, ca.if_else(certain > 0, certain, 1.0) * length)
-        end = ca.vertcat(*(_polynomial(series, length) for series in solution))
-        met = reduce(ca.logic_or, (_crossed(level, length) for level in ahead), ca.SX(0))
-        lost = ca.logic_not(ca.logic_and(ca.norm_1(end) < np.inf, time + length > time))
-        code = ca.if_else(ca.logic_or(graze, certain > 0), ca.if_else(met, MET, WENT), SHORTER)
-        code = ca.if_else(lost, LOST, code)
-        went = code == WENT
-        bound = ca.if_else(went, LENGTHEN * length, ca.if_else(code == MET, length, SHRUNK[-1] * length / 2))
-        after = [ca.if_else(went, end, state), ca.if_else(went, time + length, time), bound, constants]
-        standing = ca.if_else(went, 0.0, leaving)
-        object.__setattr__(self, "step", ca.Function("step", [traveller], [ca.densify(ca.vertcat(*after, standing, code))]))
-        first, number = _first(ahead, longest)
-        there = ca.vertcat(*(_polynomial(series, first) for series in solution))
-        there, shift = _settled(system, stops, there, constants, number)
-        landed = ca.vertcat(there, time + first + shift, number)
-        object.__setattr__(self, "land", ca.Function("land", [traveller], [ca.densify(landed)]))
+        length, certain = _allowed(ahead, ca.fmin(bound, free), free)
+        crossed = [_crossed(level, length) for level in ahead]
+        number, zero, found = _zero(ahead, crossed, length)
+        several = ca.logic_and(sum(crossed, ca.SX(0)) > 1, length > GRAZE * free)
+        going = ca.logic_and(certain, ca.logic_not(ca.logic_or(several, ca.logic_not(found))))
+        met = ca.logic_and(going, number >= 0)
+        taken = ca.if_else(met, zero, length)
+        end = ca.vertcat(*(_polynomial(series, taken) for series in solution))
+        end, shift = _settled(system, stops, end, constants, ca.if_else(met, number, -1))
+        lost = ca.logic_not(ca.logic_and(ca.norm_1(end) < np.inf, ca.logic_or(met, time + length > time)))
+        code = ca.if_else(lost, LOST, ca.if_else(met, MET + number, ca.if_else(going, WENT, SHORTER)))
+        code = ca.if_else(bound < 0, -bound, code)
+        moved = ca.logic_or(code == WENT, ca.logic_and(code >= MET, bound >= 0))
+        after = ca.vertcat(
+            ca.if_else(moved, end, state),
+            ca.if_else(moved, time + taken + shift, time),
+            ca.if_else(code >= LOST, -code, ca.if_else(code == WENT, LENGTHEN, SHRUNK[-1] / 2) * length),
+            constants,
+            ca.if_else(code == WENT, 0, leaving),
+            code,
+        )
+        traveller = ca.vertcat(state, time, bound, constants, leaving)
+        object.__setattr__(self, "step", ca.Function("step", [traveller], [ca.densify(after)]))
 
     @property
     def rows(self) -> int:
@@ -141,17 +145,29 @@ def _free_step(solution: Sequence[Expression], time: Expression, share: float) -
     return ca.fmin(ca.fmin(*steps), UNBOUNDED * whole)
 
 
-def _certain(levels: Sequence[Expression], h: Expression) -> tuple[Expression]:
-    """Whether each of the functions is known to have no zero, or one at most, on [0, h]."""
-    known = ca.SX(1)
+def _allowed(levels: Sequence[Expression], longest: Expression, free: Expression) -> tuple[Expression, Expression]:
+    """The first of the lengths at which every function has one zero at most, and whether there is one.
+
+    What is a graze, for being so short, is gone over.
+    """
+    part = ca.SX(0)
+    for share in reversed(SHRUNK):
+        part = ca.if_else(_certain(levels, longest * share), share, part)
+    graze = longest <= GRAZE * free
+    length = ca.if_else(graze, GRAZE * free, ca.if_else(part > 0, part, 1.0) * longest)
+    return length, ca.logic_or(graze, part > 0)
+
+
+def _certain(levels: Sequence[Expression], h: Expression) -> Expression:
+    """Whether each of the functions is known to have no zero, or one at most, on [0, h]; one that is no number has none."""
+    doubtful = ca.SX(0)
     for level in levels:
         size = ca.fabs(level)
-        higher = _polynomial(size[1:], h) * h
         steeper = _slope(size)
-        known = ca.logic_and(
-            known, ca.logic_or(size[0] >= higher, steeper[0] >= _polynomial(steeper[1:], h) * h)
-        )
-    return (known,)
+        may_vanish = size[0] < _polynomial(size[1:], h) * h
+        may_turn = steeper[0] < _polynomial(steeper[1:], h) * h
+        doubtful = ca.logic_or(doubtful, ca.logic_and(may_vanish, may_turn))
+    return ca.logic_not(doubtful)
 
 
 def _crossed(level: Expression, h: Expression) -> Expression:
@@ -159,14 +175,28 @@ def _crossed(level: Expression, h: Expression) -> Expression:
     return ca.logic_and(level[0] != 0, level[0] * _polynomial(level, h) <= 0)
 
 
-def _first(levels: Sequence[Expression], h: Expression) -> tuple[Expression, Expression]:
-    """The first of the zeros on [0, h], and the number of the function."""
-    first, number = h, ca.SX(-1)
-    for j, level in enumerate(levels):
-        zero = _zero(level, h)
-        sooner = ca.logic_and(_crossed(level, h), ca.logic_or(number < 0, zero < first))
-        first, number = ca.if_else(sooner, zero, first), ca.if_else(sooner, j, number)
-    return first, number
+def _zero(
+    levels: Sequence[Expression], crossed: Sequence[Expression], h: Expression
+) -> tuple[Expression, Expression, Expression]:
+    """The number of the function that is ``crossed``, -1 where none is, its zero on [0, h], and whether that is exact.
+
+    Newton's iteration, with bisection where it would leave the bracket.
+    """
+    number, level = ca.SX(-1), ca.SX(0)
+    for j, one in enumerate(levels):
+        number = ca.if_else(crossed[j], j, number)
+        level = ca.if_else(number == j, one, level)
+    slope = _slope(level)
+    low, high, at, step = ca.SX(0), h, h * level[0] / (level[0] - _polynomial(level, h)), ca.SX(0)
+    for _ in range(ROUNDS):
+        here = _polynomial(level, at)
+        before = here * level[0] > 0
+        low, high = ca.if_else(before, at, low), ca.if_else(before, high, at)
+        newton = at - here / _polynomial(slope, at)
+        inside = ca.logic_and(newton >= low, newton <= high)
+        better = ca.if_else(inside, newton, (low + high) / 2)
+        step, at = better - at, better
+    return number, at, ca.logic_or(number < 0, ca.fabs(step) <= CLOSE * h)
 
 
 def _settled(
@@ -181,17 +211,3 @@ def _settled(
     for j in range(level.numel()):
         shift = ca.if_else(ca.logic_and(number == j, slope[j] != 0), -level[j] / slope[j], shift)
     return there + shift * rate, shift
-
-
-def _zero(level: Expression, h: Expression) -> Expression:
-    """The one zero on [0, h]: Newton's iteration, with bisection where it would leave the bracket."""
-    slope = _slope(level)
-    low, high, at = ca.SX(0), h, h * level[0] / (level[0] - _polynomial(level, h))
-    for _ in range(ROUNDS):
-        here = _polynomial(level, at)
-        before = here * level[0] > 0
-        low, high = ca.if_else(before, at, low), ca.if_else(before, high, at)
-        newton = at - here / _polynomial(slope, at)
-        inside = ca.logic_and(newton >= low, newton <= high)
-        at = ca.if_else(inside, newton, (low + high) / 2)
-    return at

@@ -37,12 +37,11 @@ class TaylorSwarm:
     most_steps: int
     stride: Stride = field(init=False, repr=False)
     _step: Columnwise = field(init=False, repr=False)
-    _land: Columnwise = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_system(self.system)
         self.stride = Stride(self.system, self.stops, self.tolerance)
-        self._step, self._land = Columnwise(self.stride.step), Columnwise(self.stride.land)
+        self._step = Columnwise(self.stride.step)
 
     def run(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...] = ()) -> Landing:
         """See :meth:`varcalc.engines.protocol.Swarm.run`."""
@@ -51,17 +50,12 @@ class TaylorSwarm:
         if m == 0:
             return landing
         self._step.expects(USUAL * m)
-        self._land.expects(m)
         rows, columns, codes = self._ends(self.stride.travellers(states, constants, leaving))
         landing.states[rows], landing.reached[rows] = columns[:size].T, columns[size]
         landing.outcomes[rows[codes == LOST]] = BLOW_UP
         landing.outcomes[rows[(codes == LOST) & (columns[size] == 0)]] = NOT_FINITE
-        met = np.flatnonzero(codes == MET)
-        if len(met):
-            landed, at = np.empty((size + 2, len(met))), rows[met]
-            self._land(np.take(columns, met, axis=1), landed)
-            landing.states[at], landing.reached[at] = landed[:size].T, landed[size]
-            landing.outcomes[at], landing.stopped_by[at] = STOPPED, landed[size + 1]
+        met = codes >= MET
+        landing.outcomes[rows[met]], landing.stopped_by[rows[met]] = STOPPED, codes[met] - MET
         return landing
 
     def _ends(self, waiting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -75,7 +69,7 @@ class TaylorSwarm:
         while pool.count:
             self._step(*pool.before_and_after())
             taken += 1
-            over = pool.codes % 2 == 1  # MET or LOST
+            over = pool.codes >= LOST
             if taken >= self.most_steps:
                 over |= taken - pool.since >= self.most_steps
             if np.count_nonzero(over) * PATIENCE >= pool.count:
