@@ -10,6 +10,7 @@ import numpy as np
 from varcalc import engines
 from varcalc.optics.beam import NOTHING, Beam, RayStatus, at_surface
 from varcalc.optics.hamilton import HamiltonRays
+from varcalc.optics.linear import LinearRays, is_linear, ratio
 from varcalc.optics.media import Field, Medium
 from varcalc.optics.straight import StraightRays
 from varcalc.optics.surfaces import Geometry, Surface
@@ -31,12 +32,15 @@ class March:
     until : Surface or None
         Where rays stop, wherever they are on their way.
     dimension : int
+    only_ends : bool
+        Whether nothing is asked of rays but where they end: then closed forms serve where there are some.
     """
 
     media: Sequence[Medium]
     surfaces: Sequence[Surface]
     until: Surface | None
     dimension: int
+    only_ends: bool = False
     geometries: list[Geometry] = field(init=False)
     fields: list[Field] = field(init=False)
     models: list[Model] = field(init=False)
@@ -60,7 +64,9 @@ class March:
         if medium.is_uniform:
             squared, _, _ = self.fields[number](np.zeros((1, self.dimension)))
             return StraightRays(float(squared[0]), self.geometries)
-        return HamiltonRays(medium, self.dimension, self.geometries, engines.default())
+        closed = self.only_ends and is_linear(medium, self.dimension)
+        closed = closed and all(ratio(medium, geometry) is not None for geometry in self.geometries)
+        return (LinearRays if closed else HamiltonRays)(medium, self.dimension, self.geometries, engines.default())
 
     @property
     def name(self) -> str:

@@ -49,7 +49,7 @@ class Medium(Parametrised, ABC):
 
     def squared_index(self, position: Expression) -> Expression:
         """n² at ``position``; simpler than n where that is a root."""
-        return self.index(position) ** 2
+        return squared(self.index(position))
 
     def through(self, position: Expression) -> tuple[ca.Function, Expression] | None:  # noqa: ARG002  most have none
         """A function F and an expression u of ``position`` with n² = F(u), where n² depends on one u alone.
@@ -173,7 +173,7 @@ class Stratified(_Parametric):
     def through(self, position: Expression) -> tuple[ca.Function, Expression]:
         """n² as a function of the height."""
         height = ca.SX.sym("height")
-        return ca.Function("squared", [height], [_traced("n", self.n, [height], self.parameters) ** 2]), position[position.numel() - 1]
+        return ca.Function("squared", [height], [squared(_traced("n", self.n, [height], self.parameters))]), position[position.numel() - 1]
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ class Radial(_Parametric):
     def through(self, position: Expression) -> tuple[ca.Function, Expression]:
         """n² as a function of the squared distance from the centre."""
         u = ca.SX.sym("u")
-        return ca.Function("squared", [u], [_traced("n", self.n, [ca.sqrt(u)], self.parameters) ** 2]), self._squared_distance(position)
+        return ca.Function("squared", [u], [squared(_traced("n", self.n, [ca.sqrt(u)], self.parameters))]), self._squared_distance(position)
 
     def _squared_distance(self, position: Expression) -> Expression:
         return ca.sumsqr(position - ca.DM(self.middle(position.numel())))
@@ -247,6 +247,22 @@ class Graded(_Parametric):
     def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:
         """n at ``position``."""
         return _traced("n", self.n, [position[i] for i in range(position.numel())], parameters)
+
+
+def squared(value: Expression) -> Expression:
+    """The square of an SX scalar, without the roots among its factors."""
+    value = ca.SX(value)
+    if value.is_constant() or value.is_symbolic():
+        return value**2
+    if value.is_op(ca.OP_SQRT):
+        return value.dep(0)
+    if value.is_op(ca.OP_NEG):
+        return squared(value.dep(0))
+    if value.is_op(ca.OP_MUL):
+        return squared(value.dep(0)) * squared(value.dep(1))
+    if value.is_op(ca.OP_DIV):
+        return squared(value.dep(0)) / squared(value.dep(1))
+    return value**2
 
 
 def _traced(

@@ -86,7 +86,7 @@ class Scene:
             )
         self.dimension = dimensions.pop() if dimensions else None
         self._problems: dict[str, TwoPoint] = {}  # what has been compiled
-        self._marches: dict[tuple[Surface | None, int], March] = {}
+        self._marches: dict[tuple[Surface | None, int, bool], March] = {}
 
     def __repr__(self) -> str:
         return f"Scene({list(self.media)}, {list(self.surfaces)})"
@@ -155,7 +155,7 @@ class Scene:
             raise TypeError(f"until must be a surface such as Plane or Sphere, not {until!r}")
         limit = _limits(optical_path, len(start))
         index = self._index_at_source(start)
-        march = self._march(until, start.shape[1])
+        march = self._march(until, start.shape[1], only_ends=True)
         parts = []
         for first in range(0, len(start), CHUNK):
             part = slice(first, first + CHUNK)
@@ -261,13 +261,13 @@ class Scene:
             lengths += [float(away) for away in _away(surface, np.stack([a, b]))]
         return RANGE * largest * sum(length for length in lengths if np.isfinite(length))
 
-    def _march(self, until: Surface | None, dimension: int) -> March:
+    def _march(self, until: Surface | None, dimension: int, *, only_ends: bool = False) -> March:
         """The way through the scene; what has been compiled for it is kept, for a number of ends."""
-        key = until, dimension
+        key = until, dimension, only_ends
         if key not in self._marches:
             if len(self._marches) >= KEPT:
                 self._marches.pop(next(iter(self._marches)))
-            self._marches[key] = March(self.media, self.surfaces, until, dimension)
+            self._marches[key] = March(self.media, self.surfaces, until, dimension, only_ends)
         return self._marches[key]
 
     def _sources(self, points: Any, directions: Any) -> tuple[np.ndarray, np.ndarray]:
