@@ -282,9 +282,7 @@ _RULES: dict[int, Callable[..., Series]] = {
     ca.OP_ASIN: _by_slope(ca.asin, lambda a, _: _inverse(_root(_one_and(a, -1.0)))),
     ca.OP_ACOS: _by_slope(ca.acos, lambda a, _: _scaled(_inverse(_root(_one_and(a, -1.0))), -1.0)),
     ca.OP_ASINH: _by_slope(ca.asinh, lambda a, _: _inverse(_root(_one_and(a, 1.0)))),
-    ca.OP_ACOSH: _by_slope(
-        ca.acosh, lambda a, _: _inverse(_root(_linear(_square(a), _constant(1.0), -1.0)))
-    ),
+    ca.OP_ACOSH: _by_slope(ca.acosh, lambda a, _: _inverse(_root(_linear(_square(a), _constant(1.0), -1.0)))),
     ca.OP_ERF: _by_slope(
         ca.erf, lambda a, _: _scaled(_exponential(_scaled(_square(a), -1.0)), 2 / float(np.sqrt(np.pi)))
     ),

@@ -63,16 +63,16 @@ class Stride:
         time, bound, leaving = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("l", len(levels))
         # what stands on a stop is asked for its next zero: its own is divided out
         ahead = [ca.if_else(leaving[j], ca.vertcat(level[1:], 0), level) for j, level in enumerate(levels)]
-        free = _free_step(solution, time, self.tolerance * SHARE)
-        length, certain = _allowed(ahead, ca.fmin(bound, free), free)
+        free, graze = _free_step(solution, time, self.tolerance * SHARE)
+        length, certain = _allowed(ahead, ca.fmin(bound, free), graze)
         crossed = [_crossed(level, length) for level in ahead]
         number, zero, found = _zero(ahead, crossed, length)
-        several = ca.logic_and(sum(crossed, ca.SX(0)) > 1, length > GRAZE * free)
+        several = ca.logic_and(sum(crossed, ca.SX(0)) > 1, length > graze)
         going = ca.logic_and(certain, ca.logic_not(ca.logic_or(several, ca.logic_not(found))))
         met = ca.logic_and(going, number >= 0)
         taken = ca.if_else(met, zero, length)
         end = ca.vertcat(*(_polynomial(series, taken) for series in solution))
-        end, shift = _settled(system, stops, end, constants, ca.if_else(met, number, -1))
+        end, shift = _settled(system, stops, end, constants, ca.if_else(met, number, -1), CLOSE * length)
         lost = ca.logic_not(ca.logic_and(ca.norm_1(end) < np.inf, ca.logic_or(met, time + length > time)))
         code = ca.if_else(lost, LOST, ca.if_else(met, MET + number, ca.if_else(going, WENT, SHORTER)))
         code = ca.if_else(bound < 0, -bound, code)
@@ -130,32 +130,31 @@ def _largest(columns: Sequence[Expression], k: int) -> Expression:
     return reduce(ca.fmax, (ca.fabs(column[k]) for column in columns))
 
 
-def _free_step(solution: Sequence[Expression], time: Expression, share: float) -> Expression:
-    """The step after which the last terms of the series are ``share`` of what the step changes.
+def _free_step(solution: Sequence[Expression], time: Expression, share: float) -> tuple[Expression, Expression]:
+    """The step after which the last terms of the series are ``share`` of what the step changes, and what is a graze.
 
     The measure is the change and not the state, which may be at the origin
     of its coordinates, or very far from it.
     """
     order = solution[0].numel() - 1
     change, tiny = _largest(solution, 1), np.finfo(float).tiny
-    steps = [
-        (share * (change + tiny) / (_largest(solution, k) + tiny)) ** (1 / (k - 1)) for k in (order - 1, order)
-    ]
+    steps = [(share * (change + tiny) / (_largest(solution, k) + tiny)) ** (1 / (k - 1)) for k in (order - 1, order)]
     whole = time + _largest(solution, 0) / change
-    return ca.fmin(ca.fmin(*steps), UNBOUNDED * whole)
+    free = ca.fmin(*steps)
+    return ca.fmin(free, UNBOUNDED * whole), GRAZE * ca.fmin(free, whole)
 
 
-def _allowed(levels: Sequence[Expression], longest: Expression, free: Expression) -> tuple[Expression, Expression]:
+def _allowed(levels: Sequence[Expression], longest: Expression, graze: Expression) -> tuple[Expression, Expression]:
     """The first of the lengths at which every function has one zero at most, and whether there is one.
 
-    What is a graze, for being so short, is gone over.
+    What is no longer than ``graze`` is gone over.
     """
     part = ca.SX(0)
     for share in reversed(SHRUNK):
         part = ca.if_else(_certain(levels, longest * share), share, part)
-    graze = longest <= GRAZE * free
-    length = ca.if_else(graze, GRAZE * free, ca.if_else(part > 0, part, 1.0) * longest)
-    return length, ca.logic_or(graze, part > 0)
+    touching = longest <= graze
+    length = ca.if_else(touching, graze, ca.if_else(part > 0, part, 1.0) * longest)
+    return length, ca.logic_or(touching, part > 0)
 
 
 def _certain(levels: Sequence[Expression], h: Expression) -> Expression:
@@ -183,9 +182,8 @@ def _zero(
     Newton's iteration, with bisection where it would leave the bracket.
     """
     number, level = ca.SX(-1), ca.SX(0)
-    for j, one in enumerate(levels):
-        number = ca.if_else(crossed[j], j, number)
-        level = ca.if_else(number == j, one, level)
+    for j, one in reversed(list(enumerate(levels))):  # of stops at one place the first counts
+        number, level = ca.if_else(crossed[j], j, number), ca.if_else(crossed[j], one, level)
     slope = _slope(level)
     low, high, at, step = ca.SX(0), h, h * level[0] / (level[0] - _polynomial(level, h)), ca.SX(0)
     for _ in range(ROUNDS):
@@ -200,8 +198,9 @@ def _zero(
 
 
 def _settled(
-    system: ca.Function, stops: ca.Function, there: Expression, constants: Expression, number: Expression
-) -> tuple[Expression, Expression]:
+    system: ca.Function, stops: ca.Function, there: Expression, constants: Expression, number: Expression,
+    most: Expression,
+) -> tuple[Expression, Expression]:  # fmt: skip
     """Y moved along its rate onto the stop itself, off which it is by round-off, and by how much in t."""
     state, known = ca.SX.sym("Y", there.numel()), ca.SX.sym("c", constants.numel())
     rate, level = system(0, state, known), stops(0, state, known)
@@ -210,4 +209,5 @@ def _settled(
     shift = ca.SX(0)
     for j in range(level.numel()):
         shift = ca.if_else(ca.logic_and(number == j, slope[j] != 0), -level[j] / slope[j], shift)
+    shift = ca.if_else(ca.fabs(shift) <= most, shift, 0)  # farther it lies only where the stop is touched
     return there + shift * rate, shift

@@ -30,7 +30,7 @@ class Taylor:
     """
 
     tolerance: float = float(np.finfo(float).eps)
-    most_steps: int = 4000
+    most_steps: int = 20_000
     compact: bool = True
 
     @property

@@ -30,7 +30,9 @@ TERMS = 14
 PLACES = 12
 """Random places at which an identity between polynomials of second degree in each variable is put to the test."""
 ROUND_OFF = 1e-12
-ROUNDS = 60
+NEAR = 4 * float(np.finfo(float).eps)
+"""A step of so much of σ is the last."""
+ROUNDS = 100
 """Steps of a bracketed Newton iteration."""
 
 
@@ -222,19 +224,19 @@ class _Paths:
 
         Newton's iteration, with bisection where it would leave the bracket.
         """
-        wanted = length[rows]
-        sigma = wanted / np.sum(self.momentum[rows] ** 2, axis=1)
-        low, high = np.zeros(len(rows)), np.full(len(rows), np.inf)
+        found = np.maximum(length[rows] / np.sum(self.momentum[rows] ** 2, axis=1), 0.0)
+        low, high, left = np.zeros(len(rows)), np.full(len(rows), np.inf), np.arange(len(rows))
         for _ in range(ROUNDS):
+            sigma, wanted = found[left], length[rows[left]]
             with np.errstate(all="ignore"):
-                path, rate = self.path(sigma, rows)
+                path, rate = self.path(sigma, rows[left])
                 before = path < wanted
-                low, high = np.where(before, sigma, low), np.where(before, high, sigma)
+                low[left], high[left] = np.where(before, sigma, low[left]), np.where(before, high[left], sigma)
                 newton = sigma + (wanted - path) / rate
-                inside = (newton >= low) & (newton <= high) & (newton <= 2 * sigma)
-                better = np.where(inside, newton, np.where(np.isfinite(high), (low + high) / 2, 2 * sigma))
-            done = np.abs(better - sigma) <= 2 * np.finfo(float).eps * sigma
-            sigma = better
-            if np.all(done):
+                inside = (newton >= low[left]) & (newton <= high[left]) & (newton <= 2 * sigma)
+                middle = np.where(np.isfinite(high[left]), (low[left] + high[left]) / 2, 2 * sigma)
+            found[left] = np.where(inside, newton, middle)
+            left = left[np.abs(found[left] - sigma) > NEAR * sigma]
+            if len(left) == 0:
                 break
-        return sigma
+        return found

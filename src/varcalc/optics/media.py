@@ -173,7 +173,9 @@ class Stratified(_Parametric):
     def through(self, position: Expression) -> tuple[ca.Function, Expression]:
         """n² as a function of the height."""
         height = ca.SX.sym("height")
-        return ca.Function("squared", [height], [squared(_traced("n", self.n, [height], self.parameters))]), position[position.numel() - 1]
+        return ca.Function("squared", [height], [squared(_traced("n", self.n, [height], self.parameters))]), position[
+            position.numel() - 1
+        ]
 
 
 @dataclass(frozen=True)
@@ -217,7 +219,9 @@ class Radial(_Parametric):
     def through(self, position: Expression) -> tuple[ca.Function, Expression]:
         """n² as a function of the squared distance from the centre."""
         u = ca.SX.sym("u")
-        return ca.Function("squared", [u], [squared(_traced("n", self.n, [ca.sqrt(u)], self.parameters))]), self._squared_distance(position)
+        return ca.Function(
+            "squared", [u], [squared(_traced("n", self.n, [ca.sqrt(u)], self.parameters))]
+        ), self._squared_distance(position)
 
     def _squared_distance(self, position: Expression) -> Expression:
         return ca.sumsqr(position - ca.DM(self.middle(position.numel())))

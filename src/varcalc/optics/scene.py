@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from varcalc.functional import named
-from varcalc.optics.beam import launched, spreading
 from varcalc.optics.bundle import Bundle
+from varcalc.optics.caravan import CHUNK, Sources, carried
 from varcalc.optics.march import March
 from varcalc.optics.media import Field, Medium
 from varcalc.optics.plane import Section, section, whole_plane
@@ -18,8 +18,6 @@ from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.optics.two_point import TwoPoint
 from varcalc.optics.values import numbers, point, rows, unit_rows
 
-CHUNK = 1 << 16
-"""Rays carried together: some hundred bytes each, with their neighbours, are held beside the results."""
 KEPT = 16
 """Ends of bundles for which compiled systems are kept."""
 RANGE = 8.0
@@ -117,6 +115,7 @@ class Scene:
         until: Surface | None = None,
         with_spreading: bool = False,
         wavelength: float | None = None,
+        progress: bool | None = None,
     ) -> Bundle:
         """Carry a bundle of rays through the scene, each with steps, an end and a status of its own.
 
@@ -133,6 +132,8 @@ class Scene:
             Whether to carry d - 1 neighbours of each ray along, which costs about three times as much.
         wavelength : float, optional
             That of the light, in micrometres in vacuum, if it is another than the scene's.
+        progress : bool, optional
+            Whether to show a bar on standard error; when left out, for long work on a terminal.
 
         Returns
         -------
@@ -143,10 +144,20 @@ class Scene:
         TypeError, ValueError
             For arguments that do not fit the scene: a source on a surface or where the index is not positive, a
             direction of length zero, no stop or two.
+
+        Notes
+        -----
+        Beside the results and the checked sources, some 150 bytes a ray in space, memory is bounded: 65536 rays
+        are on their way at once, spread over the cores.
         """
         if wavelength is not None:
             return self.at_wavelength(wavelength).trace(
-                points, directions, optical_path=optical_path, until=until, with_spreading=with_spreading
+                points,
+                directions,
+                optical_path=optical_path,
+                until=until,
+                with_spreading=with_spreading,
+                progress=progress,
             )
         start, heading = self._sources(points, directions)
         if (optical_path is None) == (until is None):
@@ -156,17 +167,9 @@ class Scene:
         limit = _limits(optical_path, len(start))
         index = self._index_at_source(start)
         march = self._march(until, start.shape[1], only_ends=True)
-        parts = []
-        for first in range(0, len(start), CHUNK):
-            part = slice(first, first + CHUNK)
-            beam = launched(start[part], heading[part], index[part], neighbours=with_spreading)
-            on_stop = np.zeros(len(beam), bool) if until is None else _on(until, start[part])
-            end, status = march.run(beam, limit[part], on_stop)
-            spread = spreading(end) if with_spreading else np.zeros(0)
-            ahead = end.momentum / np.linalg.norm(end.momentum, axis=1)[:, None]
-            parts.append((end.position, ahead, end.optical_path, status.astype(np.int8), spread))
-        ends, ahead, paths, statuses, spread = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return Bundle(ends, ahead, paths, statuses, spread if with_spreading else None, march.name)
+        on_stop = np.zeros(len(start), bool) if until is None else _on(until, start)
+        sources = Sources(start, heading, index, limit, on_stop)
+        return carried(march, sources, with_spreading=with_spreading, progress=progress)
 
     def rays(self, A: Any, B: Any, *, within: float | None = None, wavelength: float | None = None) -> Rays:
         """All rays from A to B, each polished to round-off, none twice and none false.
@@ -291,7 +294,7 @@ class Scene:
 
     def _index_at_source(self, start: np.ndarray) -> np.ndarray:
         """n (m,) where the rays start; ValueError where it is no positive number."""
-        index = Field(self.media[0], start.shape[1]).index(start)
+        index = _by_chunks(Field(self.media[0], start.shape[1]).index, start)
         bad = ~((index > 0) & np.isfinite(index))
         if np.any(bad):
             row = int(np.argmax(bad))
@@ -325,18 +328,33 @@ def _one_more(media: Sequence[Medium], surfaces: Sequence[Surface]) -> tuple[Med
 
 def _extent(points: np.ndarray) -> float:
     """The size of a scene seen from the points of its sources."""
-    return float(np.abs(points).max(initial=0.0)) or 1.0
+    return max(float(points.max(initial=0.0)), -float(points.min(initial=0.0))) or 1.0
+
+
+def _by_chunks(function: Callable[[np.ndarray], np.ndarray], points: np.ndarray) -> np.ndarray:
+    """``function`` (m,) of points (m, d), so many at a time; of one that is there m times, once."""
+    if points.strides[0] == 0:
+        return np.broadcast_to(function(points[:1]), len(points))
+    return np.concatenate([function(points[k : k + CHUNK]) for k in range(0, len(points), CHUNK)] or [np.zeros(0)])
 
 
 def _on(surface: Surface, points: np.ndarray) -> np.ndarray:
     """True (m,) for points on ``surface`` to round-off."""
-    with np.errstate(invalid="ignore"):
-        return (_away(surface, points) <= ON * _extent(points)) & Geometry(surface, points.shape[1]).belongs(points)
+    geometry, within = Geometry(surface, points.shape[1]), ON * _extent(points)
+
+    def on(some: np.ndarray) -> np.ndarray:
+        with np.errstate(invalid="ignore"):
+            return (_distance(geometry, some) <= within) & geometry.belongs(some)
+
+    return _by_chunks(on, points).astype(bool)
 
 
 def _away(surface: Surface, points: np.ndarray) -> np.ndarray:
     """The distance (m,) of points from ``surface``, to first order; not a number where its level is none."""
-    geometry = Geometry(surface, points.shape[1])
+    return _distance(Geometry(surface, points.shape[1]), points)
+
+
+def _distance(geometry: Geometry, points: np.ndarray) -> np.ndarray:
     with np.errstate(all="ignore"):
         return np.abs(geometry.level(points)) / np.linalg.norm(geometry.gradient(points), axis=1)
 
