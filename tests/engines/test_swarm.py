@@ -109,3 +109,59 @@ def test_a_fleet_goes_to_abscissae_of_its_own(engine):
     assert np.all(landing.outcomes[good] == OUTCOMES.index(Outcome.COMPLETED))
     assert landing.outcomes[4] in (BLOW_UP, TOO_MANY)
     assert np.isfinite(landing.states[4, 0])
+
+
+def parabola():
+    """A stone thrown upwards from 0 at speed 1: it comes to 1/2 at s = 1."""
+    s, y, c = ca.SX.sym("s"), ca.SX.sym("Y", 2), ca.SX.sym("c")
+    system = ca.Function("fall", [s, y, c], [ca.vertcat(y[1], -1)])
+    return system, ca.Function("stops", [s, y, c], [ca.vertcat(y[0] - c, y[0] + 1)])
+
+
+@pytest.mark.parametrize("engine", [Taylor(), Thrifty()], ids=lambda e: e.name)
+def test_the_first_of_two_zeros_in_one_step_counts(engine):
+    """The solution is a polynomial, so that no step is too long for it, and both zeros lie close together."""
+    gaps = np.geomspace(1e-12, 0.3, 23)
+    swarm = engine.compile_swarm(*parabola())
+    landing = swarm.run(np.tile([0.0, 1.0], (23, 1)), (0.5 - gaps)[:, None])
+    assert np.all(landing.stopped_by == 0)
+    np.testing.assert_allclose(1 - landing.reached, np.sqrt(2 * gaps), rtol=1e-3, atol=1e-7)
+    assert np.all(landing.reached < 1)
+
+
+def test_a_stop_that_is_nearly_touched_is_passed():
+    gaps = np.geomspace(1e-12, 0.3, 23)
+    landing = Taylor().compile_swarm(*parabola()).run(np.tile([0.0, 1.0], (23, 1)), (0.5 + gaps)[:, None])
+    assert np.all(landing.stopped_by == 1)
+    np.testing.assert_allclose(landing.reached, 1 + np.sqrt(3), rtol=1e-14)
+
+
+def test_a_stop_that_is_touched_is_met_there_or_passed():
+    landing = Taylor().compile_swarm(*parabola()).run(np.array([[0.0, 1.0]]), np.array([[0.5]]))
+    assert landing.stopped_by[0] == 1 or landing.reached[0] == pytest.approx(1, abs=1e-7)
+
+
+def test_a_run_that_leaves_a_stop_along_it_goes_on():
+    """At the top of its way, on the stop: it moves off it by the second derivative only."""
+    landing = Taylor().compile_swarm(*parabola()).run(np.array([[0.5, 0.0]]), np.array([[0.5]]), leaving=(0,))
+    assert landing.stopped_by[0] == 1
+    assert landing.reached[0] == pytest.approx(np.sqrt(3), rel=1e-14)
+
+
+def test_interpreted_and_compiled_steps_agree():
+    heights = np.geomspace(0.01, 100.0, 300)
+    start = np.column_stack([heights, 0 * heights, 0 * heights])
+    ends = []
+    for columns in (10**9, 0):
+        swarm = Taylor().compile_swarm(*free_fall())
+        swarm._step._left = columns
+        ends.append(swarm.run(start, np.zeros((300, 1))))
+        assert (swarm._step._compiled is None) == (columns > 0)
+    np.testing.assert_allclose(ends[0].states, ends[1].states, rtol=1e-14, atol=1e-14)
+
+
+def test_runs_are_many_more_than_step_together():
+    heights = np.geomspace(0.01, 100.0, 9000)
+    start = np.column_stack([heights, 0 * heights, 0 * heights])
+    landing = Taylor().compile_swarm(*free_fall()).run(start, np.zeros((9000, 1)))
+    np.testing.assert_allclose(landing.reached, np.sqrt(2 * heights), rtol=4e-15)
