@@ -6,7 +6,6 @@ import pytest
 
 from varcalc import optics
 from varcalc.engines.taylor_swarm import TaylorSwarm
-from varcalc.optics import RayStatus
 
 STEPS = 10_000
 DRIFT = 1e-13

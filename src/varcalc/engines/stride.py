@@ -30,7 +30,7 @@ WENT, SHORTER, LOST, MET = range(4)
 MET + k says that it ended at stop k. A traveller that has ended stays where it is, and ends again."""
 SHARE = 1 / 2
 """Of the tolerance: by so much of the step's own length may the series miss its end."""
-SHRUNK = (1.0, 0.5, 0.125)
+SHRUNK = (1.0, 0.25)
 """The lengths, as parts of the longest step possible, of which the first is taken that the stops allow."""
 LENGTHEN = 8.0
 """A step may be so many times as long as the last."""
@@ -38,7 +38,7 @@ UNBOUNDED = 1e8
 """In units of the time in which the state changes by its own size: where the series ends, no step is too long."""
 GRAZE = 1e-9
 """A stop that leaves no more of a step than this touches the solution, and is passed over."""
-ROUNDS = 7
+ROUNDS = 4
 """Newton's steps, kept inside a bracket, to the zero of a stopping function."""
 CLOSE = 1e-6
 """The last of them, as a part of the step: one more, on the function itself, leads to round-off."""
@@ -158,7 +158,7 @@ def _allowed(levels: Sequence[Expression], longest: Expression, graze: Expressio
 
 
 def _certain(levels: Sequence[Expression], h: Expression) -> Expression:
-    """Whether each of the functions is known to have no zero, or one at most, on [0, h]; one that is no number has none."""
+    """Whether each of the functions is known to have one zero at most on [0, h]; one that is no number has none."""
     doubtful = ca.SX(0)
     for level in levels:
         size = ca.fabs(level)

@@ -20,9 +20,10 @@ LONG = 1 << 20
 
 @dataclass(frozen=True)
 class Sources:
-    """Where rays start (m, d), along which unit vectors (m, d), the index there, how far they go, and what they stand on.
+    """Where m rays start, along which unit vectors (both (m, d)), and how far they are to go.
 
-    ``index`` and ``limit``, the optical path, have shape (m,); ``on_stop`` (m,) marks rays that start on the stop.
+    ``index`` is that at the start, ``limit`` the optical path (both (m,)); ``on_stop`` (m,) marks rays that start
+    on the surface at which they are to stop.
     """
 
     points: np.ndarray

@@ -11,12 +11,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.instructions import Vectorised
 from varcalc.engines import OUTCOMES, Engine, Landing, Outcome, Swarm
+from varcalc.instructions import Vectorised
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.known_ends import KnownEnds
 from varcalc.optics.layered import Expression, LayeredSwarm, compile_rays
-from varcalc.optics.media import Field, Medium
+from varcalc.optics.media import Medium
 from varcalc.optics.surfaces import Geometry
 from varcalc.optics.system import packed, unpacked
 from varcalc.optics.tabulated import Tabulated
@@ -86,7 +86,7 @@ class HamiltonRays:
 
     @cached_property
     def _steady(self) -> bool:
-        """Whether there is one surface, whose level grows along every ray at a constant rate: no force acts across it."""
+        """Whether the level of the one surface grows along every ray at a constant rate: no force acts across it."""
         if len(self.surfaces) != 1 or isinstance(self.medium, Tabulated):
             return False
         r, p = ca.SX.sym("r", self.dimension), ca.SX.sym("p", self.dimension)

@@ -1,9 +1,10 @@
 """Rays in closed form, where n² is a polynomial of second degree: their equation r'' = ∇n²/2 is linear.
 
-In a principal direction of n², with κ half its second derivative there,
-y'' = a + κ (y - y₀) is solved by y = y₀ + p F₁ + a F₂, where F₁ = sin(wσ)/w and
-F₂ = (1 - cos(wσ))/w² with w² = -κ, or their like for κ ≥ 0: Stumpff's functions (Battin, "An Introduction to the Mathematics and Methods of
-Astrodynamics", sect. 4.5-4.6).
+In a principal direction of n², with κ half its second derivative there, the
+equation y'' = a + κ (y - y₀) is solved by y = y₀ + p F₁ + a F₂, where
+F₁ = sin(wσ)/w and F₂ = (1 - cos(wσ))/w² with w² = -κ, or their like for κ ≥ 0:
+Stumpff's functions (Battin, "An Introduction to the Mathematics and Methods of
+Astrodynamics", sect. 4.5 and 4.6).
 """
 
 from __future__ import annotations
@@ -171,7 +172,7 @@ class LinearRays(HamiltonRays):
 
 
 def _parameter(tangent: np.ndarray, turning: float) -> np.ndarray:
-    """The first σ > 0 with tan(wσ/2)/(w/2) = ``tangent``, w² = -``turning``, and the like where that is not negative."""
+    """The first σ > 0 with tan(wσ/2)/(w/2) = ``tangent``, w² = -``turning``, or its like where that is positive."""
     if turning == 0:
         return tangent
     w = np.sqrt(abs(turning))
