@@ -22,6 +22,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -309,7 +310,8 @@ def compiled_runge_kutta(task: Task) -> Iterator[Record]:
 def everything(rays: int, store: Path) -> list[Record]:
     """All methods on all tasks, in turns; stored as they come."""
     here = [name for name in OTHER_PACKAGES if importlib.util.find_spec(name) is not None]
-    missing = [name for name in OTHER_PACKAGES if name not in here]
+    known = {"missing": ", ".join(name for name in OTHER_PACKAGES if name not in here), "cores": str(os.cpu_count())}
+    known |= {name: version(name) for name in (*here, "heyoka")}
     peers = [scipy_one_by_one, scipy_stacked, runge_kutta, *([compiled_runge_kutta] if "numba" in here else [])]
     records: list[Record] = []
     for make in TASKS:
@@ -318,9 +320,9 @@ def everything(rays: int, store: Path) -> list[Record]:
         if task.pull is not None:
             for peer in peers:
                 records += list(peer(task))
-        saved(records, store, {"missing": ", ".join(missing), "cores": str(os.cpu_count())})
+        saved(records, store, known)
     records.append(own_spreading(rays))
-    saved(records, store, {"missing": ", ".join(missing), "cores": str(os.cpu_count())})
+    saved(records, store, known)
     return records
 
 
@@ -396,11 +398,10 @@ GROWING: dict[str, Callable[[int], Task]] = {"fish-eye": fish_eye, "rod": rod}
 
 def grown(name: str, count: int) -> Record:
     """One bundle in this process, its second where that is quick: seconds, and megabytes before and at most."""
-    make = {"fish-eye": fan, "rod": lambda m: (rod(m).start, rod(m).heading)}[name]
     task = GROWING[name](2)
-    start, heading = make(count)
-    if name == "fish-eye":
-        start = start[0]
+    rng = np.random.default_rng(0)
+    heading = rng.random((count, 3)) * [0.2, 0.2, 0] + ([-1, 0, 0] if name == "fish-eye" else [0, 0, 1])
+    start = task.start[0]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     times = []
     while len(times) < 2 and sum(times) < 60:

@@ -57,7 +57,7 @@ def _watched(parts: Iterable[slice], total: int) -> Iterator[slice]:
     from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("rays", total=total)
         for part in parts:
             yield part
