@@ -15,6 +15,9 @@ COLUMNS = 100_000
 """Columns by CasADi's interpreter that take as long as compiling: 2 to 3 nanoseconds an operation and column against
 0.2 to 0.4 milliseconds an operation."""
 
+_ONE_AT_A_TIME = Lock()
+"""Threads that need the same function wait for the one that compiles it."""
+
 
 @dataclass
 class Columnwise:
@@ -26,12 +29,11 @@ class Columnwise:
     function: ca.Function
     _left: int = field(default=COLUMNS, init=False)
     _compiled: Any = field(default=None, init=False, repr=False)
-    _lock: Any = field(default_factory=Lock, init=False, repr=False)
 
     def expects(self, columns: int) -> None:
         """Compile the function if so many columns, or those before them, are worth it."""
         if self._compiled is None and columns > self._left:
-            with self._lock:
+            with _ONE_AT_A_TIME:
                 if self._compiled is None:
                     self._compiled = _compiled(self.function)
 

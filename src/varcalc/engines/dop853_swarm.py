@@ -8,6 +8,7 @@ order less than the method.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 SAMPLES = 12
 """Places along a step where the stopping functions are looked at."""
+
+_ONE_AT_A_TIME = Lock()
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class Dop853Swarm:
         """See :meth:`varcalc.engines.protocol.Swarm.run`."""
         m = len(states)
         landing = Landing(np.array(states), np.zeros(m), np.zeros(m, np.int8), np.full(m, NONE, np.int16))
-        with np.errstate(all="ignore"):
+        with _ONE_AT_A_TIME, np.errstate(all="ignore"):  # the constants are the system's own while it is integrated
             for row in range(m):
                 self.set_constants(constants[row])
                 end, reached, outcome, stop = self._one(states[row], constants[row], leaving)

@@ -34,8 +34,7 @@ class Stops:
         if ca.depends_on(ca.vertcat(rate, level), s):
             raise ValueError("the system of a swarm and its stopping functions must not depend on s")
         slope = ca.jtimes(level, state, rate)
-        bend = ca.jtimes(slope, state, rate)
-        results = [level, ca.densify(slope), rate, ca.densify(bend)]
+        results = [level, ca.densify(slope), rate]
         object.__setattr__(self, "_call", Vectorised(ca.Function("stops", [state, constants], results)))
 
     @property
@@ -46,7 +45,7 @@ class Stops:
     def __call__(self, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g (m, k), dg/ds (m, k) and dY/ds (m, N) at states (m, N), constants (m, c)."""
         table, k = self._table(states, constants), self.count
-        return table[:, :k], table[:, k : 2 * k], table[:, 2 * k : -k]
+        return table[:, :k], table[:, k : 2 * k], table[:, 2 * k :]
 
     def _table(self, states: np.ndarray, constants: np.ndarray) -> np.ndarray:
         columns = self._call(list(states.T), list(constants.T))
@@ -54,26 +53,6 @@ class Stops:
         for k, column in enumerate(columns):
             table[:, k] = column
         return table
-
-    def reach(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...] = ()) -> np.ndarray:
-        """How far in s (m,) the nearest stop may lie, by order of magnitude, from g and its two derivatives.
-
-        A solution that is a polynomial has no length of its own that would
-        bound a step, and a stop is found no more precisely than the step is long.
-        """
-        table, k = self._table(states, constants), self.count
-        level, slope, rate, bend = table[:, :k], table[:, k : 2 * k], table[:, 2 * k : -k], table[:, -k:]
-        if leaving:
-            level = level.copy()
-            level[:, list(leaving)] = 0.0  # round-off: what counts is how the stop is come back to
-        with np.errstate(all="ignore"):
-            lengths = np.concatenate(
-                [np.abs(level / slope), np.sqrt(np.abs(2 * level / bend)), np.abs(2 * slope / bend)], axis=1
-            )
-            nearest = np.where(np.isfinite(lengths) & (lengths > 0), lengths, np.inf).min(axis=1, initial=np.inf)
-            usual = np.linalg.norm(states, axis=1) / np.linalg.norm(rate, axis=1)
-        nearest = np.where(np.isfinite(nearest), nearest, usual)
-        return np.where(np.isfinite(nearest) & (nearest > 0), nearest, 1.0)
 
     def polished(
         self, states: np.ndarray, constants: np.ndarray, stopped_by: np.ndarray

@@ -19,7 +19,7 @@ from varcalc.engines.stride import LOST, MET, Stride
 STOPPED, NOT_FINITE, BLOW_UP, TOO_MANY = (
     OUTCOMES.index(o) for o in (Outcome.STOPPED, Outcome.NOT_FINITE, Outcome.BLOW_UP, Outcome.TOO_MANY_STEPS)
 )
-TOGETHER = 2048
+TOGETHER = 4096
 """Runs that take their steps together: enough to make up for the call, and few enough to stay near the processor."""
 PATIENCE = 16
 """A run that has ended is taken out when one in so many has: until then it ends again, the same way."""

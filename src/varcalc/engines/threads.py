@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 SMALLEST_SHARE = 256
 """Fewer than this are not worth another thread."""
-LARGEST_SHARE = 8192
+LARGEST_SHARE = 16384
 """More than this do not stay near the processor."""
 
 

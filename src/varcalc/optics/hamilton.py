@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -34,6 +33,9 @@ ENDED = {
 MEANING = np.array([int(ENDED.get(code, RayStatus.SINGULAR)) for code in range(len(OUTCOMES))])
 """The status for each outcome of a run."""
 
+_ONE_AT_A_TIME = Lock()
+"""Threads that need the same system wait for the one that builds it."""
+
 
 @dataclass
 class HamiltonRays:
@@ -49,7 +51,6 @@ class HamiltonRays:
     _swarms: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
     known: KnownEnds = field(init=False, repr=False)
     _free: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
-    _lock: Any = field(default_factory=Lock, repr=False)
 
     name = "Hamilton's ray equations"
 
@@ -159,7 +160,7 @@ class HamiltonRays:
 
     def swarm(self, neighbours: int, limited: bool) -> Swarm:
         """The compiled system; its last stop is the limit of the optical path, or a sphere far away."""
-        with self._lock:
+        with _ONE_AT_A_TIME:
             if (neighbours, limited) not in self._swarms:
                 self._swarms[neighbours, limited] = self._compiled(neighbours, limited)
             return self._swarms[neighbours, limited]

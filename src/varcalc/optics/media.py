@@ -256,17 +256,25 @@ class Graded(_Parametric):
 def squared(value: Expression) -> Expression:
     """The square of an SX scalar, without the roots among its factors."""
     value = ca.SX(value)
-    if value.is_constant() or value.is_symbolic():
+    if not _has_root(value):
         return value**2
     if value.is_op(ca.OP_SQRT):
         return value.dep(0)
     if value.is_op(ca.OP_NEG):
         return squared(value.dep(0))
-    if value.is_op(ca.OP_MUL):
-        return squared(value.dep(0)) * squared(value.dep(1))
-    if value.is_op(ca.OP_DIV):
-        return squared(value.dep(0)) / squared(value.dep(1))
-    return value**2
+    first, second = squared(value.dep(0)), squared(value.dep(1))
+    return first * second if value.is_op(ca.OP_MUL) else first / second
+
+
+def _has_root(value: Expression) -> bool:
+    """Whether one of the factors of an SX scalar is a square root."""
+    if value.is_constant() or value.is_symbolic():
+        return False
+    if value.is_op(ca.OP_NEG):
+        return _has_root(value.dep(0))
+    if value.is_op(ca.OP_MUL) or value.is_op(ca.OP_DIV):
+        return _has_root(value.dep(0)) or _has_root(value.dep(1))
+    return bool(value.is_op(ca.OP_SQRT))
 
 
 def _traced(
