@@ -69,7 +69,7 @@ def test_a_run_that_fails_leaves_the_others_alone(engine):
     assert np.all(landing.stopped_by[[3, 8, 10]] == NONE)
 
 
-@pytest.mark.parametrize("engine", [Taylor(most_steps=7), Dop853(most_steps=7)], ids=lambda e: e.name)
+@pytest.mark.parametrize("engine", [Taylor(swarm_steps=7), Dop853(most_steps=7)], ids=lambda e: e.name)
 def test_steps_are_bounded(engine):
     s, y, c = ca.SX.sym("s"), ca.SX.sym("Y", 2), ca.SX.sym("c")
     system = ca.Function("turn", [s, y, c], [ca.vertcat(y[1], -y[0])])

@@ -24,13 +24,14 @@ from varcalc.engines.taylor_swarm import TaylorSwarm
 class Taylor:
     """heyoka's adaptive Taylor integrator of local ``tolerance`` (relative; round-off by default).
 
-    ``most_steps`` bounds the steps of one run. ``compact`` compiles loops
-    rather than straight code: five to ten times quicker to compile, about
+    ``most_steps`` bounds the steps of one run, ``swarm_steps`` those of each of many at once. ``compact`` compiles
+    loops rather than straight code: five to ten times quicker to compile, about
     two times slower to run, so it is worth leaving only for long integrations.
     """
 
     tolerance: float = float(np.finfo(float).eps)
-    most_steps: int = 20_000
+    most_steps: int = 4000
+    swarm_steps: int = 20_000
     compact: bool = True
 
     @property
@@ -65,7 +66,7 @@ class Taylor:
 
     def compile_swarm(self, system: ca.Function, stops: ca.Function) -> TaylorSwarm:
         """Write one step of many runs as a function; heyoka compiles it where there are many of them."""
-        return TaylorSwarm(system, stops, self.tolerance, self.most_steps)
+        return TaylorSwarm(system, stops, self.tolerance, self.swarm_steps)
 
 
 @dataclass(frozen=True)
