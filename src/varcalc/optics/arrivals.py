@@ -1,237 +1,233 @@
-"""All zeros of the miss: which launching angles lead a ray of the plane to a point.
+"""All arrivals: which rays of a plane lead from sources to points, many pairs at once.
 
-The miss of neighbouring rays is followed from angle to angle as branches,
-told apart by their optical paths and the rates of these. Angles are added
-until the cubic through misses and rates at the ends of an interval foretells
-what is found in its middle. A branch then changes its sign, which brackets a
-zero, or comes close to zero and turns round, a fold: there the turning point
-is located first and says whether there are two zeros, one or none.
+The cells of a fan that may hold a point are halved, point by point, until the
+miss in them is foretold well enough to be believed. Then each of its zeros is
+polished, and each small extremum found: near a caustic that says whether
+there are two rays, one or none.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from varcalc.optics.passes import Passes
+from varcalc.optics.cells import PATH, Cells
+from varcalc.optics.fan import FIRST_ANGLES, Fan
+from varcalc.optics.misses import Misses, Seeds, misses, seeds
+from varcalc.optics.polish import TOUCHING, Aims, Meeting, as_they_are, flattest, gathered, joined, met
 
-FIRST_ANGLES = 64
-"""Angles looked at to begin with."""
-NARROWEST = 2.0**-22
-"""Of the circle: intervals no branch is followed into."""
-FORETOLD = 0.05
-"""Of the change over an interval: how well the middle must be foretold for a branch to be trusted."""
-SAFETY = 4.0
-"""How much faster than at the ends of an interval the miss is taken to change inside it."""
-TOUCHING = 4e-13
-"""A fold that comes this close to the point, relative to the scene, touches it."""
-ROUNDS = 60
-"""Steps of a bracketed search."""
+DEEPEST = 24
+"""Halvings of a cell."""
+UNSEEN = 0.25
+"""Of the diagonal of a cell that nobody has looked into: how far beyond its box a point may yet be in it."""
+NEARLY = 1e-3
+"""Rays that miss the point by less, relative to the scene, nearly meet it."""
+CONTINUUM = 0.25
+"""Of all directions: where so many meet a point, infinitely many do."""
+SAME = 1e-9
+"""Angles, and optical paths relative to their size, that differ by less are of one ray."""
 
 
 @dataclass(frozen=True)
-class Branch:
-    """One pass of one ray: the launching ``angle`` and what :class:`Passes` knows of it."""
+class Pairs:
+    """k pairs: the number of each one's source, the ``target`` (k, 2), the largest optical path and the scene's size.
 
-    angle: float
-    path: float
-    miss: float
-    miss_rate: float
-    path_rate: float
+    ``size`` (k,) is the distance of the two points.
+    """
+
+    source: np.ndarray
+    target: np.ndarray
+    within: np.ndarray
+    size: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.source)
 
 
 @dataclass(frozen=True)
 class Arrivals:
-    """The angles found, each with its optical path; ``touching`` says which of them lie on a fold.
+    """What was found: ``pair`` (a,) is ascending, ``meeting`` holds the rays, ``touching`` those on a fold.
 
-    ``continuum`` is True where every ray looked at meets the point; ``looked_at`` counts them,
-    ``unresolved`` the intervals that were given up: branches come and go in them, at the limits of the search.
+    ``continuum`` (k,) marks the pairs that infinitely many rays join; ``unresolved`` (k,) counts the cells that were
+    given up.
     """
 
-    angles: list[float]
-    paths: list[float]
-    touching: list[bool]
-    continuum: bool
-    looked_at: int
-    unresolved: int
+    meeting: Meeting
+    touching: np.ndarray
+    continuum: np.ndarray
+    unresolved: np.ndarray
 
 
+@dataclass
 class Search:
-    """One search; ``fan`` takes angles (m,) and a limit of the optical path to the passes of their rays.
+    """One search for all pairs."""
 
-    ``size`` is that of the scene.
-    """
+    fan: Fan
+    pairs: Pairs
 
-    def __init__(self, fan: Callable[[np.ndarray, float], Passes], size: float) -> None:
-        self.fan, self.size = fan, size
-        self.looked_at = 0
-        self.unresolved = 0
+    def __post_init__(self) -> None:
+        self.continuum = np.zeros(len(self.pairs), dtype=bool)
+        self.unresolved = np.zeros(len(self.pairs), dtype=int)
+        self.crossings: list[Aims] = []
+        self.folds: list[Aims] = []
 
     def run(self) -> Arrivals:
-        """All arrivals, in no order."""
-        angles = np.linspace(0.0, 2 * np.pi, FIRST_ANGLES, endpoint=False) + 1e-3  # off the axes of the scene
-        known = self._look(angles)
-        reached = [b for branches in known for b in branches if abs(b.miss) <= TOUCHING * self.size]
-        if len(reached) > FIRST_ANGLES // 4:
-            best = min(reached, key=lambda b: b.path)
-            return Arrivals([best.angle], [best.path], [True], True, self.looked_at, 0)
-        ends = [*zip(angles, known, strict=True), (angles[0] + 2 * np.pi, _turned(known[0]))]
-        intervals = list(pairwise(ends))
-        found: list[tuple[Branch, bool]] = []
-        while intervals:
-            middles = self._look(np.array([(left[0] + right[0]) / 2 for left, right in intervals]))
-            again = []
-            for (left, right), branches in zip(intervals, middles, strict=True):
-                middle = ((left[0] + right[0]) / 2, branches)
-                if self._settled(left, middle, right):
-                    found += self._zeros(left[1], branches) + self._zeros(branches, right[1])
-                elif right[0] - left[0] > 2 * np.pi * NARROWEST:
-                    again += [(left, middle), (middle, right)]
-                else:
-                    self.unresolved += 1
-            intervals = again
-        return self._told(found)
+        """All arrivals, those of one pair by ascending optical path."""
+        cells = self.fan.cells()
+        cell, pair = self._first(cells)
+        parts = [self._continua(cells, cell, pair)]
+        left = ~self.continuum[pair]
+        cell, pair = cell[left], pair[left]
+        while len(cell):
+            cells, cell, pair = self._round(cells, cell, pair)
+        parts += self._polished()
+        meeting = gathered([found for found, _ in parts])
+        return self._told(meeting, np.concatenate([touching for _, touching in parts]))
 
-    def _look(self, angles: np.ndarray, limit: float = np.inf) -> list[list[Branch]]:
-        """The branches at each of the angles, by their optical paths, up to ``limit``."""
-        self.looked_at += len(angles)
-        seen = self.fan(angles, limit)
-        out: list[list[Branch]] = [[] for _ in angles]
-        columns = (seen.beam.optical_path, seen.miss, seen.miss_rate, seen.path_rate)
-        for row, *values in zip(seen.rows, *columns, strict=True):
-            out[row].append(Branch(float(angles[row]), *(float(v) for v in values)))
-        return [sorted(branches, key=lambda b: b.path) for branches in out]
+    def _first(self, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
+        """Cells and pairs whose points may be in them."""
+        low, high = self._boxes(cells)
+        source, x = self.pairs.source, self.pairs.target[:, 0]
+        least, span = x.min(), (np.ptp(x) or 1.0) * 1.01
+        key = source + (x - least) / span  # by source, then by x
+        order = np.argsort(key, kind="stable")
+        ends = [cells.source + np.clip((edge[:, 0] - least) / span, -1e-6, 0.995) for edge in (low, high)]
+        first = np.searchsorted(key[order], ends[0] - 1e-9 * np.maximum(1, cells.source), side="left")
+        last = np.searchsorted(key[order], ends[1] + 1e-9 * np.maximum(1, cells.source), side="right")
+        place, cell = _ranges(first, last)
+        return self._inside(low, high, cells.source, cell, order[place])
 
-    def _settled(
-        self, left: tuple[float, list[Branch]], middle: tuple[float, list[Branch]], right: tuple[float, list[Branch]]
-    ) -> bool:
-        """Whether every branch that may have a zero between the ends is followed from end to end as foretold."""
-        width = right[0] - left[0]
-        for at, others in ((left, (middle, right)), (middle, (left, right)), (right, (middle, left))):
-            for branch in at[1]:
-                if not self._may_vanish(branch, width):
-                    continue
-                if any(_partner(branch, other[1]) is None for other in others):
-                    return False
-        return all(
-            _foretold(branch, _partner(branch, middle[1]), _partner(branch, right[1]))
-            for branch in left[1]
-            if self._may_vanish(branch, width)
+    def _inside(
+        self, low: np.ndarray, high: np.ndarray, source: np.ndarray, cell: np.ndarray, pair: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Those of the cells and pairs where the point is in the box."""
+        point = self.pairs.target[pair]
+        inside = np.all((point >= low[cell]) & (point <= high[cell]), axis=1) & (
+            source[cell] == self.pairs.source[pair]
         )
+        return cell[inside], pair[inside]
 
-    def _may_vanish(self, branch: Branch, width: float) -> bool:
-        return abs(branch.miss) <= SAFETY * width * max(abs(branch.miss_rate), 1e-3 * self.size)
+    def _boxes(self, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
+        low, high = cells.boxes()
+        with np.errstate(invalid="ignore"):
+            diagonal = np.linalg.norm(high - low, axis=1)
+        diagonal[~np.isfinite(diagonal)] = 0.0  # no corner at all: the box is empty
+        unknown = np.where(cells.whole, UNSEEN, 1.0) * diagonal
+        room = np.where(np.isfinite(cells.error), np.minimum(cells.error, unknown), unknown)
+        room += 1e-9 * diagonal
+        return low - room[:, None], high + room[:, None]
 
-    def _zeros(self, left: list[Branch], right: list[Branch]) -> list[tuple[Branch, bool]]:
-        """The zeros of all branches between two neighbouring angles; True marks those on a fold."""
-        found = []
-        for a in left:
-            b = _partner(a, right)
-            if b is None:
-                continue
-            if a.miss * b.miss <= 0:
-                found += self._crossing(a, b)
-            elif a.miss_rate * b.miss_rate < 0 and a.miss * a.miss_rate < 0:
-                found += self._fold(a, b)
-        return found
+    def _round(self, cells: Cells, cell: np.ndarray, pair: np.ndarray) -> tuple[Cells, np.ndarray, np.ndarray]:
+        """Settle what can be settled; the halves of the other cells, with the pairs that may be in them."""
+        known = np.flatnonzero(np.isfinite(cells.error[cell]) & cells.whole[cell])
+        again = np.ones(len(cell), dtype=bool)
+        if len(known):
+            again[known] = self._settled(cells.take(cell[known]), pair[known])
+        cell, pair = cell[again], pair[again]
+        deep = cells.depth[cell] >= DEEPEST
+        np.add.at(self.unresolved, pair[deep], 1)
+        cell, pair = cell[~deep], pair[~deep]
+        used, cell = np.unique(cell, return_inverse=True)
+        if len(used) == 0:
+            return cells, cell, pair
+        parts, parent = self.fan.parted(cells.take(used))
+        low, high = self._boxes(parts)
+        first, last = np.searchsorted(parent, cell, side="left"), np.searchsorted(parent, cell, side="right")
+        part, which = _ranges(first, last)
+        return parts, *self._inside(low, high, parts.source, part, pair[which])
 
-    def _crossing(self, a: Branch, b: Branch) -> list[tuple[Branch, bool]]:
-        """The zero between branches of opposite signs: Newton's steps, kept inside the bracket."""
-        best = new = min(a, b, key=lambda branch: abs(branch.miss))
-        shrunk = True
-        for _ in range(ROUNDS):
-            step = new.angle - new.miss / new.miss_rate if new.miss_rate else np.nan
-            inside = min(a.angle, b.angle) < step < max(a.angle, b.angle)
-            new = self._follow(step if inside and shrunk else (a.angle + b.angle) / 2, a, b)
-            if new is None:
-                return []
-            a, b = (new, b) if new.miss * a.miss > 0 else (a, new)
-            shrunk = abs(new.miss) < abs(best.miss) / 2
-            if not shrunk and abs(best.miss) <= TOUCHING * self.size:
-                break
-            best = min(best, new, key=lambda branch: abs(branch.miss))
-        return [(best, False)]
+    def _settled(self, cells: Cells, pair: np.ndarray) -> np.ndarray:
+        """Note zeros and extrema of the misses in ``cells`` (k), one pair each; True (k,) where they are doubtful."""
+        found = misses(cells, self.pairs.target[pair])
+        beginnings, crowded = seeds(found, cells.sideways)
+        crowded &= cells.depth < DEEPEST
+        doubtful = ~found.outside & (~found.trusted | crowded)
+        keep = ~(doubtful | found.outside)[beginnings.pair]
+        chosen = Seeds(beginnings.pair[keep], beginnings.a[keep], beginnings.fold[keep])
+        aims = self._aims(cells, pair, found, chosen)
+        self.crossings.append(aims.take(np.flatnonzero(~chosen.fold)))
+        self.folds.append(aims.take(np.flatnonzero(chosen.fold)))
+        return doubtful
 
-    def _fold(self, a: Branch, b: Branch) -> list[tuple[Branch, bool]]:
-        """The zeros on both sides of the angle at which the miss is stationary."""
-        low, high = a, b
-        for _ in range(ROUNDS):
-            share = low.miss_rate / (low.miss_rate - high.miss_rate)
-            share = min(max(share, 0.02), 0.98)
-            new = self._follow(low.angle + share * (high.angle - low.angle), low, high)
-            if new is None:
-                return []
-            if new.miss * a.miss < 0 and abs(new.miss) > TOUCHING * self.size:
-                return self._crossing(a, new) + self._crossing(new, b)
-            low, high = (new, high) if new.miss_rate * low.miss_rate > 0 else (low, new)
-            flat = min(low, high, key=lambda branch: abs(branch.miss))
-            gain = abs(flat.miss_rate) * abs(high.angle - low.angle)
-            if gain <= TOUCHING * self.size / 4 or abs(flat.miss) > SAFETY * gain + TOUCHING * self.size:
-                break
-        flat = min(low, high, key=lambda branch: abs(branch.miss))
-        return [(flat, True)] if abs(flat.miss) <= TOUCHING * self.size else []
-
-    def _follow(self, angle: float, a: Branch, b: Branch) -> Branch | None:
-        """The branch between ``a`` and ``b`` at ``angle``."""
-        [branches] = self._look(np.array([angle]), 1.5 * max(a.path, b.path))
-        near = [c for c in branches if _continues(a, c) or _continues(c, b)]
-        return min(near, key=lambda c: abs(c.path - _foreseen(a, c)), default=None)
-
-    def _told(self, found: list[tuple[Branch, bool]]) -> Arrivals:
-        """What was found, none twice."""
-        kept: list[tuple[Branch, bool]] = []
-        for branch, touching in sorted(found, key=lambda f: f[0].path):
-            if abs(branch.miss) > 1e3 * TOUCHING * self.size:
-                continue
-            if not any(_same(branch, other) for other, _ in kept):
-                kept.append((branch, touching))
-        return Arrivals(
-            [b.angle for b, _ in kept], [b.path for b, _ in kept], [t for _, t in kept], False, self.looked_at,
-            self.unresolved,
+    def _aims(self, cells: Cells, pair: np.ndarray, found: Misses, chosen: Seeds) -> Aims:
+        """What to begin Newton's iteration from."""
+        k, a = chosen.pair, chosen.a
+        width = cells.angle[k, 1] - cells.angle[k, 0]
+        u = found.place[k, 0] + a * (found.place[k, 1] - found.place[k, 0])
+        paths = cells.state[k, ..., PATH]
+        path = (1 - a) * ((1 - u) * paths[:, 0, 0] + u * paths[:, 0, 1]) + a * (
+            (1 - u) * paths[:, 1, 0] + u * paths[:, 1, 1]
+        )
+        sigma = found.sigma[k, 0] + a * (found.sigma[k, 1] - found.sigma[k, 0])
+        return Aims(
+            cells.source[k], pair[k], self.pairs.target[pair[k]], cells.angle[k, 0] + a * width, sigma, path, width,
+            self.pairs.size[pair[k]],
         )  # fmt: skip
 
+    def _continua(self, cells: Cells, cell: np.ndarray, pair: np.ndarray) -> tuple[Meeting, np.ndarray]:
+        """One ray for each pair that infinitely many join: where many rays nearly meet the point, they are asked."""
+        whole = cells.whole[cell]
+        cell, pair = cell[whole], pair[whole]
+        near = cells.take(cell)
+        found = misses(near, self.pairs.target[pair])
+        flat = np.flatnonzero(~found.outside & (found.range <= NEARLY * self.pairs.size[pair]))
+        crowd = np.bincount(pair[flat], minlength=len(self.pairs)) >= CONTINUUM * FIRST_ANGLES
+        flat = flat[crowd[pair[flat]]]
+        first = Seeds(flat, np.zeros(len(flat)), np.zeros(len(flat), dtype=bool))
+        meeting = as_they_are(self.fan, self._aims(near, pair, found, first))
+        there = np.bincount(meeting.aims.pair, minlength=len(self.pairs)) >= CONTINUUM * FIRST_ANGLES
+        self.continuum = there
+        rows = np.flatnonzero(there[meeting.aims.pair])
+        _, one = np.unique(meeting.aims.pair[rows], return_index=True)
+        return meeting.take(rows[one]), np.ones(len(one), dtype=bool)
 
-def _same(a: Branch, b: Branch) -> bool:
-    turn = abs(np.remainder(a.angle - b.angle + np.pi, 2 * np.pi) - np.pi)
-    return turn <= 1e-9 and abs(a.path - b.path) <= 1e-9 * max(a.path, b.path)
+    def _polished(self) -> list[tuple[Meeting, np.ndarray]]:
+        """The rays that meet their points, from all seeds."""
+        if not self.crossings:
+            return []
+        aims, folds = joined(self.crossings), joined(self.folds)
+        flat, bend = flattest(self.fan, folds)
+        touches = np.abs(flat.miss) <= TOUCHING * folds.size
+        with np.errstate(all="ignore"):
+            half = np.sqrt(-2 * flat.miss / bend)
+        two = np.flatnonzero(~touches & np.isfinite(half))
+        sides = [_beside(flat.take(two), sign * half[two]) for sign in (-1, 1)]
+        touching, meeting = flat.take(np.flatnonzero(touches)), met(self.fan, joined([aims, *sides]))
+        return [(touching, np.ones(len(touching.miss), dtype=bool)), (meeting, np.zeros(len(meeting.miss), dtype=bool))]
+
+    def _told(self, meeting: Meeting, touching: np.ndarray) -> Arrivals:
+        """What was found, none twice, each pair's by optical path."""
+        aims = meeting.aims
+        path = meeting.state[:, PATH]
+        near = (path <= self.pairs.within[aims.pair]) & (touching | ~self.continuum[aims.pair])
+        order = np.lexsort((path, aims.pair))
+        order = order[near[order]]
+        kept: list[int] = []
+        for k in order:
+            alike = False
+            for j in reversed(kept):
+                if aims.pair[j] != aims.pair[k] or path[k] - path[j] > SAME * path[k]:
+                    break
+                turn = abs(np.remainder(aims.angle[j] - aims.angle[k] + np.pi, 2 * np.pi) - np.pi)
+                alike = alike or turn <= SAME
+            if not alike:
+                kept.append(int(k))
+        rows = np.array(kept, dtype=int)
+        return Arrivals(meeting.take(rows), touching[rows], self.continuum, self.unresolved)
 
 
-def _turned(branches: list[Branch]) -> list[Branch]:
-    """The same branches one turn further."""
-    return [Branch(b.angle + 2 * np.pi, b.path, b.miss, b.miss_rate, b.path_rate) for b in branches]
+def _ranges(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The numbers from each of ``first`` (k,) up to ``last``, one range after the other, and which each is of."""
+    count = np.maximum(last - first, 0)
+    which = np.repeat(np.arange(len(count)), count)
+    return np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count) + first[which], which
 
 
-def _foreseen(a: Branch, b: Branch) -> float:
-    """The optical path at the angle of ``b`` that the rates at both make likely, starting from ``a``."""
-    return a.path + (b.angle - a.angle) * (a.path_rate + b.path_rate) / 2
-
-
-def _continues(a: Branch, b: Branch) -> bool:
-    """Whether two passes may be of one branch: the rates explain the difference of the paths."""
-    width = abs(b.angle - a.angle)
-    change = width * (abs(a.path_rate) + abs(b.path_rate)) / 2
-    curved = width * abs(b.path_rate - a.path_rate) / 4
-    slack = FORETOLD * change + curved + 1e-9 * max(a.path, b.path)
-    return abs(b.path - _foreseen(a, b)) <= slack
-
-
-def _partner(branch: Branch, others: list[Branch]) -> Branch | None:
-    """The continuation of ``branch`` among ``others``, where there is exactly one."""
-    fitting = [other for other in others if _continues(branch, other)]
-    return fitting[0] if len(fitting) == 1 else None
-
-
-def _foretold(a: Branch, middle: Branch | None, b: Branch | None) -> bool:
-    """Whether the cubic through the ends foretells miss and rate in the middle."""
-    if middle is None or b is None:
-        return False
-    width = b.angle - a.angle
-    miss = (a.miss + b.miss) / 2 + width * (a.miss_rate - b.miss_rate) / 8
-    rate = 1.5 * (b.miss - a.miss) / width - (a.miss_rate + b.miss_rate) / 4
-    usual = max(abs(a.miss_rate), abs(b.miss_rate), abs(middle.miss_rate))
-    return bool(
-        abs(miss - middle.miss) <= FORETOLD * width * usual and abs(rate - middle.miss_rate) <= 4 * FORETOLD * usual
-    )
+def _beside(flat: Meeting, turn: np.ndarray) -> Aims:
+    """Aims at the angles ``turn`` (k,) away from the extrema of their misses."""
+    aims, state = flat.aims, flat.state
+    momentum = np.sum(state[:, 2:4] ** 2, axis=1)
+    by_angle = np.sum(state[:, 2:4] * state[:, 5:7], axis=1)
+    sigma = aims.sigma - turn * by_angle / momentum
+    return Aims(aims.source, aims.pair, aims.target, aims.angle + turn, sigma, state[:, PATH], np.abs(turn), aims.size)

@@ -15,7 +15,7 @@ from varcalc.instructions import Vectorised
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.known_ends import KnownEnds
 from varcalc.optics.layered import Expression, LayeredSwarm, compile_rays
-from varcalc.optics.media import Medium
+from varcalc.optics.media import Field, Medium
 from varcalc.optics.surfaces import Geometry
 from varcalc.optics.system import packed, unpacked
 from varcalc.optics.tabulated import Tabulated
@@ -50,12 +50,14 @@ class HamiltonRays:
     engine: Engine
     _swarms: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
     known: KnownEnds = field(init=False, repr=False)
+    _field: Field = field(init=False, repr=False)
     _free: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
 
     name = "Hamilton's ray equations"
 
     def __post_init__(self) -> None:
         self.known = KnownEnds(self.medium, self.dimension, self.engine)
+        self._field = Field(self.medium, self.dimension)
 
     def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
         """Carry the rays to the first surface, or to the optical path ``limit`` (m,), infinite where there is none.
@@ -119,6 +121,33 @@ class HamiltonRays:
         """The layers of a table that the one ray of ``beam`` goes through: see :meth:`LayeredSwarm.pieces`."""
         swarm = self._unhindered(beam)
         return swarm.pieces(packed(beam)[0], np.array([path])) if isinstance(swarm, LayeredSwarm) else []
+
+    def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:
+        """The rays after ``sigma`` (m,) more, as if there were no surfaces, and by how much σ has grown.
+
+        In a table, where rays are carried to an optical path, they go to ``path`` (m,) instead. What is carried is
+        not a number where the ray does not come so far.
+        """
+        if not isinstance(self.medium, Tabulated):
+            states = self.known.to_sigma(packed(beam), sigma)
+            return self._sound(states), sigma
+        states, grown = packed(beam), np.zeros(len(beam))
+        ahead = np.flatnonzero(path > beam.optical_path)
+        if len(ahead):
+            landing = self._unhindered(beam).run(states[ahead], path[ahead, None])
+            there = (landing.outcomes == OUTCOMES.index(Outcome.STOPPED)) & (landing.stopped_by == 0)
+            states[ahead] = np.where(there[:, None], landing.states, np.nan)
+            grown[ahead] = landing.reached
+        return self._sound(states), grown
+
+    def _sound(self, states: np.ndarray) -> Beam:
+        """The rays of ``states``, in place not a number where |p| = n no longer holds."""
+        d = self.dimension
+        with np.errstate(all="ignore"):
+            squared, _, _ = self._field(states[:, :d])
+            sound = np.abs(np.sum(states[:, d : 2 * d] ** 2, axis=1) - squared) <= BROKEN * np.abs(squared)
+        states[~sound] = np.nan
+        return unpacked(states, d)
 
     def _unhindered(self, beam: Beam) -> Swarm:
         """The compiled system without the surfaces."""

@@ -42,6 +42,12 @@ class KnownEnds:
         states[arrived, place] = limit[arrived]
         return left
 
+    def to_sigma(self, states: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+        """The ``states`` (m, N) after ``sigma`` (m,), not a number where a ray does not come so far."""
+        landing = self._fleet(states.shape[1], by_path=False).run(states, np.zeros((len(states), 0)), sigma)
+        arrived = (landing.outcomes == COMPLETED) & (landing.reached == sigma)
+        return np.where(arrived[:, None], landing.states, np.nan)
+
     def to_surface(
         self, states: np.ndarray, geometry: Geometry, rows: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,10 +1,7 @@
 """Where rays pass closest to a point.
 
 Along a ray the distance to B is stationary where g = p·(r - B) = 0, and least
-where g grows. The signed distance there, m = t × (r - B) with t the tangent,
-is zero for a ray that meets B, and its derivative by the launching angle is
-t × δr: so to find the rays through B is to find the zeros of a function of
-one angle, whose derivative is known.
+where g grows.
 """
 
 from __future__ import annotations
@@ -29,27 +26,6 @@ MOST_PASSES = 200
 """Passes of one ray; a ray that is caught in a small circle would go on for ever."""
 
 
-@dataclass(frozen=True)
-class Passes:
-    """Places of least distance from a point: ``rows`` (k,) says of which rays, ``beam`` holds them there.
-
-    Attributes
-    ----------
-    miss : ndarray, shape (k,)
-        The signed distance, positive to the left of the point.
-    miss_rate : ndarray, shape (k,)
-        Its derivative by the launching angle.
-    path_rate : ndarray, shape (k,)
-        The derivative of the optical path to the pass by the launching angle.
-    """
-
-    rows: np.ndarray
-    beam: Beam
-    miss: np.ndarray
-    miss_rate: np.ndarray
-    path_rate: np.ndarray
-
-
 class LastLeg(Protocol):
     """How rays go on in the medium that holds the point."""
 
@@ -59,27 +35,6 @@ class LastLeg(Protocol):
         Rays are followed to the optical path ``limit`` and the distance ``far`` from the target.
         """
         ...
-
-
-def passes(rows: np.ndarray, at: Beam, pull: Field, target: np.ndarray) -> Passes:
-    """What belongs to the rays ``at`` their least distances from ``target`` (2,), each with one neighbour."""
-    squared, gradient, _ = pull(at.position)
-    length = np.linalg.norm(at.momentum, axis=1)
-    offset, moved, turned = at.position - target, at.moved[:, 0], at.turned[:, 0]
-    growth = np.sum(at.momentum**2, axis=1) + np.sum(gradient / 2 * offset, axis=1)
-    delay = -(np.sum(turned * offset, axis=1) + np.sum(at.momentum * moved, axis=1)) / growth
-    return Passes(
-        rows,
-        at,
-        miss=cross(at.momentum, offset) / length,
-        miss_rate=cross(at.momentum, moved) / length,
-        path_rate=np.sum(at.momentum * moved, axis=1) + squared * delay,
-    )
-
-
-def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a × b (m,) of vectors (m, 2) in the plane."""
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import overload
@@ -15,6 +15,9 @@ from varcalc.optics.legs import Leg
 from varcalc.optics.media import Medium
 from varcalc.optics.surfaces import Surface
 from varcalc.optics.tubes import RayTube
+
+AT_END = 1e-6
+"""Conjugate points so close to the end of a ray on a caustic, in its optical path, are the end itself."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +33,6 @@ class Ray:
     index : int
         The number of conjugate points between A and B, each as often as its multiplicity (the KMAH index): 0 for a
         ray of locally least time.
-    conjugate_points : ndarray, shape (index, d)
-        Where neighbouring rays from A cross this one, in the order in which they are met.
     spreading : float
         ``|dr⊥/dθ|`` at B in the plane, ``|dA/dΩ|`` in space: the intensity of a source at A is in
         inverse proportion to it.
@@ -46,14 +47,25 @@ class Ray:
     optical_path: float
     error: float
     index: int
-    conjugate_points: np.ndarray
     spreading: float
     degenerate: bool
     tangents: tuple[np.ndarray, np.ndarray]
     model: str
-    legs: Sequence[Leg] = field(repr=False)
+    way: Callable[[], Sequence[Leg]] = field(repr=False)
     media: Sequence[Medium] = field(repr=False, default=())
     surfaces: Sequence[Surface] = field(repr=False, default=())
+
+    @cached_property
+    def legs(self) -> Sequence[Leg]:
+        """The ray between surfaces, followed anew when it is first asked for."""
+        return self.way()
+
+    @cached_property
+    def conjugate_points(self) -> np.ndarray:
+        """Where neighbouring rays from A cross this one, shape (index, d), in the order in which they are met."""
+        last = self.optical_path * (1 - AT_END) if self.degenerate else np.inf
+        foci = [position for leg in self.legs for path, position in leg.foci() if path < last]
+        return np.array(foci).reshape(-1, len(self.tangents[0]))
 
     @cached_property
     def derivatives(self) -> dict[str, float]:

@@ -12,14 +12,16 @@ from varcalc.optics.bundle import Bundle
 from varcalc.optics.caravan import CHUNK, Sources, carried
 from varcalc.optics.march import March
 from varcalc.optics.media import Field, Medium
-from varcalc.optics.plane import Section, section, whole_plane
+from varcalc.optics.plane import section, whole_plane
 from varcalc.optics.ray import Rays
 from varcalc.optics.surfaces import Geometry, Surface
-from varcalc.optics.two_point import TwoPoint
+from varcalc.optics.two_point import Ends, TwoPoint
 from varcalc.optics.values import numbers, point, rows, unit_rows
 
 KEPT = 16
 """Ends of bundles for which compiled systems are kept."""
+PAIRS = 4096
+"""Pairs of points searched for together."""
 RANGE = 8.0
 """Rays are looked for up to so many times the optical length of the scene."""
 ON = 1e-12
@@ -210,59 +212,123 @@ class Scene:
         """
         if wavelength is not None:
             return self.at_wavelength(wavelength).rays(A, B, within=within)
-        a, b = self._ends(A, B)
+        if np.array(A).ndim != 1 or np.array(B).ndim != 1:
+            A, B = point("A", A), point("B", B)
+        return self._arrivals("A", A, "B", B, within)[0]
+
+    def arrivals(
+        self, sources: Any, receivers: Any, *, within: float | None = None, wavelength: float | None = None
+    ) -> list[Rays]:
+        """All rays of many pairs of points: what :meth:`rays` gives, one answer for each pair, in one search.
+
+        The rays of a source are shared by all the receivers it is paired with, so that thousands of receivers of
+        one source take not much longer than a few.
+
+        Parameters
+        ----------
+        sources, receivers : array_like, shape (k, d) or (d,)
+            The ends of each pair; one source serves for all receivers, and one receiver for all sources.
+        within : float, optional
+            As for :meth:`rays`, for all pairs.
+        wavelength : float, optional
+            That of the light, in micrometres in vacuum, if it is another than the scene's.
+
+        Returns
+        -------
+        list of Rays
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :meth:`rays` does, naming the row.
+
+        Examples
+        --------
+        >>> import casadi as ca
+        >>> from varcalc import optics
+        >>> scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 - 2 * y)))
+        >>> [len(rays) for rays in scene.arrivals((0, 0), [(0.5, 0), (0.9, 0), (1.0, 0), (1.1, 0)])]
+        [2, 2, 1, 0]
+        """
+        if wavelength is not None:
+            return self.at_wavelength(wavelength).arrivals(sources, receivers, within=within)
+        return self._arrivals("sources", sources, "receivers", receivers, within)
+
+    def _arrivals(self, source: str, A: Any, receiver: str, B: Any, within: Any) -> list[Rays]:
+        """The rays of each pair; the arguments go by the names ``source`` and ``receiver`` in messages."""
+        starts, ends = self._pairs(source, A, receiver, B)
         if within is not None and not (numbers("within", within).ndim == 0 and within > 0):
             raise ValueError(f"within must be a positive optical path, not {within!r}")
-        at_b = Field(self.media[-1], len(b)).index(b[None, :])[0]
-        if not (at_b > 0 and np.isfinite(at_b)):
-            return Rays((), f"the index is {at_b:g} at B, so that no ray comes there", "nothing")
-        flat, problem = self._two_point(a, b)
-        return problem.between(a, b, flat, self._usual_range(a, b) if within is None else float(within))
+        limit = self._usual_range(starts, ends) if within is None else np.full(len(starts), float(within))
+        index = Field(self.media[-1], ends.shape[1]).index(ends)
+        real = (index > 0) & np.isfinite(index)
+        answers = [Rays((), f"the index is {n:g} at B, so that no ray comes there", "nothing") for n in index]
+        order = np.lexsort(starts.T)
+        order = order[real[order]]
+        for first in range(0, len(order), PAIRS):
+            rows = order[first : first + PAIRS]
+            found = self._found(Ends(starts[rows], ends[rows], limit[rows]))
+            for row, rays in zip(rows, found, strict=True):
+                answers[row] = rays
+        return answers
 
-    def _ends(self, A: Any, B: Any) -> tuple[np.ndarray, np.ndarray]:
-        """A and B as arrays (d,), checked."""
-        a, b = np.array(point("A", A)), np.array(point("B", B))
-        if len(a) != len(b) or self.dimension not in (None, len(a)):
-            raise ValueError(f"A has {len(a)} coordinates, B {len(b)}, the scene {self.dimension or 'either number'}")
-        if np.array_equal(a, b):
-            raise ValueError("A and B are the same point, which every direction leaves; give two points")
-        for name, end in (("A", a), ("B", b)):
+    def _pairs(self, source: str, A: Any, receiver: str, B: Any) -> tuple[np.ndarray, np.ndarray]:
+        """A and B as arrays (k, d), checked."""
+        a, b = rows(source, A), rows(receiver, B)
+        if a.shape[1] != b.shape[1] or self.dimension not in (None, a.shape[1]):
+            raise ValueError(
+                f"{source} has {a.shape[1]} coordinates, {receiver} {b.shape[1]}, "
+                f"the scene {self.dimension or 'either number'}"
+            )
+        if len(a) != len(b) and 1 not in (len(a), len(b)):
+            raise ValueError(f"there are {len(a)} {source} and {len(b)} {receiver}; give as many of both, or one")
+        k = max(len(a), len(b)) if min(len(a), len(b)) else 0
+        a, b = (np.array(np.broadcast_to(ends, (k, ends.shape[1]))) for ends in (a, b))
+        same = np.all(a == b, axis=1)
+        if np.any(same):
+            raise ValueError(
+                f"{source} and {receiver} are the same point{_row(same)}, which every direction leaves; give two points"
+            )
+        for name, end in ((source, a), (receiver, b)):
             for number, surface in enumerate(self.surfaces):
-                if _on(surface, end[None, :])[0]:
-                    raise ValueError(f"{name} lies on surface {number} of the scene; move it off by any amount")
-        self._index_at_source(a[None, :])
+                on = _on(surface, end)
+                if np.any(on):
+                    raise ValueError(
+                        f"{name} lies on surface {number} of the scene{_row(on)}; move it off by any amount"
+                    )
+        self._index_at_source(a)
         return a, b
 
-    def _two_point(self, a: np.ndarray, b: np.ndarray) -> tuple[Section | None, TwoPoint]:
-        """The plane of the rays from ``a`` to ``b``, where there is one, and the problem in it."""
-        if len(a) == 2:
-            if "plane" not in self._problems:
-                march = self._march(None, 2)
-                self._problems["plane"] = TwoPoint(march, march)
-            return whole_plane(), self._problems["plane"]
-        found = section(self.media[0], a, b) if len(self.media) == 1 else None
-        if found is None:
-            if "sphere" not in self._problems:
-                self._problems["sphere"] = TwoPoint(self._march(None, 3), self._march(None, 3))
-            return None, self._problems["sphere"]
-        flat, medium = found
+    def _found(self, ends: Ends) -> list[Rays]:
+        """The rays of each of the pairs, searched for in the planes that hold them, or over the sphere."""
+        if ends.sources.shape[1] == 2:
+            march = self._march(None, 2)
+            problem = self._problems.setdefault("plane", TwoPoint(march, march))
+            return problem.in_planes(ends, [whole_plane()] * len(ends))
+        pairs = zip(ends.sources, ends.targets, strict=True)
+        found = [section(self.media[0], a, b) for a, b in pairs] if len(self.media) == 1 else [None]
+        planes = [plane for plane, _ in filter(None, found)]
+        if len(planes) < len(ends):
+            problem = self._problems.setdefault("sphere", TwoPoint(self._march(None, 3), self._march(None, 3)))
+            return [problem.over_the_sphere(*pair) for pair in zip(*vars(ends).values(), strict=True)]
         if "space" not in self._problems:
+            _, medium = next(filter(None, found))
             self._problems["space"] = TwoPoint(March((medium,), (), None, 2), self._march(None, 3))
-        return flat, self._problems["space"]
+        return self._problems["space"].in_planes(ends, planes)
 
-    def _usual_range(self, a: np.ndarray, b: np.ndarray) -> float:
-        """The optical path up to which rays are looked for when nobody says."""
-        lengths, largest = [float(np.linalg.norm(b - a))], 0.0
+    def _usual_range(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """The optical paths (k,) up to which rays are looked for when nobody says."""
+        lengths, largest = [np.linalg.norm(b - a, axis=1)], np.zeros(len(a))
         for medium, end in ((self.media[0], a), (self.media[-1], b)):
-            squared, gradient, hessian = (values[0] for values in Field(medium, len(end))(end[None, :]))
-            largest = max(largest, float(np.sqrt(squared)))
+            squared, gradient, hessian = Field(medium, end.shape[1])(end)
             with np.errstate(all="ignore"):
-                first = 2 * squared / np.linalg.norm(gradient)
-                second = np.sqrt(2 * squared / np.linalg.norm(hessian))
-            lengths.append(float(min(first, second)))
+                largest = np.fmax(largest, np.sqrt(squared))
+                first = 2 * squared / np.linalg.norm(gradient, axis=1)
+                second = np.sqrt(2 * squared / np.linalg.norm(hessian, axis=(1, 2)))
+            lengths.append(np.minimum(first, second))
         for surface in self.surfaces:
-            lengths += [float(away) for away in _away(surface, np.stack([a, b]))]
-        return RANGE * largest * sum(length for length in lengths if np.isfinite(length))
+            lengths += [_away(surface, a), _away(surface, b)]
+        return RANGE * largest * sum(np.where(np.isfinite(length), length, 0.0) for length in lengths)
 
     def _march(self, until: Surface | None, dimension: int, *, only_ends: bool = False) -> March:
         """The way through the scene; what has been compiled for it is kept, for a number of ends."""
@@ -357,6 +423,11 @@ def _away(surface: Surface, points: np.ndarray) -> np.ndarray:
 def _distance(geometry: Geometry, points: np.ndarray) -> np.ndarray:
     with np.errstate(all="ignore"):
         return np.abs(geometry.level(points)) / np.linalg.norm(geometry.gradient(points), axis=1)
+
+
+def _row(which: np.ndarray) -> str:
+    """Where the first of the rows is, for a message; nothing where there is only one."""
+    return f" in row {int(np.argmax(which))}" if len(which) > 1 else ""
 
 
 def _limits(optical_path: Any, count: int) -> np.ndarray:

@@ -46,6 +46,10 @@ class StraightRays:
         status = np.where(missed, int(RayStatus.MISSED), int(RayStatus.ARRIVED))
         return Arrival(moved_on(beam, np.where(missed, 0.0, reach), self.squared_index), struck, status)
 
+    def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:  # noqa: ARG002
+        """See :meth:`varcalc.optics.hamilton.HamiltonRays.onward`."""
+        return moved_on(beam, sigma, self.squared_index), sigma
+
     def _distance(self, beam: Beam, number: int, leaving: bool) -> np.ndarray:
         """σ (m,) at which each ray first meets surface ``number``; infinite where it does not."""
         geometry = self.surfaces[number]

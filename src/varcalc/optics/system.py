@@ -82,7 +82,7 @@ def ray_system(medium: Medium, dimension: int, neighbours: int) -> ca.Function:
 
 def packed(beam: Beam) -> np.ndarray:
     """The states (m, N) of :func:`ray_system` for the rays of ``beam``."""
-    pairs = np.concatenate([beam.moved, beam.turned], axis=2).reshape(len(beam), -1)
+    pairs = np.concatenate([beam.moved, beam.turned], axis=2).reshape(len(beam), 2 * beam.deviations * beam.dimension)
     return np.column_stack([beam.position, beam.momentum, beam.optical_path, pairs])
 
 

@@ -1,152 +1,219 @@
-"""All rays between two points: the search in a plane, and each ray carried once more for what belongs to it."""
+"""All rays between points, many pairs at once: the search, and what belongs to each ray that it finds."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from varcalc import engines
 from varcalc.optics import sphere
-from varcalc.optics.arrivals import Search
-from varcalc.optics.beam import NOTHING, Beam, RayStatus, launched, spreading
+from varcalc.optics.arrivals import Arrivals, Pairs, Search
+from varcalc.optics.beam import NOTHING, Beam, RayStatus, frames, launched, spreading
+from varcalc.optics.fan import Bounds, Fan
 from varcalc.optics.march import March
-from varcalc.optics.passes import HamiltonLeg, LastLeg, Passes, StraightLeg, passes
 from varcalc.optics.plane import Section
-from varcalc.optics.ray import Ray, Rays
-from varcalc.optics.straight import StraightRays
+from varcalc.optics.ray import AT_END, Ray, Rays
+from varcalc.optics.space import Approaches, last_leg
 from varcalc.optics.tracks import Tracks
+from varcalc.optics.turns import conjugate_points
 
 FLAT = 1e-9
 """A spreading so small beside that of a uniform medium is that of a conjugate point."""
-AT_END = 1e-6
-"""Conjugate points so close to the end of a ray on a caustic, in its optical path, are the end itself."""
+EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Ends:
+    """k pairs of points: sources and targets (k, d), and ``within`` (k,), the largest optical paths of their rays."""
+
+    sources: np.ndarray
+    targets: np.ndarray
+    within: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.sources)
 
 
 @dataclass
 class TwoPoint:
-    """The rays from one point to others in one scene; what is compiled is kept.
+    """The rays between points of one scene; what is compiled is kept.
 
     ``march`` is the scene in the plane of the search, ``full`` the scene itself; in the plane they are the same.
     """
 
     march: March
     full: March
-    leg: LastLeg = field(init=False, repr=False)
     tracks: Tracks = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.tracks = Tracks(self.full)
-        last = self.march.models[-1]
-        if isinstance(last, StraightRays):
-            self.leg = StraightLeg(last)
-        else:
-            self.leg = HamiltonLeg(self.march.media[-1], self.march.dimension, self.march.geometries, engines.default())
 
-    def between(self, a: np.ndarray, b: np.ndarray, section: Section | None, within: float) -> Rays:
-        """All rays from ``a`` to ``b`` (d,) whose optical path is at most ``within``.
-
-        ``section`` is the plane that holds them; without one the search goes over the sphere of directions.
-        """
-        largest = max(float(self.full.fields[k].index(end[None, :])[0]) for k, end in ((0, a), (-1, b)))
-        far = max(within / largest, 2 * float(np.linalg.norm(b - a)))
-        if section is None:
-            rays, fan, how, continuum = self._over_the_sphere(a, b, within, far)
-        else:
-            rays, fan, how, continuum = self._in_the_plane(a, b, section, within, far)
-        searched = f"{how}, optical paths up to {within:.6g}, no farther than {far:.6g} from B"
-        reason = "" if rays else f"{fan.reason()} (searched: {searched})"
-        return Rays(tuple(sorted(rays, key=lambda ray: ray.optical_path)), reason, searched, continuum)
-
-    def _in_the_plane(
-        self, a: np.ndarray, b: np.ndarray, section: Section, within: float, far: float
-    ) -> tuple[list[Ray], _Fan, str, bool]:
-        fan = _Fan(self, section.into(a), section.into(b), within, far)
-        found = Search(fan.passes, float(np.linalg.norm(b - a))).run()
-        rays = [
-            self._ray(a, b, section.out(np.array([np.cos(angle), np.sin(angle)])), path, touching)
-            for angle, path, touching in zip(found.angles, found.paths, found.touching, strict=True)
+    def in_planes(self, ends: Ends, sections: Sequence[Section]) -> list[Rays]:
+        """All rays of each pair, which lie in the plane of its section."""
+        flat = [
+            np.array([section.into(point) for section, point in zip(sections, points, strict=True)])
+            for points in (ends.sources, ends.targets)
         ]
-        how = (
-            f"all directions of the plane ({found.looked_at} looked at, "
-            f"{found.unresolved} narrow intervals left unresolved)"
+        distance = np.linalg.norm(ends.targets - ends.sources, axis=1)
+        far = np.maximum(ends.within / self._largest_index(ends), 2 * distance)
+        origins, source = np.unique(flat[0], axis=0, return_inverse=True)
+        source = source.ravel()
+        fan = Fan(self.march, origins, _bounds(source, flat[1], ends.within, far, distance))
+        found = Search(fan, Pairs(source, flat[1], ends.within, distance)).run()
+        rays = self._rays(ends, sections, found)
+        searched = f"all directions of the plane ({fan.looked_at} looked at, %d narrow cells left unresolved), "
+        searched += "optical paths up to %.6g, no farther than %.6g from B"
+        notes = [searched % note for note in zip(found.unresolved, ends.within, far, strict=True)]
+        return [_told(rays[k], fan.ends, fan.entered, notes[k], bool(found.continuum[k])) for k in range(len(ends))]
+
+    def _largest_index(self, ends: Ends) -> np.ndarray:
+        """The larger index (k,) of both ends."""
+        first, last = self.full.fields[0].index(ends.sources), self.full.fields[-1].index(ends.targets)
+        return np.maximum(first, last)
+
+    def _rays(self, ends: Ends, sections: Sequence[Section], found: Arrivals) -> list[list[Ray]]:
+        """The rays found, pair by pair."""
+        aims = found.meeting.aims
+        pair = aims.pair
+        axes = np.array([section.axes for section in sections])[pair]
+        heading = np.column_stack([np.cos(aims.angle), np.sin(aims.angle)])
+        normal = np.column_stack([-heading[:, 1], heading[:, 0]])
+        heading = np.einsum("ma,mad->md", heading, axes)
+        across = np.einsum("ma,mad->md", normal, axes)[:, None]
+        if self.full.dimension == 3:
+            across = np.concatenate([across, np.cross(heading, across[:, 0])[:, None]], axis=1)
+        path = found.meeting.state[:, 4]
+        beam = _launched(self.full, ends.sources[pair], heading, across)
+        rays: list[list[Ray]] = [[] for _ in range(len(ends))]
+        for ray, k in zip(self._described(beam, aims.sigma, path, across, ends.targets[pair], found.touching), pair,
+                          strict=True):  # fmt: skip
+            if ray is not None:
+                rays[k].append(ray)
+        return rays
+
+    def _described(
+        self, beam: Beam, sigma: np.ndarray, path: np.ndarray, across: np.ndarray, targets: np.ndarray,
+        touching: np.ndarray,
+    ) -> list[Ray | None]:  # fmt: skip
+        """The rays of ``beam``, at their sources, with what belongs to them; None for one that meets a surface."""
+        if len(beam) == 0:
+            return []
+        d = beam.dimension
+        index = np.linalg.norm(beam.momentum, axis=1)
+        usual = path / index**2
+        count, end = conjugate_points(self.full, beam, sigma, path, across, touching)
+        away = targets - end.position
+        along = np.sum(end.momentum * away, axis=1)
+        spread = spreading(end)
+        flat = touching | (spread <= FLAT * usual ** (d - 1))
+        with np.errstate(divide="ignore"):
+            squared = np.where(flat, 0.0, np.sum(away**2, axis=1) * index**2 / spread)  # the path is stationary
+        error = np.abs(along) + squared + 16 * EPS * path
+        tangent = end.momentum / np.linalg.norm(end.momentum, axis=1)[:, None]
+        clear = self._clear(beam, path)
+        rays: list[Ray | None] = []
+        for k in range(len(beam)):
+            if not clear[k]:
+                rays.append(None)
+                continue
+            one = beam.take(np.array([k]))
+            ray = Ray(
+                optical_path=float(end.optical_path[k] + along[k]),
+                error=float(error[k]),
+                index=int(count[k]),
+                spreading=float(spread[k]),
+                degenerate=bool(flat[k]),
+                tangents=(beam.momentum[k] / index[k], tangent[k]),
+                model=self.full.name,
+                way=lambda one=one, path=float(path[k]): self.tracks.legs(one, path)[0],
+                media=self.full.media,
+                surfaces=self.full.surfaces,
+            )
+            rays.append(ray)
+        return rays
+
+    def _clear(self, beam: Beam, path: np.ndarray) -> np.ndarray:
+        """True (m,) for rays that meet no surface after the last."""
+        clear = np.ones(len(beam), dtype=bool)
+        if self.full.surfaces:
+            entry, _, alive = self.full.to_last_medium(beam, path)
+            rows = np.flatnonzero(alive)
+            arrival = self.full.models[-1].advance(entry.take(rows), path[rows], self.full.shapes[-1])
+            clear[~alive] = False
+            clear[rows] = arrival.struck == NOTHING
+        return clear
+
+    def over_the_sphere(self, a: np.ndarray, b: np.ndarray, within: float) -> Rays:
+        """All rays from ``a`` to ``b`` (3,) that a net of directions leads to."""
+        distance = float(np.linalg.norm(b - a))
+        far = max(within / float(self._largest_index(Ends(a[None], b[None], np.zeros(1)))[0]), 2 * distance)
+        fan = Approaches(self.full, last_leg(self.full), a, b, within, far)
+        found = sphere.search(fan.minima, b, distance)
+        rays = [self._alone(a, b, *one) for one in zip(found.directions, found.paths, strict=True)]
+        searched = (
+            f"{sphere.DIRECTIONS} directions of space, and Newton's iteration from the best ({found.looked_at} rays), "
+            f"optical paths up to {within:.6g}, no farther than {far:.6g} from B"
         )
-        return rays, fan, how, found.continuum
+        return _told(rays, fan.ends, fan.entered, searched, False)
 
-    def _over_the_sphere(
-        self, a: np.ndarray, b: np.ndarray, within: float, far: float
-    ) -> tuple[list[Ray], _Fan, str, bool]:
-        fan = _Fan(self, a, b, within, far)
-        found = sphere.search(lambda headings: fan.minima(headings, within), b, float(np.linalg.norm(b - a)))
-        rays = [
-            self._ray(a, b, heading, float(path), False)
-            for heading, path in zip(found.directions, found.paths, strict=True)
-        ]
-        how = f"{sphere.DIRECTIONS} directions of space, and Newton's iteration from the best ({found.looked_at} rays)"
-        return rays, fan, how, False
-
-    def _ray(self, a: np.ndarray, b: np.ndarray, heading: np.ndarray, path: float, touching: bool) -> Ray:
-        """The ray along ``heading`` (d,) with its neighbours, in the dimensions of the scene."""
-        index = self.full.fields[0].index(a[None, :])
-        beam = launched(a[None, :], heading[None, :], index, neighbours=True)
+    def _alone(self, a: np.ndarray, b: np.ndarray, heading: np.ndarray, path: float) -> Ray:
+        """The ray along ``heading`` (3,), with the conjugate points that its legs tell."""
+        index = float(self.full.fields[0].index(a[None, :])[0])
+        beam = _launched(self.full, a[None, :], heading[None, :], frames(heading[None, :]))
         legs, end, _ = self.tracks.legs(beam, path)
         away = b - end.position[0]
-        along = float(np.dot(end.momentum[0], away))
-        spread = float(spreading(end)[0])
-        flat = touching or spread <= FLAT * (path / float(index[0]) ** 2) ** (len(a) - 1)
-        foci = [focus for leg in legs for focus in leg.foci() if not flat or focus[0] < path * (1 - AT_END)]
-        tangent = end.momentum[0] / np.linalg.norm(end.momentum[0])
-        squared = 0.0 if flat else float(np.dot(away, away)) * float(index[0]) ** 2 / spread  # the path is stationary
+        along, spread = float(np.dot(end.momentum[0], away)), float(spreading(end)[0])
+        flat = spread <= FLAT * (path / index**2) ** 2
+        squared = 0.0 if flat else float(np.dot(away, away)) * index**2 / spread  # the path is stationary
+        last = path * (1 - AT_END) if flat else np.inf
         return Ray(
             optical_path=float(end.optical_path[0]) + along,
-            error=abs(along) + squared + 16 * float(np.finfo(float).eps) * path,
-            index=len(foci),
-            conjugate_points=np.array([position for _, position in foci]).reshape(-1, len(a)),
+            error=abs(along) + squared + 16 * EPS * path,
+            index=sum(where < last for leg in legs for where, _ in leg.foci()),
             spreading=spread,
             degenerate=flat,
-            tangents=(heading, tangent),
+            tangents=(heading, end.momentum[0] / np.linalg.norm(end.momentum[0])),
             model=self.full.name,
-            legs=legs,
+            way=lambda: legs,
             media=self.full.media,
             surfaces=self.full.surfaces,
         )
 
 
-@dataclass
-class _Fan:
-    """Directions to passes, for the searches; remembers what became of the rays."""
+def _launched(march: March, sources: np.ndarray, headings: np.ndarray, across: np.ndarray) -> Beam:
+    """Rays whose neighbours start along the unit vectors ``across`` (m, d - 1, d)."""
+    index = march.fields[0].index(sources)
+    beam = launched(sources, headings, index, neighbours=False)
+    return Beam(beam.position, beam.momentum, beam.optical_path, np.zeros_like(across), index[:, None, None] * across)
 
-    problem: TwoPoint
-    source: np.ndarray
-    target: np.ndarray
-    within: float
-    far: float
-    ends: Counter[RayStatus] = field(default_factory=Counter)
-    passed: int = 0
 
-    def passes(self, angles: np.ndarray, limit: float) -> Passes:
-        """The passes of the rays of the plane at ``angles`` (m,)."""
-        rows, at = self.minima(np.column_stack([np.cos(angles), np.sin(angles)]), limit)
-        return passes(rows, at, self.problem.march.fields[-1], self.target)
+def _bounds(
+    source: np.ndarray, targets: np.ndarray, within: np.ndarray, far: np.ndarray, distance: np.ndarray
+) -> Bounds:
+    """How far the rays of each source are followed for all of its targets (k, 2)."""
+    n = int(source.max()) + 1
 
-    def minima(self, headings: np.ndarray, limit: float) -> tuple[np.ndarray, Beam]:
-        """The rows of ``headings`` (m, d) whose rays pass the target, and the rays there."""
-        march, limit = self.problem.march, min(limit, self.within)
-        start = np.tile(self.source, (len(headings), 1))
-        beam = launched(start, headings, march.fields[0].index(start), neighbours=True)
-        beam, status, alive = march.to_last_medium(beam, np.full(len(headings), limit))
-        self.ends.update(RayStatus(int(code)) for code in status[~alive])
-        rows = np.flatnonzero(alive)
-        self.passed += len(rows)
-        leaving = march.shapes[-1] if march.shapes else NOTHING
-        found, at = self.problem.leg.minima(beam.take(rows), self.target, limit, self.far, leaving)
-        return rows[found], at
+    def gathered(ufunc: np.ufunc, values: np.ndarray, start: float) -> np.ndarray:
+        out = np.full((n, *values.shape[1:]), start)
+        ufunc.at(out, source, values)
+        return out
 
-    def reason(self) -> str:
-        """Why no ray was found."""
-        if self.passed:
-            return "shadow: no ray of the source comes to B"
-        if self.ends[RayStatus.TOTAL_REFLECTION]:
-            return "total reflection: no ray gets through the surfaces"
-        return "blocked: no ray meets the surfaces in the order of the scene"
+    middle = (gathered(np.minimum, targets, np.inf) + gathered(np.maximum, targets, -np.inf)) / 2
+    reach = gathered(np.maximum, np.linalg.norm(targets - middle[source], axis=1), 0.0)
+    size = np.maximum(reach, gathered(np.minimum, distance, np.inf))
+    return Bounds(gathered(np.maximum, within, 0.0), gathered(np.maximum, far, 0.0) + reach, middle, reach, size)
+
+
+def _told(rays: list[Ray], ends: Counter[RayStatus], entered: int, searched: str, continuum: bool) -> Rays:
+    """The rays of one pair, or why there is none."""
+    if rays:
+        return Rays(tuple(sorted(rays, key=lambda ray: ray.optical_path)), "", searched, continuum)
+    if entered:
+        reason = "shadow: no ray of the source comes to B"
+    elif ends[RayStatus.TOTAL_REFLECTION]:
+        reason = "total reflection: no ray gets through the surfaces"
+    else:
+        reason = "blocked: no ray meets the surfaces in the order of the scene"
+    return Rays((), f"{reason} (searched: {searched})", searched)

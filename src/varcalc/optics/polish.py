@@ -1,0 +1,201 @@
+"""Rays that nearly meet a point made to meet it, by Newton's iteration on the rays themselves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.optics.cells import MOVED, PATH, P, R
+from varcalc.optics.fan import Fan
+from varcalc.optics.system import packed
+
+TOUCHING = 4e-13
+"""A ray that comes this close to the point, relative to the scene, meets it."""
+ROUNDS = 16
+"""Newton's steps."""
+ROUND_OFF = 4 * float(np.finfo(float).eps)
+"""A miss so small, relative to the scene, is not worth another step."""
+SHORTER = 0.5
+"""A step that does not shorten the miss to this share says that round-off has been reached."""
+ASIDE = 1e-2
+"""Of the width of a cell: how far the second ray is from the first with which the secant method begins."""
+SHRINK = 0.9
+"""Of σ: the longest step back."""
+APPROACHES = 2
+"""Newton's steps along a ray, when the place closest to the target is foretold."""
+
+
+@dataclass(frozen=True)
+class Aims:
+    """k rays that nearly meet their ``target`` (k, 2).
+
+    Attributes
+    ----------
+    source, pair : ndarray of int, shape (k,)
+        The numbers of the source and of the pair of points.
+    angle, sigma, path : ndarray, shape (k,)
+        The launching angle, σ behind the last surface, and the optical path.
+    width : ndarray, shape (k,)
+        How far the angle may be off.
+    size : ndarray, shape (k,)
+        That of the scene.
+    """
+
+    source: np.ndarray
+    pair: np.ndarray
+    target: np.ndarray
+    angle: np.ndarray
+    sigma: np.ndarray
+    path: np.ndarray
+    width: np.ndarray
+    size: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    def take(self, rows: np.ndarray) -> Aims:
+        """The aims of ``rows``."""
+        return Aims(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    def at(self, angle: np.ndarray, sigma: np.ndarray, path: np.ndarray) -> Aims:
+        """The same with other angles, σ and optical paths."""
+        return Aims(self.source, self.pair, self.target, angle, sigma, path, self.width, self.size)
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """Rays (k) with the states (k, 9) in which they come closest to their targets, and how far they are off across."""
+
+    aims: Aims
+    state: np.ndarray
+    miss: np.ndarray
+
+    def take(self, rows: np.ndarray) -> Meeting:
+        """The meetings of ``rows``."""
+        return Meeting(self.aims.take(rows), self.state[rows], self.miss[rows])
+
+
+@dataclass(frozen=True)
+class _Look:
+    """One look at aims: the states there, the misses across and along the rays, and the neighbours' distances."""
+
+    aims: Aims
+    state: np.ndarray
+    miss: np.ndarray
+    along: np.ndarray
+    spread: np.ndarray
+
+    def take(self, rows: np.ndarray) -> _Look:
+        return _Look(self.aims.take(rows), self.state[rows], self.miss[rows], self.along[rows], self.spread[rows])
+
+    @property
+    def distance(self) -> np.ndarray:
+        """From the targets (k,); infinite where a ray does not come so far."""
+        with np.errstate(invalid="ignore"):
+            away = np.hypot(self.miss, self.along)
+        return np.where(np.isfinite(away), away, np.inf)
+
+    def stepped(self, turn: np.ndarray) -> Aims:
+        """The aims after a ``turn`` (k,) of the launching angle, at the places closest to the targets, about."""
+        state, aims = self.state, self.aims
+        momentum = np.linalg.norm(state[:, P], axis=1)
+        late = turn * np.sum(state[:, P] * state[:, MOVED], axis=1)
+        shift = np.maximum(-(self.along + late / momentum) / momentum, -SHRINK * aims.sigma)
+        return aims.at(aims.angle + turn, aims.sigma + shift, state[:, PATH] + late + shift * momentum**2)
+
+    def meeting(self) -> Meeting:
+        return Meeting(self.aims, self.state, self.miss)
+
+
+def _look(fan: Fan, aims: Aims) -> _Look:
+    state = packed(fan.at(aims.source, aims.angle, aims.sigma, aims.path))
+    ahead = state[:, P] / np.linalg.norm(state[:, P], axis=1)[:, None]
+    offset = state[:, R] - aims.target
+    return _Look(aims, state, _cross(ahead, offset), np.sum(ahead * offset, axis=1), _cross(ahead, state[:, MOVED]))
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+def _nearest(fan: Fan, aims: Aims) -> _Look:
+    """The rays of ``aims`` where they come closest to their targets, without a change of direction."""
+    look = _look(fan, aims)
+    for _ in range(APPROACHES):
+        look = _look(fan, look.stepped(np.zeros(len(aims))))
+    return look
+
+
+def met(fan: Fan, aims: Aims) -> Meeting:
+    """Those of the ``aims`` that meet their targets, polished to round-off."""
+    done: list[_Look] = []
+    look = best = _look(fan, aims)
+    begun = aims.angle
+    for _ in range(ROUNDS):
+        if len(begun) == 0:
+            break
+        with np.errstate(all="ignore"):
+            turn = -look.miss / look.spread
+        width = look.aims.width
+        new = _look(fan, look.stepped(np.clip(np.where(np.isfinite(turn), turn, 0.0), -width, width)))
+        closer = new.distance < best.distance
+        size = new.aims.size
+        stuck = (new.distance > SHORTER * look.distance) & (np.minimum(new.distance, best.distance) <= TOUCHING * size)
+        best = _either(closer, new, best)
+        strayed = np.abs(new.aims.angle - begun) > 2 * width
+        finished = stuck | strayed | (best.distance <= ROUND_OFF * size) | ~np.isfinite(new.distance)
+        done.append(best.take(np.flatnonzero(finished)))
+        left = np.flatnonzero(~finished)
+        look, best, begun = new.take(left), best.take(left), begun[left]
+    meetings = [
+        look.take(np.flatnonzero(look.distance <= TOUCHING * look.aims.size)).meeting() for look in [*done, best]
+    ]
+    return gathered(meetings)
+
+
+def _either(first: np.ndarray, one: _Look, other: _Look) -> _Look:
+    """The looks of ``one`` where ``first`` (k,) is true, otherwise those of the ``other``."""
+    order = np.where(first, np.arange(len(first)), len(first) + np.arange(len(first)))
+    columns = (
+        np.concatenate([getattr(one, n), getattr(other, n)])[order] for n in ("state", "miss", "along", "spread")
+    )
+    return _Look(joined([one.aims, other.aims]).take(order), *columns)
+
+
+def joined(parts: list[Aims]) -> Aims:
+    """All aims of ``parts``, one of them at least, one after the other."""
+    return Aims(*(np.concatenate([getattr(part, name) for part in parts]) for name in Aims.__dataclass_fields__))
+
+
+def gathered(parts: list[Meeting]) -> Meeting:
+    """All meetings of ``parts``, one of them at least, one after the other."""
+    states, misses = (np.concatenate([getattr(part, name) for part in parts]) for name in ("state", "miss"))
+    return Meeting(joined([part.aims for part in parts]), states, misses)
+
+
+def as_they_are(fan: Fan, aims: Aims) -> Meeting:
+    """Those of the ``aims`` that meet their targets without a change of direction."""
+    look = _nearest(fan, aims)
+    return look.take(np.flatnonzero(look.distance <= TOUCHING * aims.size)).meeting()
+
+
+def flattest(fan: Fan, aims: Aims) -> tuple[Meeting, np.ndarray]:
+    """The rays whose misses are stationary in the angle near the ``aims``, and the second derivatives (k,).
+
+    The secant method on the first derivative, which the neighbours tell; half the digits of the angle are all that
+    the miss asks for.
+    """
+    before = _nearest(fan, aims)
+    now = _nearest(fan, aims.at(aims.angle + ASIDE * aims.width, aims.sigma, aims.path))
+    bend = np.zeros(len(aims))
+    for _ in range(ROUNDS // 2):
+        with np.errstate(all="ignore"):
+            slope = (now.spread - before.spread) / (now.aims.angle - before.aims.angle)
+            turn = -now.spread / slope
+        bend = np.where(np.isfinite(slope), slope, bend)
+        turn = np.clip(np.where(np.isfinite(turn), turn, 0.0), -aims.width, aims.width)
+        if np.all(turn**2 * np.abs(bend) <= ROUND_OFF / 100 * aims.size):
+            break
+        before, now = now, _look(fan, now.stepped(turn))
+    return _look(fan, now.stepped(np.zeros(len(aims)))).meeting(), bend
