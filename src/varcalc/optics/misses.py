@@ -53,10 +53,10 @@ def misses(cells: Cells, targets: np.ndarray) -> Misses:
     ahead = heading.sum(axis=(1, 2))
     ahead /= np.linalg.norm(ahead, axis=1)[:, None]
     alike = np.einsum("kabd,kd->kab", heading, ahead).min(axis=(1, 2)) >= ALIKE
-    place, miss, rate, outside = _met(cells, targets, ahead)
+    place, miss, rate, outside, straight = _met(cells, targets, ahead)
     slope = rate * (cells.angle[:, 1] - cells.angle[:, 0])[:, None]
     scale = np.maximum(np.abs(miss).max(axis=1), np.abs(slope).max(axis=1))
-    known = cells.sideways <= FORETOLD * scale
+    known = straight & (cells.sideways <= FORETOLD * scale)
     inside = np.all((place >= -BEYOND) & (place <= 1 + BEYOND), axis=1)
     length = cells.sigma[:, :, 1] - cells.sigma[:, :, 0]
     rise = miss[:, 1] - miss[:, 0]
@@ -74,7 +74,7 @@ def misses(cells: Cells, targets: np.ndarray) -> Misses:
 def _met(cells: Cells, targets: np.ndarray, ahead: np.ndarray) -> tuple[np.ndarray, ...]:
     """Where in the cell, how far from the target and with what derivative by the angle (k, 2) both rays meet the line.
 
-    Last, whether both meet it before the cell or behind (k,).
+    Last, whether both meet it before the cell or behind (k,), and whether both go about straight through it.
 
     Along a ray the quintic is used which has its places, momenta and pulls at both ends.
     """
@@ -104,9 +104,10 @@ def _met(cells: Cells, targets: np.ndarray, ahead: np.ndarray) -> tuple[np.ndarr
             u = np.clip(np.where(np.isfinite(u), u, 0.5), -1 - BEYOND, 2 + BEYOND)
         place, going, _ = at(u)
         moved = start[..., MOVED] + u * (turned + u * ((3 * change - last) + u * (last - 2 * change)))
+        straight = np.sum(going * ahead, axis=2) >= ALIKE * np.linalg.norm(going, axis=2)
         tilt = np.sum(going * side, axis=2) / np.sum(going * ahead, axis=2)
         across = np.sum(moved * side, axis=2) - tilt * np.sum(moved * ahead, axis=2)
-    return u[..., 0], np.sum(place * side, axis=2), across, outside
+    return u[..., 0], np.sum(place * side, axis=2), across, outside, np.all(straight, axis=1)
 
 
 @dataclass(frozen=True)

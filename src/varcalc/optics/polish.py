@@ -10,8 +10,12 @@ from varcalc.optics.cells import MOVED, PATH, P, R
 from varcalc.optics.fan import Fan
 from varcalc.optics.system import packed
 
-TOUCHING = 4e-13
+MET = 4e-14
 """A ray that comes this close to the point, relative to the scene, meets it."""
+ANGLES = 4 * float(np.spacing(2 * np.pi))
+"""Launching angles are known no better."""
+TOUCHING = 4e-14
+"""A caustic that comes this close to the point touches it: the ray where it does is polished by no more than that."""
 ROUNDS = 16
 """Newton's steps."""
 ROUND_OFF = 4 * float(np.finfo(float).eps)
@@ -96,6 +100,11 @@ class _Look:
             away = np.hypot(self.miss, self.along)
         return np.where(np.isfinite(away), away, np.inf)
 
+    @property
+    def met(self) -> np.ndarray:
+        """True (k,) where the target is met as closely as round-off of its place and of the angle allows."""
+        return self.distance <= MET * self.aims.size + ANGLES * np.abs(self.spread)
+
     def stepped(self, turn: np.ndarray) -> Aims:
         """The aims after a ``turn`` (k,) of the launching angle, at the places closest to the targets, about."""
         state, aims = self.state, self.aims
@@ -131,35 +140,32 @@ def met(fan: Fan, aims: Aims) -> Meeting:
     """Those of the ``aims`` that meet their targets, polished to round-off."""
     done: list[_Look] = []
     look = best = _look(fan, aims)
-    begun = aims.angle
+    begun, share = aims.angle, np.ones(len(aims))
     for _ in range(ROUNDS):
         if len(begun) == 0:
             break
         with np.errstate(all="ignore"):
-            turn = -look.miss / look.spread
+            turn = -share * look.miss / look.spread
         width = look.aims.width
         new = _look(fan, look.stepped(np.clip(np.where(np.isfinite(turn), turn, 0.0), -width, width)))
-        closer = new.distance < best.distance
-        size = new.aims.size
-        stuck = (new.distance > SHORTER * look.distance) & (np.minimum(new.distance, best.distance) <= TOUCHING * size)
-        best = _either(closer, new, best)
+        there = np.isfinite(new.distance)  # a step too far may lead where no ray gets through
+        best = _either(new.distance < best.distance, new, best)
+        stuck = there & (new.distance > SHORTER * look.distance) & (new.met | best.met)
         strayed = np.abs(new.aims.angle - begun) > 2 * width
-        finished = stuck | strayed | (best.distance <= ROUND_OFF * size) | ~np.isfinite(new.distance)
+        finished = stuck | strayed | (best.distance <= ROUND_OFF * best.aims.size)
         done.append(best.take(np.flatnonzero(finished)))
+        look = _either(there, new, look)
         left = np.flatnonzero(~finished)
-        look, best, begun = new.take(left), best.take(left), begun[left]
-    meetings = [
-        look.take(np.flatnonzero(look.distance <= TOUCHING * look.aims.size)).meeting() for look in [*done, best]
-    ]
-    return gathered(meetings)
+        look, best, begun, share = look.take(left), best.take(left), begun[left], np.where(there, 1.0, share / 4)[left]
+    arrived = [one.take(np.flatnonzero(one.met)) for one in [*done, best]]
+    return gathered([one.meeting() for one in arrived])
 
 
 def _either(first: np.ndarray, one: _Look, other: _Look) -> _Look:
     """The looks of ``one`` where ``first`` (k,) is true, otherwise those of the ``other``."""
     order = np.where(first, np.arange(len(first)), len(first) + np.arange(len(first)))
-    columns = (
-        np.concatenate([getattr(one, n), getattr(other, n)])[order] for n in ("state", "miss", "along", "spread")
-    )
+    names = "state", "miss", "along", "spread"
+    columns = (np.concatenate([getattr(one, name), getattr(other, name)])[order] for name in names)
     return _Look(joined([one.aims, other.aims]).take(order), *columns)
 
 
@@ -177,7 +183,7 @@ def gathered(parts: list[Meeting]) -> Meeting:
 def as_they_are(fan: Fan, aims: Aims) -> Meeting:
     """Those of the ``aims`` that meet their targets without a change of direction."""
     look = _nearest(fan, aims)
-    return look.take(np.flatnonzero(look.distance <= TOUCHING * aims.size)).meeting()
+    return look.take(np.flatnonzero(look.met)).meeting()
 
 
 def flattest(fan: Fan, aims: Aims) -> tuple[Meeting, np.ndarray]:
@@ -188,14 +194,15 @@ def flattest(fan: Fan, aims: Aims) -> tuple[Meeting, np.ndarray]:
     """
     before = _nearest(fan, aims)
     now = _nearest(fan, aims.at(aims.angle + ASIDE * aims.width, aims.sigma, aims.path))
-    bend = np.zeros(len(aims))
+    bend, done = np.zeros(len(aims)), np.zeros(len(aims), dtype=bool)
     for _ in range(ROUNDS // 2):
         with np.errstate(all="ignore"):
             slope = (now.spread - before.spread) / (now.aims.angle - before.aims.angle)
             turn = -now.spread / slope
-        bend = np.where(np.isfinite(slope), slope, bend)
-        turn = np.clip(np.where(np.isfinite(turn), turn, 0.0), -aims.width, aims.width)
-        if np.all(turn**2 * np.abs(bend) <= ROUND_OFF / 100 * aims.size):
-            break
+        bend = np.where(np.isfinite(slope) & ~done, slope, bend)
+        turn = np.clip(np.where(np.isfinite(turn) & ~done, turn, 0.0), -aims.width, aims.width)
+        done |= turn**2 * np.abs(bend) <= ROUND_OFF / 100 * aims.size  # a step more would be led by round-off
         before, now = now, _look(fan, now.stepped(turn))
+        if np.all(done):
+            break
     return _look(fan, now.stepped(np.zeros(len(aims)))).meeting(), bend
