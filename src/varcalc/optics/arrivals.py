@@ -167,8 +167,9 @@ class Search:
 
     def _continua(self, cells: Cells, cell: np.ndarray, pair: np.ndarray) -> tuple[Meeting, np.ndarray]:
         """One ray for each pair that infinitely many join: where many rays nearly meet the point, they are asked."""
-        whole = cells.whole[cell]
-        cell, pair = cell[whole], pair[whole]
+        candidates = np.bincount(pair, minlength=len(self.pairs)) >= CONTINUUM * FIRST_ANGLES
+        some = candidates[pair] & cells.whole[cell]
+        cell, pair = cell[some], pair[some]
         near = cells.take(cell)
         found = misses(near, self.pairs.target[pair])
         flat = np.flatnonzero(~found.outside & (found.range <= NEARLY * self.pairs.size[pair]))

@@ -30,6 +30,8 @@ STRIDE = 0.25
 """How far a ray goes in one step: of the size of the scene, or of the distance from it."""
 SLACK = 0.25
 """Of n² at the source: how far the ends of cells are off wavefronts, which are crowded where n = 0."""
+ROOM = 1.0
+"""A cell holds no point that is so many times its size away from all of its corners."""
 MOST_STEPS = 400
 """Steps of one ray."""
 
@@ -181,6 +183,7 @@ class Fan:
         first = np.flatnonzero((np.diff(rays.rows) == 1) & (np.diff(rays.source[rays.rows]) == 0))
         started = np.isfinite(rays.start[:, PATH])
         first = first[started[first] | started[first + 1]]
+        first = first[self._may_matter(rays, first)]
         pairs = np.stack([first, first + 1], axis=1)
         state = np.stack([rays.start[pairs], rays.end[pairs]], axis=2)
         source = rays.source[rays.rows[first]]
@@ -195,6 +198,20 @@ class Fan:
             np.full(len(first), np.inf),
             np.zeros(len(first), dtype=int),
         )
+
+    def _may_matter(self, rays: _Stretch, first: np.ndarray) -> np.ndarray:
+        """True (k,) for cells between the rays ``first`` (k,) and the next which are not far from every point."""
+        source = rays.source[rays.rows[first]]
+        corners = np.stack([rays.start[first], rays.start[first + 1], rays.end[first], rays.end[first + 1]], axis=1)
+        width = rays.angles[rays.rows[first + 1]] - rays.angles[rays.rows[first]]
+        away = np.linalg.norm(corners[..., R] - self.bounds.middle[source, None], axis=2)
+        p, moved = corners[..., P], corners[..., MOVED]
+        across = width[:, None] * np.abs(p[..., 0] * moved[..., 1] - p[..., 1] * moved[..., 0])
+        across /= np.linalg.norm(p, axis=2)
+        along = np.linalg.norm(corners[:, 2:, R] - corners[:, :2, R], axis=2)
+        size = across.max(axis=1) + along.max(axis=1)
+        far = away.min(axis=1) > self.bounds.reach[source] + ROOM * size
+        return ~far  # also where a corner is missing
 
     def _within(self, source: np.ndarray, states: np.ndarray) -> np.ndarray:
         """True (m,) for rays that may still come to a point."""
@@ -211,11 +228,7 @@ class Fan:
         slack = self._slack[source]
         ahead = states[:, PATH] + slack * sigma
         gain = stride(beam, last, length) * (np.sum(states[:, P] ** 2, axis=1) + slack)
-        front = np.zeros(len(states))
-        for number in np.unique(source):
-            own = np.flatnonzero((source == number) & (gain > 0))
-            if len(own):
-                front[source == number] = np.median(ahead[own] + gain[own])
+        front = _medians(source, ahead + gain, gain > 0)[source]
         return to_front(beam, last, front - ahead, gain, slack)
 
     def _delay(self, source: np.ndarray, states: np.ndarray) -> np.ndarray:
@@ -241,3 +254,15 @@ class _Stretch:
     start: np.ndarray
     after: np.ndarray
     end: np.ndarray
+
+
+def _medians(source: np.ndarray, values: np.ndarray, counted: np.ndarray) -> np.ndarray:
+    """The middle one of each source's ``values`` (m,) that are ``counted``; zero where there is none."""
+    number = int(source.max(initial=-1)) + 1
+    rows = np.flatnonzero(counted)
+    rows = rows[np.lexsort((values[rows], source[rows]))]
+    count = np.bincount(source[rows], minlength=number)
+    medians = np.zeros(number)
+    some = count > 0
+    medians[some] = values[rows[(np.cumsum(count) - count + count // 2)[some]]]
+    return medians

@@ -15,7 +15,7 @@ from varcalc.instructions import Vectorised
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.known_ends import KnownEnds
 from varcalc.optics.layered import Expression, LayeredSwarm, compile_rays
-from varcalc.optics.media import Field, Medium
+from varcalc.optics.media import Medium
 from varcalc.optics.surfaces import Geometry
 from varcalc.optics.system import packed, unpacked
 from varcalc.optics.tabulated import Tabulated
@@ -50,14 +50,12 @@ class HamiltonRays:
     engine: Engine
     _swarms: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
     known: KnownEnds = field(init=False, repr=False)
-    _field: Field = field(init=False, repr=False)
     _free: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
 
     name = "Hamilton's ray equations"
 
     def __post_init__(self) -> None:
         self.known = KnownEnds(self.medium, self.dimension, self.engine)
-        self._field = Field(self.medium, self.dimension)
 
     def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
         """Carry the rays to the first surface, or to the optical path ``limit`` (m,), infinite where there is none.
@@ -144,7 +142,7 @@ class HamiltonRays:
         """The rays of ``states``, in place not a number where |p| = n no longer holds."""
         d = self.dimension
         with np.errstate(all="ignore"):
-            squared, _, _ = self._field(states[:, :d])
+            squared = self._squared(states[:, :d])
             sound = np.abs(np.sum(states[:, d : 2 * d] ** 2, axis=1) - squared) <= BROKEN * np.abs(squared)
         states[~sound] = np.nan
         return unpacked(states, d)

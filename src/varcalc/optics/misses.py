@@ -25,7 +25,7 @@ MARGIN = 0.1
 """Of a cell: how far beyond its sides a zero is still taken, lest it fall between two cells."""
 BEYOND = 0.6
 """Of a cell: how far a ray is foretold beyond its ends."""
-STEPS = 6
+STEPS = 5
 """Newton's steps along a ray."""
 BISECTIONS = 40
 

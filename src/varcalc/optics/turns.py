@@ -40,7 +40,7 @@ def conjugate_points(
 
 
 def _on_leg(march: March, number: int, beam: Beam, after: Beam, ends: np.ndarray, across: np.ndarray) -> np.ndarray:
-    """The numbers (m,) of crossings in medium ``number``, from ``beam`` to ``after``, where the offsets are ``ends``."""
+    """The numbers (m,) of crossings in medium ``number``, from ``beam`` to ``after`` with the offsets ``ends``."""
     if isinstance(march.models[number], StraightRays):
         return _crossings(_offsets(beam, across), ends)
     return _along(march, number, beam, after, ends, across)

@@ -112,13 +112,12 @@ class TwoPoint:
             squared = np.where(flat, 0.0, np.sum(away**2, axis=1) * index**2 / spread)  # the path is stationary
         error = np.abs(along) + squared + 16 * EPS * path
         tangent = end.momentum / np.linalg.norm(end.momentum, axis=1)[:, None]
-        clear = self._clear(beam, path)
+        clear, name = self._clear(beam, path), self.full.name
         rays: list[Ray | None] = []
         for k in range(len(beam)):
             if not clear[k]:
                 rays.append(None)
                 continue
-            one = beam.take(np.array([k]))
             ray = Ray(
                 optical_path=float(end.optical_path[k] + along[k]),
                 error=float(error[k]),
@@ -126,8 +125,8 @@ class TwoPoint:
                 spreading=float(spread[k]),
                 degenerate=bool(flat[k]),
                 tangents=(beam.momentum[k] / index[k], tangent[k]),
-                model=self.full.name,
-                way=lambda one=one, path=float(path[k]): self.tracks.legs(one, path)[0],
+                model=name,
+                way=lambda k=k: self.tracks.legs(beam.take(np.array([k])), float(path[k]))[0],
                 media=self.full.media,
                 surfaces=self.full.surfaces,
             )
