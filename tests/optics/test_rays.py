@@ -247,3 +247,61 @@ def test_without_heyoka_the_answers_are_the_same_to_fewer_digits(monkeypatch):
     rays = parabolic().rays((0, 0), (0.5, 0))
     np.testing.assert_allclose([r.optical_path for r in rays], [0.494521305498037, 0.730223565893552], rtol=1e-10)
     assert [r.index for r in rays] == [0, 1]
+
+
+def test_many_pairs_are_answered_as_each_would_be():
+    scene, rng = parabolic(), np.random.default_rng(4)
+    sources, receivers = rng.uniform(-0.5, 0.2, (2, 7, 2))
+    together = scene.arrivals(sources, receivers)
+    shared = scene.arrivals(sources[0], receivers)
+    for a, b, rays, of_one in zip(sources, receivers, together, shared, strict=True):
+        np.testing.assert_allclose([r.optical_path for r in rays], parabolic_paths(1.0, 1.0, a, b), rtol=1e-13)
+        np.testing.assert_allclose(
+            [r.optical_path for r in of_one], parabolic_paths(1.0, 1.0, sources[0], b), rtol=1e-13
+        )
+        assert [r.index for r in rays] == list(range(len(rays)))
+
+
+def test_pairs_in_space_share_a_source_and_differ_in_their_planes():
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 - 2 * y)))
+    receivers = [(0.3, 0.4, 0.0), (0.5, 0.0, 0.0), (0.0, -0.5, 0.0), (2.0, 0.0, 0.0)]
+    answers = scene.arrivals((0, 0, 0), receivers)
+    expected = parabolic_paths(1.0, 1.0, np.zeros(2), (0.5, 0.0))
+    for rays in answers[:3]:
+        np.testing.assert_allclose([r.optical_path for r in rays], expected, rtol=1e-13)
+    assert "shadow" in answers[3].reason
+
+
+def test_a_point_just_below_the_caustic_of_rays_that_have_all_but_stopped_rising():
+    """Both rays are steep, and turn on the spot: branches of the miss were lost here."""
+    b = (0.044105701203470904, 0.4990273279970481)
+    rays = parabolic().rays((0, 0), b)
+    np.testing.assert_allclose([r.optical_path for r in rays], parabolic_paths(1.0, 1.0, (0.0, 0.0), b), rtol=1e-13)
+    assert [r.index for r in rays] == [0, 1]
+
+
+def test_a_ray_that_comes_back_to_a_surface_is_blocked():
+    """Below the plane rays bend up again: the second way to B crosses the plane twice."""
+    below = optics.Stratified(lambda y: ca.sqrt(1 + 2 * y))
+    scene = optics.Scene([AIR, below], [optics.Plane((0, 0), (0, 1))])
+    [_, later] = scene.rays((0.0, 0.2), (0.7, -0.1))
+    turned = later.point(np.linspace(0.0, later.optical_path, 50))
+    assert np.all(turned[1:-1][turned[1:-1, 0] > 0.3, 1] < 0.2)
+    assert later.index == len(later.conjugate_points)
+
+
+@pytest.mark.parametrize(
+    ("sources", "receivers", "message"),
+    [
+        ([(0, 0)] * 2, [(1, 0)] * 3, "2 sources and 3 receivers"),
+        ((0, 0), [(0.5, 0), (0, 0)], "same point in row 1"),
+        ((0, 0), [(0.5, 0, 0)], "sources has 2 coordinates, receivers 3"),
+    ],
+)
+def test_bad_pairs_are_refused(sources, receivers, message):
+    with pytest.raises(ValueError, match=message):
+        parabolic().arrivals(sources, receivers)
+
+
+def test_no_pairs_have_no_answers():
+    assert parabolic().arrivals(np.zeros((0, 2)), np.zeros((0, 2))) == []

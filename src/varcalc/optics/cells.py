@@ -124,15 +124,14 @@ def between(width: np.ndarray, sigma: np.ndarray, delay: np.ndarray) -> np.ndarr
     return sigma.mean(axis=1) + np.where(np.isfinite(bend), bend, 0.0)
 
 
-def parted(
-    cells: Cells, sigma: np.ndarray, state: np.ndarray, pull: np.ndarray, delay: np.ndarray
-) -> tuple[Cells, np.ndarray]:
+def parted(cells: Cells, sigma: np.ndarray, state: np.ndarray, pull: np.ndarray) -> tuple[Cells, np.ndarray]:
     """Quarters of each cell, or halves, with the number of the cell that each was in, ascending.
 
-    σ (q, 3, 3), states, pulls and delays are those at 3 x 3 places [ray, end]. A slanted cell is halved between its
+    σ (q, 3, 3), states and pulls are those at 3 x 3 places [ray, end]. A slanted cell is halved between its
     rays only.
     """
     angle = np.column_stack([cells.angle[:, 0], cells.angle.mean(axis=1), cells.angle[:, 1]])
+    delay = _delays(cells)
     sideways, off, along = _unforeseen(angle[:, 2] - angle[:, 0], sigma, state, delay)
     slanted = cells.slant() > SLANTED
     parts, parents = [], []
@@ -150,6 +149,17 @@ def parted(
     parent = np.concatenate(parents)
     order = np.argsort(parent, kind="stable")
     return joined(parts).take(order), parent[order]
+
+
+def _delays(cells: Cells) -> np.ndarray:
+    """The derivatives of σ by the angle (q, 3, 3) along the lines that part the cells: the parts fit together."""
+    width = (cells.angle[:, 1] - cells.angle[:, 0])[:, None]
+    rise = cells.sigma[:, 1] - cells.sigma[:, 0]
+    middle = np.zeros_like(rise)  # where two angles are neighbours as numbers too
+    np.divide(1.5 * rise, width, out=middle, where=width > 0)
+    middle -= (cells.delay[:, 0] + cells.delay[:, 1]) / 4
+    ends = np.stack([cells.delay[:, 0], middle, cells.delay[:, 1]], axis=1)
+    return np.stack([ends[:, :, 0], ends.mean(axis=2), ends[:, :, 1]], axis=2)
 
 
 def _unforeseen(width: np.ndarray, sigma: np.ndarray, state: np.ndarray, delay: np.ndarray) -> tuple[np.ndarray, ...]:

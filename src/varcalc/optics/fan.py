@@ -117,7 +117,7 @@ class Fan:
         self._halve(state, sigma, 1, (middle[:, 1] - middle[:, 0]) / 2, (0, 1))
         for side in (0, 2):
             self._halve(state, sigma, side, (sigma[:, side, 2] - sigma[:, side, 0]) / 2, (0,))
-        return parted(cells, sigma, state, self._pull(state), self._delay(cells.source, state))
+        return parted(cells, sigma, state, self._pull(state))
 
     def _halve(self, state: np.ndarray, sigma: np.ndarray, side: int, half: np.ndarray, steps: tuple[int, ...]) -> None:
         """Carry the rays at one ``side`` of cells half their lengths on, into the next place, once or twice."""

@@ -11,7 +11,7 @@ from varcalc.functional import named
 from varcalc.optics.bundle import Bundle
 from varcalc.optics.caravan import CHUNK, Sources, carried
 from varcalc.optics.march import March
-from varcalc.optics.media import Field, Medium
+from varcalc.optics.media import Medium
 from varcalc.optics.plane import section, whole_plane
 from varcalc.optics.ray import Rays
 from varcalc.optics.surfaces import Geometry, Surface
@@ -260,7 +260,7 @@ class Scene:
         if within is not None and not (numbers("within", within).ndim == 0 and within > 0):
             raise ValueError(f"within must be a positive optical path, not {within!r}")
         limit = self._usual_range(starts, ends) if within is None else np.full(len(starts), float(within))
-        index = Field(self.media[-1], ends.shape[1]).index(ends)
+        index = self._march(None, ends.shape[1]).fields[-1].index(ends)
         real = (index > 0) & np.isfinite(index)
         answers = [Rays((), f"the index is {n:g} at B, so that no ray comes there", "nothing") for n in index]
         order = np.lexsort(starts.T)
@@ -319,8 +319,9 @@ class Scene:
     def _usual_range(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The optical paths (k,) up to which rays are looked for when nobody says."""
         lengths, largest = [np.linalg.norm(b - a, axis=1)], np.zeros(len(a))
-        for medium, end in ((self.media[0], a), (self.media[-1], b)):
-            squared, gradient, hessian = Field(medium, end.shape[1])(end)
+        fields = self._march(None, a.shape[1]).fields
+        for field, end in ((fields[0], a), (fields[-1], b)):
+            squared, gradient, hessian = field(end)
             with np.errstate(all="ignore"):
                 largest = np.fmax(largest, np.sqrt(squared))
                 first = 2 * squared / np.linalg.norm(gradient, axis=1)
@@ -360,7 +361,7 @@ class Scene:
 
     def _index_at_source(self, start: np.ndarray) -> np.ndarray:
         """n (m,) where the rays start; ValueError where it is no positive number."""
-        index = _by_chunks(Field(self.media[0], start.shape[1]).index, start)
+        index = _by_chunks(self._march(None, start.shape[1]).fields[0].index, start)
         bad = ~((index > 0) & np.isfinite(index))
         if np.any(bad):
             row = int(np.argmax(bad))
