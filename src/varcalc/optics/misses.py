@@ -25,8 +25,10 @@ MARGIN = 0.1
 """Of a cell: how far beyond its sides a zero is still taken, lest it fall between two cells."""
 BEYOND = 0.6
 """Of a cell: how far a ray is foretold beyond its ends."""
-STEPS = 5
+STEPS = 6
 """Newton's steps along a ray."""
+ON_LINE = 1e-9
+"""Of the length of a cell: how close to the line they are to lead."""
 BISECTIONS = 40
 
 
@@ -74,7 +76,7 @@ def misses(cells: Cells, targets: np.ndarray) -> Misses:
 def _met(cells: Cells, targets: np.ndarray, ahead: np.ndarray) -> tuple[np.ndarray, ...]:
     """Where in the cell, how far from the target and with what derivative by the angle (k, 2) both rays meet the line.
 
-    Last, whether both meet it before the cell or behind (k,), and whether both go about straight through it.
+    Last, whether both meet it before the cell or behind (k,), and whether both are known to go about straight through it.
 
     Along a ray the quintic is used which has its places, momenta and pulls at both ends.
     """
@@ -102,9 +104,10 @@ def _met(cells: Cells, targets: np.ndarray, ahead: np.ndarray) -> tuple[np.ndarr
             _, going, short = at(u)
             u = u - short / np.sum(going * ahead, axis=2)[..., None]
             u = np.clip(np.where(np.isfinite(u), u, 0.5), -1 - BEYOND, 2 + BEYOND)
-        place, going, _ = at(u)
+        place, going, short = at(u)
         moved = start[..., MOVED] + u * (turned + u * ((3 * change - last) + u * (last - 2 * change)))
         straight = np.sum(going * ahead, axis=2) >= ALIKE * np.linalg.norm(going, axis=2)
+        straight &= np.abs(short[..., 0]) <= ON_LINE * np.linalg.norm(going, axis=2)
         tilt = np.sum(going * side, axis=2) / np.sum(going * ahead, axis=2)
         across = np.sum(moved * side, axis=2) - tilt * np.sum(moved * ahead, axis=2)
     return u[..., 0], np.sum(place * side, axis=2), across, outside, np.all(straight, axis=1)
