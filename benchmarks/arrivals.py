@@ -64,7 +64,7 @@ def tally(family: str, drawn: list[Drawn], answers: list[optics.Rays], seconds: 
             error = abs(ray.optical_path - path)
             worst = max(worst, error / path)
             beyond += bool(error > ray.error + AGREED * path)
-    near = sum(bool(np.isfinite(one.depth)) and abs(one.depth) < 1e-6 for one in drawn)
+    near = sum(bool(abs(one.depth) < 1e-6) for one in drawn)
     rays = sum(len(one.paths) for one in drawn)
     return Tally(family, len(drawn), near, rays, close, missed, false, int(beyond), float(worst), seconds)
 
