@@ -76,7 +76,7 @@ def misses(cells: Cells, targets: np.ndarray) -> Misses:
 def _met(cells: Cells, targets: np.ndarray, ahead: np.ndarray) -> tuple[np.ndarray, ...]:
     """Where in the cell, how far from the target and with what derivative by the angle (k, 2) both rays meet the line.
 
-    Last, whether both meet it before the cell or behind (k,), and whether both are known to go about straight through it.
+    Last, whether both meet it before the cell or behind (k,), and whether both go about straight through it.
 
     Along a ray the quintic is used which has its places, momenta and pulls at both ends.
     """
