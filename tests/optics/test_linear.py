@@ -4,11 +4,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc import engines, optics
+from varcalc import optics
 from varcalc.optics import RayStatus
 from varcalc.optics.beam import NOTHING, launched
-from varcalc.optics.hamilton import HamiltonRays
-from varcalc.optics.linear import LinearRays, is_linear, ratio
+from varcalc.optics.linear import is_linear, ratio
 from varcalc.optics.media import squared
 from varcalc.optics.surfaces import Geometry
 
@@ -46,13 +45,13 @@ def test_closed_forms_agree_with_hamiltons_equations(medium, surface):
     for leaving in (NOTHING,) if surface is None else (NOTHING, 0):
         start = beam(medium)
         if leaving != NOTHING:
-            there = LinearRays(medium, 3, geometries, engines.default()).advance(start, np.full(200, np.inf))
+            there = optics.Linear().carrier(medium, 3, geometries).advance(start, np.full(200, np.inf))
             start = there.beam.take(np.flatnonzero(there.struck == 0))
             assert len(start) > 50
             limit = start.optical_path + 2.5
         ends = [
-            model(medium, 3, geometries, engines.default()).advance(start, limit, leaving)
-            for model in (LinearRays, HamiltonRays)
+            model.carrier(medium, 3, geometries).advance(start, limit, leaving)
+            for model in (optics.Linear(), optics.Hamilton())
         ]
         np.testing.assert_array_equal(ends[0].struck, ends[1].struck)
         assert np.all(ends[0].status == ends[1].status)

@@ -4,6 +4,9 @@ from varcalc.optics.beam import RayStatus
 from varcalc.optics.bundle import Bundle
 from varcalc.optics.curved import CurvedMedium
 from varcalc.optics.dispersion import GLASSES, Cauchy, Dispersion, Sellmeier
+from varcalc.optics.fermat import Fermat
+from varcalc.optics.hamilton import Hamilton
+from varcalc.optics.invariants import Invariants
 from varcalc.optics.known import (
     eaton,
     exponential_atmosphere,
@@ -13,14 +16,18 @@ from varcalc.optics.known import (
     selfoc,
     standard_atmosphere,
 )
+from varcalc.optics.linear import Linear
 from varcalc.optics.maupertuis import maupertuis
 from varcalc.optics.media import Graded, Medium, Radial, Stratified, Uniform
+from varcalc.optics.model import DoesNotApply, Model
 from varcalc.optics.packets import DispersionRelation, WavePackets
+from varcalc.optics.parabolas import Parabolas
 from varcalc.optics.profiles import read_profile
 from varcalc.optics.range_chart import RangeChart, range_chart
 from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.scene import Scene
 from varcalc.optics.sources import PlaneWave, PointSource, Source
+from varcalc.optics.straight import Straight
 from varcalc.optics.study import Seen, Study
 from varcalc.optics.surfaces import Asphere, Conic, Implicit, Plane, Sphere, Surface
 from varcalc.optics.tabulated import Tabulated
@@ -37,10 +44,17 @@ __all__ = [
     "CurvedMedium",
     "Dispersion",
     "DispersionRelation",
+    "DoesNotApply",
+    "Fermat",
     "Graded",
+    "Hamilton",
     "Implicit",
     "Intensity",
+    "Invariants",
+    "Linear",
     "Medium",
+    "Model",
+    "Parabolas",
     "Plane",
     "PlaneWave",
     "PointSource",
@@ -55,6 +69,7 @@ __all__ = [
     "Sellmeier",
     "Source",
     "Sphere",
+    "Straight",
     "Stratified",
     "Study",
     "Surface",

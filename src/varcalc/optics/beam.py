@@ -76,6 +76,11 @@ class Beam:
         """The rays of ``rows``."""
         return Beam(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
+    def known(self, where: np.ndarray) -> Beam:
+        """The rays ``where`` (m,) is true; in place of the others not a number."""
+        columns = (getattr(self, name) for name in self.__dataclass_fields__)
+        return Beam(*(np.where(where.reshape(-1, *[1] * (values.ndim - 1)), values, np.nan) for values in columns))
+
     def put(self, rows: np.ndarray, other: Beam) -> None:
         """Write ``other`` over the rays of ``rows``, in place."""
         for name in self.__dataclass_fields__:

@@ -88,7 +88,7 @@ class Fan:
         return self.onward(packed(entry), sigma, path)[0]
 
     def onward(self, states: np.ndarray, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:
-        """Carry ``states`` (m, 9) in the last medium: see :meth:`HamiltonRays.onward`. What is none stays none."""
+        """Carry ``states`` (m, 9) in the last medium: see :class:`Carrier`. What is none stays none."""
         ends, grown = np.full_like(states, np.nan), np.zeros(len(states))
         rows = np.flatnonzero(np.isfinite(states[:, PATH]) & np.isfinite(path))
         if len(rows):

@@ -10,14 +10,17 @@ from threading import Lock
 import casadi as ca
 import numpy as np
 
-from varcalc.engines import OUTCOMES, Engine, Landing, Outcome, Swarm
+from varcalc import engines
+from varcalc.engines import OUTCOMES, Engine, Flow, Landing, Outcome, Swarm
 from varcalc.instructions import Vectorised
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.known_ends import KnownEnds
 from varcalc.optics.layered import Expression, LayeredSwarm, compile_rays
-from varcalc.optics.media import Medium
+from varcalc.optics.legs import Leg, hamilton_leg
+from varcalc.optics.media import Field, Medium
+from varcalc.optics.model import Carrier, Model
 from varcalc.optics.surfaces import Geometry
-from varcalc.optics.system import packed, unpacked
+from varcalc.optics.system import packed, ray_system, unpacked
 from varcalc.optics.tabulated import Tabulated
 
 FAR = 1e6
@@ -37,6 +40,15 @@ _ONE_AT_A_TIME = Lock()
 """Threads that need the same system wait for the one that builds it."""
 
 
+@dataclass(frozen=True)
+class Hamilton(Model):
+    """Hamilton's ray equations, integrated: for every medium and all surfaces."""
+
+    def carrier(self, medium: Medium, dimension: int, surfaces: Sequence[Geometry]) -> Carrier:
+        """See :meth:`Model.carrier`."""
+        return HamiltonRays(medium, dimension, surfaces, engines.default())
+
+
 @dataclass
 class HamiltonRays:
     """The model for one graded medium, with the surfaces that rays in it may meet.
@@ -51,6 +63,7 @@ class HamiltonRays:
     _swarms: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
     known: KnownEnds = field(init=False, repr=False)
     _free: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
+    _flow: Flow | None = field(init=False, default=None, repr=False)
 
     name = "Hamilton's ray equations"
 
@@ -110,6 +123,15 @@ class HamiltonRays:
             away.append(distance[np.isfinite(distance)].max(initial=0.0))
         return float(max(away)) or 1.0
 
+    def leg(self, beam: Beam, path: float) -> Leg:
+        """See :meth:`varcalc.optics.model.Carrier.leg`."""
+        here = Field(self.medium, self.dimension)
+        if self._flow is None:
+            system = ray_system(self.medium, self.dimension, self.dimension - 1)
+            self._flow = engines.available()[0].compile(system)
+        pieces = self.pieces(beam, path) or [(0.0, np.zeros(0), packed(beam)[0])]
+        return hamilton_leg(pieces, self._flow, self.dimension, lambda r: here(r)[1] / 2, self.sigma(beam, path))
+
     def sigma(self, beam: Beam, path: float) -> float:
         """σ at which the one ray of ``beam`` has the optical path ``path``, whatever surfaces stand there."""
         landing = self._unhindered(beam).run(packed(beam), np.array([[path]]))
@@ -121,11 +143,7 @@ class HamiltonRays:
         return swarm.pieces(packed(beam)[0], np.array([path])) if isinstance(swarm, LayeredSwarm) else []
 
     def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:
-        """The rays after ``sigma`` (m,) more, as if there were no surfaces, and by how much σ has grown.
-
-        In a table, where rays are carried to an optical path, they go to ``path`` (m,) instead. What is carried is
-        not a number where the ray does not come so far.
-        """
+        """See :meth:`varcalc.optics.model.Carrier.onward`; in a table rays go to ``path``."""
         if not isinstance(self.medium, Tabulated):
             states = self.known.to_sigma(packed(beam), sigma)
             return self._sound(states), sigma

@@ -94,6 +94,15 @@ class LayeredSwarm:
             if len(alive) == 0:
                 return
 
+    def _kick(self, states: np.ndarray, rows: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
+        """Turn the neighbours of ``rows`` that come to a kink of n² at another σ than the ray, in place."""
+        d, knots = self.dimension, np.asarray(self.table.heights)
+        height, climb = states[rows, d - 1], states[rows, 2 * d - 1]
+        slopes = [self.table.slope(layer, height - knots[layer]) for layer in (before, after)]
+        kick = np.divide((slopes[1] - slopes[0]) / 2, climb, out=np.zeros(len(rows)), where=climb != 0)
+        for first in range(2 * d + 1, states.shape[1], 2 * d):
+            states[rows, first + 2 * d - 1] += kick * states[rows, first + d - 1]
+
     def _starts(self, heights: np.ndarray, layer: np.ndarray) -> np.ndarray:
         """The height of the table (m,), as a stop, that each ray starts from, or NONE."""
         bounds = self.table.constants(layer)
@@ -110,6 +119,7 @@ class LayeredSwarm:
         ends.states[at, self.dimension - 1] = np.asarray(self.table.heights)[knot]
         following = np.where(climbing, knot, knot - 1)
         inside = (following >= 0) & (following < self.table.layers)
+        self._kick(ends.states, at[inside], layer[at[inside]], following[inside])
         ends.stopped_by[at[~inside]] = self.stops
         layer[at[inside]] = following[inside]
         start[at] = np.where(climbing, self.stops, self.stops + 1)

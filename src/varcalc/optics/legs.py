@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from varcalc.engines import Flow, Outcome
 from varcalc.optics.beam import Beam
-from varcalc.optics.straight import moved_on
 from varcalc.optics.system import unpacked
 
 SAMPLES = 129
@@ -99,6 +98,16 @@ def _passed(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     least = np.argmin(np.sum(np.abs(moves - before[..., None, :]), axis=-1), axis=-1)
     moved = np.take_along_axis(moves, least[..., None, None], axis=-2)[..., 0, :]
     return np.sum(moved >= np.pi, axis=-1) - np.sum(before >= np.pi, axis=-1)
+
+
+def moved_on(beam: Beam, sigma: np.ndarray, squared_index: float) -> Beam:
+    """The rays after ``sigma`` (m,) on their straight lines."""
+    return replace(
+        beam,
+        position=beam.position + sigma[:, None] * beam.momentum,
+        optical_path=beam.optical_path + sigma * squared_index,
+        moved=beam.moved + sigma[:, None, None] * beam.turned,
+    )
 
 
 def straight_leg(beam: Beam, squared_index: float, length: float) -> Leg:

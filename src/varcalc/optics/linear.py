@@ -9,7 +9,7 @@ Astrodynamics", sect. 4.5 and 4.6).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,8 +19,9 @@ import numpy as np
 
 from varcalc.instructions import Vectorised
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
-from varcalc.optics.hamilton import HamiltonRays
+from varcalc.optics.legs import Leg
 from varcalc.optics.media import Medium
+from varcalc.optics.model import Carrier, DoesNotApply, Model
 from varcalc.optics.surfaces import Geometry
 from varcalc.optics.tabulated import Tabulated
 
@@ -111,17 +112,42 @@ def _third(x: np.ndarray) -> np.ndarray:
     return total / 6
 
 
+@dataclass(frozen=True)
+class Linear(Model):
+    """The linear ray equation in closed form: where n² is a polynomial of second degree.
+
+    It needs surfaces whose levels g keep a ratio of g''' and g' along all rays: planes along the principal directions
+    of n² or in which it is linear, spheres about its centre.
+    """
+
+    def carrier(self, medium: Medium, dimension: int, surfaces: Sequence[Geometry]) -> Carrier:
+        """See :meth:`Model.carrier`."""
+        if not is_linear(medium, dimension):
+            raise DoesNotApply(
+                "Linear needs n² to be a polynomial of second degree in the coordinates, which is not seen in that of "
+                f"{type(medium).__name__}; take Hamilton()"
+            )
+        for geometry in surfaces:
+            if ratio(medium, geometry) is None:
+                raise DoesNotApply(
+                    "Linear needs surfaces that rays meet at zeros known in closed form, such as planes along the "
+                    f"axes of n² and spheres about its centre, and {geometry.surface} is none; take Hamilton()"
+                )
+        return LinearRays(medium, dimension, surfaces)
+
+
 @dataclass
-class LinearRays(HamiltonRays):
+class LinearRays:
     """The model for a medium of that kind, with surfaces whose levels keep a constant :func:`ratio`."""
+
+    medium: Medium
+    dimension: int
+    surfaces: Sequence[Geometry]
 
     name = "linear ray equation"
 
     def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
-        """Carry the rays to the first surface, or to the optical path ``limit`` (m,), infinite where there is none.
-
-        ``leaving`` is the number of the surface all of them start from.
-        """
+        """See :meth:`varcalc.optics.model.Carrier.advance`."""
         far = [self._distance(beam, k, k == leaving) for k in range(len(self.surfaces))]
         far = np.stack(far or [np.full(len(beam), np.inf)])
         struck = np.argmin(far, axis=0)
@@ -137,6 +163,21 @@ class LinearRays(HamiltonRays):
         struck = np.where(missed, NOTHING, struck)
         status = np.where(missed, int(RayStatus.MISSED), int(RayStatus.ARRIVED))
         return Arrival(paths.at(np.where(missed, 0.0, sigma)), struck, status)
+
+    def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:  # noqa: ARG002
+        """See :meth:`varcalc.optics.model.Carrier.onward`."""
+        return _Paths(self, beam).at(sigma), sigma
+
+    def leg(self, beam: Beam, path: float) -> Leg:
+        """See :meth:`varcalc.optics.model.Carrier.leg`."""
+        length = _Paths(self, beam).reaching(path - beam.optical_path, np.zeros(1, dtype=int))
+        curvatures, directions, pull = self.principal
+        stiffness = (directions * curvatures) @ directions.T
+
+        def at(sigma: np.ndarray) -> Beam:
+            return _Paths(self, beam.take(np.zeros(len(sigma), dtype=int))).at(sigma)
+
+        return Leg(at, lambda r: r @ stiffness + pull, float(length[0]))
 
     @cached_property
     def principal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,14 +9,10 @@ import numpy as np
 
 from varcalc import engines
 from varcalc.optics.beam import NOTHING, Beam, RayStatus, at_surface
-from varcalc.optics.hamilton import HamiltonRays
-from varcalc.optics.linear import LinearRays, is_linear, ratio
 from varcalc.optics.media import Field, Medium
-from varcalc.optics.straight import StraightRays
+from varcalc.optics.model import Carrier, Model
+from varcalc.optics.models import carrier
 from varcalc.optics.surfaces import Geometry, Surface
-
-Model = StraightRays | HamiltonRays
-"""How rays get from one surface to the next."""
 
 
 @dataclass
@@ -32,18 +28,18 @@ class March:
     until : Surface or None
         Where rays stop, wherever they are on their way.
     dimension : int
-    only_ends : bool
-        Whether nothing is asked of rays but where they end: then closed forms serve where there are some.
+    model : Model or None
+        The one that carries the rays; the cheapest in each medium where it is None.
     """
 
     media: Sequence[Medium]
     surfaces: Sequence[Surface]
     until: Surface | None
     dimension: int
-    only_ends: bool = False
+    model: Model | None = None
     geometries: list[Geometry] = field(init=False)
     fields: list[Field] = field(init=False)
-    models: list[Model] = field(init=False)
+    models: list[Carrier] = field(init=False)
     shapes: list[int] = field(init=False)
     stop: int = field(init=False, default=NOTHING)
 
@@ -56,17 +52,7 @@ class March:
             self.stop = shapes.index(_shape(self.until))
         self.geometries = [Geometry(shape, self.dimension) for shape in shapes]
         self.fields = [Field(medium, self.dimension) for medium in self.media]
-        self.models = [self._model(k) for k in range(len(self.media))]
-
-    def _model(self, number: int) -> Model:
-        """The cheapest model that treats medium ``number``."""
-        medium = self.media[number]
-        if medium.is_uniform:
-            squared, _, _ = self.fields[number](np.zeros((1, self.dimension)))
-            return StraightRays(float(squared[0]), self.geometries)
-        closed = self.only_ends and is_linear(medium, self.dimension)
-        closed = closed and all(ratio(medium, geometry) is not None for geometry in self.geometries)
-        return (LinearRays if closed else HamiltonRays)(medium, self.dimension, self.geometries, engines.default())
+        self.models = [carrier(self.model, medium, self.dimension, self.geometries) for medium in self.media]
 
     @property
     def name(self) -> str:

@@ -16,8 +16,9 @@ import numpy as np
 from varcalc.engines import NONE, OUTCOMES, Engine, Outcome, Swarm
 from varcalc.optics.beam import NOTHING, Beam
 from varcalc.optics.layered import Expression, compile_rays
+from varcalc.optics.legs import moved_on
 from varcalc.optics.media import Field, Medium
-from varcalc.optics.straight import StraightRays, moved_on
+from varcalc.optics.straight import StraightRays
 from varcalc.optics.surfaces import Geometry
 from varcalc.optics.system import packed, unpacked
 

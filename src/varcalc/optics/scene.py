@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,9 @@ from varcalc.optics.bundle import Bundle
 from varcalc.optics.caravan import CHUNK, Sources, carried
 from varcalc.optics.march import March
 from varcalc.optics.media import Medium
-from varcalc.optics.plane import section, whole_plane
+from varcalc.optics.model import Model, Question
+from varcalc.optics.models import checked_model
+from varcalc.optics.plane import Section, section, whole_plane
 from varcalc.optics.ray import Rays
 from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.optics.two_point import Ends, TwoPoint
@@ -85,8 +88,8 @@ class Scene:
                 "the scene has parts in the plane and parts in space; give all points 2 or all 3 coordinates"
             )
         self.dimension = dimensions.pop() if dimensions else None
-        self._problems: dict[str, TwoPoint] = {}  # what has been compiled
-        self._marches: dict[tuple[Surface | None, int, bool], March] = {}
+        self._problems: dict[tuple[str, Model | None], TwoPoint] = {}  # what has been compiled
+        self._marches: dict[tuple[Surface | None, int, Model | None], March] = {}
 
     def __repr__(self) -> str:
         return f"Scene({list(self.media)}, {list(self.surfaces)})"
@@ -117,6 +120,7 @@ class Scene:
         until: Surface | None = None,
         with_spreading: bool = False,
         wavelength: float | None = None,
+        model: Model | None = None,
         progress: bool | None = None,
     ) -> Bundle:
         """Carry a bundle of rays through the scene, each with steps, an end and a status of its own.
@@ -134,6 +138,9 @@ class Scene:
             Whether to carry d - 1 neighbours of each ray along, which costs about three times as much.
         wavelength : float, optional
             That of the light, in micrometres in vacuum, if it is another than the scene's.
+        model : Model, optional
+            What carries the rays, such as ``optics.Invariants()``; the cheapest that applies in each medium when
+            left out. The answer names it.
         progress : bool, optional
             Whether to show a bar on standard error; when left out, for long work on a terminal.
 
@@ -145,7 +152,8 @@ class Scene:
         ------
         TypeError, ValueError
             For arguments that do not fit the scene: a source on a surface or where the index is not positive, a
-            direction of length zero, no stop or two.
+            direction of length zero, no stop or two. :class:`DoesNotApply`, a ValueError, for a model that cannot
+            treat the scene.
 
         Notes
         -----
@@ -159,6 +167,7 @@ class Scene:
                 optical_path=optical_path,
                 until=until,
                 with_spreading=with_spreading,
+                model=model,
                 progress=progress,
             )
         start, heading = self._sources(points, directions)
@@ -168,12 +177,15 @@ class Scene:
             raise TypeError(f"until must be a surface such as Plane or Sphere, not {until!r}")
         limit = _limits(optical_path, len(start))
         index = self._index_at_source(start)
-        march = self._march(until, start.shape[1], only_ends=True)
+        march = self._march(until, start.shape[1], checked_model(model))
         on_stop = np.zeros(len(start), bool) if until is None else _on(until, start)
         sources = Sources(start, heading, index, limit, on_stop)
         return carried(march, sources, with_spreading=with_spreading, progress=progress)
 
-    def rays(self, A: Any, B: Any, *, within: float | None = None, wavelength: float | None = None) -> Rays:
+    def rays(
+        self, A: Any, B: Any, *, within: float | None = None, wavelength: float | None = None,
+        model: Model | None = None,
+    ) -> Rays:  # fmt: skip
         """All rays from A to B, each polished to round-off, none twice and none false.
 
         Every direction is searched. In space, unless the medium keeps rays in a plane, as layers and a centre do,
@@ -189,6 +201,9 @@ class Scene:
             the lengths over which the index changes there, when left out. It is stated in ``searched``.
         wavelength : float, optional
             That of the light, in micrometres in vacuum, if it is another than the scene's.
+        model : Model, optional
+            What finds and carries the rays, such as ``optics.Invariants()``; the cheapest that applies in each medium
+            when left out. Each ray names it.
 
         Returns
         -------
@@ -198,7 +213,8 @@ class Scene:
         Raises
         ------
         TypeError, ValueError
-            For A = B, a source on a surface or where the index is not positive.
+            For A = B, a source on a surface or where the index is not positive. :class:`DoesNotApply`, a ValueError,
+            for a model that cannot treat the scene.
 
         Examples
         --------
@@ -211,14 +227,15 @@ class Scene:
         [(0.494521305498, 0), (0.730223565894, 1)]
         """
         if wavelength is not None:
-            return self.at_wavelength(wavelength).rays(A, B, within=within)
+            return self.at_wavelength(wavelength).rays(A, B, within=within, model=model)
         if np.array(A).ndim != 1 or np.array(B).ndim != 1:
             A, B = point("A", A), point("B", B)
-        return self._arrivals("A", A, "B", B, within)[0]
+        return self._arrivals("A", A, "B", B, within, model)[0]
 
     def arrivals(
-        self, sources: Any, receivers: Any, *, within: float | None = None, wavelength: float | None = None
-    ) -> list[Rays]:
+        self, sources: Any, receivers: Any, *, within: float | None = None, wavelength: float | None = None,
+        model: Model | None = None,
+    ) -> list[Rays]:  # fmt: skip
         """All rays of many pairs of points: what :meth:`rays` gives, one answer for each pair, in one search.
 
         The rays of a source are shared by all the receivers it is paired with, so that thousands of receivers of
@@ -232,6 +249,8 @@ class Scene:
             As for :meth:`rays`, for all pairs.
         wavelength : float, optional
             That of the light, in micrometres in vacuum, if it is another than the scene's.
+        model : Model, optional
+            As for :meth:`rays`; one that searches by itself, as ``Fermat`` does, goes from pair to pair.
 
         Returns
         -------
@@ -251,10 +270,10 @@ class Scene:
         [2, 2, 1, 0]
         """
         if wavelength is not None:
-            return self.at_wavelength(wavelength).arrivals(sources, receivers, within=within)
-        return self._arrivals("sources", sources, "receivers", receivers, within)
+            return self.at_wavelength(wavelength).arrivals(sources, receivers, within=within, model=model)
+        return self._arrivals("sources", sources, "receivers", receivers, within, model)
 
-    def _arrivals(self, source: str, A: Any, receiver: str, B: Any, within: Any) -> list[Rays]:
+    def _arrivals(self, source: str, A: Any, receiver: str, B: Any, within: Any, model: Any) -> list[Rays]:
         """The rays of each pair; the arguments go by the names ``source`` and ``receiver`` in messages."""
         starts, ends = self._pairs(source, A, receiver, B)
         if within is not None and not (numbers("within", within).ndim == 0 and within > 0):
@@ -267,7 +286,7 @@ class Scene:
         order = order[real[order]]
         for first in range(0, len(order), PAIRS):
             rows = order[first : first + PAIRS]
-            found = self._found(Ends(starts[rows], ends[rows], limit[rows]))
+            found = self._found(Ends(starts[rows], ends[rows], limit[rows]), checked_model(model))
             for row, rays in zip(rows, found, strict=True):
                 answers[row] = rays
         return answers
@@ -299,22 +318,35 @@ class Scene:
         self._index_at_source(a)
         return a, b
 
-    def _found(self, ends: Ends) -> list[Rays]:
-        """The rays of each of the pairs, searched for in the planes that hold them, or over the sphere."""
+    def _found(self, ends: Ends, model: Model | None) -> list[Rays]:
+        """The rays of each of the pairs, by the model's own search where it has one, by the scene's otherwise."""
+        problem, planes = self._problem(ends, model.companion if model else None)
+        if model is None:
+            return problem.found(ends, planes)
+        answers: list[Rays | None] = []
+        for k, (a, b, within) in enumerate(zip(ends.sources, ends.targets, ends.within, strict=True)):
+            one = ends.take([k]), [planes[k]] if planes else []
+            search, ray = (lambda one=one: problem.found(*one)[0]), partial(problem.ray, a, b)
+            answers.append(model.between(Question(self.media, self.surfaces, a, b, float(within), ray, search)))
+        left = [k for k, answer in enumerate(answers) if answer is None]
+        rest = iter(problem.found(ends.take(left), [planes[k] for k in left] if planes else []) if left else [])
+        return [next(rest) if answer is None else answer for answer in answers]
+
+    def _problem(self, ends: Ends, model: Model | None) -> tuple[TwoPoint, list[Section]]:
+        """The problem of the pairs, and the planes that hold the rays of each; no planes where there are none."""
         if ends.sources.shape[1] == 2:
-            march = self._march(None, 2)
-            problem = self._problems.setdefault("plane", TwoPoint(march, march))
-            return problem.in_planes(ends, [whole_plane()] * len(ends))
+            march = self._march(None, 2, model)
+            return self._problems.setdefault(("plane", model), TwoPoint(march, march)), [whole_plane()] * len(ends)
         pairs = zip(ends.sources, ends.targets, strict=True)
-        found = [section(self.media[0], a, b) for a, b in pairs] if len(self.media) == 1 else [None]
+        found = [section(self.media[0], a, b) for a, b in pairs] if len(self.media) == 1 else []
         planes = [plane for plane, _ in filter(None, found)]
-        if len(planes) < len(ends):
-            problem = self._problems.setdefault("sphere", TwoPoint(self._march(None, 3), self._march(None, 3)))
-            return [problem.over_the_sphere(*pair) for pair in zip(*vars(ends).values(), strict=True)]
-        if "space" not in self._problems:
+        march = self._march(None, 3, model)
+        if not planes:
+            return self._problems.setdefault(("sphere", model), TwoPoint(march, march)), planes
+        if ("space", model) not in self._problems:
             _, medium = next(filter(None, found))
-            self._problems["space"] = TwoPoint(March((medium,), (), None, 2), self._march(None, 3))
-        return self._problems["space"].in_planes(ends, planes)
+            self._problems["space", model] = TwoPoint(March((medium,), (), None, 2, model), march)
+        return self._problems["space", model], planes
 
     def _usual_range(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The optical paths (k,) up to which rays are looked for when nobody says."""
@@ -331,13 +363,13 @@ class Scene:
             lengths += [_away(surface, a), _away(surface, b)]
         return RANGE * largest * sum(np.where(np.isfinite(length), length, 0.0) for length in lengths)
 
-    def _march(self, until: Surface | None, dimension: int, *, only_ends: bool = False) -> March:
+    def _march(self, until: Surface | None, dimension: int, model: Model | None = None) -> March:
         """The way through the scene; what has been compiled for it is kept, for a number of ends."""
-        key = until, dimension, only_ends
+        key = until, dimension, model
         if key not in self._marches:
             if len(self._marches) >= KEPT:
                 self._marches.pop(next(iter(self._marches)))
-            self._marches[key] = March(self.media, self.surfaces, until, dimension, only_ends)
+            self._marches[key] = March(self.media, self.surfaces, until, dimension, model)
         return self._marches[key]
 
     def _sources(self, points: Any, directions: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -8,11 +8,14 @@ looked at in many places, and its first change of sign bracketed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
+from varcalc.optics.legs import Leg, moved_on, straight_leg
+from varcalc.optics.media import Field, Medium
+from varcalc.optics.model import Carrier, DoesNotApply, Model
 from varcalc.optics.surfaces import Geometry
 
 SAMPLES = np.concatenate([np.geomspace(1e-6, 1e-2, 20, endpoint=False), np.geomspace(1e-2, 1e4, 600)])
@@ -20,6 +23,20 @@ SAMPLES = np.concatenate([np.geomspace(1e-6, 1e-2, 20, endpoint=False), np.geoms
 BISECTIONS = 60
 ROWS = 1024
 """Rays looked at together; bounds the memory."""
+
+
+@dataclass(frozen=True)
+class Straight(Model):
+    """Straight segments, refracted and reflected in closed form: for ``Uniform`` media and all surfaces."""
+
+    def carrier(self, medium: Medium, dimension: int, surfaces: Sequence[Geometry]) -> Carrier:
+        """See :meth:`Model.carrier`."""
+        if not medium.is_uniform:
+            raise DoesNotApply(
+                f"Straight needs uniform media, and rays are curved in {type(medium).__name__}; take Hamilton()"
+            )
+        squared, _, _ = Field(medium, dimension)(np.zeros((1, dimension)))
+        return StraightRays(float(squared[0]), surfaces)
 
 
 @dataclass(frozen=True)
@@ -47,8 +64,12 @@ class StraightRays:
         return Arrival(moved_on(beam, np.where(missed, 0.0, reach), self.squared_index), struck, status)
 
     def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:  # noqa: ARG002
-        """See :meth:`varcalc.optics.hamilton.HamiltonRays.onward`."""
+        """See :meth:`varcalc.optics.model.Carrier.onward`."""
         return moved_on(beam, sigma, self.squared_index), sigma
+
+    def leg(self, beam: Beam, path: float) -> Leg:
+        """See :meth:`varcalc.optics.model.Carrier.leg`."""
+        return straight_leg(beam, self.squared_index, (path - float(beam.optical_path[0])) / self.squared_index)
 
     def _distance(self, beam: Beam, number: int, leaving: bool) -> np.ndarray:
         """σ (m,) at which each ray first meets surface ``number``; infinite where it does not."""
@@ -57,16 +78,6 @@ class StraightRays:
             return _first_of_two(beam, geometry, leaving)
         parts = [beam.take(np.arange(k, min(k + ROWS, len(beam)))) for k in range(0, len(beam), ROWS)]
         return np.concatenate([_first_of_many(part, geometry, leaving) for part in parts])
-
-
-def moved_on(beam: Beam, sigma: np.ndarray, squared_index: float) -> Beam:
-    """The rays after ``sigma`` (m,) on their straight lines."""
-    return replace(
-        beam,
-        position=beam.position + sigma[:, None] * beam.momentum,
-        optical_path=beam.optical_path + sigma * squared_index,
-        moved=beam.moved + sigma[:, None, None] * beam.turned,
-    )
 
 
 def _never(beam: Beam) -> np.ndarray:

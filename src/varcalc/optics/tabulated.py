@@ -130,6 +130,11 @@ class Tabulated(Medium):
         heights = np.asarray(self.heights)
         return np.column_stack([heights[layers], heights[layers + 1], self.coefficients[layers]])
 
+    def slope(self, layers: np.ndarray, above: np.ndarray) -> np.ndarray:
+        """dn²/dy (m,) in ``layers`` (m,), ``above`` their lower heights."""
+        _, first, second, third = self.coefficients[layers].T
+        return first + above * (2 * second + 3 * above * third)
+
     def layer_of(self, heights: np.ndarray, climbing: np.ndarray) -> np.ndarray:
         """The layers (m,) that rays at ``heights`` (m,) are in, or come into where they are between two."""
         knots = np.asarray(self.heights)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from varcalc.optics.march import March
 from varcalc.optics.plane import Section
 from varcalc.optics.ray import AT_END, Ray, Rays
 from varcalc.optics.space import Approaches, last_leg
-from varcalc.optics.tracks import Tracks
+from varcalc.optics.tracks import followed
 from varcalc.optics.turns import conjugate_points
 
 FLAT = 1e-9
@@ -35,6 +35,10 @@ class Ends:
     def __len__(self) -> int:
         return len(self.sources)
 
+    def take(self, rows: Sequence[int]) -> Ends:
+        """The pairs of ``rows``."""
+        return Ends(self.sources[rows], self.targets[rows], self.within[rows])
+
 
 @dataclass
 class TwoPoint:
@@ -45,10 +49,12 @@ class TwoPoint:
 
     march: March
     full: March
-    tracks: Tracks = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        self.tracks = Tracks(self.full)
+    def found(self, ends: Ends, sections: Sequence[Section]) -> list[Rays]:
+        """All rays of each pair; without ``sections`` that hold them, over the sphere of directions."""
+        if sections:
+            return self.in_planes(ends, sections)
+        return [self.over_the_sphere(*pair) for pair in zip(ends.sources, ends.targets, ends.within, strict=True)]
 
     def in_planes(self, ends: Ends, sections: Sequence[Section]) -> list[Rays]:
         """All rays of each pair, which lie in the plane of its section."""
@@ -126,7 +132,7 @@ class TwoPoint:
                 degenerate=bool(flat[k]),
                 tangents=(beam.momentum[k] / index[k], tangent[k]),
                 model=name,
-                way=lambda k=k: self.tracks.legs(beam.take(np.array([k])), float(path[k]))[0],
+                way=lambda k=k: followed(self.full, beam.take(np.array([k])), float(path[k]))[0],
                 media=self.full.media,
                 surfaces=self.full.surfaces,
             )
@@ -150,21 +156,24 @@ class TwoPoint:
         far = max(within / float(self._largest_index(Ends(a[None], b[None], np.zeros(1)))[0]), 2 * distance)
         fan = Approaches(self.full, last_leg(self.full), a, b, within, far)
         found = sphere.search(fan.minima, b, distance)
-        rays = [self._alone(a, b, *one) for one in zip(found.directions, found.paths, strict=True)]
+        rays = [self.ray(a, b, *one, touching=False) for one in zip(found.directions, found.paths, strict=True)]
         searched = (
             f"{sphere.DIRECTIONS} directions of space, and Newton's iteration from the best ({found.looked_at} rays), "
             f"optical paths up to {within:.6g}, no farther than {far:.6g} from B"
         )
         return _told(rays, fan.ends, fan.entered, searched, False)
 
-    def _alone(self, a: np.ndarray, b: np.ndarray, heading: np.ndarray, path: float) -> Ray:
-        """The ray along ``heading`` (3,), with the conjugate points that its legs tell."""
+    def ray(self, a: np.ndarray, b: np.ndarray, heading: np.ndarray, path: float, touching: bool) -> Ray:
+        """The ray along ``heading`` (d,), with the conjugate points that its legs tell.
+
+        ``touching`` says that it is known to touch a caustic at ``b``.
+        """
         index = float(self.full.fields[0].index(a[None, :])[0])
         beam = _launched(self.full, a[None, :], heading[None, :], frames(heading[None, :]))
-        legs, end, _ = self.tracks.legs(beam, path)
+        legs, end, _ = followed(self.full, beam, path)
         away = b - end.position[0]
         along, spread = float(np.dot(end.momentum[0], away)), float(spreading(end)[0])
-        flat = spread <= FLAT * (path / index**2) ** 2
+        flat = touching or spread <= FLAT * (path / index**2) ** (len(a) - 1)
         squared = 0.0 if flat else float(np.dot(away, away)) * index**2 / spread  # the path is stationary
         last = path * (1 - AT_END) if flat else np.inf
         return Ray(

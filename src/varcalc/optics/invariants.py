@@ -1,0 +1,370 @@
+"""Rays by their invariants and quadrature, in layers and about a centre.
+
+The momentum along layers (Snell's law; Brizard, "An Introduction to Lagrangian
+Mechanics", sect. 1.3.2) and Bouguer's n r sin φ (sect. 1.3.4) are constant, so
+that a ray is an integral over one coordinate. Nothing is stepped along the
+ray: where it goes to and fro, whole periods are multiplied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from threading import Lock
+
+import numpy as np
+
+from varcalc import engines
+from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus, frames
+from varcalc.optics.hamilton import HamiltonRays
+from varcalc.optics.legs import Leg
+from varcalc.optics.media import Field, Medium, Radial, Stratified
+from varcalc.optics.model import Carrier, DoesNotApply, Model, Question
+from varcalc.optics.profile import Nodes, Profile
+from varcalc.optics.ranges import Launch, launches
+from varcalc.optics.ray import Rays
+from varcalc.optics.reduced import AboutCentre, Motions, deviations, reduction
+from varcalc.optics.steps import SIGMA, TAU, reached
+from varcalc.optics.straight import StraightRays
+from varcalc.optics.surfaces import Geometry, Plane, Sphere
+from varcalc.optics.turning_points import Way
+from varcalc.optics.wells import Bounds, bounds, ways
+
+NEAR = 1e-2
+"""Neighbours of rays that start towards a centre at a smaller angle lose digits to its polar coordinates."""
+STRAIGHT_AT = 1e-7
+"""Rays that start towards a centre at a smaller angle lose digits themselves."""
+MOST_WINDINGS = 4
+"""Times about a centre, either way, that rays are looked for."""
+_ONE_AT_A_TIME = Lock()
+"""Threads that need the same profile wait for the one that builds it."""
+ON_AXIS = 4e-16
+"""A normal with a smaller part along the layers is upright; a centre so close, relative to the radius, is the same."""
+
+
+@dataclass(frozen=True)
+class Invariants(Model):
+    """The invariants of layers and centres, and quadrature: for ``Stratified`` and ``Radial`` media.
+
+    It needs surfaces that keep the symmetry: horizontal and vertical planes between and in layers, spheres about the
+    centre. Uniform media of the scene are gone through straight. Rays that stay where the index is stationary, and
+    rays aimed at a centre, are carried by Hamilton's equations, since coordinates of the symmetry are
+    singular for them.
+    """
+
+    def carrier(self, medium: Medium, dimension: int, surfaces: Sequence[Geometry]) -> Carrier:
+        """See :meth:`Model.carrier`."""
+        if medium.is_uniform:
+            squared, _, _ = Field(medium, dimension)(np.zeros((1, dimension)))
+            return StraightRays(float(squared[0]), surfaces)
+        if not isinstance(medium, Stratified | Radial):
+            raise DoesNotApply(
+                "Invariants needs an index of the height alone (Stratified) or of the distance from a centre (Radial), "
+                f"not {type(medium).__name__}; take Hamilton()"
+            )
+        for geometry in surfaces:
+            if not (_kept_by_layers(geometry) if isinstance(medium, Stratified) else _about(medium, geometry)):
+                kind = (
+                    "horizontal and vertical planes" if isinstance(medium, Stratified) else "spheres about the centre"
+                )
+                raise DoesNotApply(
+                    f"Invariants needs surfaces that keep the symmetry of {type(medium).__name__}, {kind}, "
+                    f"and {geometry.surface} is none; take Hamilton()"
+                )
+        return InvariantRays(medium, dimension, surfaces)
+
+    def between(self, question: Question) -> Rays | None:
+        """See :meth:`Model.between`: by the range function, where there is one medium and no surface."""
+        if question.surfaces or question.media[0].is_uniform:
+            return None
+        frame = _Frame(question.media[0], question.a, question.b)
+        found = launches(frame.profile, frame.heights, frame.distances(question.within), question.within)
+        rays = [question.ray(frame.heading(launch), launch.path, launch.touching) for launch in found.found]
+        searched = (
+            f"all launching angles by the range function ({found.looked_at} looked at, {found.unresolved} narrow "
+            f"intervals left unresolved), optical paths up to {question.within:.6g}"
+        )
+        reason = "" if rays else f"shadow: no ray of the source comes to B (searched: {searched})"
+        return Rays(tuple(rays), reason, searched, found.continuum)
+
+
+class _Frame:
+    """Two points as heights in a profile, and the distances between them along the layers."""
+
+    def __init__(self, medium: Medium, a: np.ndarray, b: np.ndarray) -> None:
+        if isinstance(medium, Radial):
+            offsets = [end - medium.middle(len(a)) for end in (a, b)]
+            radii = [float(np.linalg.norm(offset)) for offset in offsets]
+            if min(radii) == 0:
+                raise DoesNotApply(
+                    "Invariants needs points off the centre of the index, about which all turns; take Hamilton()"
+                )
+            self.up = offsets[0] / radii[0]
+            unit = float(2.0 ** np.round(np.log2(radii[0])))
+            self.profile = Profile(medium, unit, 0.0)
+            self.heights = float(np.log(radii[0] / unit)), float(np.log(radii[1] / unit))
+            across = offsets[1] - np.dot(offsets[1], self.up) * self.up
+            self.distance = float(np.arctan2(np.linalg.norm(across), np.dot(offsets[1], self.up)))
+        else:
+            self.up = np.eye(len(a))[-1]
+            self.profile = Profile(medium, 1.0, float(a[-1]))
+            self.heights = float(a[-1]), float(b[-1])
+            across = np.append((b - a)[:-1], 0.0)
+            self.distance = float(np.linalg.norm(across))
+        length = float(np.linalg.norm(across))
+        self.ahead = across / length if length > 0 else frames(self.up[None, :])[0, 0]
+
+    def distances(self, within: float) -> list[tuple[float, int]]:
+        """The distances from one point to the other, with the sense; about a centre both ways and with windings."""
+        if not self.profile.about_centre:
+            return [(self.distance, 1)]
+        turns = range(MOST_WINDINGS if np.isfinite(within) else 1)
+        ahead = [(self.distance + 2 * np.pi * k, 1) for k in turns]
+        return ahead + [(2 * np.pi * (k + 1) - self.distance, -1) for k in turns]
+
+    def heading(self, launch: Launch) -> np.ndarray:
+        """The unit vector along which a ray leaves the first point."""
+        heading = launch.speed * self.up + launch.way * launch.c * self.ahead
+        return heading / np.linalg.norm(heading)
+
+
+def _upright(geometry: Geometry) -> bool:
+    surface = geometry.surface
+    return isinstance(surface, Plane) and float(np.max(np.abs(surface.normal[:-1]))) <= ON_AXIS
+
+
+def _standing(geometry: Geometry) -> bool:
+    surface = geometry.surface
+    return isinstance(surface, Plane) and abs(surface.normal[-1]) <= ON_AXIS
+
+
+def _kept_by_layers(geometry: Geometry) -> bool:
+    return _upright(geometry) or _standing(geometry)
+
+
+def _about(medium: Radial, geometry: Geometry) -> bool:
+    surface = geometry.surface
+    if not isinstance(surface, Sphere):
+        return False
+    away = np.linalg.norm(np.asarray(surface.center) - medium.middle(geometry.dimension))
+    return bool(away <= ON_AXIS * surface.radius)
+
+
+@dataclass
+class InvariantRays:
+    """The model for one medium, with the surfaces that rays in it may meet."""
+
+    medium: Stratified | Radial
+    dimension: int
+    surfaces: Sequence[Geometry]
+    _others: HamiltonRays = field(init=False, repr=False)
+    _profiles: dict[float, Profile] = field(init=False, default_factory=dict, repr=False)
+
+    name = "invariants and quadrature"
+
+    def __post_init__(self) -> None:
+        self._others = HamiltonRays(self.medium, self.dimension, self.surfaces, engines.default())
+
+    def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
+        """See :meth:`varcalc.optics.model.Carrier.advance`."""
+        if len(beam) == 0:
+            return Arrival(beam, np.zeros(0, dtype=int), np.zeros(0, dtype=int))
+        run = _Run(self._profile(beam), self.surfaces, beam, leaving)
+        left = np.maximum(limit - beam.optical_path, 0.0)
+        arrival, others = run.carried(left, np.full(len(beam), np.inf))
+        arrival.beam.optical_path[arrival.struck == PATH_ENDED] = limit[arrival.struck == PATH_ENDED]
+        arrival.struck[arrival.struck == PATH_ENDED] = NOTHING
+        if len(others):
+            again = self._others.advance(beam.take(others), limit[others], leaving)
+            arrival.beam.put(others, again.beam)
+            arrival.struck[others], arrival.status[others] = again.struck, again.status
+        return arrival
+
+    def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:
+        """See :meth:`varcalc.optics.model.Carrier.onward`."""
+        there = beam.take(np.arange(len(beam)))
+        ahead = np.flatnonzero(sigma > 0)
+        if len(ahead):
+            run = _Run(self._profile(beam.take(ahead)), (), beam.take(ahead), NOTHING)
+            arrival, others = run.carried(np.full(len(ahead), np.inf), sigma[ahead])
+            there.put(ahead, arrival.beam.known(arrival.status == RayStatus.ARRIVED))
+            others = ahead[others]
+            there.put(others, self._others.onward(beam.take(others), sigma[others], path[others])[0])
+        return there, sigma
+
+    def leg(self, beam: Beam, path: float) -> Leg:
+        """See :meth:`varcalc.optics.model.Carrier.leg`."""
+        profile = self._profile(beam)
+        free = _Run(profile, (), beam, NOTHING)
+        end, others = free.carried(np.array([path - beam.optical_path[0]]), np.full(1, np.inf))
+        if len(others) or end.status[0] != RayStatus.ARRIVED:
+            return self._others.leg(beam, path)
+        length = float(free.sigma[0])
+        field_here = Field(self.medium, self.dimension)
+
+        def at(sigma: np.ndarray) -> Beam:
+            many = beam.take(np.zeros(len(sigma), dtype=int))
+            run = _Run(profile, (), many, NOTHING, free.nodes)
+            carried = run.carried(np.full(len(sigma), np.inf), sigma)[0].beam
+            carried.put(np.flatnonzero(sigma == 0), many.take(np.flatnonzero(sigma == 0)))  # not to round-off only
+            return carried
+
+        return Leg(at, lambda r: field_here(r)[1] / 2, length)
+
+    def _profile(self, beam: Beam) -> Profile:
+        """The profile of the medium, its unit of length near the first ray's radius, for a centre."""
+        probe, unit = float(beam.position[0, -1]), 1.0
+        if isinstance(self.medium, Radial):
+            radius = float(np.linalg.norm(beam.position[0] - self.medium.middle(self.dimension))) or 1.0
+            probe, unit = 0.0, float(2.0 ** np.round(np.log2(radius)))
+        with _ONE_AT_A_TIME:
+            if unit not in self._profiles:
+                self._profiles[unit] = Profile(self.medium, unit, probe)
+            return self._profiles[unit]
+
+
+PATH_ENDED = -2
+"""In place of the number of a surface, for a while: the optical path or σ came to its end."""
+
+
+class _Run:
+    """Rays of one medium from their starts; ``sigma`` (m,) is how far they have come."""
+
+    def __init__(
+        self, profile: Profile, surfaces: Sequence[Geometry], beam: Beam, leaving: int, nodes: Nodes | None = None
+    ) -> None:
+        self.profile, self.surfaces, self.beam, self.leaving = profile, surfaces, beam, leaving
+        self.reduced = reduction(profile, beam)
+        self.motions: Motions = self.reduced.motions
+        self.sigma = np.zeros(len(beam))
+        self.levels = self._levels()
+        u0 = self.motions.u
+        self.nodes = nodes or profile.nodes(float(u0.min()), float(u0.max()), self.levels.lowest, self.levels.highest)
+
+    def carried(self, path: np.ndarray, sigma: np.ndarray) -> tuple[Arrival, np.ndarray]:
+        """The rays at the first surface, after the optical path ``path`` (m,) or at ``sigma`` (m,), and the others.
+
+        The others are the rows that are to be carried by another model.
+        """
+        m, beam, profile, nodes = len(self.beam), self.beam, self.profile, self.nodes
+        u0, levels, squared = self.motions.u, self.levels, self.motions.w**2
+        standing, standing_tau = self._standing()
+        below = bounds(profile, nodes, u0, squared, self.motions.C, levels.down, -1)
+        above = bounds(profile, nodes, u0, squared, self.motions.C, levels.up, 1)
+        targets = np.column_stack([standing_tau, path, sigma])
+        end = _End(beam.take(np.arange(m)), np.full(m, NOTHING), np.full(m, int(RayStatus.ARRIVED)))
+        left = np.ones(m, bool)
+        for rows, way, last in ways(profile, u0, self.motions.w, below, above):
+            left[rows] = False
+            aimless = np.all(np.isinf(targets[rows]), axis=1)
+            rising = _rises_at_last(way)
+            side = Bounds(np.where(rising, above.x[rows], below.x[rows]), rising)
+            struck = np.where(rising, levels.number_up[rows], levels.number_down[rows])
+            walls = np.where(rising, levels.up[rows], -levels.down[rows])
+            struck = np.where(np.isfinite(last) & (side.x == walls), struck, NOTHING)
+            edge = np.where(rising, nodes.high_edge, nodes.low_edge) & np.isfinite(last) & (struck == NOTHING)
+            going = ~aimless | (struck != NOTHING)
+            unheard = np.where(edge, int(RayStatus.SINGULAR), int(RayStatus.MISSED))
+            end.status[rows] = unheard
+            part = way.take(np.flatnonzero(going))
+            self._carry(part, rows[going], last[going], struck[going], standing, targets, end)
+        others = np.flatnonzero(left | self._lose_digits())
+        return Arrival(end.beam, end.struck, end.status), others
+
+    def _carry(
+        self, way: Way, rows: np.ndarray, last: np.ndarray, struck: np.ndarray, standing: np.ndarray,
+        targets: np.ndarray, end: _End,
+    ) -> None:  # fmt: skip
+        """Carry ``rows``, all on ways of one kind, and write down how they end."""
+        if len(rows) == 0:
+            return
+        sub = reduction(self.profile, self.beam.take(rows))
+        with np.errstate(all="ignore"):  # what is no number is not resolved, and said to be so
+            there = reached(way, last, targets[rows])
+            self.sigma[rows] = there.integrals[:, SIGMA]
+            start, stop = way.at(way.start[:, None]), way.at(there.q[:, None])
+            moved = deviations(sub.motions, start, stop, there.integrals)
+            carried = sub.carried(moved)
+        by_plane = targets[rows, TAU] <= there.integrals[:, TAU] * (1 + 1e-15)
+        what = np.where(there.ended, struck, np.where(by_plane, standing[rows], PATH_ENDED))
+        end.struck[rows] = what
+        lost = there.ended & (what == NOTHING)
+        end.status[rows] = np.where(lost, end.status[rows], int(RayStatus.ARRIVED))
+        end.status[rows[~there.resolved]] = int(RayStatus.TOO_MANY_STEPS)
+        sound = there.resolved & np.all(np.isfinite(carried.position), axis=1)
+        end.beam.put(rows[sound], carried.take(np.flatnonzero(sound)))
+
+    def _lose_digits(self) -> np.ndarray:
+        """True (m,) for rays, or rays whose neighbours, cannot be told in polar coordinates."""
+        if not isinstance(self.reduced, AboutCentre):
+            return np.zeros(len(self.beam), bool)
+        least = NEAR if self.beam.deviations else STRAIGHT_AT
+        slow = self.reduced.c < least * self.reduced.r * np.linalg.norm(self.beam.momentum, axis=1)
+        return slow & (self.motions.w < 0)
+
+    def _levels(self) -> _Levels:
+        """The surfaces of constant u about the starts."""
+        u0, w, m = self.motions.u, self.motions.w, len(self.beam)
+        _, slope = self.profile.at(u0)
+        up, down = np.full(m, np.inf), np.full(m, np.inf)
+        number_up, number_down = np.full(m, NOTHING), np.full(m, NOTHING)
+        heights = []
+        for number, geometry in enumerate(self.surfaces):
+            surface = geometry.surface
+            if isinstance(surface, Sphere):
+                height = np.log(surface.radius / self.profile.unit)
+            elif isinstance(surface, Plane) and _upright(geometry):
+                height = float(np.dot(surface.normal, surface.point)) / surface.normal[-1]
+            else:
+                continue
+            if number != self.leaving:  # which is on one side of all starts only to round-off
+                heights.append(height)
+            x, above = height - u0, height > u0
+            if number == self.leaving:
+                x, above = np.zeros(m), (w < 0) | ((w == 0) & (slope < 0))
+            nearer = above & (x < up)
+            up[nearer], number_up[nearer] = x[nearer], number
+            nearer = ~above & (-x < down)
+            down[nearer], number_down[nearer] = -x[nearer], number
+        lowest = max((h for h in heights if h < u0.min()), default=-np.inf)
+        highest = min((h for h in heights if h > u0.max()), default=np.inf)
+        return _Levels(up, down, number_up, number_down, lowest, highest)
+
+    def _standing(self) -> tuple[np.ndarray, np.ndarray]:
+        """The first vertical plane (m,) that each ray comes to, and τ there."""
+        m = len(self.beam)
+        first, tau = np.full(m, NOTHING), np.full(m, np.inf)
+        for number, geometry in enumerate(self.surfaces):
+            if number == self.leaving or not _standing(geometry):
+                continue
+            level, slope, _ = geometry.along(self.beam.position, self.beam.momentum)
+            with np.errstate(all="ignore"):
+                when = -level / slope
+            nearer = (when > 0) & (when < tau)
+            first[nearer], tau[nearer] = number, when[nearer]
+        return first, tau
+
+
+@dataclass
+class _End:
+    beam: Beam
+    struck: np.ndarray
+    status: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Levels:
+    """The nearest surface above and below each start: distances and numbers (m,); and the range for all."""
+
+    up: np.ndarray
+    down: np.ndarray
+    number_up: np.ndarray
+    number_down: np.ndarray
+    lowest: float
+    highest: float
+
+
+def _rises_at_last(way: Way) -> np.ndarray:
+    """True (m,) for motions that go up for good where they do not turn back any more."""
+    sign = getattr(way, "sign", None)
+    return np.ones(len(way.start), bool) if sign is None else sign > 0

@@ -1,0 +1,238 @@
+"""All rays between two points of layers or about a centre, by the range function.
+
+A ray that starts with the invariant c comes to the height of the other end at
+distances X = c τ that are integrals. The hits of that height have numbers,
+and the distance of each is a smooth function of the launching angle, but
+where c passes a value at which rays are caught along a layer. So X = the
+distance asked for is an equation in one unknown for each number: nothing has
+to be followed through space.
+
+The search starts from the end with the smaller g: seen from there the other
+is never a turning point (rays can be gone along backwards).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.optics.crossings import Family, Search
+from varcalc.optics.profile import Nodes, Profile
+from varcalc.optics.reduced import Motions, started_later
+from varcalc.optics.steps import BY_C, PATH, TAU, integrals
+from varcalc.optics.turning_points import OneTurn, TwoTurns, Way
+from varcalc.optics.wells import bounds, ways
+
+MOST_PERIODS = 64
+"""Whole periods of a ray that is caught between two heights; rays with more are not looked for."""
+TOUCHING = 2e-13
+"""Of the distance: a fold that comes so close to it touches it."""
+SOME_ANGLES = np.linspace(-1.4, 1.4, 61)
+SHARE = 0.25
+"""Of these angles: where as many rays meet the point, all of them do."""
+SAME = 1e-9
+"""Launches and optical paths, relative, closer than this are one ray."""
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What rays at angles (m,) do at their first two hits of the height: (m, 2), not numbers where there is none.
+
+    ``apart`` and ``later`` (m,) are the distance and the optical path from each to the next but one, zero where
+    there is none.
+    """
+
+    distance: np.ndarray
+    rate: np.ndarray
+    path: np.ndarray
+    speed: np.ndarray
+    apart: np.ndarray
+    apart_rate: np.ndarray
+    later: np.ndarray
+
+
+@dataclass(frozen=True)
+class Range:
+    """Rays from the height ``start`` to the height ``end`` of ``profile``, with g smaller at the start."""
+
+    profile: Profile
+    nodes: Nodes
+    start: float
+    end: float
+
+    def hits(self, angles: np.ndarray) -> Hits:
+        """The hits of rays that start at ``angles`` (m,) from the layers, between ±π/2; rates are derivatives by it."""
+        m = len(angles)
+        u0 = np.full(m, self.start)
+        g = self.profile.at(u0)[0]
+        c, w = np.sqrt(g) * np.cos(angles), np.sqrt(g) * np.sin(angles)
+        free = np.full(m, np.inf)
+        sides = [bounds(self.profile, self.nodes, u0, w**2, c**2, free, sign) for sign in (-1, 1)]
+        out = Hits(*(np.full((m, 2), np.nan) for _ in range(4)), *(np.zeros(m) for _ in range(3)))
+        with np.errstate(all="ignore"):  # where there is no hit, or the way is not resolved, there is no number
+            for rows, way, last in ways(self.profile, u0, w, *sides):
+                self._on_ways(way, last, rows, c, w, out)
+        return out
+
+    def _on_ways(self, way: Way, last: np.ndarray, rows: np.ndarray, c: np.ndarray, w: np.ndarray, out: Hits) -> None:
+        """Write the hits of ``rows``, whose motions are ``way``, into ``out``."""
+        c, w = c[rows], w[rows]
+        c_rate, C_rate = -w, -2 * c * w  # by the angle: c = N cos, w = N sin
+        start = way.at(way.start[:, None])
+        nothing = np.zeros((len(c), 1))
+        turned = Motions(nothing[:, 0], w, c**2, nothing, c[:, None], C_rate[:, None])
+        delay = (start.rate * started_later(turned, start))[:, 0]
+        for k, q in enumerate(self._parameters(way, last)):
+            sums = integrals(way, way.start, q)
+            end = way.at(q[:, None])
+            tau_rate = sums[:, BY_C] * C_rate - delay - end.u_by_c[:, 0] * C_rate / end.w[:, 0]
+            out.distance[rows, k], out.path[rows, k] = c * sums[:, TAU], sums[:, PATH]
+            out.rate[rows, k] = c_rate * sums[:, TAU] + c * tau_rate
+            out.speed[rows, k] = end.w[:, 0]
+        if isinstance(way, TwoTurns):
+            half = integrals(way, np.zeros(len(rows)), np.full(len(rows), np.pi))
+            out.apart[rows], out.later[rows] = 2 * c * half[:, TAU], 2 * half[:, PATH]
+            out.apart_rate[rows] = 2 * (c_rate * half[:, TAU] + c * half[:, BY_C] * C_rate)
+
+    def _parameters(self, way: Way, last: np.ndarray) -> list[np.ndarray]:
+        """The parameters (m,) of the first two hits; not numbers where there are none."""
+        x = np.full(len(last), self.end) - self.start
+        if isinstance(way, TwoTurns):
+            height = x + (self.start - way.low)
+            q = 2 * np.arctan2(np.sqrt(height), np.sqrt(way.span - height))
+            q = np.abs(way.start) if self.start == self.end else q  # the start itself is no hit
+            both = np.stack([_after(q, way.start), _after(-q, way.start)])
+            return [both.min(axis=0), both.max(axis=0)]
+        if isinstance(way, OneTurn):
+            q = np.sqrt(way.sign * (way.offset + x))
+            both = np.where(np.stack([-q, q]) > way.start, np.stack([-q, q]), np.nan)
+            both = np.where(both <= last, both, np.nan)
+            return [np.fmin(*both), np.where(np.all(np.isfinite(both), axis=0), both[1], np.nan)]
+        q = way.reaching(x)
+        return [np.where((q > 0) & (q <= last), q, np.nan), np.full(len(q), np.nan)]
+
+    def breaks(self) -> np.ndarray:
+        """The angles, ascending from -π/2 to π/2, between which the hits are smooth functions."""
+        g0 = float(self.profile.at(np.array([self.start]))[0][0])
+        g = self.nodes.g
+        low = np.flatnonzero((g[1:-1] <= g[:-2]) & (g[1:-1] <= g[2:])) + 1
+        levels = np.array([*g[low], g[0], g[-1]])
+        levels = levels[(levels > 0) & (levels < g0)]
+        inner = np.unique(np.arccos(np.sqrt(levels / g0)))
+        return np.unique(np.concatenate([[-np.pi / 2, 0.0, np.pi / 2], inner, -inner]))
+
+
+def _after(q: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """The first of q + 2πk after ``start``."""
+    return q + 2 * np.pi * (np.floor((start - q) / (2 * np.pi)) + 1)
+
+
+@dataclass(frozen=True)
+class Launch:
+    """A ray found: its invariant ``c``, its ``speed`` du/dτ at the first point, its optical path, the ``way`` round.
+
+    The way is 1 or -1, the sense about a centre.
+    """
+
+    c: float
+    speed: float
+    path: float
+    way: int
+    touching: bool
+
+
+@dataclass(frozen=True)
+class Launches:
+    """The rays found, and what was searched: see :class:`varcalc.optics.crossings.Zeros`."""
+
+    found: list[Launch]
+    continuum: bool
+    looked_at: int
+    unresolved: int
+
+
+def launches(
+    profile: Profile, ends: tuple[float, float], distances: list[tuple[float, int]], within: float
+) -> Launches:
+    """The rays from the first height to the second that come one of the ``distances`` far, with their ways round."""
+    g = profile.at(np.array(ends))[0]
+    swapped = bool(g[1] < g[0])
+    start, end = ends[::-1] if swapped else ends
+    spread = Range(profile, profile.nodes(min(ends), max(ends), -np.inf, np.inf), start, end)
+    wanted = np.array([distance for distance, _ in distances])
+    scale = float(max(wanted.max(), abs(ends[1] - ends[0])))
+
+    look = spread.hits(np.linspace(-1.5, 1.5, 61))
+    later = look.later[look.later > 0]
+    turns = int(min(within / later.min(), MOST_PERIODS)) + 1 if len(later) else 1
+
+    def functions(angles: np.ndarray) -> Family:
+        return _families(spread.hits(angles), wanted, within, turns)
+
+    some = functions(SOME_ANGLES)
+    alike = np.abs(some.value) <= TOUCHING * scale
+    whole = np.mean(alike, axis=1) > SHARE
+    for number in np.flatnonzero(whole):
+        place = int(np.argmax(alike[number]))
+        if some.bound[number, place] <= 0:
+            angle = float(SOME_ANGLES[place])
+            launch = _launch(spread, angle, int(number), distances, turns, touching=True, swapped=swapped)
+            return Launches([launch], True, 2 * len(SOME_ANGLES), 0)
+
+    def asked_for(angles: np.ndarray) -> Family:
+        family = functions(angles)
+        return Family(np.where(whole[:, None], np.nan, family.value), family.rate, family.bound)
+
+    search = Search(asked_for, spread.breaks(), TOUCHING * scale)
+    zeros = search.run()
+    found = [
+        _launch(spread, float(at), int(number), distances, turns, touching=bool(touch), swapped=swapped)
+        for at, number, touch in zip(zeros.at, zeros.number, zeros.touching, strict=True)
+    ]
+    return Launches(_distinct([f for f in found if f.path <= within]), False, zeros.looked_at, zeros.unresolved)
+
+
+def _families(hits: Hits, wanted: np.ndarray, within: float, turns: int) -> Family:
+    """The functions X - distance for every distance, number of whole periods and hit, in this order; (F, m)."""
+    turn = np.arange(turns)[:, None, None]  # with periods only where there are any
+    real = (turn == 0) | (hits.apart[:, None] > 0)
+    distance = np.where(real, hits.distance + turn * hits.apart[:, None], np.nan)
+    rate = np.where(real, hits.rate + turn * hits.apart_rate[:, None], np.nan)
+    bound = hits.path + turn * hits.later[:, None] - within
+    value = distance[None] - wanted[:, None, None, None]
+    shape = value.shape
+
+    def flat(a: np.ndarray) -> np.ndarray:
+        return np.moveaxis(np.broadcast_to(a, shape), 3, 2).reshape(-1, shape[2])
+
+    return Family(flat(value), flat(rate[None]), flat(bound[None]))
+
+
+def _launch(
+    spread: Range, angle: float, number: int, distances: list[tuple[float, int]], turns: int, *,
+    touching: bool, swapped: bool,
+) -> Launch:  # fmt: skip
+    """The ray that is the zero of function ``number`` at ``angle``."""
+    which, rest = divmod(number, 2 * turns)
+    turn, hit = divmod(rest, 2)
+    hits = spread.hits(np.array([angle]))
+    root = float(np.sqrt(spread.profile.at(np.array([spread.start]))[0][0]))
+    path = float(hits.path[0, hit] + turn * hits.later[0])
+    speed = -float(hits.speed[0, hit]) if swapped else root * float(np.sin(angle))
+    return Launch(root * float(np.cos(angle)), speed, path, distances[which][1], touching)
+
+
+def _distinct(found: list[Launch]) -> list[Launch]:
+    """None twice."""
+    kept: list[Launch] = []
+    for launch in sorted(found, key=lambda f: f.path):
+        scale = float(np.hypot(launch.c, launch.speed))
+        if not any(
+            abs(launch.speed - other.speed) <= SAME * scale
+            and abs(launch.way * launch.c - other.way * other.c) <= SAME * scale
+            and abs(launch.path - other.path) <= SAME * launch.path
+            for other in kept
+        ):
+            kept.append(launch)
+    return kept

@@ -1,0 +1,167 @@
+"""Integrals along ways, and where they have reached given values.
+
+Panels of Gauss's rule are halved until the halves agree with the whole; what
+is looked for is bracketed and found by Newton's iteration, whose derivatives
+are the integrands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.optics.turning_points import Way
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+AGREED = 1e-13
+"""Of an integral: how well a panel must agree with its halves, which are better still."""
+HALVINGS = 40
+"""Of a panel; what is not resolved by then is no smooth index."""
+FEW_HALVINGS = 8
+"""The same, where a shorter step is the better answer."""
+MOST_PANELS = 64
+"""For each of the integrals, at one time."""
+DOUBLINGS = 400
+"""Of a step outwards, and halvings where it went too far."""
+NEWTON = 60
+"""Steps of Newton's iteration."""
+COUNT = 4
+"""Integrals: of τ, of the optical path, of σ, of the derivative of τ by C."""
+TAU, PATH, SIGMA, BY_C = range(COUNT)
+
+
+def integrands(way: Way, q: np.ndarray) -> np.ndarray:
+    """Shape (COUNT, m, k) at the parameters ``q`` (m, k)."""
+    at = way.at(q)
+    return np.stack([at.rate, at.rate * at.g, at.rate * way.profile.squared_radius(at.u), at.rate_by_c])
+
+
+def _panel(way: Way, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Gauss's rule for the integrals (COUNT, m) from ``low`` to ``high`` (m,)."""
+    half = (high - low) / 2
+    return half * (integrands(way, ((low + high) / 2)[:, None] + half[:, None] * NODES) @ WEIGHTS)
+
+
+def integrals(
+    way: Way, low: np.ndarray, high: np.ndarray, known: np.ndarray | float = 0.0, halvings: int = HALVINGS
+) -> np.ndarray:
+    """The integrals (m, COUNT) from ``low`` to ``high`` (m,); not numbers where they are not resolved.
+
+    They are to be added to what is ``known`` (m, COUNT), to whose digits they are resolved.
+    """
+    total = np.zeros((COUNT, len(low)))
+    with np.errstate(all="ignore"):
+        rows, left, right = np.arange(len(low)), low, high
+        whole = _panel(way, left, right)
+        size = np.abs(whole) + np.abs(np.transpose(known)) + np.finfo(float).tiny
+        for _ in range(halvings):
+            part, middle = way.take(rows), (left + right) / 2
+            first, second = _panel(part, left, middle), _panel(part, middle, right)
+            wrong = np.abs(first + second - whole)
+            # the derivative by C may add up to nothing but round-off; it is as smooth as the rate itself
+            fine = np.all((wrong <= AGREED * size[:, rows])[:BY_C], axis=0)
+            for k in range(COUNT):
+                np.add.at(total[k], rows[fine], (first + second)[k, fine])
+            rest = ~fine & np.all(np.isfinite(first + second), axis=0)
+            total[:, rows[~fine & ~rest]] = np.nan
+            if not np.any(rest):
+                return total.T
+            if np.count_nonzero(rest) > MOST_PANELS * len(low):
+                rows = rows[rest]
+                break
+            rows = np.tile(rows[rest], 2)
+            left, right = np.append(left[rest], middle[rest]), np.append(middle[rest], right[rest])
+            whole = np.concatenate([first[:, rest], second[:, rest]], axis=1)
+        total[:, rows] = np.nan
+    return total.T
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Where m motions have come: ``q`` (m,), and the integrals (m, COUNT) up to there.
+
+    ``ended`` (m,) is True where the last parameter came before every target, ``resolved`` False where the way is
+    not known so far.
+    """
+
+    q: np.ndarray
+    integrals: np.ndarray
+    ended: np.ndarray
+    resolved: np.ndarray
+
+
+def reached(way: Way, last: np.ndarray, targets: np.ndarray) -> Reached:
+    """The first of: the parameter ``last`` (m,), τ, the optical path or σ at the ``targets`` (m, 3)."""
+    m = len(last)
+    before = _periods(way, targets)
+    wanted = targets - before[:, :3]
+    low, sums = way.start.copy(), np.zeros((m, COUNT))
+    ended, resolved = np.zeros(m, bool), np.ones(m, bool)
+    bracketed = np.any(wanted <= 0, axis=1)  # there already
+    high, step = np.where(bracketed, low, last), _first_steps(way, last, wanted)
+    for _ in range(DOUBLINGS):
+        rows = np.flatnonzero(~bracketed & ~ended & resolved)
+        if len(rows) == 0:
+            break
+        to = np.minimum(low[rows] + step[rows], last[rows])
+        more = integrals(way.take(rows), low[rows], to, sums[rows], FEW_HALVINGS)
+        known = np.all(np.isfinite(more), axis=1)
+        beyond = known & np.any(sums[rows][:, :3] + more[:, :3] >= wanted[rows], axis=1)
+        on = rows[known & ~beyond]
+        low[on], step[on] = to[known & ~beyond], 2 * step[on]
+        sums[on] += more[known & ~beyond]
+        ended[on] = low[on] >= last[on]
+        high[rows[beyond]], bracketed[rows[beyond]] = to[beyond], True
+        step[rows[~known]] /= 4
+        resolved[rows[~known]] = low[rows[~known]] + step[rows[~known]] > low[rows[~known]]
+    rows = np.flatnonzero(bracketed & (high > low))
+    low[rows], sums[rows] = _closed_in(way.take(rows), low[rows], high[rows], sums[rows], wanted[rows])
+    resolved &= np.all(np.isfinite(sums[:, :BY_C]), axis=1)
+    return Reached(low, sums + before, ended, resolved & (ended | bracketed))
+
+
+def _periods(way: Way, targets: np.ndarray) -> np.ndarray:
+    """The integrals (m, COUNT) over the whole periods that come before the first target."""
+    m = len(targets)
+    if not np.isfinite(way.period) or m == 0:
+        return np.zeros((m, COUNT))
+    half = integrals(way, np.zeros(m), np.full(m, way.period / 2))
+    with np.errstate(all="ignore"):
+        turns = np.floor(np.min(targets / (2 * half[:, :3]), axis=1) * (1 - 1e-15))
+    turns = np.where(np.isfinite(turns), np.maximum(turns, 0.0), 0.0)
+    return np.where(turns[:, None] > 0, 2 * turns[:, None] * half, 0.0)
+
+
+def _first_steps(way: Way, last: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """A first guess (m,) of how far in q the targets lie, and the whole way where there are none."""
+    with np.errstate(all="ignore"):
+        rates = integrands(way, way.start[:, None])[:3, :, 0].T
+        guess = np.min(wanted / rates, axis=1)
+    whole = np.minimum(last - way.start, way.period)
+    return np.where(np.isfinite(guess) & (guess > 0), np.minimum(guess, whole), np.minimum(whole, 1e300))
+
+
+def _closed_in(
+    way: Way, low: np.ndarray, high: np.ndarray, sums: np.ndarray, wanted: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Newton's iteration between ``low``, where the integrals are ``sums``, and ``high``."""
+    q, sums = low.copy(), sums.copy()
+    going = np.arange(len(q))
+    for _ in range(NEWTON):
+        if len(going) == 0:
+            break
+        part, here = way.take(going), q[going]
+        with np.errstate(all="ignore"):
+            rates = integrands(part, here[:, None])[:3, :, 0].T
+            step = np.min((wanted[going] - sums[going, :3]) / rates, axis=1)
+        scale = 4 * np.finfo(float).eps * np.maximum(np.abs(here), np.abs(way.start[going]))
+        new = here + step
+        inside = (new >= low[going] - scale) & (new <= high[going] + scale)
+        new = np.where(inside, np.clip(new, low[going], high[going]), (low[going] + high[going]) / 2)
+        sums[going] += integrals(part, here, new, sums[going])
+        over = np.any(sums[going, :3] >= wanted[going], axis=1)
+        high[going[over]], low[going[~over]] = new[over], new[~over]
+        q[going] = new
+        going = going[np.abs(new - here) > scale]
+    return q, sums
