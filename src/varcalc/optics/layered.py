@@ -17,6 +17,7 @@ from varcalc.optics.tabulated import Tabulated
 Expression = Any
 """A CasADi SX expression."""
 STOPPED = OUTCOMES.index(Outcome.STOPPED)
+NOT_FINITE = OUTCOMES.index(Outcome.NOT_FINITE)
 TOO_MANY = OUTCOMES.index(Outcome.TOO_MANY_STEPS)
 CROSSINGS = 100_000
 """Heights of the table crossed by one ray."""
@@ -78,8 +79,11 @@ class LayeredSwarm:
     def _rounds(self, ends: Landing, constants: np.ndarray, leaving: tuple[int, ...]) -> Iterator[np.ndarray]:
         """Carry all rays through one layer after the other, in place; the layers (m,) before each is gone through."""
         d, alive = self.dimension, np.arange(len(ends.states))
-        layer = self.table.layer_of(ends.states[:, d - 1], ends.states[:, 2 * d - 1] > 0)
-        start = self._starts(ends.states[:, d - 1], layer)
+        layer, on, stuck, outside = self.table.starts(ends.states[:, d - 1], ends.states[:, 2 * d - 1])
+        start = np.where(on < 0, NONE, self.stops + on - layer)
+        ends.outcomes[stuck], ends.outcomes[outside] = NOT_FINITE, STOPPED
+        ends.stopped_by[outside] = self.stops
+        alive = alive[~stuck & ~outside]
         for _ in range(CROSSINGS):
             yield layer
             for number in np.unique(start[alive]):
@@ -102,14 +106,6 @@ class LayeredSwarm:
         kick = np.divide((slopes[1] - slopes[0]) / 2, climb, out=np.zeros(len(rows)), where=climb != 0)
         for first in range(2 * d + 1, states.shape[1], 2 * d):
             states[rows, first + 2 * d - 1] += kick * states[rows, first + d - 1]
-
-    def _starts(self, heights: np.ndarray, layer: np.ndarray) -> np.ndarray:
-        """The height of the table (m,), as a stop, that each ray starts from, or NONE."""
-        bounds = self.table.constants(layer)
-        start = np.full(len(heights), NONE)
-        start[heights == bounds[:, 0]] = self.stops
-        start[heights == bounds[:, 1]] = self.stops + 1
-        return start
 
     def _handed_on(self, ends: Landing, layer: np.ndarray, start: np.ndarray, alive: np.ndarray) -> np.ndarray:
         """Put the rays that have come to a height into the next layer; those of ``alive`` that go on."""

@@ -104,8 +104,9 @@ class ParabolicRays:
         m = len(beam)
         beam, travelled = beam.take(np.arange(m)), np.zeros(m)
         struck, status = np.full(m, NOTHING), np.full(m, int(RayStatus.TOO_MANY_STEPS))
-        layer, knot = self._starts(beam)
-        alive, left = np.arange(m), np.full(m, leaving)
+        layer, knot, stuck, outside = self.table.starts(beam.position[:, -1], beam.momentum[:, -1])
+        status[stuck], status[outside] = int(RayStatus.SINGULAR), int(RayStatus.OUTSIDE)
+        alive, left = np.flatnonzero(~stuck & ~outside), np.full(m, leaving)
         for _ in range(LAYERS):
             if len(alive) == 0:
                 break
@@ -132,16 +133,6 @@ class ParabolicRays:
             at, to = alive[crossing], layer[alive[crossing]] + np.where(first[crossing] == 1, 1, 0)
             alive = self._cross(beam, at, to, layer, knot, status)
         return Arrival(beam, struck, status), travelled
-
-    def _starts(self, beam: Beam) -> tuple[np.ndarray, np.ndarray]:
-        """The layers (m,) that rays are in, and the number of the height each starts on, or NOTHING."""
-        heights, climb = beam.position[:, -1], beam.momentum[:, -1]
-        above = self.table.layer_of(heights, np.ones(len(beam), dtype=bool))
-        rising = (climb > 0) | ((climb == 0) & (self.table.coefficients[above, 1] > 0))
-        layer = self.table.layer_of(heights, rising)
-        knots = np.asarray(self.table.heights)
-        on = np.where(heights == knots[layer], layer, np.where(heights == knots[layer + 1], layer + 1, NOTHING))
-        return layer, on
 
     def _to_heights(
         self, beam: Beam, pull: np.ndarray, layer: np.ndarray, knot: np.ndarray

@@ -135,6 +135,24 @@ class Tabulated(Medium):
         _, first, second, third = self.coefficients[layers].T
         return first + above * (2 * second + 3 * above * third)
 
+    def starts(self, heights: np.ndarray, climb: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Where rays at ``heights`` (m,) with vertical momenta ``climb`` (m,) start: arrays (m,).
+
+        The layers; the numbers of the heights of the table on which they start, or -1; True for rays along a kink to
+        which both sides turn them back; True for those that leave the table at once. A ray along a height
+        goes to the side to which it is pulled.
+        """
+        knots = np.asarray(self.heights)
+        above = self.layer_of(heights, np.ones(len(heights), dtype=bool))
+        upwards = self.slope(above, heights - knots[above]) >= 0
+        layer = self.layer_of(heights, (climb > 0) | ((climb == 0) & upwards))
+        on = np.where(heights == knots[layer], layer, np.where(heights == knots[layer + 1], layer + 1, -1))
+        pull = self.slope(layer, heights - knots[layer])
+        away = ((on == layer + 1) & (pull > 0)) | ((on == layer) & (pull < 0))
+        edge = (on == 0) | (on == self.layers)
+        stuck = away & ~edge & (climb == 0) & (not self.smooth)
+        return layer, on, stuck, away & edge & (climb == 0)
+
     def layer_of(self, heights: np.ndarray, climbing: np.ndarray) -> np.ndarray:
         """The layers (m,) that rays at ``heights`` (m,) are in, or come into where they are between two."""
         knots = np.asarray(self.heights)
