@@ -39,7 +39,7 @@ def test_arrivals_where_the_squared_index_is_linear():
     np.testing.assert_allclose(second.conjugate_points, [[2 - np.sqrt(3), np.sqrt(3) * (2 - np.sqrt(3))]], rtol=1e-10)
     assert first.error < 1e-14
     np.testing.assert_allclose(second.point(np.array([0.0, second.optical_path])), [[0, 0], [0.5, 0]], atol=1e-14)
-    assert first.model == "Hamilton's ray equations"
+    assert first.model == "linear ray equation"
 
 
 def test_no_arrival_is_missed_and_none_is_false():
@@ -174,7 +174,7 @@ def test_rays_through_air_into_graded_glass():
         assert ray.optical_path == pytest.approx(path(x, arc), rel=1e-13)
         assert path(x + 1e-4, arc) == pytest.approx(path(x - 1e-4, arc), abs=1e-11)
     assert len(rays) == 2
-    assert rays[0].model == "straight segments, Hamilton's ray equations"
+    assert rays[0].model == "straight segments, linear ray equation"
 
 
 def _crossing(ray):
@@ -305,3 +305,23 @@ def test_bad_pairs_are_refused(sources, receivers, message):
 
 def test_no_pairs_have_no_answers():
     assert parabolic().arrivals(np.zeros((0, 2)), np.zeros((0, 2))) == []
+
+
+def test_a_continuum_hides_no_ray_of_another_optical_path():
+    """n² = 2 - r², from rim to rim: r = r₀ cos σ + p₀ sin σ meets -r₀ at σ = π for every p₀, and at π/2 for p₀ = -r₀."""
+    rays = optics.Scene(optics.luneburg()).rays((-1, 0), (1, 0), within=4.0)
+    assert rays.continuum
+    np.testing.assert_allclose(
+        [ray.optical_path for ray in rays], [1 + np.pi / 2, np.pi, 3 * np.pi / 2 - 1], rtol=1e-13
+    )
+    assert [ray.degenerate for ray in rays] == [False, True, False]
+    before = optics.Scene(optics.luneburg()).rays((-1, 0), (1, 0), within=3.0)
+    assert len(before) == 1
+    assert not before.continuum
+
+
+def test_many_turns_about_a_fish_eye():
+    """All circles from A come to B after π/2 + kπ: rays that go far round come back out of step, and are given up."""
+    rays = optics.Scene(optics.fish_eye()).rays((1, 0), (0, 1))
+    np.testing.assert_allclose([ray.optical_path for ray in rays], np.pi / 2 + np.pi * np.arange(len(rays)), rtol=1e-12)
+    assert len(rays) == 7

@@ -15,16 +15,24 @@ import numpy as np
 from varcalc.optics.cells import PATH, Cells
 from varcalc.optics.fan import FIRST_ANGLES, Fan
 from varcalc.optics.misses import Misses, Seeds, misses, seeds
-from varcalc.optics.polish import TOUCHING, Aims, Meeting, as_they_are, flattest, gathered, joined, met
+from varcalc.optics.polish import MET, TOUCHING, Aims, Meeting, as_they_are, flattest, gathered, joined, met
 
 DEEPEST = 24
 """Halvings of a cell."""
+AT_LEAST = 3
+"""The same, where they do not come to an end: neighbouring rays that have gone far round come back out of step."""
+CROWD = 1500
+"""Cells of one pair left after a halving: where there are more, they do not come to an end."""
 UNSEEN = 0.25
 """Of the diagonal of a cell that nobody has looked into: how far beyond its box a point may yet be in it."""
 NEARLY = 1e-3
 """Rays that miss the point by less, relative to the scene, nearly meet it."""
 CONTINUUM = 0.25
 """Of all directions: where so many meet a point, infinitely many do."""
+ALIKE = 1e-6
+"""Optical paths of the rays of one continuum agree so well, relative to their size."""
+AS_IT_IS = 1e-11
+"""Of the scene: a ray that was aimed nowhere and comes so close to a point, to which a continuum leads, is of one."""
 SAME = 1e-9
 """Angles, and optical paths relative to their size, that differ by less are of one ray."""
 
@@ -68,6 +76,7 @@ class Search:
 
     def __post_init__(self) -> None:
         self.continuum = np.zeros(len(self.pairs), dtype=bool)
+        self.flat: list[Meeting] = []
         self.unresolved = np.zeros(len(self.pairs), dtype=int)
         self.crossings: list[Aims] = []
         self.folds: list[Aims] = []
@@ -76,14 +85,13 @@ class Search:
         """All arrivals, those of one pair by ascending optical path."""
         cells = self.fan.cells()
         cell, pair = self._first(cells)
-        parts = [self._continua(cells, cell, pair)]
-        left = ~self.continuum[pair]
-        cell, pair = cell[left], pair[left]
+        self._note_continua(cells, cell, pair)
         while len(cell):
             cells, cell, pair = self._round(cells, cell, pair)
-        parts += self._polished()
-        meeting = gathered([found for found, _ in parts])
-        return self._told(meeting, np.concatenate([touching for _, touching in parts]))
+        continua = self._continua()
+        parts = [(continua, np.ones(len(continua.miss), dtype=bool)), *self._polished(continua)]
+        meeting, touching = gathered([found for found, _ in parts]), np.concatenate([t for _, t in parts])
+        return self._told(meeting, touching, len(continua.miss))
 
     def _first(self, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
         """Cells and pairs whose points may be in them."""
@@ -125,7 +133,8 @@ class Search:
         if len(known):
             again[known] = self._settled(cells.take(cell[known]), pair[known])
         cell, pair = cell[again], pair[again]
-        deep = cells.depth[cell] >= DEEPEST
+        crowded = np.bincount(pair, minlength=len(self.pairs)) > CROWD
+        deep = cells.depth[cell] >= np.where(crowded[pair], AT_LEAST, DEEPEST)
         np.add.at(self.unresolved, pair[deep], 1)
         cell, pair = cell[~deep], pair[~deep]
         used, cell = np.unique(cell, return_inverse=True)
@@ -142,8 +151,9 @@ class Search:
         found = misses(cells, self.pairs.target[pair])
         beginnings, crowded = seeds(found, cells.sideways)
         crowded &= cells.depth < DEEPEST
-        doubtful = ~found.outside & (~found.trusted | crowded)
-        keep = ~(doubtful | found.outside)[beginnings.pair]
+        over = found.outside | self._of_continuum(cells, found, pair)
+        doubtful = ~over & (~found.trusted | crowded)
+        keep = ~(doubtful | over)[beginnings.pair]
         chosen = Seeds(beginnings.pair[keep], beginnings.a[keep], beginnings.fold[keep])
         aims = self._aims(cells, pair, found, chosen)
         self.crossings.append(aims.take(np.flatnonzero(~chosen.fold)))
@@ -165,26 +175,50 @@ class Search:
             self.pairs.size[pair[k]],
         )  # fmt: skip
 
-    def _continua(self, cells: Cells, cell: np.ndarray, pair: np.ndarray) -> tuple[Meeting, np.ndarray]:
-        """One ray for each pair that infinitely many join: where many rays nearly meet the point, they are asked."""
-        candidates = np.bincount(pair, minlength=len(self.pairs)) >= CONTINUUM * FIRST_ANGLES
-        some = candidates[pair] & cells.whole[cell]
+    def _note_continua(self, cells: Cells, cell: np.ndarray, pair: np.ndarray) -> None:
+        """Mark the pairs that infinitely many rays join: where many rays nearly meet the point, they are asked."""
+        some = self._many(pair)[pair] & cells.whole[cell]
         cell, pair = cell[some], pair[some]
         near = cells.take(cell)
         found = misses(near, self.pairs.target[pair])
-        flat = np.flatnonzero(~found.outside & (found.range <= NEARLY * self.pairs.size[pair]))
-        crowd = np.bincount(pair[flat], minlength=len(self.pairs)) >= CONTINUUM * FIRST_ANGLES
-        flat = flat[crowd[pair[flat]]]
+        flat = np.flatnonzero(~found.outside & self._flat(near, found, pair))
+        flat = flat[self._many(pair[flat])[pair[flat]]]
         first = Seeds(flat, np.zeros(len(flat)), np.zeros(len(flat), dtype=bool))
-        meeting = as_they_are(self.fan, self._aims(near, pair, found, first))
-        there = np.bincount(meeting.aims.pair, minlength=len(self.pairs)) >= CONTINUUM * FIRST_ANGLES
-        self.continuum = there
-        rows = np.flatnonzero(there[meeting.aims.pair])
-        _, one = np.unique(meeting.aims.pair[rows], return_index=True)
-        return meeting.take(rows[one]), np.ones(len(one), dtype=bool)
+        met, _ = as_they_are(self.fan, self._aims(near, pair, found, first), MET)
+        self.continuum = self._many(met.aims.pair)
+        self.flat = [met.take(np.flatnonzero(self.continuum[met.aims.pair]))]
 
-    def _polished(self) -> list[tuple[Meeting, np.ndarray]]:
-        """The rays that meet their points, from all seeds."""
+    def _continua(self) -> Meeting:
+        """One ray of each continuum: all of its rays have the same optical path, since it is stationary."""
+        met = gathered(self.flat)
+        met = met.take(np.lexsort((met.state[:, PATH], met.aims.pair)))
+        path = met.state[:, PATH]
+        other = (np.diff(met.aims.pair) > 0) | (np.diff(path) > ALIKE * path[1:])
+        return met.take(np.flatnonzero(np.append(True, other)[: len(path)]))
+
+    def _many(self, pair: np.ndarray) -> np.ndarray:
+        """True for the pairs that stand in ``pair`` so often that infinitely many rays may join them."""
+        return np.bincount(pair, minlength=len(self.pairs)) >= CONTINUUM * FIRST_ANGLES
+
+    def _flat(self, cells: Cells, found: Misses, pair: np.ndarray) -> np.ndarray:
+        """True (k,) for cells all of whose rays nearly meet the point, for the range of angles they are of."""
+        share = (cells.angle[:, 1] - cells.angle[:, 0]) * FIRST_ANGLES / (2 * np.pi)
+        return found.range <= NEARLY * np.minimum(share, 1.0) * self.pairs.size[pair]
+
+    def _of_continuum(self, cells: Cells, found: Misses, pair: np.ndarray) -> np.ndarray:
+        """True (k,) for cells whose rays belong to a continuum: one in the middle meets the point as it is."""
+        rows = np.flatnonzero(self.continuum[pair] & ~found.outside)
+        rows = rows[self._flat(cells, found, pair)[rows]]
+        belongs = np.zeros(len(pair), dtype=bool)
+        if len(rows):
+            middle = Seeds(rows, np.full(len(rows), 0.5), np.zeros(len(rows), dtype=bool))
+            met, which = as_they_are(self.fan, self._aims(cells, pair, found, middle), AS_IT_IS)
+            belongs[rows[which]] = True
+            self.flat.append(met)
+        return belongs
+
+    def _polished(self, continua: Meeting) -> list[tuple[Meeting, np.ndarray]]:
+        """The rays that meet their points, from all seeds, but for those of the ``continua``."""
         if not self.crossings:
             return []
         aims, folds = joined(self.crossings), joined(self.folds)
@@ -195,13 +229,15 @@ class Search:
         two = np.flatnonzero(~touches & np.isfinite(half))
         sides = [_beside(flat.take(two), sign * half[two]) for sign in (-1, 1)]
         touching, meeting = flat.take(np.flatnonzero(touches)), met(self.fan, joined([aims, *sides]))
+        touching, meeting = _beside_continua(touching, continua), _beside_continua(meeting, continua)
         return [(touching, np.ones(len(touching.miss), dtype=bool)), (meeting, np.zeros(len(meeting.miss), dtype=bool))]
 
-    def _told(self, meeting: Meeting, touching: np.ndarray) -> Arrivals:
-        """What was found, none twice, each pair's by optical path."""
+    def _told(self, meeting: Meeting, touching: np.ndarray, continua: int) -> Arrivals:
+        """What was found, none twice, each pair's by optical path; the first stand for so many ``continua``."""
         aims = meeting.aims
         path = meeting.state[:, PATH]
-        near = (path <= self.pairs.within[aims.pair]) & (touching | ~self.continuum[aims.pair])
+        near = path <= self.pairs.within[aims.pair]
+        continuum = np.bincount(aims.pair[:continua][near[:continua]], minlength=len(self.pairs)) > 0
         order = np.lexsort((path, aims.pair))
         order = order[near[order]]
         kept: list[int] = []
@@ -215,7 +251,7 @@ class Search:
             if not alike:
                 kept.append(int(k))
         rows = np.array(kept, dtype=int)
-        return Arrivals(meeting.take(rows), touching[rows], self.continuum, self.unresolved)
+        return Arrivals(meeting.take(rows), touching[rows], continuum, self.unresolved)
 
 
 def _ranges(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -232,3 +268,11 @@ def _beside(flat: Meeting, turn: np.ndarray) -> Aims:
     by_angle = np.sum(state[:, 2:4] * state[:, 5:7], axis=1)
     sigma = aims.sigma - turn * by_angle / momentum
     return Aims(aims.source, aims.pair, aims.target, aims.angle + turn, sigma, state[:, PATH], np.abs(turn), aims.size)
+
+
+def _beside_continua(meeting: Meeting, continua: Meeting) -> Meeting:
+    """The rays of ``meeting`` that are of none of the ``continua``."""
+    other = np.ones(len(meeting.miss), dtype=bool)
+    for pair, path in zip(continua.aims.pair, continua.state[:, PATH], strict=True):
+        other &= (meeting.aims.pair != pair) | (np.abs(meeting.state[:, PATH] - path) > ALIKE * path)
+    return meeting.take(np.flatnonzero(other))

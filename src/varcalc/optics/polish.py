@@ -180,10 +180,14 @@ def gathered(parts: list[Meeting]) -> Meeting:
     return Meeting(joined([part.aims for part in parts]), states, misses)
 
 
-def as_they_are(fan: Fan, aims: Aims) -> Meeting:
-    """Those of the ``aims`` that meet their targets without a change of direction."""
+def as_they_are(fan: Fan, aims: Aims, close: float) -> tuple[Meeting, np.ndarray]:
+    """Those of the ``aims`` that meet their targets without a change of direction, and their numbers.
+
+    They come as ``close`` as that, relative to the scene, or as the angle allows.
+    """
     look = _nearest(fan, aims)
-    return look.take(np.flatnonzero(look.met)).meeting()
+    there = np.flatnonzero(look.distance <= close * aims.size + ANGLES * np.abs(look.spread))
+    return look.take(there).meeting(), there
 
 
 def flattest(fan: Fan, aims: Aims) -> tuple[Meeting, np.ndarray]:
