@@ -308,7 +308,7 @@ def test_no_pairs_have_no_answers():
 
 
 def test_a_continuum_hides_no_ray_of_another_optical_path():
-    """n² = 2 - r², from rim to rim: r = r₀ cos σ + p₀ sin σ meets -r₀ at σ = π for every p₀, and at π/2 for p₀ = -r₀."""
+    """In n² = 2 - r², r = r₀ cos σ + p₀ sin σ meets -r₀ at σ = π for every p₀, and at π/2 for p₀ = -r₀."""
     rays = optics.Scene(optics.luneburg()).rays((-1, 0), (1, 0), within=4.0)
     assert rays.continuum
     np.testing.assert_allclose(

@@ -61,7 +61,7 @@ def test_a_ray_along_a_kink_to_which_both_sides_turn_it_back_is_given_up(model):
     assert along(lambda y: 1.5 - 0.1 * np.abs(y), 0.0, model, smooth=False).status[0] == RayStatus.SINGULAR
 
 
-@pytest.mark.parametrize("model", (*MODELS, optics.Invariants()))
+@pytest.mark.parametrize("model", [*MODELS, optics.Invariants()])
 @pytest.mark.parametrize("tilt", [-1.2e-16, 0.0, 1.2e-16])
 def test_a_plane_at_the_height_of_the_source(model, tilt):
     """Rays fall, y = tilt σ - σ²/2: one that rises comes back to the plane at once, the others do not."""
