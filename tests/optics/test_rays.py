@@ -325,3 +325,12 @@ def test_many_turns_about_a_fish_eye():
     rays = optics.Scene(optics.fish_eye()).rays((1, 0), (0, 1))
     np.testing.assert_allclose([ray.optical_path for ray in rays], np.pi / 2 + np.pi * np.arange(len(rays)), rtol=1e-12)
     assert len(rays) == 7
+
+
+def test_the_time_of_a_ray_is_its_optical_path_over_a_speed():
+    # c = 1500 (1 + y): the time between points of one depth is acosh(1 + d^2/2)/1500 at y = 0
+    [ray] = optics.Scene(optics.Stratified(lambda y: 1 / (1 + y))).rays((0, 0), (1, 0))
+    assert ray.travel_time(1500.0) == pytest.approx(np.arccosh(1.5) / 1500, rel=1e-13)
+    assert ray.travel_time() == ray.optical_path / 299_792_458
+    with pytest.raises(ValueError, match="speed"):
+        ray.travel_time(0.0)

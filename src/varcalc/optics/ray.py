@@ -9,6 +9,7 @@ from typing import overload
 
 import numpy as np
 
+from varcalc.conditions import finite
 from varcalc.optics.beam import RayStatus
 from varcalc.optics.derivatives import path_derivatives
 from varcalc.optics.legs import Leg
@@ -18,6 +19,8 @@ from varcalc.optics.tubes import RayTube
 
 AT_END = 1e-6
 """Conjugate points so close to the end of a ray on a caustic, in its optical path, are the end itself."""
+SPEED_OF_LIGHT = 299_792_458.0
+"""In vacuum, in metres a second (SI)."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class Ray:
     Attributes
     ----------
     optical_path : float
-        ∫ n ds from A to B, in units of length; divided by the speed of light in vacuum it is the travel time.
+        ∫ n ds from A to B, in units of length; see :meth:`travel_time`.
     error : float
         An estimate of the error of ``optical_path``.
     index : int
@@ -77,6 +80,18 @@ class Ray:
         Raises ArithmeticError where the index is not smooth along the ray.
         """
         return path_derivatives(self.legs, self.media, self.surfaces)
+
+    def travel_time(self, speed: float = SPEED_OF_LIGHT) -> float:
+        """The time from A to B: the optical path over the ``speed`` to which the index is referred.
+
+        That is the speed of light in vacuum, in metres a second; of sound, the speed where the index is 1. A medium
+        with dispersion is one wavelength's: the time is that of the phase.
+
+        Raises TypeError or ValueError for a speed that is not a positive number.
+        """
+        if not finite("speed", speed) > 0:
+            raise ValueError(f"speed must be a positive number, not {speed!r}")
+        return self.optical_path / speed
 
     def point(self, s: float | np.ndarray) -> np.ndarray:
         """The point of the ray at the optical path ``s`` from A, shape ``np.shape(s) + (d,)``.
