@@ -11,6 +11,7 @@ from varcalc import optics
 from varcalc.optics import RayStatus
 
 HEIGHTS = np.linspace(-1, 1, 9)
+ROD = optics.selfoc(1.5, 0.7)
 MODELS = (None, optics.Hamilton())
 
 
@@ -71,3 +72,24 @@ def test_a_plane_at_the_height_of_the_source(model, tilt):
     assert end.status[0] == (RayStatus.ARRIVED if tilt > 0 else RayStatus.MISSED)
     if tilt > 0:
         np.testing.assert_allclose(end.points, 0, rtol=0, atol=1e-15)
+
+
+def test_rays_that_turn_where_the_index_vanishes_are_carried_in_the_regular_parameter():
+    """Straight up to the place where n = 0, and back: S is no parameter there, σ is."""
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 - 2 * y)))
+    bundle = scene.trace((0, 0), [(0, 1), (1e-7, 1)], optical_path=1.0)
+    assert np.all(bundle.arrived)
+    sigma = np.roots([1 / 3, -1, 1, -1.0])  # S = σ - σ² + σ³/3
+    sigma = sigma[np.abs(sigma.imag) < 1e-12].real[0]
+    np.testing.assert_allclose(bundle.points[:, 1], sigma - sigma**2 / 2, atol=1e-12)
+
+
+def test_rays_that_run_away_from_a_plane_never_meet_it():
+    bundle = optics.Scene(ROD).trace((0, 0, 0), [(0.1, 0, 1), (0.1, 0, -1)], until=optics.Plane((0, 0, 1), (0, 0, 1)))
+    assert list(bundle.status) == [RayStatus.ARRIVED, RayStatus.MISSED]
+
+
+def test_rays_that_leave_a_plane_do_not_meet_it_at_once():
+    level = optics.Plane((0, 0, 0), (0, 0, 1))
+    bundle = optics.Scene(optics.Graded(lambda x, y, z: 1.5 + 0 * x)).trace((0, 0, 0), (0.1, 0, 1), until=level)
+    assert list(bundle.status) == [RayStatus.MISSED]

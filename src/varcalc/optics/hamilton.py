@@ -11,10 +11,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc import engines
-from varcalc.engines import OUTCOMES, Engine, Flow, Landing, Outcome, Swarm
+from varcalc.engines import OUTCOMES, Engine, Fleet, Flow, Landing, Outcome, Swarm
 from varcalc.instructions import Vectorised
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
-from varcalc.optics.known_ends import KnownEnds
 from varcalc.optics.layered import Expression, LayeredSwarm, compile_rays
 from varcalc.optics.legs import Leg, hamilton_leg
 from varcalc.optics.media import Field, Medium
@@ -36,6 +35,7 @@ ENDED = {
 MEANING = np.array([int(ENDED.get(code, RayStatus.SINGULAR)) for code in range(len(OUTCOMES))])
 """The status for each outcome of a run."""
 
+COMPLETED = OUTCOMES.index(Outcome.COMPLETED)
 _ONE_AT_A_TIME = Lock()
 """Threads that need the same system wait for the one that builds it."""
 
@@ -61,14 +61,11 @@ class HamiltonRays:
     surfaces: Sequence[Geometry]
     engine: Engine
     _swarms: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
-    known: KnownEnds = field(init=False, repr=False)
     _free: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
+    _fleets: dict[int, Fleet] = field(default_factory=dict, repr=False)
     _flow: Flow | None = field(init=False, default=None, repr=False)
 
     name = "Hamilton's ray equations"
-
-    def __post_init__(self) -> None:
-        self.known = KnownEnds(self.medium, self.dimension, self.engine)
 
     def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
         """Carry the rays to the first surface, or to the optical path ``limit`` (m,), infinite where there is none.
@@ -145,8 +142,9 @@ class HamiltonRays:
     def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:
         """See :meth:`varcalc.optics.model.Carrier.onward`; in a table rays go to ``path``."""
         if not isinstance(self.medium, Tabulated):
-            states = self.known.to_sigma(packed(beam), sigma)
-            return self._sound(states), sigma
+            landing = self._fleet(beam.deviations).run(packed(beam), np.zeros((len(beam), 0)), sigma)
+            there = (landing.outcomes == COMPLETED) & (landing.reached == sigma)
+            return self._sound(np.where(there[:, None], landing.states, np.nan)), sigma
         states, grown = packed(beam), np.zeros(len(beam))
         ahead = np.flatnonzero(path > beam.optical_path)
         if len(ahead):
@@ -164,6 +162,14 @@ class HamiltonRays:
             sound = np.abs(np.sum(states[:, d : 2 * d] ** 2, axis=1) - squared) <= BROKEN * np.abs(squared)
         states[~sound] = np.nan
         return unpacked(states, d)
+
+    def _fleet(self, neighbours: int) -> Fleet:
+        """The compiled system for runs to known σ."""
+        with _ONE_AT_A_TIME:
+            if neighbours not in self._fleets:
+                system = ray_system(self.medium, self.dimension, neighbours)
+                self._fleets[neighbours] = self.engine.compile_fleet(system)
+            return self._fleets[neighbours]
 
     def _unhindered(self, beam: Beam) -> Swarm:
         """The compiled system without the surfaces."""
