@@ -25,7 +25,7 @@ KEPT = 16
 """Ends of bundles for which compiled systems are kept."""
 PAIRS = 4096
 """Pairs of points searched for together."""
-RANGE = 8.0
+RANGE = 5.0
 """Rays are looked for up to so many times the optical length of the scene."""
 ON = 1e-12
 """A point is on a surface when it is no farther from it than this share of the scene's size."""
