@@ -322,7 +322,7 @@ def test_a_continuum_hides_no_ray_of_another_optical_path():
 
 def test_many_turns_about_a_fish_eye():
     """All circles from A come to B after π/2 + kπ: rays that go far round come back out of step, and are given up."""
-    rays = optics.Scene(optics.fish_eye()).rays((1, 0), (0, 1))
+    rays = optics.Scene(optics.fish_eye()).rays((1, 0), (0, 1), within=22.0)
     np.testing.assert_allclose([ray.optical_path for ray in rays], np.pi / 2 + np.pi * np.arange(len(rays)), rtol=1e-12)
     assert len(rays) == 7
 
