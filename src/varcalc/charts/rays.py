@@ -11,7 +11,7 @@ from varcalc.charts.colours import INK
 from varcalc.charts.panels import plain
 from varcalc.optics.beam import RayStatus
 from varcalc.optics.range_chart import RangeChart
-from varcalc.optics.study import Background, Seen, Track
+from varcalc.optics.study import FLAT, Background, Seen, Track
 from varcalc.optics.wavefronts import Wavefront
 
 RAY, LOST, FRONT, CAUSTIC, ARRIVAL = "#0072b2", "#999999", "#009e73", "#d55e00", "#7a5195"
@@ -34,7 +34,7 @@ def rays_picture(seen: Seen) -> Figure:
         raise ValueError("there is no ray to draw: none could be followed; see the status of the rays")
     behind = seen.background()
     extent = float(np.ptp(behind.up)) / float(np.ptp(behind.across))
-    equal = 0.15 <= extent <= 4.0
+    equal = FLAT <= extent <= 1 / FLAT
     height = SIZE * min(max(extent, 0.45), 1.2) if equal else 0.6 * SIZE
     figure = Figure(figsize=(SIZE + 1.2, height + 1.4), layout="constrained", facecolor="white")
     panel = figure.subplots()

@@ -25,9 +25,11 @@ from varcalc.optics.wavefronts import Caustic, Wavefront, caustic_of, ray_tubes,
 SAMPLES = 240
 """Points along a ray, evenly spaced in optical path."""
 GRID = 160
-"""Points of the picture's longer side at which index and surfaces are looked at."""
+"""Points of each side of the picture at which index and surfaces are looked at."""
 MARGIN = 0.06
 """Of the extent of what is drawn, left free around it."""
+FLAT = 0.15
+"""Ratio of the sides below which each has a margin, and a scale, of its own."""
 FRONT_RAYS = 8
 """Rays of a wavefront for each ray of the study that is drawn."""
 
@@ -160,9 +162,9 @@ class Seen:
         scene, d = self.study.scene, self.study.source.dimension
         drawn = np.concatenate([track.points for track in (*self.tracks, *self.arriving)])
         low, high = drawn.min(0)[[0, -1]], drawn.max(0)[[0, -1]]
-        room = MARGIN * max(float((high - low).max()), 1e-300)
-        step = float((high - low + 2 * room).max()) / GRID
-        across, up = (np.arange(a - room, b + room + step, step) for a, b in zip(low, high, strict=True))
+        extent = np.maximum(high - low, 1e-3 * float((high - low).max()) or 1.0)
+        room = MARGIN * np.where(extent.min() < FLAT * extent.max(), extent, extent.max())
+        across, up = (np.linspace(a, b, GRID) for a, b in zip(low - room, high + room, strict=True))
         plane = np.zeros((len(up), len(across), d))
         plane[:] = np.median(drawn, axis=0)
         plane[..., 0], plane[..., -1] = np.meshgrid(across, up)
