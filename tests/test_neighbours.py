@@ -152,3 +152,10 @@ def test_other_methods_are_left_to_themselves(method):
     again = vc.solve(solution.problem.with_parameters({"k": 2.0}), method, guess=solution)
     assert again.value == pytest.approx(math.sqrt(2) / math.tanh(math.sqrt(2)), rel=1e-10)
     assert type(again.method) is type(method)
+
+
+def test_a_cold_solve_tells_what_building_took_apart():
+    cold = vc.solve(descent(), vc.Ritz())
+    assert cold.stats.build > 0
+    warm = vc.solve(cold.problem.with_parameters({"across": 1.1}), vc.Ritz(), guess=cold)
+    assert warm.stats.build == 0

@@ -95,8 +95,8 @@ def solved(
     return answers
 
 
-def solution(form: Form, method: Any, answers: Answers, row: int, seconds: float) -> Solution:
-    """An answer as the Solution by ``method`` of the form's problem; ``seconds`` is what it took."""
+def solution(form: Form, method: Any, answers: Answers, row: int, seconds: float, build: float = 0.0) -> Solution:
+    """An answer as the Solution by ``method`` of the form's problem; it took ``seconds``, and ``build`` before that."""
     degree, coefficients = int(answers.degree[row]), answers.coefficients[row]
     space = Space(np.array(form.span), degree, form.n, form.order)
     extremal = Extremal(
@@ -105,7 +105,7 @@ def solution(form: Form, method: Any, answers: Answers, row: int, seconds: float
     )  # fmt: skip
     error = ErrorEstimate(float(answers.error[row]), float(answers.curve[row]))
     free = int(np.isnan(form.fixed_start[0]).sum() + np.isnan(form.fixed_end[0]).sum())
-    stats = Stats(0.0, seconds, int(answers.iterations[row]), space.size - 2 * form.n + free, 1, degree)
+    stats = Stats(build, seconds, int(answers.iterations[row]), space.size - 2 * form.n + free, 1, degree)
     value, rule = form.sign * float(answers.value[row]), quadrature_points(degree)
     return answer(extremal, method, value, error, space.vertices, stats, rule=rule)
 

@@ -18,7 +18,7 @@ from varcalc.formulation import Form, Sampled
 from varcalc.mesh import Space
 from varcalc.methods import family
 from varcalc.methods.answer import answer
-from varcalc.methods.direct.batch import Places
+from varcalc.methods.direct.batch import Places, prepare
 from varcalc.methods.direct.degeneracy import degenerate
 from varcalc.methods.direct.error import ASTRAY, ASTRAY_SHARE, CURVE, Estimate, estimate, settled
 from varcalc.methods.direct.ipopt import Ipopt
@@ -113,11 +113,13 @@ class Ritz:
             np.array([form.span]), form.fixed_start, form.fixed_end, form.problem.parameter_values[None]
         )  # fmt: skip
         start = space.fit(form.baseline if guess is None else guess)
+        prepare(form)
+        built = time.perf_counter()
         with np.errstate(all="ignore"):
             answers = family.solved(form, places, np.array([degree]), [start], tol, near=False)
         if not answers.stands[0]:
             return None
-        return family.solution(form, self, answers, 0, time.perf_counter() - started)
+        return family.solution(form, self, answers, 0, time.perf_counter() - built, built - started)
 
     def _through_contacts(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
         """The answer with the ends of contact among the unknowns; None where that leads to none that counts."""

@@ -175,8 +175,7 @@ class Batch:
         chunk = min(CHUNK, self.x.size)
         built, key = self.form.built, (name, chunk)
         if key not in built:
-            if name not in built:
-                built[name] = _made(self.form, name)
+            prepare(self.form)
             built[key] = Pointwise(built[name], chunk)
         return built[key]
 
@@ -227,12 +226,14 @@ class Batch:
         return self._called("reported", variables)
 
 
-def _made(form: Form, name: str) -> ca.Function:
+def prepare(form: Form) -> None:
+    """Build the functions that batches of a form call; they are kept with it."""
     s = form.symbols
-    if name == "pointwise":
-        return Lagrangian(s, form.integrand).pointwise()
-    outputs = [form.functional, *(form.lifted or ())]
-    return ca.Function("reported", s.all, [ca.densify(ca.vertcat(*outputs))])
+    if "pointwise" not in form.built:
+        form.built["pointwise"] = Lagrangian(s, form.integrand).pointwise()
+    if "reported" not in form.built:
+        outputs = [form.functional, *(form.lifted or ())]
+        form.built["reported"] = ca.Function("reported", s.all, [ca.densify(ca.vertcat(*outputs))])
 
 
 def _least(blocks: np.ndarray) -> np.ndarray:
