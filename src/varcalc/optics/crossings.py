@@ -23,6 +23,10 @@ SAFETY = 4.0
 """How much faster than at the ends of an interval a function is taken to change inside it."""
 HALVINGS = 44
 """Of an interval; zeros that lie closer together than that are not told from each other."""
+ZERO = 1e3
+"""Of what counts as touching: a change of sign that leaves more than that is a jump, as where a ray starts level."""
+STEEP = 1e-12
+"""The same, in units of the function's change over a unit of the unknown."""
 ROUNDS = 80
 """Steps of a bracketed search."""
 
@@ -129,11 +133,12 @@ class Search:
         """Newton's steps kept inside brackets; ``first`` is the value at ``low``."""
         at, sign = (low + high) / 2, np.where(first != 0, np.sign(first), 1.0)
         at = np.where(first == 0, low, at)
-        going = np.flatnonzero(first != 0)
+        going, jump = np.flatnonzero(first != 0), np.zeros(len(at), dtype=bool)
         for _ in range(ROUNDS):
             if len(going) == 0:
                 break
             value, rate = self._of(at[going], number[going])
+            jump[going] = np.abs(value) > ZERO * self.touch + STEEP * np.abs(rate)
             same = value * sign[going] > 0
             low[going[same]], high[going[~same]] = at[going[same]], at[going[~same]]
             step = at[going] - value / rate
@@ -143,7 +148,7 @@ class Search:
             at[going] = step
             met = np.abs(value) <= self.touch / 128
             going = going[~met & (moved > 4e-16 * np.maximum(np.abs(step), 1e-3))]
-        return at, number, np.zeros(len(at))
+        return at[~jump], number[~jump], np.zeros(np.count_nonzero(~jump))
 
     def _folds(
         self, low: np.ndarray, high: np.ndarray, number: np.ndarray, left: Family, k: np.ndarray

@@ -15,13 +15,13 @@ from threading import Lock
 import numpy as np
 
 from varcalc import engines
-from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus, frames
+from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.hamilton import HamiltonRays
 from varcalc.optics.legs import Leg
 from varcalc.optics.media import Field, Medium, Radial, Stratified
 from varcalc.optics.model import Carrier, DoesNotApply, Model, Question
 from varcalc.optics.profile import Nodes, Profile
-from varcalc.optics.ranges import Launch, launches
+from varcalc.optics.range_search import found_by_range
 from varcalc.optics.ray import Rays
 from varcalc.optics.reduced import AboutCentre, Motions, deviations, reduction
 from varcalc.optics.steps import SIGMA, TAU, reached
@@ -34,8 +34,6 @@ NEAR = 1e-2
 """Neighbours of rays that start towards a centre at a smaller angle lose digits to its polar coordinates."""
 STRAIGHT_AT = 1e-7
 """Rays that start towards a centre at a smaller angle lose digits themselves."""
-MOST_WINDINGS = 4
-"""Times about a centre, either way, that rays are looked for."""
 _ONE_AT_A_TIME = Lock()
 """Threads that need the same profile wait for the one that builds it."""
 ON_AXIS = 4e-16
@@ -77,55 +75,7 @@ class Invariants(Model):
         """See :meth:`Model.between`: by the range function, where there is one medium and no surface."""
         if question.surfaces or question.media[0].is_uniform:
             return None
-        frame = _Frame(question.media[0], question.a, question.b)
-        found = launches(frame.profile, frame.heights, frame.distances(question.within), question.within)
-        rays = [question.ray(frame.heading(launch), launch.path, launch.touching) for launch in found.found]
-        searched = (
-            f"all launching angles by the range function ({found.looked_at} looked at, {found.unresolved} narrow "
-            f"intervals left unresolved), optical paths up to {question.within:.6g}"
-        )
-        reason = "" if rays else f"shadow: no ray of the source comes to B (searched: {searched})"
-        return Rays(tuple(rays), reason, searched, found.continuum)
-
-
-class _Frame:
-    """Two points as heights in a profile, and the distances between them along the layers."""
-
-    def __init__(self, medium: Medium, a: np.ndarray, b: np.ndarray) -> None:
-        if isinstance(medium, Radial):
-            offsets = [end - medium.middle(len(a)) for end in (a, b)]
-            radii = [float(np.linalg.norm(offset)) for offset in offsets]
-            if min(radii) == 0:
-                raise DoesNotApply(
-                    "Invariants needs points off the centre of the index, about which all turns; take Hamilton()"
-                )
-            self.up = offsets[0] / radii[0]
-            unit = float(2.0 ** np.round(np.log2(radii[0])))
-            self.profile = Profile(medium, unit, 0.0)
-            self.heights = float(np.log(radii[0] / unit)), float(np.log(radii[1] / unit))
-            across = offsets[1] - np.dot(offsets[1], self.up) * self.up
-            self.distance = float(np.arctan2(np.linalg.norm(across), np.dot(offsets[1], self.up)))
-        else:
-            self.up = np.eye(len(a))[-1]
-            self.profile = Profile(medium, 1.0, float(a[-1]))
-            self.heights = float(a[-1]), float(b[-1])
-            across = np.append((b - a)[:-1], 0.0)
-            self.distance = float(np.linalg.norm(across))
-        length = float(np.linalg.norm(across))
-        self.ahead = across / length if length > 0 else frames(self.up[None, :])[0, 0]
-
-    def distances(self, within: float) -> list[tuple[float, int]]:
-        """The distances from one point to the other, with the sense; about a centre both ways and with windings."""
-        if not self.profile.about_centre:
-            return [(self.distance, 1)]
-        turns = range(MOST_WINDINGS if np.isfinite(within) else 1)
-        ahead = [(self.distance + 2 * np.pi * k, 1) for k in turns]
-        return ahead + [(2 * np.pi * (k + 1) - self.distance, -1) for k in turns]
-
-    def heading(self, launch: Launch) -> np.ndarray:
-        """The unit vector along which a ray leaves the first point."""
-        heading = launch.speed * self.up + launch.way * launch.c * self.ahead
-        return heading / np.linalg.norm(heading)
+        return found_by_range(question)
 
 
 def _upright(geometry: Geometry) -> bool:

@@ -117,7 +117,7 @@ class Profile:
         shape = np.shape(x)
         g, slope, _ = self._table(base + x)
         old, steep, _ = self._table(base)
-        gain, bend = (np.broadcast_to(np.asarray(c, dtype=float), shape) for c in self._changes(base, x))
+        gain, bend = (_shaped(c, shape) for c in self._changes(base, x))
         return Values(g, slope, _better(g, old, gain), _better(slope, steep, bend))
 
     def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -127,7 +127,7 @@ class Profile:
 
     def _table(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g, its slope and n at u; g is not a number where there is no index."""
-        g, slope, n = (np.broadcast_to(np.asarray(c, dtype=float), np.shape(u)) for c in self._index(u))
+        g, slope, n = (_shaped(c, np.shape(u)) for c in self._index(u))
         return g, slope, n
 
     def squared_radius(self, u: np.ndarray) -> np.ndarray:
@@ -227,6 +227,12 @@ class Profile:
             same = self.at(middle)[1] * sign > 0
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         return np.concatenate([low, high])
+
+
+def _shaped(values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """``values`` in ``shape``: what does not depend on the place comes as one number."""
+    values = np.asarray(values, dtype=float)
+    return values if values.shape == shape else np.broadcast_to(values, shape)
 
 
 def _better(new: np.ndarray, old: np.ndarray, change: np.ndarray) -> np.ndarray:

@@ -26,11 +26,24 @@ from varcalc.optics.wells import bounds, ways
 
 MOST_PERIODS = 64
 """Whole periods of a ray that is caught between two heights; rays with more are not looked for."""
+MOST_WINDINGS = 64
+"""Times about a centre, either way; rays that go round more often are not looked for."""
 TOUCHING = 2e-13
 """Of the distance: a fold that comes so close to it touches it."""
-SOME_ANGLES = np.linspace(-1.4, 1.4, 61)
+FLAT = 1e-10
+"""The same, for rays at many angles: integrals of steep rays have that much round-off."""
+SOME_ANGLES = np.linspace(-1.4, 1.4, 60)
+"""None of them level, which is a special case."""
 SHARE = 0.25
 """Of these angles: where as many rays meet the point, all of them do."""
+EASY = np.array([-np.pi / 2, 0.0, np.pi / 2])
+"""The angles, down, level and up, at which every range function may break."""
+ROUNDING = 1e-11
+"""Of g: minima that differ by less are one."""
+LEVEL = 1e-7
+"""Of g: where it changes by less over the distance, rays that start level stay so, all but for round-off."""
+ALIKE = 1e-6
+"""Optical paths of the rays of one continuum agree so well, relative to their size."""
 SAME = 1e-9
 """Launches and optical paths, relative, closer than this are one ray."""
 
@@ -60,6 +73,21 @@ class Range:
     nodes: Nodes
     start: float
     end: float
+
+    @classmethod
+    def between(cls, profile: Profile, ends: tuple[float, float]) -> tuple[Range, bool]:
+        """The rays between two heights, and whether they start from the second."""
+        g = profile.at(np.array(ends))[0]
+        swapped = bool(g[1] < g[0])
+        start, end = ends[::-1] if swapped else ends
+        return cls(profile, profile.nodes(min(ends), max(ends), -np.inf, np.inf), start, end), swapped
+
+    def easy(self, distance: float) -> bool:
+        """Whether the range function has no logarithms: there is no end of detail near them.
+
+        It has where rays are caught along a layer between others, and where those that start level stay so.
+        """
+        return len(self.breaks()) == len(EASY) and not self._level(distance)
 
     def hits(self, angles: np.ndarray) -> Hits:
         """The hits of rays that start at ``angles`` (m,) from the layers, between ±π/2; rates are derivatives by it."""
@@ -112,15 +140,21 @@ class Range:
         q = way.reaching(x)
         return [np.where((q > 0) & (q <= last), q, np.nan), np.full(len(q), np.nan)]
 
+    def _level(self, distance: float) -> bool:
+        """True where a ray that starts along the layers stays there over the ``distance``, all but for round-off."""
+        g, slope = self.profile.at(np.array([self.start]))
+        return bool(np.abs(slope[0]) * (1.0 if self.profile.about_centre else distance) <= LEVEL * g[0])
+
     def breaks(self) -> np.ndarray:
         """The angles, ascending from -π/2 to π/2, between which the hits are smooth functions."""
         g0 = float(self.profile.at(np.array([self.start]))[0][0])
         g = self.nodes.g
         low = np.flatnonzero((g[1:-1] <= g[:-2]) & (g[1:-1] <= g[2:])) + 1
-        levels = np.array([*g[low], g[0], g[-1]])
-        levels = levels[(levels > 0) & (levels < g0)]
+        levels = np.sort([*g[low], g[0], g[-1]])
+        levels = levels[(levels > 0) & (levels < g0 * (1 - ROUNDING))]  # a flat top is full of dips that are none
+        levels = levels[np.diff(levels, prepend=0.0) > ROUNDING * levels]
         inner = np.unique(np.arccos(np.sqrt(levels / g0)))
-        return np.unique(np.concatenate([[-np.pi / 2, 0.0, np.pi / 2], inner, -inner]))
+        return np.unique(np.concatenate([EASY, inner, -inner]))
 
 
 def _after(q: np.ndarray, start: np.ndarray) -> np.ndarray:
@@ -152,45 +186,57 @@ class Launches:
     unresolved: int
 
 
-def launches(
-    profile: Profile, ends: tuple[float, float], distances: list[tuple[float, int]], within: float
-) -> Launches:
-    """The rays from the first height to the second that come one of the ``distances`` far, with their ways round."""
-    g = profile.at(np.array(ends))[0]
-    swapped = bool(g[1] < g[0])
-    start, end = ends[::-1] if swapped else ends
-    spread = Range(profile, profile.nodes(min(ends), max(ends), -np.inf, np.inf), start, end)
+def launches(profile: Profile, ends: tuple[float, float], distance: float, within: float) -> Launches:
+    """The rays from the first height to the second that come ``distance`` far, about a centre either way round."""
+    spread, swapped = Range.between(profile, ends)
+    some = spread.hits(SOME_ANGLES)
+    turns = _most_periods(some, within)
+    distances = _distances(profile, distance, _farthest(some, within, turns))
     wanted = np.array([distance for distance, _ in distances])
-    scale = float(max(wanted.max(), abs(ends[1] - ends[0])))
+    touch = TOUCHING * float(max(wanted.max(), abs(ends[1] - ends[0])))
 
-    look = spread.hits(np.linspace(-1.5, 1.5, 61))
-    later = look.later[look.later > 0]
-    turns = int(min(within / later.min(), MOST_PERIODS)) + 1 if len(later) else 1
-
-    def functions(angles: np.ndarray) -> Family:
-        return _families(spread.hits(angles), wanted, within, turns)
-
-    some = functions(SOME_ANGLES)
-    alike = np.abs(some.value) <= TOUCHING * scale
+    family = _families(some, wanted, within, turns)
+    alike = np.abs(family.value) <= FLAT / TOUCHING * touch
     whole = np.mean(alike, axis=1) > SHARE
-    for number in np.flatnonzero(whole):
-        place = int(np.argmax(alike[number]))
-        if some.bound[number, place] <= 0:
-            angle = float(SOME_ANGLES[place])
-            launch = _launch(spread, angle, int(number), distances, turns, touching=True, swapped=swapped)
-            return Launches([launch], True, 2 * len(SOME_ANGLES), 0)
+    # the most level ray of a continuum goes least far
+    numbers, first = np.flatnonzero(whole), np.argmin(np.where(alike, np.abs(SOME_ANGLES), np.inf)[whole], axis=1)
+    near = family.bound[numbers, first] <= 0
+    numbers, first = numbers[near], first[near]
 
     def asked_for(angles: np.ndarray) -> Family:
-        family = functions(angles)
+        family = _families(spread.hits(angles), wanted, within, turns)
         return Family(np.where(whole[:, None], np.nan, family.value), family.rate, family.bound)
 
-    search = Search(asked_for, spread.breaks(), TOUCHING * scale)
-    zeros = search.run()
-    found = [
-        _launch(spread, float(at), int(number), distances, turns, touching=bool(touch), swapped=swapped)
-        for at, number, touch in zip(zeros.at, zeros.number, zeros.touching, strict=True)
-    ]
-    return Launches(_distinct([f for f in found if f.path <= within]), False, zeros.looked_at, zeros.unresolved)
+    zeros = Search(asked_for, spread.breaks(), touch).run()
+    angles, touching = np.append(SOME_ANGLES[first], zeros.at), np.append(np.full(len(first), 1.0), zeros.touching) > 0
+    found = _launched(spread, angles, np.append(numbers, zeros.number), distances, turns, touching, swapped=swapped)
+    isolated = [f for f in found[len(first) :] if f.path <= within]
+    return Launches(
+        _one_each(found[: len(first)]) + _distinct(isolated), len(first) > 0, zeros.looked_at, zeros.unresolved
+    )
+
+
+def _most_periods(hits: Hits, within: float) -> int:
+    """How many whole periods rays may go through on an optical path of ``within``, and one for the first hits."""
+    later = hits.later[hits.later > 0]
+    return int(min(within / later.min(), MOST_PERIODS)) + 1 if len(later) else 1
+
+
+def _farthest(hits: Hits, within: float, turns: int) -> float:
+    """The largest distance that one of the rays comes on an optical path of ``within``, about."""
+    with np.errstate(all="ignore"):
+        periods = np.clip(np.floor((within - hits.path) / hits.later[:, None]), 0, turns)
+        far = hits.distance + np.where(np.isfinite(periods), periods, 0.0) * hits.apart[:, None]
+    return float(np.max(far, where=np.isfinite(far), initial=0.0))
+
+
+def _distances(profile: Profile, distance: float, farthest: float) -> list[tuple[float, int]]:
+    """The distances from one point to the other, with the sense; about a centre both ways and with windings."""
+    if not profile.about_centre:
+        return [(distance, 1)]
+    turns = range(min(int(farthest / (2 * np.pi)) + 2, MOST_WINDINGS))
+    ahead = [(distance + 2 * np.pi * k, 1) for k in turns]
+    return ahead + [(2 * np.pi * (k + 1) - distance, -1) for k in turns]
 
 
 def _families(hits: Hits, wanted: np.ndarray, within: float, turns: int) -> Family:
@@ -209,18 +255,35 @@ def _families(hits: Hits, wanted: np.ndarray, within: float, turns: int) -> Fami
     return Family(flat(value), flat(rate[None]), flat(bound[None]))
 
 
-def _launch(
-    spread: Range, angle: float, number: int, distances: list[tuple[float, int]], turns: int, *,
-    touching: bool, swapped: bool,
-) -> Launch:  # fmt: skip
-    """The ray that is the zero of function ``number`` at ``angle``."""
-    which, rest = divmod(number, 2 * turns)
-    turn, hit = divmod(rest, 2)
-    hits = spread.hits(np.array([angle]))
+def _launched(
+    spread: Range, angles: np.ndarray, numbers: np.ndarray, distances: list[tuple[float, int]], turns: int,
+    touching: np.ndarray, *, swapped: bool,
+) -> list[Launch]:  # fmt: skip
+    """The rays that are the zeros of the functions ``numbers`` (k,) at ``angles`` (k,)."""
+    which, rest = np.divmod(numbers.astype(int), 2 * turns)
+    turn, hit = np.divmod(rest, 2)
+    if len(angles) == 0:
+        return []
+    hits = spread.hits(angles)
     root = float(np.sqrt(spread.profile.at(np.array([spread.start]))[0][0]))
-    path = float(hits.path[0, hit] + turn * hits.later[0])
-    speed = -float(hits.speed[0, hit]) if swapped else root * float(np.sin(angle))
-    return Launch(root * float(np.cos(angle)), speed, path, distances[which][1], touching)
+    rows = np.arange(len(angles))
+    path = hits.path[rows, hit] + turn * hits.later
+    speed = -hits.speed[rows, hit] if swapped else root * np.sin(angles)
+    return [
+        Launch(
+            float(root * np.cos(angles[k])), float(speed[k]), float(path[k]), distances[which[k]][1], bool(touching[k])
+        )
+        for k in rows
+    ]
+
+
+def _one_each(continua: list[Launch]) -> list[Launch]:
+    """One ray of each continuum, all rays of which have the same optical path, either way round a centre."""
+    kept: list[Launch] = []
+    for launch in sorted(continua, key=lambda f: f.path):
+        if not kept or launch.path - kept[-1].path > ALIKE * launch.path:
+            kept.append(launch)
+    return kept
 
 
 def _distinct(found: list[Launch]) -> list[Launch]:

@@ -119,12 +119,15 @@ class Rays(Sequence[Ray]):
     continuum : bool
         True where infinitely many rays join A and B, as from a point of a fish-eye to its image; one of them is
         given for all.
+    unresolved : int
+        How many narrow parts of the search were given up: where it is not zero, there may be more rays.
     """
 
     found: tuple[Ray, ...]
     reason: str
     searched: str
     continuum: bool = False
+    unresolved: int = 0
 
     @overload
     def __getitem__(self, key: int) -> Ray: ...

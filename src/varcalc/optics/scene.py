@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from varcalc.functional import named
 from varcalc.optics.bundle import Bundle
-from varcalc.optics.caravan import CHUNK, Sources, carried
-from varcalc.optics.march import March
+from varcalc.optics.caravan import Sources, carried
 from varcalc.optics.media import Medium
-from varcalc.optics.model import Model, Question
+from varcalc.optics.model import Model
 from varcalc.optics.models import checked_model
-from varcalc.optics.plane import Section, section, whole_plane
+from varcalc.optics.pairs import PairSearch
 from varcalc.optics.ray import Rays
-from varcalc.optics.surfaces import Geometry, Surface
-from varcalc.optics.two_point import Ends, TwoPoint
+from varcalc.optics.surfaces import Surface
 from varcalc.optics.values import numbers, point, rows, unit_rows
-
-KEPT = 16
-"""Ends of bundles for which compiled systems are kept."""
-PAIRS = 4096
-"""Pairs of points searched for together."""
-RANGE = 5.0
-"""Rays are looked for up to so many times the optical length of the scene."""
-ON = 1e-12
-"""A point is on a surface when it is no farther from it than this share of the scene's size."""
+from varcalc.optics.ways import Ways, touched
 
 
 class Scene:
@@ -88,8 +77,8 @@ class Scene:
                 "the scene has parts in the plane and parts in space; give all points 2 or all 3 coordinates"
             )
         self.dimension = dimensions.pop() if dimensions else None
-        self._problems: dict[tuple[str, Model | None], TwoPoint] = {}  # what has been compiled
-        self._marches: dict[tuple[Surface | None, int, Model | None], March] = {}
+        self._ways = Ways(self.media, self.surfaces, self.dimension)
+        self._pairs = PairSearch(self._ways)
 
     def __repr__(self) -> str:
         return f"Scene({list(self.media)}, {list(self.surfaces)})"
@@ -176,9 +165,9 @@ class Scene:
         if until is not None and not isinstance(until, Surface):
             raise TypeError(f"until must be a surface such as Plane or Sphere, not {until!r}")
         limit = _limits(optical_path, len(start))
-        index = self._index_at_source(start)
-        march = self._march(until, start.shape[1], checked_model(model))
-        on_stop = np.zeros(len(start), bool) if until is None else _on(until, start)
+        index = self._ways.index_at_source(start)
+        march = self._ways.march(until, start.shape[1], checked_model(model))
+        on_stop = np.zeros(len(start), bool) if until is None else touched(until, start)
         sources = Sources(start, heading, index, limit, on_stop)
         return carried(march, sources, with_spreading=with_spreading, progress=progress)
 
@@ -230,7 +219,7 @@ class Scene:
             return self.at_wavelength(wavelength).rays(A, B, within=within, model=model)
         if np.array(A).ndim != 1 or np.array(B).ndim != 1:
             A, B = point("A", A), point("B", B)
-        return self._arrivals("A", A, "B", B, within, model)[0]
+        return self._pairs.arrivals("A", A, "B", B, within, model)[0]
 
     def arrivals(
         self, sources: Any, receivers: Any, *, within: float | None = None, wavelength: float | None = None,
@@ -271,106 +260,7 @@ class Scene:
         """
         if wavelength is not None:
             return self.at_wavelength(wavelength).arrivals(sources, receivers, within=within, model=model)
-        return self._arrivals("sources", sources, "receivers", receivers, within, model)
-
-    def _arrivals(self, source: str, A: Any, receiver: str, B: Any, within: Any, model: Any) -> list[Rays]:
-        """The rays of each pair; the arguments go by the names ``source`` and ``receiver`` in messages."""
-        starts, ends = self._pairs(source, A, receiver, B)
-        if within is not None and not (numbers("within", within).ndim == 0 and within > 0):
-            raise ValueError(f"within must be a positive optical path, not {within!r}")
-        limit = self._usual_range(starts, ends) if within is None else np.full(len(starts), float(within))
-        index = self._march(None, ends.shape[1]).fields[-1].index(ends)
-        real = (index > 0) & np.isfinite(index)
-        answers = [Rays((), f"the index is {n:g} at B, so that no ray comes there", "nothing") for n in index]
-        order = np.lexsort(starts.T)
-        order = order[real[order]]
-        for first in range(0, len(order), PAIRS):
-            rows = order[first : first + PAIRS]
-            found = self._found(Ends(starts[rows], ends[rows], limit[rows]), checked_model(model))
-            for row, rays in zip(rows, found, strict=True):
-                answers[row] = rays
-        return answers
-
-    def _pairs(self, source: str, A: Any, receiver: str, B: Any) -> tuple[np.ndarray, np.ndarray]:
-        """A and B as arrays (k, d), checked."""
-        a, b = rows(source, A), rows(receiver, B)
-        if a.shape[1] != b.shape[1] or self.dimension not in (None, a.shape[1]):
-            raise ValueError(
-                f"{source} has {a.shape[1]} coordinates, {receiver} {b.shape[1]}, "
-                f"the scene {self.dimension or 'either number'}"
-            )
-        if len(a) != len(b) and 1 not in (len(a), len(b)):
-            raise ValueError(f"there are {len(a)} {source} and {len(b)} {receiver}; give as many of both, or one")
-        k = max(len(a), len(b)) if min(len(a), len(b)) else 0
-        a, b = (np.array(np.broadcast_to(ends, (k, ends.shape[1]))) for ends in (a, b))
-        same = np.all(a == b, axis=1)
-        if np.any(same):
-            raise ValueError(
-                f"{source} and {receiver} are the same point{_row(same)}, which every direction leaves; give two points"
-            )
-        for name, end in ((source, a), (receiver, b)):
-            for number, surface in enumerate(self.surfaces):
-                on = _on(surface, end)
-                if np.any(on):
-                    raise ValueError(
-                        f"{name} lies on surface {number} of the scene{_row(on)}; move it off by any amount"
-                    )
-        self._index_at_source(a)
-        return a, b
-
-    def _found(self, ends: Ends, model: Model | None) -> list[Rays]:
-        """The rays of each of the pairs, by the model's own search where it has one, by the scene's otherwise."""
-        problem, planes = self._problem(ends, model.companion if model else None)
-        if model is None:
-            return problem.found(ends, planes)
-        answers: list[Rays | None] = []
-        for k, (a, b, within) in enumerate(zip(ends.sources, ends.targets, ends.within, strict=True)):
-            one = ends.take([k]), [planes[k]] if planes else []
-            search, ray = (lambda one=one: problem.found(*one)[0]), partial(problem.ray, a, b)
-            answers.append(model.between(Question(self.media, self.surfaces, a, b, float(within), ray, search)))
-        left = [k for k, answer in enumerate(answers) if answer is None]
-        rest = iter(problem.found(ends.take(left), [planes[k] for k in left] if planes else []) if left else [])
-        return [next(rest) if answer is None else answer for answer in answers]
-
-    def _problem(self, ends: Ends, model: Model | None) -> tuple[TwoPoint, list[Section]]:
-        """The problem of the pairs, and the planes that hold the rays of each; no planes where there are none."""
-        if ends.sources.shape[1] == 2:
-            march = self._march(None, 2, model)
-            return self._problems.setdefault(("plane", model), TwoPoint(march, march)), [whole_plane()] * len(ends)
-        pairs = zip(ends.sources, ends.targets, strict=True)
-        found = [section(self.media[0], a, b) for a, b in pairs] if len(self.media) == 1 else []
-        planes = [plane for plane, _ in filter(None, found)]
-        march = self._march(None, 3, model)
-        if not planes:
-            return self._problems.setdefault(("sphere", model), TwoPoint(march, march)), planes
-        if ("space", model) not in self._problems:
-            _, medium = next(filter(None, found))
-            self._problems["space", model] = TwoPoint(March((medium,), (), None, 2, model), march)
-        return self._problems["space", model], planes
-
-    def _usual_range(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """The optical paths (k,) up to which rays are looked for when nobody says."""
-        lengths, largest = [np.linalg.norm(b - a, axis=1)], np.zeros(len(a))
-        fields = self._march(None, a.shape[1]).fields
-        for field, end in ((fields[0], a), (fields[-1], b)):
-            squared, gradient, hessian = field(end)
-            with np.errstate(all="ignore"):
-                largest = np.fmax(largest, np.sqrt(squared))
-                first = 2 * squared / np.linalg.norm(gradient, axis=1)
-                second = np.sqrt(2 * squared / np.linalg.norm(hessian, axis=(1, 2)))
-            lengths.append(np.minimum(first, second))
-        for surface in self.surfaces:
-            lengths += [_away(surface, a), _away(surface, b)]
-        return RANGE * largest * sum(np.where(np.isfinite(length), length, 0.0) for length in lengths)
-
-    def _march(self, until: Surface | None, dimension: int, model: Model | None = None) -> March:
-        """The way through the scene; what has been compiled for it is kept, for a number of ends."""
-        key = until, dimension, model
-        if key not in self._marches:
-            if len(self._marches) >= KEPT:
-                self._marches.pop(next(iter(self._marches)))
-            self._marches[key] = March(self.media, self.surfaces, until, dimension, model)
-        return self._marches[key]
+        return self._pairs.arrivals("sources", sources, "receivers", receivers, within, model)
 
     def _sources(self, points: Any, directions: Any) -> tuple[np.ndarray, np.ndarray]:
         """Points and unit directions, as many of the one as of the other, off every surface."""
@@ -383,25 +273,13 @@ class Scene:
         m = len(heading) if len(start) == 1 else len(start)
         start, heading = (np.broadcast_to(a, (m, start.shape[1])) for a in (start, heading))
         for number, surface in enumerate(self.surfaces):
-            on = _on(surface, start)
+            on = touched(surface, start)
             if np.any(on):
                 raise ValueError(
                     f"points: row {int(np.argmax(on))} lies on surface {number} of the scene, so that it is not said "
                     "which side the ray starts from; move it off by any amount"
                 )
         return start, heading
-
-    def _index_at_source(self, start: np.ndarray) -> np.ndarray:
-        """n (m,) where the rays start; ValueError where it is no positive number."""
-        index = _by_chunks(self._march(None, start.shape[1]).fields[0].index, start)
-        bad = ~((index > 0) & np.isfinite(index))
-        if np.any(bad):
-            row = int(np.argmax(bad))
-            raise ValueError(
-                f"the index is {index[row]:g} at the source {tuple(start[row].tolist())}; rays start only "
-                "where the index is a positive number"
-            )
-        return index
 
 
 def _one_more(media: Sequence[Medium], surfaces: Sequence[Surface]) -> tuple[Medium, ...]:
@@ -423,44 +301,6 @@ def _one_more(media: Sequence[Medium], surfaces: Sequence[Surface]) -> tuple[Med
         if surface.mirror and full[number] != full[number + 1]:
             raise ValueError(f"surface {number} is a mirror, so the medium after it must be that before it")
     return full
-
-
-def _extent(points: np.ndarray) -> float:
-    """The size of a scene seen from the points of its sources."""
-    return max(float(points.max(initial=0.0)), -float(points.min(initial=0.0))) or 1.0
-
-
-def _by_chunks(function: Callable[[np.ndarray], np.ndarray], points: np.ndarray) -> np.ndarray:
-    """``function`` (m,) of points (m, d), so many at a time; of one that is there m times, once."""
-    if points.strides[0] == 0:
-        return np.broadcast_to(function(points[:1]), len(points))
-    return np.concatenate([function(points[k : k + CHUNK]) for k in range(0, len(points), CHUNK)] or [np.zeros(0)])
-
-
-def _on(surface: Surface, points: np.ndarray) -> np.ndarray:
-    """True (m,) for points on ``surface`` to round-off."""
-    geometry, within = Geometry(surface, points.shape[1]), ON * _extent(points)
-
-    def on(some: np.ndarray) -> np.ndarray:
-        with np.errstate(invalid="ignore"):
-            return (_distance(geometry, some) <= within) & geometry.belongs(some)
-
-    return _by_chunks(on, points).astype(bool)
-
-
-def _away(surface: Surface, points: np.ndarray) -> np.ndarray:
-    """The distance (m,) of points from ``surface``, to first order; not a number where its level is none."""
-    return _distance(Geometry(surface, points.shape[1]), points)
-
-
-def _distance(geometry: Geometry, points: np.ndarray) -> np.ndarray:
-    with np.errstate(all="ignore"):
-        return np.abs(geometry.level(points)) / np.linalg.norm(geometry.gradient(points), axis=1)
-
-
-def _row(which: np.ndarray) -> str:
-    """Where the first of the rows is, for a message; nothing where there is only one."""
-    return f" in row {int(np.argmax(which))}" if len(which) > 1 else ""
 
 
 def _limits(optical_path: Any, count: int) -> np.ndarray:

@@ -72,7 +72,10 @@ class TwoPoint:
         searched = f"all directions of the plane ({fan.looked_at} looked at, %d narrow cells left unresolved), "
         searched += "optical paths up to %.6g, no farther than %.6g from B"
         notes = [searched % note for note in zip(found.unresolved, ends.within, far, strict=True)]
-        return [_told(rays[k], fan.ends, fan.entered, notes[k], bool(found.continuum[k])) for k in range(len(ends))]
+        return [
+            _told(rays[k], fan.ends, fan.entered, notes[k], bool(found.continuum[k]), int(found.unresolved[k]))
+            for k in range(len(ends))
+        ]
 
     def _largest_index(self, ends: Ends) -> np.ndarray:
         """The larger index (k,) of both ends."""
@@ -161,7 +164,7 @@ class TwoPoint:
             f"{sphere.DIRECTIONS} directions of space, and Newton's iteration from the best ({found.looked_at} rays), "
             f"optical paths up to {within:.6g}, no farther than {far:.6g} from B"
         )
-        return _told(rays, fan.ends, fan.entered, searched, False)
+        return _told(rays, fan.ends, fan.entered, searched)
 
     def ray(self, a: np.ndarray, b: np.ndarray, heading: np.ndarray, path: float, touching: bool) -> Ray:
         """The ray along ``heading`` (d,), with the conjugate points that its legs tell.
@@ -214,14 +217,16 @@ def _bounds(
     return Bounds(gathered(np.maximum, within, 0.0), gathered(np.maximum, far, 0.0) + reach, middle, reach, size)
 
 
-def _told(rays: list[Ray], ends: Counter[RayStatus], entered: int, searched: str, continuum: bool) -> Rays:
+def _told(
+    rays: list[Ray], ends: Counter[RayStatus], entered: int, searched: str, continuum: bool = False, unresolved: int = 0
+) -> Rays:
     """The rays of one pair, or why there is none."""
     if rays:
-        return Rays(tuple(sorted(rays, key=lambda ray: ray.optical_path)), "", searched, continuum)
+        return Rays(tuple(sorted(rays, key=lambda ray: ray.optical_path)), "", searched, continuum, unresolved)
     if entered:
         reason = "shadow: no ray of the source comes to B"
     elif ends[RayStatus.TOTAL_REFLECTION]:
         reason = "total reflection: no ray gets through the surfaces"
     else:
         reason = "blocked: no ray meets the surfaces in the order of the scene"
-    return Rays((), f"{reason} (searched: {searched})", searched)
+    return Rays((), f"{reason} (searched: {searched})", searched, unresolved=unresolved)

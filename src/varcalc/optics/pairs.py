@@ -1,0 +1,166 @@
+"""All rays of many pairs of points: which search finds them, and which model carries them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from varcalc.optics.hamilton import HamiltonRays
+from varcalc.optics.march import March
+from varcalc.optics.media import Radial, Stratified
+from varcalc.optics.model import DoesNotApply, Model, Question
+from varcalc.optics.models import checked_model
+from varcalc.optics.plane import Section, section, whole_plane
+from varcalc.optics.range_search import found_by_range
+from varcalc.optics.ray import Rays
+from varcalc.optics.two_point import Ends, TwoPoint
+from varcalc.optics.values import numbers, rows
+from varcalc.optics.ways import Ways, away, in_row, touched
+
+PAIRS = 4096
+"""Pairs of points searched for together."""
+MANY = 32
+"""Receivers of one source for which a fan is laid out where the range function would do."""
+RANGE = 5.0
+"""Rays are looked for up to so many times the optical length of the scene."""
+
+
+@dataclass
+class PairSearch:
+    """The search for the rays of pairs of points in one scene; what is compiled is kept."""
+
+    ways: Ways
+    _problems: dict[tuple[str, Model | None], TwoPoint] = field(default_factory=dict, init=False, repr=False)
+
+    def arrivals(self, source: str, A: Any, receiver: str, B: Any, within: Any, model: Any) -> list[Rays]:
+        """The rays of each pair; the arguments go by the names ``source`` and ``receiver`` in messages."""
+        starts, ends = self._pairs(source, A, receiver, B)
+        if within is not None and not (numbers("within", within).ndim == 0 and within > 0):
+            raise ValueError(f"within must be a positive optical path, not {within!r}")
+        limit = self._usual_range(starts, ends) if within is None else np.full(len(starts), float(within))
+        index = self.ways.march(None, ends.shape[1]).fields[-1].index(ends)
+        real = (index > 0) & np.isfinite(index)
+        answers = [Rays((), f"the index is {n:g} at B, so that no ray comes there", "nothing") for n in index]
+        order = np.lexsort(starts.T)
+        order = order[real[order]]
+        for first in range(0, len(order), PAIRS):
+            rows = order[first : first + PAIRS]
+            found = self._found(Ends(starts[rows], ends[rows], limit[rows]), checked_model(model))
+            for row, rays in zip(rows, found, strict=True):
+                answers[row] = rays
+        return answers
+
+    def _pairs(self, source: str, A: Any, receiver: str, B: Any) -> tuple[np.ndarray, np.ndarray]:
+        """A and B as arrays (k, d), checked."""
+        a, b = rows(source, A), rows(receiver, B)
+        if a.shape[1] != b.shape[1] or self.ways.dimension not in (None, a.shape[1]):
+            raise ValueError(
+                f"{source} has {a.shape[1]} coordinates, {receiver} {b.shape[1]}, "
+                f"the scene {self.ways.dimension or 'either number'}"
+            )
+        if len(a) != len(b) and 1 not in (len(a), len(b)):
+            raise ValueError(f"there are {len(a)} {source} and {len(b)} {receiver}; give as many of both, or one")
+        k = max(len(a), len(b)) if min(len(a), len(b)) else 0
+        a, b = (np.array(np.broadcast_to(ends, (k, ends.shape[1]))) for ends in (a, b))
+        same = np.all(a == b, axis=1)
+        if np.any(same):
+            raise ValueError(
+                f"{source} and {receiver} are the same point{in_row(same)}, which every direction leaves; "
+                "give two points"
+            )
+        for name, end in ((source, a), (receiver, b)):
+            for number, surface in enumerate(self.ways.surfaces):
+                on = touched(surface, end)
+                if np.any(on):
+                    raise ValueError(
+                        f"{name} lies on surface {number} of the scene{in_row(on)}; move it off by any amount"
+                    )
+        self.ways.index_at_source(a)
+        return a, b
+
+    def _found(self, ends: Ends, model: Model | None) -> list[Rays]:
+        """The rays of each of the pairs, by the model's own search where it has one, by the scene's otherwise.
+
+        Left to choose, the range function is asked where layers or a centre have one and the fan would have to
+        integrate: it looks at a curve, not at the plane, however far rays go out. A fan serves many receivers of
+        one source, and what it leaves unresolved goes to the range function.
+        """
+        problem, planes = self._problem(ends, model.companion if model else None)
+        answers: list[Rays | None] = [None] * len(ends)
+        curve = model is None and _has_range_function(problem.full)
+        few = _few(ends.sources)
+        for k in range(len(ends)):
+            if model is not None:
+                answers[k] = model.between(self._question(problem, ends, planes, k))
+            elif curve and few[k]:
+                answers[k] = _by_range(self._question(problem, ends, planes, k))
+        left = [k for k, answer in enumerate(answers) if answer is None]
+        rest = problem.found(ends.take(left), [planes[k] for k in left] if planes else []) if left else []
+        for k, rays in zip(left, rest, strict=True):
+            again = _by_range(self._question(problem, ends, planes, k)) if curve and rays.unresolved else None
+            answers[k] = again or rays
+        return [answer for answer in answers if answer is not None]
+
+    def _question(self, problem: TwoPoint, ends: Ends, planes: list[Section], k: int) -> Question:
+        """Pair ``k`` as models are asked for it."""
+        a, b, within = ends.sources[k], ends.targets[k], float(ends.within[k])
+        one = ends.take([k]), [planes[k]] if planes else []
+        ray = partial(problem.ray, a, b)
+        return Question(self.ways.media, self.ways.surfaces, a, b, within, ray, lambda: problem.found(*one)[0])
+
+    def _problem(self, ends: Ends, model: Model | None) -> tuple[TwoPoint, list[Section]]:
+        """The problem of the pairs, and the planes that hold the rays of each; no planes where there are none."""
+        if ends.sources.shape[1] == 2:
+            march = self.ways.march(None, 2, model)
+            return self._problems.setdefault(("plane", model), TwoPoint(march, march)), [whole_plane()] * len(ends)
+        pairs = zip(ends.sources, ends.targets, strict=True)
+        found = [section(self.ways.media[0], a, b) for a, b in pairs] if len(self.ways.media) == 1 else []
+        planes = [plane for plane, _ in filter(None, found)]
+        march = self.ways.march(None, 3, model)
+        if not planes:
+            return self._problems.setdefault(("sphere", model), TwoPoint(march, march)), planes
+        if ("space", model) not in self._problems:
+            _, medium = next(filter(None, found))
+            self._problems["space", model] = TwoPoint(March((medium,), (), None, 2, model), march)
+        return self._problems["space", model], planes
+
+    def _usual_range(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """The optical paths (k,) up to which rays are looked for when nobody says."""
+        lengths, largest = [np.linalg.norm(b - a, axis=1)], np.zeros(len(a))
+        fields = self.ways.march(None, a.shape[1]).fields
+        for medium, end in ((fields[0], a), (fields[-1], b)):
+            squared, gradient, hessian = medium(end)
+            with np.errstate(all="ignore"):
+                largest = np.fmax(largest, np.sqrt(squared))
+                first = 2 * squared / np.linalg.norm(gradient, axis=1)
+                second = np.sqrt(2 * squared / np.linalg.norm(hessian, axis=(1, 2)))
+            lengths.append(np.minimum(first, second))
+        for surface in self.ways.surfaces:
+            lengths += [away(surface, a), away(surface, b)]
+        return RANGE * largest * sum(np.where(np.isfinite(length), length, 0.0) for length in lengths)
+
+
+def _few(sources: np.ndarray) -> np.ndarray:
+    """True (k,) for pairs whose source has so few receivers that a fan for them all would not pay."""
+    _, number, count = np.unique(sources, axis=0, return_inverse=True, return_counts=True)
+    return count[number.ravel()] < MANY
+
+
+def _has_range_function(march: March) -> bool:
+    """Whether one medium of layers or about a centre fills the scene, without a closed form for its rays."""
+    return (
+        isinstance(march.media[0], Stratified | Radial)
+        and not march.surfaces
+        and isinstance(march.models[0], HamiltonRays)
+    )
+
+
+def _by_range(question: Question) -> Rays | None:
+    """The rays by the range function; None where it is no simple one."""
+    try:
+        return found_by_range(question, easy=True)
+    except DoesNotApply:
+        return None
