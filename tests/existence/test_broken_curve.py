@@ -41,3 +41,27 @@ def test_two_discs_are_less_than_a_catenary(half):
 
 def test_no_jump_where_it_costs_infinitely_much():
     assert broken_curve(graph(lambda x, y, v: v**2 + y**2, (0, 0), (1, 1))) is None
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3, -0.2])
+def test_the_level_at_which_nothing_costs_any_more_is_found_to_round_off(shift):
+    # the two discs lie at y = shift, an edge that is no end: beyond it the integrand changes its sign
+    film = graph(lambda x, y, v: (y - shift) * ca.sqrt(1 + v**2), (-0.6, 1 + shift), (0.6, 1 + shift))
+    found = broken_curve(film)
+    assert found.value == pytest.approx(1, abs=1e-13)
+    assert found.level == pytest.approx(shift, abs=1e-12)
+
+
+def test_the_search_for_a_level_costs_few_evaluations(monkeypatch):
+    film = graph(lambda x, y, v: y * ca.sqrt(1 + v**2), (-0.6, 1), (0.6, 1))
+    calls = []
+    original = vc.Problem.integrand_values
+
+    def counted(problem, x, *others):
+        calls.append(len(x))
+        return original(problem, x, *others)
+
+    monkeypatch.setattr(vc.Problem, "integrand_values", counted)
+    broken_curve(film)
+    # golden sections took 70 calls a place, each of three parts
+    assert len(calls) < 40

@@ -34,8 +34,13 @@ GRADES, FINE_POINTS = 26, (8, 12)
 """Halvings of the panels toward both ends of a jump, and points a panel, by which a value is made sure of."""
 NEAR = 0.2
 """Relative distance from the rival value within which a scan of the levels is followed up."""
-CONTRACTIONS = 70
-GOLDEN = 0.5 * (5**0.5 - 1)
+EVENLY = np.linspace(0.0, 1.0, 9)[1:-1]
+"""Where a round of the search for the best level looks, in shares of what is left; it leaves a quarter of that."""
+CLOSELY = np.outer([-1.0, 1.0], [0.0, 1e-2, 1e-5, 1e-9, 1e-13]).ravel()
+"""Where else it looks: distances from the best level so far, in the same unit."""
+ROUNDS = 24
+NARROW, FLAT = 1e-15, 1e-15
+"""Width in units of the problem's size, and relative difference of values, that are round-off."""
 STEP = 1e-3
 """Relative height of a jump that is one."""
 LIKE = 1e-7
@@ -93,44 +98,48 @@ class _Family:
         self.size = max(float(np.ptp(self.y)), float(np.abs(self.y).max())) or b - a
         self.steep = self.size / (b - a)
         self.coarse = _graded(0, POINTS)
-        x = a + (b - a) * np.array([0.0, 0.5, 1.0])
-        y = np.array([self.y[0], self.y.mean(), self.y[1]])
-        rows = [self._recession(x, y, slope * self.steep * side) for slope in STEEP for side in (1.0, -1.0)]
-        low, high = np.array(rows[:2]), np.array(rows[2:])
+        x = np.tile(a + (b - a) * np.array([0.0, 0.5, 1.0]), 4)
+        y = np.tile([self.y[0], self.y.mean(), self.y[1]], 4)
+        slopes = np.repeat(np.outer(STEEP, [1.0, -1.0]).ravel() * self.steep, 3)
+        low, high = (self._values(x, y, slopes) / np.abs(slopes)).reshape(2, -1)
         finite = np.isfinite(low).all() and np.isfinite(high).all() and bool((high > 0).all())
         self.linear = finite and bool((np.abs(high - low) <= LINEAR * high).all())
 
     def _values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
-        x, y, v = np.broadcast_arrays(x, y, v)
-        values = self.problem.integrand_values(x.ravel(), y.reshape(1, -1), v.reshape(1, -1))
-        return self.sign * values.reshape(x.shape)
-
-    def _recession(self, x: Any, y: Any, slope: Any) -> np.ndarray:
-        slope = np.asarray(slope, dtype=float)
-        return self._values(np.asarray(x), np.asarray(y), slope) / np.abs(slope)
+        """L at points, all of shape (m,)."""
+        return self.sign * self.problem.integrand_values(x, y[None], v[None])
 
     def at(self, levels: np.ndarray, rule: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
         """The functional of the broken curves at levels (m,); NaN beyond where a jump no longer costs anything."""
         a, b = self.problem.span
         nodes, weights = self.coarse if rule is None else rule
-        total = (b - a) * (self._values(a + (b - a) * nodes, levels[:, None], np.zeros(1)) @ weights)
-        for x, y, outward in ((a, self.y[0], 1.0), (b, self.y[1], -1.0)):
-            jump = levels - y
-            slope = STEEP[1] * self.steep * outward * np.where(jump < 0, -1.0, 1.0)
-            costs = self._recession(x, y + jump[:, None] * [*nodes, 1.0], slope[:, None])
-            total = total + np.where((costs >= 0).all(1), np.abs(jump) * (costs[:, :-1] @ weights), np.nan)
-        return total
+        count, steep = len(nodes), STEEP[1] * self.steep
+        jumps = levels[:, None] - self.y
+        # along the level, then down (or up) at the start and at the end; the last of a jump's points is the level
+        share = np.append(nodes, 1.0)
+        y = np.hstack(
+            [np.repeat(levels[:, None], count, axis=1), *(self.y[k] + jumps[:, k : k + 1] * share for k in (0, 1))]
+        )
+        x = np.concatenate([a + (b - a) * nodes, np.full(count + 1, a), np.full(count + 1, b)])
+        down = np.where(jumps < 0, -steep, steep) * [1.0, -1.0]
+        v = np.hstack([np.zeros((len(levels), count)), np.repeat(down, count + 1, axis=1)])
+        values = self._values(np.tile(x, len(levels)), y.ravel(), v.ravel()).reshape(y.shape)
+        costs = values[:, count:].reshape(len(levels), 2, -1) / steep
+        paid = np.where((costs >= 0).all(2), np.abs(jumps) * (costs[:, :, :-1] @ weights), np.nan)
+        return (b - a) * (values[:, :count] @ weights) + paid.sum(1)
 
     def best(self, rival: float) -> list[BrokenCurve]:
-        """The levels of least value, from a scan and golden sections about each of its lowest places; best first."""
+        """The levels of least value, from a scan and searches about each of its lowest places; best first.
+
+        At y = 0 many a Lagrangian ceases to cost anything.
+        """
         low, high = self.y.min() - REACH * self.size, self.y.max() + REACH * self.size
-        levels = np.unique(np.concatenate([np.linspace(low, high, LEVELS), self.y]))
+        levels = np.unique(np.concatenate([np.linspace(low, high, LEVELS), self.y, [0.0]]))
         values = self.at(levels)
-        if not np.isfinite(values).any() or np.nanmin(values) > self.sign * rival + NEAR * abs(rival):
-            return []
         around = np.concatenate([[np.inf], np.nan_to_num(values, nan=np.inf), [np.inf]])
         lowest = np.isfinite(values) & (around[1:-1] <= around[:-2]) & (around[1:-1] <= around[2:])
-        places = [self._least(levels, k) for k in map(int, np.flatnonzero(lowest))]
+        lowest &= ~(values > self.sign * rival + NEAR * abs(rival))
+        places = self._least(levels, np.flatnonzero(lowest)) if lowest.any() else []
         found = sorted((value, level) for level in places if (value := self._sure(level)) is not None)
         return [BrokenCurve(self.sign * value, level) for value, level in found]
 
@@ -139,21 +148,31 @@ class _Family:
         one, other = (float(self.at(np.array([level]), _graded(GRADES, n))[0]) for n in FINE_POINTS)
         return other if abs(one - other) <= 0.1 * RIVAL * abs(other) else None
 
-    def _least(self, levels: np.ndarray, k: int) -> float:
-        """The level of least value between the neighbours of the level k."""
-        left, right = levels[max(k - 1, 0)], levels[min(k + 1, len(levels) - 1)]
-        for _ in range(CONTRACTIONS):
-            inner = np.array([right - GOLDEN * (right - left), left + GOLDEN * (right - left)])
-            one, other = np.nan_to_num(self.at(inner), nan=np.inf)
-            if np.isinf(one) and np.isinf(other):
-                # both beyond the edge of what costs anything: toward the level known to be admissible
-                left, right = (inner[1], right) if levels[k] > inner[1] else (left, inner[0])
-            elif one <= other:
-                right = inner[1]
-            else:
-                left = inner[0]
-        tried = np.array([left, 0.5 * (left + right), right, levels[k]])
-        return float(tried[int(np.nanargmin(self.at(tried)))])
+    def _least(self, levels: np.ndarray, places: np.ndarray) -> list[float]:
+        """The levels of least value between the neighbours of the levels ``places`` (m,), all searched together.
+
+        Every round looks evenly between two levels and close to the best one, which may be a kink (no jump at an end,
+        no cost beyond), and goes on between the neighbours of the best. Where there is none that costs anything, it
+        goes on toward the level that is known to be admissible.
+        """
+        known, rows = levels[places], np.arange(len(places))
+        left, right = levels[np.maximum(places - 1, 0)], levels[np.minimum(places + 1, len(levels) - 1)]
+        best = known
+        for _ in range(ROUNDS):
+            width = (right - left)[:, None]
+            inner = np.hstack([left[:, None] + width * EVENLY, best[:, None] + width * CLOSELY])
+            inner = np.sort(np.clip(inner, left[:, None], right[:, None]), axis=1)
+            values = np.nan_to_num(self.at(inner.ravel()), nan=np.inf).reshape(inner.shape)
+            nearest = np.abs(inner - known[:, None]).argmin(1)
+            number = np.where(np.isinf(values).all(1), nearest, values.argmin(1))
+            grid = np.hstack([left[:, None], inner, right[:, None]])
+            left, best, right = grid[rows, number], inner[rows, number], grid[rows, number + 2]
+            if np.all((right - left <= NARROW * self.size) | (np.ptp(values, axis=1) <= FLAT * np.abs(values).min(1))):
+                break
+        tried = np.array([known, left, best, right])
+        values = np.nan_to_num(self.at(tried.ravel()), nan=np.inf).reshape(tried.shape)
+        least = values <= values.min(0) + 10 * FLAT * np.abs(values.min(0))
+        return [float(v) for v in tried[least.argmax(0), rows]]
 
 
 @lru_cache(maxsize=8)
