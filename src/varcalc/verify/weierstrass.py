@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from varcalc.buffered import Pointwise
 from varcalc.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.formulation import Form
 from varcalc.functional import Functional
@@ -50,7 +51,7 @@ def vouched(solution: Solution, form: Form) -> Solution:
     if not tested or form.energetic or solution.curve is None:
         return solution
     x = _places(solution)
-    fan = _Fan(solution, x)
+    fan = _Fan.of(solution, x)
     bent = fan.legendre_fails()
     if bent is not None:
         place, curvature = bent
@@ -177,29 +178,45 @@ class Worst:
 
 
 class _Fan:
-    """Slopes tried at points of an extremal, one component at a time; arrays have shape (n, places, slopes)."""
+    """Slopes tried at points of an extremal, one component at a time; arrays have shape (n, places, slopes).
 
-    def __init__(self, solution: Solution, x: np.ndarray) -> None:
+    ``turns`` are the steps from the curve's own slope, the middle one of them 0.
+    """
+
+    def __init__(self, solution: Solution, x: np.ndarray, turns: np.ndarray = TURNS) -> None:
         assert solution.curve is not None
         self.solution, self.x = solution, x
         self.y, self.v = solution.curve(x, 0), solution.curve(x, 1)
-        self.tried = self.v[:, :, None] + TURNS * np.maximum(1.0, np.abs(self.v))[:, :, None]
-        n, places, count = self.tried.shape
-        slopes = np.broadcast_to(self.v[None, :, :, None], (n, n, places, count)).copy()
-        for a in range(n):
-            slopes[a, a] = self.tried[a]
-        columns = slopes.transpose(1, 0, 2, 3).reshape(n, -1)
-        self.values, self.slopes, self.curvature, self.allowed = self._evaluate(columns)
+        self.tried = self.v[:, :, None] + turns * np.maximum(1.0, np.abs(self.v))[:, :, None]
+        self.values, self.slopes, self.curvature, self.allowed = self._evaluate()
 
-    def _evaluate(self, columns: np.ndarray) -> tuple[np.ndarray, ...]:
+    @classmethod
+    def of(cls, solution: Solution, x: np.ndarray) -> _Fan:
+        """The fan, of the curve's own slopes alone where these tell of all others: where L is quadratic in the slope.
+
+        The excess of a step there is half its square times the curvature.
+        """
+        problem = solution.problem
+        if _functions(problem).quadratic and not any(isinstance(c, Bound) for c in problem.constraints):
+            own = cls(solution, x, np.zeros(1))
+            if np.isfinite(own.values).all() and np.all(own.curvature >= 0.0):
+                return own
+        return cls(solution, x)
+
+    def _evaluate(self) -> tuple[np.ndarray, ...]:
         """The Lagrangian function (minimised), its slope and curvature in the component tried, and what is allowed."""
         problem = self.solution.problem
         n, places, count = self.tried.shape
-        repeat = [np.tile(np.repeat(row, count, axis=-1), n) for row in (self.x[None], self.y)]
-        unknowns = np.array(list(self.solution.unknowns.values()))
-        numbers = [np.repeat(p[:, None], n * places * count, axis=1) for p in (problem.parameter_values, unknowns)]
-        arguments = [*repeat, columns, np.zeros((0, n * places * count)), *numbers]
-        rows = np.asarray(_function(problem)(*arguments)).reshape(-1, 1 + 2 * n, n, places, count)
+        slopes = np.broadcast_to(self.v.T[None, :, None, :], (n, places, count, n)).copy()
+        for a in range(n):
+            slopes[a, :, :, a] = self.tried[a]
+        x, y = (np.tile(np.repeat(rows, count, axis=0), (n, 1)) for rows in (self.x[:, None], self.y.T))
+        numbers = problem.parameter_values[None], np.array([list(self.solution.unknowns.values())])
+        component = np.repeat(np.eye(n), places * count, axis=0)
+        found = _functions(problem).rows(
+            n * places * count, x, y, slopes.reshape(-1, n), np.zeros((1, 0)), *numbers, component
+        )
+        rows = found.T.reshape(-1, 3, n, places, count)
         levels = [m for c, m in zip(problem.constraints, self.solution.multipliers, strict=True) if _is_level(c)]
         sign = -1.0 if problem.maximise else 1.0
         # J falls by the multiplier as its level rises: the Lagrangian function is L - sum of multipliers times g
@@ -212,8 +229,7 @@ class _Fan:
             own = row[:, :, [count // 2]]
             room = TOUCH * np.maximum(1.0, np.abs(own))
             allowed &= (row >= low) & (row <= high) & (own > low + room) & (own < high - room)
-        index = np.arange(n)
-        return total[0], total[1 + index, index], total[1 + n + index, index], allowed
+        return total[0], total[1], total[2], allowed
 
     def least(self) -> tuple[float, Worst]:
         """The least excess relative to its terms, and where it is found."""
@@ -254,17 +270,35 @@ def _is_level(constraint: object) -> bool:
     return isinstance(constraint, Isoperimetric)
 
 
-def _function(problem: Functional) -> ca.Function:
-    """Rows value, gradient and diagonal curvature in the slope, for L, each level's integrand and each bound."""
+@dataclass(frozen=True)
+class _Functions:
+    """L, each level's integrand and each bound along a direction of the slope.
+
+    ``rows`` takes the problem's symbols and the direction (n,) to value, slope and curvature along it, one after the
+    other. ``quadratic`` tells that none of the curvatures depends on the slope.
+    """
+
+    rows: Pointwise
+    quadratic: bool
+
+
+def _functions(problem: Functional) -> _Functions:
+    """The functions of a problem, kept with it.
+
+    Only what a direction needs is differentiated: the Hessian has as many entries as there are pairs of functions.
+    """
     if "slopes" not in problem.built:
         s = problem.symbols
         levels = [t.expression for t in problem.traced if _is_level(t.constraint)]
         bounds = [t.expression for t in problem.traced if isinstance(t.constraint, Bound)]
+        direction = s.kind.sym("direction", problem.n)
         rows = []
         for expression in (problem.integrand, *levels, *bounds):
-            hessian, slope = ca.hessian(expression, s.dy)
-            rows += [expression, slope, ca.diag(ca.densify(hessian))]
-        problem.built["slopes"] = ca.Function("slopes", s.all, [ca.densify(ca.vertcat(*rows))])
+            slope = ca.jtimes(expression, s.dy, direction)
+            rows += [expression, slope, ca.jtimes(slope, s.dy, direction)]
+        function = ca.Function("slopes", [*s.all, direction], [ca.densify(ca.vertcat(*rows))])
+        quadratic = not ca.depends_on(ca.vertcat(*rows[2::3]), s.dy)
+        problem.built["slopes"] = _Functions(Pointwise(function), quadratic)
     return problem.built["slopes"]
 
 

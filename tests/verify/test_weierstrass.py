@@ -1,0 +1,75 @@
+"""Slopes tried at a solution's points: few where few tell of all, and the same verdicts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import varcalc as vc
+from varcalc.singular import forms
+from varcalc.verify import weierstrass
+from varcalc.verify.weierstrass import vouched
+
+
+def graph(lagrangian, n=1):
+    ends = [(0, 0), (1, 1)] if n == 1 else [(0, [0.0] * n), (1, [1.0] * n)]
+    return vc.Problem(lagrangian, vc.Fixed(*ends[0]), vc.Fixed(*ends[1]))
+
+
+def judged(problem):
+    """The straight line from end to end as a solution of ``problem``, as far as other slopes vouch for it."""
+    line = vc.solve(graph(lambda x, y, v: ca.sumsqr(v), problem.n))
+    return vouched(replace(line, problem=problem), forms(problem)[0])
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "slopes"),
+    [
+        (lambda x, y, v: (2 + ca.sin(y)) * v**2 + x * v, 1),
+        (lambda x, y, v: ca.sqrt(1 + v**2), 19),
+        (lambda x, y, v: v**4 - v**2, 19),
+    ],
+)
+def test_where_l_is_quadratic_in_the_slope_its_own_tells_of_all(monkeypatch, lagrangian, slopes):
+    counts = []
+    original = weierstrass._Fan.least
+
+    def counted(fan):
+        counts.append(fan.tried.shape[2])
+        return original(fan)
+
+    monkeypatch.setattr(weierstrass._Fan, "least", counted)
+    judged(graph(lagrangian))
+    assert counts[-1] == slopes  # the first was that of the straight line's own problem
+
+
+@pytest.mark.parametrize("curvature", [-1.0, -1e-3, -1e-7])
+def test_a_concave_component_is_refused_however_slightly(curvature):
+    bent = graph(lambda x, y, v: v[0] ** 2 + curvature * v[1] ** 2 + ca.sumsqr(y), 2)
+    found = judged(bent)
+    assert found.status is vc.Status.REFUSED
+    assert found.verdict in {vc.Verdict.SADDLE, vc.Verdict.WEAK_MINIMUM}
+
+
+def test_other_slopes_of_several_functions_are_tried():
+    # y_0' = y_1' = 1 is a weak minimum, and 100 comes lower
+    double = graph(lambda x, y, v: (v[0] - 1) ** 2 + (v[1] - 1) ** 2 * (1 - (v[1] - 1) ** 2 / 400), 2)
+    found = judged(double)
+    assert found.verdict is vc.Verdict.WEAK_MINIMUM
+    assert "Weierstrass" in found.message
+
+
+def test_what_is_evaluated_a_slope_does_not_grow_with_the_number_of_functions():
+    rows = []
+    for n in (2, 20):
+        problem = graph(lambda x, y, v: ca.sqrt(1 + ca.sumsqr(v)), n)
+        rows.append(weierstrass._functions(problem).rows(1, *_at_ones(n)).shape[1])
+    assert rows == [3, 3]
+
+
+def _at_ones(n):
+    one = np.ones((1, n))
+    return np.ones((1, 1)), one, one, np.zeros((1, 0)), np.zeros((1, 0)), np.zeros((1, 0)), one
