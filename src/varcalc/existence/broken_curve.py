@@ -14,8 +14,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, TypeGuard
 
+import casadi as ca
 import numpy as np
 
+from varcalc.buffered import Pointwise
 from varcalc.conditions import Fixed
 from varcalc.functional import Functional
 from varcalc.mesh import gauss
@@ -26,6 +28,8 @@ STEEP = (1e6, 1e8)
 """Slopes, in units of the problem's own, at which linear growth is recognised."""
 LINEAR = 1e-4
 """Relative difference of L / |v| at the two slopes that is linear growth."""
+MANY = 512
+"""Points at which L is evaluated in one go."""
 LEVELS = 33
 REACH = 3.0
 """How far beyond the ends levels are looked at, in units of the problem's size."""
@@ -34,6 +38,8 @@ GRADES, FINE_POINTS = 26, (8, 12)
 """Halvings of the panels toward both ends of a jump, and points a panel, by which a value is made sure of."""
 NEAR = 0.2
 """Relative distance from the rival value within which a scan of the levels is followed up."""
+FAR = 1e-3
+"""The same for a value that is resolved but not made sure of."""
 EVENLY = np.linspace(0.0, 1.0, 9)[1:-1]
 """Where a round of the search for the best level looks, in shares of what is left; it leaves a quarter of that."""
 CLOSELY = np.outer([-1.0, 1.0], [0.0, 1e-2, 1e-5, 1e-9, 1e-13]).ravel()
@@ -101,13 +107,19 @@ class _Family:
         x = np.tile(a + (b - a) * np.array([0.0, 0.5, 1.0]), 4)
         y = np.tile([self.y[0], self.y.mean(), self.y[1]], 4)
         slopes = np.repeat(np.outer(STEEP, [1.0, -1.0]).ravel() * self.steep, 3)
-        low, high = (self._values(x, y, slopes) / np.abs(slopes)).reshape(2, -1)
+        low, high = (self.sign * problem.integrand_values(x, y[None], slopes[None]) / np.abs(slopes)).reshape(2, -1)
         finite = np.isfinite(low).all() and np.isfinite(high).all() and bool((high > 0).all())
         self.linear = finite and bool((np.abs(high - low) <= LINEAR * high).all())
 
     def _values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
         """L at points, all of shape (m,)."""
-        return self.sign * self.problem.integrand_values(x, y[None], v[None])
+        problem = self.problem
+        if "L at many points" not in problem.built:
+            function = ca.Function("L", problem.symbols.all, [problem.integrand])
+            problem.built["L at many points"] = Pointwise(function, MANY)
+        blank, numbers = np.zeros((1, 0)), problem.parameter_values[None]
+        rows = problem.built["L at many points"](len(x), x[:, None], y[:, None], v[:, None], blank, numbers, blank)
+        return self.sign * rows[:, 0]
 
     def at(self, levels: np.ndarray, rule: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
         """The functional of the broken curves at levels (m,); NaN beyond where a jump no longer costs anything."""
@@ -140,12 +152,19 @@ class _Family:
         lowest = np.isfinite(values) & (around[1:-1] <= around[:-2]) & (around[1:-1] <= around[2:])
         lowest &= ~(values > self.sign * rival + NEAR * abs(rival))
         places = self._least(levels, np.flatnonzero(lowest)) if lowest.any() else []
-        found = sorted((value, level) for level in places if (value := self._sure(level)) is not None)
+        found = sorted((value, level) for level in places if (value := self._sure(level, rival)) is not None)
         return [BrokenCurve(self.sign * value, level) for value, level in found]
 
-    def _sure(self, level: float) -> float | None:
-        """The value at a level by rules that resolve what a jump costs near its ends; None where two of them differ."""
-        one, other = (float(self.at(np.array([level]), _graded(GRADES, n))[0]) for n in FINE_POINTS)
+    def _sure(self, level: float, rival: float) -> float | None:
+        """The value at a level by rules that resolve what a jump costs near its ends; None where two of them differ.
+
+        None as well where the first of them is far above the ``rival``.
+        """
+        places = np.array([level])
+        one = float(self.at(places, _graded(GRADES, FINE_POINTS[0]))[0])
+        if one > self.sign * rival + FAR * abs(rival):
+            return None
+        other = float(self.at(places, _graded(GRADES, FINE_POINTS[1]))[0])
         return other if abs(one - other) <= 0.1 * RIVAL * abs(other) else None
 
     def _least(self, levels: np.ndarray, places: np.ndarray) -> list[float]:
@@ -211,9 +230,11 @@ def with_rival(solution: Solution) -> Solution:
 
 def _is_rival(solution: Solution, rival: BrokenCurve) -> bool:
     """Whether a graph has the value of a broken curve with a real jump, and runs at its level."""
+    if abs(solution.value - rival.value) > LIKE * abs(rival.value):
+        return False
     first, last = (float(solution.y(x)) for x in solution.interval)
     jump = max(abs(rival.level - first), abs(rival.level - last))
     size = max(abs(first), abs(last), abs(rival.level))
-    if jump <= STEP * size or abs(solution.value - rival.value) > LIKE * abs(rival.value):
+    if jump <= STEP * size:
         return False
     return abs(float(solution.y(0.5 * sum(solution.interval))) - rival.level) <= ALONG * jump
