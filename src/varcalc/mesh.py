@@ -84,20 +84,26 @@ def _hermite(smoothness: int) -> np.ndarray:
     return np.linalg.solve(np.array(rows), np.eye(2 * m)).T
 
 
-def basis(smoothness: int, degree: int, points: np.ndarray, derivatives: int) -> np.ndarray:
-    """Values of the element basis on [-1, 1]; shape (derivatives + 1, points, degree + 1).
+@lru_cache(maxsize=16)
+def _vertex_polynomials(smoothness: int, derivative: int) -> np.ndarray:
+    """Coefficients (ascending powers) of a derivative of the Hermite polynomials, one a column."""
+    return np.polynomial.polynomial.polyder(_hermite(smoothness).T, derivative)
+
+
+def basis(smoothness: int, degree: int, points: np.ndarray, derivatives: int, first: int = 0) -> np.ndarray:
+    """Derivatives ``first`` to ``derivatives`` of the element basis on [-1, 1]; each (points, degree + 1).
 
     Local order: the ``smoothness`` derivatives at the left vertex, those at
     the right one, then the bubbles by degree. Needs degree >= 2 smoothness - 1
     and derivatives <= smoothness.
     """
     m = smoothness
-    table = np.empty((derivatives + 1, len(points), degree + 1))
-    for d in range(derivatives + 1):
-        vertex = np.polynomial.polynomial.polyder(_hermite(m).T, d) if d else _hermite(m).T
-        table[d, :, : 2 * m] = np.polynomial.polynomial.polyval(points, vertex).T
+    table = np.empty((derivatives + 1 - first, len(points), degree + 1))
+    for rows, d in zip(table, range(first, derivatives + 1), strict=True):
+        vertex = _vertex_polynomials(m, d)
+        rows[:, : 2 * m] = points[:, None] ** np.arange(len(vertex)) @ vertex
         if degree >= 2 * m:
-            table[d, :, 2 * m :] = _integrated(m - d, m, degree - m, points).T
+            rows[:, 2 * m :] = _integrated(m - d, m, degree - m, points).T
     return table
 
 
@@ -235,13 +241,17 @@ class Space:
 
         Outside the interval the nearest element's polynomial is continued.
         """
-        element = np.clip(np.searchsorted(self.vertices, x, side="right") - 1, 0, self.elements - 1)
         local = self.local(coefficients)
+        if self.elements == 1:
+            points = 2 * (x - self.vertices[0]) / self.widths[0] - 1
+            table = basis(self.smoothness, self.degree, points, derivative, derivative)[0]
+            return (table @ local[0]).T * (2.0 / self.widths[0]) ** derivative
+        element = np.clip(np.searchsorted(self.vertices, x, side="right") - 1, 0, self.elements - 1)
         out = np.empty((self.n, len(x)))
         for e in np.unique(element):
             mask = element == e
             points = 2 * (x[mask] - self.vertices[e]) / self.widths[e] - 1
-            table = basis(self.smoothness, self.degree, points, max(derivative, 0))[derivative]
+            table = basis(self.smoothness, self.degree, points, derivative, derivative)[0]
             out[:, mask] = (table @ local[e]).T * (2.0 / self.widths[e]) ** derivative
         return out
 

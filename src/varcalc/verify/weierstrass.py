@@ -221,7 +221,7 @@ class _Fan:
         sign = -1.0 if problem.maximise else 1.0
         # J falls by the multiplier as its level rises: the Lagrangian function is L - sum of multipliers times g
         weights = sign * np.array([1.0, *(-float(m) for m in levels)])
-        total = np.tensordot(weights, rows[: len(weights)], 1)
+        total = np.einsum("r,r...->...", weights, rows[: len(weights)])
         allowed = np.ones((n, places, count), dtype=bool)
         bounds = [c for c in problem.constraints if isinstance(c, Bound)]
         for bound, row in zip(bounds, rows[len(weights) :, 0], strict=True):
@@ -255,7 +255,7 @@ class _Fan:
         here = self.tried.shape[2] // 2
         curvature = np.where(self.allowed & np.isfinite(self.curvature), self.curvature, 0.0)
         unit = np.maximum(1.0, np.abs(self.v))
-        size = np.abs(self.values[:, :, here]) / unit**2 + np.median(np.abs(curvature), axis=2)
+        size = np.abs(self.values[:, :, here]) / unit**2 + np.sort(np.abs(curvature), axis=2)[:, :, here]
         own = curvature[:, :, here]
         relative = np.divide(own, size, out=np.zeros_like(own), where=size > NOISE * np.abs(own))
         a, k = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
