@@ -19,16 +19,20 @@ from varcalc.formulation import Elsewhere, Form
 from varcalc.functional import Functional
 from varcalc.methods.answer import Extremal
 from varcalc.methods.direct.batch import Places
-from varcalc.methods.family import Answers, applies, solution, solved
+from varcalc.methods.family import Answer, Answers, applies, solution, solved
+from varcalc.methods.family_of_one import One
 from varcalc.methods.ritz import Ritz
 from varcalc.problem import Problem
-from varcalc.singular import forms
-from varcalc.singular.alike import Ends
+from varcalc.singular import Infinite, forms
+from varcalc.singular.alike import ends_at
 from varcalc.solution import Solution
 from varcalc.verify.weierstrass import vouched
 
 REMEMBERED = 256
 """Solutions among which the nearest is looked for: the last ones."""
+
+FOR_THEMSELVES = 8
+"""Values for which a form is found for itself before the function is built that tells whether it is the same."""
 
 
 @dataclass(frozen=True)
@@ -79,10 +83,10 @@ class Neighbours:
         problem = self.form.problem
         assert isinstance(problem, Problem)
         answers = Answers.none(len(values))
-        rows = np.flatnonzero(self.elsewhere.alike(values))
+        rows = np.flatnonzero(self._alike(values))
         if not len(rows):
             return answers
-        points = Ends(problem, values[rows]).points
+        points = ends_at(problem, values[rows])
         places = Places(*self.elsewhere.placed(points), values[rows])
         nearest = [self.known[k] for k in self._nearest(values[rows])]
         degrees = np.array([k.degree for k in nearest])
@@ -93,8 +97,47 @@ class Neighbours:
             self._remember(values[row], int(answers.degree[row]), answers.coefficients[row])
         return answers
 
+    def solved_alone(self, values: np.ndarray) -> Answer | None:
+        """What is found at ``values`` (parameters,), from the nearest solution; None where it is in doubt."""
+        if not self._alike(values[None])[0]:
+            return None
+        problem = self.form.problem
+        assert isinstance(problem, Problem)
+        known = self.known[self._nearest(values[None])[0]]
+        one = One.of(self.form, known.degree)
+        if one is not None:
+            spans, start, end = self.elsewhere.placed(ends_at(problem, values[None]))
+            with np.errstate(all="ignore"):
+                found = one.solved(spans[0], np.append(start, end), values, known.coefficients, self.tol)
+            if found is not None:
+                return found
+        answers = self.solved(values[None])
+        return answers[0] if answers.stands[0] else None
+
+    def _alike(self, values: np.ndarray) -> np.ndarray:
+        """At which ``values`` (K, parameters) the problem has this form; (K,) of bool.
+
+        To build the function that measures it costs as much as finding the forms of some values for themselves.
+        """
+        built = self.form.built
+        built["values measured"] = built.get("values measured", 0) + len(values)
+        if built["values measured"] > FOR_THEMSELVES:
+            return self.elsewhere.alike(values)
+        return np.array([self._stated_alike(v) for v in values])
+
+    def _stated_alike(self, values: np.ndarray) -> bool:
+        """Whether the form that is tried first at ``values`` is this one, found for itself."""
+        problem = self.form.problem
+        try:
+            first = forms(problem.with_parameters(dict(zip(problem.parameters, map(float, values), strict=True))))[0]
+        except (Infinite, ValueError):  # a functional that is infinite, ends where none can be
+            return False
+        return first is not None and first.built is self.form.built
+
     def _nearest(self, values: np.ndarray) -> list[int]:
         """The number of the nearest solution, each parameter measured by the range it takes."""
+        if len(self.known) == 1:
+            return [0] * len(values)
         known = np.array([k.values for k in self.known])
         ranges = np.ptp(np.vstack([known, values]), axis=0)
         distances = np.zeros((len(values), len(known)))
@@ -109,10 +152,10 @@ class Neighbours:
         """Whether a minimum in this form needs no look at other curves: the shortest of a metric."""
         return self.form.energetic and any(self.form.singular)
 
-    def solution(self, problem: Functional, answers: Answers, row: int, seconds: float) -> Solution:
+    def solution(self, problem: Functional, answer: Answer, seconds: float) -> Solution:
         """An answer as the Solution of ``problem``, held against curves with corners and jumps."""
         form = self.elsewhere.form(problem)
-        found = solution(form, self.method, answers, row, seconds)
+        found = solution(form, self.method, answer, seconds)
         found = vouched(found, form)
         return with_rival(found) if found.status.ok else found
 
@@ -142,14 +185,14 @@ def resolved(problem: Functional, method: Any, tol: float, known: Any) -> Soluti
     if not isinstance(known, Solution) or known.problem.templates is not problem.templates:
         return None
     # how many starting curves are tried is no matter where one is at hand
-    if not (method is None or (isinstance(method, Ritz) and replace(method, starts=1) == _one_start(known.method))):
+    if not (method is None or method == known.method or _one_start(method) == _one_start(known.method)):
         return None
     began = time.perf_counter()
     neighbours = Neighbours.of(known, tol)
     if neighbours is None:
         return None
-    answers = neighbours.solved(problem.parameter_values[None])
-    if not answers.stands[0]:
+    answer = neighbours.solved_alone(problem.parameter_values)
+    if answer is None:
         return None
-    found = neighbours.solution(problem, answers, 0, time.perf_counter() - began)
+    found = neighbours.solution(problem, answer, time.perf_counter() - began)
     return found if found.status.ok else None

@@ -267,7 +267,7 @@ class _Row:
         assert isinstance(self.source, Problem)
         if not self.neighbours.beyond_doubt:
             began = time.perf_counter()
-            solution = self.neighbours.solution(self.source.with_parameters(values), answers, row, seconds)
+            solution = self.neighbours.solution(self.source.with_parameters(values), answers[row], seconds)
             spent = seconds + time.perf_counter() - began
             return _point(tuple(values.values()), solution, spent) if solution.status.ok else None
         value = self.neighbours.form.sign * float(answers.value[row])

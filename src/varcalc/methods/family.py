@@ -10,6 +10,7 @@ any of that is in doubt has no answer here; it is left to a solve of its own.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -18,7 +19,7 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.mesh import Space
 from varcalc.methods.answer import TURNED, Extremal, answer
-from varcalc.methods.direct.batch import Batch, Evaluated, Places, minimise, positive
+from varcalc.methods.direct.batch import Basis, Batch, Evaluated, Places, minimise, positive
 from varcalc.methods.direct.degeneracy import SOFT as SOFT_MODE
 from varcalc.methods.direct.error import ASTRAY, ASTRAY_SHARE, CURVE, ROUND_OFF, SAFETY, SOFT, UNMOVED
 from varcalc.methods.direct.quadrature import RESOLVED, missed
@@ -27,6 +28,18 @@ from varcalc.solution import ErrorEstimate, Solution, Stats
 
 SEEN_FORWARD = np.ones(1)
 """A speed dx/ds for curves that have been seen not to turn back."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was found for one value, see :class:`Answers`."""
+
+    value: float
+    error: float
+    curve: float
+    degree: int
+    coefficients: np.ndarray
+    iterations: int
 
 
 @dataclass(frozen=True)
@@ -52,6 +65,13 @@ class Answers:
         whole = np.zeros(count, dtype=int)
         empty: list[np.ndarray] = [np.empty(0)] * count
         return cls(np.zeros(count, dtype=bool), blank, blank.copy(), blank.copy(), whole, empty, whole.copy())
+
+    def __getitem__(self, row: int) -> Answer:
+        """The answer for one value, which has one."""
+        return Answer(
+            float(self.value[row]), float(self.error[row]), float(self.curve[row]), int(self.degree[row]),
+            self.coefficients[row], int(self.iterations[row]),
+        )  # fmt: skip
 
     def enter(self, rows: np.ndarray, others: Answers) -> None:
         """Put the answers for some of the values in their places."""
@@ -95,19 +115,24 @@ def solved(
     return answers
 
 
-def solution(form: Form, method: Any, answers: Answers, row: int, seconds: float, build: float = 0.0) -> Solution:
+def solution(form: Form, method: Any, found: Answer, seconds: float, build: float = 0.0) -> Solution:
     """An answer as the Solution by ``method`` of the form's problem; it took ``seconds``, and ``build`` before that."""
-    degree, coefficients = int(answers.degree[row]), answers.coefficients[row]
-    space = Space(np.array(form.span), degree, form.n, form.order)
-    extremal = Extremal(
-        form, lambda s, k: space.evaluate(coefficients, s, k), np.zeros(0), space.vertices, np.zeros(0), {},
-        SEEN_FORWARD, coefficients,
-    )  # fmt: skip
-    error = ErrorEstimate(float(answers.error[row]), float(answers.curve[row]))
-    free = int(np.isnan(form.fixed_start[0]).sum() + np.isnan(form.fixed_end[0]).sum())
-    stats = Stats(build, seconds, int(answers.iterations[row]), space.size - 2 * form.n + free, 1, degree)
-    value, rule = form.sign * float(answers.value[row]), quadrature_points(degree)
-    return answer(extremal, method, value, error, space.vertices, stats, rule=rule)
+    vertices = np.array(form.span)
+
+    def evaluate(s: np.ndarray, k: int) -> np.ndarray:
+        return _space(form.span, found.degree, form.n).evaluate(found.coefficients, s, k)
+
+    extremal = Extremal(form, evaluate, np.zeros(0), vertices, np.zeros(0), {}, SEEN_FORWARD, found.coefficients)
+    unknowns = len(Basis.of(form, found.degree).free)
+    stats = Stats(build, seconds, found.iterations, unknowns, 1, found.degree)
+    rule = quadrature_points(found.degree)
+    error = ErrorEstimate(found.error, found.curve)
+    return answer(extremal, method, form.sign * found.value, error, vertices, stats, rule=rule)
+
+
+@lru_cache(maxsize=64)
+def _space(span: tuple[float, float], degree: int, n: int) -> Space:
+    return Space(np.array(span), degree, n)
 
 
 def _judged(
@@ -135,8 +160,8 @@ def _judged(
     own = here.evaluate(z[good]).value if form.same_functional else at.value
     reports = _reports(there, start, step, own, at)
     largest = np.maximum(np.abs(there.variables(start)[:, :, : form.n]).max((1, 2)), 1e-300)
-    met = _met(reports, largest, tol)
-    stands = sure & met & reports.resolved & reports.graph
+    enough = met(reports, largest, tol)
+    stands = sure & enough & reports.resolved & reports.graph
     kept = rows[stands]
     answers.stands[kept], answers.value[kept] = True, reports.value[stands]
     answers.error[kept] = (reports.error + ROUND_OFF * reports.scale)[stands]
@@ -144,11 +169,11 @@ def _judged(
     for row, coefficient in zip(kept, coefficients[stands], strict=True):
         answers.coefficients[row] = coefficient
     onward = there.coefficients(start + step)
-    return {int(rows[k]): onward[k] for k in np.flatnonzero(sure & ~met)}
+    return {int(rows[k]): onward[k] for k in np.flatnonzero(sure & ~enough)}
 
 
 @dataclass(frozen=True)
-class _Reports:
+class Reports:
     """What is reported of trial curves, shapes (K,): see :class:`varcalc.methods.direct.error.Estimate`.
 
     ``resolved`` tells that the rule was fine enough, ``graph`` that the curve does not turn back.
@@ -162,35 +187,55 @@ class _Reports:
     graph: np.ndarray
 
 
-def _reports(there: Batch, z: np.ndarray, step: np.ndarray, own: np.ndarray, at: Evaluated) -> _Reports:
+def _reports(there: Batch, z: np.ndarray, step: np.ndarray, own: np.ndarray, at: Evaluated) -> Reports:
     """Values and errors of the curves ``z``, which the step mends; ``own`` is their value by the poorer rule."""
-    form, n = there.form, there.form.problem.n
-    variables = there.variables(z)
-    here, beyond = (there.reported(v) for v in (variables, variables + there.moved(step)))
-    values, beyond_values = ((there.weights * r[:, :, 0]).sum(1) for r in (here, beyond))
+    variables, moved = there.variables(z), there.moved(step)
+    here, beyond = (there.reported(v) for v in (variables, variables + moved))
     decrement = -0.5 * np.einsum("kn,kn->k", step, at.gradient)
-    if form.same_functional:
-        error, scale = np.abs(decrement) + np.abs(at.value - own), at.scale
-    else:
-        error, scale = np.abs(values - beyond_values), np.abs(values)
-    forward = np.ones_like(there.x)
+    lengths = np.diff(there.places.spans, axis=1)[:, 0]
+    missing = np.abs(decrement) + np.abs(at.value - own)
+    return reports_of(there.form, there.weights, moved[:, :, : there.n], lengths, here, beyond, missing, at.scale)
+
+
+def reports_of(
+    form: Form,
+    weights: np.ndarray,
+    moved: np.ndarray,
+    lengths: np.ndarray,
+    here: np.ndarray,
+    beyond: np.ndarray,
+    missing: np.ndarray,
+    scale: np.ndarray,
+) -> Reports:
+    """The reports of curves over intervals of ``lengths`` (K,) from the rows ``here`` and, mended, ``beyond``.
+
+    Rows are those of :meth:`Batch.reported`, (K, Q, rows); ``moved`` (K, Q, n) is by how much the functions are
+    mended, ``missing`` (K,) by how much what is minimised is too high, ``scale`` (K,) the size of its contributions.
+    """
+    n = form.problem.n
+    values = (weights * here[:, :, 0]).sum(1)
+    error = missing
+    if not form.same_functional:
+        error, scale = np.abs(values - (weights * beyond[:, :, 0]).sum(1)), np.abs(values)
     if form.lifted is None:
-        move = there.moved(step)[:, :, : there.n]
+        curve, graph = SAFETY * np.abs(moved).reshape(len(values), -1).max(1), np.ones(len(values), dtype=bool)
     else:
         forward = here[:, :, 2 + n]
         slope = np.where(forward[:, :, None] != 0, here[:, :, 3 + n :] / forward[:, :, None], 0.0)
         move = beyond[:, :, 2 : 2 + n] - here[:, :, 2 : 2 + n] - slope * (beyond[:, :, 1:2] - here[:, :, 1:2])
-    curve = SAFETY * np.abs(move).max((1, 2), initial=0.0)
-    # a curve whose own parameter is not the abscissa may turn back in it
-    width = (there.weights * forward).sum(1)
-    graph = forward.min(1) >= -(1e-9 + TURNED * curve / width) * np.abs(forward).max(1)
-    lengths = np.diff(there.places.spans, axis=1)[:, 0]
+        curve = SAFETY * np.abs(move).max((1, 2))
+        # a curve whose own parameter is not the abscissa may turn back in it
+        width = (weights * forward).sum(1)
+        graph = forward.min(1) >= -(1e-9 + TURNED * curve / width) * np.abs(forward).max(1)
     resolved = missed(here[:, :, 0]) * 0.5 * lengths <= RESOLVED * scale
-    return _Reports(values, SAFETY * error, scale, curve, resolved, graph)
+    return Reports(values, SAFETY * error, scale, curve, resolved, graph)
 
 
-def _met(reports: _Reports, size: np.ndarray, tol: float) -> np.ndarray:
-    """Whether value and curve are as good as a climb asks of them, and not limited by round-off."""
+def met(reports: Reports, size: Any, tol: float) -> np.ndarray:
+    """Whether value and curve are as good as a climb asks of them, and not limited by round-off.
+
+    ``size`` is the largest ordinate of each curve, (K,) or a number.
+    """
     whole = np.maximum(1.0, np.abs(reports.value))
     target = np.minimum(tol * np.minimum(whole, 10 * reports.scale), tol * whole - ROUND_OFF * reports.scale)
     settled = reports.curve <= np.minimum(max(ASTRAY, ASTRAY_SHARE * tol**0.5), max(CURVE * tol**0.5, 1e-14)) * size

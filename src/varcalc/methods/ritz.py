@@ -119,7 +119,7 @@ class Ritz:
             answers = family.solved(form, places, np.array([degree]), [start], tol, near=False)
         if not answers.stands[0]:
             return None
-        return family.solution(form, self, answers, 0, time.perf_counter() - built, built - started)
+        return family.solution(form, self, answers[0], time.perf_counter() - built, built - started)
 
     def _through_contacts(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
         """The answer with the ends of contact among the unknowns; None where that leads to none that counts."""

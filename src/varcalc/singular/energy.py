@@ -28,6 +28,9 @@ from varcalc.singular.detection import LARGEST_DENOMINATOR, Blowup, Metric, end_
 from varcalc.singular.offsets import gathered
 from varcalc.tracing import Expression, trace
 
+UNIT = np.array([[0.0, 1.0]])
+"""The interval of s."""
+
 
 def energy_forms(
     problem: Functional, metric: Metric, singular: tuple[bool, bool], blowups: dict[bool, Blowup | None]
@@ -68,20 +71,23 @@ def _movable(problem: Functional, metric: Metric, chart: Chart, lines: dict[bool
         ends = own[:, 0], own[:, 1]
         if how["factored"]:
             ends = _factors(ends, how["singular"])
-        return np.tile([0.0, 1.0], (len(points), 1)), *ends
+        return np.repeat(UNIT, len(points), axis=0), *ends
+
+    def moved(other: Functional) -> Form:
+        _, start, end = placed(np.array(end_points(other))[None])
+        curves = _curves(other, chart, **how)
+        return replace(form, problem=other, elsewhere=None, fixed_start=start, fixed_end=end, **curves)
 
     def unchanged(values: np.ndarray) -> np.ndarray:
         return alike(problem, values, lines, metric.conformal)
 
-    return replace(
-        form, elsewhere=Elsewhere(placed, partial(_energy_form, metric=metric, chart=chart, **how), unchanged)
-    )
+    return replace(form, elsewhere=Elsewhere(placed, moved, unchanged))
 
 
 def _factors(ends: tuple[np.ndarray, np.ndarray], singular: tuple[bool, bool]) -> tuple[np.ndarray, np.ndarray]:
     """What is fixed of the factors at the ends, each (K, 2), for one singular end: its own values are free."""
-    known = np.column_stack([ends[1][:, 0] - ends[0][:, 0], ends[1 if singular[0] else 0][:, 1]])
-    blank = np.full_like(known, np.nan)
+    known = np.array([ends[1][:, 0] - ends[0][:, 0], ends[1 if singular[0] else 0][:, 1]]).T
+    blank = np.full(known.shape, np.nan)
     return (blank, known) if singular[0] else (known, blank)
 
 
@@ -147,15 +153,14 @@ def _energy_form(
     ``factored`` the unknown functions are what remains when the known powers
     of s are taken out; they are free at singular ends.
     """
-    start, end = (chart.coordinates(p[:, None])[:, 0] for p in end_points(problem))
     guess = _guessed(problem, chart)
     stated = _stated(problem, metric, chart, (float(guess[0][0]), float(guess[1][0])), singular, factored)
     symbols, q, velocity = stated.symbols, stated.q, stated.velocity
     kind = symbols.kind
     graph = isinstance(problem, Problem)
-    fixed, baseline = (start, end), _graded_line(*guess, chart.growth, graded)
+    fixed = tuple(chart.coordinates(np.array(end_points(problem)).T).T)
     if factored:
-        fixed, baseline = _factored_ends((start, end), guess, singular)
+        fixed = _factored_ends(fixed, guess, singular)
     sliding = _sliding(problem, symbols, q)
     return Form(
         problem=problem,
@@ -167,14 +172,13 @@ def _energy_form(
         **side_conditions(problem, rewriter(problem, symbols, symbols.x, q, [velocity], kind(1))),
         fixed_start=fixed[0][None, :],
         fixed_end=fixed[1][None, :],
+        **_curves(problem, chart, singular=singular, graded=graded, factored=factored),
         ends=sliding,
         periodic=False,
         knots=(),
         waypoints=(),
         unknown_guess=problem.unknown_guesses,
-        baseline=baseline,
         bumps=np.array([[0.0, 1.0]]),
-        pull=_energy_pull(problem, chart, guess, singular if factored else (False, False)),
         lifted=(q[0], q[1], velocity[0], velocity[1]) if graph else (symbols.x, q, kind(1), velocity),
         note="energy" + (", regularised" if chart.power != 1.0 else "") + (", factored" if factored else ""),
         energetic=True,
@@ -186,6 +190,22 @@ def _energy_form(
         # expressions for the ends that slide are made with the form
         built=stated.built if sliding is None else {},
     )
+
+
+def _curves(
+    problem: Functional, chart: Chart, *, singular: tuple[bool, bool], graded: tuple[bool, bool], factored: bool
+) -> dict[str, Any]:
+    """The first curve of an energy form, and how it takes a person's: made when they are asked for."""
+
+    def baseline(s: np.ndarray) -> np.ndarray:
+        guess = _guessed(problem, chart)
+        return (_factored_line(guess, singular) if factored else _graded_line(*guess, chart.growth, graded))(s)
+
+    def pull(curve: Sampled) -> Sampled:
+        known = singular if factored else (False, False)
+        return _energy_pull(problem, chart, _guessed(problem, chart), known)(curve)
+
+    return {"baseline": baseline, "pull": pull}
 
 
 def _guessed(problem: Functional, chart: Chart) -> tuple[np.ndarray, np.ndarray]:
@@ -240,19 +260,26 @@ def _factored(symbols: Symbols, line: tuple[float, float], growth: float, singul
 
 
 def _factored_ends(
-    fixed: tuple[np.ndarray, np.ndarray], guess: tuple[np.ndarray, np.ndarray], singular: tuple[bool, bool]
-) -> tuple[tuple[np.ndarray, np.ndarray], Sampled]:
-    """Fixed values of the factors at the ends, and the factors of the graded straight line."""
+    fixed: tuple[np.ndarray, ...], guess: tuple[np.ndarray, np.ndarray], singular: tuple[bool, bool]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fixed values of the factors at the ends."""
     blank = np.full(2, np.nan)
     if all(singular):
-        return (blank, blank), lambda s: np.zeros((2, len(s)))
-    regular = 1 if singular[0] else 0
-    # at the regular end z is the step along the line and omega the distance itself
-    step = guess[1][0] - guess[0][0]
-    known = np.array([step, guess[regular][1]])
-    ends = np.where(np.isnan(fixed[regular]), np.nan, known)
-    pair = (blank, ends) if singular[0] else (ends, blank)
-    return pair, lambda s: np.repeat(known[:, None], len(s), axis=1)
+        return blank, blank
+    ends = np.where(np.isnan(fixed[1 if singular[0] else 0]), np.nan, _known_factors(guess, singular))
+    return (blank, ends) if singular[0] else (ends, blank)
+
+
+def _factored_line(guess: tuple[np.ndarray, np.ndarray], singular: tuple[bool, bool]) -> Sampled:
+    """The factors of the graded straight line."""
+    if all(singular):
+        return lambda s: np.zeros((2, len(s)))
+    return lambda s: np.repeat(_known_factors(guess, singular)[:, None], len(s), axis=1)
+
+
+def _known_factors(guess: tuple[np.ndarray, np.ndarray], singular: tuple[bool, bool]) -> np.ndarray:
+    """The factors at the regular end: z is the step along the line there, and omega the distance itself."""
+    return np.array([guess[1][0] - guess[0][0], guess[1 if singular[0] else 0][1]])
 
 
 def _incomplete_beta(s: Expression, growth: float) -> Expression:
@@ -344,12 +371,13 @@ class Chart:
             w = np.arcsin(np.sqrt(np.clip(distance / self.height, 0.0, 1.0)))
         else:
             w = distance if self.power == 1.0 else np.maximum(distance, 0.0) ** (1.0 / self.power)
-        return np.vstack([_projected(self.tangent, offset), w])
+        return np.array([_projected(self.tangent, offset), w])
 
 
 def _projected(direction: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """direction . offsets (2, m), where an unknown coordinate that does not enter does no harm."""
-    return sum((d * row for d, row in zip(direction, offsets, strict=True) if d != 0.0), np.zeros(offsets.shape[1]))
+    parts = [row if d == 1.0 else d * row for d, row in zip(direction, offsets, strict=True) if d != 0.0]
+    return parts[0] if len(parts) == 1 else parts[0] + parts[1]
 
 
 def combination(origin: float, factors: tuple[float, float], symbols: tuple[Expression, Expression]) -> Expression:
