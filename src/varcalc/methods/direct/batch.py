@@ -27,6 +27,8 @@ ITERATIONS = 12
 HALVINGS = 6
 CHUNK = 128
 """Points evaluated in one go."""
+SEVERAL = 4
+"""Functions beyond which a matrix is assembled by pairs of them."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,25 @@ class Basis:
         points = self.count * 2 * n
         self.flat = self.matrix.reshape(points, len(self.free))
         self.known = whole[:, :, self.held].reshape(points, len(self.held)).T
+        self._n, self._pairs = n, None
+        if n > SEVERAL:
+            own = whole[:, ::n, self.numbers[:, 0]]
+            self._pairs = np.einsum("qdi,qej->ijqde", own, own).reshape(len(self.numbers) ** 2, -1)
+            self._order = np.argsort(self.numbers.ravel())[self.free]
+
+    def assembled(self, blocks: np.ndarray) -> np.ndarray:
+        """The matrices (K, N, N) of pointwise quadratic forms (K, Q, k, k) on [-1, 1].
+
+        Each function has the same polynomials, so that the entries of all pairs of several functions are one
+        product of what two polynomials contribute at a point: quadratic in their number, not cubic.
+        """
+        count, n = len(blocks), self._n
+        if self._pairs is None:
+            return self.flat.T @ (blocks @ self.matrix).reshape(count, *self.flat.shape)
+        rows = blocks.reshape(count, self.count, 2, n, 2, n).swapaxes(3, 4).reshape(count, -1, n * n)
+        size = len(self.numbers)
+        whole = (self._pairs @ rows).reshape(count, size, size, n, n).swapaxes(2, 3).reshape(count, size * n, size * n)
+        return whole[:, self._order[:, None], self._order]
 
     @classmethod
     def of(cls, form: Form, degree: int) -> Basis:
@@ -194,7 +215,7 @@ class Batch:
 
     def assembled(self, blocks: np.ndarray) -> np.ndarray:
         """The matrices (K, N, N) of pointwise quadratic forms (K, Q, k, k)."""
-        return self.flat.T @ (blocks @ self.matrix).reshape(len(blocks), *self.flat.shape)
+        return self.basis.assembled(blocks)
 
     def leading(self, at: Evaluated) -> np.ndarray:
         """Pointwise blocks of the leading term: L_y'y' in the slopes, and in y on the interval's length."""

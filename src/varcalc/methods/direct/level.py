@@ -11,7 +11,7 @@ import numpy as np
 from varcalc.buffered import BufferedCall
 from varcalc.formulation import Form
 from varcalc.mesh import gauss
-from varcalc.methods.direct.batch import Basis, prepare
+from varcalc.methods.direct.batch import SEVERAL, Basis, prepare
 
 
 class Level:
@@ -53,6 +53,7 @@ class Level:
         nodes, weights = self.nodes_and_weights
         self.x[:, 0], self.weights = span[0] + half * (1 + nodes), half * weights
         scale = np.repeat([1.0, 1.0 / half], n)
+        self._second = self.weights[:, None, None] * np.outer(scale, scale)
         self.matrix = self.basis.matrix * scale[:, None]
         self.flat = self.matrix.reshape(count * 2 * n, -1)
         self.weighted = np.ascontiguousarray((self.flat * np.repeat(self.weights, 2 * n)[:, None]).T)
@@ -86,6 +87,8 @@ class Level:
 
     def assembled(self, blocks: np.ndarray) -> np.ndarray:
         """The matrix (N, N) of pointwise quadratic forms (Q, k, k)."""
+        if self.n > SEVERAL:
+            return self.basis.assembled((blocks * self._second)[None])[0]
         return self.weighted @ (blocks @ self.matrix).reshape(self.flat.shape)
 
     def coefficients(self, z: np.ndarray) -> np.ndarray:
