@@ -17,8 +17,7 @@ import numpy as np
 from varcalc.buffered import Pointwise
 from varcalc.formulation import Form
 from varcalc.lagrangian import Lagrangian
-from varcalc.mesh import Space, gauss
-from varcalc.methods.direct.element import OneElement
+from varcalc.mesh import Space, basis_at_gauss, gauss
 from varcalc.methods.direct.newton import ARMIJO, CONVERGED, NEARLY_SINGULAR, SHRINK, lowest_eigenvalue
 from varcalc.methods.direct.rungs import quadrature_points
 
@@ -71,7 +70,12 @@ class Evaluated:
 def _tables(n: int, degree: int, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Numbers (degree + 1, n) of the coefficients on [-1, 1], and the matrix (Q, 2 n, size) from them to (y, y')."""
     space = Space(np.array([-1.0, 1.0]), degree, n, 1)
-    return space.numbers[0], OneElement(space, count, 1, np.arange(space.size), np.zeros(space.size), 0).matrix
+    numbers, table = space.numbers[0], basis_at_gauss(1, degree, count, 1)
+    whole = np.zeros((count, 2 * n, space.size))
+    for a in range(n):  # all else is zero: of many functions almost everything
+        for derivative in (0, 1):
+            whole[:, derivative * n + a, numbers[:, a]] = table[derivative]
+    return numbers, whole
 
 
 class Basis:
