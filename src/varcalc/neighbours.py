@@ -19,7 +19,7 @@ from varcalc.formulation import Elsewhere, Form
 from varcalc.functional import Functional
 from varcalc.methods.answer import Extremal
 from varcalc.methods.direct.batch import Places
-from varcalc.methods.family import Answer, Answers, applies, solution, solved
+from varcalc.methods.family import Answer, Answers, applies, solution, solved, with_bends
 from varcalc.methods.family_of_one import One
 from varcalc.methods.ritz import Ritz
 from varcalc.problem import Problem
@@ -90,8 +90,11 @@ class Neighbours:
         places = Places(*self.elsewhere.placed(points), values[rows])
         nearest = [self.known[k] for k in self._nearest(values[rows])]
         degrees = np.array([k.degree for k in nearest])
+        starts = [k.coefficients for k in nearest]
         with np.errstate(all="ignore"):
-            found = solved(self.form, places, degrees, [k.coefficients for k in nearest], self.tol, near=True)
+            if self.form.integrals:
+                starts = with_bends(self.form, places, degrees, starts)
+            found = solved(self.form, places, degrees, starts, self.tol, near=not self.form.integrals)
         answers.enter(rows, found)
         for row in np.flatnonzero(answers.stands):
             self._remember(values[row], int(answers.degree[row]), answers.coefficients[row])

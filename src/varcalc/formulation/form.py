@@ -149,6 +149,11 @@ class Form:
         return self.functional is self.integrand
 
     @property
+    def plainly_reported(self) -> bool:
+        """True when a curve is reported as it is minimised: the same functional, the same coordinates."""
+        return self.same_functional and self.lifted is None
+
+    @property
     def has_inequalities(self) -> bool:
         """True when an interior-point method is called for."""
         return bool(self.pathwise) or any(not c.equality for c in self.integrals)

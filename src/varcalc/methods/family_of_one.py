@@ -17,7 +17,7 @@ from varcalc.methods.direct.error import ROUND_OFF, SOFT, UNMOVED
 from varcalc.methods.direct.level import Level
 from varcalc.methods.direct.newton import ARMIJO, CONVERGED
 from varcalc.methods.direct.rungs import DEGREES
-from varcalc.methods.family import Answer, Reports, met, reports_of
+from varcalc.methods.family import Answer, Reports, reports_of, short_of
 
 
 class One:
@@ -34,9 +34,12 @@ class One:
 
     @classmethod
     def of(cls, form: Form, degree: int) -> One | None:
-        """The pair of spaces for a solution of ``degree``; None where there is no richer one to judge it in."""
+        """The pair of spaces for a solution of ``degree``; None where there is no richer one to judge it in.
+
+        Nor is there one for prescribed integrals.
+        """
         ladder = DEGREES[form.order][:-1]
-        if degree not in ladder[:-1]:
+        if degree not in ladder[:-1] or form.integrals:
             return None
         if ("one", degree) not in form.built:
             form.built["one", degree] = cls(form, degree, ladder[ladder.index(degree) + 1])
@@ -101,12 +104,12 @@ class One:
             return None
         largest = max(float(np.abs(there.variables[0]).max()), 1e-300)
         reports = self._reports(z, value, scale, decrement, moved)
-        if not (met(reports, largest, tol).all() and reports.resolved.all() and reports.graph.all()):
+        if not (np.all(short_of(reports, largest, tol) <= 1) and reports.resolved.all() and reports.graph.all()):
             return None
         error = float(reports.error[0]) + ROUND_OFF * float(reports.scale[0])
         curve = max(float(reports.curve[0]), 4e-16 * largest)
         coefficients = self.here.coefficients(z)
-        return Answer(float(reports.value[0]), error, curve, self.degree, coefficients, steps)
+        return Answer(float(reports.value[0]), error, curve, self.degree, coefficients, steps, np.zeros(0))
 
     def _reports(self, z: np.ndarray, value: float, scale: float, decrement: float, moved: np.ndarray) -> Reports:
         there = self.there

@@ -19,9 +19,11 @@ from varcalc.mesh import Space
 from varcalc.methods import family
 from varcalc.methods.answer import answer
 from varcalc.methods.direct.batch import Places, prepare
+from varcalc.methods.direct.bends import ways
 from varcalc.methods.direct.degeneracy import degenerate
 from varcalc.methods.direct.error import ASTRAY, ASTRAY_SHARE, CURVE, Estimate, estimate, settled
 from varcalc.methods.direct.ipopt import Ipopt
+from varcalc.methods.direct.levelled import Levelled
 from varcalc.methods.direct.newton import Newton
 from varcalc.methods.direct.rungs import DEGREES, NOWHERE, Rung, Rungs
 from varcalc.methods.direct.system import RitzSystem
@@ -49,6 +51,8 @@ LOCAL = 0.25
 MOST_UNKNOWNS = 4000
 WORTHLESS = 1e-3
 """Relative round-off at which a value is no answer."""
+WAYS = 2
+"""Starting curves from which a level is approached, where nothing tells that one of them suffices."""
 RESTART_DEGREE = 24
 """Degree up to which a solve begins again from the starting curves."""
 
@@ -112,14 +116,27 @@ class Ritz:
         places = Places(
             np.array([form.span]), form.fixed_start, form.fixed_end, form.problem.parameter_values[None]
         )  # fmt: skip
-        start = space.fit(form.baseline if guess is None else guess)
         prepare(form)
         built = time.perf_counter()
         with np.errstate(all="ignore"):
-            answers = family.solved(form, places, np.array([degree]), [start], tol, near=False)
-        if not answers.stands[0]:
+            start = self._starts(form, space, places, guess)
+            answers = family.solved(form, places, np.array([degree]), [start], tol, near=False) if len(start) else None
+        if answers is None or not answers.stands[0]:
             return None
         return family.solution(form, self, answers[0], time.perf_counter() - built, built - started)
+
+    def _starts(self, form: Form, space: Space, places: Places, guess: Sampled | None) -> np.ndarray:
+        """The coefficients of the first starting curve, or of several where a level is met in more than one way."""
+        line = space.fit(form.baseline if guess is None else guess)
+        if not form.integrals:
+            return line
+        batch = Levelled(form, space.degree, places)
+        given = [] if guess is None else [line]
+        straight = line if guess is None else space.fit(form.baseline)
+        most = min(WAYS, self.starts) - len(given)
+        found = ways(batch, batch.of_degree(straight[None], space.degree)[0], most) if most else np.empty((0, 0))
+        bent = [batch.coefficients(z[None])[0] for z in found]
+        return np.array(given + bent)
 
     def _through_contacts(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
         """The answer with the ends of contact among the unknowns; None where that leads to none that counts."""

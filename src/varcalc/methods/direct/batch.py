@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Self
 
 import casadi as ca
 import numpy as np
@@ -24,8 +25,8 @@ from varcalc.methods.direct.rungs import quadrature_points
 ITERATIONS = 12
 """Newton steps after which a value is left to a solve of its own: it begins close to a solution."""
 HALVINGS = 6
-CHUNK = 128
-"""Points evaluated in one go."""
+FEW, CHUNK = 26, 128
+"""Points evaluated in one go: as many as one curve of the lower degrees has, and of several curves."""
 SEVERAL = 4
 """Functions beyond which a matrix is assembled by pairs of them."""
 
@@ -48,22 +49,44 @@ class Evaluated:
     """The functional (K,), the sum of its absolute contributions, gradients (K, N), and pointwise Hessians, weighted.
 
     ``blocks`` has shape (K, Q, k, k) in the variables that the matrix gives, ``legendre`` (K,) is the least
-    eigenvalue of L_y'y'.
+    eigenvalue of L_y'y', ``integrand`` (K, Q) what was summed. ``conditions`` (K, m) are the
+    prescribed integrals less their levels, ``integrands`` (K, Q, m) what was summed for those.
     """
 
     value: np.ndarray
+    integrand: np.ndarray
     scale: np.ndarray
     gradient: np.ndarray
     blocks: np.ndarray
     legendre: np.ndarray
+    conditions: np.ndarray
+    integrands: np.ndarray
 
     @property
     def sound(self) -> np.ndarray:
         """Where everything is a number and the Legendre condition holds; (K,) of bool."""
         return np.isfinite(self.value) & np.isfinite(self.gradient).all(1) & (self.legendre > 0.0)
 
-    def __getitem__(self, rows: np.ndarray) -> Evaluated:
-        return Evaluated(*(v[rows] for v in vars(self).values()))
+    @property
+    def met(self) -> np.ndarray:
+        """Where every level is met; (K,) of bool."""
+        return np.ones(len(self.value), dtype=bool)
+
+    def reduced(self, matrices: np.ndarray) -> np.ndarray:
+        """The matrices (K, N, N) on the directions in which the curves may move."""
+        return matrices
+
+    def __getitem__(self, rows: np.ndarray) -> Self:
+        return type(self)(*(v[rows] for v in vars(self).values()))
+
+
+@dataclass
+class Steps:
+    """Newton steps (K, N), the multipliers (K, m) that come with them, and what the functionals fall by (K,)."""
+
+    change: np.ndarray
+    multipliers: np.ndarray
+    decrement: np.ndarray
 
 
 @lru_cache(maxsize=64)
@@ -84,11 +107,11 @@ class Basis:
     ``matrix`` (Q, 2 n, N) takes the free ones to (y, y') at the Gauss points of [-1, 1], ``known`` those of the ends.
     """
 
-    def __init__(self, form: Form, degree: int) -> None:
-        n, self.degree, self.count = form.n, degree, quadrature_points(degree)
+    def __init__(self, held: tuple[bool, ...], degree: int) -> None:
+        n, self.degree, self.count = len(held) // 2, degree, quadrature_points(degree)
         self.numbers, whole = _tables(n, degree, self.count)
         self.size = self.numbers.size
-        self.held_ends = ~np.isnan(np.concatenate([form.fixed_start[0], form.fixed_end[0]]))
+        self.held_ends = np.array(held)
         self.held = np.concatenate([self.numbers[0], self.numbers[1]])[self.held_ends]
         self.free = np.delete(np.arange(self.size), self.held)
         self.matrix = np.ascontiguousarray(whole[:, :, self.free])
@@ -115,17 +138,23 @@ class Basis:
         whole = (self._pairs @ rows).reshape(count, size, size, n, n).swapaxes(2, 3).reshape(count, size * n, size * n)
         return whole[:, self._order[:, None], self._order]
 
-    @classmethod
-    def of(cls, form: Form, degree: int) -> Basis:
-        """The basis of a form, kept with it."""
-        key = ("basis", degree, np.isnan(form.fixed_start).tobytes(), np.isnan(form.fixed_end).tobytes())
-        if key not in form.built:
-            form.built[key] = cls(form, degree)
-        return form.built[key]
+    @staticmethod
+    def of(form: Form, degree: int) -> Basis:
+        """The basis of a form, kept for the life of the process."""
+        held = np.logical_not(np.isnan([*form.fixed_start[0], *form.fixed_end[0]]))
+        return _basis(tuple(held.tolist()), degree)
+
+
+@lru_cache(maxsize=64)
+def _basis(held: tuple[bool, ...], degree: int) -> Basis:
+    return Basis(held, degree)
 
 
 class Batch:
     """The discretised functionals of ``form`` at ``places``, polynomials of one degree."""
+
+    levels = np.zeros(0)
+    """The values (m,) that integrals have to have."""
 
     def __init__(self, form: Form, degree: int, places: Places) -> None:
         self.form, self.places, self.n = form, places, form.n
@@ -142,11 +171,11 @@ class Batch:
         self.first = self.weights[:, :, None] * self.scale
         self.second = self.first[:, :, :, None] * self.scale[:, :, None, :]
 
-    def restricted(self, rows: np.ndarray) -> Batch:
+    def restricted(self, rows: np.ndarray) -> Self:
         """The batch of some of the values."""
         if rows.dtype == bool and rows.all():
             return self
-        other = object.__new__(Batch)
+        other = object.__new__(type(self))
         other.__dict__ = self.__dict__ | {
             "places": self.places[rows],
             **{
@@ -197,15 +226,18 @@ class Batch:
 
     def _function(self, name: str) -> Pointwise:
         """A kept function of points, in pieces of the size of one curve or of many."""
-        chunk = min(CHUNK, self.x.size)
+        chunk = FEW if self.x.size <= CHUNK else CHUNK
         built, key = self.form.built, (name, chunk)
         if key not in built:
             prepare(self.form)
             built[key] = Pointwise(built[name], chunk)
         return built[key]
 
-    def evaluate(self, z: np.ndarray) -> Evaluated:
-        """The functionals and their derivatives; inf or NaN outside the domain."""
+    def evaluate(self, z: np.ndarray, multipliers: np.ndarray | None = None) -> Evaluated:  # noqa: ARG002  no levels
+        """The functionals and their derivatives; inf or NaN outside the domain.
+
+        ``multipliers`` (K, m) are those of the levels; see :class:`varcalc.methods.direct.levelled.Levelled`.
+        """
         k, variables = 2 * self.n, self.variables(z)
         out = self._called("pointwise", variables)
         value = (self.weights * out[:, :, 0]).sum(1)
@@ -214,8 +246,21 @@ class Batch:
             value = np.where((variables[:, :, self.form.one_sided] < 0).any((1, 2)), np.inf, value)
         gradient = (out[:, :, 1 : 1 + k] * self.first).reshape(len(z), -1) @ self.flat
         hessians = out[:, :, 1 + k :].reshape(*self.x.shape, k, k)
-        legendre = _least(hessians[:, :, self.n :, self.n :])
-        return Evaluated(value, scale, gradient, hessians * self.second, legendre)
+        legendre = least_eigenvalue(hessians[:, :, self.n :, self.n :])
+        none = np.zeros((*self.x.shape, 0))
+        return Evaluated(
+            value, out[:, :, 0], scale, gradient, hessians * self.second, legendre, none[:, 0], none
+        )  # fmt: skip
+
+    def newton(self, at: Evaluated) -> Steps:
+        """The Newton steps, where the second variation is positive."""
+        step = -np.linalg.solve(self.assembled(at.blocks), at.gradient[:, :, None])[:, :, 0]
+        return Steps(step, np.zeros((len(step), 0)), -0.5 * np.einsum("kn,kn->k", step, at.gradient))
+
+    def minimise(self, z: np.ndarray, *, shifting: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+        """The minima from ``z``, their multipliers (K, m), where they are, and the steps taken: :func:`minimise`."""
+        z, found, steps = minimise(self, z, shifting=shifting)
+        return z, np.zeros((len(z), 0)), found, steps
 
     def assembled(self, blocks: np.ndarray) -> np.ndarray:
         """The matrices (K, N, N) of pointwise quadratic forms (K, Q, k, k)."""
@@ -255,13 +300,13 @@ def prepare(form: Form) -> None:
     """Build the functions that batches of a form call; they are kept with it."""
     s = form.symbols
     if "pointwise" not in form.built:
-        form.built["pointwise"] = Lagrangian(s, form.integrand).pointwise()
-    if "reported" not in form.built:
+        form.built["pointwise"] = Lagrangian(s, form.integrand).pointwise([c.expression for c in form.integrals])
+    if "reported" not in form.built and not form.plainly_reported:
         outputs = [form.functional, *(form.lifted or ())]
         form.built["reported"] = ca.Function("reported", s.all, [ca.densify(ca.vertcat(*outputs))])
 
 
-def _least(blocks: np.ndarray) -> np.ndarray:
+def least_eigenvalue(blocks: np.ndarray) -> np.ndarray:
     """The least eigenvalue of symmetric blocks (K, Q, n, n) over all points; -inf where they are no numbers."""
     n = blocks.shape[-1]
     if n == 1:
