@@ -30,8 +30,11 @@ import numpy as np
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._geodesics import Distances, distances
 from varcalc.problems._quadrature import integral
 from varcalc.problems._roots import increasing_root
+
+__all__ = ["EARTH", "FLAT", "Distances", "Geodesic", "distances", "references"]
 
 SOURCE = 'Karney, "Algorithms for geodesics", J. Geodesy 87 (2013), sect. 2'
 EARTH = {"a": 6378137.0, "f": 1 / 298.257223563}

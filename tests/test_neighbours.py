@@ -6,6 +6,8 @@ import sys
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
 
 import varcalc as vc
 from varcalc.neighbours import Neighbours
@@ -59,6 +61,45 @@ def several():
     )
 
 
+def weak():
+    """Convex in the slope next to zero only: beyond a rise of 0.41 Legendre's condition fails, before it another."""
+    return vc.Problem(
+        lambda x, y, dy, p: dy**2 - dy**4 + p.k * dy**6,
+        vc.Fixed(0, 0),
+        vc.Fixed(1, vc.Parameter("rise")),
+        parameters={"k": 1.0, "rise": 0.1},
+    )
+
+
+def steep():
+    """Cheapest at the start: what rises by more than a tenth of arcosh(11) jumps there, and is no graph."""
+    return vc.Problem(
+        lambda x, y, dy, p: (1 + 10 * x) * ca.sqrt(1 + dy**2),
+        vc.Fixed(0, 0),
+        vc.Fixed(1, vc.Parameter("rise")),
+        parameters={"rise": 0.1},
+    )
+
+
+def film_as_a_curve():
+    """A length where q1 > -k: at k = -0.7 it vanishes at one of the ends."""
+    return vc.Curve(
+        lambda q, dq, p: (q[1] + p.k) * ca.sqrt(ca.sumsqr(dq)),
+        vc.At([0, 1]),
+        vc.At([1, vc.Parameter("height")]),
+        parameters={"k": 1.0, "height": 1.0},
+    )
+
+
+def in_space():
+    return vc.Curve(
+        lambda q, dq, p: ca.sqrt(ca.sumsqr(dq)) * (1 + p.k * ca.sumsqr(q)),
+        vc.At([0, vc.Parameter("y"), 1]),
+        vc.At([1, 0, None]),
+        parameters={"k": 1.0, "y": 0.5},
+    )
+
+
 def counted(monkeypatch):
     solves = []
     original = vc.solve
@@ -98,6 +139,10 @@ def test_every_tolerance(tol):
         (spring, {"k": np.concatenate([np.linspace(5, -9, 15), [-9.8, -9.8696, -(math.pi**2), -9.87, -10, -30]])}),
         (almost, {"h": [1.0, 0.9, 0.5, 0.2, 0.1, 0.03, 0.01, 1e-3, 1e-6, 0.0]}),
         (power, {"k": [0.5, 0.5, 1 / 3, 0.4, 0.49, 0.0, 0.75, 1.0, 1.2]}),
+        (weak, {"k": [1.0, 0.2, 0.1], "rise": [0.1, 0.0, 0.2, 0.3, 0.5]}),
+        (steep, {"rise": [0.1, 0.05, 0.2, 0.3, 0.305, 0.309, 0.32, 1.0]}),
+        (film_as_a_curve, {"k": [1.0, 0.5, -0.2, -0.5, -0.6, -0.7], "height": [1.0, 0.7]}),
+        (in_space, {"k": [1.0, 0.0, -0.3], "y": [0.5, 0.0, -1.0]}),
         (several, {"k": [1.0, 0.5, -1.0, -4.0], "to": [0.0, 1.0, 5.0]}),
     ],
 )
@@ -111,6 +156,48 @@ def test_the_same_answers_and_refusals_as_solves_of_their_own(problem, grid):
         assert point.ok == alone.status.ok, point
         if point.ok:
             assert abs(point.value - alone.value) <= 1.5 * (point.claimed_error + alone.error.value) + 1e-15, point
+
+
+def test_what_is_convex_in_the_slope_needs_no_solve_of_its_own(monkeypatch):
+    """Graphs at regular ends are put to Weierstrass's test and that for jumps many at a time."""
+    examined = []
+    original = Neighbours.solution
+    monkeypatch.setattr(Neighbours, "solution", lambda self, *given: examined.append(given) or original(self, *given))
+    solves = counted(monkeypatch)
+    rises = np.linspace(0.0, 0.11, 40)
+    found = vc.sweep(steep(), {"rise": rises}, vc.Ritz())
+    assert len(solves) == 1
+    assert not examined
+    exact = [climbing(brentq(lambda p, r=r: risen(p) - r, 0, 1, xtol=1e-15)) for r in rises]
+    np.testing.assert_allclose(found.values, exact, rtol=1e-10)
+
+
+def climbing(p):
+    """The value of an extremal of momentum p: n^2 / sqrt(n^2 - p^2) integrated over x, with n = 1 + 10 x."""
+    return quad(lambda x: (1 + 10 * x) ** 2 / math.sqrt((1 + 10 * x) ** 2 - p * p), 0, 1, epsabs=1e-14)[0]
+
+
+def risen(p):
+    """By how much an extremal of momentum p rises: p / sqrt(n^2 - p^2) integrated over x, with n = 1 + 10 x."""
+    return 0.1 * p * (math.acosh(11 / p) - math.acosh(1 / p)) if p > 0 else 0.0
+
+
+def test_curves_between_points_that_move(monkeypatch):
+    """In the half-plane of Poincare the distance has a closed form."""
+    curve = vc.Curve(
+        lambda q, dq, p: ca.sqrt(ca.sumsqr(dq)) / q[1],
+        vc.At([vc.Parameter("left"), vc.Parameter("low")]),
+        vc.At([1, vc.Parameter("high")]),
+        parameters={"left": 0.0, "low": 1.0, "high": 1.0},
+    )
+    solves = counted(monkeypatch)
+    rng = np.random.default_rng(1882)
+    left, low, high = rng.uniform(-1, 0, 60), rng.uniform(0.8, 2, 60), rng.uniform(0.8, 2, 60)
+    found = vc.sweep(curve, vc.Paired({"left": left, "low": low, "high": high}), vc.Ritz(), tol=1e-12)
+    exact = np.arccosh(1 + ((1 - left) ** 2 + (high - low) ** 2) / (2 * low * high))
+    assert len(solves) == 1
+    assert np.all(np.abs(found.values - exact) <= found.claimed_errors + 1e-15)
+    assert found.claimed_errors.max() <= 1e-12 * max(1.0, exact.max())
 
 
 def test_a_film_that_is_only_local_says_so():

@@ -2,7 +2,6 @@
 
 import math
 import sys
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 
 import varcalc as vc
 from varcalc.problems._curves import Cycloid
-from varcalc.sweep import _walk, spaced
 
 
 def spring(**parameters):
@@ -107,13 +105,6 @@ def test_a_curve_over_another_interval_is_no_guess():
     np.testing.assert_allclose(found.values, [math.sqrt(2), math.sqrt(5)], rtol=1e-12)
 
 
-@pytest.mark.parametrize("shape", [(5,), (3, 4), (2, 3, 4)])
-def test_a_grid_is_walked_from_neighbour_to_neighbour(shape):
-    places = list(_walk(shape))
-    assert sorted(places) == list(np.ndindex(*shape))
-    assert all(sum(abs(a - b) for a, b in zip(p, q, strict=True)) == 1 for p, q in pairwise(places))
-
-
 def test_several_cores_find_the_same():
     ks = np.linspace(0.0, 10.0, 20)
     # what a process imports is found by its module's name, which a test file loaded by its path has not
@@ -184,9 +175,3 @@ def test_the_store_of_another_sweep_is_refused(tmp_path):
 def test_what_cannot_be_swept_is_refused(problem, grid, options, error, message):
     with pytest.raises(error, match=message):
         vc.sweep(problem, grid, **options)
-
-
-@pytest.mark.parametrize("text", ["g", "=1:2:3", "g=1:2", "g=a", "g=1:2:x", "g="])
-def test_a_grid_that_cannot_be_read_is_refused(text):
-    with pytest.raises(ValueError, match="is no grid; write name=from:to:count"):
-        spaced(text)

@@ -18,6 +18,7 @@ from varcalc.conditions import (
     Through,
 )
 from varcalc.diagnose import Diagnosis, diagnose
+from varcalc.grid import Paired
 from varcalc.lagrangian import Lagrangian
 from varcalc.methods.direct.ipopt import Ipopt
 from varcalc.methods.direct.newton import Newton
@@ -61,6 +62,7 @@ __all__ = [
     "Newton",
     "OnCurve",
     "OnSurface",
+    "Paired",
     "Parameter",
     "Periodic",
     "Problem",

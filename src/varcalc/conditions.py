@@ -191,7 +191,7 @@ class Periodic:
 class At:
     """An end of a :class:`varcalc.Curve` at the point ``q`` (``None``: that component is free)."""
 
-    q: Sequence[float | None]
+    q: Sequence[float | Parameter | None]
 
     def __post_init__(self) -> None:
         if not is_vector(self.q):

@@ -14,19 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.existence.broken_curve import with_rival
+from varcalc.existence.broken_curve import runs_level, with_rival
 from varcalc.formulation import Elsewhere, Form
 from varcalc.functional import Functional
 from varcalc.methods.answer import Extremal
-from varcalc.methods.direct.batch import Places
-from varcalc.methods.family import Answer, Answers, applies, solution, solved, with_bends
+from varcalc.methods.direct.batch import Batch, Places
+from varcalc.methods.family import Answer, Answers, applies, solution, solved, straight_starts, with_bends
 from varcalc.methods.family_of_one import One
 from varcalc.methods.ritz import Ritz
-from varcalc.problem import Problem
+from varcalc.problem import Curve, Problem
 from varcalc.singular import Infinite, forms
-from varcalc.singular.alike import ends_at
 from varcalc.solution import Solution
-from varcalc.verify.weierstrass import vouched
+from varcalc.verify.weierstrass import PLACES, convinced, vouched
 
 REMEMBERED = 256
 """Solutions among which the nearest is looked for: the last ones."""
@@ -80,14 +79,11 @@ class Neighbours:
 
     def solved(self, values: np.ndarray) -> Answers:
         """What is found at ``values`` (K, parameters), each from the nearest solution; they are remembered."""
-        problem = self.form.problem
-        assert isinstance(problem, Problem)
         answers = Answers.none(len(values))
         rows = np.flatnonzero(self._alike(values))
         if not len(rows):
             return answers
-        points = ends_at(problem, values[rows])
-        places = Places(*self.elsewhere.placed(points), values[rows])
+        places = self._placed(values[rows])
         nearest = [self.known[k] for k in self._nearest(values[rows])]
         degrees = np.array([k.degree for k in nearest])
         starts = [k.coefficients for k in nearest]
@@ -95,6 +91,11 @@ class Neighbours:
             if self.form.integrals:
                 starts = with_bends(self.form, places, degrees, starts)
             found = solved(self.form, places, degrees, starts, self.tol, near=not self.form.integrals)
+            left = np.flatnonzero(~found.stands)
+            if len(left) and self.form.lifted is None and not self.form.integrals:
+                # afresh, as a solve of its own would begin
+                degree, lines = straight_starts(self.form, places[left])
+                found.enter(left, solved(self.form, places[left], degree, lines, self.tol, near=False))
         answers.enter(rows, found)
         for row in np.flatnonzero(answers.stands):
             self._remember(values[row], int(answers.degree[row]), answers.coefficients[row])
@@ -104,12 +105,10 @@ class Neighbours:
         """What is found at ``values`` (parameters,), from the nearest solution; None where it is in doubt."""
         if not self._alike(values[None])[0]:
             return None
-        problem = self.form.problem
-        assert isinstance(problem, Problem)
         known = self.known[self._nearest(values[None])[0]]
         one = One.of(self.form, known.degree)
         if one is not None:
-            spans, start, end = self.elsewhere.placed(ends_at(problem, values[None]))
+            spans, start, end = self.elsewhere.placed(values[None])
             with np.errstate(all="ignore"):
                 found = one.solved(spans[0], np.append(start, end), values, known.coefficients, self.tol)
             if found is not None:
@@ -150,10 +149,37 @@ class Neighbours:
         # of several at one distance the last
         return list(distances.shape[1] - 1 - distances[:, ::-1].argmin(1))
 
-    @property
-    def beyond_doubt(self) -> bool:
-        """Whether a minimum in this form needs no look at other curves: the shortest of a metric."""
-        return self.form.energetic and any(self.form.singular)
+    def beyond_doubt(self, values: np.ndarray, answers: Answers) -> np.ndarray:
+        """Which of the ``answers`` at ``values`` need no look at other curves, one by one; (K,) of bool.
+
+        The shortest curve of a metric needs none; graphs are put to the tests of a solve, many at a time.
+        """
+        form, sure = self.form, answers.stands.copy()
+        if form.energetic and (isinstance(form.problem, Curve) or any(form.singular)):
+            return sure
+        if form.lifted is not None or form.energetic:
+            return np.zeros_like(sure)
+        for degree in np.unique(answers.degree[sure]):
+            rows = np.flatnonzero(answers.stands & (answers.degree == degree))
+            sure[rows] = self._tested(values[rows], [answers.coefficients[row] for row in rows], int(degree))
+        return sure
+
+    def _tested(self, values: np.ndarray, coefficients: list[np.ndarray], degree: int) -> np.ndarray:
+        """Which graphs pass the tests for other slopes and for jumps at the ends; (K,) of bool."""
+        problem, n = self.form.problem, self.form.n
+        assert isinstance(problem, Problem)
+        places = self._placed(values)
+        batch = Batch(self.form, degree, places)
+        variables = batch.variables(batch.of_degree(np.array(coefficients), degree))
+        some = np.linspace(0, batch.count - 1, PLACES).astype(int)
+        with np.errstate(all="ignore"):
+            passed = convinced(problem, batch.x[:, some], variables[:, some, :n], variables[:, some, n:], values)
+        if n == 1:
+            passed &= ~runs_level(batch.x, variables[:, :, 0], np.hstack([places.start, places.end]))
+        return passed
+
+    def _placed(self, values: np.ndarray) -> Places:
+        return Places(*self.elsewhere.placed(values), values)
 
     def solution(self, problem: Functional, answer: Answer, seconds: float) -> Solution:
         """An answer as the Solution of ``problem``, held against curves with corners and jumps."""
@@ -170,7 +196,7 @@ def _first_of(form: Form) -> Form | None:
     first form is the same.
     """
     if "first" not in form.built:
-        first = forms(form.problem)[0] if isinstance(form.problem, Problem) else None
+        first = forms(form.problem)[0]
         alike = first is not None and first.built is form.built and applies(first)
         form.built["first"] = first if alike else None
     return form.built["first"]

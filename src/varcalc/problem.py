@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.buffered import Pointwise
+from varcalc.columns import FewOrMany
 from varcalc.conditions import (
     At,
     Constraint,
@@ -200,7 +200,7 @@ class Problem(Functional):
         ``parameters`` (m, number of them) are other values of the parameters than the problem's own.
         """
         if "L" not in self.built:
-            self.built["L"] = Pointwise(ca.Function("L", self.symbols.all, [self.integrand]))
+            self.built["L"] = FewOrMany(ca.Function("L", self.symbols.all, [self.integrand]))
         level = np.zeros((1, self.symbols.ddy.numel()))
         numbers = self.parameter_values[None] if parameters is None else parameters, self.unknown_guesses[None]
         return self.built["L"](len(x), x[:, None], y.T, dy.T, level, *numbers)[:, 0]
@@ -274,6 +274,18 @@ class Curve(Functional):
                 if isinstance(end, At) and None not in components("At.q", end.q)
             ],
         )
+
+    def integrand_values(self, q: np.ndarray, dq: np.ndarray, parameters: np.ndarray | None = None) -> np.ndarray:
+        """F at ``m`` points: q and dq of shape (n, m); unknowns at their guesses.
+
+        ``parameters`` (m, number of them) are other values of the parameters than the problem's own.
+        """
+        if "F" not in self.built:
+            s = self.symbols
+            function = ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [self.integrand])
+            self.built["F"] = FewOrMany(function)
+        numbers = self.parameter_values[None] if parameters is None else parameters, self.unknown_guesses[None]
+        return self.built["F"](q.shape[1], q.T, dq.T, *numbers)[:, 0]
 
     def _check_homogeneous(self, label: str, expression: Expression) -> None:
         """Compare F(q, 3 dq) with 3 F(q, dq) at points near the ends, in several directions."""

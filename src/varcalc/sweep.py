@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import inspect
 import json
-import math
 import multiprocessing
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass
 from itertools import chain
@@ -21,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.compare import checked_method, label, monospaced
-from varcalc.conditions import finite
+from varcalc.grid import Grid, Paired, Place
 from varcalc.methods.family import Answers
 from varcalc.neighbours import Neighbours
 from varcalc.problem import Curve, Problem
@@ -30,11 +29,11 @@ from varcalc.solve import solve
 
 CHUNK = 16
 """Points that a core solves in a row before it reports: each begins from the last, and few are lost with it."""
-LONG_CHUNK = 512
+LONG_CHUNK = 4096
 """The same where each core makes one problem and moves its parameters: what is built for it serves many points."""
 REPORT = 5.0
 """Seconds after which a core reports what it has, be its points done or not."""
-BATCH = 128
+BATCH = 512
 """Points solved together at most."""
 
 Source = Problem | Curve | Callable[..., Problem | Curve]
@@ -65,10 +64,14 @@ class SweepPoint:
 
 @dataclass(frozen=True)
 class Sweep:
-    """What :func:`sweep` found: ``points``, one for each combination of the ``grid``, the last name fastest."""
+    """What :func:`sweep` found: ``points``, one for each combination of the ``grid``, the last name fastest.
+
+    With ``paired`` the values of the names were taken together, one point each.
+    """
 
     grid: Mapping[str, tuple[float, ...]]
     points: tuple[SweepPoint, ...]
+    paired: bool = False
 
     @property
     def failures(self) -> tuple[SweepPoint, ...]:
@@ -77,9 +80,19 @@ class Sweep:
 
     @property
     def values(self) -> np.ndarray:
-        """The functional at the points, shaped as the grid (one axis a name); NaN where there is no answer."""
-        flat = [math.nan if p.value is None else p.value for p in self.points]
-        return np.array(flat).reshape([len(v) for v in self.grid.values()])
+        """The functional at the points, shaped as the grid (one axis a name, one in all where they are paired).
+
+        NaN where there is no answer.
+        """
+        return self._shaped([p.value for p in self.points])
+
+    @property
+    def claimed_errors(self) -> np.ndarray:
+        """The claimed errors of :attr:`values`, shaped as they are."""
+        return self._shaped([p.claimed_error for p in self.points])
+
+    def _shaped(self, flat: list[float | None]) -> np.ndarray:
+        return np.array(flat, dtype=float).reshape(Grid(self.grid, self.paired).shape)
 
     def table(self) -> str:
         """The points as text for a monospaced page, with the reasons of failures beneath."""
@@ -95,20 +108,20 @@ class Sweep:
 
     def document(self) -> dict[str, Any]:
         """The sweep as plain numbers, strings, lists and dicts, ready for JSON."""
-        grid = {name: list(values) for name, values in self.grid.items()}
-        return {"grid": grid, "points": [asdict(p) for p in self.points]}
+        grid = Grid(self.grid, self.paired).document()
+        return {"grid": grid, "paired": self.paired, "points": [asdict(p) for p in self.points]}
 
 
 def sweep(
     problem: Source,
-    grid: Mapping[str, Iterable[float]],
+    grid: Mapping[str, Iterable[float]] | Paired,
     method: Any = None,
     *,
     tol: float = 1e-10,
     cores: int = 1,
     store: str | Path | None = None,
 ) -> Sweep:
-    """Solve ``problem`` for every combination of the values in ``grid``.
+    """Solve ``problem`` for every combination of the values in ``grid``, or for those that are :class:`Paired`.
 
     ``problem`` is a Problem or Curve whose parameters are named in ``grid``
     (end points among them, see :class:`varcalc.Parameter`), a function without
@@ -132,7 +145,7 @@ def sweep(
     >>> sweep(spring, {"k": [0, 1, 4]}).values.round(6).tolist()
     [1.0, 1.313035, 2.074629]
     """
-    axes = _checked_grid(grid)
+    wanted = Grid.of(grid)
     checked_method(0, method)
     if not isinstance(cores, int) or isinstance(cores, bool) or cores < 1:
         raise ValueError(f"cores must be a whole number from 1 on, not {cores!r}")
@@ -142,50 +155,24 @@ def sweep(
     if built and cores > 1:
         raise ValueError(
             "a problem that is built stays in its process; for several cores give a function that makes it from "
-            f"{', '.join(axes)}, or cores=1; a function without arguments makes it once for each"
+            f"{', '.join(wanted.axes)}, or cores=1; a function without arguments makes it once for each"
         )
-    header = {"sweep": {n: list(v) for n, v in axes.items()}, "method": label(method), "tol": tol}
+    header = {"sweep": wanted.document(), "method": label(method), "tol": tol}
+    header |= {"paired": True} if wanted.paired else {}
     known = {} if store is None else _begun(Path(store), header)
-    missing = [at for at in _walk([len(v) for v in axes.values()]) if at not in known]
-    for at, point in _solved(problem, axes, missing, method, tol, cores):
+    missing = [at for at in wanted.places() if at not in known]
+    for at, point in _solved(problem, wanted, missing, method, tol, cores):
         known[at] = point
         if store is not None:
             _append(Path(store), {"at": at, **asdict(point)})
-    return Sweep(axes, tuple(known[at] for at in sorted(known)))
-
-
-def _checked_grid(grid: Mapping[str, Iterable[float]]) -> dict[str, tuple[float, ...]]:
-    if not isinstance(grid, Mapping) or not grid:
-        raise ValueError(f"grid must map names to values, such as {{'g': [1.6, 9.8]}}, not {grid!r}")
-    axes = {}
-    for name, values in grid.items():
-        if isinstance(values, str) or not isinstance(values, Iterable):
-            raise TypeError(f"grid[{name!r}] must be a sequence of numbers, not {values!r}")
-        axes[name] = tuple(finite(f"grid[{name!r}]", v) for v in values)
-        if not axes[name]:
-            raise ValueError(f"grid[{name!r}] is empty; give at least one value")
-    return axes
-
-
-Place = tuple[int, ...]
-"""Where in a grid a point lies: one number an axis."""
-
-
-def _walk(shape: Sequence[int]) -> Iterator[Place]:
-    """Every place of a grid, each a neighbour of the one before: every line is walked back where the last went on."""
-    if not shape:
-        yield ()
-        return
-    for number, rest in enumerate(_walk(shape[:-1])):
-        line = range(shape[-1])
-        yield from ((*rest, i) for i in (reversed(line) if number % 2 else line))
+    return Sweep(wanted.axes, tuple(known[at] for at in sorted(known)), wanted.paired)
 
 
 def _solved(
-    problem: Source, axes: Mapping[str, tuple[float, ...]], places: list[Place], method: Any, tol: float, cores: int
+    problem: Source, grid: Grid, places: list[Place], method: Any, tol: float, cores: int
 ) -> Iterator[tuple[Place, SweepPoint]]:
     """The points at ``places`` as they come."""
-    points = [dict(zip(axes, [v[i] for v, i in zip(axes.values(), at, strict=True)], strict=True)) for at in places]
+    points = grid.points(places)
     if cores == 1:
         yield from zip(places, chain.from_iterable(_in_a_row(problem, points, method, tol)), strict=True)
         return
@@ -245,34 +232,38 @@ class _Row:
 
     def solved(self, points: list[dict[str, float]]) -> list[SweepPoint]:
         """What is found at some points, in their order."""
+        found = self._together(points)
+        return [point or self._alone(values) for values, point in zip(points, found, strict=True)]
+
+    def _together(self, points: list[dict[str, float]]) -> list[SweepPoint | None]:
+        """Those of the points that stand when they are solved together."""
+        if self.neighbours is None or not isinstance(self.source, Problem | Curve):
+            return [None] * len(points)
         began = time.perf_counter()
-        answers, found = self._together(points), []
+        everything = [self.source.parameters | values for values in points]
+        values = np.array([list(v.values()) for v in everything])
+        answers = self.neighbours.solved(values)
+        sure = self.neighbours.beyond_doubt(values, answers).tolist()
+        value, error = (self.neighbours.form.sign * answers.value).tolist(), answers.error.tolist()
+        steps = answers.iterations.tolist()
         each = (time.perf_counter() - began) / len(points)
-        for row, values in enumerate(points):
-            point = None
-            if answers is not None and answers.stands[row]:
-                point = self._of_answers(values, answers, row, each)
-            found.append(point or self._alone(values))
+        found: list[SweepPoint | None] = [None] * len(points)
+        for row in np.flatnonzero(answers.stands).tolist():
+            at = tuple(points[row].values())
+            if sure[row]:
+                found[row] = SweepPoint(at, "solved", value[row], error[row], steps[row], each)
+            else:
+                found[row] = self._examined(points[row], answers, row, each)
         return found
 
-    def _together(self, points: list[dict[str, float]]) -> Answers | None:
-        if self.neighbours is None or not isinstance(self.source, Problem):
-            return None
-        everything = [self.source.parameters | values for values in points]
-        return self.neighbours.solved(np.array([list(v.values()) for v in everything]))
-
-    def _of_answers(self, values: dict[str, float], answers: Answers, row: int, seconds: float) -> SweepPoint | None:
-        """A point that was solved with others; None where more is to be asked and it does not stand up to that."""
+    def _examined(self, values: dict[str, float], answers: Answers, row: int, seconds: float) -> SweepPoint | None:
+        """A point that was solved with others, held against other curves; None where it does not stand up to that."""
         assert self.neighbours is not None
-        assert isinstance(self.source, Problem)
-        if not self.neighbours.beyond_doubt:
-            began = time.perf_counter()
-            solution = self.neighbours.solution(self.source.with_parameters(values), answers[row], seconds)
-            spent = seconds + time.perf_counter() - began
-            return _point(tuple(values.values()), solution, spent) if solution.status.ok else None
-        value = self.neighbours.form.sign * float(answers.value[row])
-        steps = int(answers.iterations[row])
-        return SweepPoint(tuple(values.values()), "solved", value, float(answers.error[row]), steps, seconds)
+        assert isinstance(self.source, Problem | Curve)
+        began = time.perf_counter()
+        solution = self.neighbours.solution(self.source.with_parameters(values), answers[row], seconds)
+        spent = seconds + time.perf_counter() - began
+        return _point(tuple(values.values()), solution, spent) if solution.status.ok else None
 
     def _alone(self, values: dict[str, float]) -> SweepPoint:
         """A point solved for itself, from the last curve if that leads anywhere."""
@@ -287,7 +278,7 @@ class _Row:
             self.last = solution
             if self.neighbours is not None:
                 self.neighbours.add(solution)
-            elif isinstance(source, Problem):
+            elif isinstance(source, Problem | Curve):
                 self.neighbours = Neighbours.of(solution, self.tol)
         return _point(tuple(values.values()), solution, time.perf_counter() - began)
 
@@ -335,22 +326,3 @@ def _begun(path: Path, header: dict[str, Any]) -> dict[Place, SweepPoint]:
 def _append(path: Path, row: dict[str, Any]) -> None:
     with path.open("a", encoding="utf-8") as file:
         file.write(json.dumps(row, allow_nan=False) + "\n")
-
-
-def spaced(text: str) -> tuple[str, tuple[float, ...]]:
-    """The name and values in "name=from:to:count", or "name=value,value,..."; ValueError for anything else.
-
-    >>> spaced("g=1:3:3"), spaced("k=0.5,2")
-    (('g', (1.0, 2.0, 3.0)), ('k', (0.5, 2.0)))
-    """
-    name, sign, rest = text.partition("=")
-    parts = rest.split(":")
-    refusal = f"{text!r} is no grid; write name=from:to:count, or name=value,value"
-    if not (name and sign) or len(parts) not in (1, 3):
-        raise ValueError(refusal)
-    try:
-        if len(parts) == 1:
-            return name, tuple(float(v) for v in rest.split(","))
-        return name, tuple(np.linspace(float(parts[0]), float(parts[1]), int(parts[2])).tolist())
-    except ValueError:
-        raise ValueError(refusal) from None

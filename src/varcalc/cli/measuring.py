@@ -152,7 +152,7 @@ def sweep(name_or_file: str, grid: tuple[str, ...], as_json: bool, store: Path |
 
 
 def _swept(name: str, grid: Sequence[str], store: Path | None, cores: int, tol: float) -> Sweep:
-    from varcalc.sweep import spaced
+    from varcalc.grid import spaced
     from varcalc.sweep import sweep as solve_all
 
     problem = _kept(name).problem

@@ -53,6 +53,9 @@ LIKE = 1e-7
 """Relative difference of the values of a graph and of the broken curve that it comes near."""
 ALONG = 0.05
 """Distance from the level, in units of the jump, at which a graph runs along it."""
+EDGE, LEVEL = 0.1, 0.25
+"""Share of the interval next to an end, and departure from the level beyond it in units of the jump, of a graph that
+might be taken for a broken curve."""
 RIVAL = 1e-9
 """Relative margin by which a broken curve has to be better: its own value is no more accurate."""
 
@@ -226,6 +229,20 @@ def with_rival(solution: Solution) -> Solution:
     rival = rivals[0]
     message = f"a local {'maximum' if sign < 0 else 'minimum'} only: {rival.sentence}"
     return replace(solution, local=True, lower=rival.value, message=message)
+
+
+def runs_level(x: np.ndarray, y: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Which of ``K`` graphs might be a broken curve, as near as graphs come to it; (K,) of bool.
+
+    Those that run along one level but for a tenth of the interval next to each end, and jump to it there: x and y
+    (K, P) are points of the graphs in their order, ``ends`` (K, 2) the ordinates at their ends.
+    """
+    middle = y[:, [y.shape[1] // 2]]
+    jump = np.abs(middle - ends).max(1)
+    share = (x - x[:, :1]) / (x[:, -1:] - x[:, :1])
+    away = np.where((share > EDGE) & (share < 1 - EDGE), np.abs(y - middle), 0.0).max(1)
+    real = jump > 0.5 * STEP * np.maximum(np.abs(ends).max(1), np.abs(middle[:, 0]))
+    return real & (away <= LEVEL * jump)
 
 
 def _is_rival(solution: Solution, rival: BrokenCurve) -> bool:

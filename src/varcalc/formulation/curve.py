@@ -71,6 +71,8 @@ def curve_form(problem: Curve) -> Form:
         note="energy" if energetic else "gauge of constant speed",
         energetic=energetic,
         gauged=not energetic,
+        # the energy is in the problem's own symbols, wherever its ends are
+        built=problem.built.setdefault("energy", {}) if energetic and not equations else {},
     )
 
 
@@ -131,20 +133,24 @@ def _radius(problem: Curve) -> float:
 
 def _positive(problem: Curve, sign: float) -> bool:
     """True when sign * F > 0 in every direction tried along the line between the ends."""
-    s = problem.symbols
-    function = ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [problem.integrand])
-    ends = [_curve_end(e, problem.n) for e in (problem.start, problem.end)]
-    line = straight((0.0, 1.0), *ends)(np.linspace(0.03, 0.97, 5))
-    chord = np.nan_to_num(ends[1] - ends[0])
-    directions = [*np.eye(problem.n), *-np.eye(problem.n), chord, -chord]
-    values = [
-        sign * float(function(q, d, problem.parameter_values, problem.unknown_guesses))
-        for q in line.T
-        for d in directions
-        if np.any(d)
-    ]
-    numbers = [v for v in values if math.isfinite(v)]
-    return bool(numbers) and min(numbers) > 0.0
+    start, end = (_curve_end(e, problem.n) for e in (problem.start, problem.end))
+    first, last = np.where(np.isnan(start), end, start), np.where(np.isnan(end), start, end)
+    points = np.nan_to_num(np.array([[first, last]]))
+    places, directions = positive_along(points, np.nan_to_num(end - start)[None])
+    moving = directions[0].any(1)
+    values = sign * problem.integrand_values(places[0, moving].T, directions[0, moving].T)
+    numbers = values[np.isfinite(values)]
+    return bool(len(numbers)) and float(numbers.min()) > 0.0
+
+
+def positive_along(points: np.ndarray, chord: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places along the lines between ends (K, 2, n) and directions at them, both (K, M, n): the axes, and the chord."""
+    count, _, n = points.shape
+    axes = np.broadcast_to(np.vstack([np.eye(n), -np.eye(n)]), (count, 2 * n, n))
+    directions = np.concatenate([axes, chord[:, None], -chord[:, None]], axis=1)
+    along = np.linspace(0.03, 0.97, 5)[:, None]
+    places = points[:, :1] * (1 - along) + points[:, 1:] * along
+    return np.repeat(places, directions.shape[1], axis=1), np.tile(directions, (1, len(along), 1))
 
 
 def _curve_end(end: Any, n: int) -> np.ndarray:

@@ -60,9 +60,9 @@ class EndConditions:
 class Elsewhere:
     """A form at other parameter values, some of which may move its ends.
 
-    ``placed`` takes ends (K, 2, 1 + n), NaN where they are free, to the spans of s (K, 2) and to what is fixed at
-    the start and the end, each (K, functions). ``form`` makes the form of a problem. Both hold where ``alike``, from
-    values (K, parameters) to (K,) of bool, finds that singular ends are what they are here.
+    ``placed`` takes values (K, parameters) to the spans of s (K, 2) and to what is fixed at the start and the end,
+    each (K, functions), NaN where it is free. ``form`` makes the form of a problem. Both hold where ``alike``, from
+    values to (K,) of bool, finds that the ends, singular or not, are what they are here.
     """
 
     placed: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]

@@ -30,6 +30,8 @@ from varcalc.solution import ErrorEstimate, Solution, Stats
 
 BEYOND = 1.5
 """Share of the highest degree beyond which no answer is looked for on one element."""
+ROUNDED = 1e-15
+"""Step of a curve, relative in the metric, that the round-off of L's derivatives makes: slopes in units of L's own."""
 SEEN_FORWARD = np.ones(1)
 """A speed dx/ds for curves that have been seen not to turn back."""
 
@@ -99,6 +101,16 @@ def applies(form: Form) -> bool:
 def batch_of(form: Form, degree: int, places: Places) -> Batch:
     """The discretised functionals of a form, with the integrals that it prescribes."""
     return Levelled(form, degree, places) if form.integrals else Batch(form, degree, places)
+
+
+def straight_starts(form: Form, places: Places) -> tuple[np.ndarray, list[np.ndarray]]:
+    """The first degree (K,) and the coefficients of straight lines between the ends; what is free at both is zero."""
+    degree = next(d for d in DEGREES[form.order] if d >= form.least_degree)
+    start, end = (np.where(np.isnan(a), np.nan_to_num(b), a) for a, b in (places.ends, places.ends[::-1]))
+    basis = Basis.of(form, degree)
+    coefficients = np.zeros((len(start), basis.size))
+    coefficients[:, basis.numbers[0]], coefficients[:, basis.numbers[1]] = start, end
+    return np.full(len(start), degree), list(coefficients)
 
 
 def solved(
@@ -214,14 +226,14 @@ def _judged(
     at = there.evaluate(start, multipliers)
     soft = at.blocks - SOFT_MODE * there.leading(at)
     good = at.sound & (at.legendre > 0) & np.isfinite(soft).all((1, 2, 3))
-    own = here.evaluate(z, multipliers) if form.same_functional else at
-    good &= own.met
+    own, kept_levels = here.checked(z, multipliers) if form.same_functional else (at.value, at.met)
+    good &= kept_levels
     # what is positive with a part of the leading term taken off has no soft mode, and is no saddle
     good[good] = positive(at[good].reduced(there.assembled(soft[good])))
     if not good.any():
         return {}
     if not good.all():
-        rows, here, there, at, own = rows[good], here.restricted(good), there.restricted(good), at[good], own[good]
+        rows, there, at, own = rows[good], there.restricted(good), at[good], own[good]
         coefficients, start, multipliers = coefficients[good], start[good], multipliers[good]
     steps = there.newton(at)
     size = 0.5 * there.squared(at, steps.change)
@@ -229,7 +241,7 @@ def _judged(
     reports = _reports(there, start, steps, own, at)
     largest = np.maximum(np.abs(there.variables(start)[:, :, : form.n]).max((1, 2)), 1e-300)
     last = here.degree == DEGREES[form.order][-2]
-    short = short_of(reports, largest, tol, last=last)
+    short = short_of(reports, largest, tol, size <= ROUNDED**2 * at.scale, last=last)
     enough = (short <= 1) & reports.resolved
     stands = sure & enough & reports.graph
     kept = rows[stands]
@@ -261,8 +273,8 @@ class Reports:
     graph: np.ndarray
 
 
-def _reports(there: Batch, z: np.ndarray, steps: Steps, own: Evaluated, at: Evaluated) -> Reports:
-    """Values and errors of the curves ``z``, which the steps mend; ``own`` is their evaluation by the poorer rule."""
+def _reports(there: Batch, z: np.ndarray, steps: Steps, own: np.ndarray, at: Evaluated) -> Reports:
+    """Values and errors of the curves ``z``, which the steps mend; ``own`` is their value by the poorer rule."""
     form, moved = there.form, there.moved(steps.change)
     if form.plainly_reported:
         here = beyond = at.integrand[:, :, None]
@@ -274,7 +286,7 @@ def _reports(there: Batch, z: np.ndarray, steps: Steps, own: Evaluated, at: Eval
         # the Lagrangian function of the mended multipliers is stationary to higher order than the functional
         here = beyond = here + (at.integrands * steps.multipliers[:, None]).sum(2)[:, :, None]
     value = (there.weights * here[:, :, 0]).sum(1) - levels
-    missing = np.abs(steps.decrement) + np.abs(value - own.value)
+    missing = np.abs(steps.decrement) + np.abs(value - own)
     lengths = np.diff(there.places.spans, axis=1)[:, 0]
     scale = at.scale + np.abs(steps.multipliers) @ np.abs(there.levels)
     return reports_of(form, there.weights, moved[:, :, : there.n], lengths, here, beyond, missing, scale, levels)
@@ -316,18 +328,20 @@ def reports_of(
     return Reports(values, SAFETY * error, scale, curve, resolved, graph)
 
 
-def short_of(reports: Reports, size: Any, tol: float, *, last: bool = False) -> np.ndarray:
+def short_of(
+    reports: Reports, size: Any, tol: float, rounded: np.ndarray | bool = False, *, last: bool = False
+) -> np.ndarray:
     """The factor by which the curve or, its root, the value is worse than a climb asks; inf where round-off limits it.
 
     ``size`` is the largest ordinate of each curve, (K,) or a number. On the ``last`` rung no more is asked of a curve
-    than that it settles.
+    than that it settles. One whose correction is ``rounded``, made of round-off, gains nothing from a climb.
     """
     whole = np.maximum(1.0, np.abs(reports.value))
     target = np.minimum(tol * np.minimum(whole, 10 * reports.scale), tol * whole - ROUND_OFF * reports.scale)
     value = np.where(target > 0, np.sqrt(reports.error / np.where(target > 0, target, 1.0)), np.inf)
     astray = max(ASTRAY, ASTRAY_SHARE * tol**0.5)
     allowed = astray if last else min(astray, max(CURVE * tol**0.5, 1e-14))
-    return np.maximum(value, reports.curve / (allowed * size))
+    return np.where(rounded, value, np.maximum(value, reports.curve / (allowed * size)))
 
 
 def _promising(here: Batch, there: Batch, onward: np.ndarray, short: float) -> tuple[int, np.ndarray] | None:

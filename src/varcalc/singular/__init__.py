@@ -23,7 +23,7 @@ from varcalc.formulation import Elsewhere, Form, formulate
 from varcalc.functional import Functional
 from varcalc.problem import Curve, Problem
 from varcalc.singular.abscissa import abscissa_form
-from varcalc.singular.alike import alike
+from varcalc.singular.alike import alike, ends_at, energetic_at
 from varcalc.singular.departure import departure
 from varcalc.singular.detection import (
     Blowup,
@@ -103,16 +103,27 @@ def _direct(problem: Functional) -> Form:
 
 def _formulated(problem: Functional) -> Form:
     form = formulate(problem)
+    if isinstance(problem, Curve):
+        movable = form.energetic and form.ends is None
+        places = Elsewhere(partial(_along_curve, problem), _formulated, partial(energetic_at, problem))
+        return replace(form, elsewhere=places) if movable else form
     if not isinstance(problem, Problem) or form.lifted is not None:
         return form
 
-    def placed(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def placed(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        points = ends_at(problem, values)
         return points[:, :, 0], points[:, 0, 1:], points[:, 1, 1:]
 
     def regular(values: np.ndarray) -> np.ndarray:
         return alike(problem, values, {}, False)
 
     return replace(form, elsewhere=Elsewhere(placed, _formulated, regular))
+
+
+def _along_curve(problem: Curve, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The span of the parameter and the ends of a Curve at ``values``; see :class:`Elsewhere`."""
+    points = ends_at(problem, values)
+    return np.tile(problem.span, (len(values), 1)), points[:, 0], points[:, 1]
 
 
 def _makers(problem: Functional) -> Makers:

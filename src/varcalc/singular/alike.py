@@ -16,7 +16,9 @@ import numpy as np
 
 from varcalc.buffered import Pointwise
 from varcalc.conditions import parameters_of
-from varcalc.problem import NUDGE, Problem
+from varcalc.formulation.curve import positive_along
+from varcalc.functional import Functional
+from varcalc.problem import NUDGE, Curve, Problem
 from varcalc.singular.detection import (
     A_FRACTION,
     ACROSS,
@@ -36,6 +38,8 @@ from varcalc.singular.detection import (
 )
 from varcalc.tracing import Expression
 
+AROUND = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+"""Steps to an end and to either side of it along the axes."""
 TURNED = 1e-6
 """Difference of two unit normals that is none."""
 PARALLEL = 1e-4
@@ -47,8 +51,8 @@ WRITTEN_OUT = 3
 """Functions up to which L is written out for every point at which it is measured: a third of the time, to be built."""
 
 
-def ends_at(problem: Problem, values: np.ndarray) -> np.ndarray:
-    """The ends of ``problem`` at ``values`` (K, m) of its parameters: (K, 2, 1 + n), NaN where free."""
+def ends_at(problem: Functional, values: np.ndarray) -> np.ndarray:
+    """The ends of ``problem`` at ``values`` (K, m) of its parameters: (K, 2, coordinates), NaN where free."""
     if "ends" not in problem.built:
         problem.built["ends"] = np.array(end_points(problem))[None], _moved(problem)
     own, moved = problem.built["ends"]
@@ -58,14 +62,51 @@ def ends_at(problem: Problem, values: np.ndarray) -> np.ndarray:
     return points
 
 
-def _moved(problem: Problem) -> list[tuple[int, int, int]]:
+def _moved(problem: Functional) -> list[tuple[int, int, int]]:
     """Coordinates of the ends that are parameters: number of the end, of the parameter, of the coordinate."""
-    names = list(problem.parameters)
+    names, first = list(problem.parameters), 1 if isinstance(problem, Problem) else 0
     return [
-        (end, names.index(name), 0 if field == "x" else 1 + component)
+        (end, names.index(name), 0 if field == "x" else first + component)
         for end, template in enumerate(problem.templates)
         for name, field, component in parameters_of(template)
     ]
+
+
+def energetic_at(problem: Curve, values: np.ndarray) -> np.ndarray:
+    """At which ``values`` (K, m) a Curve is solved by its energy in its own coordinates; (K,) of bool.
+
+    F must be positive wherever it was measured (:func:`varcalc.formulation.curve.positive_along`), finite at both
+    ends, and not fall steeply from either.
+    """
+    with np.errstate(all="ignore"):
+        points = ends_at(problem, values)
+        known = ~np.isnan(points)
+        points = np.where(known, points, np.nan_to_num(points[:, ::-1]))
+        chord = points[:, 1] - points[:, 0]
+        size = np.abs(np.where(known.all(1), chord, 0.0)).max(1)
+        places, directions = positive_along(points, chord)
+        sign = -1.0 if problem.maximise else 1.0
+        across = sign * _many(problem, places, directions, values)
+        found = ~(np.isfinite(across) & (across <= 0)).any(1) & np.isfinite(across).any(1) & (size > 0)
+        slopes = np.ones((len(SLOPES), problem.n))
+        slopes[:, 1:] = SLOPES[:, None]
+        here = _many(problem, np.repeat(points, len(slopes), axis=1), np.tile(slopes, (2, 1)), values)
+        found &= np.isfinite(here).all(1)
+        if problem.n == 2:
+            around = points[:, :, None] + ASIDE * size[:, None, None, None] * AROUND
+            near = np.abs(_many(problem, around.reshape(len(values), -1, 2), slopes[1:2], values))
+            near = near.reshape(len(values), 2, -1)
+            least = np.where(np.isnan(near), np.inf, near).min(2)
+            found &= ~(least < STEEP * near[:, :, 0]).any(1)
+    return found
+
+
+def _many(problem: Curve, points: np.ndarray, directions: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """F at points (K, M, n) in directions that broadcast to them, for ``values`` (K, m); shape (K, M)."""
+    count, places, n = points.shape
+    along = np.broadcast_to(directions, points.shape).reshape(-1, n)
+    found = problem.integrand_values(points.reshape(-1, n).T, along.T, np.repeat(values, places, axis=0))
+    return found.reshape(count, places)
 
 
 def alike(problem: Problem, values: np.ndarray, lines: dict[bool, Blowup], conformal: bool) -> np.ndarray:

@@ -12,10 +12,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc.buffered import Pointwise
-from varcalc.conditions import Fixed, Free, components
-from varcalc.formulation import formulate
+from varcalc.conditions import At, Fixed, Free, components
 from varcalc.functional import Functional
-from varcalc.problem import Problem
+from varcalc.problem import Curve, Problem
 from varcalc.tracing import Expression
 
 PROBE = (1e-7, 1e-9)
@@ -85,8 +84,9 @@ def end_points(problem: Functional) -> list[np.ndarray]:
     """The two ends as points (x, y_1, ..., y_n), of a Curve (q_1, ..., q_n), NaN where a coordinate is free."""
     if isinstance(problem, Problem):
         return [_end_point(e, problem.n) for e in (problem.start, problem.end)]
-    form = formulate(problem)
-    return [form.fixed_start[0], form.fixed_end[0]]
+    ends = (problem.start, problem.end)
+    known = [components("At.q", e.q) if isinstance(e, At) else (None,) * problem.n for e in ends]
+    return [np.array([np.nan if v is None else v for v in end]) for end in known]
 
 
 def _end_point(end: Any, n: int) -> np.ndarray:
@@ -99,12 +99,8 @@ def _values(problem: Functional, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
     """L dx (or F) at points q (2, m) with velocities dq (2, m)."""
     if isinstance(problem, Problem):
         return problem.integrand_values(q[0], q[1:], dq[1:] / dq[0]) * dq[0]
-    s = problem.symbols
-    if "F" not in problem.built:
-        function = ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [problem.integrand])
-        problem.built["F"] = Pointwise(function)
-    numbers = problem.parameter_values[None], problem.unknown_guesses[None]
-    return problem.built["F"](q.shape[1], q.T, dq.T, *numbers)[:, 0]
+    assert isinstance(problem, Curve)
+    return problem.integrand_values(q, dq)
 
 
 def singular_ends(problem: Functional) -> tuple[bool, bool]:

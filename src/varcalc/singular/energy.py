@@ -23,7 +23,7 @@ from varcalc.conditions import Free, OnCurve, OnSurface
 from varcalc.formulation import Elsewhere, EndConditions, Form, Sampled, on_curve, rewriter, side_conditions, straight
 from varcalc.functional import Functional, Symbols
 from varcalc.problem import Problem
-from varcalc.singular.alike import alike
+from varcalc.singular.alike import alike, ends_at
 from varcalc.singular.detection import LARGEST_DENOMINATOR, Blowup, Metric, end_points, extent
 from varcalc.singular.offsets import gathered
 from varcalc.tracing import Expression, trace
@@ -66,7 +66,8 @@ def _movable(problem: Functional, metric: Metric, chart: Chart, lines: dict[bool
     if not isinstance(problem, Problem) or form.ends is not None or sum(how["singular"]) != 1 or len(lines) != 1:
         return form
 
-    def placed(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def placed(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        points = ends_at(problem, values)
         own = chart.coordinates(points.reshape(-1, 2).T).T.reshape(-1, 2, 2)
         ends = own[:, 0], own[:, 1]
         if how["factored"]:
@@ -74,7 +75,7 @@ def _movable(problem: Functional, metric: Metric, chart: Chart, lines: dict[bool
         return np.repeat(UNIT, len(points), axis=0), *ends
 
     def moved(other: Functional) -> Form:
-        _, start, end = placed(np.array(end_points(other))[None])
+        _, start, end = placed(other.parameter_values[None])
         curves = _curves(other, chart, **how)
         return replace(form, problem=other, elsewhere=None, fixed_start=start, fixed_end=end, **curves)
 

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.buffered import Pointwise
+from varcalc.columns import FewOrMany
 from varcalc.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.formulation import Form
 from varcalc.functional import Functional
@@ -25,6 +26,8 @@ from varcalc.verify.verification import Excess
 
 TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 9), [0.0], np.geomspace(1e-2, 1e2, 9)])
 """Slopes tried, in units of the larger of 1 and the extremal's own."""
+FEW_TURNS = np.array([-20.0, 0.3, 4.0])
+"""The same, by which it is seen that the square of a Lagrangian is quadratic in a slope."""
 NOISE = 1e-9
 """Relative excess below zero that is round-off or the curve's own error."""
 PLACES = 9
@@ -75,6 +78,47 @@ def vouched(solution: Solution, form: Form) -> Solution:
             f"x = {corners[0]:.6g} where the mesh allows one; more corners may come lower still",
         )
     return solution
+
+
+def convinced(problem: Problem, x: np.ndarray, y: np.ndarray, slopes: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+    """Which of ``K`` smooth graphs without constraints the test of :func:`vouched` leaves no doubt about; (K,) of bool.
+
+    The graphs are known at P points each: x (K, P), y and slopes (K, P, n), for the values ``parameters`` (K, m). No
+    slope tried there may have a negative excess, and L must be convex in each component of their own.
+    """
+    sign, (count, places, n) = -1.0 if problem.maximise else 1.0, y.shape
+    if "slopes at points" not in problem.built:
+        hessian, slope = ca.hessian(problem.integrand, problem.symbols.dy)
+        own = ca.densify(ca.vertcat(problem.integrand, slope, ca.diag(ca.densify(hessian))))
+        problem.built["slopes at points"] = FewOrMany(ca.Function("slopes", problem.symbols.all, [own]))
+    repeated, blank = np.repeat(parameters, places, axis=0), np.zeros((1, 0))
+    points = (x.reshape(-1, 1), y.reshape(-1, n))
+    rows = sign * problem.built["slopes at points"](
+        count * places, *points, slopes.reshape(-1, n), blank, repeated, blank
+    )
+    own, slope, curvature = rows[:, :1], rows[:, 1 : 1 + n], rows[:, 1 + n :]
+    good = np.all(np.isfinite(rows), axis=1) & np.all(curvature > 0, axis=1)
+    v = slopes.reshape(-1, n)
+
+    def excess(a: int, turns: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """L at the points ``some`` for other slopes of the function a, those steps, and the linear part."""
+        step = np.maximum(1.0, np.abs(v[some, a : a + 1])) * turns
+        many = [np.repeat(p[some], len(turns), axis=0) for p in (*points, v, repeated)]
+        many[2][:, a] += step.ravel()
+        other = sign * problem.integrand_values(many[0][:, 0], many[1].T, many[2].T, many[3]).reshape(step.shape)
+        return other, step, slope[some, a : a + 1] * step
+
+    for a in range(n):
+        other, step, linear = excess(a, FEW_TURNS, np.arange(len(rows)))
+        square = own**2 + 2 * own * linear + (slope[:, a : a + 1] ** 2 + own * curvature[:, a : a + 1]) * step**2
+        # where L^2 is quadratic in a slope and L > 0, L'' has the sign of the form's determinant for all slopes
+        convex = np.all((np.abs(other**2 - square) <= NOISE * square) & (other > 0), axis=1) & (own[:, 0] > 0)
+        rest = np.flatnonzero(good & ~convex)
+        other, _, linear = excess(a, TURNS[TURNS != 0], rest)
+        size = np.abs(other) + np.abs(own[rest]) + np.abs(linear)
+        # where L is no number for a slope there is no curve with it
+        good[rest] = ~np.any(other - own[rest] - linear < -NOISE * size, axis=1)
+    return good.reshape(count, places).all(1)
 
 
 def _places(solution: Solution) -> np.ndarray:

@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.buffered import Pointwise
+from varcalc.columns import FewOrMany
 from varcalc.formulation import Form
 from varcalc.lagrangian import Lagrangian
 from varcalc.mesh import Space, basis_at_gauss, gauss
@@ -39,6 +40,11 @@ class Places:
     start: np.ndarray
     end: np.ndarray
     parameters: np.ndarray
+
+    @property
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """What is fixed at the start and at the end."""
+        return self.start, self.end
 
     def __getitem__(self, rows: np.ndarray) -> Places:
         return Places(self.spans[rows], self.start[rows], self.end[rows], self.parameters[rows])
@@ -224,13 +230,13 @@ class Batch:
         )
         return out.reshape(*self.x.shape, -1)
 
-    def _function(self, name: str) -> Pointwise:
+    def _function(self, name: str) -> Pointwise | FewOrMany:
         """A kept function of points, in pieces of the size of one curve or of many."""
         chunk = FEW if self.x.size <= CHUNK else CHUNK
         built, key = self.form.built, (name, chunk)
         if key not in built:
             prepare(self.form)
-            built[key] = Pointwise(built[name], chunk)
+            built[key] = Pointwise(built[name], chunk) if chunk < CHUNK else FewOrMany(built[name], chunk)
         return built[key]
 
     def evaluate(self, z: np.ndarray, multipliers: np.ndarray | None = None) -> Evaluated:  # noqa: ARG002  no levels
@@ -251,6 +257,11 @@ class Batch:
         return Evaluated(
             value, out[:, :, 0], scale, gradient, hessians * self.second, legendre, none[:, 0], none
         )  # fmt: skip
+
+    def checked(self, z: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # noqa: ARG002
+        """What is minimised alone, and whether the levels are met; (K,) each."""
+        value = (self.weights * self._called("integrand", self.variables(z))[:, :, 0]).sum(1)
+        return value, np.ones(len(z), dtype=bool)
 
     def newton(self, at: Evaluated) -> Steps:
         """The Newton steps, where the second variation is positive."""
@@ -301,6 +312,8 @@ def prepare(form: Form) -> None:
     s = form.symbols
     if "pointwise" not in form.built:
         form.built["pointwise"] = Lagrangian(s, form.integrand).pointwise([c.expression for c in form.integrals])
+    if "integrand" not in form.built:
+        form.built["integrand"] = ca.Function("integrand", s.all, [ca.densify(form.integrand)])
     if "reported" not in form.built and not form.plainly_reported:
         outputs = [form.functional, *(form.lifted or ())]
         form.built["reported"] = ca.Function("reported", s.all, [ca.densify(ca.vertcat(*outputs))])

@@ -138,6 +138,11 @@ class Levelled(Batch):
             values[:, 1:] - self.levels, integrands[:, :, 1:], sizes, levels, effective, multipliers,
         )  # fmt: skip
 
+    def checked(self, z: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See :meth:`Batch.checked`."""
+        at = self.evaluate(z, multipliers)
+        return at.value, at.met
+
     def measured(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Functional (K, R) and integrals less their levels (K, R, m) along curves ``z`` (K, R, N), and no more."""
         shape = (*z.shape[:2], self.count, 2 * self.n)
