@@ -232,7 +232,7 @@ def test_from_one_value_to_the_next_and_on():
         assert solution.value == pytest.approx(Cycloid.through(1.0, depth).descent_time(9.81), rel=1e-10)
 
 
-@pytest.mark.parametrize("method", [vc.Ritz(elements=4), vc.Ritz(optimiser=vc.Ipopt()), vc.Collocation()])
+@pytest.mark.parametrize("method", [vc.Ritz(elements=4), vc.Ritz(optimiser=vc.Ipopt()), vc.Collocation(elements=4)])
 def test_other_methods_are_left_to_themselves(method):
     solution = vc.solve(spring(), method)
     assert Neighbours.of(solution, 1e-10) is None

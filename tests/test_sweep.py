@@ -71,12 +71,13 @@ def test_a_solve_begins_from_its_neighbour(monkeypatch):
         return original(problem, method, **options)
 
     monkeypatch.setattr(sys.modules["varcalc.sweep"], "solve", watched)
-    vc.sweep(spring(), {"k": [1.0, 2.0, 3.0]}, vc.Collocation())
+    vc.sweep(spring(), {"k": [1.0, 2.0, 3.0]}, vc.Collocation(elements=2))
     assert [g is None for g in guesses] == [True, False, False]
     assert [g.problem.parameters["k"] for g in guesses[1:]] == [1.0, 2.0]
-    guesses.clear()
-    vc.sweep(spring(), {"k": [1.0, 2.0, 3.0]})  # by the direct method the others are solved together
-    assert guesses == [None]
+    for together in (None, vc.Collocation()):  # the others are solved together
+        guesses.clear()
+        vc.sweep(spring(), {"k": [1.0, 2.0, 3.0]}, together)
+        assert guesses == [None]
 
 
 def test_a_core_that_takes_its_time_reports_and_goes_on(monkeypatch):

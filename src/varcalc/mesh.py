@@ -19,6 +19,9 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.polynomial import legendre
 
+FEW = 2000
+"""Points up to which a curve is evaluated with the coefficients laid out for each of them."""
+
 
 @lru_cache(maxsize=256)
 def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -247,6 +250,10 @@ class Space:
             table = basis(self.smoothness, self.degree, points, derivative, derivative)[0]
             return (table @ local[0]).T * (2.0 / self.widths[0]) ** derivative
         element = np.clip(np.searchsorted(self.vertices, x, side="right") - 1, 0, self.elements - 1)
+        if len(x) <= FEW:  # all elements in one go
+            points = 2 * (x - self.vertices[element]) / self.widths[element] - 1
+            table = basis(self.smoothness, self.degree, points, derivative, derivative)[0]
+            return np.einsum("mp,mpn->nm", table, local[element]) * (2.0 / self.widths[element]) ** derivative
         out = np.empty((self.n, len(x)))
         for e in np.unique(element):
             mask = element == e

@@ -10,16 +10,17 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from varcalc.existence.broken_curve import runs_level, with_rival
 from varcalc.formulation import Elsewhere, Form
 from varcalc.functional import Functional
+from varcalc.methods import family as direct
 from varcalc.methods.answer import Extremal
-from varcalc.methods.direct.batch import Batch, Places
-from varcalc.methods.family import Answer, Answers, applies, solution, solved, straight_starts, with_bends
+from varcalc.methods.direct.batch import Places
+from varcalc.methods.family import Answer, Answers
 from varcalc.methods.family_of_one import One
 from varcalc.methods.ritz import Ritz
 from varcalc.problem import Curve, Problem
@@ -43,26 +44,67 @@ class Known:
     coefficients: np.ndarray
 
 
+class Family(Protocol):
+    """How a method treats many values of the parameters at once; modules of the methods are such families."""
+
+    def applies(self, form: Form) -> bool:
+        """Whether a form can be solved so."""
+        ...
+
+    def straight_starts(self, form: Form, places: Places) -> tuple[np.ndarray, list[np.ndarray]]:
+        """The degrees (K,) and coefficients to begin from where nothing is known."""
+        ...
+
+    def solved(
+        self, form: Form, places: Places, degrees: np.ndarray, starts: list[np.ndarray], tol: float, *, near: bool
+    ) -> Answers:
+        """What is found at K places from curves with the coefficients ``starts``, ``near`` to solutions or not."""
+        ...
+
+    def sampled(
+        self, form: Form, places: Places, degree: int, coefficients: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Abscissae (K, Q), ordinates and slopes (K, Q, n) along the curves."""
+        ...
+
+    def solution(self, form: Form, method: Any, found: Answer, seconds: float) -> Solution:
+        """An answer as a Solution."""
+        ...
+
+
+def _family(method: Any) -> Family | None:
+    """That of a method; None where it has none, or its mesh is prescribed."""
+    if isinstance(method, Ritz):
+        return direct if method.plain else None
+    from varcalc.methods.collocation import Collocation  # imported by the few solves that need it
+
+    if method != Collocation():
+        return None
+    from varcalc.methods.boundary_value import family
+
+    return family
+
+
 class Neighbours:
     """The solutions of one problem at several parameter values, and what finds others from them.
 
     Made by :meth:`of`; ``tol`` is that of a solve.
     """
 
-    def __init__(self, form: Form, elsewhere: Elsewhere, method: Ritz, tol: float) -> None:
-        self.form, self.elsewhere, self.method, self.tol = form, elsewhere, method, tol
+    def __init__(self, form: Form, elsewhere: Elsewhere, method: Any, family: Family, tol: float) -> None:
+        self.form, self.elsewhere, self.method, self.family, self.tol = form, elsewhere, method, family, tol
         self.known: list[Known] = []
 
     @classmethod
     def of(cls, known: Solution, tol: float) -> Neighbours | None:
         """The neighbourhood of a solution; None where the method, its mesh or the form needs more than is done here."""
-        extremal, method = known.extremal, known.method
-        if not (known.status.ok and isinstance(extremal, Extremal) and isinstance(method, Ritz) and method.plain):
+        extremal, method, family = known.extremal, known.method, _family(known.method)
+        if not known.status.ok or not isinstance(extremal, Extremal) or family is None:
             return None
-        first = _first_of(extremal.form)
+        first = _first_of(extremal.form, family)
         if first is None or first.elsewhere is None or extremal.coefficients is None:
             return None
-        found = cls(first, first.elsewhere, method, tol)
+        found = cls(first, first.elsewhere, method, family, tol)
         found.add(known)
         return found
 
@@ -88,14 +130,13 @@ class Neighbours:
         degrees = np.array([k.degree for k in nearest])
         starts = [k.coefficients for k in nearest]
         with np.errstate(all="ignore"):
-            if self.form.integrals:
-                starts = with_bends(self.form, places, degrees, starts)
-            found = solved(self.form, places, degrees, starts, self.tol, near=not self.form.integrals)
+            found = self.family.solved(self.form, places, degrees, starts, self.tol, near=True)
             left = np.flatnonzero(~found.stands)
             if len(left) and self.form.lifted is None and not self.form.integrals:
                 # afresh, as a solve of its own would begin
-                degree, lines = straight_starts(self.form, places[left])
-                found.enter(left, solved(self.form, places[left], degree, lines, self.tol, near=False))
+                degree, lines = self.family.straight_starts(self.form, places[left])
+                again = self.family.solved(self.form, places[left], degree, lines, self.tol, near=False)
+                found.enter(left, again)
         answers.enter(rows, found)
         for row in np.flatnonzero(answers.stands):
             self._remember(values[row], int(answers.degree[row]), answers.coefficients[row])
@@ -106,7 +147,7 @@ class Neighbours:
         if not self._alike(values[None])[0]:
             return None
         known = self.known[self._nearest(values[None])[0]]
-        one = One.of(self.form, known.degree)
+        one = One.of(self.form, known.degree) if self.family is direct else None
         if one is not None:
             spans, start, end = self.elsewhere.placed(values[None])
             with np.errstate(all="ignore"):
@@ -169,13 +210,12 @@ class Neighbours:
         problem, n = self.form.problem, self.form.n
         assert isinstance(problem, Problem)
         places = self._placed(values)
-        batch = Batch(self.form, degree, places)
-        variables = batch.variables(batch.of_degree(np.array(coefficients), degree))
-        some = np.linspace(0, batch.count - 1, PLACES).astype(int)
         with np.errstate(all="ignore"):
-            passed = convinced(problem, batch.x[:, some], variables[:, some, :n], variables[:, some, n:], values)
-        if n == 1:
-            passed &= ~runs_level(batch.x, variables[:, :, 0], np.hstack([places.start, places.end]))
+            x, y, slopes = self.family.sampled(self.form, places, degree, np.array(coefficients))
+            some = np.linspace(0, x.shape[1] - 1, PLACES).astype(int)
+            passed = convinced(problem, x[:, some], y[:, some], slopes[:, some], values)
+        if n == 1 and isinstance(self.method, Ritz):
+            passed &= ~runs_level(x, y[:, :, 0], np.hstack([places.start, places.end]))
         return passed
 
     def _placed(self, values: np.ndarray) -> Places:
@@ -184,12 +224,12 @@ class Neighbours:
     def solution(self, problem: Functional, answer: Answer, seconds: float) -> Solution:
         """An answer as the Solution of ``problem``, held against curves with corners and jumps."""
         form = self.elsewhere.form(problem)
-        found = solution(form, self.method, answer, seconds)
+        found = self.family.solution(form, self.method, answer, seconds)
         found = vouched(found, form)
-        return with_rival(found) if found.status.ok else found
+        return with_rival(found) if found.status.ok and isinstance(self.method, Ritz) else found
 
 
-def _first_of(form: Form) -> Form | None:
+def _first_of(form: Form, family: Family) -> Form | None:
     """The form that is tried first of the problem of ``form``, if it is stated as that one is and can be solved so.
 
     It is asked once of forms that share their expressions: where singular ends are what they are at one value, the
@@ -197,9 +237,9 @@ def _first_of(form: Form) -> Form | None:
     """
     if "first" not in form.built:
         first = forms(form.problem)[0]
-        alike = first is not None and first.built is form.built and applies(first)
-        form.built["first"] = first if alike else None
-    return form.built["first"]
+        form.built["first"] = first if first is not None and first.built is form.built else None
+    first = form.built["first"]
+    return first if first is not None and family.applies(first) else None
 
 
 def _one_start(method: Any) -> Any:
@@ -214,7 +254,7 @@ def resolved(problem: Functional, method: Any, tol: float, known: Any) -> Soluti
     if not isinstance(known, Solution) or known.problem.templates is not problem.templates:
         return None
     # how many starting curves are tried is no matter where one is at hand
-    if not (method is None or method == known.method or _one_start(method) == _one_start(known.method)):
+    if not (_one_start(method) == _one_start(known.method) or (method is None and isinstance(known.method, Ritz))):
         return None
     began = time.perf_counter()
     neighbours = Neighbours.of(known, tol)

@@ -129,7 +129,7 @@ def sweep(
     and makes a problem for each point. On several ``cores`` it must be a
     function, and one that can be pickled (defined at the top of a module). The
     grid is walked from neighbour to neighbour; each solve begins from the
-    nearest answer, and afresh where that leads nowhere. By the direct method the
+    nearest answer, and afresh where that leads nowhere. By Ritz and Collocation the
     points of one problem are solved many at a time, each held to what a solve
     asks of an answer. A point without an answer keeps its status.
 

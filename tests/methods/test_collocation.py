@@ -568,3 +568,13 @@ def test_a_constant_guess_needs_no_fine_mesh():
     rest = Problem(lambda x, y, dy: ca.sumsqr(dy) / 2 + ca.sumsqr(y - 0.1), Fixed(0, [0.1, 0.1]), Fixed(1, [0.1, 0.1]))
     solution = Collocation().solve(formulate(rest), tol=1e-10, guess=lambda s: np.full((2, len(s)), 0.1))
     assert solution.stats.elements <= 4
+
+
+def test_beyond_a_fold_finer_meshes_show_nothing_but_round_off():
+    # Bratu's reaction has no state beyond 3.513830719125161; that close to it residuals are of the size of rounding
+    for excess in (1e-13, 5e-13, 5e-12):
+        problem = Problem(
+            lambda x, y, dy, e=excess: dy**2 / 2 - (3.513830719125161 + e) * ca.exp(y), Fixed(0, 0), Fixed(1, 0)
+        )
+        refused = Collocation().solve(formulate(problem), tol=1e-10, guess=None)
+        assert refused.status is Status.NOT_CONVERGED

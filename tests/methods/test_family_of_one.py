@@ -111,7 +111,7 @@ def test_the_last_degrees_have_no_richer_one():
 def test_a_single_value_takes_this_way(monkeypatch):
     problem = graph(lambda x, y, v, p: v**2 + p.k * y**2, parameters={"k": 1.0})
     known = vc.solve(problem, vc.Ritz())
-    monkeypatch.setattr("varcalc.neighbours.solved", None)
+    monkeypatch.setattr("varcalc.methods.family.solved", None)
     moved = vc.solve(problem.with_parameters({"k": 1.1}), vc.Ritz(), guess=known)
     k = np.sqrt(1.1)
     assert moved.value == pytest.approx(k / np.tanh(k), rel=1e-11)

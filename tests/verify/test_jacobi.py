@@ -122,7 +122,7 @@ def test_outer_equator_of_the_torus():
 
     # the curvature is 1/(r (R + r)) all along, and the arc is (R + r) x
     first = math.pi * math.sqrt(r / (R + r))
-    check = stationary(vc.Problem(length, vc.Fixed(0, 0), vc.Fixed(4, 0)))
+    check = stationary(vc.Problem(length, vc.Fixed(0, 0), vc.Fixed(4, 0)), lambda x: 0.0 * x)  # others are shorter
     assert check.conjugate_points == pytest.approx([first, 2 * first], abs=TIGHT)
 
 

@@ -21,13 +21,14 @@ from varcalc.formulation import Form, Sampled
 from varcalc.functional import Functional
 from varcalc.methods.boundary_value.answer import answered
 from varcalc.methods.boundary_value.error import Level
+from varcalc.methods.boundary_value.layers import LAYERED_DEGREE, layered_vertices
 from varcalc.methods.boundary_value.newton import Scales, index, start_multipliers
 from varcalc.methods.boundary_value.refinement import Improved, Refinement
 from varcalc.methods.boundary_value.starting_curves import Start, function_sizes, resolving_vertices, starting_curves
-from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space
+from varcalc.methods.boundary_value.system import CollocationSystem, Residual, collocation_space
 from varcalc.solution import Solution, Stats, Status, no_answer
 
-FIRST_DEGREES = {1: (6, 10, 16), 2: (10, 16)}
+FIRST_DEGREES = {1: (10, 6, 16), 2: (10, 16)}
 """Degrees at which roots are sought, by the order of the functional."""
 KEPT_DEGREE = {1: 10, 2: 12}
 """Degree of a mesh that is kept, when none is given."""
@@ -99,6 +100,8 @@ class _Search:
     started: float
     refinement: Refinement
     built: float = field(default=0.0)
+    baseline: tuple[CollocationSystem, np.ndarray, Residual] | None = None
+    """Where the baseline was looked at already."""
 
     def run(self, guess: Sampled | None) -> Solution:
         for roots in self.attempts(guess):
@@ -125,11 +128,27 @@ class _Search:
         for vertices, degree in self.meshes():
             system = CollocationSystem(self.form, collocation_space(self.form, vertices, degree))
             self.built = self.built or time.perf_counter() - self.started
+            layered = self.layered(system) if degree == FIRST_DEGREES[self.form.order][0] else None
             if guess is not None:
-                yield self.from_guess(system, guess)
+                yield self.from_guess(system, guess) if layered is None else self.root_of(layered, guess)
+            if layered is not None:
+                yield self.roots(layered)
             yield self.roots(system)
         if self.method.refine:
             yield self.from_nearer_ends()
+
+    def layered(self, system: CollocationSystem) -> CollocationSystem | None:
+        """The system on a mesh for boundary layers, where the starting curve shows any and no mesh was asked for."""
+        method = self.method
+        if not method.refine or method.elements > 1 or method.degree is not None:
+            return None
+        z = first_unknowns(system, self.form.baseline)
+        residual = system.evaluate(z)
+        self.baseline = system, z, residual
+        vertices = layered_vertices(system, residual)
+        if vertices is None:
+            return None
+        return CollocationSystem(self.form, collocation_space(self.form, vertices, LAYERED_DEGREE))
 
     def from_guess(self, system: CollocationSystem, guess: Sampled) -> list[Level]:
         """The root that a given curve leads to, on a mesh that resolves it."""
@@ -137,6 +156,10 @@ class _Search:
             space = system.space
             vertices = resolving_vertices(guess, space.vertices, space.degree)
             system = CollocationSystem(self.form, collocation_space(self.form, vertices, space.degree))
+        return self.root_of(system, guess)
+
+    def root_of(self, system: CollocationSystem, guess: Sampled) -> list[Level]:
+        """The root that a given curve leads to, on the mesh of a system."""
         level = self.root(system, Start(guess))
         return [] if level is None else [level]
 
@@ -177,7 +200,11 @@ class _Search:
 
     def root(self, system: CollocationSystem, start: Start) -> Level | None:
         """The root that one starting curve leads to, along with its prescribed integrals if need be."""
-        level = self.refinement.newton(system, first_unknowns(system, start.curve))
+        known = self.baseline
+        if known is not None and known[0] is system and start.curve is self.form.baseline:
+            level = self.refinement.newton(system, known[1], known[2])
+        else:
+            level = self.refinement.newton(system, first_unknowns(system, start.curve))
         if level is not None or start.gentle is None:
             return level
         z = first_unknowns(system, start.gentle)
@@ -219,6 +246,8 @@ class _Search:
 def first_unknowns(system: CollocationSystem, curve: Sampled) -> np.ndarray:
     """The unknowns for a starting curve, with the multipliers that suit it best."""
     z = system.pack(system.fitted(curve, system.form.unknown_guess))
+    if not len(system.linear):
+        return z
     residual = system.evaluate(z)
     return start_multipliers(system, z, residual) if residual.finite else z
 

@@ -119,12 +119,15 @@ def solved(
     """The minima at ``places`` from curves of ``degrees`` (K,) with the coefficients ``starts``.
 
     A start may be several curves, shape (W, size): the lowest of the minima they lead to is taken, if all of them do.
-    Where these are ``near`` to minima and the functional is not convex there, something is wrong.
+    Where these are ``near`` to minima and the functional is not convex there, something is wrong; but under prescribed
+    integrals the lowest bend is tried beside them.
 
     ``form`` is the form of one of the values: its expressions serve all. The
     degree climbs where the error asks for it, to the one at which the
     decay of the coefficients promises that it suffices.
     """
+    if near and form.integrals:
+        starts, near = with_bends(form, places, degrees, starts), False
     answers = Answers.none(len(degrees))
     ladder = DEGREES[form.order]
     degrees, starts = degrees.copy(), list(starts)
@@ -190,6 +193,15 @@ def _minima(here: Batch, starts: list[np.ndarray], *, shifting: bool) -> tuple[n
     lowest = order[np.searchsorted(owner[order], np.arange(len(starts)))]
     whole = np.bincount(owner, ~found, len(starts)) == 0
     return z[lowest], multipliers[lowest], whole, steps
+
+
+def sampled(
+    form: Form, places: Places, degree: int, coefficients: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Abscissae (K, Q) between the ends, ordinates there and slopes, (K, Q, n), of curves given by coefficients."""
+    batch = Batch(form, degree, places)
+    variables = batch.variables(batch.of_degree(coefficients, degree))
+    return batch.x, variables[:, :, : form.n], variables[:, :, form.n :]
 
 
 def solution(form: Form, method: Any, found: Answer, seconds: float, build: float = 0.0) -> Solution:

@@ -24,6 +24,7 @@ def answered(
         vertices=space.vertices,
         lambdas=state.levels.copy(),
         path={c.index: _times(factor, system.force(state, k)) for k, c in enumerate(form.pathwise)},
+        coefficients=state.coefficients if space.elements == 1 else None,
     )
     errors = ErrorEstimate(assessment.value_error, assessment.curve_error)
     value, rule = form.sign * assessment.value, 2 * space.degree + 4

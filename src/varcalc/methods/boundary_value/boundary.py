@@ -35,6 +35,10 @@ class BoundaryValues:
     ends: tuple[np.ndarray, np.ndarray] | None
 
 
+NOTHING = BoundaryValues(np.zeros((0, 0)), None)
+"""What there is to know where no row belongs to an end or a knot."""
+
+
 class Boundary:
     """The boundary rows of a form on a space, numbered from ``first``.
 
@@ -62,7 +66,8 @@ class Boundary:
                     self._free_ends(k, a)
         for vertex in space.broken:
             self._corner(vertex)
-        self._wire()
+        if self.count or conditions.ends is not None:
+            self._wire()
 
     def _join(self, k: int, a: int) -> None:
         """Periodic ends: the derivative agrees, and the momentum with it."""
@@ -113,6 +118,8 @@ class Boundary:
         self, coefficients: np.ndarray, unknowns: np.ndarray, levels: np.ndarray, ends: np.ndarray
     ) -> BoundaryValues:
         """Momenta and end terms for a curve, its unknown numbers and its multipliers."""
+        if not self.count and self.conditions.ends is None:
+            return NOTHING
         momentum = self._output
         if self.conditions.momentum is not None:
             values = coefficients[self.numbers] * self._scale[None, :, None]

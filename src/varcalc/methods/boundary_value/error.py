@@ -12,6 +12,7 @@ exists: beyond a fold the ratio exceeds one quarter.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,12 +22,15 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.mesh import Space
 from varcalc.methods.boundary_value.newton import Scales, factorised, measure
+from varcalc.methods.boundary_value.stationarity import stationarity
 from varcalc.methods.boundary_value.system import CollocationSystem, Residual, State, collocation_space
 
 CONTRACTION = 0.1
 """Largest ratio of successive corrections that counts as evidence; one quarter is where roots merge."""
 NEGLIGIBLE = 1e-10
 """Relative correction below which the ratio says nothing but round-off."""
+SETTLED = 1e-14
+"""Relative size of the next simplified correction that leaves a root as good as any."""
 SAFETY = 1.5
 """The correction leaves out what lies beyond the richer space."""
 EPSILON = float(np.finfo(float).eps)
@@ -53,8 +57,8 @@ class Assessment:
     """The errors of a level: of the value (and its round-off) and of the curve.
 
     ``value`` is the functional on the level's curve, in the sense that is
-    minimised; ``indicators`` the share of each element in the error;
-    ``system`` and ``z`` the richer system and the corrected curve.
+    minimised; ``system`` and ``z`` the richer system and the corrected curve, which is a root there
+    when it has ``settled``.
     """
 
     value: float
@@ -63,14 +67,20 @@ class Assessment:
     curve_error: float
     correction: float
     contraction: float
-    indicators: np.ndarray
+    shares: Callable[[], np.ndarray]
     system: CollocationSystem
     z: np.ndarray
+    settled: bool
 
     @property
     def trusted(self) -> bool:
         """True when there is evidence of an extremal near the curve."""
         return self.correction <= NEGLIGIBLE or self.contraction <= CONTRACTION
+
+    @property
+    def indicators(self) -> np.ndarray:
+        """The share of each element in the error."""
+        return self.shares()
 
 
 def richer_degree(degree: int) -> int:
@@ -101,45 +111,43 @@ def assess(level: Level, scales: Scales) -> Assessment | None:
     value = fine_value(base.space, level.state, form, 2 * degree + 4)
     old, new = system.unpack(z), system.unpack(z + step)
     floor = rounding(system, before, new.levels * (0.5 / abs(value) if form.energetic and value else 1.0))
-    change = after.value - before.value + _cost(form, system, new) - _cost(form, system, old)
-    unresolved = value - before.value - _cost(form, system, old)
+    cost, coarse = end_cost(form, system.space, old), before.value
+    change = after.value - coarse + end_cost(form, system.space, new) - cost
+    unresolved = value - coarse - cost
+    smaller = measure(weights, simplified)
+    contraction = smaller / max(correction, 1e-300)
     return Assessment(
         value=value,
         value_error=SAFETY * (abs(change) + abs(unresolved)) + floor,
         value_floor=floor,
         curve_error=curve_distance(system, old, new),
         correction=correction,
-        contraction=measure(weights, simplified) / max(correction, 1e-300),
-        indicators=_indicators(system, before, z, step),
+        contraction=contraction,
+        shares=lambda: _indicators(system, before, z, step),
         system=system,
         z=z + step + simplified,
+        settled=contraction * smaller <= SETTLED,
     )  # fmt: skip
 
 
 def rounding(system: CollocationSystem, at: Residual, multipliers: np.ndarray) -> float:
     """Round-off of the value: of its own sum, and of each prescribed integral, a miss of which costs its multiplier."""
+    if system.plain:
+        return ROUNDING * EPSILON * at.size
     first = 1 + system.counts.functions + system.counts.paths
     terms = np.abs(at.interior[:, first : first + system.counts.levels])
     sums = system.weights.ravel() @ terms + np.abs(system.levels)
     return ROUNDING * EPSILON * (at.size + float(np.abs(multipliers) @ sums))
 
 
-def _columns(space: Space, state: State, form: Form, count: int) -> list[np.ndarray]:
-    """The arguments of the form's functions at the Gauss points, one column each."""
-    s, _ = space.quadrature(count)
-    values = [v.reshape(-1, form.n).T for v in space.at_quadrature(state.coefficients, count, form.order)]
-    acceleration = values[2] if form.order == 2 else np.zeros((0, s.size))
-    numbers = [np.repeat(v[:, None], s.size, axis=1) for v in (form.problem.parameter_values, state.unknowns)]
-    return [s.reshape(1, -1), values[0], values[1], acceleration, *numbers]
-
-
 def fine_value(space: Space, state: State, form: Form, count: int) -> float:
     """The functional on a curve with ``count`` Gauss points an element, end cost included."""
-    if "functional" not in form.built:
-        form.built["functional"] = ca.Function("functional", form.symbols.all, [form.functional])
-    values: Any = form.built["functional"](*_columns(space, state, form, count))
-    integral = float(space.quadrature(count)[1].ravel() @ np.asarray(values).ravel())
-    return integral + end_cost(form, space, state)
+    conditions = stationarity(form)
+    s, weights = space.quadrature(count)
+    tower = space.at_quadrature(state.coefficients, count, 2 * form.order)
+    numbers = (form.problem.parameter_values, state.unknowns, state.levels)
+    values = conditions.at(s.reshape(-1, 1), np.array(tower), numbers)[:, 0]
+    return float(weights.ravel() @ values) + end_cost(form, space, state)
 
 
 def end_cost(form: Form, space: Space, state: State) -> float:
@@ -152,10 +160,6 @@ def end_cost(form: Form, space: Space, state: State) -> float:
     m = space.smoothness
     first, last = state.coefficients[space.numbers[0, 0]], state.coefficients[space.numbers[-1, m]]
     return float(form.built["end cost"](first, last, form.problem.parameter_values, state.unknowns))
-
-
-def _cost(form: Form, system: CollocationSystem, state: State) -> float:
-    return end_cost(form, system.space, state)
 
 
 def curve_distance(system: CollocationSystem, old: State, new: State) -> float:
@@ -174,7 +178,7 @@ def curve_distance(system: CollocationSystem, old: State, new: State) -> float:
         (x0, q0, dx, dq), (x1, q1, _, _) = lifted
         with np.errstate(divide="ignore", invalid="ignore"):
             change = q1 - q0 - dq / dx * (x1 - x0)
-    change = change[np.isfinite(change)]
+        change = change[np.isfinite(change)]
     return float(np.abs(change).max(initial=0.0)) + ROUNDING * EPSILON * float(np.abs(y0).max(initial=0.0))
 
 

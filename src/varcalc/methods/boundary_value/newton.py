@@ -13,7 +13,9 @@ from varcalc.methods.damped_newton import Ending, Linearised, damped_newton
 
 ITERATIONS = 60
 SPARSE_FROM = 160
-"""Unknowns from which a sparse factorisation is faster than a dense inverse."""
+"""Unknowns from which a sparse factorisation is faster than a dense one."""
+BANDED_FROM = 48
+"""The same for a banded one, where the equations of the interior are all there is."""
 SINGULAR = 1e-14
 """Reciprocal condition below which the null directions of a Jacobian are left out of a step."""
 
@@ -30,23 +32,34 @@ class Scales:
     functions: np.ndarray
     numbers: np.ndarray
 
-    def grow(self, system: CollocationSystem, z: np.ndarray) -> None:
-        """Take the size of another curve into account."""
+    def grow(self, system: CollocationSystem, z: np.ndarray) -> bool:
+        """Take the size of another curve into account; True when that changes anything."""
         state = system.unpack(z)
-        size = np.abs(state.coefficients[system.space.numbers[:, :: system.smoothness][:, :2]]).max((0, 1))
-        self.functions = np.where(size > self.functions, size, self.functions)
-        self.numbers = np.maximum(self.numbers, np.abs(state.unknowns))
+        size = np.abs(state.coefficients[system.at_vertices]).max((0, 1))
+        larger = size > self.functions
+        grown = bool(larger.any())
+        if grown:
+            self.functions = np.where(larger, size, self.functions)
+        if len(state.unknowns):
+            grown |= bool((np.abs(state.unknowns) > self.numbers).any())
+            self.numbers = np.maximum(self.numbers, np.abs(state.unknowns))
+        return grown
 
     def weights(self, system: CollocationSystem) -> np.ndarray:
         """Factors that turn a correction into relative changes; zero for multipliers, which enter linearly."""
-        sizes = np.where(self.functions > 0, self.functions, max(float(self.functions.max(initial=0.0)), 1e-300))
+        sizes = self.functions
+        if sizes.min(initial=1.0) <= 0.0:
+            sizes = np.where(sizes > 0, sizes, max(float(sizes.max(initial=0.0)), 1e-300))
         factor, function = system.sizes
+        relative = factor / sizes[function]
+        if system.size == len(relative):
+            return relative
         out = np.zeros(system.size)
-        out[: len(system.free)] = factor / sizes[function]
+        out[: len(relative)] = relative
         count = system.counts.numbers
         # a number that is still zero has no size to be measured by
         known = np.flatnonzero(self.numbers[:count])
-        out[len(system.free) + known] = 1.0 / self.numbers[known]
+        out[len(relative) + known] = 1.0 / self.numbers[known]
         return out
 
 
@@ -69,35 +82,62 @@ def measure(weights: np.ndarray, step: np.ndarray) -> float:
     """Root mean square of the relative changes."""
     count = max(int(np.count_nonzero(weights)), 1)
     with np.errstate(over="ignore", invalid="ignore"):
-        return math.sqrt(float(np.sum((weights * step) ** 2)) / count)
+        changes = weights * step
+        return math.sqrt(float(changes @ changes) / count)
 
 
 def factorised(system: CollocationSystem, residual: Residual, weights: np.ndarray) -> Solve | None:
     """The inverse of the Jacobian, rows and columns scaled to one; None where it is not a matrix of numbers."""
-    columns = np.where(weights > 0, 1.0 / np.where(weights > 0, weights, 1.0), 1.0)
+    columns = (
+        1.0 / weights if weights.min() > 0.0 else np.divide(1.0, weights, np.ones_like(weights), where=weights > 0)
+    )
+    if system.plain and system.size >= BANDED_FROM and system.space.elements > 2:
+        return _banded(system, residual, columns)
     if system.size >= SPARSE_FROM:
         return _sparse(system, residual, columns)
     matrix = system.dense(residual) * columns
     rows = np.abs(matrix).max(1)
-    if not (np.isfinite(rows).all() and rows.min() > 0.0):
+    if not 0.0 < rows.min() <= rows.max() < math.inf:
         return None
     matrix /= rows[:, None]
     heights = np.abs(matrix).max(0)
-    heights = np.where(heights > 0.0, heights, 1.0)
-    inverse = _inverse(matrix / heights)
-    return lambda b: columns / heights * (inverse @ (b / rows))
+    heights[heights == 0.0] = 1.0
+    matrix /= heights
+    inverse = _solver(matrix)
+    scale = columns / heights
+    return lambda b: scale * inverse(b / rows)
 
 
-def _inverse(matrix: np.ndarray) -> np.ndarray:
-    try:
-        inverse = np.linalg.inv(matrix)
-    except np.linalg.LinAlgError:
-        return np.linalg.pinv(matrix, rcond=SINGULAR)
-    with np.errstate(over="ignore"):
-        condition = np.abs(matrix).sum(1).max() * np.abs(inverse).sum(1).max()
-    if not condition < 1.0 / SINGULAR:
-        return np.linalg.pinv(matrix, rcond=SINGULAR)
-    return inverse
+def _solver(matrix: np.ndarray) -> Solve:
+    """The solution of linear equations: by elimination, by the pseudo-inverse where they are singular."""
+    from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
+
+    # the transpose is what LAPACK takes without a copy
+    factors, pivots, failed = dgetrf(matrix.T)
+    if not failed:
+        condition, failed = dgecon(factors, float(np.abs(matrix).sum(1).max()))
+        if not failed and condition > SINGULAR:
+            return lambda b: dgetrs(factors, pivots, b, trans=1)[0]
+    inverse = np.linalg.pinv(matrix, rcond=SINGULAR)
+    return lambda b: inverse @ b
+
+
+def _banded(system: CollocationSystem, residual: Residual, columns: np.ndarray) -> Solve | None:
+    """The equations of the interior alone, element after element: a band about as wide as the degree."""
+    from scipy.linalg.lapack import dgbtrf, dgbtrs
+
+    i, j, values = system.triplets(residual)
+    values = values * columns[j]
+    below, above, starts = system.band
+    rows = np.maximum.reduceat(np.abs(values), starts)
+    if not 0.0 < rows.min() <= rows.max() < math.inf:
+        return None
+    band = np.zeros((system.size, 2 * below + above + 1))
+    band[j, below + above + i - j] = values / rows[i]
+    factors, pivots, failed = dgbtrf(band.T, below, above, overwrite_ab=1)
+    if failed:  # exactly singular
+        return None
+    return lambda b: columns * dgbtrs(factors, below, above, b / rows, pivots)[0]
 
 
 def _sparse(system: CollocationSystem, residual: Residual, columns: np.ndarray) -> Solve | None:
@@ -146,6 +186,7 @@ class _Conditions:
     def __init__(self, system: CollocationSystem, scales: Scales, first: Residual) -> None:
         # a copy: an iteration that runs away must not blow up the unit of those that follow
         self.system, self.scales = system, replace(scales)
+        self._measure: Callable[[np.ndarray], float] | None = None
         self._guarded = first.legendre > 0.0 and system.counts.levels == 0
 
     def evaluate(self, z: np.ndarray) -> Residual | None:
@@ -153,12 +194,24 @@ class _Conditions:
         return residual if residual.finite and not (self._guarded and residual.legendre <= 0.0) else None
 
     def linearised(self, z: np.ndarray, at: Residual) -> Linearised[Residual]:
-        self.scales.grow(self.system, z)
-        weights = self.scales.weights(self.system)
-        solve = factorised(self.system, at, weights)
-        return Linearised(
-            lambda point: None if solve is None else -solve(point.rows), lambda step: measure(weights, step)
-        )
+        measured = self._measure
+        if measured is None or not self.system.still:
+            grown = self.scales.grow(self.system, z)
+            if measured is None or grown:
+                self._measure = measured = self._measured()
+        solve = factorised(self.system, at, self._weights)
+        return Linearised(lambda point: None if solve is None else -solve(point.rows), measured)
+
+    def _measured(self) -> Callable[[np.ndarray], float]:
+        """:func:`measure` with the scales as they are."""
+        self._weights = weights = self.scales.weights(self.system)
+        share = 1.0 / max(int(np.count_nonzero(weights)), 1)
+
+        def measured(step: np.ndarray) -> float:
+            changes = weights * step
+            return math.sqrt(share * float(changes @ changes))
+
+        return measured
 
 
 REASONS = {
@@ -169,12 +222,13 @@ REASONS = {
 }
 
 
-def stationary(system: CollocationSystem, z: np.ndarray, scales: Scales) -> Outcome:
-    """Iterate from ``z`` to a root of the system."""
-    residual = system.evaluate(z)
+def stationary(system: CollocationSystem, z: np.ndarray, scales: Scales, residual: Residual | None = None) -> Outcome:
+    """Iterate from ``z``, where the residual may be known, to a root of the system."""
+    residual = system.evaluate(z) if residual is None else residual
     if not residual.finite:
         return Outcome(z, residual, 0, "the Euler-Lagrange equation is not a number on the starting curve")
-    result = damped_newton(_Conditions(system, scales, residual), z, residual, ITERATIONS)
+    with np.errstate(all="ignore"):  # trial curves may lie far off; what is no number is rejected
+        result = damped_newton(_Conditions(system, scales, residual), z, residual, ITERATIONS)
     return Outcome(result.z, result.at, result.iterations, REASONS[result.ending])
 
 
@@ -185,17 +239,30 @@ def index(system: CollocationSystem, z: np.ndarray, residual: Residual) -> int:
     counted are its eigenvalues below zero, on the conditions' null space. A
     count on a coarse mesh is a hint, not a verdict.
     """
-    if system.size >= SPARSE_FROM:
+    if system.size >= SPARSE_FROM or _convex(system, residual):
         return 0
-    solve = factorised(system, residual, np.ones(system.size))
-    if solve is None:
-        return 0
-    mass = np.zeros((system.size, system.size))
+    matrix, mass = system.dense(residual), np.zeros((system.size, system.size))
     rows, columns, values = system.mass_triplets(z)
     mass[rows, columns] = values
-    operator = np.column_stack([solve(column) for column in mass.T])
+    heights = np.abs(matrix).max(1)
+    if not 0.0 < heights.min() <= heights.max() < math.inf:
+        return 0
+    operator = _solver(matrix / heights[:, None])(mass / heights[:, None])
     if not np.isfinite(operator).all():
         return 0
     inverse = np.linalg.eigvals(operator)
     tiny = 1e-12 * np.abs(inverse).max(initial=0.0)
     return int(np.count_nonzero((inverse.real < -tiny) & (np.abs(inverse.imag) <= 0.1 * np.abs(inverse.real))))
+
+
+def _convex(system: CollocationSystem, residual: Residual) -> bool:
+    """True when the second variation, the integral of P h'^2 + Q h^2, is positive by the least P and Q alone.
+
+    The integral of h'^2 is at least (pi / length)^2 times that of h^2 (Wirtinger). The linearised Euler-Lagrange
+    expression Q h - (P h')' shows Q as its derivative by y.
+    """
+    form = system.form
+    if system.counts.functions != 1 or not system.plain or form.order != 1:
+        return False
+    wave = math.pi / (form.span[1] - form.span[0])
+    return residual.legendre > 0.0 and residual.legendre * wave**2 + float(residual.interior[:, 2].min()) > 0.0

@@ -11,7 +11,7 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.methods.boundary_value.error import Assessment, Level, assess
 from varcalc.methods.boundary_value.newton import Scales, stationary
-from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space
+from varcalc.methods.boundary_value.system import CollocationSystem, Residual, collocation_space
 from varcalc.solution import Status
 
 HIGHEST_DEGREE = {1: 40, 2: 30}
@@ -28,6 +28,7 @@ STALLED = 0.3
 """An error that falls by less than this factor in two successive refinements has met round-off."""
 NOISE = 1e-11
 """Relative error of the value below which a stall is round-off rather than a failure to converge."""
+HIDDEN = "round-off hides whether its root stands for an extremal: a fold may be near"
 ON_THE_WAY = 1e-4
 """Tolerance of the stations of a continuation."""
 SMALLEST_STRIDE = 1.0 / 128.0
@@ -58,9 +59,9 @@ class Refinement:
     iterations: int = 0
     reasons: list[str] = field(default_factory=list)
 
-    def newton(self, system: CollocationSystem, z: np.ndarray) -> Level | None:
+    def newton(self, system: CollocationSystem, z: np.ndarray, residual: Residual | None = None) -> Level | None:
         """The root that Newton's iteration reaches from ``z``; None, with the reason noted, when it reaches none."""
-        outcome = stationary(system, z, self.scales)
+        outcome = stationary(system, z, self.scales, residual)
         self.iterations += outcome.iterations
         if not outcome.converged:
             return self._failed(outcome.reason)
@@ -88,8 +89,10 @@ class Refinement:
             if best is None or error < best.assessment.value_error:
                 best = Improved(level, assessment, Status.ROUND_OFF)
             if stalls >= 2 or error <= 2.0 * assessment.value_floor:
-                rounded = self._rounded(best, "")
-                if rounded is not None:
+                # finer meshes would only show more of it
+                hopeless = stalls >= 2 and error <= NOISE * abs(assessment.value)
+                rounded = self._rounded(best, HIDDEN if hopeless else "")
+                if rounded is not None or hopeless:
                     return rounded
             following = self.richer(level, assessment, history, target, most)
             if following is None:
@@ -110,7 +113,7 @@ class Refinement:
         space, form = level.system.space, level.system.form
         history.append((space.degree, assessment.value_error))
         if climbs(history, target, space.elements, assessment.system.space.degree, HIGHEST_DEGREE[form.order]):
-            return self.newton(assessment.system, assessment.z)
+            return self.settled(assessment) or self.newton(assessment.system, assessment.z)
         history.clear()
         marked = assessment.indicators >= SHARE * assessment.indicators.max()
         middles = 0.5 * (space.vertices[1:] + space.vertices[:-1])
@@ -119,6 +122,13 @@ class Refinement:
         if system.size > most:
             return self._failed(f"{system.size} unknowns would be needed")
         return self.newton(system, system.pack(level.system.transferred(level.state, system)))
+
+    def settled(self, assessment: Assessment) -> Level | None:
+        """The corrected curve of an error estimate, where it is a root of the richer space already."""
+        if not assessment.settled:
+            return None
+        residual = assessment.system.evaluate(assessment.z)
+        return Level(assessment.system, assessment.z, residual) if residual.finite else None
 
     def continued(self, start: Level | None, form_at: Callable[[float], Form]) -> Level | None:
         """Follow a root from ``form_at(0)`` to ``form_at(1)``, refining the mesh on the way.

@@ -42,10 +42,10 @@ class Start:
 
 def starting_curves(form: Form) -> Iterator[Start]:
     """The baseline, then bent curves, those that meet a prescribed integral first."""
-    extent = size(form)
     if form.integrals:
-        yield from _levelled(form, extent)
+        yield from _levelled(form, size(form))
     yield Start(form.baseline)
+    extent = size(form)
     for family in _sloped(form):
         yield Start(family(extent))
     for direction in form.bumps:
@@ -57,7 +57,7 @@ def function_sizes(form: Form) -> np.ndarray:
     """The largest absolute value of each function on the baseline, the problem's size for those that are zero; (n,)."""
     values = np.abs(form.baseline(np.linspace(*form.span, SAMPLES)))
     sizes = np.where(np.isfinite(values), values, 0.0).max(1)
-    return np.where(sizes > 0.0, sizes, size(form))
+    return sizes if sizes.min() > 0.0 else np.where(sizes > 0.0, sizes, size(form))
 
 
 def resolving_vertices(

@@ -12,14 +12,19 @@ in the strong form and undivided: L_y'y' is never inverted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 
+from varcalc.buffered import BufferedCall
 from varcalc.formulation import Form
 from varcalc.lagrangian import Lagrangian
 from varcalc.tracing import Expression
+
+REMEMBERED = 16
+"""Meshes, and numbers of points, for which tables and memory are kept with a form: the last ones."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +71,51 @@ class Stationarity:
     interior: ca.Function
     momentum: ca.Function | None
     ends: ca.Function | None
+    mapped: dict[int, MappedCall] = field(default_factory=dict, repr=False)
+    """The function of the interior on memory of its own, by the number of points."""
+
+    def at(
+        self, x: np.ndarray, tower: np.ndarray, numbers: Sequence[np.ndarray], forces: np.ndarray | None = None
+    ) -> np.ndarray:
+        """The interior's conditions at m points, (m, rows).
+
+        ``x`` is (m, 1), ``tower`` the curve's derivatives (2 order + 1, .., n), ``numbers`` the parameters, unknowns
+        and lambdas, ``forces`` the mu (.., paths), zero when they are left out.
+        """
+        count = len(x)
+        if count not in self.mapped:
+            while len(self.mapped) >= REMEMBERED:
+                del self.mapped[next(iter(self.mapped))]
+            self.mapped[count] = MappedCall(self.interior, count)
+        return self.mapped[count](x, tower, numbers, forces)
+
+
+class MappedCall:
+    """The function of the interior at so many points, with the memory it reads and writes."""
+
+    def __init__(self, interior: ca.Function, count: int) -> None:
+        sizes = [interior.numel_in(i) for i in range(interior.n_in())]
+        depth = len(sizes) - 5
+        self._tower = np.zeros((depth, count, sizes[1]))
+        self._x, self._forces = np.zeros((count, 1)), np.zeros((count, sizes[-1]))
+        self._numbers = [np.zeros((count, size)) for size in sizes[1 + depth : -1]]
+        self._output = np.zeros((count, interior.numel_out(0)))
+        inputs = [self._x, *self._tower, *self._numbers, self._forces]
+        self._run = BufferedCall(interior.map(count), inputs, self._output)
+
+    def __call__(
+        self, x: np.ndarray, tower: np.ndarray, numbers: Sequence[np.ndarray], forces: np.ndarray | None
+    ) -> np.ndarray:
+        """See :meth:`Stationarity.at`."""
+        self._x[:] = x
+        self._tower.reshape(tower.shape)[:] = tower
+        for own, given in zip(self._numbers, numbers, strict=True):
+            if own.shape[1]:
+                own[:] = given
+        if self._forces.shape[1]:
+            self._forces[:] = 0.0 if forces is None else forces.reshape(self._forces.shape)
+        self._run()
+        return self._output.copy()
 
 
 def stationarity(form: Form) -> Stationarity:
