@@ -376,3 +376,30 @@ def test_strange_parameters_are_refused() -> None:
         given.with_parameters({"m": 1.0})
     with pytest.raises(ValueError, match=r"parameters\['k'\] must be finite"):
         given.with_parameters({"k": math.inf})
+
+
+# derivatives
+
+
+def test_derivatives_of_the_integrand_are_those_of_the_formula() -> None:
+    given = vc.Problem(lambda x, y, dy, p: p.k * x * y**2 * dy**3, START, END, parameters={"k": 3.0})
+    x, y, v = np.array([0.1, 0.7]), np.array([0.5, 2.0]), np.array([-1.0, 0.3])
+    for k, problem in ((3.0, given), (5.0, given.with_parameters({"k": 5.0}))):
+        found = problem.integrand_derivatives(x, y[None], v[None])
+        np.testing.assert_allclose(found.value, k * x * y**2 * v**3, rtol=1e-15)
+        gradient = np.array([y**2 * v**3, 2 * x * y * v**3, 3 * x * y**2 * v**2])
+        np.testing.assert_allclose(found.gradient, k * gradient.T, rtol=1e-15)
+        mixed = np.array([2 * y * v**3, 3 * y**2 * v**2, 6 * x * y * v**2])
+        diagonal = np.array([0 * x, 2 * x * v**3, 6 * x * y**2 * v])
+        hessian = np.zeros((2, 3, 3))
+        for (a, b), row in zip([(0, 1), (0, 2), (1, 2)], mixed, strict=True):
+            hessian[:, a, b] = hessian[:, b, a] = k * row
+        hessian[:, range(3), range(3)] = k * diagonal.T
+        np.testing.assert_allclose(found.hessian, hessian, rtol=1e-14)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_a_lagrangian_without_second_derivative_in_the_slopes_is_linear(n: int) -> None:
+    start, end = vc.Fixed(0, [0.0] * n), vc.Fixed(1, [1.0] * n)
+    assert vc.Problem(lambda x, y, dy: ca.dot(y, dy) + x * y[0] ** 2, start, end).linear
+    assert not vc.Problem(lambda x, y, dy: ca.dot(y, dy) + dy[n - 1] ** 2, start, end).linear

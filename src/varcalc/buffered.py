@@ -35,22 +35,56 @@ class BufferedCall:
 
 
 class Pointwise:
-    """A CasADi function of columns, evaluated at any number of points, ``chunk`` at a time."""
+    """A CasADi function of columns, evaluated at any number of points, ``chunk`` at a time.
+
+    Of several results the entries stand side by side, each result by its columns; zeros that CasADi knows of are put
+    in here, which is cheaper than telling it to.
+    """
 
     def __init__(self, function: ca.Function, chunk: int = CHUNK) -> None:
         self._chunk = chunk
-        self._inputs = [np.zeros((chunk, function.numel_in(i))) for i in range(function.n_in())]
-        self._output = np.zeros((chunk, function.numel_out(0)))
-        self._call = BufferedCall(function.map(chunk), self._inputs, self._output)
+        self._buffer, self._trigger = function.map(chunk).buffer()
+        self._inputs: list[tuple[int, np.ndarray]] = []
+        for i in range(function.n_in()):
+            if width := function.numel_in(i):
+                own = np.zeros((chunk, width))
+                self._inputs.append((i, own))
+                self._buffer.set_arg(i, memoryview(own))
+        self._outputs: list[tuple[slice | np.ndarray, np.ndarray]] = []
+        self.width, known = 0, 0
+        for i in range(function.n_out()):
+            count, full = function.nnz_out(i), function.numel_out(i)
+            own = np.zeros((chunk, count))
+            self._buffer.set_res(i, memoryview(own))
+            places: slice | np.ndarray = slice(self.width, self.width + full)
+            if count < full:
+                places = self.width + np.array(function.sparsity_out(i).find(), dtype=int)
+            self._outputs.append((places, own))
+            self.width, known = self.width + full, known + count
+        self.occupied = np.ones(self.width, dtype=bool)
+        """Entries that are not zero for every argument, as far as the expressions show."""
+        if known < self.width:
+            self.occupied[:] = False
+            for places, _ in self._outputs:
+                self.occupied[places] = True
+        self._blank = np.empty if known == self.width else np.zeros
 
     def __call__(self, count: int, *arguments: np.ndarray) -> np.ndarray:
-        """The results, shape (count, rows); each argument has ``count`` rows, or one row for all points."""
-        results = np.empty((count, self._output.shape[1]))
+        """The results, shape (count, entries); each argument has ``count`` rows, or one row for all points."""
+        results = self._blank((count, self.width))
+        if count <= self._chunk:
+            for i, own in self._inputs:
+                own[:count] = arguments[i]
+            self._trigger()
+            for places, own in self._outputs:
+                results[:, places] = own[:count]
+            return results
         for first in range(0, count, self._chunk):
             size = min(self._chunk, count - first)
-            for own, given in zip(self._inputs, arguments, strict=True):
-                if own.shape[1]:
-                    own[:size] = given[first : first + size] if len(given) == count else given
-            self._call()
-            results[first : first + size] = self._output[:size]
+            for i, own in self._inputs:
+                given = arguments[i]
+                own[:size] = given[first : first + size] if len(given) == count else given
+            self._trigger()
+            for places, own in self._outputs:
+                results[first : first + size, places] = own[:size]
         return results

@@ -44,6 +44,8 @@ class Parameter:
 def finite(name: str, value: Any) -> float:
     """``value`` as a float; TypeError or ValueError naming ``name`` otherwise."""
     # float() takes text, truth values, symbols and arrays of one entry for numbers, and none was meant as one
+    if type(value) is float and math.isfinite(value):
+        return value
     wrong = TypeError(f"{name} must be a number, not {value!r}")
     if isinstance(value, str | bytes | bool | np.bool_ | ca.SX | ca.MX) or is_vector(value):
         raise wrong
@@ -86,6 +88,8 @@ def sequence(name: str, value: Any) -> tuple[Any, ...]:
 
 def components(name: str, value: Any) -> tuple[Any, ...]:
     """``value`` as a tuple of floats, ``None`` where a component is free; a :class:`Parameter` stays what it is."""
+    if type(value) in (float, int):
+        return (finite(name, value),)
     if isinstance(value, str):
         raise TypeError(f"{name} must be a number or a sequence of numbers, not {value!r}")
     if not is_vector(value):
@@ -310,6 +314,8 @@ def parameters_of(end: Any) -> tuple[tuple[str, str, int], ...]:
     found = []
     for field in ("x", "y", "dy", "q"):
         given: Any = getattr(end, field, None)
+        if given is None or type(given) in (float, int):
+            continue
         entries: Iterable[Any] = given if is_vector(given) else (given,)
         found += [(v.name, field, i) for i, v in enumerate(entries) if isinstance(v, Parameter)]
     return tuple(found)

@@ -6,6 +6,7 @@ import copy
 import keyword
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import casadi as ca
@@ -50,6 +51,17 @@ class Symbols:
             kind.sym("parameters", parameters),
             kind.sym("unknowns", unknowns),
         )
+
+    @classmethod
+    @lru_cache(maxsize=64)
+    def common(cls, kind: type, n: int, order: int, parameters: int, unknowns: int) -> Symbols:
+        """The symbols that all functionals of one kind are traced with: they stand for nothing but their place."""
+        return cls.make(kind, n, order, parameters, unknowns)
+
+    @cached_property
+    def variables(self) -> Expression:
+        """x, y, dy and ddy as one column: what a Lagrangian is differentiated by."""
+        return ca.vertcat(self.x, self.y, *self.slopes)
 
     @property
     def slopes(self) -> list[Expression]:
@@ -128,13 +140,14 @@ class Functional:
         """The ends at the present parameter values; ValueError for a parameter that has none."""
         ends = []
         for label, end in zip(("start", "end"), self.templates, strict=True):
-            unknown = {name for name, _, _ in parameters_of(end)} - self.parameters.keys()
+            own = parameters_of(end)
+            unknown = {name for name, _, _ in own} - self.parameters.keys()
             if unknown:
                 raise ValueError(
                     f"{label} = {end} holds the parameter {min(unknown)}, which is not declared; "
                     f"give its value in parameters= (declared: {', '.join(sorted(self.parameters)) or 'none'})"
                 )
-            ends.append(placed(end, self.parameters) if parameters_of(end) else end)
+            ends.append(placed(end, self.parameters) if own else end)
         return ends[0], ends[1]
 
     @property
@@ -173,7 +186,8 @@ class Functional:
         return given
 
     def _handed(self, column: Expression) -> Expression:
-        return column[0] if self.scalar else column
+        # a column of one SX entry is a scalar; one of MX is not known to be
+        return column[0] if self.scalar and self.symbols.kind is ca.MX else column
 
     def _names(self) -> list[Names]:
         s = self.symbols
@@ -182,7 +196,7 @@ class Functional:
         return [Names(names)] if names else []
 
     def _trace(self, kind: type) -> None:
-        self.symbols = Symbols.make(kind, self.n, self.order, len(self.parameters), len(self.unknowns))
+        self.symbols = Symbols.common(kind, self.n, self.order, len(self.parameters), len(self.unknowns))
         p = self._names()
         slopes = [self._handed(d) for d in self.symbols.slopes]
         full = [*self._arguments(), *slopes, *p]
@@ -214,13 +228,22 @@ class Functional:
 
     @property
     def parameter_values(self) -> np.ndarray:
-        """The parameters' values, in the order they were declared; shape (number of parameters,)."""
-        return np.array(list(self.parameters.values()), dtype=float)
+        """The parameters' values, in the order they were declared; shape (number of parameters,), not to be changed."""
+        return self._listed("parameters")
 
     @property
     def unknown_guesses(self) -> np.ndarray:
-        """The first guesses of the unknowns, in the order they were declared."""
-        return np.array(list(self.unknowns.values()), dtype=float)
+        """The first guesses of the unknowns, in the order they were declared; not to be changed."""
+        return self._listed("unknowns")
+
+    def _listed(self, name: str) -> np.ndarray:
+        """The values of a mapping, listed once."""
+        given, kept = getattr(self, name), self.__dict__.get(f"_{name}_listed")
+        if kept is None or kept[0] is not given:  # a copy has been given other values
+            values = np.array(list(given.values()), dtype=float)
+            values.setflags(write=False)
+            kept = self.__dict__[f"_{name}_listed"] = given, values
+        return kept[1]
 
     def of_type(self, constraint_type: type) -> Iterator[Any]:
         """The constraints of one type, in the order given."""

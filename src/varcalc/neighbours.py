@@ -132,7 +132,7 @@ class Neighbours:
         with np.errstate(all="ignore"):
             found = self.family.solved(self.form, places, degrees, starts, self.tol, near=True)
             left = np.flatnonzero(~found.stands)
-            if len(left) and self.form.lifted is None and not self.form.integrals:
+            if len(left) and not self.form.stated.is_lifted and not self.form.integrals:
                 # afresh, as a solve of its own would begin
                 degree, lines = self.family.straight_starts(self.form, places[left])
                 again = self.family.solved(self.form, places[left], degree, lines, self.tol, near=False)
@@ -198,7 +198,7 @@ class Neighbours:
         form, sure = self.form, answers.stands.copy()
         if form.energetic and (isinstance(form.problem, Curve) or any(form.singular)):
             return sure
-        if form.lifted is not None or form.energetic:
+        if form.stated.is_lifted or form.energetic:
             return np.zeros_like(sure)
         for degree in np.unique(answers.degree[sure]):
             rows = np.flatnonzero(answers.stands & (answers.degree == degree))

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from varcalc.buffered import Pointwise
 from varcalc.columns import FewOrMany
 from varcalc.conditions import (
     At,
@@ -40,6 +42,40 @@ SAME = 1e-12
 """Distance of two abscissae that counts as none, relative to the interval."""
 NUDGE = 1e-9
 """Relative step off an end at which the integrand must be a number at least on one side."""
+
+
+FEW_FUNCTIONS = 3
+"""Unknown functions up to which it is cheaper to take all derivatives of L than to state those that are asked for."""
+FEW, MANY = 32, 128
+"""Points at which derivatives, and values, are taken in one go: a small problem's curve has no more than few."""
+
+
+class Derivatives:
+    """A function with its first and second derivatives in ``k`` variables at ``m`` points.
+
+    ``rows`` (m, 1 + k + k^2) are the value, the gradient and the columns of the Hessian.
+    """
+
+    def __init__(self, rows: np.ndarray) -> None:
+        self.rows = rows
+        self.k = math.isqrt(rows.shape[1] - 1)
+        if self.k * (self.k + 1) + 1 != rows.shape[1]:
+            raise ValueError(f"{rows.shape[1]} entries are no value with a gradient and a Hessian")
+
+    @property
+    def value(self) -> np.ndarray:
+        """The function itself, (m,)."""
+        return self.rows[:, 0]
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """Shape (m, k)."""
+        return self.rows[:, 1 : 1 + self.k]
+
+    @property
+    def hessian(self) -> np.ndarray:
+        """Shape (m, k, k)."""
+        return self.rows[:, 1 + self.k :].reshape(-1, self.k, self.k)
 
 
 class Problem(Functional):
@@ -89,6 +125,7 @@ class Problem(Functional):
             raise ValueError(f"order must be 1 or 2, not {order!r}")
         self.order = int(order)
         self.n, self.scalar = _dimension(start, end)
+        self._level = np.zeros((1, self.n if self.order == 2 else 0))
         _check_slopes(start, end, order)
         self.breakpoints = sequence(
             "breakpoints", breakpoints
@@ -155,6 +192,8 @@ class Problem(Functional):
                     raise ValueError(f"{label}.phi depends neither on x nor on y, so phi = 0 is no curve to slide on")
 
     def check_places(self) -> None:  # noqa: D102
+        if not self.traced:
+            return
         ends = [(label, e) for label, e in (("start", self.start), ("end", self.end)) if isinstance(e, Fixed)]
         waypoints = [(f"constraints[{i}]", c) for i, c in enumerate(self.constraints) if isinstance(c, Through)]
         check_places(
@@ -175,13 +214,13 @@ class Problem(Functional):
         ]
         if not known:
             return
-        steps = np.vstack([np.zeros(self.n), *(sign * row for row in np.eye(self.n) for sign in (NUDGE, -NUDGE))])
-        fans = [y + steps * max(1.0, float(np.abs(y).max())) for _, _, y in known]
-        x = np.repeat([float(end.x) for _, end, _ in known], len(steps))
-        slopes = np.repeat(self._chord_slope()[:, None], len(x), axis=1)
-        values = self.integrand_values(x, np.vstack(fans).T, slopes).reshape(len(known), -1)
-        for (label, end, _), row in zip(known, values, strict=True):
-            if np.isnan(row).all():
+        steps = _nudges(self.n)
+        fans = np.vstack([y + steps * max(1.0, *map(abs, y.tolist())) for _, _, y in known])
+        x = np.array([float(end.x) for _, end, _ in known]).repeat(len(steps))
+        slopes = np.broadcast_to(self._chord_slope()[:, None], fans.T.shape)
+        nowhere = np.all(np.isnan(self.integrand_values(x, fans.T, slopes)).reshape(len(known), -1), axis=1)
+        for (label, end, _), bad in zip(known, nowhere.tolist(), strict=True):
+            if bad:
                 raise ValueError(
                     f"{label} = {end} lies outside the domain of the Lagrangian: L is not a number there; "
                     "move the end, or check the sign under roots and logarithms"
@@ -200,10 +239,36 @@ class Problem(Functional):
         ``parameters`` (m, number of them) are other values of the parameters than the problem's own.
         """
         if "L" not in self.built:
-            self.built["L"] = FewOrMany(ca.Function("L", self.symbols.all, [self.integrand]))
-        level = np.zeros((1, self.symbols.ddy.numel()))
+            self.built["L"] = FewOrMany(ca.Function("L", self.symbols.all, [self.integrand]), MANY)
         numbers = self.parameter_values[None] if parameters is None else parameters, self.unknown_guesses[None]
-        return self.built["L"](len(x), x[:, None], y.T, dy.T, level, *numbers)[:, 0]
+        return self.built["L"](len(x), x[:, None], y.T, dy.T, self._level, *numbers)[:, 0]
+
+    def integrand_derivatives(
+        self, x: np.ndarray, y: np.ndarray, dy: np.ndarray, parameters: np.ndarray | None = None
+    ) -> Derivatives:
+        """L with its first and second derivatives in (x, y, y'[, y'']), arguments as in :meth:`integrand_values`.
+
+        One function serves whatever is asked of L on the way to an answer: derivatives are CasADi's, at a tenth of
+        the cost of stating what is asked as an expression of its own.
+        """
+        numbers = self.parameter_values[None] if parameters is None else parameters, self.unknown_guesses[None]
+        return Derivatives(self._derivatives(len(x), x[:, None], y.T, dy.T, self._level, *numbers))
+
+    @property
+    def _derivatives(self) -> Pointwise:
+        if "derivatives" not in self.built:
+            hessian, gradient = ca.hessian(self.integrand, self.symbols.variables)
+            function = ca.Function("derivatives", self.symbols.all, [self.integrand, gradient, hessian])
+            self.built["derivatives"] = Pointwise(function, FEW)
+        return self.built["derivatives"]
+
+    @property
+    def linear(self) -> bool:
+        """Whether a first-order Lagrangian shows no second derivative in the slope: it is linear there."""
+        if self.n > FEW_FUNCTIONS:
+            return not ca.hessian(self.integrand, self.symbols.dy)[0].nnz()
+        k = 1 + 2 * self.n
+        return not self._derivatives.occupied[1 + k :].reshape(k, k)[1 + self.n :, 1 + self.n :].any()
 
 
 class Curve(Functional):
@@ -314,6 +379,12 @@ class Curve(Functional):
             raise ValueError(f"{label} is not a number anywhere near the ends; check them against its domain")
 
 
+@lru_cache(maxsize=16)
+def _nudges(n: int) -> np.ndarray:
+    """Steps off an end: none, and one either way in each of ``n`` ordinates; (1 + 2 n, n)."""
+    return NUDGE * np.vstack([np.zeros(n), *(sign * row for row in np.eye(n) for sign in (1.0, -1.0))])
+
+
 def _dimension(start: Any, end: Any) -> tuple[int, bool]:
     """Number of unknown functions, and whether they are handed over as scalars."""
     told: list[tuple[str, int, bool | None]] = []  # where only n is told, a single y may be handed over either way
@@ -348,7 +419,7 @@ def _span(start: Any, end: Any) -> tuple[float, float]:
 
 
 def _inside(name: str, values: Sequence[float], span: tuple[float, float], start: Any, end: Any) -> tuple[float, ...]:
-    marks = tuple(sorted({finite(name, v) for v in sequence(name, values)}))
+    marks = tuple(sorted({finite(name, v) for v in sequence(name, values)})) if values != () else ()
     if marks and (isinstance(start, OnCurve) or isinstance(end, OnCurve)):
         raise ValueError(f"{name}: abscissae inside the interval cannot be kept while an end slides on a curve")
     for v in marks:

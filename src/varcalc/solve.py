@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 from typing import Protocol
 
-import casadi as ca
 import numpy as np
 
 from varcalc.arguments import Guess, check_arguments, check_guess, sampled_guess
@@ -100,10 +99,7 @@ def _reduces(method: Method) -> bool:
 
 def _linear(problem: Functional, method: Method) -> Solution | None:
     """A refusal when a first-order Lagrangian is linear in the slope, in which case nothing in it fixes a curve."""
-    s = problem.symbols
-    if not isinstance(problem, Problem) or problem.order != 1 or problem.constraints:
-        return None
-    if ca.hessian(problem.integrand, s.dy)[0].nnz():
+    if not isinstance(problem, Problem) or problem.order != 1 or problem.constraints or not problem.linear:
         return None
     message = "the Lagrangian is linear in the slope: nothing in it fixes a curve between these ends"
     return no_answer(problem, method, Status.REFUSED, message, Verdict.SINGULAR)

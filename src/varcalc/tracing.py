@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import warnings
 from collections.abc import Callable, Sequence
+from types import CodeType, FunctionType
 from typing import Any
 
 import casadi as ca
@@ -43,6 +44,8 @@ def check_arity(name: str, function: Callable[..., Any], count: int, hint: str =
     """
     if not callable(function):
         raise TypeError(f"{name} must be a function, not {function!r}")
+    if isinstance(function, FunctionType) and _takes(function.__code__, count):
+        return
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):  # builtins and compiled callables do not tell
@@ -52,6 +55,11 @@ def check_arity(name: str, function: Callable[..., Any], count: int, hint: str =
     except TypeError:
         number = "1 argument" if count == 1 else f"{count} arguments"
         raise TypeError(f"{name} must accept {number} here, but its signature is {signature}; {hint or LAST}") from None
+
+
+def _takes(code: CodeType, count: int) -> bool:
+    """Whether a function of this code is one of ``count`` plain arguments, which needs no further look."""
+    return code.co_argcount == count and not (code.co_kwonlyargcount or code.co_flags & inspect.CO_VARARGS)
 
 
 def trace(

@@ -8,7 +8,7 @@ import casadi as ca
 import pytest
 
 import varcalc as vc
-from varcalc.existence.broken_curve import _Family, broken_curve
+from varcalc.existence.broken_curve import _broken_curves, _Family, broken_curve
 
 
 def graph(lagrangian, first, last):
@@ -63,5 +63,24 @@ def test_the_search_for_a_level_costs_few_evaluations(monkeypatch):
 
     monkeypatch.setattr(_Family, "at", counted)
     broken_curve(film)
-    # golden sections took 70 calls a place
-    assert len(calls) < 20
+    # golden sections took 70 calls a place, each of three parts
+    assert len(calls) < 40
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "first", "last"),
+    [
+        (lambda x, y, v: y * ca.sqrt(1 + v**2), (-0.6, 1), (0.6, 1)),
+        (lambda x, y, v: ca.sqrt(v**2 + ca.sin(y) ** 2), (0, 1.3), (3, 1.8)),
+        (lambda x, y, v: 1.5 * (1 - y) * ca.sqrt(1 + v**2), (0, 0), (1, 0.2)),
+        (lambda x, y, v: ca.sqrt(1 + v**2) * (2 + ca.cos(3 * y)), (0, 0), (3, 1)),
+    ],
+)
+def test_only_curves_above_the_ceiling_are_left_out(lagrangian, first, last):
+    problem = graph(lagrangian, first, last)
+    everything = _broken_curves(problem, math.inf)
+    for share in (0.9, 0.999, 1 + 1e-6, 1.05, 1.3):
+        ceiling = share * everything[0].value
+        wanted = [found for found in everything if found.value <= ceiling]
+        given = [found for found in _broken_curves(problem, ceiling) if found.value <= ceiling]
+        assert [f.value for f in given] == pytest.approx([f.value for f in wanted], rel=1e-12)

@@ -20,7 +20,7 @@ from varcalc.conditions import (
     Periodic,
     Through,
 )
-from varcalc.formulation import formulate
+from varcalc.formulation import Stated, formulate
 from varcalc.functional import Symbols
 from varcalc.methods.collocation import Collocation
 from varcalc.problem import Curve, Problem
@@ -418,10 +418,9 @@ def test_regularised_brachistochrone(tol):
     (x, w), (dx, dw), g = ca.vertsplit(symbols.y), ca.vertsplit(symbols.dy), problem.symbols.parameters
     square = (dx**2 + 4 * w**2 * dw**2) / (2 * g * w**2)
     form = replace(
-        formulate(problem), symbols=symbols, integrand=square, functional=ca.sqrt(square), span=(0.0, 1.0),
-        fixed_start=np.zeros((1, 2)), fixed_end=np.ones((1, 2)), baseline=lambda s: np.vstack([s**3, s]),
-        bumps=np.eye(2), energetic=True, singular=(True, False),
-        lifted=(x, w**2, dx, 2 * w * dw),
+        formulate(problem), stated=Stated(symbols, square, ca.sqrt(square), (x, w**2, dx, 2 * w * dw)),
+        span=(0.0, 1.0), fixed_start=np.zeros((1, 2)), fixed_end=np.ones((1, 2)), numbers=None, built={},
+        baseline=lambda s: np.vstack([s**3, s]), bumps=np.eye(2), energetic=True, singular=(True, False),
     )  # fmt: skip
     angle = root(lambda t: (t - math.sin(t)) / (1 - math.cos(t)) - 1, 1.0, 6.0)
     radius = 1 / (1 - math.cos(angle))

@@ -28,9 +28,9 @@ def judged(problem):
 @pytest.mark.parametrize(
     ("lagrangian", "slopes"),
     [
-        (lambda x, y, v: (2 + ca.sin(y)) * v**2 + x * v, 1),
-        (lambda x, y, v: ca.sqrt(1 + v**2), 19),
-        (lambda x, y, v: v**4 - v**2, 19),
+        (lambda x, y, v: (2 + ca.sin(y)) * v**2 + x * v, [1]),
+        (lambda x, y, v: ca.sqrt(1 + v**2), [19]),
+        (lambda x, y, v: v**4 - v**2, [19]),
     ],
 )
 def test_where_l_is_quadratic_in_the_slope_its_own_tells_of_all(monkeypatch, lagrangian, slopes):
@@ -43,7 +43,24 @@ def test_where_l_is_quadratic_in_the_slope_its_own_tells_of_all(monkeypatch, lag
 
     monkeypatch.setattr(weierstrass._Fan, "least", counted)
     judged(graph(lagrangian))
-    assert counts[-1] == slopes  # the first was that of the straight line's own problem
+    assert counts[1:] == slopes  # the first is that of the straight line's own problem
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "fans"),
+    [
+        (lambda x, y, v: ca.sqrt(1 + v**2), 0),  # the root of a positive quadratic form
+        (lambda x, y, v: (2 + ca.sin(y)) * ca.sqrt(2 + v + v**2), 0),
+        (lambda x, y, v: ca.sqrt(1 + v**2) + v**2, 1),
+        (lambda x, y, v: ca.sqrt(1 + v**2) - 5, 1),  # convex, but not positive
+    ],
+)
+def test_the_root_of_a_quadratic_form_needs_no_other_slopes(monkeypatch, lagrangian, fans):
+    made = []
+    original = weierstrass._Fan.of
+    monkeypatch.setattr(weierstrass._Fan, "of", lambda *given: made.append(1) or original(*given))
+    assert vc.solve(graph(lagrangian)).status is vc.Status.SOLVED
+    assert len(made) == fans
 
 
 @pytest.mark.parametrize("curvature", [-1.0, -1e-3, -1e-7])

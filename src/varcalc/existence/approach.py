@@ -17,7 +17,7 @@ from typing import TypeGuard
 import numpy as np
 
 from varcalc.conditions import Fixed
-from varcalc.formulation import Form, extended, formulate, rewriter, straight
+from varcalc.formulation import Form, Stated, extended, formulate, rewriter, straight
 from varcalc.functional import Functional
 from varcalc.methods.direct.newton import Newton
 from varcalc.methods.direct.rungs import Rung, Rungs
@@ -203,12 +203,10 @@ def _stretched(problem: Problem, power: int, at_start: bool) -> Form:
     ends = plain.baseline(np.array(problem.span))
     return replace(
         plain,
-        symbols=symbols,
-        integrand=integrand,
-        functional=integrand,
+        stated=Stated(symbols, integrand, integrand, (x, symbols.y, speed, symbols.dy)),
         span=(0.0, 1.0),
         baseline=straight((0.0, 1.0), ends[:, 0], ends[:, 1]),
-        lifted=(x, symbols.y, speed, symbols.dy),
         note=f"x ~ s^{power}",
         built={},
+        numbers=None,
     )

@@ -36,10 +36,16 @@ REACH = 3.0
 POINTS = 10
 GRADES, FINE_POINTS = 26, (8, 12)
 """Halvings of the panels toward both ends of a jump, and points a panel, by which a value is made sure of."""
-NEAR = 0.2
-"""Relative distance from the rival value within which a scan of the levels is followed up."""
 FAR = 1e-3
-"""The same for a value that is resolved but not made sure of."""
+"""Relative distance above the ceiling of a value that is resolved but not made sure of."""
+SCAN_POINTS, ROUGH = 4, 1e-2
+"""Points a part of a broken curve in a first scan of the levels, and the relative error that this may make."""
+BESIDE = 1e-3
+"""Distance from where kinks are, in units of the problem's size, at which levels are looked at as well."""
+CLOSER, EVENLY_CLOSER = 2, np.linspace(0.0, 1.0, 25)
+"""Rounds of closer looks, and where each looks between two levels."""
+SURELY = 2.0
+"""By how many times what separates a level from its neighbours a value between them may lie below its own."""
 EVENLY = np.linspace(0.0, 1.0, 9)[1:-1]
 """Where a round of the search for the best level looks, in shares of what is left; it leaves a quarter of that."""
 CLOSELY = np.outer([-1.0, 1.0], [0.0, 1e-2, 1e-5, 1e-9, 1e-13]).ravel()
@@ -75,17 +81,20 @@ class BrokenCurve:
 
 def broken_curve(problem: Functional) -> BrokenCurve | None:
     """The best broken curve between two fixed ends; None where L does not grow linearly, or more is asked."""
-    found = _broken_curves(problem, math.nan)
+    found = _broken_curves(problem, math.inf)
     return found[0] if found else None
 
 
-def _broken_curves(problem: Functional, rival: float) -> list[BrokenCurve]:
-    """The broken curves of locally best level, best first; none when a scan shows that none comes near ``rival``."""
+def _broken_curves(problem: Functional, ceiling: float) -> list[BrokenCurve]:
+    """The broken curves of locally best level, best first, of which those above ``ceiling`` may be left out.
+
+    The ceiling is a value in the sense that is minimised.
+    """
     if not _simple(problem):
         return []
     with np.errstate(all="ignore"):
         family = _Family(problem)
-        return family.best(rival) if family.linear else []
+        return family.best(ceiling) if family.linear else []
 
 
 def _simple(problem: Functional) -> TypeGuard[Problem]:
@@ -143,35 +152,61 @@ class _Family:
         paid = np.where((costs >= 0).all(2), np.abs(jumps) * (costs[:, :, :-1] @ weights), np.nan)
         return (b - a) * (values[:, :count] @ weights) + paid.sum(1)
 
-    def best(self, rival: float) -> list[BrokenCurve]:
+    def best(self, ceiling: float) -> list[BrokenCurve]:
         """The levels of least value, from a scan and searches about each of its lowest places; best first.
 
         At y = 0 many a Lagrangian ceases to cost anything.
         """
         low, high = self.y.min() - REACH * self.size, self.y.max() + REACH * self.size
-        levels = np.unique(np.concatenate([np.linspace(low, high, LEVELS), self.y, [0.0]]))
-        values = self.at(levels)
-        around = np.concatenate([[np.inf], np.nan_to_num(values, nan=np.inf), [np.inf]])
-        lowest = np.isfinite(values) & (around[1:-1] <= around[:-2]) & (around[1:-1] <= around[2:])
-        lowest &= ~(values > self.sign * rival + NEAR * abs(rival))
-        places = self._least(levels, np.flatnonzero(lowest)) if lowest.any() else []
-        found = sorted((value, level) for level in places if (value := self._sure(level, rival)) is not None)
-        return [BrokenCurve(self.sign * value, level) for value, level in found]
+        kinks = np.add.outer([*self.y, 0.0], self.size * np.array([-BESIDE, 0.0, BESIDE])).ravel()
+        levels = np.unique(np.concatenate([np.linspace(low, high, LEVELS), kinks]))
+        values = np.concatenate(
+            [[np.inf], np.nan_to_num(self.at(levels, _graded(0, SCAN_POINTS)), nan=np.inf), [np.inf]]
+        )
+        places = np.flatnonzero(
+            (values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:]) & np.isfinite(values[1:-1])
+        )
+        rough = ceiling + ROUGH * abs(ceiling) if math.isfinite(ceiling) else ceiling
+        places = self._narrowed(levels, places[_least_between(values, 1 + places) <= rough], rough)
+        lowest = self._least(levels, places, ceiling) if len(places) else []
+        found = [(value, level) for level in lowest if (value := self._sure(level, ceiling)) is not None]
+        return [BrokenCurve(self.sign * value, level) for value, level in sorted(found)]
 
-    def _sure(self, level: float, rival: float) -> float | None:
+    def _narrowed(self, levels: np.ndarray, places: np.ndarray, ceiling: float) -> np.ndarray:
+        """Those of the ``places`` (m,) that a few closer looks at what lies about them cannot show to be above."""
+        left, right = levels[np.maximum(places - 1, 0)], levels[np.minimum(places + 1, len(levels) - 1)]
+        for _ in range(CLOSER if math.isfinite(ceiling) else 0):
+            if not len(places):
+                break
+            grid = left[:, None] + (right - left)[:, None] * EVENLY_CLOSER
+            values = np.nan_to_num(self.at(grid.ravel(), _graded(0, SCAN_POINTS)), nan=np.inf).reshape(grid.shape)
+            number = np.clip(values.argmin(1), 1, len(EVENLY_CLOSER) - 2)
+            rows = np.arange(len(places))
+            least = [
+                _least_between(row, k) if row[k] <= row.min() else -np.inf
+                for row, k in zip(values, number, strict=True)
+            ]
+            left, right = grid[rows, number - 1], grid[rows, number + 1]
+            kept = np.array(least) <= ceiling
+            places, left, right = places[kept], left[kept], right[kept]
+        return places
+
+    def _sure(self, level: float, ceiling: float) -> float | None:
         """The value at a level by rules that resolve what a jump costs near its ends; None where two of them differ.
 
-        None as well where the first of them is far above the ``rival``.
+        None as well where the first of them is far above the ``ceiling``.
         """
         places = np.array([level])
         one = float(self.at(places, _graded(GRADES, FINE_POINTS[0]))[0])
-        if one > self.sign * rival + FAR * abs(rival):
+        if math.isfinite(ceiling) and one > ceiling + FAR * abs(ceiling):
             return None
         other = float(self.at(places, _graded(GRADES, FINE_POINTS[1]))[0])
         return other if abs(one - other) <= 0.1 * RIVAL * abs(other) else None
 
-    def _least(self, levels: np.ndarray, places: np.ndarray) -> list[float]:
+    def _least(self, levels: np.ndarray, places: np.ndarray, ceiling: float) -> list[float]:
         """The levels of least value between the neighbours of the levels ``places`` (m,), all searched together.
+
+        Those above the ceiling are given up.
 
         Every round looks evenly between two levels and close to the best one, which may be a kink (no jump at an end,
         no cost beyond), and goes on between the neighbours of the best. Where there is none that costs anything, it
@@ -189,12 +224,26 @@ class _Family:
             number = np.where(np.isinf(values).all(1), nearest, values.argmin(1))
             grid = np.hstack([left[:, None], inner, right[:, None]])
             left, best, right = grid[rows, number], inner[rows, number], grid[rows, number + 2]
+            edged = np.pad(values, ((0, 0), (1, 1)), constant_values=np.inf)
+            kept = np.array([_least_between(row, k + 1) <= ceiling for row, k in zip(edged, number, strict=True)])
+            if not kept.all():
+                known, left, best, right, values = known[kept], left[kept], best[kept], right[kept], values[kept]
+                rows = rows[: len(known)]
+                if not len(known):
+                    return []
             if np.all((right - left <= NARROW * self.size) | (np.ptp(values, axis=1) <= FLAT * np.abs(values).min(1))):
                 break
         tried = np.array([known, left, best, right])
         values = np.nan_to_num(self.at(tried.ravel()), nan=np.inf).reshape(tried.shape)
         least = values <= values.min(0) + 10 * FLAT * np.abs(values.min(0))
         return [float(v) for v in tried[least.argmax(0), rows]]
+
+
+def _least_between(values: np.ndarray, at: Any) -> Any:
+    """Below what the values between the neighbours of an entry, or of several, will not fall; -inf for a lone one."""
+    fall = np.stack([values[at - 1], values[at + 1]]) - values[at]
+    fall = np.where(np.isfinite(fall), fall, -np.inf).max(0)
+    return np.where(fall >= 0, values[at] - SURELY * fall, -np.inf)
 
 
 @lru_cache(maxsize=8)
@@ -215,14 +264,14 @@ def with_rival(solution: Solution) -> Solution:
     extremal = solution.extremal
     if solution.local or (extremal is not None and extremal.form.energetic and any(extremal.form.singular)):
         return solution
-    rivals = _broken_curves(solution.problem, solution.value)
+    sign = -1.0 if solution.problem.maximise else 1.0
+    rivals = _broken_curves(solution.problem, sign * solution.value + 2 * LIKE * abs(solution.value))
     for same in rivals:
         if _is_rival(solution, same):
             message = (
                 f"the infimum is not attained: graphs come as near as one likes to one that is none; {same.sentence}"
             )
             return replace(solution, status=Status.REFUSED, verdict=Verdict.NOT_ATTAINED, message=message)
-    sign = -1.0 if solution.problem.maximise else 1.0
     margin = solution.error.value + RIVAL * abs(solution.value)
     if not rivals or sign * rivals[0].value > sign * solution.value - margin:
         return solution

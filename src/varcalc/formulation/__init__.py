@@ -19,6 +19,8 @@ from varcalc.formulation.form import (
     Form,
     Sampled,
     SideCondition,
+    Stated,
+    StatedLater,
     end_conditions,
     extended,
     rewriter,
@@ -27,16 +29,23 @@ from varcalc.formulation.form import (
     through,
 )
 from varcalc.formulation.graph import graph_form, on_curve, sliding_form
+from varcalc.formulation.numbers import AtPoints, GraphNumbers, Numbers, Reported
 from varcalc.functional import Functional
 from varcalc.problem import Curve, Problem
 
 __all__ = [
+    "AtPoints",
     "Contact",
     "Elsewhere",
     "EndConditions",
     "Form",
+    "GraphNumbers",
+    "Numbers",
+    "Reported",
     "Sampled",
     "SideCondition",
+    "Stated",
+    "StatedLater",
     "broken_form",
     "end_conditions",
     "extended",

@@ -17,7 +17,16 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation.form import Form, Sampled, SideCondition, end_conditions, extended, rewriter, side_conditions
+from varcalc.formulation.form import (
+    Form,
+    Sampled,
+    SideCondition,
+    Stated,
+    end_conditions,
+    extended,
+    rewriter,
+    side_conditions,
+)
 from varcalc.formulation.graph import graph_form
 from varcalc.problem import Problem
 from varcalc.tracing import Expression
@@ -68,18 +77,16 @@ def broken_form(
         conditions["pathwise"] += (SideCondition(speed, SHORTEST, math.inf, -1),)
     return replace(
         plain,
-        symbols=symbols,
-        integrand=integrand,
-        functional=integrand,
+        stated=Stated(symbols, integrand, integrand, (x, symbols.y, speed, symbols.dy)),
         **conditions,
         ends=ends,
         knots=tuple(s for s, _ in marks[1:-1]),
         unknown_guess=np.array([*problem.unknown_guesses, *sorted(corners)]),
         baseline=curve,
-        lifted=(x, symbols.y, speed, symbols.dy),
         corners=len(corners),
         note="corners at unknown abscissae",
         built={},
+        numbers=None,
     )
 
 

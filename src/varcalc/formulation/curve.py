@@ -12,6 +12,7 @@ from varcalc.conditions import At, Isoperimetric, OnSurface, Periodic, component
 from varcalc.formulation.form import (
     Form,
     Sampled,
+    Stated,
     end_conditions,
     extended,
     rewriter,
@@ -52,9 +53,11 @@ def curve_form(problem: Curve) -> Form:
     length = 2 * math.pi * radius if closed else float(np.linalg.norm(np.nan_to_num(points[1] - points[0]))) or 1.0
     return Form(
         problem=problem,
-        symbols=symbols,
-        integrand=functional**2 if energetic else functional + _price(problem, baseline, length) * _gauge(symbols),
-        functional=functional,
+        stated=Stated(
+            symbols,
+            functional**2 if energetic else functional + _price(problem, baseline, length) * _gauge(symbols),
+            functional,
+        ),
         sign=sign,
         span=(0.0, 1.0),
         **side_conditions(problem, rewrite),

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.conditions import Bound, Holonomic, Isoperimetric
+from varcalc.formulation.numbers import Numbers
 from varcalc.functional import Functional, Symbols
 from varcalc.problem import Problem
 from varcalc.tracing import Expression
@@ -70,23 +71,57 @@ class Elsewhere:
     alike: Callable[[np.ndarray], np.ndarray]
 
 
+class Stated:
+    """What a form says: its symbols, the ``integrand`` that is minimised, the ``functional`` that is reported.
+
+    ``lifted`` holds the person's abscissa and ordinates and their derivatives by s; None when they are the same.
+    """
+
+    def __init__(
+        self,
+        symbols: Symbols,
+        integrand: Expression,
+        functional: Expression,
+        lifted: tuple[Expression, Expression, Expression, Expression] | None = None,
+    ) -> None:
+        self.symbols, self.integrand, self.functional, self.lifted = symbols, integrand, functional, lifted
+        self.n = int(symbols.y.numel())
+        self.is_lifted, self.same_functional = lifted is not None, functional is integrand
+
+
+class StatedLater:
+    """What a form of ``n`` functions in coordinates of its own says, stated by ``make`` when it is first asked for.
+
+    A method that has the form's numbers need not ask.
+    """
+
+    is_lifted, same_functional = True, False
+
+    def __init__(self, n: int, make: Callable[[], Stated]) -> None:
+        self.n, self._make = n, make
+
+    def __getattr__(self, name: str) -> Any:
+        """One of the expressions, for which all of them are made."""
+        if name not in ("symbols", "integrand", "functional", "lifted"):
+            raise AttributeError(name)
+        self.__dict__.update(vars(self._make()))
+        return self.__dict__[name]
+
+
 @dataclass(frozen=True)
 class Form:
     """A functional on a fixed interval, ready for any method.
 
-    ``integrand`` is minimised; ``functional`` is what is reported, times
-    ``sign``. ``fixed_start[k, a]`` is the value of the k-th derivative of
-    function a at the start, NaN where it is free. ``knots`` are abscissae that
+    What is reported is the functional that is ``stated``, times ``sign``.
+    ``fixed_start[k, a]`` is the value of the k-th derivative of function a at
+    the start, NaN where it is free. ``knots`` are abscissae that
     must be vertices of every mesh, where slopes may jump; ``waypoints`` pairs of a knot
     and the values demanded there. ``baseline`` is the first curve to try and
-    ``bumps`` the directions in which to bend it. ``lifted`` holds the person's abscissa and
-    ordinates and their derivatives by s, in ``symbols``; None when they are the same.
+    ``bumps`` the directions in which to bend it.
     """
 
     problem: Functional
-    symbols: Symbols
-    integrand: Expression
-    functional: Expression
+    stated: Stated | StatedLater
     sign: float
     span: tuple[float, float]
     integrals: tuple[SideCondition, ...]
@@ -101,7 +136,6 @@ class Form:
     baseline: Sampled
     bumps: np.ndarray
     pull: Callable[[Sampled], Sampled]
-    lifted: tuple[Expression, Expression, Expression, Expression] | None = None
     note: str = ""
     energetic: bool = False
     """True when the integral of the square of the functional's integrand is what is minimised."""
@@ -124,19 +158,42 @@ class Form:
     elsewhere: Elsewhere | None = None
     """How the same expressions serve at other parameter values; None where they may not."""
 
+    numbers: Numbers | None = None
+    """The integrand as numbers, where they are known without its expression."""
+
+    @property
+    def symbols(self) -> Symbols:
+        """What the expressions are written in."""
+        return self.stated.symbols
+
+    @property
+    def integrand(self) -> Expression:
+        """What is minimised."""
+        return self.stated.integrand
+
+    @property
+    def functional(self) -> Expression:
+        """What is reported, times ``sign``."""
+        return self.stated.functional
+
+    @property
+    def lifted(self) -> tuple[Expression, Expression, Expression, Expression] | None:
+        """The person's abscissa and ordinates and their derivatives by s; None when they are the same."""
+        return self.stated.lifted
+
     @property
     def lift(self) -> ca.Function | None:
         """:attr:`lifted` as a function of (s, y, dy, unknowns, parameters)."""
-        if self.lifted is not None and "lift" not in self.built:
+        if self.stated.is_lifted and "lift" not in self.built:
             s = self.symbols
             arguments = [s.x, s.y, s.dy, s.unknowns, s.parameters]
-            self.built["lift"] = ca.Function("lift", arguments, [ca.densify(s.kind(e)) for e in self.lifted])
+            self.built["lift"] = ca.Function("lift", arguments, [ca.densify(s.kind(e)) for e in self.lifted or ()])
         return self.built.get("lift")
 
     @property
     def n(self) -> int:
         """Number of unknown functions of the form."""
-        return int(self.symbols.y.numel())
+        return self.stated.n
 
     @property
     def order(self) -> int:
@@ -146,12 +203,12 @@ class Form:
     @property
     def same_functional(self) -> bool:
         """True when what is minimised is what is reported."""
-        return self.functional is self.integrand
+        return self.stated.same_functional
 
     @property
     def plainly_reported(self) -> bool:
         """True when a curve is reported as it is minimised: the same functional, the same coordinates."""
-        return self.same_functional and self.lifted is None
+        return self.same_functional and not self.stated.is_lifted
 
     @property
     def has_inequalities(self) -> bool:

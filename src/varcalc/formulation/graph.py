@@ -11,6 +11,7 @@ import numpy as np
 from varcalc.conditions import Fixed, OnCurve, Periodic, Through, components
 from varcalc.formulation.form import (
     Form,
+    Stated,
     end_conditions,
     extended,
     rewriter,
@@ -18,8 +19,9 @@ from varcalc.formulation.form import (
     straight,
     through,
 )
+from varcalc.formulation.numbers import GraphNumbers
 from varcalc.functional import Functional
-from varcalc.problem import Problem
+from varcalc.problem import FEW_FUNCTIONS, Problem
 from varcalc.tracing import trace
 
 
@@ -36,9 +38,7 @@ def graph_form(problem: Problem) -> Form:
     waypoints = _waypoints(problem)
     return Form(
         problem=problem,
-        symbols=s,
-        integrand=integrand,
-        functional=integrand,
+        stated=Stated(s, integrand, integrand),
         sign=sign,
         span=problem.span,
         **side_conditions(problem, lambda expression, _: expression),
@@ -54,6 +54,7 @@ def graph_form(problem: Problem) -> Form:
         pull=lambda curve: curve,
         # where ends are moved nothing else changes: the expressions are in the problem's own symbols
         built=problem.built.setdefault("graph", {}) if ends is None else {},
+        numbers=GraphNumbers() if problem.order == 1 and problem.n <= FEW_FUNCTIONS and not problem.unknowns else None,
     )
 
 
@@ -86,9 +87,7 @@ def sliding_form(problem: Problem) -> Form:
     a, b = problem.span
     return Form(
         problem=problem,
-        symbols=symbols,
-        integrand=integrand,
-        functional=integrand,
+        stated=Stated(symbols, integrand, integrand, (x, symbols.y, width, symbols.dy)),
         sign=sign,
         span=(0.0, 1.0),
         **side_conditions(problem, rewrite),
@@ -102,7 +101,6 @@ def sliding_form(problem: Problem) -> Form:
         baseline=straight((0.0, 1.0), *guesses),
         bumps=np.eye(problem.n),
         pull=lambda curve: lambda s: curve(a + s * (b - a)),
-        lifted=(x, symbols.y, width, symbols.dy),
         note="abscissa unknown",
     )
 

@@ -27,6 +27,25 @@ ALIKE = 1e-6
 """Distance, in units of the curve, up to which two changes of variable send a curve to the same place."""
 
 
+SEEN_FORWARD = np.ones(1)
+"""A speed dx/ds for curves that have been seen not to turn back."""
+
+
+@dataclass(frozen=True)
+class Along:
+    """What was evaluated along a graph in the person's own coordinates, in the sense that is minimised, at Q points.
+
+    The abscissae ``x`` (Q,), ordinates and slopes (n, Q), L (Q,), its derivatives in the slopes, (n, Q) and (Q, n, n).
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    dy: np.ndarray
+    value: np.ndarray
+    momenta: np.ndarray
+    curvature: np.ndarray
+
+
 @dataclass(frozen=True)
 class Extremal:
     """An extremal of a form: what every method produces.
@@ -49,6 +68,8 @@ class Extremal:
     """dx/ds at a number of points, where the method has it at hand."""
     coefficients: np.ndarray | None = None
     """Those of the curve in the basis of :class:`varcalc.mesh.Space`, where it was found so on one element."""
+    along: Along | None = None
+    """What was evaluated along the curve last, where the method has it at hand."""
 
 
 class Deferred(Mapping[str, float]):
@@ -170,7 +191,7 @@ def in_coordinates_of(form: Form, extremal: Extremal) -> Sampled | None:
     which costs more than the solve that a curve is carried over for.
     """
     own = extremal.form
-    if own.lifted is None or form.lifted is None or (own.n, own.span) != (form.n, form.span):
+    if not (own.stated.is_lifted and form.stated.is_lifted) or (own.n, own.span) != (form.n, form.span):
         return None
     if len(form.unknown_guess) != len(extremal.unknowns):
         return None
@@ -211,7 +232,7 @@ def _abscissae_to_s(extremal: Extremal, x: np.ndarray) -> np.ndarray:
 
 def person_curve(extremal: Extremal) -> Callable[[np.ndarray, int], np.ndarray]:
     """The curve (or its slope) as a function of the person's abscissa."""
-    if extremal.form.lifted is None:
+    if not extremal.form.stated.is_lifted:
         return extremal.evaluate
 
     def curve(x: np.ndarray, derivative: int) -> np.ndarray:
@@ -248,7 +269,7 @@ def person_nodes(extremal: Extremal, nodes: np.ndarray) -> np.ndarray:
     )
     if fixed and len(nodes) == 2:
         return np.array(problem.span)
-    return nodes if extremal.form.lifted is None else lifted(extremal, nodes)[0]
+    return nodes if not extremal.form.stated.is_lifted else lifted(extremal, nodes)[0]
 
 
 def multipliers(extremal: Extremal) -> tuple[Any, ...]:
@@ -270,7 +291,7 @@ def _of_abscissa(extremal: Extremal, index: int) -> Callable[[Any], Any]:
 
     def multiplier(x: Any) -> Any:
         at = np.asarray(x, dtype=float)
-        if extremal.form.lifted is None:
+        if not extremal.form.stated.is_lifted:
             density = mu(at.ravel())
         else:  # a density in s is stated in the person's abscissa
             s = _abscissae_to_s(extremal, at.ravel())

@@ -18,7 +18,7 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.mesh import Space
-from varcalc.methods.answer import TURNED, Extremal, answer
+from varcalc.methods.answer import SEEN_FORWARD, TURNED, Extremal, answer
 from varcalc.methods.direct.batch import Basis, Batch, Evaluated, Places, Steps, positive
 from varcalc.methods.direct.bends import bends
 from varcalc.methods.direct.degeneracy import SOFT as SOFT_MODE
@@ -32,8 +32,6 @@ BEYOND = 1.5
 """Share of the highest degree beyond which no answer is looked for on one element."""
 ROUNDED = 1e-15
 """Step of a curve, relative in the metric, that the round-off of L's derivatives makes: slopes in units of L's own."""
-SEEN_FORWARD = np.ones(1)
-"""A speed dx/ds for curves that have been seen not to turn back."""
 
 
 @dataclass(frozen=True)
@@ -326,7 +324,7 @@ def reports_of(
     error = missing
     if not form.same_functional:
         error, scale = np.abs(values - (weights * beyond[:, :, 0]).sum(1)), np.abs(values)
-    if form.lifted is None:
+    if not form.stated.is_lifted:
         curve, graph = SAFETY * np.abs(moved).reshape(len(values), -1).max(1), np.ones(len(values), dtype=bool)
     else:
         forward = here[:, :, 2 + n]

@@ -30,7 +30,7 @@ class One:
         common = self.there.basis.numbers[: degree + 1].ravel()
         own = {int(a): int(b) for a, b in zip(self.here.basis.numbers.ravel(), common, strict=True)}
         self._carried = np.array([places[own[int(number)]] for number in self.here.basis.free], dtype=int)
-        self._report = None if form.same_functional and form.lifted is None else _Reported(self.there)
+        self._report = None if form.same_functional and not form.stated.is_lifted else _Reported(self.there)
 
     @classmethod
     def of(cls, form: Form, degree: int) -> One | None:

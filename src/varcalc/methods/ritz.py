@@ -18,6 +18,7 @@ from varcalc.formulation import Form, Sampled
 from varcalc.mesh import Space
 from varcalc.methods import family
 from varcalc.methods.answer import answer
+from varcalc.methods.direct import single
 from varcalc.methods.direct.batch import Places, prepare
 from varcalc.methods.direct.bends import ways
 from varcalc.methods.direct.degeneracy import degenerate
@@ -110,6 +111,11 @@ class Ritz:
         if not (self.plain and family.applies(form)):
             return None
         started = time.perf_counter()
+        if form.numbers is not None and not form.integrals:
+            with np.errstate(all="ignore"):
+                found = single.solved(form, tol, guess)
+            if found is not None:
+                return single.solution(form, self, found, time.perf_counter() - started)
         lowest = max(form.least_degree, 1)
         degree = min(d for d in DEGREES[form.order] if d >= lowest)
         space = Space(np.array(form.span), degree, form.n, form.order)

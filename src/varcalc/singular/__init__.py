@@ -28,12 +28,12 @@ from varcalc.singular.departure import departure
 from varcalc.singular.detection import (
     Blowup,
     Infinite,
+    Survey,
     almost_singular_ends,
     blowup,
     blowup_beyond,
     grows,
     homogeneous,
-    riemannian,
     singular_ends,
 )
 from varcalc.singular.energy import energy_forms
@@ -107,7 +107,7 @@ def _formulated(problem: Functional) -> Form:
         movable = form.energetic and form.ends is None
         places = Elsewhere(partial(_along_curve, problem), _formulated, partial(energetic_at, problem))
         return replace(form, elsewhere=places) if movable else form
-    if not isinstance(problem, Problem) or form.lifted is not None:
+    if not isinstance(problem, Problem) or form.stated.is_lifted:
         return form
 
     def placed(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -131,11 +131,13 @@ def _makers(problem: Functional) -> Makers:
     curve = isinstance(problem, Curve)
     if not (_plain(problem) if curve else isinstance(problem, Problem) and _simple(problem)):
         return _with_more(problem)
-    singular, beyond = singular_ends(problem), almost_singular_ends(problem)
+    seen = Survey(problem) if isinstance(problem, Problem) else None
+    singular = singular_ends(problem) if seen is None else seen.singular
+    beyond = almost_singular_ends(problem) if seen is None else seen.beyond
     both_fixed = isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)
     if not (any(singular) or any(beyond) or both_fixed):
         return [direct]
-    metric = riemannian(problem) if isinstance(problem, Problem) else homogeneous(problem)
+    metric = homogeneous(problem) if seen is None else seen.metric
     if metric is None:
         others = _others(problem, singular, both_fixed) if isinstance(problem, Problem) else []
         return [*others, direct] if any(singular) else [direct, *others]

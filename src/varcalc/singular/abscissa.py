@@ -15,7 +15,7 @@ from fractions import Fraction
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Form, Sampled, rewriter, straight
+from varcalc.formulation import Form, Sampled, Stated, rewriter, straight
 from varcalc.functional import Symbols
 from varcalc.problem import Problem
 from varcalc.singular.departure import Departure
@@ -24,10 +24,17 @@ from varcalc.singular.graph import factored_graph
 from varcalc.singular.offsets import gathered
 from varcalc.singular.powers import SLOPES_TRIED, scaling
 
+FEW_SLOPES = np.array([-1e6, -1e3, -1.0, -1e-3, 1e-3, 1.0, 1e3, 1e6])
+SAME = 1e-3
+"""Slopes by which it is seen that the momentum is the same at both distances, and its relative change that is none:
+the least power that counts, a twelfth, changes it by a third."""
+
 
 def abscissa_form(problem: Problem) -> Form | None:
     """The problem in t with x ~ t^b at one end or both; None when the abscissa itself serves."""
     start, end = end_points(problem)
+    if _regular(problem, [start, end]):
+        return None
     width = end[0] - start[0]
     exponents = [_exponent(problem, point, inward * width) for point, inward in ((start, 1.0), (end, -1.0))]
     singular = [e.denominator > 1 for e in exponents]
@@ -63,33 +70,38 @@ def abscissa_form(problem: Problem) -> Form | None:
         return pulled
 
     return Form(
-        problem=problem, symbols=symbols, integrand=integrand, functional=integrand, sign=sign, span=(0.0, 1.0),
+        problem=problem, stated=Stated(symbols, integrand, integrand, (x, y, speed, climb)), sign=sign, span=(0.0, 1.0),
         integrals=(), pathwise=(), fixed_start=(free if at_start else far)[None],
         fixed_end=(far if at_start else free)[None], ends=None, periodic=False, knots=(), waypoints=(),
         unknown_guess=problem.unknown_guesses, baseline=straight((0.0, 1.0), far, far), bumps=np.eye(1), pull=pull,
-        lifted=(x, y, speed, climb), note=f"x ~ t^{b}, y ~ t^{q}",
+        note=f"x ~ t^{b}, y ~ t^{q}",
         singular=(at_start, not at_start), weak_only=True,
     )  # fmt: skip
 
 
+def _regular(problem: Problem, ends: list[np.ndarray]) -> bool:
+    """Whether the momentum is the same at both distances from either end, whatever the slope: no power of x then."""
+    (x0, y0), (x1, y1), count = ends[0].tolist(), ends[1].tolist(), len(FEW_SLOPES)
+    steps = (x1 - x0) * np.array(PROBE)
+    x = np.concatenate([x0 + steps, x1 - steps]).repeat(count)
+    y = np.array([y0, y0, y1, y1]).repeat(count)
+    momenta = problem.integrand_derivatives(x, y[None], np.tile(FEW_SLOPES, 4)[None]).gradient[:, 2]
+    far, near = momenta.reshape(2, 2, count).swapaxes(0, 1)
+    return bool((np.abs(near - far) <= SAME * np.minimum(np.abs(near), np.abs(far))).all())
+
+
 def _exponent(problem: Problem, point: np.ndarray, inward: float) -> Fraction:
     """The power of the distance from one end that y grows with there, from L_y' = const; 1 where it is regular."""
-    s = problem.symbols
-    if "momentum" not in problem.built:
-        momentum = ca.gradient(problem.integrand, s.dy)
-        problem.built["momentum"] = ca.Function("momentum", [s.x, s.y, s.dy, s.parameters, s.unknowns], [momentum])
     # the level of the momentum is that of the chord half way: far from it another power may rule
     ends = np.array(end_points(problem))
     middle = ends.mean(0)
-    trial = float(np.diff(ends[:, 1])[0] / np.diff(ends[:, 0])[0]) or 1.0
-    numbers = (problem.parameter_values, problem.unknown_guesses)
-    level = float(problem.built["momentum"](middle[0], middle[1], trial, *numbers))
-    rows = []
-    for distance in PROBE:
-        slopes = math.copysign(1.0, trial) * SLOPES_TRIED
-        values = problem.built["momentum"](point[0] + distance * inward, point[1], slopes[None], *numbers)
-        rows.append(np.asarray(values).ravel())
-    slope = scaling(SLOPES_TRIED, rows, level)
+    trial = float((ends[1, 1] - ends[0, 1]) / (ends[1, 0] - ends[0, 0])) or 1.0
+    count = len(SLOPES_TRIED)
+    x = np.concatenate([middle[:1], (point[0] + inward * np.array(PROBE)).repeat(count)])
+    y = np.concatenate([middle[1:], np.full(2 * count, point[1])])
+    slopes = np.concatenate([[trial], np.tile(math.copysign(1.0, trial) * SLOPES_TRIED, 2)])
+    momenta = problem.integrand_derivatives(x, y[None], slopes[None]).gradient[:, 2]
+    slope = scaling(SLOPES_TRIED, list(momenta[1:].reshape(2, -1)), float(momenta[0]))
     if slope is None or not math.isfinite(slope) or slope <= -1:
         return Fraction(1)
     return Fraction(rational(1.0 + slope, 2 * LARGEST_DENOMINATOR)).limit_denominator(2 * LARGEST_DENOMINATOR)

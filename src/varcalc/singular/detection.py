@@ -14,7 +14,7 @@ import numpy as np
 from varcalc.buffered import Pointwise
 from varcalc.conditions import At, Fixed, Free, components
 from varcalc.functional import Functional
-from varcalc.problem import Curve, Problem
+from varcalc.problem import FEW_FUNCTIONS, Curve, Problem
 from varcalc.tracing import Expression
 
 PROBE = (1e-7, 1e-9)
@@ -47,6 +47,13 @@ A_FRACTION = 2e-3
 """Distance from a fraction of small denominator within which a measured power is that fraction."""
 ASIDE, STEEP = 0.05, 0.5
 """A step from an end, in units of the problem's size, that leaves less than this share of L: a singularity is near."""
+LOOKS = 10
+"""Times L is looked at next to an end: at it with five slopes, and about it with one."""
+AROUND = (
+    np.tile(np.vstack([np.zeros((5, 2)), ASIDE * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])]), (2, 1)),
+    np.concatenate([np.tile(np.concatenate([SLOPES, np.full(5, SLOPES[1])]), 2), SURVEY[2]])[None],
+)
+"""Offsets from the two ends in units of the problem's size, and the slopes there and across the problem."""
 GROWN = 1.2
 """Growth between the distances of PROBE beyond which L is taken to be infinite at an end: its 25th root."""
 STRAIGHT = 2e-3
@@ -91,6 +98,8 @@ def end_points(problem: Functional) -> list[np.ndarray]:
 
 def _end_point(end: Any, n: int) -> np.ndarray:
     if isinstance(end, Fixed):
+        if n == 1 and type(end.y) in (float, int):
+            return np.array([end.x, end.y], dtype=float)
         return np.array([float(end.x), *(np.nan if v is None else v for v in components("y", end.y))])
     return np.array([float(end.x) if isinstance(end, Free) else np.nan, *np.full(n, np.nan)])
 
@@ -153,12 +162,42 @@ def riemannian(problem: Problem) -> Metric | None:
 
     Where a maximum is asked for, it is -L that must be positive.
     """
-    start, end = _completed(problem)
-    (x, y), along, across, size = start, SURVEY[0], SURVEY[1], extent(problem)
-    values = problem.integrand_values(
-        x + along * (end[0] - x), (y + along * (end[1] - y) + size * across)[None], SURVEY[2][None]
-    )
-    values = -values if problem.maximise else values
+    return Survey(problem).metric
+
+
+class Survey:
+    """What L does at the ends of a graph of one function and between them, all looked at in one go.
+
+    ``singular`` and ``beyond`` are what :func:`singular_ends` and :func:`almost_singular_ends` tell.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        points, size = np.array(end_points(problem)), extent(problem)
+        start, end = _completed(problem)
+        around = points.repeat(LOOKS, axis=0) + size * AROUND[0]
+        across = start + SURVEY[0][:, None] * (end - start)
+        across[:, 1] += size * SURVEY[1]
+        places = np.concatenate([around, across])
+        values = problem.integrand_values(places[:, 0], places[:, 1:].T, AROUND[1])
+        ends = values[: 2 * LOOKS].reshape(2, -1)
+        known = ~np.isnan(points).any(1)
+        at, aside = ends[:, : len(SLOPES)], np.abs(ends[:, len(SLOPES) :])
+        infinite = np.logical_and(known, np.logical_not(np.all(np.isfinite(at), axis=1))).tolist()
+        self.singular: tuple[bool, bool] = (infinite[0], infinite[1])
+        least = np.fmin.reduce(aside, axis=1)
+        steep = np.isfinite(aside[:, 0]) & (least < STEEP * aside[:, 0])
+        self.beyond = bool(steep[0]), bool(steep[1])
+        self._across = values[2 * LOOKS :]
+
+    @property
+    def metric(self) -> Metric | None:
+        """The quadratic form L^2 dx^2, if it is one; see :func:`riemannian`."""
+        return _fitted(self.problem, -self._across if self.problem.maximise else self._across)
+
+
+def _fitted(problem: Problem, values: np.ndarray) -> Metric | None:
+    """The metric whose length L has the given ``values`` at the places of SURVEY; None where there is none."""
     sampled = values[: -len(ACROSS)].reshape(-1, len(SLOPES))
     squares = sampled[np.isfinite(sampled).all(1) & (sampled > 0).all(1)] ** 2
     if len(squares) < 2 or _passes_zero(values[-len(ACROSS) :]):
@@ -320,23 +359,33 @@ def traced_metric(problem: Functional, points: np.ndarray, parameters: np.ndarra
 
     ``parameters`` has one row for each point, or one for all.
     """
-    s = problem.symbols
+    count, n = points.shape[1], problem.n
+    numbers = parameters if len(parameters) == 1 else np.tile(parameters, (2, 1))
+    if isinstance(problem, Problem) and n <= FEW_FUNCTIONS:
+        twice, slopes = np.hstack([points, points]), np.repeat(ASLANT, count)
+        found = problem.integrand_derivatives(twice[0], twice[1:], np.tile(slopes, (n, 1)), numbers)
+        rows = found.rows[:, : 2 + n].reshape(2, count, -1)
+    else:
+        rows = _first_derivatives(problem, points, numbers).reshape(2, count, -1)
+    values = (rows[:, :, 0] ** 2).sum(0)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return values, 2 * np.einsum("dm,dmk->km", rows[:, :, 0], rows[:, :, 1:]) / values
+
+
+def _first_derivatives(problem: Functional, points: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    """The integrand and its gradient in the place, at points (d, m) in two directions; (2 m, 1 + d)."""
+    s, count = problem.symbols, points.shape[1]
     if "metric" not in problem.built:
         position = ca.vertcat(s.x, s.y) if isinstance(problem, Problem) else s.y
         rows = ca.vertcat(problem.integrand, ca.gradient(problem.integrand, position))
         problem.built["metric"] = Pointwise(ca.Function("metric", s.all, [ca.densify(rows)]))
-    count = points.shape[1]
     if isinstance(problem, Problem):
         slopes = np.tile(np.repeat(ASLANT, count)[:, None], (1, problem.n))
         place = [np.tile(points[:1].T, (2, 1)), np.tile(points[1:].T, (2, 1)), slopes]
     else:
         directions = np.vstack([np.ones(2), ASLANT]).T
         place = [np.zeros((1, 1)), np.tile(points.T, (2, 1)), np.repeat(directions, count, axis=0)]
-    numbers = parameters if len(parameters) == 1 else np.tile(parameters, (2, 1)), problem.unknown_guesses[None]
-    rows = problem.built["metric"](2 * count, *place, np.zeros((1, 0)), *numbers).reshape(2, count, -1)
-    values = (rows[:, :, 0] ** 2).sum(0)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        return values, 2 * np.einsum("dm,dmk->km", rows[:, :, 0], rows[:, :, 1:]) / values
+    return problem.built["metric"](2 * count, *place, np.zeros((1, 0)), numbers, problem.unknown_guesses[None])
 
 
 def rational(value: float, denominator: int = LARGEST_DENOMINATOR) -> float:

@@ -20,10 +20,11 @@ import casadi as ca
 import numpy as np
 
 from varcalc.conditions import Free, OnCurve, OnSurface
-from varcalc.formulation import Elsewhere, EndConditions, Form, Sampled, on_curve, rewriter, side_conditions, straight
+from varcalc.formulation import Elsewhere, EndConditions, Form, Sampled, Stated, StatedLater, on_curve, straight
 from varcalc.functional import Functional, Symbols
 from varcalc.problem import Problem
 from varcalc.singular.alike import alike, ends_at
+from varcalc.singular.conformal import ConformalNumbers
 from varcalc.singular.detection import LARGEST_DENOMINATOR, Blowup, Metric, end_points, extent
 from varcalc.singular.offsets import gathered
 from varcalc.tracing import Expression, trace
@@ -92,22 +93,6 @@ def _factors(ends: tuple[np.ndarray, np.ndarray], singular: tuple[bool, bool]) -
     return (blank, known) if singular[0] else (known, blank)
 
 
-@dataclass(frozen=True)
-class _Stated:
-    """A metric in coordinates of a form: what does not change when an end moves that the coordinates do not begin at.
-
-    ``lifted`` is the point of the plane and the velocity, ``square`` that of the length of the latter.
-    """
-
-    symbols: Symbols
-    square: Expression
-    integrand: Expression
-    functional: Expression
-    q: Expression
-    velocity: Expression
-    built: dict[Any, Any]
-
-
 def _stated(
     problem: Functional,
     metric: Metric,
@@ -115,17 +100,30 @@ def _stated(
     line: tuple[float, float],
     singular: tuple[bool, bool],
     factored: bool,
-) -> _Stated:
-    """The expressions of an energy form, made once for all parameter values at which they are the same.
+) -> tuple[StatedLater, dict[Any, Any]]:
+    """What an energy form says, and what is built from it: once for all parameter values at which it is the same.
 
-    They are stated in symbols, the parameters among them; only the chart, the kind of the metric and, with
+    It is stated in symbols, the parameters among them; only the chart, the kind of the metric and, with
     ``factored``, the coordinates xi of the ends (``line``: start, end) are found from numbers.
     """
     needed = () if not factored else line if all(singular) else (line[0] if singular[0] else line[1],)
     kept = problem.built.setdefault("energy forms", {})
     key = (metric.conformal, chart.key, singular, needed)
-    if key in kept:
-        return kept[key]
+    if key not in kept:
+        make = partial(_expressions, problem, metric, chart, line, singular, factored)
+        kept[key] = StatedLater(2, make), {}
+    return kept[key]
+
+
+def _expressions(
+    problem: Functional,
+    metric: Metric,
+    chart: Chart,
+    line: tuple[float, float],
+    singular: tuple[bool, bool],
+    factored: bool,
+) -> Stated:
+    """The energy, the length and the point of the plane with its velocity, in the chart's coordinates."""
     s = problem.symbols
     symbols = replace(Symbols.make(s.kind, 2, 1, 0, len(problem.unknowns)), parameters=s.parameters)
     q = chart.point(_factored(symbols, line, chart.growth, singular) if factored else symbols.y)
@@ -135,8 +133,10 @@ def _stated(
         square = gathered(square, symbols)
     # constant speed in tau ~ s^grade: the energy in tau, stated in s
     integrand = square / _grading(symbols.x, chart.grade, singular)
-    kept[key] = _Stated(symbols, square, integrand, ca.sqrt(square), q, velocity, {})
-    return kept[key]
+    lifted = (q[0], q[1], velocity[0], velocity[1])
+    if not isinstance(problem, Problem):
+        lifted = (symbols.x, q, s.kind(1), velocity)
+    return Stated(symbols, integrand, ca.sqrt(square), lifted)
 
 
 def _energy_form(
@@ -155,22 +155,19 @@ def _energy_form(
     of s are taken out; they are free at singular ends.
     """
     guess = _guessed(problem, chart)
-    stated = _stated(problem, metric, chart, (float(guess[0][0]), float(guess[1][0])), singular, factored)
-    symbols, q, velocity = stated.symbols, stated.q, stated.velocity
-    kind = symbols.kind
-    graph = isinstance(problem, Problem)
+    line = float(guess[0][0]), float(guess[1][0])
+    stated, built = _stated(problem, metric, chart, line, singular, factored)
     fixed = tuple(chart.coordinates(np.array(end_points(problem)).T).T)
     if factored:
         fixed = _factored_ends(fixed, guess, singular)
-    sliding = _sliding(problem, symbols, q)
+    sliding = _sliding(problem, stated)
     return Form(
         problem=problem,
-        symbols=symbols,
-        integrand=stated.integrand,
-        functional=stated.functional,
+        stated=stated,
         sign=-1.0 if problem.maximise else 1.0,
         span=(0.0, 1.0),
-        **side_conditions(problem, rewriter(problem, symbols, symbols.x, q, [velocity], kind(1))),
+        integrals=(),
+        pathwise=(),
         fixed_start=fixed[0][None, :],
         fixed_end=fixed[1][None, :],
         **_curves(problem, chart, singular=singular, graded=graded, factored=factored),
@@ -180,7 +177,6 @@ def _energy_form(
         waypoints=(),
         unknown_guess=problem.unknown_guesses,
         bumps=np.array([[0.0, 1.0]]),
-        lifted=(q[0], q[1], velocity[0], velocity[1]) if graph else (symbols.x, q, kind(1), velocity),
         note="energy" + (", regularised" if chart.power != 1.0 else "") + (", factored" if factored else ""),
         energetic=True,
         least_degree=math.ceil(chart.growth) + 1 if any(singular) and not factored else 1,
@@ -189,7 +185,8 @@ def _energy_form(
         # w and -w are one place: from a line beyond the ends a curve might reach the mirror image of its end
         one_sided=() if chart.power == 1.0 or chart.height is not None else (1,),
         # expressions for the ends that slide are made with the form
-        built=stated.built if sliding is None else {},
+        built=built if sliding is None else {},
+        numbers=_numbers(problem, metric, chart, line, singular, factored),
     )
 
 
@@ -226,10 +223,34 @@ def _guessed(problem: Functional, chart: Chart) -> tuple[np.ndarray, np.ndarray]
     return found[0], found[1]
 
 
-def _sliding(problem: Functional, symbols: Symbols, q: Expression) -> EndConditions | None:
+def _numbers(
+    problem: Functional,
+    metric: Metric,
+    chart: Chart,
+    line: tuple[float, float],
+    singular: tuple[bool, bool],
+    factored: bool,
+) -> ConformalNumbers | None:
+    """The energy as numbers, for a conformal metric next to one line along which a coordinate is zero.
+
+    Elsewhere constants have to be gathered before anything is rounded (:mod:`varcalc.singular.offsets`).
+    """
+    if not (isinstance(problem, Problem) and metric.conformal and not problem.unknowns and sum(singular) == 1):
+        return None
+    across = int(np.argmax(np.abs(chart.normal)))
+    if chart.height is not None or chart.normal[1 - across] != 0.0 or chart.origin[across] != 0.0:
+        return None
+    return ConformalNumbers(
+        chart.origin, chart.normal, chart.power, chart.growth, chart.grade, line, singular, factored
+    )
+
+
+def _sliding(problem: Functional, stated: StatedLater) -> EndConditions | None:
     """The equation of the curve that an end slides on."""
     if not any(isinstance(e, OnCurve | OnSurface) for e in (problem.start, problem.end)):
         return None
+    symbols, (x, y, _, _) = stated.symbols, stated.lifted
+    q = ca.vertcat(x, y) if isinstance(problem, Problem) else y
     kind = symbols.kind
     first, last = kind.sym("first", 2), kind.sym("last", 2)
     equations = []

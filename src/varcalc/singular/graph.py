@@ -21,6 +21,7 @@ from varcalc.formulation import (
     EndConditions,
     Form,
     Sampled,
+    Stated,
     end_conditions,
     extended,
     on_curve,
@@ -90,12 +91,13 @@ def factored_graph(problem: Problem, departures: tuple[Departure | None, Departu
     knots = {_parameter(place, x) for x in problem.breakpoints} | {w[0] for w in waypoints}
     singular = (departures[0] is not None, departures[1] is not None)
     return Form(
-        problem=problem, symbols=symbols, integrand=integrand, functional=integrand, sign=sign, span=(0.0, 1.0),
+        problem=problem, stated=Stated(symbols, integrand, integrand, (frame.x, y, speed, climb)), sign=sign,
+        span=(0.0, 1.0),
         **side_conditions(problem, rewrite), fixed_start=fixed[0][None], fixed_end=fixed[1][None],
         ends=_ends(problem, symbols, frame, (x0, x1)), periodic=False, knots=tuple(sorted(knots)), waypoints=waypoints,
         unknown_guess=np.array([*problem.unknown_guesses, *(float(e.x) for e in ends if isinstance(e, OnCurve))]),
         baseline=broken((0.0, 1.0), straight((0.0, 1.0), *guesses), waypoints), bumps=np.eye(problem.n),
-        pull=_pull(frame, place, singular), lifted=(frame.x, y, speed, climb), note="powers of t as factors",
+        pull=_pull(frame, place, singular), note="powers of t as factors",
         singular=singular, weak_only=True,
     )  # fmt: skip
 

@@ -13,7 +13,7 @@ from fractions import Fraction
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Form, Sampled, rewriter, straight
+from varcalc.formulation import Form, Sampled, Stated, rewriter, straight
 from varcalc.functional import Symbols
 from varcalc.problem import Problem
 from varcalc.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points, rational
@@ -58,12 +58,13 @@ def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form:
         return pulled
 
     return Form(
-        problem=problem, symbols=symbols, integrand=integrand, functional=integrand, sign=sign,
+        problem=problem,
+        stated=Stated(symbols, integrand, integrand, (x, y, speed, side * a * w ** (a - 1) * dw)), sign=sign,
         span=(0.0, root), integrals=(), pathwise=(),
         fixed_start=np.array([[fixed[0]]]), fixed_end=np.array([[fixed[1]]]),
         ends=None, periodic=False, knots=(), waypoints=(), unknown_guess=problem.unknown_guesses,
         baseline=straight((0.0, root), np.array([fixed[0]]), np.array([fixed[1]])),
-        bumps=np.eye(1), pull=pull, lifted=(x, y, speed, side * a * w ** (a - 1) * dw),
+        bumps=np.eye(1), pull=pull,
         note=f"powers x ~ t^{b}, y ~ w^{a}", singular=(at_start, not at_start),
     )  # fmt: skip
 

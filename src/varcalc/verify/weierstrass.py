@@ -19,6 +19,7 @@ from varcalc.columns import FewOrMany
 from varcalc.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.formulation import Form
 from varcalc.functional import Functional
+from varcalc.methods.answer import Along
 from varcalc.problem import Curve, Problem
 from varcalc.solution import Solution, Status, Verdict
 from varcalc.verify.setting import Setting
@@ -27,7 +28,7 @@ from varcalc.verify.verification import Excess
 TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 9), [0.0], np.geomspace(1e-2, 1e2, 9)])
 """Slopes tried, in units of the larger of 1 and the extremal's own."""
 FEW_TURNS = np.array([-20.0, 0.3, 4.0])
-"""The same, by which it is seen that the square of a Lagrangian is quadratic in a slope."""
+"""The same, by which it is seen that the square of a Lagrangian is quadratic in the slope."""
 NOISE = 1e-9
 """Relative excess below zero that is round-off or the curve's own error."""
 PLACES = 9
@@ -52,6 +53,8 @@ def vouched(solution: Solution, form: Form) -> Solution:
     problem = solution.problem
     tested = isinstance(problem, Problem) and problem.order == 1 and not any(problem.of_type(Holonomic))
     if not tested or form.energetic or solution.curve is None:
+        return solution
+    if _convex(solution):
         return solution
     x = _places(solution)
     fan = _Fan.of(solution, x)
@@ -119,6 +122,32 @@ def convinced(problem: Problem, x: np.ndarray, y: np.ndarray, slopes: np.ndarray
         # where L is no number for a slope there is no curve with it
         good[rest] = ~np.any(other - own[rest] - linear < -NOISE * size, axis=1)
     return good.reshape(count, places).all(1)
+
+
+def _convex(solution: Solution) -> bool:
+    """Whether L > 0 of one function is the root of a quadratic form in the slope, positive definite along the curve.
+
+    Its second derivative in the slope is the determinant of the form by L^3: of one sign for all slopes. No slope has
+    a negative excess then. Only what was evaluated along the curve is looked at, of a problem without constraints.
+    """
+    problem, extremal = solution.problem, solution.extremal
+    if extremal is None or extremal.form.problem is not problem or extremal.along is None:
+        return False
+    if not isinstance(problem, Problem) or problem.n != 1 or problem.constraints:
+        return False
+    along: Along = extremal.along
+    own, slope, curvature = along.value, along.momenta[0], along.curvature[:, 0, 0]
+    if not ((own > 0).all() and (curvature > 0).all()):
+        return False
+    step = FEW_TURNS[:, None] * np.maximum(1.0, np.abs(along.dy))
+    count = len(FEW_TURNS)
+    with np.errstate(all="ignore"):
+        others = problem.integrand_values(
+            np.tile(along.x, count), np.tile(along.y, count), (along.dy + step).reshape(1, -1)
+        ).reshape(step.shape)
+        square = own**2 + 2 * own * slope * step + (slope**2 + own * curvature) * step**2
+        quadratic = np.abs(others**2 - square) <= NOISE * square
+    return bool(quadratic.all() and (others < 0 if problem.maximise else others > 0).all())
 
 
 def _places(solution: Solution) -> np.ndarray:

@@ -40,7 +40,7 @@ def applies(form: Form) -> bool:
     bare = not (form.integrals or form.pathwise or form.knots or form.waypoints or form.corners or form.refused)
     plain = bare and form.ends is None and not form.periodic and not len(form.unknown_guess)
     fixed = not (np.isnan(form.fixed_start).any() or np.isnan(form.fixed_end).any())
-    return form.order == 1 and form.n == 1 and plain and fixed and not any(form.singular) and form.lifted is None
+    return form.order == 1 and form.n == 1 and plain and fixed and not any(form.singular) and not form.stated.is_lifted
 
 
 class Batch:

@@ -35,7 +35,7 @@ def size(form: Form) -> float:
     scale = max(spread, float(np.abs(line).max()) * 1e-3)
     problem_span = form.problem.span[1] - form.problem.span[0]
     # the parameter of a curve has no unit of length, and s of a lifted form has none either
-    unlike = form.lifted is not None or isinstance(form.problem, Curve)
+    unlike = form.stated.is_lifted or isinstance(form.problem, Curve)
     return scale if unlike and spread > 0.0 else max(scale, problem_span)
 
 

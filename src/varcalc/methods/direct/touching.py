@@ -42,7 +42,7 @@ MOST = 6
 def touchable(form: Form) -> bool:
     """Whether contacts can be looked for: a plain graph of one function under bounds on its position."""
     problem = form.problem
-    plain = isinstance(problem, Problem) and problem.n == 1 and problem.order == 1 and form.lifted is None
+    plain = isinstance(problem, Problem) and problem.n == 1 and problem.order == 1 and not form.stated.is_lifted
     if not plain or form.knots or form.ends is not None or any(not c.equality for c in form.integrals):
         return False
     bounds = all(isinstance(problem.constraints[c.index], Bound) for c in form.pathwise)
