@@ -1,7 +1,9 @@
 """Gauss rules, the hierarchical basis, and spaces of piecewise polynomials."""
 
 import math
+from functools import partial
 
+import mpmath
 import numpy as np
 import pytest
 from numpy.polynomial import legendre
@@ -43,6 +45,17 @@ def test_lobatto_nodes() -> None:
         assert np.all(np.diff(nodes) > 0)
         derivative = legendre.legder([0.0] * degree + [1.0])
         assert np.abs(legendre.legval(nodes[1:-1], derivative)).max() < 1e-11 * degree**2
+
+
+@pytest.mark.parametrize("count", [2, 13, 40, 61])
+def test_gauss_is_right_to_round_off_next_to_the_ends_too(count: int) -> None:
+    nodes, weights = gauss(count)
+    with mpmath.workdps(40):
+        for node, weight in zip(nodes[:3], weights[:3], strict=False):
+            x = mpmath.findroot(partial(mpmath.legendre, count), mpmath.mpf(float(node)))
+            slope = count * (mpmath.legendre(count - 1, x) - x * mpmath.legendre(count, x)) / (1 - x**2)
+            assert abs(node - x) <= 1.2e-16
+            assert abs(weight * (1 - x**2) * slope**2 / 2 - 1) <= 4e-16
 
 
 @pytest.mark.parametrize("smoothness", [1, 2])

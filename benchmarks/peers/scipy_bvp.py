@@ -14,6 +14,7 @@ from scipy.integrate import solve_bvp
 
 from peers.adapter import Adapter, NotSolvedError
 from tasks import GRAVITY, TASKS, Descent, Graph, Task
+from varcalc.instructions import Vectorised
 
 NODES = 10000
 """Nodes after which solve_bvp gives up; a step there takes seconds."""
@@ -21,7 +22,7 @@ NODES = 10000
 
 @lru_cache(maxsize=16)
 def acceleration(name: str) -> Any:
-    """(x, y, y', multiplier) to y'', the cost and the held integrand, for a task by its name; compiled by nothing."""
+    """(x, y, y', multiplier) to y'', the cost and the held integrand, for a task by its name: NumPy on all nodes."""
     task = TASKS[name](1.0)
     assert isinstance(task, Graph)
     x, y, u, k = (ca.SX.sym(letter) for letter in "xyuk")
@@ -30,7 +31,9 @@ def acceleration(name: str) -> Any:
     total = cost + k * held
     slope = ca.gradient(total, u)
     second = ca.gradient(total, y) - ca.gradient(slope, x) - u * ca.gradient(slope, y)
-    return ca.Function("second", [x, y, u, k], [second / ca.gradient(slope, u), cost, held])
+    return Vectorised(
+        ca.Function("second", [x, y, u, k], [ca.densify(e) for e in (second / ca.gradient(slope, u), cost, held)])
+    )
 
 
 def build(task: Task, tolerance: float) -> Any:
@@ -44,8 +47,8 @@ def graph(task: Graph, tolerance: float) -> Any:
 
     def rates(x: np.ndarray, s: np.ndarray, p: Any = None) -> np.ndarray:
         k = np.full(x.size, p[0]) if levelled else np.zeros(x.size)
-        found = [np.asarray(v).ravel() for v in second(x[None], s[0][None], s[1][None], k[None])]
-        return np.vstack([s[1], *found[: 3 if levelled else 2]])
+        found = second(x, s[0], s[1], k)
+        return np.array([s[1], *(v + np.zeros_like(x) for v in found[: 3 if levelled else 2])])
 
     def ends(a: np.ndarray, b: np.ndarray, p: Any = None) -> np.ndarray:
         known = [a[0] - task.start[1], b[0] - task.end[1], a[2]]

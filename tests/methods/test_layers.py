@@ -59,12 +59,13 @@ def airy(left, right):
         return float((rates[1] - rates[0]) / 2)
 
 
+@pytest.mark.parametrize("method", [vc.Collocation(), vc.Ritz()])
 @pytest.mark.parametrize(("left", "right"), [(1e-4, 1.0), (1.0, 1e-4), (1e-3, 1e-4)])
-def test_a_layer_that_is_wider_at_one_end(left, right):
+def test_a_layer_that_is_wider_at_one_end(left, right, method):
     problem = vc.Problem(
         lambda x, y, dy: (dy**2 + y**2 * ((1 - x) / left + x / right)) / 2, vc.Fixed(0, 1), vc.Fixed(1, 1)
     )
-    solution = vc.solve(problem, vc.Collocation(), tol=1e-11)
+    solution = vc.solve(problem, method, tol=1e-11)
     assert abs(solution.value - airy(left, right)) <= solution.error.value
 
 

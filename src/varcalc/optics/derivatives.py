@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.instructions import Vectorised
+from varcalc.mesh import gauss
 from varcalc.optics.legs import Leg
 from varcalc.optics.media import Medium
 from varcalc.optics.surfaces import Surface
@@ -73,7 +74,7 @@ def _integral(leg: Leg, rates: Callable[[np.ndarray], np.ndarray]) -> np.ndarray
 def _smooth_part(leg: Leg, rates: Callable[[np.ndarray], np.ndarray], low: float, high: float) -> np.ndarray:
     known, gap = np.full(1, np.nan), np.inf
     for count in NODES:
-        nodes, weights = np.polynomial.legendre.leggauss(count)
+        nodes, weights = gauss(count)
         values = rates(leg.at(low + (high - low) * (nodes + 1) / 2).position)
         integral, size = ((high - low) / 2 * (weights @ v) for v in (values, np.abs(values)))
         gap = float(np.max(np.abs(integral - known)) / (np.max(size) or 1.0))

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from varcalc.mesh import gauss
 from varcalc.optics.turning_points import Way
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+NODES, WEIGHTS = gauss(16)
 AGREED = 1e-13
 """Of an integral: how well a panel must agree with its halves, which are better still."""
 HALVINGS = 40
