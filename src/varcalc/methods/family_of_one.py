@@ -6,8 +6,11 @@ solution nearby has none here, and is left to the family.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotrs
 
 from varcalc.buffered import BufferedCall
 from varcalc.formulation import Form
@@ -89,7 +92,7 @@ class One:
         soft = there.hessians.copy()
         soft[:, n:, n:] -= SOFT_MODE * top
         soft[:, :n, :n] -= (SOFT_MODE / there.length**2) * top
-        if not (np.isfinite(value) and there.legendre()) or dpotrf(there.assembled(soft).T, lower=1)[1]:
+        if not (np.isfinite(value) and there.legendre()) or _lapack()[0](there.assembled(soft).T, lower=1)[1]:
             return None
         gradient = there.gradient()
         step = _solved(there.assembled(there.hessians), gradient)
@@ -149,8 +152,17 @@ class _Reported:
 
 def _solved(hessian: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
     """The Newton step; None where the Hessian is not positive definite, or something is no number."""
+    dpotrf, dpotrs = _lapack()
     factor, failed = dpotrf(hessian.T, lower=1)
     if failed:
         return None
     step = dpotrs(factor, gradient, lower=1)[0]
     return -step if np.isfinite(step).all() else None
+
+
+@lru_cache(maxsize=1)
+def _lapack() -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """LAPACK's own factorisation by Cholesky and its solution: they take a tenth of the time of NumPy's."""
+    from scipy.linalg.lapack import dpotrf, dpotrs  # loaded by the first call, not with the package
+
+    return dpotrf, dpotrs

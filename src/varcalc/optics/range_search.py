@@ -9,7 +9,10 @@ from varcalc.optics.media import Medium, Radial
 from varcalc.optics.model import DoesNotApply, Question
 from varcalc.optics.profile import Profile
 from varcalc.optics.ranges import Launch, Range, launches
-from varcalc.optics.ray import Rays
+from varcalc.optics.ray import Ray, Rays
+
+MET = 1e-6
+"""Of the distance of two points: a ray that misses the second by more was none."""
 
 
 def found_by_range(question: Question, *, easy: bool = False) -> Rays:
@@ -24,16 +27,24 @@ def found_by_range(question: Question, *, easy: bool = False) -> Rays:
             "some rays come to rest along a layer, and the range function is no simple one; take Hamilton()"
         )
     found = launches(frame.profile, frame.heights, frame.distance, question.within)
-    rays = sorted(
-        (question.ray(frame.heading(launch), launch.path, launch.touching) for launch in found.found),
-        key=lambda ray: ray.optical_path,
-    )
+    carried = [question.ray(frame.heading(launch), launch.path, launch.touching) for launch in found.found]
+    rays = sorted((ray for ray in carried if _arrives(ray, question)), key=lambda ray: ray.optical_path)
+    unresolved = found.unresolved + len(carried) - len(rays)
     searched = (
-        f"all launching angles by the range function ({found.looked_at} looked at, {found.unresolved} narrow "
+        f"all launching angles by the range function ({found.looked_at} looked at, {unresolved} narrow "
         f"intervals left unresolved), optical paths up to {question.within:.6g}"
     )
     reason = "" if rays else f"shadow: no ray of the source comes to B (searched: {searched})"
-    return Rays(tuple(rays), reason, searched, found.continuum, found.unresolved)
+    return Rays(tuple(rays), reason, searched, found.continuum, unresolved)
+
+
+def _arrives(ray: Ray, question: Question) -> bool:
+    """Whether a ray, carried, meets the point: radial ones, at the rim of the range function, may not."""
+    if not ray.legs:
+        return False
+    last = ray.legs[-1]
+    miss = np.linalg.norm(last.at(np.array([last.length])).position[0] - question.b)
+    return bool(miss <= MET * np.linalg.norm(question.b - question.a))
 
 
 class Frame:
