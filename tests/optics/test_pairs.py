@@ -44,8 +44,10 @@ def test_without_a_range_nothing_is_left_unresolved():
 
 
 def test_the_image_in_a_fish_eye_has_one_continuum_for_each_turn():
-    rays = FISH_EYE.rays((0.5, 0), (-2, 0), within=10 * np.pi)
+    source = np.array([0.6, 0.3])
+    rays = FISH_EYE.rays(source, -source / (source @ source), within=10 * np.pi)
     assert rays.continuum
+    assert rays.unresolved == 0
     np.testing.assert_allclose([ray.optical_path for ray in rays], np.pi * np.arange(1, 10, 2), rtol=1e-11)
 
 

@@ -11,6 +11,8 @@ from varcalc.optics.profile import Profile
 from varcalc.optics.ranges import Launch, Range, launches
 from varcalc.optics.ray import Ray, Rays
 
+ROUND_OFF = 1e-13
+"""Of the distance of two points: what they lie apart along layers is none."""
 MET = 1e-6
 """Of the distance of two points: a ray that misses the second by more was none."""
 
@@ -71,7 +73,8 @@ class Frame:
             across = np.append((b - a)[:-1], 0.0)
             self.distance = float(np.linalg.norm(across))
         length = float(np.linalg.norm(across))
-        self.ahead = across / length if length > 0 else frames(self.up[None, :])[0, 0]
+        upright = length <= ROUND_OFF * np.linalg.norm(b - a)  # what is left of it has no direction
+        self.ahead = frames(self.up[None, :])[0, 0] if upright else across / length
 
     def heading(self, launch: Launch) -> np.ndarray:
         """The unit vector along which a ray leaves the first point."""
