@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import casadi as ca
+import mpmath
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -539,3 +540,13 @@ def test_a_lagrangian_linear_in_the_slope_is_called_singular(ends: tuple[float, 
 def test_a_total_derivative_fixes_no_curve() -> None:
     solution = vc.solve(vc.Problem(lambda x, y, dy: y * dy, vc.Fixed(0, 0), vc.Fixed(1, 1)), throw=False)
     assert solution.verdict is vc.Verdict.SINGULAR
+
+
+def test_a_lagrangian_that_overflows_for_steep_slopes():
+    """L = e^y' + y: e^y' = x + c, and c follows from the ends; warnings are errors here."""
+    with mpmath.workdps(30):
+        c = mpmath.findroot(lambda c: (1 + c) * mpmath.log(1 + c) - c * mpmath.log(c) - 2, 2.0)
+        y = lambda x: (x + c) * mpmath.log(x + c) - c * mpmath.log(c) - x  # noqa: E731
+        exact = float(mpmath.quad(lambda x: x + c + y(x), [0, 1]))
+    solution = vc.solve(vc.Problem(lambda x, y, dy: ca.exp(dy) + y, vc.Fixed(0, 0), vc.Fixed(1, 1)), tol=1e-10)
+    assert abs(solution.value - exact) <= solution.error.value + 1e-15

@@ -14,10 +14,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, TypeGuard
 
-import casadi as ca
 import numpy as np
 
-from varcalc.buffered import Pointwise
 from varcalc.conditions import Fixed
 from varcalc.functional import Functional
 from varcalc.mesh import gauss
@@ -28,8 +26,6 @@ STEEP = (1e6, 1e8)
 """Slopes, in units of the problem's own, at which linear growth is recognised."""
 LINEAR = 1e-4
 """Relative difference of L / |v| at the two slopes that is linear growth."""
-MANY = 512
-"""Points at which L is evaluated in one go."""
 LEVELS = 33
 REACH = 3.0
 """How far beyond the ends levels are looked at, in units of the problem's size."""
@@ -125,13 +121,7 @@ class _Family:
 
     def _values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
         """L at points, all of shape (m,)."""
-        problem = self.problem
-        if "L at many points" not in problem.built:
-            function = ca.Function("L", problem.symbols.all, [problem.integrand])
-            problem.built["L at many points"] = Pointwise(function, MANY)
-        blank, numbers = np.zeros((1, 0)), problem.parameter_values[None]
-        rows = problem.built["L at many points"](len(x), x[:, None], y[:, None], v[:, None], blank, numbers, blank)
-        return self.sign * rows[:, 0]
+        return self.sign * self.problem.integrand_values(x, y[None], v[None])
 
     def at(self, levels: np.ndarray, rule: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
         """The functional of the broken curves at levels (m,); NaN beyond where a jump no longer costs anything."""

@@ -87,7 +87,8 @@ def _regular(problem: Problem, ends: list[np.ndarray]) -> bool:
     y = np.array([y0, y0, y1, y1]).repeat(count)
     momenta = problem.integrand_derivatives(x, y[None], np.tile(FEW_SLOPES, 4)[None]).gradient[:, 2]
     far, near = momenta.reshape(2, 2, count).swapaxes(0, 1)
-    return bool((np.abs(near - far) <= SAME * np.minimum(np.abs(near), np.abs(far))).all())
+    with np.errstate(invalid="ignore"):  # infinite ones are not the same
+        return bool((np.abs(near - far) <= SAME * np.minimum(np.abs(near), np.abs(far))).all())
 
 
 def _exponent(problem: Problem, point: np.ndarray, inward: float) -> Fraction:
