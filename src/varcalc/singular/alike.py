@@ -140,7 +140,7 @@ class _Measurement:
         self.flat = self.kind.sym("ends", 2 * (1 + self.n))
         self.parameters = self.kind.sym("parameters", len(problem.parameters))
         self.points = ca.reshape(self.flat, 1 + self.n, 2)
-        apart = [abs(self.points[k, 1] - self.points[k, 0]) for k in np.flatnonzero(self.known.all(0)).tolist()]
+        apart = [ca.fabs(self.points[k, 1] - self.points[k, 0]) for k in np.flatnonzero(self.known.all(0)).tolist()]
         self.extent = reduce(ca.fmax, apart, self.kind(0))
         s = problem.symbols
         rows = ca.vertcat(problem.integrand, ca.gradient(problem.integrand, ca.vertcat(s.x, s.y)))
@@ -179,7 +179,7 @@ class _Measurement:
     def _inside(self, end: int) -> Expression:
         """Whether L is a number at an end, however it is approached."""
         n = self.n
-        size = reduce(ca.fmax, [abs(self.points[1 + k, end]) for k in range(n)], self.kind(1))
+        size = reduce(ca.fmax, [ca.fabs(self.points[1 + k, end]) for k in range(n)], self.kind(1))
         offsets = np.vstack([np.zeros(1 + 2 * n), np.hstack([np.zeros((n, 1)), np.eye(n), -np.eye(n)])])
         rise = self.points[1:, 1] - self.points[1:, 0]
         rise = ca.vertcat(*(rise[k] if self.known[:, 1 + k].all() else self.kind(0) for k in range(n)))
@@ -198,7 +198,7 @@ class _Measurement:
         """Whether L falls so steeply from an end that it may be infinite just beyond, of one function."""
         offsets = np.array([[0.0, 1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0, -1.0]])
         place = self._around(end, ASIDE * self.extent, offsets)
-        values = abs(self._evaluated(self.lagrangian, *place, ca.DM(np.full((1, 5), SLOPES[1]))))
+        values = ca.fabs(self._evaluated(self.lagrangian, *place, ca.DM(np.full((1, 5), SLOPES[1]))))
         here = values[0]
         return ca.logic_and(_finite(here), _any(values < STEEP * here))
 
