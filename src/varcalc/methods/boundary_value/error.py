@@ -31,6 +31,8 @@ NEGLIGIBLE = 1e-10
 """Relative correction below which the ratio says nothing but round-off."""
 SETTLED = 1e-14
 """Relative size of the next simplified correction that leaves a root as good as any."""
+UNMET = 1e-6
+"""Share of the residual that the correction of a singular system may leave."""
 SAFETY = 1.5
 """The correction leaves out what lies beyond the richer space."""
 EPSILON = float(np.finfo(float).eps)
@@ -99,10 +101,11 @@ def assess(level: Level, scales: Scales) -> Assessment | None:
     own = replace(scales)
     own.grow(system, z)
     weights = own.weights(system)
-    solve = factorised(system, before, weights) if before.finite else None
-    if solve is None:
+    solve = factorised(system, before, weights, regular=True) if before.finite else None
+    step = _shifting(system, before, weights) if solve is None else -solve(before.rows)
+    solve = solve or factorised(system, before, weights)
+    if solve is None or step is None:
         return None
-    step = -solve(before.rows)
     after = system.evaluate(z + step)
     correction = measure(weights, step)
     if not (after.finite and math.isfinite(correction)):
@@ -128,6 +131,21 @@ def assess(level: Level, scales: Scales) -> Assessment | None:
         z=z + step + simplified,
         settled=contraction * smaller <= SETTLED,
     )  # fmt: skip
+
+
+def _shifting(system: CollocationSystem, before: Residual, weights: np.ndarray) -> np.ndarray | None:
+    """The correction where the Jacobian is singular; None where it leaves conditions unmet.
+
+    Curves that may be shifted leave a direction free, and none of the conditions depends on it. Next to a resonance
+    there is one that no curve meets, and a step that leaves the direction out would hide that.
+    """
+    solve = factorised(system, before, weights) if before.finite else None
+    if solve is None:
+        return None
+    step, matrix = -solve(before.rows), system.dense(before)
+    unit = np.maximum(np.abs(matrix).max(1), 1e-300)
+    left = np.abs((matrix @ step + before.rows) / unit).max()
+    return step if left <= UNMET * np.abs(before.rows / unit).max() else None
 
 
 def rounding(system: CollocationSystem, at: Residual, multipliers: np.ndarray) -> float:

@@ -86,8 +86,13 @@ def measure(weights: np.ndarray, step: np.ndarray) -> float:
         return math.sqrt(float(changes @ changes) / count)
 
 
-def factorised(system: CollocationSystem, residual: Residual, weights: np.ndarray) -> Solve | None:
-    """The inverse of the Jacobian, rows and columns scaled to one; None where it is not a matrix of numbers."""
+def factorised(
+    system: CollocationSystem, residual: Residual, weights: np.ndarray, *, regular: bool = False
+) -> Solve | None:
+    """The inverse of the Jacobian, rows and columns scaled to one; None where it is not a matrix of numbers.
+
+    None as well where it is to be ``regular`` and round-off alone tells it from a singular one.
+    """
     columns = (
         1.0 / weights if weights.min() > 0.0 else np.divide(1.0, weights, np.ones_like(weights), where=weights > 0)
     )
@@ -103,23 +108,36 @@ def factorised(system: CollocationSystem, residual: Residual, weights: np.ndarra
     heights = np.abs(matrix).max(0)
     heights[heights == 0.0] = 1.0
     matrix /= heights
-    inverse = _solver(matrix)
+    inverse = _eliminated(matrix)
+    if inverse is None and regular:
+        return None
+    inverse = inverse or _pseudo_inverse(matrix)
     scale = columns / heights
     return lambda b: scale * inverse(b / rows)
 
 
 def _solver(matrix: np.ndarray) -> Solve:
     """The solution of linear equations: by elimination, by the pseudo-inverse where they are singular."""
+    return _eliminated(matrix) or _pseudo_inverse(matrix)
+
+
+def _pseudo_inverse(matrix: np.ndarray) -> Solve:
+    inverse = np.linalg.pinv(matrix, rcond=SINGULAR)
+    return lambda b: inverse @ b
+
+
+def _eliminated(matrix: np.ndarray) -> Solve | None:
+    """The solution of linear equations by elimination; None where they are singular but for round-off."""
     from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
 
     # the transpose is what LAPACK takes without a copy
     factors, pivots, failed = dgetrf(matrix.T)
-    if not failed:
-        condition, failed = dgecon(factors, float(np.abs(matrix).sum(1).max()))
-        if not failed and condition > SINGULAR:
-            return lambda b: dgetrs(factors, pivots, b, trans=1)[0]
-    inverse = np.linalg.pinv(matrix, rcond=SINGULAR)
-    return lambda b: inverse @ b
+    if failed:
+        return None
+    condition, failed = dgecon(factors, float(np.abs(matrix).sum(1).max()))
+    if failed or condition <= SINGULAR:
+        return None
+    return lambda b: dgetrs(factors, pivots, b, trans=1)[0]
 
 
 def _banded(system: CollocationSystem, residual: Residual, columns: np.ndarray) -> Solve | None:
