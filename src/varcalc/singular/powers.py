@@ -16,8 +16,8 @@ import numpy as np
 from varcalc.formulation import Form, Sampled, Stated, rewriter, straight
 from varcalc.functional import Symbols
 from varcalc.problem import Problem
+from varcalc.singular.chart import combination
 from varcalc.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points, rational
-from varcalc.singular.energy import combination
 from varcalc.singular.offsets import gathered
 
 SLOPES_TRIED = np.geomspace(1e-9, 1e9, 400)
