@@ -23,19 +23,17 @@ from varcalc.conditions import (
     CurveEnd,
     End,
     Fixed,
-    Free,
     Isoperimetric,
     OnCurve,
     OnSurface,
-    Periodic,
     Through,
     components,
-    finite,
-    is_vector,
     sequence,
 )
 from varcalc.consistency import Place, check_places
+from varcalc.derivatives import Derivatives
 from varcalc.functional import Functional
+from varcalc.shape import check_slopes, curve_dimension, curve_point, dimension, inside, span_of
 from varcalc.tracing import Expression, trace
 
 SAME = 1e-12
@@ -48,34 +46,6 @@ FEW_FUNCTIONS = 3
 """Unknown functions up to which it is cheaper to take all derivatives of L than to state those that are asked for."""
 FEW, MANY = 32, 128
 """Points at which derivatives, and values, are taken in one go: a small problem's curve has no more than few."""
-
-
-class Derivatives:
-    """A function with its first and second derivatives in ``k`` variables at ``m`` points.
-
-    ``rows`` (m, 1 + k + k^2) are the value, the gradient and the columns of the Hessian.
-    """
-
-    def __init__(self, rows: np.ndarray) -> None:
-        self.rows = rows
-        self.k = math.isqrt(rows.shape[1] - 1)
-        if self.k * (self.k + 1) + 1 != rows.shape[1]:
-            raise ValueError(f"{rows.shape[1]} entries are no value with a gradient and a Hessian")
-
-    @property
-    def value(self) -> np.ndarray:
-        """The function itself, (m,)."""
-        return self.rows[:, 0]
-
-    @property
-    def gradient(self) -> np.ndarray:
-        """Shape (m, k)."""
-        return self.rows[:, 1 : 1 + self.k]
-
-    @property
-    def hessian(self) -> np.ndarray:
-        """Shape (m, k, k)."""
-        return self.rows[:, 1 + self.k :].reshape(-1, self.k, self.k)
 
 
 class Problem(Functional):
@@ -124,9 +94,9 @@ class Problem(Functional):
         if isinstance(order, bool) or not isinstance(order, int | np.integer) or order not in (1, 2):
             raise ValueError(f"order must be 1 or 2, not {order!r}")
         self.order = int(order)
-        self.n, self.scalar = _dimension(start, end)
+        self.n, self.scalar = dimension(start, end)
         self._level = np.zeros((1, self.n if self.order == 2 else 0))
-        _check_slopes(start, end, order)
+        check_slopes(start, end, order)
         self.breakpoints = sequence(
             "breakpoints", breakpoints
         )  # checked with the ends, whose coordinates may be parameters
@@ -142,15 +112,15 @@ class Problem(Functional):
 
     def placed_ends(self) -> tuple[Any, Any]:  # noqa: D102
         start, end = super().placed_ends()
-        self.span = _span(start, end)
-        self.breakpoints = _inside("breakpoints", self.breakpoints, self.span, start, end)
+        self.span = span_of(start, end)
+        self.breakpoints = inside("breakpoints", self.breakpoints, self.span, start, end)
         return start, end
 
     def check_ends(self) -> None:  # noqa: D102
         for i, c in enumerate(self.constraints):
             if isinstance(c, Through):
                 self._check_beside_ends(i, c)
-                _inside(f"constraints[{i}].x (Through)", (c.x,), self.span, self.start, self.end)
+                inside(f"constraints[{i}].x (Through)", (c.x,), self.span, self.start, self.end)
         self._check_domain()
 
     def _end_symbols(self) -> list[Expression]:
@@ -164,7 +134,7 @@ class Problem(Functional):
                 if len(components("Through.y", c.y)) != self.n:
                     raise ValueError(f"constraints[{i}]: Through.y must have {self.n} components")
                 self._check_beside_ends(i, c)
-                _inside(f"constraints[{i}].x (Through)", (c.x,), self.span, self.start, self.end)
+                inside(f"constraints[{i}].x (Through)", (c.x,), self.span, self.start, self.end)
                 if any(isinstance(d, Through) and d.x == c.x for d in checked[:i]):
                     raise ValueError(
                         f"constraints[{i}]: there is another Through at x = {c.x}; give one for each abscissa"
@@ -297,7 +267,7 @@ class Curve(Functional):
         maximise: bool = False,
         name: str = "",
     ) -> None:
-        self.n = _curve_dimension(start, end)
+        self.n = curve_dimension(start, end)
         self.scalar = False
         self.span = (0.0, 1.0)
         super().__init__(lagrangian, start, end, constraints, parameters, unknowns, end_cost, maximise, name)
@@ -356,7 +326,7 @@ class Curve(Functional):
         """Compare F(q, 3 dq) with 3 F(q, dq) at points near the ends, in several directions."""
         s = self.symbols
         function = ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [expression])
-        ends = [_curve_point(e) for e in (self.start, self.end)]
+        ends = [curve_point(e) for e in (self.start, self.end)]
         places = [np.zeros(self.n) if p is None else p for p in ends]
         scale = max(1.0, *(float(np.abs(p).max()) for p in places))
         # a low-discrepancy spread of places and directions: enough to catch any formula that is not homogeneous
@@ -383,77 +353,3 @@ class Curve(Functional):
 def _nudges(n: int) -> np.ndarray:
     """Steps off an end: none, and one either way in each of ``n`` ordinates; (1 + 2 n, n)."""
     return NUDGE * np.vstack([np.zeros(n), *(sign * row for row in np.eye(n) for sign in (1.0, -1.0))])
-
-
-def _dimension(start: Any, end: Any) -> tuple[int, bool]:
-    """Number of unknown functions, and whether they are handed over as scalars."""
-    told: list[tuple[str, int, bool | None]] = []  # where only n is told, a single y may be handed over either way
-    for label, e in (("start", start), ("end", end)):
-        if not isinstance(e, Fixed | Free | OnCurve | Periodic):
-            raise TypeError(f"{label} must be Fixed, Free, OnCurve or Periodic, not {e!r}")
-        if isinstance(e, Fixed):
-            told.append((label, len(components(f"{label}.y", e.y)), not is_vector(e.y)))
-        elif e.n is not None:
-            told.append((label, int(e.n), None))
-    if isinstance(start, Periodic) != isinstance(end, Periodic) or (isinstance(start, Periodic) and start != end):
-        raise ValueError("Periodic must be given as both ends, with the same abscissae")
-    if not told:
-        return 1, True
-    (first, n, scalar), (last, m, also) = told[0], told[-1]
-    if n != m:
-        raise ValueError(f"{first} has {n} components and {last} has {m}; both ends need the same form of y")
-    if scalar is not None and also is not None and scalar != also:
-        raise ValueError("one end gives y as a number and the other as a sequence; both ends need the same form of y")
-    return n, bool(scalar or also)
-
-
-def _span(start: Any, end: Any) -> tuple[float, float]:
-    if isinstance(start, Periodic):
-        if start.x0 is None or start.x1 is None:
-            raise ValueError("Periodic ends of a Problem need abscissae: Periodic(x0, x1)")
-        return float(start.x0), float(start.x1)
-    a, b = float(start.x), float(end.x)
-    if not a < b:
-        raise ValueError(f"the end must lie right of the start: start.x = {a}, end.x = {b}")
-    return a, b
-
-
-def _inside(name: str, values: Sequence[float], span: tuple[float, float], start: Any, end: Any) -> tuple[float, ...]:
-    marks = tuple(sorted({finite(name, v) for v in sequence(name, values)})) if values != () else ()
-    if marks and (isinstance(start, OnCurve) or isinstance(end, OnCurve)):
-        raise ValueError(f"{name}: abscissae inside the interval cannot be kept while an end slides on a curve")
-    for v in marks:
-        if not span[0] < v < span[1]:
-            raise ValueError(f"{name} = {v} must lie strictly between the ends, {span[0]} and {span[1]}")
-    return marks
-
-
-def _check_slopes(start: Any, end: Any, order: int) -> None:
-    for label, e in (("start", start), ("end", end)):
-        if isinstance(e, Fixed) and e.dy is not None and order == 1:
-            raise ValueError(f"{label}.dy cannot be fixed for a first-order Lagrangian; leave it out, or use order=2")
-
-
-def _curve_point(end: Any) -> np.ndarray | None:
-    """A point near the end of a Curve, zeros for free components, None for a closed curve."""
-    if isinstance(end, At):
-        return np.array([0.0 if v is None else v for v in components("At.q", end.q)])
-    if isinstance(end, OnSurface):
-        return np.array(end.guess, dtype=float)
-    return None
-
-
-def _curve_dimension(start: Any, end: Any) -> int:
-    for label, e in (("start", start), ("end", end)):
-        if not isinstance(e, At | OnSurface | Periodic):
-            raise TypeError(f"{label} must be At, OnSurface or Periodic, not {e!r}")
-    if isinstance(start, Periodic) or isinstance(end, Periodic):
-        if start != end:
-            raise ValueError("Periodic must be given as both ends of a closed Curve")
-        if start.x0 is not None:
-            raise ValueError("Periodic ends of a Curve take no abscissae; write Periodic()")
-        return int(start.n or 2)
-    sizes = [len(p) for p in map(_curve_point, (start, end)) if p is not None]
-    if sizes[0] != sizes[1]:
-        raise ValueError(f"start has {sizes[0]} coordinates and end has {sizes[1]}; they must agree")
-    return sizes[0]
