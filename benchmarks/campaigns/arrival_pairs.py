@@ -1,11 +1,13 @@
 """Random pairs of points with the optical paths of all rays between them, found without tracing any.
 
-One family lies in n² = 1 - 2y, where the rays are parabolas and the arrivals
-a quadratic equation. The other goes through layers: the horizontal momentum κ
+The first family lies in n² = 1 - 2y, where the rays are parabolas and the arrivals
+a quadratic equation. The second goes through layers: the horizontal momentum κ
 of a ray is the same in all of them, and each adds to the range X(κ) what an
 elementary integral says. There X is tabulated over the launching angle, its
 extrema are refined, and every stretch between two of them is searched for
-the receiver: all zeros, by exhaustion.
+the receiver: all zeros, by exhaustion. A third lies in Maxwell's fish-eye,
+where rays are the great circles of a sphere, gone round either way and any
+number of times.
 """
 
 from __future__ import annotations
@@ -45,6 +47,24 @@ class Drawn:
         """Whether round-off decides how many rays there are."""
         size = float(np.hypot(self.receiver[0] - self.source[0], self.receiver[1] - self.source[1]))
         return abs(self.depth) <= ROUND_OFF * size
+
+
+TURNS = 3
+"""Times round the fish-eye that its rays are asked for."""
+
+
+def fish_eye_pair(rng: np.random.Generator) -> Drawn:
+    """Two points within 1.5 of the centre of n = 2 / (1 + r^2), and all arcs between them up to so many turns."""
+    a, b = (float(rng.uniform(0.02, 1.5)) * _direction(rng) for _ in range(2))
+    first, last = (np.append(2 * p, p @ p - 1) / (1 + p @ p) for p in (a, b))
+    angle = float(np.arctan2(np.linalg.norm(np.cross(first, last)), first @ last))
+    paths = sorted(arc + 2 * np.pi * k for k in range(TURNS) for arc in (angle, 2 * np.pi - angle))
+    return Drawn((float(a[0]), float(a[1])), (float(b[0]), float(b[1])), tuple(paths), float("inf"))
+
+
+def _direction(rng: np.random.Generator) -> np.ndarray:
+    angle = rng.uniform(0, 2 * np.pi)
+    return np.array([np.cos(angle), np.sin(angle)])
 
 
 def linear_scene() -> optics.Scene:

@@ -92,3 +92,14 @@ def test_a_fan_for_many_receivers_finds_what_single_searches_find():
 def test_the_centre_of_the_index_is_left_to_the_fan():
     [ray, *_] = FISH_EYE.rays((0, 0), (0.5, 0.5), within=3.0)
     assert ray.optical_path == pytest.approx(2 * np.arctan(np.sqrt(0.5)), rel=1e-12)
+
+
+def test_rays_that_go_a_thousand_times_as_far_out_come_back_with_all_digits():
+    """Points all but opposite of the centre: the circle through both is all but a straight line."""
+    a, b = (-0.0127, 0.0651), (0.0094, 0.0374)
+    rays = FISH_EYE.rays(a, b, within=6 * np.pi)
+    exact = both_ways_round(a, b, 6 * np.pi)
+    assert rays.unresolved == 0
+    assert len(rays) == len(exact)
+    for ray, length in zip(rays, exact, strict=True):
+        assert abs(ray.optical_path - length) <= ray.error <= 1e-11 * length

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from varcalc.optics.hamilton import HamiltonRays
+from varcalc.optics.invariants import Invariants
 from varcalc.optics.march import March
 from varcalc.optics.media import Radial, Stratified
 from varcalc.optics.model import DoesNotApply, Model, Question
 from varcalc.optics.models import checked_model
 from varcalc.optics.plane import Section, section, whole_plane
 from varcalc.optics.range_search import found_by_range
-from varcalc.optics.ray import Rays
+from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.two_point import Ends, TwoPoint
 from varcalc.optics.values import numbers, rows
 from varcalc.optics.ways import Ways, away, in_row, touched
@@ -96,11 +97,11 @@ class PairSearch:
             if model is not None:
                 answers[k] = model.between(self._question(problem, ends, planes, k))
             elif curve and few[k]:
-                answers[k] = _by_range(self._question(problem, ends, planes, k))
+                answers[k] = self._by_range(problem, ends, planes, k)
         left = [k for k, answer in enumerate(answers) if answer is None]
         rest = problem.found(ends.take(left), [planes[k] for k in left] if planes else []) if left else []
         for k, rays in zip(left, rest, strict=True):
-            again = _by_range(self._question(problem, ends, planes, k)) if curve and rays.unresolved else None
+            again = self._by_range(problem, ends, planes, k) if curve and rays.unresolved else None
             answers[k] = again or rays
         return [answer for answer in answers if answer is not None]
 
@@ -110,6 +111,18 @@ class PairSearch:
         one = ends.take([k]), [planes[k]] if planes else []
         ray = partial(problem.ray, a, b)
         return Question(self.ways.media, self.ways.surfaces, a, b, within, ray, lambda: problem.found(*one)[0])
+
+    def _by_range(self, problem: TwoPoint, ends: Ends, planes: list[Section], k: int) -> Rays | None:
+        """The rays of pair ``k`` by the range function; None where it is no simple one."""
+
+        def careful(heading: np.ndarray, path: float, touching: bool) -> Ray:
+            by_quadrature, _ = self._problem(ends.take([k]), Invariants())
+            return by_quadrature.ray(ends.sources[k], ends.targets[k], heading, path, touching)
+
+        try:
+            return found_by_range(self._question(problem, ends, planes, k), careful=careful, easy=True)
+        except DoesNotApply:
+            return None
 
     def _problem(self, ends: Ends, model: Model | None) -> tuple[TwoPoint, list[Section]]:
         """The problem of the pairs, and the planes that hold the rays of each; no planes where there are none."""
@@ -156,11 +169,3 @@ def _has_range_function(march: March) -> bool:
         and not march.surfaces
         and isinstance(march.models[0], HamiltonRays)
     )
-
-
-def _by_range(question: Question) -> Rays | None:
-    """The rays by the range function; None where it is no simple one."""
-    try:
-        return found_by_range(question, easy=True)
-    except DoesNotApply:
-        return None

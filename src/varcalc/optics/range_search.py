@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
 from varcalc.optics.beam import frames
@@ -10,15 +13,25 @@ from varcalc.optics.model import DoesNotApply, Question
 from varcalc.optics.profile import Profile
 from varcalc.optics.ranges import Launch, Range, launches
 from varcalc.optics.ray import Ray, Rays
+from varcalc.optics.steps import AGREED
 
 ROUND_OFF = 1e-13
 """Of the distance of two points: what they lie apart along layers is none."""
-MET = 1e-6
-"""Of the distance of two points: a ray that misses the second by more was none."""
+CLOSE, MET = 1e-11, 1e-6
+"""Of the distance of two points: a ray that misses the second by more is carried again, or was none."""
+SAFETY = 4.0
+"""By how many times the difference of two optical paths either may be off."""
+PANELS = 32
+"""Panels whose errors, each within that to which they are integrated, may add up in an optical path."""
+Carried = Callable[[np.ndarray, float, bool], Ray]
+"""From a heading, an optical path and whether a caustic is touched to a ray."""
 
 
-def found_by_range(question: Question, *, easy: bool = False) -> Rays:
+def found_by_range(question: Question, *, careful: Carried | None = None, easy: bool = False) -> Rays:
     """The rays that answer ``question``, whose one medium is ``Stratified`` or ``Radial`` and has no surfaces.
+
+    A ray that misses the point as the question carries it, since it went far out where digits are lost, is carried the
+    ``careful`` way, if there is one.
 
     Raises :class:`DoesNotApply` where an end is the centre of the index and, if asked for ``easy`` questions only,
     where the range function has logarithms.
@@ -29,8 +42,8 @@ def found_by_range(question: Question, *, easy: bool = False) -> Rays:
             "some rays come to rest along a layer, and the range function is no simple one; take Hamilton()"
         )
     found = launches(frame.profile, frame.heights, frame.distance, question.within)
-    carried = [question.ray(frame.heading(launch), launch.path, launch.touching) for launch in found.found]
-    rays = sorted((ray for ray in carried if _arrives(ray, question)), key=lambda ray: ray.optical_path)
+    carried = [_carried(question, careful, frame.heading(launch), launch) for launch in found.found]
+    rays = sorted((ray for ray in carried if ray is not None), key=lambda ray: ray.optical_path)
     unresolved = found.unresolved + len(carried) - len(rays)
     searched = (
         f"all launching angles by the range function ({found.looked_at} looked at, {unresolved} narrow "
@@ -40,13 +53,26 @@ def found_by_range(question: Question, *, easy: bool = False) -> Rays:
     return Rays(tuple(rays), reason, searched, found.continuum, unresolved)
 
 
-def _arrives(ray: Ray, question: Question) -> bool:
-    """Whether a ray, carried, meets the point: radial ones, at the rim of the range function, may not."""
+def _carried(question: Question, careful: Carried | None, heading: np.ndarray, launch: Launch) -> Ray | None:
+    """The ray of a launch; None where it does not meet the point: radial ones, at the rim of the range function."""
+    ray = question.ray(heading, launch.path, launch.touching)
+    miss, floor = _miss(ray, question), 0.0
+    if careful is not None and miss > CLOSE:
+        ray = careful(heading, launch.path, launch.touching)
+        miss, floor = _miss(ray, question), PANELS * AGREED * launch.path
+    if miss > MET:
+        return None
+    # two routes to one number: by quadrature to the point, and along the ray
+    return replace(ray, error=max(ray.error, floor, SAFETY * abs(ray.optical_path - launch.path)))
+
+
+def _miss(ray: Ray, question: Question) -> float:
+    """How far the end of a ray is from the point, relative to the distance of the two points."""
     if not ray.legs:
-        return False
+        return np.inf
     last = ray.legs[-1]
-    miss = np.linalg.norm(last.at(np.array([last.length])).position[0] - question.b)
-    return bool(miss <= MET * np.linalg.norm(question.b - question.a))
+    away = last.at(np.array([last.length])).position[0] - question.b
+    return float(np.linalg.norm(away) / np.linalg.norm(question.b - question.a))
 
 
 class Frame:
