@@ -31,15 +31,15 @@ def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
     1 - x^2: NumPy's are off by 1e-12 at the ends of 60 points, where boundary layers lie. So one Newton step and
     the weights are taken in extended precision, where the machine has it.
     """
-    nodes = legendre.leggauss(count)[0].astype(np.longdouble)
+    nodes, rates = legendre.leggauss(count)[0].astype(np.longdouble), np.zeros(0)
     for _ in range(2):
         before, here = np.ones_like(nodes), nodes
         for k in range(1, count):
             before, here = here, ((2 * k + 1) * nodes * here - k * before) / (k + 1)
         slope = count * (before - nodes * here) / (1 - nodes**2)
-        weights = 2 / ((1 - nodes**2) * slope**2)
+        rates = 2 / ((1 - nodes**2) * slope**2)
         nodes = nodes - here / slope
-    points, weights = nodes.astype(float), weights.astype(float)
+    points, weights = nodes.astype(float), rates.astype(float)
     points.setflags(write=False)
     weights.setflags(write=False)
     return points, weights
