@@ -19,6 +19,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.polynomial import legendre
 
+FEW_POINTS = 16
+"""Points of Gauss's rule up to which the weights of NumPy are as good as any."""
 FEW = 2000
 """Points up to which a curve is evaluated with the coefficients laid out for each of them."""
 
@@ -28,9 +30,14 @@ def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Gauss-Legendre points and weights on [-1, 1], to round-off also next to the ends.
 
     A weight 2 / ((1 - x^2) P'(x)^2) (Abramowitz and Stegun, 25.4.29) feels the round-off of its node through
-    1 - x^2: NumPy's are off by 1e-12 at the ends of 60 points, where boundary layers lie. So one Newton step and
-    the weights are taken in extended precision, where the machine has it.
+    1 - x^2: NumPy's are right to 1e-14 for few points, and off by 1e-12 at the ends of 60, where boundary layers lie.
+    So beyond ``FEW_POINTS`` one Newton step and the weights are taken in extended precision, where the machine has it.
     """
+    if count <= FEW_POINTS:
+        points, weights = legendre.leggauss(count)
+        points.setflags(write=False)
+        weights.setflags(write=False)
+        return points, weights
     nodes, rates = legendre.leggauss(count)[0].astype(np.longdouble), np.zeros(0)
     for _ in range(2):
         before, here = np.ones_like(nodes), nodes
@@ -39,7 +46,8 @@ def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
         slope = count * (before - nodes * here) / (1 - nodes**2)
         rates = 2 / ((1 - nodes**2) * slope**2)
         nodes = nodes - here / slope
-    points, weights = nodes.astype(float), rates.astype(float)
+    # exactly symmetric, so that what is symmetric stays so
+    points, weights = ((nodes - nodes[::-1]) / 2).astype(float), ((rates + rates[::-1]) / 2).astype(float)
     points.setflags(write=False)
     weights.setflags(write=False)
     return points, weights

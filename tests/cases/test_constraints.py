@@ -95,6 +95,13 @@ def test_chains_slack_and_taut(length, method):
     assert -solution.y(0.5) == pytest.approx(sag, abs=1e-8)
 
 
+@pytest.mark.parametrize("length", [1.001, 1.00011, 1.0001, 1.00005])
+def test_the_rounding_of_a_taut_chains_length_is_no_fold(length):
+    """Its length all but ceases to depend on the curve: a miss of 2e-16 moves the curve by 1e-12."""
+    solution = vc.solve(chain(length), vc.Shooting())
+    assert abs(solution.value - hanging(length)[1]) <= solution.error.value <= 1e-13
+
+
 @pytest.mark.parametrize("length", [1.5, 1.01])
 def test_the_chain_hangs_at_a_minimum(length):
     assert vc.verify(vc.solve(chain(length))).verdict is vc.Verdict.MINIMUM

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.methods.direct.batch import SEVERAL, Basis, Batch, Places
+from varcalc.methods.direct.batch import SEVERAL, Basis, Batch, Places, solutions
 from varcalc.methods.direct.level import Level
 from varcalc.singular import forms
 
@@ -37,3 +37,10 @@ def test_a_level_is_a_batch_of_one(n):
     assert level.gradient() == pytest.approx(at.gradient[0], rel=1e-11, abs=1e-11)
     assert level.assembled(level.hessians) == pytest.approx(batch.assembled(at.blocks)[0], rel=1e-11, abs=1e-11)
     assert level.coefficients(z) == pytest.approx(batch.coefficients(z[None])[0])
+
+
+def test_a_singular_matrix_among_others_gives_no_number():
+    matrices = np.array([[[2.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [1.0, 1.0]]])
+    found = solutions(matrices, np.ones((2, 2)))
+    np.testing.assert_allclose(found[0], [0.5, 1.0])
+    assert np.isnan(found[1]).all()

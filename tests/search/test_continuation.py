@@ -43,7 +43,7 @@ def test_the_fold_of_bratu_and_the_way_back():
     assert branch.ended == "strength reached 1"
     for s in branch.solutions:
         exact = heights(s.problem.parameters["strength"])
-        assert min(abs(s.y(0.5) - h) for h in exact) <= 1e-9
+        assert min(abs(s.y(0.5) - h) for h in exact) <= 1.5 * s.error.curve + 1e-12
     assert branch.value == pytest.approx([s.value for s in branch.solutions])
 
 

@@ -265,7 +265,7 @@ class Batch:
 
     def newton(self, at: Evaluated) -> Steps:
         """The Newton steps, where the second variation is positive."""
-        step = -np.linalg.solve(self.assembled(at.blocks), at.gradient[:, :, None])[:, :, 0]
+        step = -solutions(self.assembled(at.blocks), at.gradient)
         return Steps(step, np.zeros((len(step), 0)), -0.5 * np.einsum("kn,kn->k", step, at.gradient))
 
     def minimise(self, z: np.ndarray, *, shifting: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
@@ -346,6 +346,16 @@ def positive(matrices: np.ndarray) -> np.ndarray:
     return np.ones(len(matrices), dtype=bool)
 
 
+def solutions(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The solutions (K, N) of linear equations, not numbers where a matrix is singular."""
+    try:
+        return np.linalg.solve(matrices, right[:, :, None])[:, :, 0]
+    except np.linalg.LinAlgError:
+        if len(matrices) == 1:
+            return np.full_like(right, np.nan)
+        return np.concatenate([solutions(matrices[k : k + 1], right[k : k + 1]) for k in range(len(matrices))])
+
+
 def minimise(batch: Batch, z: np.ndarray, *, shifting: bool) -> tuple[np.ndarray, np.ndarray, int]:
     """Newton's guarded iteration from ``z`` (K, N) for all values; the minima, where they are, and the steps taken.
 
@@ -368,7 +378,7 @@ def minimise(batch: Batch, z: np.ndarray, *, shifting: bool) -> tuple[np.ndarray
         elif not definite.all():
             rows, batch, at, hessians = rows[definite], batch.restricted(definite), at[definite], hessians[definite]
             definite = definite[definite]
-        step = -np.linalg.solve(hessians, at.gradient[:, :, None])[:, :, 0]
+        step = -solutions(hessians, at.gradient)
         decrement = -0.5 * np.einsum("kn,kn->k", step, at.gradient)
         last = definite & (decrement <= CONVERGED * at.scale)
         if last.any():

@@ -15,7 +15,16 @@ import numpy as np
 
 from varcalc.buffered import Pointwise
 from varcalc.formulation import Form
-from varcalc.methods.direct.batch import HALVINGS, Batch, Evaluated, Places, Steps, least_eigenvalue, positive
+from varcalc.methods.direct.batch import (
+    HALVINGS,
+    Batch,
+    Evaluated,
+    Places,
+    Steps,
+    least_eigenvalue,
+    positive,
+    solutions,
+)
 from varcalc.methods.direct.newton import (
     ARMIJO,
     CONVERGED,
@@ -93,7 +102,7 @@ class _Frame:
 
     def back(self, conditions: np.ndarray) -> np.ndarray:
         """The least step that makes up for missing the levels by ``conditions`` (K, m)."""
-        return -_applied(self.across, np.linalg.solve(self.r.transpose(0, 2, 1), conditions[:, :, None])[:, :, 0])
+        return -_applied(self.across, solutions(self.r.transpose(0, 2, 1), conditions))
 
     def reduced(self, matrices: np.ndarray) -> np.ndarray:
         return self.null.transpose(0, 2, 1) @ matrices @ self.null
@@ -286,10 +295,10 @@ def _steps(at: LevelledEvaluated, frame: _Frame, hessians: np.ndarray, reduced: 
     """The steps of the quadratic models under the linearised levels; ``reduced`` are their Hessians there."""
     back = frame.back(at.conditions)
     slope = at.gradient + _applied(hessians, back)
-    along = -np.linalg.solve(reduced, _applied(frame.null.transpose(0, 2, 1), slope)[:, :, None])[:, :, 0]
+    along = -solutions(reduced, _applied(frame.null.transpose(0, 2, 1), slope))
     change = back + _applied(frame.null, along)
     pull = _applied(frame.across.transpose(0, 2, 1), at.gradient + _applied(hessians, change))
-    multipliers = -np.linalg.solve(frame.r, pull[:, :, None])[:, :, 0]
+    multipliers = -solutions(frame.r, pull)
     return Steps(change, multipliers, 0.5 * np.einsum("ka,kab,kb->k", along, reduced, along))
 
 

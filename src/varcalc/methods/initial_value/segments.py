@@ -44,7 +44,8 @@ class Evaluation:
 
     ``blocks`` are (row, column, matrix) of the Jacobian; ``totals`` the
     running integrals over the whole interval, scaled; ``growth`` (N,) the
-    largest factor by which a segment magnifies an error of its initial state.
+    largest factor by which a segment magnifies an error of its initial state; ``summed`` (M,)
+    the size of the integrals that a row is made of.
     """
 
     residual: np.ndarray
@@ -52,6 +53,7 @@ class Evaluation:
     totals: np.ndarray
     growth: np.ndarray
     shots: list[Shot]
+    summed: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -125,12 +127,14 @@ class Segments:
         totals = np.sum([s.right[D:] - s.left[D:] for s in shots], axis=0)
         blocks: list[tuple[int, int, np.ndarray]] = []
         rows = [self._match(i, shots, x, blocks) for i in range(1, self.count)]
-        rows.append(self._close(shots, totals, x, blocks))
+        closing, integrals = self._close(shots, totals, x, blocks)
+        rows.append(closing)
         growth = np.array([max(self._growth(s.left_by), self._growth(s.right_by)) for s in shots])
         residual = np.concatenate(rows)
         if not (np.all(np.isfinite(residual)) and all(np.all(np.isfinite(m)) for _, _, m in blocks)):
             return self._not_finite(residual)
-        return Evaluation(residual, blocks, totals, growth, shots)
+        summed = np.concatenate([np.zeros(len(residual) - len(closing)), integrals])
+        return Evaluation(residual, blocks, totals, growth, shots, summed)
 
     def _all_shots(self, x: np.ndarray, level: int, every: bool) -> list[Shot] | Failure:
         shots: list[Shot] = []
@@ -183,8 +187,8 @@ class Segments:
 
     def _close(
         self, shots: list[Shot], totals: np.ndarray, x: np.ndarray, blocks: list[tuple[int, int, np.ndarray]]
-    ) -> np.ndarray:
-        """The rows that tie the ends, the integrals and the unknown numbers."""
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The rows that tie the ends, the integrals and the unknown numbers, and the integrals' part of their size."""
         D, N, Q = self.dimension, self.count, self.equations.integrals
         _, unknowns, lambdas, nus = self.parts(x)
         first, last = shots[0], shots[-1]
@@ -213,7 +217,7 @@ class Segments:
             direct = direct.copy()
             direct[:, : self.shared] += shared
             blocks.append((row, N * D, direct))
-        return value
+        return value, np.abs(by_totals) @ np.abs(totals)
 
     def _matrix(self, at: Evaluation) -> np.ndarray:
         """The Jacobian (M, M) as a dense matrix."""
@@ -251,8 +255,11 @@ class Segments:
         return sizes
 
     def _rows(self, at: Evaluation, weights: np.ndarray) -> np.ndarray:
-        """The largest entry of each row (M,) of the Jacobian, the unknowns being of sizes ``weights`` (M,)."""
-        rows = np.zeros(self.size)
+        """The largest entry of each row (M,) of the Jacobian, the unknowns being of sizes ``weights`` (M,).
+
+        A prescribed integral has the rounding of what it is summed from, however little it depends on the unknowns.
+        """
+        rows = at.summed.copy()
         for row, column, block in at.blocks:
             here, there = slice(row, row + block.shape[0]), slice(column, column + block.shape[1])
             rows[here] = np.maximum(rows[here], np.abs(block * weights[there]).max(axis=1, initial=0.0))

@@ -103,7 +103,7 @@ def finish(segments: Segments, x: np.ndarray, floor: np.ndarray) -> Finished | F
     value = value_of(segments, x, at)
     change = abs(value - value_of(segments, check.x, check.at))
     error = ErrorEstimate(
-        change + _mismatch(segments, x, at) + _rounding(segments, at, value), _curve_error(segments, at, check.at)
+        change + _mismatch(segments, x, at) + _rounding(segments, x, at, value), _curve_error(segments, at, check.at)
     )
     if not _matches(segments, check, floor):
         error = ErrorEstimate(math.inf, math.inf)
@@ -208,11 +208,13 @@ def _mismatch(segments: Segments, x: np.ndarray, at: Evaluation) -> float:
     return float(sum(levels)) + (float(np.sum(weighed * jumps)) if form.same_functional else 0.0)
 
 
-def _rounding(segments: Segments, at: Evaluation, value: float) -> float:
-    """Round-off of the running integrals."""
-    unit, D = segments.scales.integrals[0], segments.dimension
+def _rounding(segments: Segments, x: np.ndarray, at: Evaluation, value: float) -> float:
+    """Round-off of the running integrals, those that are prescribed included: a miss of one costs its multiplier."""
+    units, D = segments.scales.integrals, segments.dimension
     parts = sum(abs(float(s.right[D] - s.left[D])) for s in at.shots)
-    return ROUND_OFF * max(abs(value), parts * float(unit))
+    lambdas = segments.parts(x)[2]
+    levels = np.abs(at.totals * units)[1 : 1 + len(lambdas)]
+    return ROUND_OFF * (max(abs(value), parts * float(units[0])) + float(np.abs(lambdas) @ levels))
 
 
 def _curve_error(segments: Segments, at: Evaluation, reference: Evaluation) -> float:
