@@ -550,3 +550,10 @@ def test_a_lagrangian_that_overflows_for_steep_slopes():
         exact = float(mpmath.quad(lambda x: x + c + y(x), [0, 1]))
     solution = vc.solve(vc.Problem(lambda x, y, dy: ca.exp(dy) + y, vc.Fixed(0, 0), vc.Fixed(1, 1)), tol=1e-10)
     assert abs(solution.value - exact) <= solution.error.value + 1e-15
+
+
+def test_a_pole_between_the_ends_is_refused():
+    """u = log|y - 1/2| would have to pass through infinity; warnings are errors here."""
+    problem = vc.Problem(lambda x, y, dy: dy**2 / (y - 0.5) ** 2, vc.Fixed(0, 0), vc.Fixed(1, 1))
+    with pytest.raises(vc.VariationalError):
+        vc.solve(problem)

@@ -73,6 +73,7 @@ def convex(problem: Problem) -> bool:
     count = len(slopes)
     values = problem.integrand_values(np.repeat(x, count), np.repeat(y, count)[None], np.tile(slopes, len(x))[None])
     rows = (-values if problem.maximise else values).reshape(len(x), count)
+    rows = rows[np.isfinite(rows).all(1)]  # the chord may go through a pole
     rates = np.diff(rows, axis=1) / np.diff(slopes)
     noise = 1e-9 * np.abs(rates).max(initial=0.0)
     return not bool((np.diff(rates, axis=1) < -noise).any())

@@ -110,8 +110,11 @@ class Ritz:
         """The answer that the first starting curve leads to without any difficulty; None where there is one."""
         if not (self.plain and family.applies(form)):
             return None
+        numerical = form.numbers is not None and not form.integrals
+        if numerical:
+            single.load()
         started = time.perf_counter()
-        if form.numbers is not None and not form.integrals:
+        if numerical:
             with np.errstate(all="ignore"):
                 found = single.solved(form, tol, guess)
             if found is not None:

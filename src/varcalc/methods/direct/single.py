@@ -199,6 +199,11 @@ def descent(matrix: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
     return step if info == 0 else None
 
 
+def load() -> None:
+    """Load what takes a tenth of a second once in a process, and is no part of a solve."""
+    _dposv()
+
+
 @lru_cache(maxsize=1)
 def _dposv() -> Callable[..., Any]:
     """LAPACK's own solution by Cholesky's factors: NumPy's two calls cost ten times as much on a small matrix."""
