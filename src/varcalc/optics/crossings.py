@@ -76,7 +76,7 @@ class Search:
         for halving in range(HALVINGS):
             middle = (low + high) / 2
             there = self._look(middle)
-            fine = self._settled(left, there, right, high - low)
+            fine = self._settled(left, there, right, high - low) | self._inset(low, high)
             if halving == HALVINGS - 1:
                 self.unresolved += int(np.count_nonzero(~fine))
                 fine[:] = True
@@ -89,6 +89,11 @@ class Search:
             left, right = _joined(left, there, rest), _joined(there, right, rest)
         at, number, touching = (np.concatenate(column) for column in zip(*found, strict=True))
         return Zeros(at, number.astype(int), touching.astype(bool), self.looked_at, self.unresolved)
+
+    def _inset(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """True (m,) for intervals next to a break, where nothing is looked for however a function behaves."""
+        room = 2 * INSET * np.ptp(self.breaks)
+        return (np.abs(np.stack([low, high])[..., None] - self.breaks).max(axis=0) <= room).any(axis=1)
 
     def _look(self, places: np.ndarray) -> Family:
         self.looked_at += len(places)

@@ -102,7 +102,7 @@ class PairSearch:
         rest = problem.found(ends.take(left), [planes[k] for k in left] if planes else []) if left else []
         for k, rays in zip(left, rest, strict=True):
             again = self._by_range(problem, ends, planes, k) if curve and rays.unresolved else None
-            answers[k] = again or rays
+            answers[k] = rays if again is None or len(again) < len(rays) else again
         return [answer for answer in answers if answer is not None]
 
     def _question(self, problem: TwoPoint, ends: Ends, planes: list[Section], k: int) -> Question:
