@@ -37,7 +37,7 @@ import varcalc as vc
 from varcalc.charts.colours import COLOURS, INK
 from varcalc.charts.panels import plain
 from varcalc.problems._curves import Catenary
-from varcalc.work_precision import about
+from varcalc.study.work_precision import about
 
 HERE = Path(__file__).parent
 FAMILIES = ("unknowns", "functions")

@@ -40,10 +40,10 @@ from scipy.integrate import solve_bvp  # noqa: E402
 
 import varcalc as vc  # noqa: E402
 from varcalc.charts import cold_picture  # noqa: E402
-from varcalc.compare import monospaced  # noqa: E402
 from varcalc.problems import bratu  # noqa: E402
 from varcalc.problems._curves import Catenary  # noqa: E402
-from varcalc.work_precision import ENOUGH, Record, WorkPrecision, about  # noqa: E402
+from varcalc.study.compare import monospaced  # noqa: E402
+from varcalc.study.work_precision import ENOUGH, Record, WorkPrecision, about  # noqa: E402
 
 HERE = Path(__file__).parent
 OWN: dict[str, Any] = {"Collocation": vc.Collocation(), "Shooting": vc.Shooting()}

@@ -35,8 +35,8 @@ from matplotlib.figure import Figure  # noqa: E402
 from varcalc import optics  # noqa: E402
 from varcalc.charts.colours import COLOURS, INK, OTHER_COLOURS  # noqa: E402
 from varcalc.charts.panels import plain  # noqa: E402
-from varcalc.compare import monospaced  # noqa: E402
-from varcalc.work_precision import about  # noqa: E402
+from varcalc.study.compare import monospaced  # noqa: E402
+from varcalc.study.work_precision import about  # noqa: E402
 
 HERE = Path(__file__).parent
 N0, A, LENGTH = 1.6, 0.3, 2 * np.pi / 0.3

@@ -36,8 +36,8 @@ import varcalc as vc  # noqa: E402
 from peers.adapter import Adapter, NotSolvedError  # noqa: E402
 from tasks import SHIFT, TASKS, Task  # noqa: E402
 from varcalc.charts import cold_picture  # noqa: E402
-from varcalc.compare import monospaced  # noqa: E402
-from varcalc.work_precision import ENOUGH, Record, WorkPrecision, about  # noqa: E402
+from varcalc.study.compare import monospaced  # noqa: E402
+from varcalc.study.work_precision import ENOUGH, Record, WorkPrecision, about  # noqa: E402
 
 HERE = Path(__file__).parent
 PEERS = ("casadi_radau", "asset", "yapss", "mpopt", "rockit", "dymos", "scipy_bvp", "geographiclib")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.mesh import gauss
+from varcalc.numerics.mesh import gauss
 
 POINTS = 80
 """Enough for the integrands met here, analytic well beyond the ends, to be exact to round-off."""

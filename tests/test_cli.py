@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from varcalc.cli import main
-from varcalc.reference import catalogue
+from varcalc.study.reference import catalogue
 
 SHORTEST = """
 import casadi as ca

@@ -17,7 +17,7 @@ def loaded_after(statement):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize("statement", ["import varcalc", "import varcalc.cli", "import varcalc.reference"])
+@pytest.mark.parametrize("statement", ["import varcalc", "import varcalc.cli", "import varcalc.study.reference"])
 def test_nothing_heavy_is_imported_until_needed(statement):
     heavy = ("matplotlib", "heyoka", "scipy.integrate", "scipy.optimize", "scipy.linalg", "rich", "hypothesis")
     loaded = loaded_after(statement)

@@ -12,7 +12,7 @@ import numpy as np
 import varcalc as vc
 from campaigns.truth import Answer
 from varcalc.formulation import formulate
-from varcalc.methods.scipy_bvp import FIRST_NODES, BoundaryValueProblem, inapplicable
+from varcalc.methods.collocation.scipy_bvp import FIRST_NODES, BoundaryValueProblem, inapplicable
 
 Start = Callable[[Any], Any]
 """A starting curve: a number to a number."""

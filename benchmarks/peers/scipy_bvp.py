@@ -14,7 +14,7 @@ from scipy.integrate import solve_bvp
 
 from peers.adapter import Adapter, NotSolvedError
 from tasks import GRAVITY, TASKS, Descent, Graph, Task
-from varcalc.instructions import Vectorised
+from varcalc.symbolic.instructions import Vectorised
 
 NODES = 10000
 """Nodes after which solve_bvp gives up; a step there takes seconds."""

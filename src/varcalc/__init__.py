@@ -3,8 +3,10 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from varcalc.compare import Comparison, compare
-from varcalc.conditions import (
+from varcalc.methods.ritz.ipopt import Ipopt
+from varcalc.methods.ritz.method import Ritz
+from varcalc.methods.ritz.newton import Newton
+from varcalc.problem.conditions import (
     At,
     Bound,
     Fixed,
@@ -17,26 +19,24 @@ from varcalc.conditions import (
     Periodic,
     Through,
 )
-from varcalc.diagnose import Diagnosis, diagnose
-from varcalc.grid import Paired
-from varcalc.lagrangian import Lagrangian
-from varcalc.methods.direct.ipopt import Ipopt
-from varcalc.methods.direct.newton import Newton
-from varcalc.methods.ritz import Ritz
-from varcalc.problem import Curve, Problem
-from varcalc.reference import Exact, Reference
+from varcalc.problem.lagrangian import Lagrangian
+from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict
-from varcalc.solve import solve
-from varcalc.sweep import Sweep, SweepPoint, sweep
+from varcalc.solve.diagnose import Diagnosis, diagnose
+from varcalc.solve.grid import Paired
+from varcalc.solve.ladder import solve
+from varcalc.solve.sweep import Sweep, SweepPoint, sweep
+from varcalc.study.compare import Comparison, compare
+from varcalc.study.reference import Exact, Reference
+from varcalc.study.work_precision import Record, WorkPrecision, work_precision
 from varcalc.verify import Finding, Verification, verify
-from varcalc.work_precision import Record, WorkPrecision, work_precision
 
 if TYPE_CHECKING:
-    from varcalc.methods.collocation import Collocation
-    from varcalc.methods.first_integral import FirstIntegral
-    from varcalc.methods.scipy_bvp import SciPyBvp
-    from varcalc.methods.shooting import Shooting
-    from varcalc.reading import euler_lagrange_latex, euler_lagrange_text, first_integrals_text
+    from varcalc.methods.collocation.method import Collocation
+    from varcalc.methods.collocation.scipy_bvp import SciPyBvp
+    from varcalc.methods.first_integral.method import FirstIntegral
+    from varcalc.methods.shooting.method import Shooting
+    from varcalc.problem.reading import euler_lagrange_latex, euler_lagrange_text, first_integrals_text
     from varcalc.search import Branch, Extremals, FoundExtremal, continue_branch, extremals
 
 __all__ = [
@@ -94,13 +94,13 @@ __all__ = [
 ]
 
 _LATER = {
-    "Collocation": "varcalc.methods.collocation",
-    "FirstIntegral": "varcalc.methods.first_integral",
-    "Shooting": "varcalc.methods.shooting",
-    "SciPyBvp": "varcalc.methods.scipy_bvp",
-    "euler_lagrange_latex": "varcalc.reading",
-    "euler_lagrange_text": "varcalc.reading",
-    "first_integrals_text": "varcalc.reading",
+    "Collocation": "varcalc.methods.collocation.method",
+    "FirstIntegral": "varcalc.methods.first_integral.method",
+    "Shooting": "varcalc.methods.shooting.method",
+    "SciPyBvp": "varcalc.methods.collocation.scipy_bvp",
+    "euler_lagrange_latex": "varcalc.problem.reading",
+    "euler_lagrange_text": "varcalc.problem.reading",
+    "first_integrals_text": "varcalc.problem.reading",
     "Branch": "varcalc.search",
     "Extremals": "varcalc.search",
     "FoundExtremal": "varcalc.search",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from varcalc.functional import Functional
+    from varcalc.problem.functional import Functional
 
 Values = float | np.ndarray
 OUTSIDE = 1e-12

@@ -23,10 +23,10 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.conditions import components
 from varcalc.formulation import formulate
-from varcalc.methods.direct.rungs import Rungs
-from varcalc.reference import catalogue, load
+from varcalc.methods.ritz.rungs import Rungs
+from varcalc.problem.conditions import components
+from varcalc.study.reference import catalogue, load
 
 METHODS = {
     "Newton": vc.Ritz(),

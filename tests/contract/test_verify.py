@@ -3,7 +3,7 @@
 import pytest
 
 import varcalc as vc
-from varcalc.reference import catalogue, load
+from varcalc.study.reference import catalogue, load
 
 REFERENCES = {reference.name: reference for name in sorted(catalogue()) for reference in load(name)}
 

@@ -7,8 +7,8 @@ import pytest
 
 import varcalc as vc
 from varcalc.existence.standing import off_saddle
-from varcalc.methods.collocation import Collocation
-from varcalc.singular import forms
+from varcalc.formulation.singular import forms
+from varcalc.methods.collocation.method import Collocation
 
 
 def sphere(angle):

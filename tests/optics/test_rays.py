@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from varcalc import engines, optics
+from varcalc import integrators, optics
 
 AIR, GLASS = optics.Uniform(1.0), optics.Uniform(1.5)
 
@@ -242,8 +242,8 @@ def test_a_graded_medium_in_space_without_a_plane_for_the_rays():
 
 
 def test_without_heyoka_the_answers_are_the_same_to_fewer_digits(monkeypatch):
-    for name, choice in (("default", engines.Dop853), ("available", lambda: (engines.Dop853(),))):
-        monkeypatch.setattr(engines, name, choice)
+    for name, choice in (("default", integrators.Dop853), ("available", lambda: (integrators.Dop853(),))):
+        monkeypatch.setattr(integrators, name, choice)
     rays = parabolic().rays((0, 0), (0.5, 0))
     np.testing.assert_allclose([r.optical_path for r in rays], [0.494521305498037, 0.730223565893552], rtol=1e-10)
     assert [r.index for r in rays] == [0, 1]

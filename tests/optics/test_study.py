@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from varcalc import optics
-from varcalc.optics.scenes import load_study, scene_catalogue
-from varcalc.reference import ProblemFileError
+from varcalc.study.reference import ProblemFileError
+from varcalc.study.scenes import load_study, scene_catalogue
 
 FALLING = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 - 2 * y)))
 ORIGIN = optics.PointSource((0.0, 0.0))

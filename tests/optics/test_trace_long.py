@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from varcalc import optics
-from varcalc.engines.taylor_swarm import TaylorSwarm
+from varcalc.integrators.taylor_swarm import TaylorSwarm
 
 STEPS = 10_000
 DRIFT = 1e-13

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space
-from varcalc.methods.collocation import first_unknowns
+from varcalc.formulation.singular import forms
+from varcalc.methods.collocation.method import first_unknowns
+from varcalc.methods.collocation.system import CollocationSystem, collocation_space
 from varcalc.search.collected import scales_of
 from varcalc.search.deflation import deflated_newton, is_singular
-from varcalc.singular import forms
 
 
 def collocated(lagrangian, start, end):

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import varcalc as vc
+from varcalc.formulation.singular import forms
 from varcalc.search.end_map import EndMap, mappable
 from varcalc.search.scan import scan
-from varcalc.singular import forms
 
 
 def end_map(lagrangian, start, end):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.singular import forms
+from varcalc.formulation.singular import forms
 from varcalc.verify import weierstrass
 from varcalc.verify.weierstrass import vouched
 

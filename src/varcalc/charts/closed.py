@@ -8,10 +8,10 @@ import casadi as ca
 import numpy as np
 
 from varcalc.charts.lines import SAMPLES, Line, nearest
-from varcalc.conditions import Isoperimetric, Periodic
-from varcalc.functional import Functional
-from varcalc.lagrangian import Lagrangian
-from varcalc.problem import Curve
+from varcalc.problem.conditions import Isoperimetric, Periodic
+from varcalc.problem.functional import Functional
+from varcalc.problem.lagrangian import Lagrangian
+from varcalc.problem.problem import Curve
 
 ALIGNED = "place and start moved to coincide"
 """Said where closed curves are drawn upon each other: the functional does not tell where one lies or begins."""

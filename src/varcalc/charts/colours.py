@@ -7,7 +7,8 @@ from itertools import count
 
 from matplotlib.colors import to_hex, to_rgb
 
-from varcalc.compare import Row, label
+from varcalc.methods.labels import label
+from varcalc.study.compare import Row
 
 LADDER = "NoneType"
 

@@ -14,9 +14,9 @@ from varcalc.charts.colours import EXACT_COLOUR, INK, colours_of
 from varcalc.charts.labels import label_beside
 from varcalc.charts.lines import Line, distance_along, envelope, shaped
 from varcalc.charts.panels import plain
-from varcalc.compare import Comparison, Row
-from varcalc.functional import Functional
-from varcalc.problem import Curve
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Curve
+from varcalc.study.compare import Comparison, Row
 
 EXACT_WIDTH = 8.0
 

@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from varcalc.charts.colours import INK, colours_by_label
 from varcalc.charts.panels import plain
-from varcalc.work_precision import Record
+from varcalc.study.work_precision import Record
 
 FLOOR = float(np.finfo(float).eps) / 8
 """Relative error drawn for none at all: a logarithmic axis has no zero."""

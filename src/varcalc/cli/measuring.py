@@ -27,10 +27,10 @@ from varcalc.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from varcalc.problem import Curve, Problem
-    from varcalc.reference import Reference
-    from varcalc.sweep import Sweep
-    from varcalc.work_precision import WorkPrecision
+    from varcalc.problem.problem import Curve, Problem
+    from varcalc.solve.sweep import Sweep
+    from varcalc.study.reference import Reference
+    from varcalc.study.work_precision import WorkPrecision
 
 STORED = ".json"
 """The suffix of a file of measurements."""
@@ -87,7 +87,7 @@ def chart(
 
 def _gathered(names: Sequence[str], tolerances: Sequence[float], repeats: int) -> WorkPrecision:
     """The measurements in stored files, and new ones of everything else, in the order of the names."""
-    from varcalc.work_precision import TOLERANCES, WorkPrecision, about, work_precision
+    from varcalc.study.work_precision import TOLERANCES, WorkPrecision, about, work_precision
 
     parts: list[WorkPrecision] = []
     for name in names:
@@ -102,7 +102,7 @@ def _gathered(names: Sequence[str], tolerances: Sequence[float], repeats: int) -
 
 
 def _stored(path: Path) -> WorkPrecision:
-    from varcalc.work_precision import WorkPrecision
+    from varcalc.study.work_precision import WorkPrecision
 
     try:
         return WorkPrecision.load(path)
@@ -152,8 +152,8 @@ def sweep(name_or_file: str, grid: tuple[str, ...], as_json: bool, store: Path |
 
 
 def _swept(name: str, grid: Sequence[str], store: Path | None, cores: int, tol: float) -> Sweep:
-    from varcalc.grid import spaced
-    from varcalc.sweep import sweep as solve_all
+    from varcalc.solve.grid import spaced
+    from varcalc.solve.sweep import sweep as solve_all
 
     problem = _kept(name).problem
     try:

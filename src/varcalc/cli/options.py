@@ -13,8 +13,8 @@ import click
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from varcalc.problem import Curve, Problem
-    from varcalc.reference import Reference
+    from varcalc.problem.problem import Curve, Problem
+    from varcalc.study.reference import Reference
 
 PICTURES = (".png", ".pdf", ".svg")
 """What a picture may be written as; the suffix of its name decides."""
@@ -81,7 +81,7 @@ def _document_failure(error: click.UsageError, as_json: bool) -> None:
 
 def loaded(name_or_file: str) -> tuple[Reference, ...]:
     """The references of a problem; a usage error, with its sentence, where there are none."""
-    from varcalc.reference import ProblemFileError, load
+    from varcalc.study.reference import ProblemFileError, load
 
     try:
         return load(name_or_file)

@@ -24,8 +24,8 @@ from varcalc.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from varcalc.compare import Comparison
-    from varcalc.reference import Reference
+    from varcalc.study.compare import Comparison
+    from varcalc.study.reference import Reference
 
 
 @click.command("list")
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 @click.option("--scenes", is_flag=True, help="List the scenes of ray optics instead, for `varcalc trace`.")
 def list_(name: str | None, scenes: bool) -> None:
     """List the reference problems, or the cases of problem NAME."""
-    from varcalc.optics.scenes import scene_catalogue
-    from varcalc.reference import catalogue
+    from varcalc.study.reference import catalogue
+    from varcalc.study.scenes import scene_catalogue
 
     if scenes and name is not None:
         raise click.UsageError("--scenes lists scenes, which have no cases; leave NAME out")
@@ -73,7 +73,7 @@ def run(name_or_file: str, as_json: bool, output: Path | None, tol: float) -> No
     The exit status is 0 when the routes agree and the ladder's answer stands, 1 when not, 2 when there was nothing
     to solve: a wrong option, or a file that does not work.
     """
-    from varcalc.compare import compare
+    from varcalc.study.compare import compare
 
     # what a person's own file prints must not end up in the JSON document
     with redirect_stdout(sys.stderr) if as_json else nullcontext():

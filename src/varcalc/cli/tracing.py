@@ -45,7 +45,7 @@ def trace(name_or_file: str, as_json: bool, output: Path | None, reach: Path | N
 
 
 def _carried_out(name_or_file: str, with_range: bool) -> tuple[Seen, RangeChart | None]:
-    from varcalc.optics.scenes import load_study
+    from varcalc.study.scenes import load_study
 
     try:
         study = load_study(name_or_file)

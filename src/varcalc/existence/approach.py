@@ -16,12 +16,12 @@ from typing import TypeGuard
 
 import numpy as np
 
-from varcalc.conditions import Fixed
 from varcalc.formulation import Form, Stated, extended, formulate, rewriter, straight
-from varcalc.functional import Functional
-from varcalc.methods.direct.newton import Newton
-from varcalc.methods.direct.rungs import Rung, Rungs
-from varcalc.problem import Problem
+from varcalc.methods.ritz.newton import Newton
+from varcalc.methods.ritz.rungs import Rung, Rungs
+from varcalc.problem.conditions import Fixed
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 
 MESHES = (16, 32, 64, 128)

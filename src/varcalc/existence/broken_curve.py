@@ -16,10 +16,10 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from varcalc.conditions import Fixed
-from varcalc.functional import Functional
-from varcalc.mesh import gauss
-from varcalc.problem import Problem
+from varcalc.numerics.mesh import gauss
+from varcalc.problem.conditions import Fixed
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
 from varcalc.solution import Solution, Status, Verdict
 
 STEEP = (1e6, 1e8)

@@ -16,11 +16,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import Bound, Fixed, Free, Holonomic, Isoperimetric, Through
 from varcalc.formulation import formulate
-from varcalc.functional import Functional
-from varcalc.methods.ritz import Ritz
-from varcalc.problem import Problem
+from varcalc.methods.ritz.method import Ritz
+from varcalc.problem.conditions import Bound, Fixed, Free, Holonomic, Isoperimetric, Through
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
 
 SMOOTH = (1e-6, 1e-9)
 """Weights of the slope beside the squared miss: what depends on them is the price of steepness, no contradiction."""

@@ -18,9 +18,9 @@ import numpy as np
 
 from varcalc.existence.relaxation import Relaxed, applies, relaxed
 from varcalc.formulation import broken_form, formulate
-from varcalc.functional import Functional
-from varcalc.methods.ritz import Ritz
-from varcalc.problem import Problem
+from varcalc.methods.ritz.method import Ritz
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
 from varcalc.solution import Solution, Status, Verdict
 from varcalc.verify.weierstrass import vouched
 

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.formulation import Form, formulate
-from varcalc.functional import Functional
-from varcalc.methods.direct.newton import Newton
-from varcalc.methods.direct.rungs import Rungs
-from varcalc.methods.direct.starts import candidates
-from varcalc.methods.direct.system import RitzSystem
-from varcalc.problem import Problem
+from varcalc.methods.ritz.newton import Newton
+from varcalc.methods.ritz.rungs import Rungs
+from varcalc.methods.ritz.starts import candidates
+from varcalc.methods.ritz.system import RitzSystem
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
 
 DEGREE = 12
 DIRECTIONS = 3

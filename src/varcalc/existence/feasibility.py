@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from varcalc.conditions import Bound, Isoperimetric
-from varcalc.functional import Functional
-from varcalc.methods.ritz import Ritz
-from varcalc.problem import Curve, Problem
-from varcalc.singular import forms
+from varcalc.formulation.singular import forms
+from varcalc.methods.ritz.method import Ritz
+from varcalc.problem.conditions import Bound, Isoperimetric
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution, Status, Verdict
 
 EQUAL = 1e-9

@@ -16,10 +16,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import Bound, Fixed, Free, Holonomic, Isoperimetric, Through, components
-from varcalc.functional import Functional
-from varcalc.mesh import gauss
-from varcalc.problem import Problem
+from varcalc.numerics.mesh import gauss
+from varcalc.problem.conditions import Bound, Fixed, Free, Holonomic, Isoperimetric, Through, components
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
 
 SPREADS = (0.3, 1.0, 3.0)
 """Half distances of the two slopes at the start, in units of the problem's slope."""

@@ -7,16 +7,16 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from varcalc.buffered import Pointwise
 from varcalc.existence.approach import Approach, approached, gap
 from varcalc.existence.broken_curve import broken_curve
 from varcalc.existence.corners import with_corners
 from varcalc.existence.falling import falling
 from varcalc.formulation import formulate
-from varcalc.functional import Functional
-from varcalc.problem import Problem
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
 from varcalc.search import Extremals, by_slope_alone
 from varcalc.solution import Solution, Status, Verdict
+from varcalc.symbolic.buffered import Pointwise
 
 PLACES = 1001
 """Abscissae at which Legendre's condition is looked at; odd, so that the middle is one of them."""

@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from varcalc.conditions import At, Fixed
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.ritz import Ritz
+from varcalc.methods.ritz.method import Ritz
+from varcalc.problem.conditions import At, Fixed
 from varcalc.solution import Solution, Status, Verdict
 from varcalc.verify.index import Index
 from varcalc.verify.ritz_hessian import index_by_ritz

@@ -4,13 +4,12 @@ Methods never look at a :class:`Problem` directly. They are given a
 :class:`Form`: an integrand on a fixed interval of a reference variable s, a
 number of unknown functions and of unknown numbers, and conditions on them. An
 abscissa that slides, a curve that is no graph, a maximum, a singular end are
-all turned into that one shape here (and in :mod:`varcalc.singular`), so that no
+all turned into that one shape here (and in :mod:`varcalc.formulation.singular`), so that no
 method knows of them.
 """
 
 from __future__ import annotations
 
-from varcalc.conditions import OnCurve
 from varcalc.formulation.broken import Contact, broken_form
 from varcalc.formulation.curve import curve_form
 from varcalc.formulation.form import (
@@ -30,8 +29,9 @@ from varcalc.formulation.form import (
 )
 from varcalc.formulation.graph import graph_form, on_curve, sliding_form
 from varcalc.formulation.numbers import AtPoints, GraphNumbers, Numbers, Reported
-from varcalc.functional import Functional
-from varcalc.problem import Curve, Problem
+from varcalc.problem.conditions import OnCurve
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Curve, Problem
 
 __all__ = [
     "AtPoints",

@@ -28,8 +28,8 @@ from varcalc.formulation.form import (
     side_conditions,
 )
 from varcalc.formulation.graph import graph_form
-from varcalc.problem import Problem
-from varcalc.tracing import Expression
+from varcalc.problem.problem import Problem
+from varcalc.symbolic.tracing import Expression
 
 SHORTEST = 1e-2
 """Share of its first length that a piece must keep where IPOPT moves its ends."""

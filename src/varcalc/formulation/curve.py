@@ -8,7 +8,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import At, Isoperimetric, OnSurface, Periodic, components
 from varcalc.formulation.form import (
     Form,
     Sampled,
@@ -19,9 +18,10 @@ from varcalc.formulation.form import (
     side_conditions,
     straight,
 )
-from varcalc.functional import Symbols
-from varcalc.problem import Curve
-from varcalc.tracing import Expression, trace
+from varcalc.problem.conditions import At, Isoperimetric, OnSurface, Periodic, components
+from varcalc.problem.functional import Symbols
+from varcalc.problem.problem import Curve
+from varcalc.symbolic.tracing import Expression, trace
 
 SAMPLES = 64
 """Points at which expressions are sampled along a baseline."""

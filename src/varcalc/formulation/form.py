@@ -9,11 +9,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import Bound, Holonomic, Isoperimetric
 from varcalc.formulation.numbers import Numbers
-from varcalc.functional import Functional, Symbols
-from varcalc.problem import Problem
-from varcalc.tracing import Expression
+from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric
+from varcalc.problem.functional import Functional, Symbols
+from varcalc.problem.problem import Problem
+from varcalc.symbolic.tracing import Expression
 
 Sampled = Callable[[np.ndarray], np.ndarray]
 """A curve to start from: abscissae (m,) to ordinates (n, m)."""

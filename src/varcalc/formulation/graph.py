@@ -8,7 +8,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import Fixed, OnCurve, Periodic, Through, components
 from varcalc.formulation.form import (
     Form,
     Stated,
@@ -20,9 +19,10 @@ from varcalc.formulation.form import (
     through,
 )
 from varcalc.formulation.numbers import GraphNumbers
-from varcalc.functional import Functional
-from varcalc.problem import FEW_FUNCTIONS, Problem
-from varcalc.tracing import trace
+from varcalc.problem.conditions import Fixed, OnCurve, Periodic, Through, components
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import FEW_FUNCTIONS, Problem
+from varcalc.symbolic.tracing import trace
 
 
 def graph_form(problem: Problem) -> Form:

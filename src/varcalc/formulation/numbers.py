@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from varcalc.problem import Problem
+from varcalc.problem.problem import Problem
 
 
 @dataclass(frozen=True)

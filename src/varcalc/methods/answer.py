@@ -9,11 +9,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import Isoperimetric, OnCurve
 from varcalc.formulation import Form, Sampled
-from varcalc.mesh import gauss
 from varcalc.methods.moved_ends import by_moved_ends
-from varcalc.problem import Problem
+from varcalc.numerics.mesh import gauss
+from varcalc.problem.conditions import Isoperimetric, OnCurve
+from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, no_answer
 
 TURNED = 30.0
@@ -67,7 +67,7 @@ class Extremal:
     speed: np.ndarray | None = None
     """dx/ds at a number of points, where the method has it at hand."""
     coefficients: np.ndarray | None = None
-    """Those of the curve in the basis of :class:`varcalc.mesh.Space`, where it was found so on one element."""
+    """Those of the curve in the basis of :class:`varcalc.numerics.mesh.Space`, where it was found so on one element."""
     along: Along | None = None
     """What was evaluated along the curve last, where the method has it at hand."""
 

@@ -13,9 +13,9 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import Isoperimetric, parameters_of
-from varcalc.functional import Functional
-from varcalc.problem import Problem
+from varcalc.problem.conditions import Isoperimetric, parameters_of
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
 
 
 def by_moved_ends(

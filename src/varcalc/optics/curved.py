@@ -20,12 +20,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc import tracing
-from varcalc.instructions import Vectorised
 from varcalc.optics.beam import RayStatus
 from varcalc.optics.bundle import Bundle
 from varcalc.optics.flights import flown, how_far
 from varcalc.optics.values import matched, rows
+from varcalc.symbolic import tracing
+from varcalc.symbolic.instructions import Vectorised
 
 Expression = Any
 """A CasADi SX expression."""

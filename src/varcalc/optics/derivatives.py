@@ -17,12 +17,12 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from varcalc.instructions import Vectorised
-from varcalc.mesh import gauss
+from varcalc.numerics.mesh import gauss
 from varcalc.optics.legs import Leg
 from varcalc.optics.media import Medium
 from varcalc.optics.surfaces import Surface
 from varcalc.optics.tabulated import Tabulated
+from varcalc.symbolic.instructions import Vectorised
 
 NODES = tuple(2**k for k in range(5, 12))
 """Numbers of Gauss-Legendre nodes on a leg, one tried after the other until two agree."""

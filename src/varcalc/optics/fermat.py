@@ -17,17 +17,17 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import Fixed
-from varcalc.methods.collocation import Collocation
-from varcalc.methods.ritz import Ritz
+from varcalc.methods.collocation.method import Collocation
+from varcalc.methods.ritz.method import Ritz
 from varcalc.optics.beam import frames
 from varcalc.optics.media import Expression, Medium
 from varcalc.optics.model import Carrier, DoesNotApply, Model, Question
 from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.surfaces import Geometry, Surface
-from varcalc.problem import Problem
+from varcalc.problem.conditions import Fixed
+from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
-from varcalc.solve import solve
+from varcalc.solve.ladder import solve
 
 TOLERANCE = 1e-11
 """Of the energy in units of its size: what the solver is asked for."""

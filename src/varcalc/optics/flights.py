@@ -5,8 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from varcalc import engines
-from varcalc.engines import OUTCOMES, Outcome
+from varcalc import integrators
+from varcalc.integrators import OUTCOMES, Outcome
 from varcalc.optics.beam import RayStatus
 from varcalc.optics.values import numbers
 
@@ -24,7 +24,7 @@ def flown(rates: ca.SX, state: ca.SX, states: np.ndarray, until: np.ndarray) -> 
     Those that have not arrived keep the last state that is known.
     """
     system = ca.Function("rays", [ca.SX.sym("s"), state, ca.SX.sym("c", 0)], [ca.densify(rates)])
-    landing = engines.default().compile_fleet(system).run(states, np.zeros((len(states), 0)), until)
+    landing = integrators.default().compile_fleet(system).run(states, np.zeros((len(states), 0)), until)
     status = np.array([int(ENDED[OUTCOMES[code]]) for code in landing.outcomes], dtype=np.int8)
     return landing.states, status
 

@@ -10,9 +10,8 @@ from threading import Lock
 import casadi as ca
 import numpy as np
 
-from varcalc import engines
-from varcalc.engines import OUTCOMES, Engine, Fleet, Flow, Landing, Outcome, Swarm
-from varcalc.instructions import Vectorised
+from varcalc import integrators
+from varcalc.integrators import OUTCOMES, Engine, Fleet, Flow, Landing, Outcome, Swarm
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.layered import Expression, LayeredSwarm, compile_rays
 from varcalc.optics.legs import Leg, hamilton_leg
@@ -21,6 +20,7 @@ from varcalc.optics.model import Carrier, Model
 from varcalc.optics.surfaces import Geometry
 from varcalc.optics.system import packed, ray_system, unpacked
 from varcalc.optics.tabulated import Tabulated
+from varcalc.symbolic.instructions import Vectorised
 
 FAR = 1e6
 """Rays that have come so many times farther than the scene is large meet nothing any more."""
@@ -46,7 +46,7 @@ class Hamilton(Model):
 
     def carrier(self, medium: Medium, dimension: int, surfaces: Sequence[Geometry]) -> Carrier:
         """See :meth:`Model.carrier`."""
-        return HamiltonRays(medium, dimension, surfaces, engines.default())
+        return HamiltonRays(medium, dimension, surfaces, integrators.default())
 
 
 @dataclass
@@ -125,7 +125,7 @@ class HamiltonRays:
         here = Field(self.medium, self.dimension)
         if self._flow is None:
             system = ray_system(self.medium, self.dimension, self.dimension - 1)
-            self._flow = engines.available()[0].compile(system)
+            self._flow = integrators.available()[0].compile(system)
         pieces = self.pieces(beam, path) or [(0.0, np.zeros(0), packed(beam)[0])]
         return hamilton_leg(pieces, self._flow, self.dimension, lambda r: here(r)[1] / 2, self.sigma(beam, path))
 

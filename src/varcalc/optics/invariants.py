@@ -14,7 +14,7 @@ from threading import Lock
 
 import numpy as np
 
-from varcalc import engines
+from varcalc import integrators
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.hamilton import HamiltonRays
 from varcalc.optics.legs import Leg
@@ -113,7 +113,7 @@ class InvariantRays:
     name = "invariants and quadrature"
 
     def __post_init__(self) -> None:
-        self._others = HamiltonRays(self.medium, self.dimension, self.surfaces, engines.default())
+        self._others = HamiltonRays(self.medium, self.dimension, self.surfaces, integrators.default())
 
     def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
         """See :meth:`varcalc.optics.model.Carrier.advance`."""

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.engines import NONE, OUTCOMES, Engine, Landing, Outcome, Swarm
+from varcalc.integrators import NONE, OUTCOMES, Engine, Landing, Outcome, Swarm
 from varcalc.optics.media import Medium
 from varcalc.optics.system import force_of, ray_rates
 from varcalc.optics.tabulated import Tabulated
@@ -61,7 +61,7 @@ class LayeredSwarm:
     stops: int
 
     def run(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...] = ()) -> Landing:
-        """See :meth:`varcalc.engines.protocol.Swarm.run`."""
+        """See :meth:`varcalc.integrators.protocol.Swarm.run`."""
         m = len(states)
         ends = Landing(np.array(states), np.zeros(m), np.full(m, TOO_MANY, np.int8), np.full(m, NONE, np.int16))
         for _ in self._rounds(ends, constants, leaving):

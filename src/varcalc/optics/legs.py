@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from varcalc.engines import Flow, Outcome
+from varcalc.integrators import Flow, Outcome
 from varcalc.optics.beam import Beam
 from varcalc.optics.system import unpacked
 

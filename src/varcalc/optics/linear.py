@@ -17,13 +17,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.instructions import Vectorised
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.legs import Leg
 from varcalc.optics.media import Medium
 from varcalc.optics.model import Carrier, DoesNotApply, Model
 from varcalc.optics.surfaces import Geometry
 from varcalc.optics.tabulated import Tabulated
+from varcalc.symbolic.instructions import Vectorised
 
 SMALL = 1.0
 """Up to it Stumpff's third function is summed, since its closed form cancels."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from varcalc import engines
+from varcalc import integrators
 from varcalc.optics.beam import NOTHING, Beam, RayStatus, at_surface
 from varcalc.optics.media import Field, Medium
 from varcalc.optics.model import Carrier, Model
@@ -116,7 +116,7 @@ class March:
             beam.put(own, arrival.beam)
             struck[part], status[part] = arrival.struck, arrival.status
 
-        engines.spread(carry, len(rows))
+        integrators.spread(carry, len(rows))
         return struck, status
 
     def _strayed(self, struck: np.ndarray, status: np.ndarray, number: int) -> np.ndarray:

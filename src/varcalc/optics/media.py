@@ -14,12 +14,12 @@ from typing import Any, Self
 import casadi as ca
 import numpy as np
 
-from varcalc import tracing
-from varcalc.functional import named
-from varcalc.instructions import Vectorised
 from varcalc.optics.dispersion import Dispersion
 from varcalc.optics.parameters import Parametrised
 from varcalc.optics.values import point
+from varcalc.problem.functional import named
+from varcalc.symbolic import tracing
+from varcalc.symbolic.instructions import Vectorised
 
 Expression = Any
 """A CasADi SX expression."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Self
 
-from varcalc.functional import named
+from varcalc.problem.functional import named
 
 
 class Parametrised:

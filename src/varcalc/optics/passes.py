@@ -13,7 +13,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from varcalc.engines import NONE, OUTCOMES, Engine, Outcome, Swarm
+from varcalc.integrators import NONE, OUTCOMES, Engine, Outcome, Swarm
 from varcalc.optics.beam import NOTHING, Beam
 from varcalc.optics.layered import Expression, compile_rays
 from varcalc.optics.legs import moved_on

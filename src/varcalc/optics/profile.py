@@ -18,9 +18,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.instructions import Vectorised
-from varcalc.methods.quadrature.carried import carry, displaced
+from varcalc.methods.first_integral.carried import carry, displaced
 from varcalc.optics.media import Expression, Medium, Radial
+from varcalc.symbolic.instructions import Vectorised
 
 FAR = 1e6
 """Rays that have come so many times farther than the scene is large meet nothing any more."""

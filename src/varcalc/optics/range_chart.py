@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.conditions import whole
 from varcalc.optics.media import Field
 from varcalc.optics.ray import Rays
 from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Plane
 from varcalc.optics.values import point
+from varcalc.problem.conditions import whole
 
 ANGLES = 720
 """Angles looked at by default, half a degree apart."""

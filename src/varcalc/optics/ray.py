@@ -9,13 +9,13 @@ from typing import overload
 
 import numpy as np
 
-from varcalc.conditions import finite
 from varcalc.optics.beam import RayStatus
 from varcalc.optics.derivatives import path_derivatives
 from varcalc.optics.legs import Leg
 from varcalc.optics.media import Medium
 from varcalc.optics.surfaces import Surface
 from varcalc.optics.tubes import RayTube
+from varcalc.problem.conditions import finite
 
 AT_END = 1e-6
 """Conjugate points so close to the end of a ray on a caustic, in its optical path, are the end itself."""

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.functional import named
 from varcalc.optics.bundle import Bundle
 from varcalc.optics.caravan import Sources, carried
 from varcalc.optics.media import Medium
@@ -18,6 +17,7 @@ from varcalc.optics.ray import Rays
 from varcalc.optics.surfaces import Surface
 from varcalc.optics.values import numbers, point, rows, unit_rows
 from varcalc.optics.ways import Ways, touched
+from varcalc.problem.functional import named
 
 
 class Scene:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from varcalc import engines
+from varcalc import integrators
 from varcalc.optics.beam import NOTHING, Beam, RayStatus, launched
 from varcalc.optics.march import March
 from varcalc.optics.passes import HamiltonLeg, LastLeg, StraightLeg
@@ -19,7 +19,7 @@ def last_leg(march: March) -> LastLeg:
     last = march.models[-1]
     if isinstance(last, StraightRays):
         return StraightLeg(last)
-    return HamiltonLeg(march.media[-1], march.dimension, march.geometries, engines.default())
+    return HamiltonLeg(march.media[-1], march.dimension, march.geometries, integrators.default())
 
 
 @dataclass

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.mesh import gauss
+from varcalc.numerics.mesh import gauss
 from varcalc.optics.turning_points import Way
 
 NODES, WEIGHTS = gauss(16)

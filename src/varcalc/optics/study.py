@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.conditions import finite, whole
 from varcalc.optics.beam import RayStatus
 from varcalc.optics.media import Field
 from varcalc.optics.ray import Ray, Rays
@@ -21,6 +20,7 @@ from varcalc.optics.sources import Source
 from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.optics.values import point
 from varcalc.optics.wavefronts import Caustic, Wavefront, caustic_of, ray_tubes, wavefront
+from varcalc.problem.conditions import finite, whole
 
 SAMPLES = 240
 """Points along a ray, evenly spaced in optical path."""

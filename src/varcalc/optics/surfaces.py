@@ -14,11 +14,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc import tracing
-from varcalc.functional import named
-from varcalc.instructions import Vectorised
 from varcalc.optics.parameters import Parametrised
 from varcalc.optics.values import direction, numbers, point
+from varcalc.problem.functional import named
+from varcalc.symbolic import tracing
+from varcalc.symbolic.instructions import Vectorised
 
 Expression = Any
 """A CasADi SX expression."""

@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.mesh import Space
-from varcalc.methods.boundary_value.error import Level, fine_value
-from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space
+from varcalc.methods.collocation.error import Level, fine_value
+from varcalc.methods.collocation.system import CollocationSystem, collocation_space
+from varcalc.numerics.mesh import Space
 
 DIFFERENCE = 1e-6
 """Step of the difference quotient by the parameter, in its unit; it bends directions only, never a solution."""

@@ -10,14 +10,14 @@ from dataclasses import replace
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.mesh import Space
-from varcalc.methods.boundary_value.answer import answered
-from varcalc.methods.boundary_value.error import Level, assess
-from varcalc.methods.boundary_value.newton import Scales, stationary
-from varcalc.methods.boundary_value.refinement import Refinement
-from varcalc.methods.boundary_value.starting_curves import Start, function_sizes, starting_curves
-from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space
-from varcalc.methods.collocation import Collocation, first_unknowns, first_vertices
+from varcalc.methods.collocation.answer import answered
+from varcalc.methods.collocation.error import Level, assess
+from varcalc.methods.collocation.method import Collocation, first_unknowns, first_vertices
+from varcalc.methods.collocation.newton import Scales, stationary
+from varcalc.methods.collocation.refinement import Refinement
+from varcalc.methods.collocation.starting_curves import Start, function_sizes, starting_curves
+from varcalc.methods.collocation.system import CollocationSystem, collocation_space
+from varcalc.numerics.mesh import Space
 from varcalc.search.deflation import deflated_newton, is_singular
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict
 

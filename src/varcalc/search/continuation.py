@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from varcalc.arguments import check_arguments
-from varcalc.conditions import finite
 from varcalc.formulation import formulate
-from varcalc.mesh import Space
-from varcalc.methods.boundary_value.error import Level
-from varcalc.methods.boundary_value.newton import stationary
-from varcalc.methods.boundary_value.refinement import Refinement
-from varcalc.methods.boundary_value.starting_curves import function_sizes, resolving_vertices
-from varcalc.methods.boundary_value.system import CollocationSystem, collocation_space
-from varcalc.methods.collocation import Collocation, first_unknowns, first_vertices
+from varcalc.methods.arguments import check_arguments
+from varcalc.methods.collocation.error import Level
+from varcalc.methods.collocation.method import Collocation, first_unknowns, first_vertices
+from varcalc.methods.collocation.newton import stationary
+from varcalc.methods.collocation.refinement import Refinement
+from varcalc.methods.collocation.starting_curves import function_sizes, resolving_vertices
+from varcalc.methods.collocation.system import CollocationSystem, collocation_space
+from varcalc.numerics.mesh import Space
+from varcalc.problem.conditions import finite
 from varcalc.search.arclength import Family, Fold, Follower, Point
 from varcalc.search.collected import finer, refined, scales_of
 from varcalc.solution import Solution

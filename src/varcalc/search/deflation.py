@@ -15,8 +15,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from varcalc.methods.boundary_value.newton import SPARSE_FROM, Scales, factorised, measure, stationary
-from varcalc.methods.boundary_value.system import CollocationSystem
+from varcalc.methods.collocation.newton import SPARSE_FROM, Scales, factorised, measure, stationary
+from varcalc.methods.collocation.system import CollocationSystem
 
 ITERATIONS = 50
 LONGEST = 3.0

@@ -18,11 +18,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.engines import CannotLower, Flow, Outcome, Run, Variational, available, variational
-from varcalc.engines.dop853 import Dop853Flow
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.direct.starts import size
-from varcalc.methods.initial_value.flow import EulerLagrangeFlow, Scales
+from varcalc.integrators import CannotLower, Flow, Outcome, Run, Variational, available, variational
+from varcalc.integrators.dop853 import Dop853Flow
+from varcalc.methods.ritz.starts import size
+from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 
 STATIONS = 9
 """Abscissae at which a trajectory is recorded, so that one which fails still tells which way it went."""

@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.arguments import check_arguments
-from varcalc.conditions import At, Fixed, components
 from varcalc.formulation import Form, Sampled
-from varcalc.functional import Functional
-from varcalc.methods.collocation import Collocation
-from varcalc.methods.shooting import Shooting
+from varcalc.formulation.singular import Infinite, forms
+from varcalc.methods.arguments import check_arguments
+from varcalc.methods.collocation.method import Collocation
+from varcalc.methods.shooting.method import Shooting
+from varcalc.problem.conditions import At, Fixed, components
+from varcalc.problem.functional import Functional
 from varcalc.search.collected import as_asked, deflated, degenerate, finer
 from varcalc.search.end_map import EndMap, mappable
 from varcalc.search.lattice import SIZES, Lattice, shootable
 from varcalc.search.scan import scan
 from varcalc.search.sequence import Extremals
 from varcalc.search.windings import wound
-from varcalc.singular import Infinite, forms
 from varcalc.solution import Solution, Verdict
 
 WORTHLESS = 1e-6

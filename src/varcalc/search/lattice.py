@@ -15,13 +15,13 @@ from itertools import product
 
 import numpy as np
 
-from varcalc.engines import CannotLower, Flow, Metered, available
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.direct.starts import size
-from varcalc.methods.initial_value.flow import EulerLagrangeFlow, Scales
-from varcalc.methods.initial_value.initial_states import nus
-from varcalc.methods.initial_value.newton import Ending, iterate
-from varcalc.methods.initial_value.segments import Segments
+from varcalc.integrators import CannotLower, Flow, Metered, available
+from varcalc.methods.ritz.starts import size
+from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
+from varcalc.methods.shooting.initial_states import nus
+from varcalc.methods.shooting.newton import Ending, iterate
+from varcalc.methods.shooting.segments import Segments
 
 SIZES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Sizes of the initial slope, in units of the problem's size by its width."""

@@ -18,7 +18,7 @@ from itertools import groupby, pairwise
 
 import numpy as np
 
-from varcalc.engines import Outcome
+from varcalc.integrators import Outcome
 from varcalc.search.end_map import EndMap, Shot
 
 FARTHEST = 1e6

@@ -15,9 +15,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import At, Fixed, components, finite, is_vector
-from varcalc.functional import Functional
-from varcalc.problem import Curve
+from varcalc.problem.conditions import At, Fixed, components, finite, is_vector
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Curve
 
 TRIALS = 16
 """Points at which L is held against itself one period on."""

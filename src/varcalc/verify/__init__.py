@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from varcalc.problem import Curve
+from varcalc.problem.problem import Curve
 from varcalc.solution import Solution
 from varcalc.verify.verification import Finding, Verification
 

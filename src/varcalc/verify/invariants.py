@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 
 from varcalc.methods.answer import Extremal
-from varcalc.problem import Curve
-from varcalc.tracing import Expression
+from varcalc.problem.problem import Curve
+from varcalc.symbolic.tracing import Expression
 from varcalc.verify.residual import FAINT, felt
 from varcalc.verify.setting import Setting, inner_points
 

@@ -21,7 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
-from varcalc.mesh import antiderivative, gauss
+from varcalc.numerics.mesh import antiderivative, gauss
 from varcalc.verify.accessory import Accessory
 
 DEGREE = 16

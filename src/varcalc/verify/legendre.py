@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.problem import Curve
+from varcalc.problem.problem import Curve
 from varcalc.verify.inequalities import touched
 from varcalc.verify.setting import Setting, inner_points
 

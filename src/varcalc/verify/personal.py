@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from varcalc.formulation import Sampled, side_conditions
+from varcalc.formulation.singular import forms
 from varcalc.methods.answer import Extremal
-from varcalc.singular import forms
 from varcalc.verify.setting import Setting, setting
 from varcalc.verify.trial import Trial, distinct
 

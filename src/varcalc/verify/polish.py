@@ -12,10 +12,10 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.methods.answer import Extremal
-from varcalc.methods.boundary_value.error import Assessment, Level, assess
-from varcalc.methods.boundary_value.newton import Scales, start_multipliers, stationary
-from varcalc.methods.boundary_value.starting_curves import function_sizes, resolving_vertices
-from varcalc.methods.boundary_value.system import CollocationSystem, State, collocation_space
+from varcalc.methods.collocation.error import Assessment, Level, assess
+from varcalc.methods.collocation.newton import Scales, start_multipliers, stationary
+from varcalc.methods.collocation.starting_curves import function_sizes, resolving_vertices
+from varcalc.methods.collocation.system import CollocationSystem, State, collocation_space
 
 FIRST_DEGREE = 16
 """Degree at which a curve is polished first."""

@@ -14,8 +14,8 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from varcalc.mesh import antiderivative, gauss
-from varcalc.tracing import Expression
+from varcalc.numerics.mesh import antiderivative, gauss
+from varcalc.symbolic.tracing import Expression
 from varcalc.verify.setting import Setting
 
 POINTS = 24

@@ -12,9 +12,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.mesh import Space, basis, lobatto
 from varcalc.methods.answer import Extremal, sample
-from varcalc.methods.direct.system import Evaluation, RitzSystem
+from varcalc.methods.ritz.system import Evaluation, RitzSystem
+from varcalc.numerics.mesh import Space, basis, lobatto
 from varcalc.verify.index import NULL, Index
 from varcalc.verify.inequalities import TOUCH
 

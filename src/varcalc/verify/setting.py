@@ -21,14 +21,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.conditions import OnCurve
 from varcalc.formulation import Form, Sampled, SideCondition
-from varcalc.functional import Symbols
-from varcalc.lagrangian import Lagrangian
-from varcalc.mesh import gauss
 from varcalc.methods.answer import Extremal, composite_gauss, lifted
-from varcalc.problem import Problem
-from varcalc.tracing import Expression
+from varcalc.numerics.mesh import gauss
+from varcalc.problem.conditions import OnCurve
+from varcalc.problem.functional import Symbols
+from varcalc.problem.lagrangian import Lagrangian
+from varcalc.problem.problem import Problem
+from varcalc.symbolic.tracing import Expression
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
+from varcalc.formulation.singular import forms
 from varcalc.methods.answer import Extremal, person_curve
-from varcalc.methods.ritz import Ritz
-from varcalc.singular import forms
+from varcalc.methods.ritz.method import Ritz
 from varcalc.solution import Solution
 from varcalc.verify.inequalities import touches, without_inequalities
 from varcalc.verify.polish import polished

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.conditions import Isoperimetric
-from varcalc.functional import Functional
+from varcalc.problem.conditions import Isoperimetric
+from varcalc.problem.functional import Functional
 from varcalc.solution import Solution, Verdict
 from varcalc.verify.corners import Corner
 from varcalc.verify.index import Index

@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from varcalc.buffered import Pointwise
-from varcalc.columns import FewOrMany
-from varcalc.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.formulation import Form
-from varcalc.functional import Functional
 from varcalc.methods.answer import Along
-from varcalc.problem import Curve, Problem
+from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution, Status, Verdict
+from varcalc.symbolic.buffered import Pointwise
+from varcalc.symbolic.columns import FewOrMany
 from varcalc.verify.setting import Setting
 from varcalc.verify.verification import Excess
 

@@ -1,0 +1,207 @@
+"""Singular ends, found from what the Lagrangian does there, and the coordinates that remove them.
+
+Two properties of L are detected numerically, never by its look: that L^2 is
+a quadratic form in the slope (the length of a Riemannian metric; conformal
+when L / sqrt(1 + y'^2) does not depend on y'), and that L is infinite at an
+end. The length of a metric is minimised through its energy
+(:mod:`varcalc.formulation.singular.energy`); for other Lagrangians abscissa and ordinate
+become the powers that make the extremal analytic
+(:mod:`varcalc.formulation.singular.powers`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from varcalc.formulation import Elsewhere, Form, formulate
+from varcalc.formulation.singular.abscissa import abscissa_form
+from varcalc.formulation.singular.alike import alike, ends_at, energetic_at
+from varcalc.formulation.singular.departure import departure
+from varcalc.formulation.singular.detection import (
+    Blowup,
+    Infinite,
+    Survey,
+    almost_singular_ends,
+    blowup,
+    blowup_beyond,
+    grows,
+    homogeneous,
+    singular_ends,
+)
+from varcalc.formulation.singular.energy import energy_forms
+from varcalc.formulation.singular.graph import applies, factored_graph
+from varcalc.formulation.singular.powers import power_form
+from varcalc.problem.conditions import Fixed, Free, OnCurve
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Curve, Problem
+
+__all__ = ["Forms", "Infinite", "forms"]
+
+
+Makers = Sequence[Callable[[], Form | None]]
+"""Functions that make the forms of one problem."""
+
+
+class Forms(Sequence[Form | None]):
+    """The forms in which a problem is to be tried, the most promising first, each made when it is asked for.
+
+    An entry is None where a form turns out to be no different from the others.
+    """
+
+    def __init__(self, makers: Makers, problem: Functional, made: dict[int, Form | None]) -> None:
+        self._makers, self._problem, self._made = makers, problem, made
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+    @property
+    def singular(self) -> bool:
+        """Whether an end is singular in any of the forms; one that is told not to have any is not made for this."""
+        for index, maker in enumerate(self._makers):
+            told = isinstance(maker, partial) and maker.keywords.get("singular") == (False, False)
+            form = None if told else self[index]
+            if form is not None and any(form.singular):
+                return True
+        return False
+
+    def __getitem__(self, index: Any) -> Any:
+        if index not in range(len(self._makers)):
+            raise IndexError(index)
+        if index not in self._made:
+            self._made[index] = self._makers[index]()
+        form = self._made[index]
+        return form if form is None or form.problem is self._problem else replace(form, problem=self._problem)
+
+
+def forms(problem: Functional) -> Forms:
+    """The forms in which a problem is to be tried, the most promising first.
+
+    Raises :class:`Infinite` when a singular end makes the functional infinite.
+    """
+    # singular ends are found from numbers, so other parameter values may have other forms
+    kept = problem.built.setdefault("forms", {})
+    values = tuple(problem.parameters.values())
+    if values not in kept:
+        kept[values] = (_makers(problem), {})
+    makers, made = kept[values]
+    return Forms(makers, problem, made)
+
+
+def _direct(problem: Functional) -> Form:
+    """The direct form, the same for all values of the parameters that move no end."""
+    moved = tuple(problem.parameters[name] for name in sorted(problem.end_parameters))
+    kept = problem.built.setdefault("direct", {})
+    if moved not in kept:
+        kept[moved] = _formulated(problem)
+    return kept[moved]
+
+
+def _formulated(problem: Functional) -> Form:
+    form = formulate(problem)
+    if isinstance(problem, Curve):
+        movable = form.energetic and form.ends is None
+        places = Elsewhere(partial(_along_curve, problem), _formulated, partial(energetic_at, problem))
+        return replace(form, elsewhere=places) if movable else form
+    if not isinstance(problem, Problem) or form.stated.is_lifted:
+        return form
+
+    def placed(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        points = ends_at(problem, values)
+        return points[:, :, 0], points[:, 0, 1:], points[:, 1, 1:]
+
+    def regular(values: np.ndarray) -> np.ndarray:
+        return alike(problem, values, {}, False)
+
+    return replace(form, elsewhere=Elsewhere(placed, _formulated, regular))
+
+
+def _along_curve(problem: Curve, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The span of the parameter and the ends of a Curve at ``values``; see :class:`Elsewhere`."""
+    points = ends_at(problem, values)
+    return np.tile(problem.span, (len(values), 1)), points[:, 0], points[:, 1]
+
+
+def _makers(problem: Functional) -> Makers:
+    direct = partial(_direct, problem)
+    curve = isinstance(problem, Curve)
+    if not (_plain(problem) if curve else isinstance(problem, Problem) and _simple(problem)):
+        return _with_more(problem)
+    seen = Survey(problem) if isinstance(problem, Problem) else None
+    singular = singular_ends(problem) if seen is None else seen.singular
+    beyond = almost_singular_ends(problem) if seen is None else seen.beyond
+    both_fixed = isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)
+    if not (any(singular) or any(beyond) or both_fixed):
+        return [direct]
+    metric = homogeneous(problem) if seen is None else seen.metric
+    if metric is None:
+        others = _others(problem, singular, both_fixed) if isinstance(problem, Problem) else []
+        return [*others, direct] if any(singular) else [direct, *others]
+    blowups = _blowups(problem, singular, beyond)
+    others = energy_forms(problem, metric, singular, blowups) if blowups or not curve else []
+    return [*others, direct] if blowups else [direct, *others]
+
+
+def _with_more(problem: Functional) -> Makers:
+    """Forms where more is asked than a curve between two ends: powers of a parameter, which carry it all along."""
+    direct = partial(_direct, problem)
+    known = singular_ends(problem)
+    bad = tuple(here and grows(problem, at_start) for here, at_start in zip(known, (True, False), strict=True))
+    if not any(bad):
+        return [direct]
+    refused = partial(_refused, direct, "start" if bad[0] else "end")
+    if not (isinstance(problem, Problem) and applies(problem)):
+        return [refused]
+    first, last = (
+        departure(problem, at_start) if here else None for here, at_start in zip(bad, (True, False), strict=True)
+    )
+    if (bad[0] and first is None) or (bad[1] and last is None):
+        return [refused]
+    return [partial(factored_graph, problem, (first, last)), refused]
+
+
+def _refused(direct: Callable[[], Form], end: str) -> Form:
+    """The direct form, marked as one that nothing which samples L at the singular end can resolve."""
+    return replace(
+        direct(),
+        refused=f"the Lagrangian is infinite at the {end}, and for what this problem asks no coordinates are known "
+        f"that remove it; move the {end} off the place where it is infinite, or drop constraints",
+    )
+
+
+def _blowups(problem: Functional, singular: tuple[bool, bool], beyond: tuple[bool, bool]) -> dict[bool, Blowup | None]:
+    """How the metric blows up at the start (True) and the end (False), as far as it does.
+
+    Ends with a line just beyond them on which it is infinite are among them.
+    """
+    found: dict[bool, Blowup | None] = {}
+    for at_start, here, outside in zip((True, False), singular, beyond, strict=True):
+        line = blowup_beyond(problem, at_start) if outside else None
+        if here or line is not None:
+            found[at_start] = line or blowup(problem, at_start)
+    return found
+
+
+def _others(problem: Problem, singular: tuple[bool, bool], both_fixed: bool) -> Makers:
+    """Forms for a Lagrangian that is no metric: powers of the abscissa, or of both coordinates."""
+    if not both_fixed:
+        return []
+    in_x = partial(abscissa_form, problem)
+    return [in_x, partial(power_form, problem, singular)] if singular[0] != singular[1] else [in_x]
+
+
+def _plain(problem: Functional) -> bool:
+    """Whether a Curve has nothing but its ends."""
+    return problem.n == 2 and not (problem.constraints or problem.end_cost)
+
+
+def _simple(problem: Problem) -> bool:
+    """Whether other coordinates than the person's are available: one function, one end fixed at least."""
+    ends = (problem.start, problem.end)
+    some_fixed = any(isinstance(e, Fixed) for e in ends) and all(isinstance(e, Fixed | Free | OnCurve) for e in ends)
+    bare = not (problem.constraints or problem.end_cost or problem.breakpoints)
+    return problem.n == 1 and problem.order == 1 and some_fixed and bare

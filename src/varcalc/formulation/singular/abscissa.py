@@ -1,0 +1,108 @@
+"""A power of the abscissa that makes the extremal analytic at an end where L is singular in x.
+
+Where the dependence of L on the slope blows up or dies like a power of the
+distance from an end, x^s y'^2 say, the momentum L_y' = const makes y - y0 grow
+like a power e of that distance. With x = x0 + t^b and y = y0 + t^(e b) z, b the
+denominator of e, the unknown z is smooth, and free at that end.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import Form, Sampled, Stated, rewriter, straight
+from varcalc.formulation.singular.departure import Departure
+from varcalc.formulation.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points, rational
+from varcalc.formulation.singular.graph import factored_graph
+from varcalc.formulation.singular.offsets import gathered
+from varcalc.formulation.singular.powers import SLOPES_TRIED, scaling
+from varcalc.problem.functional import Symbols
+from varcalc.problem.problem import Problem
+
+FEW_SLOPES = np.array([-1e6, -1e3, -1.0, -1e-3, 1e-3, 1.0, 1e3, 1e6])
+SAME = 1e-3
+"""Slopes by which it is seen that the momentum is the same at both distances, and its relative change that is none:
+the least power that counts, a twelfth, changes it by a third."""
+
+
+def abscissa_form(problem: Problem) -> Form | None:
+    """The problem in t with x ~ t^b at one end or both; None when the abscissa itself serves."""
+    start, end = end_points(problem)
+    if _regular(problem, [start, end]):
+        return None
+    width = end[0] - start[0]
+    exponents = [_exponent(problem, point, inward * width) for point, inward in ((start, 1.0), (end, -1.0))]
+    singular = [e.denominator > 1 for e in exponents]
+    if not any(singular):
+        return None
+    if all(singular):
+        first, last = (Departure(e.denominator, (e.numerator,), np.zeros(1)) for e in exponents)
+        return factored_graph(problem, (first, last))
+    at_start = singular[0]
+    corner, other, exponent = (start, end, exponents[0]) if at_start else (end, start, exponents[1])
+    b, q = exponent.denominator, exponent.numerator
+    inward = width if at_start else -width
+    s = problem.symbols
+    symbols = replace(Symbols.make(s.kind, 1, 1, 0, len(problem.unknowns)), parameters=s.parameters)
+    t, z = symbols.x, symbols.y
+    near = t if at_start else 1 - t
+    step = inward * near**b
+    x = step if corner[0] == 0.0 else corner[0] + step
+    y = corner[1] + near**q * z
+    speed = width * b * near ** (b - 1)
+    climb = ca.gradient(near**q, t) * z + near**q * symbols.dy
+    sign = -1.0 if problem.maximise else 1.0
+    integrand = sign * rewriter(problem, symbols, x, y, [climb / speed], speed)(problem.integrand, True)
+    integrand = gathered(integrand, symbols)
+    far = np.array([other[1] - corner[1]])
+    free = np.array([np.nan])
+
+    def pull(curve: Sampled) -> Sampled:
+        def pulled(at: np.ndarray) -> np.ndarray:
+            near = np.maximum(at if at_start else 1 - at, 1e-3)
+            return (curve(corner[0] + inward * near**b) - corner[1]) / near**q
+
+        return pulled
+
+    return Form(
+        problem=problem, stated=Stated(symbols, integrand, integrand, (x, y, speed, climb)), sign=sign, span=(0.0, 1.0),
+        integrals=(), pathwise=(), fixed_start=(free if at_start else far)[None],
+        fixed_end=(far if at_start else free)[None], ends=None, periodic=False, knots=(), waypoints=(),
+        unknown_guess=problem.unknown_guesses, baseline=straight((0.0, 1.0), far, far), bumps=np.eye(1), pull=pull,
+        note=f"x ~ t^{b}, y ~ t^{q}",
+        singular=(at_start, not at_start), weak_only=True,
+    )  # fmt: skip
+
+
+def _regular(problem: Problem, ends: list[np.ndarray]) -> bool:
+    """Whether the momentum is the same at both distances from either end, whatever the slope: no power of x then."""
+    (x0, y0), (x1, y1), count = ends[0].tolist(), ends[1].tolist(), len(FEW_SLOPES)
+    steps = (x1 - x0) * np.array(PROBE)
+    x = np.concatenate([x0 + steps, x1 - steps]).repeat(count)
+    y = np.array([y0, y0, y1, y1]).repeat(count)
+    momenta = problem.integrand_derivatives(x, y[None], np.tile(FEW_SLOPES, 4)[None]).gradient[:, 2]
+    far, near = momenta.reshape(2, 2, count).swapaxes(0, 1)
+    with np.errstate(invalid="ignore"):  # infinite ones are not the same
+        return bool((np.abs(near - far) <= SAME * np.minimum(np.abs(near), np.abs(far))).all())
+
+
+def _exponent(problem: Problem, point: np.ndarray, inward: float) -> Fraction:
+    """The power of the distance from one end that y grows with there, from L_y' = const; 1 where it is regular."""
+    # the level of the momentum is that of the chord half way: far from it another power may rule
+    ends = np.array(end_points(problem))
+    middle = ends.mean(0)
+    trial = float((ends[1, 1] - ends[0, 1]) / (ends[1, 0] - ends[0, 0])) or 1.0
+    count = len(SLOPES_TRIED)
+    x = np.concatenate([middle[:1], (point[0] + inward * np.array(PROBE)).repeat(count)])
+    y = np.concatenate([middle[1:], np.full(2 * count, point[1])])
+    slopes = np.concatenate([[trial], np.tile(math.copysign(1.0, trial) * SLOPES_TRIED, 2)])
+    momenta = problem.integrand_derivatives(x, y[None], slopes[None]).gradient[:, 2]
+    slope = scaling(SLOPES_TRIED, list(momenta[1:].reshape(2, -1)), float(momenta[0]))
+    if slope is None or not math.isfinite(slope) or slope <= -1:
+        return Fraction(1)
+    return Fraction(rational(1.0 + slope, 2 * LARGEST_DENOMINATOR)).limit_denominator(2 * LARGEST_DENOMINATOR)

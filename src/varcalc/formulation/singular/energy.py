@@ -1,0 +1,291 @@
+"""The length of a Riemannian metric, minimised through its energy in regularising coordinates.
+
+The minimiser of the energy has constant speed (Jost, "Riemannian Geometry and
+Geometric Analysis", sect. 1.4). Where the metric blows up as a power of the
+distance from a line through the end, that distance becomes a power of a new
+coordinate in which the extremal is smooth, and the powers of s that the
+extremal is known to start with are taken out as factors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import Elsewhere, EndConditions, Form, Sampled, Stated, StatedLater, on_curve
+from varcalc.formulation.singular.alike import alike, ends_at
+from varcalc.formulation.singular.chart import Chart, chart_of
+from varcalc.formulation.singular.conformal import ConformalNumbers
+from varcalc.formulation.singular.detection import Blowup, Metric, end_points, extent
+from varcalc.formulation.singular.factors import (
+    divided,
+    factored_ends,
+    factored_line,
+    factors_at,
+    graded_line,
+    grading,
+    with_factors,
+)
+from varcalc.formulation.singular.offsets import gathered
+from varcalc.problem.conditions import Free, OnCurve, OnSurface
+from varcalc.problem.functional import Functional, Symbols
+from varcalc.problem.problem import Problem
+from varcalc.symbolic.tracing import trace
+
+UNIT = np.array([[0.0, 1.0]])
+"""The interval of s."""
+
+
+def energy_forms(
+    problem: Functional, metric: Metric, singular: tuple[bool, bool], blowups: dict[bool, Blowup | None]
+) -> list[Callable[[], Form]]:
+    """Makers of the energy of the metric: with the ends' powers as factors, and in coordinates that carry them.
+
+    ``blowups`` are those of the ``singular`` ends, and of ends with a singular line just beyond them, at the start
+    (True) and the end. Empty when a free end does not follow a coordinate line of the singular chart.
+    """
+    beyond = len(blowups) > sum(singular)
+    chart = chart_of(list(blowups.values()), beyond)
+    free = isinstance(problem, Problem) and any(isinstance(e, Free) for e in (problem.start, problem.end))
+    if chart is None or (free and np.all(chart.normal != 0.0)):
+        return []
+    if chart.power == 1.0:
+        return [
+            partial(
+                _energy_form, problem, metric, chart, singular=(False, False), graded=(False, False), factored=False
+            )
+        ]
+    # where the line lies beyond an end, the extremal has no power of s to take out there
+    ways = (True, False) if chart.height is None and not beyond else (False,)
+    graded = (True in blowups, False in blowups)
+    lines = {at_start: line for at_start, line in blowups.items() if line is not None}
+    return [
+        partial(_movable, problem, metric, chart, lines, singular=singular, graded=graded, factored=way) for way in ways
+    ]
+
+
+def _movable(problem: Functional, metric: Metric, chart: Chart, lines: dict[bool, Blowup], **how: Any) -> Form:
+    """:func:`_energy_form`, with how it serves where its parameters move the other end than the singular one."""
+    form = _energy_form(problem, metric, chart, **how)
+    if not isinstance(problem, Problem) or form.ends is not None or sum(how["singular"]) != 1 or len(lines) != 1:
+        return form
+
+    def placed(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        points = ends_at(problem, values)
+        own = chart.coordinates(points.reshape(-1, 2).T).T.reshape(-1, 2, 2)
+        ends = own[:, 0], own[:, 1]
+        if how["factored"]:
+            ends = factors_at(ends, how["singular"])
+        return np.repeat(UNIT, len(points), axis=0), *ends
+
+    def moved(other: Functional) -> Form:
+        _, start, end = placed(other.parameter_values[None])
+        curves = _curves(other, chart, **how)
+        return replace(form, problem=other, elsewhere=None, fixed_start=start, fixed_end=end, **curves)
+
+    def unchanged(values: np.ndarray) -> np.ndarray:
+        return alike(problem, values, lines, metric.conformal)
+
+    return replace(form, elsewhere=Elsewhere(placed, moved, unchanged))
+
+
+def _stated(
+    problem: Functional,
+    metric: Metric,
+    chart: Chart,
+    line: tuple[float, float],
+    singular: tuple[bool, bool],
+    factored: bool,
+) -> tuple[StatedLater, dict[Any, Any]]:
+    """What an energy form says, and what is built from it: once for all parameter values at which it is the same.
+
+    It is stated in symbols, the parameters among them; only the chart, the kind of the metric and, with
+    ``factored``, the coordinates xi of the ends (``line``: start, end) are found from numbers.
+    """
+    needed = () if not factored else line if all(singular) else (line[0] if singular[0] else line[1],)
+    kept = problem.built.setdefault("energy forms", {})
+    key = (metric.conformal, chart.key, singular, needed)
+    if key not in kept:
+        make = partial(_expressions, problem, metric, chart, line, singular, factored)
+        kept[key] = StatedLater(2, make), {}
+    return kept[key]
+
+
+def _expressions(
+    problem: Functional,
+    metric: Metric,
+    chart: Chart,
+    line: tuple[float, float],
+    singular: tuple[bool, bool],
+    factored: bool,
+) -> Stated:
+    """The energy, the length and the point of the plane with its velocity, in the chart's coordinates."""
+    s = problem.symbols
+    symbols = replace(Symbols.make(s.kind, 2, 1, 0, len(problem.unknowns)), parameters=s.parameters)
+    q = chart.point(with_factors(symbols, line, chart.growth, singular) if factored else symbols.y)
+    velocity = ca.jtimes(q, symbols.y, symbols.dy) + ca.jacobian(q, symbols.x)
+    square = metric.square(q, velocity, symbols.unknowns)
+    if chart.origin.any():  # else there is no constant that could cancel against another
+        square = gathered(square, symbols)
+    # constant speed in tau ~ s^grade: the energy in tau, stated in s
+    integrand = square / grading(symbols.x, chart.grade, singular)
+    lifted = (q[0], q[1], velocity[0], velocity[1])
+    if not isinstance(problem, Problem):
+        lifted = (symbols.x, q, s.kind(1), velocity)
+    return Stated(symbols, integrand, ca.sqrt(square), lifted)
+
+
+def _energy_form(
+    problem: Functional,
+    metric: Metric,
+    chart: Chart,
+    *,
+    singular: tuple[bool, bool],
+    graded: tuple[bool, bool],
+    factored: bool,
+) -> Form:
+    """Minimise the energy of the metric in (tangential, regularised normal) coordinates.
+
+    The first curve is ``graded`` toward ends next to a singular line. With
+    ``factored`` the unknown functions are what remains when the known powers
+    of s are taken out; they are free at singular ends.
+    """
+    guess = _guessed(problem, chart)
+    line = float(guess[0][0]), float(guess[1][0])
+    stated, built = _stated(problem, metric, chart, line, singular, factored)
+    fixed = tuple(chart.coordinates(np.array(end_points(problem)).T).T)
+    if factored:
+        fixed = factored_ends(fixed, guess, singular)
+    sliding = _sliding(problem, stated)
+    return Form(
+        problem=problem,
+        stated=stated,
+        sign=-1.0 if problem.maximise else 1.0,
+        span=(0.0, 1.0),
+        integrals=(),
+        pathwise=(),
+        fixed_start=fixed[0][None, :],
+        fixed_end=fixed[1][None, :],
+        **_curves(problem, chart, singular=singular, graded=graded, factored=factored),
+        ends=sliding,
+        periodic=False,
+        knots=(),
+        waypoints=(),
+        unknown_guess=problem.unknown_guesses,
+        bumps=np.array([[0.0, 1.0]]),
+        note="energy" + (", regularised" if chart.power != 1.0 else "") + (", factored" if factored else ""),
+        energetic=True,
+        least_degree=math.ceil(chart.growth) + 1 if any(singular) and not factored else 1,
+        singular=singular,
+        weak_only=factored,
+        # w and -w are one place: from a line beyond the ends a curve might reach the mirror image of its end
+        one_sided=() if chart.power == 1.0 or chart.height is not None else (1,),
+        # expressions for the ends that slide are made with the form
+        built=built if sliding is None else {},
+        numbers=_numbers(problem, metric, chart, line, singular, factored),
+    )
+
+
+def _curves(
+    problem: Functional, chart: Chart, *, singular: tuple[bool, bool], graded: tuple[bool, bool], factored: bool
+) -> dict[str, Any]:
+    """The first curve of an energy form, and how it takes a person's: made when they are asked for."""
+
+    def baseline(s: np.ndarray) -> np.ndarray:
+        guess = _guessed(problem, chart)
+        return (factored_line(guess, singular) if factored else graded_line(*guess, chart.growth, graded))(s)
+
+    def pull(curve: Sampled) -> Sampled:
+        known = singular if factored else (False, False)
+        return _energy_pull(problem, chart, _guessed(problem, chart), known)(curve)
+
+    return {"baseline": baseline, "pull": pull}
+
+
+def _guessed(problem: Functional, chart: Chart) -> tuple[np.ndarray, np.ndarray]:
+    """Chart coordinates of both ends with a first guess for what is free: as far off the line as along it."""
+    points = end_points(problem)
+    for k, end in enumerate((problem.start, problem.end)):
+        if isinstance(end, OnCurve) and isinstance(problem, Problem):
+            points[k] = np.array([end.x, on_curve(end, problem)[0]])
+        elif isinstance(end, OnSurface):
+            points[k] = np.array(end.guess, dtype=float)
+    found = [chart.coordinates(p[:, None])[:, 0] for p in points]
+    for k in (0, 1):
+        unknown = np.isnan(found[k])
+        found[k][unknown] = found[1 - k][unknown]
+        if unknown[1] and found[k][1] == 0.0:
+            found[k][1] = extent(problem) ** (1.0 / chart.power)
+    return found[0], found[1]
+
+
+def _numbers(
+    problem: Functional,
+    metric: Metric,
+    chart: Chart,
+    line: tuple[float, float],
+    singular: tuple[bool, bool],
+    factored: bool,
+) -> ConformalNumbers | None:
+    """The energy as numbers, for a conformal metric next to one line along which a coordinate is zero.
+
+    Elsewhere constants have to be gathered before anything is rounded (:mod:`varcalc.formulation.singular.offsets`).
+    """
+    if not (isinstance(problem, Problem) and metric.conformal and not problem.unknowns and sum(singular) == 1):
+        return None
+    across = int(np.argmax(np.abs(chart.normal)))
+    if chart.height is not None or chart.normal[1 - across] != 0.0 or chart.origin[across] != 0.0:
+        return None
+    return ConformalNumbers(
+        chart.origin, chart.normal, chart.power, chart.growth, chart.grade, line, singular, factored
+    )
+
+
+def _sliding(problem: Functional, stated: StatedLater) -> EndConditions | None:
+    """The equation of the curve that an end slides on."""
+    if not any(isinstance(e, OnCurve | OnSurface) for e in (problem.start, problem.end)):
+        return None
+    symbols, (x, y, _, _) = stated.symbols, stated.lifted
+    q = ca.vertcat(x, y) if isinstance(problem, Problem) else y
+    kind = symbols.kind
+    first, last = kind.sym("first", 2), kind.sym("last", 2)
+    equations = []
+    for at, end, place in ((0.0, problem.start, first), (1.0, problem.end, last)):
+        if isinstance(end, OnCurve | OnSurface):
+            point = ca.substitute([q], [symbols.x, symbols.y], [kind(at), place])[0]
+            arguments = [point[0], point[1] if problem.scalar else point[1:]]
+            equations.append(trace("phi", end.phi, arguments if isinstance(end, OnCurve) else [point], kind))
+    return EndConditions(first, last, ca.vertcat(*equations), kind(0))
+
+
+def _energy_pull(
+    problem: Functional, chart: Chart, fixed: tuple[np.ndarray, np.ndarray], factored: tuple[bool, bool]
+) -> Callable[[Sampled], Sampled]:
+    """A person's curve in the coordinates of the form, parametrised by (regularised) arc length."""
+    graph = isinstance(problem, Problem)
+
+    def pull(curve: Sampled) -> Sampled:
+        # clustered at both ends, where regularised coordinates vary fastest
+        fine = 0.5 - 0.5 * np.cos(np.linspace(0, math.pi, 401))
+        if graph:
+            x = problem.span[0] + (problem.span[1] - problem.span[0]) * fine**2 * (3 - 2 * fine)
+            points = np.vstack([x, curve(x)])
+        else:
+            points = curve(fine)
+        own = chart.coordinates(points)
+        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(own, axis=1), axis=0))])
+        length /= length[-1]
+
+        def pulled(s: np.ndarray) -> np.ndarray:
+            plain = np.array([np.interp(s, length, row) for row in own])
+            return divided(plain, s, chart.growth, fixed, factored)
+
+        return pulled
+
+    return pull

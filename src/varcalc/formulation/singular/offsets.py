@@ -1,0 +1,66 @@
+"""Expressions whose constants are gathered before anything is rounded.
+
+In coordinates measured from an end at x = 1, a Lagrangian that says 1 - x
+becomes 1 - (1 - t), which loses the digits that the coordinate was chosen for.
+Sums are therefore carried as a constant and the rest, and 1 - (1 - t) is t.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from varcalc.problem.functional import Symbols
+from varcalc.symbolic.instructions import interpret
+from varcalc.symbolic.tracing import Expression
+
+
+@dataclass(frozen=True)
+class _Sum:
+    """``constant + rest``; ``rest`` is None where there is none."""
+
+    constant: float
+    rest: Expression | None
+
+    @property
+    def value(self) -> Expression:
+        if self.rest is None:
+            return ca.SX(self.constant)
+        return self.rest if self.constant == 0.0 else self.constant + self.rest
+
+    def times(self, factor: float) -> _Sum:
+        return _Sum(factor * self.constant, None if self.rest is None else factor * self.rest)
+
+    def plus(self, other: _Sum) -> _Sum:
+        rests = [r for r in (self.rest, other.rest) if r is not None]
+        return _Sum(self.constant + other.constant, rests[0] + rests[-1] if len(rests) == 2 else (rests or [None])[0])
+
+
+def gathered(expression: Expression, symbols: Symbols) -> Expression:
+    """The same scalar expression in ``symbols``, with the constants of every sum added up first.
+
+    Expressions that are no formula (interpolated data) are returned as they are.
+    """
+    if not isinstance(expression, ca.SX):
+        return expression
+    function = ca.Function("gathered", [ca.vertcat(*map(ca.vec, symbols.all))], [ca.densify(expression)])
+    arguments = [[_Sum(0.0, entry) for entry in ca.vertsplit(ca.vertcat(*map(ca.vec, symbols.all)))]]
+    return interpret(function, arguments, lambda number: _Sum(number, None), _applied)[0][0].value
+
+
+def _applied(operation: int, operands: Sequence[_Sum]) -> _Sum:
+    first, last = operands[0], operands[-1]
+    if operation == ca.OP_ADD:
+        return first.plus(last)
+    if operation == ca.OP_SUB:
+        return first.plus(last.times(-1.0))
+    if operation == ca.OP_NEG:
+        return first.times(-1.0)
+    if operation == ca.OP_TWICE:
+        return first.times(2.0)
+    if operation == ca.OP_MUL and (first.rest is None or last.rest is None):
+        return last.times(first.constant) if first.rest is None else first.times(last.constant)
+    values = [o.value for o in operands]
+    return _Sum(0.0, ca.SX.unary(operation, *values) if len(values) == 1 else ca.SX.binary(operation, *values))

@@ -1,0 +1,123 @@
+"""Abscissa and ordinate as powers that make the extremal analytic at a singular end.
+
+For Lagrangians that are no metric: the exponent of the extremal at the end
+follows from the first integral v L_v - L = const.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import Form, Sampled, Stated, rewriter, straight
+from varcalc.formulation.singular.chart import combination
+from varcalc.formulation.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points, rational
+from varcalc.formulation.singular.offsets import gathered
+from varcalc.problem.functional import Symbols
+from varcalc.problem.problem import Problem
+
+SLOPES_TRIED = np.geomspace(1e-9, 1e9, 400)
+"""Slopes among which level lines of a first integral are looked for."""
+
+
+def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form:
+    """x = x0 + t^b and y = y0 + w^a at a singular end of a Lagrangian that is no metric."""
+    at_start = singular[0]
+    start, end = end_points(problem)
+    corner, other = (start, end) if at_start else (end, start)
+    power, side = exponent(problem, corner, other)
+    fraction = Fraction(power).limit_denominator(2 * LARGEST_DENOMINATOR)
+    a, b = fraction.numerator, fraction.denominator
+    s = problem.symbols
+    symbols = replace(Symbols.make(s.kind, 1, 1, 0, len(problem.unknowns)), parameters=s.parameters)
+    t, w, dw = symbols.x, symbols.y, symbols.dy
+    width = end[0] - start[0]
+    inward = 1.0 if at_start else -1.0
+    # t is the distance from the singular end, to the power 1/b; it runs from 0 (start) or to 0 (end)
+    root = width ** (1.0 / b)
+    near = t if at_start else root - t
+    x = combination(corner[0], (inward, 0.0), (near**b, near))
+    speed = b * near ** (b - 1)
+    y = combination(corner[1], (side, 0.0), (w**a, w))
+    slope = side * a * w ** (a - 1) * dw / speed
+    sign = -1.0 if problem.maximise else 1.0
+    integrand = sign * rewriter(problem, symbols, x, y, [slope], speed)(problem.integrand, True)
+    integrand = gathered(integrand, symbols)
+    far = (max(side * (other[1] - corner[1]), 0.0)) ** (1.0 / a)
+    fixed = [0.0, far] if at_start else [far, 0.0]
+
+    def pull(curve: Sampled) -> Sampled:
+        def pulled(at: np.ndarray) -> np.ndarray:
+            near = at if at_start else root - at
+            return np.maximum(side * (curve(corner[0] + inward * near**b) - corner[1]), 0.0) ** (1.0 / a)
+
+        return pulled
+
+    return Form(
+        problem=problem,
+        stated=Stated(symbols, integrand, integrand, (x, y, speed, side * a * w ** (a - 1) * dw)), sign=sign,
+        span=(0.0, root), integrals=(), pathwise=(),
+        fixed_start=np.array([[fixed[0]]]), fixed_end=np.array([[fixed[1]]]),
+        ends=None, periodic=False, knots=(), waypoints=(), unknown_guess=problem.unknown_guesses,
+        baseline=straight((0.0, root), np.array([fixed[0]]), np.array([fixed[1]])),
+        bumps=np.eye(1), pull=pull,
+        note=f"powers x ~ t^{b}, y ~ w^{a}", singular=(at_start, not at_start),
+    )  # fmt: skip
+
+
+def exponent(problem: Problem, corner: np.ndarray, other: np.ndarray) -> tuple[float, float]:
+    """The exponent alpha of the extremal y - y0 ~ side * (x - x0)^alpha at a singular end, and its side.
+
+    From the first integral v L_v - L = const at two small distances: v grows
+    like distance^(1 - 1/alpha).
+    """
+    size = max(abs(other[1] - corner[1]), abs(other[0] - corner[0]))
+    s = problem.symbols
+    energy = ca.dot(ca.gradient(problem.integrand, s.dy), s.dy) - problem.integrand
+    function = ca.Function("energy", [s.x, s.y, s.dy, s.parameters, s.unknowns], [energy])
+    slopes = SLOPES_TRIED
+    numbers = (problem.parameter_values, problem.unknown_guesses)
+    # the constant is that of the chord half way: a level without relation to it may be ruled by another power
+    rise, run = (float(v) for v in (other - corner)[::-1])
+    level = float(function(*(0.5 * (corner + other)), rise / run or 1.0, *numbers))
+    for side in (1.0, -1.0) if other[1] >= corner[1] else (-1.0, 1.0):
+        logs = []
+        for distance in PROBE:
+            y = corner[1] + side * distance * size
+            direction = side * (1.0 if other[0] > corner[0] else -1.0)
+            values = np.asarray(
+                function(
+                    corner[0],
+                    np.full((1, 400), y),
+                    direction * slopes[None],
+                    *numbers,
+                )
+            ).ravel()
+            logs.append(values)
+        found = scaling(slopes, logs, level if math.isfinite(level) else None)
+        if found is not None:
+            return rational(1.0 / (1.0 - found)), side
+    return 1.0, 1.0
+
+
+def scaling(slopes: np.ndarray, values: list[np.ndarray], level: float | None = None) -> float | None:
+    """The power of the distance that v grows with at fixed first integral, from its level lines at two distances."""
+    far, near = values
+    ratio = math.log(PROBE[0] / PROBE[1])
+    middle = float(np.median(far[np.isfinite(far)])) if np.isfinite(far).any() else math.nan
+    middle = middle if level is None else level
+    if not math.isfinite(middle):
+        return None
+    crossings = []
+    for row in (far, near):
+        change = np.flatnonzero(np.diff(np.sign(row - middle)) != 0)
+        if not len(change):
+            return None
+        k = int(change[0])
+        share = (middle - row[k]) / (row[k + 1] - row[k])
+        crossings.append(math.log(slopes[k]) + share * math.log(slopes[k + 1] / slopes[k]))
+    return -(crossings[1] - crossings[0]) / ratio

@@ -1,0 +1,304 @@
+"""The Taylor series of a solution, as expressions of the state at which it is expanded.
+
+With every operation of a system goes a recurrence that gives the kth
+coefficient of its result from those of its arguments up to the kth (Jorba and
+Zou, "A software package for the numerical integration of ODEs by means of
+high-order Taylor methods", Experimental Mathematics 14 (2005), sect. 2;
+Griewank and Walther, "Evaluating Derivatives", ch. 13). Y' = f(Y) then gives
+the coefficients of Y one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.integrators.lowering import CannotLower, scalar_function
+from varcalc.symbolic.instructions import NAMES, interpret
+
+Expression = Any
+"""A CasADi SX scalar."""
+Term = Callable[[int], Expression]
+"""The kth coefficient of a series, from those that are known when it is asked for."""
+PARALLEL = 2
+"""Running sums of a long sum: a processor adds as many at a time."""
+
+
+@dataclass(eq=False)
+class Series:
+    """A power series whose coefficients are found one after the other, by ``term``."""
+
+    term: Term
+    known: list[Expression] = field(default_factory=list)
+
+    def __getitem__(self, k: int) -> Expression:
+        while len(self.known) <= k:
+            self.known.append(self.term(len(self.known)))
+        return self.known[k]
+
+
+def solution_series(system: ca.Function, stops: ca.Function, order: int) -> tuple[list[Any], list[Any], Any, Any]:
+    """The series of Y and of the stopping functions along Y' = f(Y), of ``order``, as columns of coefficients.
+
+    Returns a list of N and one of k columns (order + 1,), and the symbols Y (N,) and constants (c,) they are
+    expressed by. Raises :class:`CannotLower`, naming the operation, where there is no recurrence.
+    """
+    state, constants = ca.SX.sym("Y", system.numel_in(1)), ca.SX.sym("c", system.numel_in(2))
+    solution = [_constant(start) for start in ca.vertsplit(state)]
+    for series, rate in zip(solution, carried(system, solution, constants), strict=True):
+        series.term = _integral(rate)
+    levels = carried(stops, solution, constants)
+    for k in range(order + 1):  # in order, so that no recurrence goes deep
+        for series in (*solution, *levels):
+            series[k]
+    columns = [ca.vertcat(*(ca.SX(c) for c in series.known)) for series in (*solution, *levels)]
+    return columns[: len(solution)], columns[len(solution) :], state, constants
+
+
+def carried(function: ca.Function, state: Sequence[Series], constants: Any) -> list[Series]:
+    """The results of ``function``, ``(s, Y, constants)`` without dependence on s, as series."""
+    function = scalar_function(function)
+    inputs = [[_constant(0.0)], [state[k] for k in _rows(function, 1)], []]
+    inputs[0] = inputs[0][: function.nnz_in(0)]
+    inputs[2] = [_constant(constants[k]) for k in _rows(function, 2)]
+    found = interpret(function, inputs, _constant, _apply)[0]
+    results = [_constant(0.0)] * function.numel_out(0)
+    for place, series in zip(function.sparsity_out(0).row(), found, strict=True):
+        results[place] = series
+    return results
+
+
+def _rows(function: ca.Function, argument: int) -> list[int]:
+    return list(function.sparsity_in(argument).row())
+
+
+def _apply(operation: int, operands: Sequence[Series]) -> Series:
+    rules = _RULES.get(operation)
+    if rules is None:
+        raise CannotLower(
+            f"the system uses `{NAMES.get(operation, operation)}`, which has no Taylor series the engine knows; "
+            "use the Dop853 engine"
+        )
+    return rules(*operands)
+
+
+def _constant(value: Expression) -> Series:
+    return Series(lambda k: value if k == 0 else ca.SX(0), [ca.SX(value)])
+
+
+def _is_zero(value: Expression) -> bool:
+    return bool(ca.SX(value).is_zero())
+
+
+def _sum(terms: Sequence[Expression]) -> Expression:
+    """The sum of ``terms``, as several running sums."""
+    terms = [term for term in terms if not _is_zero(term)]
+    sums = terms[:PARALLEL]
+    for k, term in enumerate(terms[PARALLEL:]):
+        sums[k % PARALLEL] += term
+    return sum(sums, ca.SX(0))
+
+
+def _linear(a: Series, b: Series, sign: float) -> Series:
+    return Series(lambda k: a[k] + b[k] if sign > 0 else a[k] - b[k])
+
+
+def _scaled(a: Series, by: float) -> Series:
+    return Series(lambda k: by * a[k])
+
+
+def _product(a: Series, b: Series) -> Series:
+    if a is b:
+        return _square(a)
+    return Series(lambda k: _sum([a[j] * b[k - j] for j in range(k + 1)]))
+
+
+def _square(a: Series) -> Series:
+    def term(k: int) -> Expression:
+        crossed = 2 * _sum([a[j] * a[k - j] for j in range((k + 1) // 2)])
+        return crossed if k % 2 else crossed + a[k // 2] ** 2
+
+    return Series(term)
+
+
+def _quotient(a: Series, b: Series) -> Series:
+    def term(k: int) -> Expression:
+        return (a[k] - _sum([b[j] * result[k - j] for j in range(1, k + 1)])) * over
+
+    over = 1 / b[0]
+    result = Series(term)
+    return result
+
+
+def _integral(rate: Series) -> Term:
+    return lambda k: rate[k - 1] * (1 / k)
+
+
+def _root(a: Series) -> Series:
+    def term(k: int) -> Expression:
+        if k == 0:
+            return ca.sqrt(a[0])
+        half, odd = k // 2, k % 2
+        pairs = _sum([result[j] * result[k - j] for j in range(1, half + odd)])
+        middle = 0 if odd else result[half] ** 2
+        return (a[k] - 2 * pairs - middle) * over
+
+    result = Series(term)
+    over = 1 / (2 * result[0])
+    return result
+
+
+def _power(a: Series, exponent: float) -> Series:
+    """a to a constant power; to small natural powers by products, since those are regular where a is zero."""
+    if exponent in {0.0, 1.0}:
+        return a if exponent else _constant(1.0)
+    if exponent == 0.5:
+        return _root(a)
+    if exponent in {2.0, 3.0, 4.0}:
+        squared = _square(a)
+        return {2.0: squared, 3.0: _product(squared, a), 4.0: _square(squared)}[exponent]
+
+    def term(k: int) -> Expression:
+        if k == 0:
+            return a[0] ** exponent
+        parts = [(exponent * j - (k - j)) * a[j] * result[k - j] for j in range(1, k + 1)]
+        return _sum(parts) * over * (1 / k)
+
+    over = 1 / a[0]
+    result = Series(term)
+    return result
+
+
+def _to_power(a: Series, b: Series) -> Series:
+    exponent = ca.SX(b[0])
+    if exponent.is_constant() and all(_is_zero(b[k]) for k in (1, 2)):
+        return _power(a, float(exponent))
+    return _exponential(_product(b, _logarithm(a)))
+
+
+def _along(a: Series, start: Callable[[Expression], Expression], slope: Callable[[Series], Series]) -> Series:
+    """The series w of a function with w' = g a', from its first coefficient and g = ``slope(w)``."""
+
+    def term(k: int) -> Expression:
+        if k == 0:
+            return start(a[0])
+        return _sum([j * a[j] * rate[k - j] for j in range(1, k + 1)]) * (1 / k)
+
+    result = Series(term)
+    rate = slope(result)
+    return result
+
+
+def _exponential(a: Series) -> Series:
+    return _along(a, ca.exp, lambda w: w)
+
+
+def _logarithm(a: Series) -> Series:
+    return _along(a, ca.log, lambda _: _quotient(_constant(1.0), a))
+
+
+def _pair(a: Series, odd: Any, even: Any, sign: float) -> tuple[Series, Series]:
+    """Sine and cosine (``sign`` -1), or hyperbolic sine and cosine."""
+    sine, cosine = Series(lambda _: 0), Series(lambda _: 0)
+
+    def follows(start: Any, rate: Series, factor: float) -> Term:
+        def term(k: int) -> Expression:
+            if k == 0:
+                return start(a[0])
+            return _sum([j * a[j] * rate[k - j] for j in range(1, k + 1)]) * (factor / k)
+
+        return term
+
+    sine.term, cosine.term = follows(odd, cosine, 1.0), follows(even, sine, sign)
+    return sine, cosine
+
+
+def _by_slope(function: Any, slope: Callable[[Series, Series], Series]) -> Callable[[Series], Series]:
+    """The rule of a function from its derivative, ``slope(a, w)`` of its argument and itself."""
+    return lambda a: _along(a, function, lambda w: slope(a, w))
+
+
+def _one_and(a: Series, sign: float) -> Series:
+    return _linear(_constant(1.0), _square(a), sign)
+
+
+def _inverse(a: Series) -> Series:
+    return _quotient(_constant(1.0), a)
+
+
+def _atan2(y: Series, x: Series) -> Series:
+    """θ' = (x y' - y x')/(x² + y²)."""
+    radius = _linear(_square(x), _square(y), 1.0)
+    across, along = _quotient(x, radius), _quotient(y, radius)
+
+    def term(k: int) -> Expression:
+        if k == 0:
+            return ca.atan2(y[0], x[0])
+        parts = [j * (y[j] * across[k - j] - x[j] * along[k - j]) for j in range(1, k + 1)]
+        return _sum(parts) * (1 / k)
+
+    return Series(term)
+
+
+def _chosen(test: Callable[..., Expression]) -> Callable[..., Series]:
+    """A function that is constant but for its jumps."""
+    return lambda *operands: _constant(test(*(operand[0] for operand in operands)))
+
+
+def _piece(condition: Expression, a: Series, b: Series) -> Series:
+    return Series(lambda k: ca.if_else(condition, a[k], b[k]))
+
+
+_RULES: dict[int, Callable[..., Series]] = {
+    ca.OP_ASSIGN: lambda a: a,
+    ca.OP_NEG: lambda a: _scaled(a, -1.0),
+    ca.OP_TWICE: lambda a: _scaled(a, 2.0),
+    ca.OP_ADD: lambda a, b: _linear(a, b, 1.0),
+    ca.OP_SUB: lambda a, b: _linear(a, b, -1.0),
+    ca.OP_MUL: _product,
+    ca.OP_SQ: _square,
+    ca.OP_DIV: _quotient,
+    ca.OP_INV: _inverse,
+    ca.OP_SQRT: _root,
+    ca.OP_POW: _to_power,
+    ca.OP_CONSTPOW: _to_power,
+    ca.OP_HYPOT: lambda a, b: _root(_linear(_square(a), _square(b), 1.0)),
+    ca.OP_EXP: _exponential,
+    ca.OP_LOG: _logarithm,
+    ca.OP_LOG1P: _by_slope(ca.log1p, lambda a, _: _inverse(_linear(_constant(1.0), a, 1.0))),
+    ca.OP_EXPM1: _by_slope(ca.expm1, lambda _, w: _linear(_constant(1.0), w, 1.0)),
+    ca.OP_SIN: lambda a: _pair(a, ca.sin, ca.cos, -1.0)[0],
+    ca.OP_COS: lambda a: _pair(a, ca.sin, ca.cos, -1.0)[1],
+    ca.OP_SINH: lambda a: _pair(a, ca.sinh, ca.cosh, 1.0)[0],
+    ca.OP_COSH: lambda a: _pair(a, ca.sinh, ca.cosh, 1.0)[1],
+    ca.OP_TAN: _by_slope(ca.tan, lambda _, w: _one_and(w, 1.0)),
+    ca.OP_TANH: _by_slope(ca.tanh, lambda _, w: _one_and(w, -1.0)),
+    ca.OP_ATAN: _by_slope(ca.atan, lambda a, _: _inverse(_one_and(a, 1.0))),
+    ca.OP_ATANH: _by_slope(ca.atanh, lambda a, _: _inverse(_one_and(a, -1.0))),
+    ca.OP_ASIN: _by_slope(ca.asin, lambda a, _: _inverse(_root(_one_and(a, -1.0)))),
+    ca.OP_ACOS: _by_slope(ca.acos, lambda a, _: _scaled(_inverse(_root(_one_and(a, -1.0))), -1.0)),
+    ca.OP_ASINH: _by_slope(ca.asinh, lambda a, _: _inverse(_root(_one_and(a, 1.0)))),
+    ca.OP_ACOSH: _by_slope(ca.acosh, lambda a, _: _inverse(_root(_linear(_square(a), _constant(1.0), -1.0)))),
+    ca.OP_ERF: _by_slope(
+        ca.erf, lambda a, _: _scaled(_exponential(_scaled(_square(a), -1.0)), 2 / float(np.sqrt(np.pi)))
+    ),
+    ca.OP_ATAN2: _atan2,
+    ca.OP_NOT: _chosen(ca.logic_not),
+    ca.OP_SIGN: _chosen(ca.sign),
+    ca.OP_LT: _chosen(lambda a, b: a < b),
+    ca.OP_LE: _chosen(lambda a, b: a <= b),
+    ca.OP_EQ: _chosen(lambda a, b: a == b),
+    ca.OP_NE: _chosen(lambda a, b: a != b),
+    ca.OP_AND: _chosen(ca.logic_and),
+    ca.OP_OR: _chosen(ca.logic_or),
+    ca.OP_FABS: lambda a: _piece(a[0] < 0, _scaled(a, -1.0), a),
+    ca.OP_FMIN: lambda a, b: _piece(b[0] < a[0], b, a),
+    ca.OP_FMAX: lambda a, b: _piece(a[0] < b[0], b, a),
+    ca.OP_COPYSIGN: lambda a, b: _piece((a[0] < 0) == (b[0] < 0), a, _scaled(a, -1.0)),
+    ca.OP_IF_ELSE_ZERO: lambda a, b: Series(lambda k: ca.if_else(a[0], b[k], 0)),
+}
+"""The series of each of CasADi's operations from those of its arguments."""

@@ -1,0 +1,213 @@
+"""One step of Taylor's method with its stops, as one function of one column of numbers.
+
+A *traveller* is such a column: its state Y, the time t it has come to, the
+bound on its next step, its constants, and for each stop whether it stands on
+it, having just set out. The step carries Y as far as the series allows, yet
+never over a zero of a stopping function unless it can be certain that there
+is one only: where on [0, h] the higher terms are too small to bring the
+function to zero, there is none, and where they are too small to turn its
+slope, one at most. Steps are made shorter until one of the two is certain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.integrators.lowering import scalar_function
+from varcalc.integrators.series import solution_series
+
+Expression = Any
+"""A CasADi SX expression."""
+WENT, SHORTER, LOST, MET = range(4)
+"""What a step came to: it was made; it is to be tried again, shorter; it leads to no number; it ended at stop 0.
+
+MET + k says that it ended at stop k. A traveller that has ended stays where it is, and ends again."""
+SHARE = 1 / 2
+"""Of the tolerance: by so much of the step's own length may the series miss its end."""
+SHRUNK = (1.0, 0.25)
+"""The lengths, as parts of the longest step possible, of which the first is taken that the stops allow."""
+LENGTHEN = 8.0
+"""A step may be so many times as long as the last."""
+UNBOUNDED = 1e8
+"""In units of the time in which the state changes by its own size: where the series ends, no step is too long."""
+GRAZE = 1e-9
+"""A stop that leaves no more of a step than this touches the solution, and is passed over."""
+ROUNDS = 4
+"""Newton's steps, kept inside a bracket, to the zero of a stopping function."""
+CLOSE = 1e-6
+"""The last of them, as a part of the step: one more, on the function itself, leads to round-off."""
+
+
+@dataclass(frozen=True)
+class Stride:
+    """The function ``step`` of travellers for a ``system`` with its ``stops``.
+
+    It takes a traveller (``rows``,) to where the step leaves it, with one number more: what the step came to.
+    """
+
+    system: ca.Function
+    stops: ca.Function
+    tolerance: float
+    step: ca.Function = field(init=False)
+
+    def __post_init__(self) -> None:
+        system, stops = _autonomous(self.system), _autonomous(self.stops)
+        order = int(np.ceil(1 - np.log(self.tolerance) / 2))  # the cheapest: Jorba and Zou, sect. 3
+        solution, levels, state, constants = solution_series(system, stops, order)
+        time, bound, leaving = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("l", len(levels))
+        # what stands on a stop is asked for its next zero: its own is divided out
+        ahead = [ca.if_else(leaving[j], ca.vertcat(level[1:], 0), level) for j, level in enumerate(levels)]
+        free, graze = _free_step(solution, time, self.tolerance * SHARE)
+        length, certain = _allowed(ahead, ca.fmin(bound, free), graze)
+        crossed = [_crossed(level, length) for level in ahead]
+        number, zero, found = _zero(ahead, crossed, length)
+        several = ca.logic_and(sum(crossed, ca.SX(0)) > 1, length > graze)
+        going = ca.logic_and(certain, ca.logic_not(ca.logic_or(several, ca.logic_not(found))))
+        met = ca.logic_and(going, number >= 0)
+        taken = ca.if_else(met, zero, length)
+        end = ca.vertcat(*(_polynomial(series, taken) for series in solution))
+        end, shift = _settled(system, stops, end, constants, ca.if_else(met, number, -1), CLOSE * length)
+        lost = ca.logic_not(ca.logic_and(ca.norm_1(end) < np.inf, ca.logic_or(met, time + length > time)))
+        code = ca.if_else(lost, LOST, ca.if_else(met, MET + number, ca.if_else(going, WENT, SHORTER)))
+        code = ca.if_else(bound < 0, -bound, code)
+        moved = ca.logic_or(code == WENT, ca.logic_and(code >= MET, bound >= 0))
+        after = ca.vertcat(
+            ca.if_else(moved, end, state),
+            ca.if_else(moved, time + taken + shift, time),
+            ca.if_else(code >= LOST, -code, ca.if_else(code == WENT, LENGTHEN, SHRUNK[-1] / 2) * length),
+            constants,
+            ca.if_else(code == WENT, 0, leaving),
+            code,
+        )
+        traveller = ca.vertcat(state, time, bound, constants, leaving)
+        object.__setattr__(self, "step", ca.Function("step", [traveller], [ca.densify(after)]))
+
+    @property
+    def rows(self) -> int:
+        """The numbers in a traveller."""
+        return int(self.step.numel_in(0))
+
+    def travellers(self, states: np.ndarray, constants: np.ndarray, leaving: Sequence[int]) -> np.ndarray:
+        """Columns (rows, m) for runs about to begin at ``states`` (m, N)."""
+        m, size = states.shape
+        found = np.zeros((self.rows, m))
+        found[:size] = states.T
+        found[size + 1] = np.inf
+        found[size + 2 : size + 2 + constants.shape[1]] = constants.T
+        found[[self.rows - self.stops.numel_out(0) + stop for stop in leaving]] = 1.0
+        return found
+
+
+def _autonomous(function: ca.Function) -> ca.Function:
+    """``function`` of scalars; ValueError where it depends on s."""
+    function = scalar_function(function)
+    s, state, constants = (ca.SX.sym(name, function.numel_in(k)) for k, name in enumerate("sYc"))
+    if ca.depends_on(function(s, state, constants), s):
+        raise ValueError("the system of a swarm and its stopping functions must not depend on s")
+    return function
+
+
+def _polynomial(coefficients: Expression, h: Expression) -> Expression:
+    """Horner's scheme."""
+    total = coefficients[-1]
+    for k in range(coefficients.numel() - 2, -1, -1):
+        total = total * h + coefficients[k]
+    return total
+
+
+def _slope(coefficients: Expression) -> Expression:
+    """The coefficients of the derivative."""
+    return ca.vertcat(*(k * coefficients[k] for k in range(1, coefficients.numel())))
+
+
+def _largest(columns: Sequence[Expression], k: int) -> Expression:
+    return reduce(ca.fmax, (ca.fabs(column[k]) for column in columns))
+
+
+def _free_step(solution: Sequence[Expression], time: Expression, share: float) -> tuple[Expression, Expression]:
+    """The step after which the last terms of the series are ``share`` of what the step changes, and what is a graze.
+
+    The measure is the change and not the state, which may be at the origin
+    of its coordinates, or very far from it.
+    """
+    order = solution[0].numel() - 1
+    change, tiny = _largest(solution, 1), np.finfo(float).tiny
+    steps = [(share * (change + tiny) / (_largest(solution, k) + tiny)) ** (1 / (k - 1)) for k in (order - 1, order)]
+    whole = time + _largest(solution, 0) / change
+    free = ca.fmin(*steps)
+    return ca.fmin(free, UNBOUNDED * whole), GRAZE * ca.fmin(free, whole)
+
+
+def _allowed(levels: Sequence[Expression], longest: Expression, graze: Expression) -> tuple[Expression, Expression]:
+    """The first of the lengths at which every function has one zero at most, and whether there is one.
+
+    What is no longer than ``graze`` is gone over.
+    """
+    part = ca.SX(0)
+    for share in reversed(SHRUNK):
+        part = ca.if_else(_certain(levels, longest * share), share, part)
+    touching = longest <= graze
+    length = ca.if_else(touching, graze, ca.if_else(part > 0, part, 1.0) * longest)
+    return length, ca.logic_or(touching, part > 0)
+
+
+def _certain(levels: Sequence[Expression], h: Expression) -> Expression:
+    """Whether each of the functions is known to have one zero at most on [0, h]; one that is no number has none."""
+    doubtful = ca.SX(0)
+    for level in levels:
+        size = ca.fabs(level)
+        steeper = _slope(size)
+        may_vanish = size[0] < _polynomial(size[1:], h) * h
+        may_turn = steeper[0] < _polynomial(steeper[1:], h) * h
+        doubtful = ca.logic_or(doubtful, ca.logic_and(may_vanish, may_turn))
+    return ca.logic_not(doubtful)
+
+
+def _crossed(level: Expression, h: Expression) -> Expression:
+    """Whether a function is zero between 0 and ``h``, where it has one zero at most."""
+    return ca.logic_and(level[0] != 0, level[0] * _polynomial(level, h) <= 0)
+
+
+def _zero(
+    levels: Sequence[Expression], crossed: Sequence[Expression], h: Expression
+) -> tuple[Expression, Expression, Expression]:
+    """The number of the function that is ``crossed``, -1 where none is, its zero on [0, h], and whether that is exact.
+
+    Newton's iteration, with bisection where it would leave the bracket.
+    """
+    number, level = ca.SX(-1), ca.SX(0)
+    for j, one in reversed(list(enumerate(levels))):  # of stops at one place the first counts
+        number, level = ca.if_else(crossed[j], j, number), ca.if_else(crossed[j], one, level)
+    slope = _slope(level)
+    low, high, at, step = ca.SX(0), h, h * level[0] / (level[0] - _polynomial(level, h)), ca.SX(0)
+    for _ in range(ROUNDS):
+        here = _polynomial(level, at)
+        before = here * level[0] > 0
+        low, high = ca.if_else(before, at, low), ca.if_else(before, high, at)
+        newton = at - here / _polynomial(slope, at)
+        inside = ca.logic_and(newton >= low, newton <= high)
+        better = ca.if_else(inside, newton, (low + high) / 2)
+        step, at = better - at, better
+    return number, at, ca.logic_or(number < 0, ca.fabs(step) <= CLOSE * h)
+
+
+def _settled(
+    system: ca.Function, stops: ca.Function, there: Expression, constants: Expression, number: Expression,
+    most: Expression,
+) -> tuple[Expression, Expression]:  # fmt: skip
+    """Y moved along its rate onto the stop itself, off which it is by round-off, and by how much in t."""
+    state, known = ca.SX.sym("Y", there.numel()), ca.SX.sym("c", constants.numel())
+    rate, level = system(0, state, known), stops(0, state, known)
+    results = [rate, level, ca.jtimes(level, state, rate)]
+    rate, level, slope = ca.Function("there", [state, known], [ca.densify(r) for r in results])(there, constants)
+    shift = ca.SX(0)
+    for j in range(level.numel()):
+        shift = ca.if_else(ca.logic_and(number == j, slope[j] != 0), -level[j] / slope[j], shift)
+    shift = ca.if_else(ca.fabs(shift) <= most, shift, 0)  # farther it lies only where the stop is touched
+    return there + shift * rate, shift

@@ -1,1 +1,0 @@
-"""The parts of collocation: residual, boundary rows, damped Newton, refinement and errors."""

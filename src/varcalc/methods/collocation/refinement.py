@@ -1,0 +1,163 @@
+"""From a root on a coarse mesh to one whose error meets a tolerance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from varcalc.formulation import Form
+from varcalc.methods.collocation.error import Assessment, Level, assess
+from varcalc.methods.collocation.newton import Scales, stationary
+from varcalc.methods.collocation.system import CollocationSystem, Residual, collocation_space
+from varcalc.solution import Status
+
+HIGHEST_DEGREE = {1: 40, 2: 30}
+"""Degree beyond which elements are bisected instead, by the order of the functional."""
+BEYOND = 1.5
+"""Factor by which the space of the error estimate may exceed that degree."""
+SHARE = 0.02
+"""Elements with more than this share of the largest contribution to the error are bisected."""
+MOST_UNKNOWNS = 6000
+MOST_ON_THE_WAY = 1000
+"""The same for the stations of a continuation: where one needs more, the path leads to no extremal."""
+ROUNDS = 60
+STALLED = 0.3
+"""An error that falls by less than this factor in two successive refinements has met round-off."""
+NOISE = 1e-11
+"""Relative error of the value below which a stall is round-off rather than a failure to converge."""
+HIDDEN = "round-off hides whether its root stands for an extremal: a fold may be near"
+ON_THE_WAY = 1e-4
+"""Tolerance of the stations of a continuation."""
+SMALLEST_STRIDE = 1.0 / 128.0
+"""Part of the way below which a continuation is given up."""
+
+History = list[tuple[int, float]]
+"""Degrees tried on one mesh and the errors of their values."""
+
+
+@dataclass(frozen=True)
+class Improved:
+    """A root as far as it was refined, its errors, and whether they meet the tolerance."""
+
+    level: Level
+    assessment: Assessment
+    status: Status
+
+
+@dataclass
+class Refinement:
+    """Newton's iteration and the choice of meshes, with a record of what failed and why.
+
+    With ``adaptive`` false every mesh is kept as it is.
+    """
+
+    scales: Scales
+    adaptive: bool
+    iterations: int = 0
+    reasons: list[str] = field(default_factory=list)
+
+    def newton(self, system: CollocationSystem, z: np.ndarray, residual: Residual | None = None) -> Level | None:
+        """The root that Newton's iteration reaches from ``z``; None, with the reason noted, when it reaches none."""
+        outcome = stationary(system, z, self.scales, residual)
+        self.iterations += outcome.iterations
+        if not outcome.converged:
+            return self._failed(outcome.reason)
+        return Level(system, outcome.z, outcome.residual)
+
+    def _failed(self, reason: str) -> None:
+        self.reasons.append(reason)
+
+    def improve(self, level: Level, tol: float, most: int = MOST_UNKNOWNS) -> Improved | None:
+        """Refine a root, with at most so many unknowns, until its error meets ``tol``; a kept mesh is only assessed."""
+        history: History = []
+        best: Improved | None = None
+        stalls = 0
+        for _ in range(ROUNDS):
+            assessment = assess(level, self.scales)
+            if assessment is None:
+                return self._rounded(best, "the linearised conditions are singular in a richer space")
+            target = tol * max(1.0, abs(assessment.value))
+            if assessment.trusted and (assessment.value_error <= target or not self.adaptive):
+                return Improved(level, assessment, Status.SOLVED)
+            if not self.adaptive:
+                return self._failed("the mesh is too coarse to tell whether its root stands for an extremal")
+            error = assessment.value_error
+            stalls = stalls + 1 if best and error > STALLED * best.assessment.value_error else 0
+            if best is None or error < best.assessment.value_error:
+                best = Improved(level, assessment, Status.ROUND_OFF)
+            if stalls >= 2 or error <= 2.0 * assessment.value_floor:
+                # finer meshes would only show more of it
+                hopeless = stalls >= 2 and error <= NOISE * abs(assessment.value)
+                rounded = self._rounded(best, HIDDEN if hopeless else "")
+                if rounded is not None or hopeless:
+                    return rounded
+            following = self.richer(level, assessment, history, target, most)
+            if following is None:
+                return self._rounded(best, "")
+            level = following
+        return self._rounded(best, f"the tolerance {tol:g} was not met after {ROUNDS} refinements")
+
+    def _rounded(self, best: Improved | None, reason: str) -> Improved | None:
+        """The best root when all that is left is round-off; None, with the reason noted, when more is."""
+        if best is not None and best.assessment.trusted:
+            a = best.assessment
+            if a.value_error <= max(2.0 * a.value_floor, NOISE * abs(a.value)):
+                return best
+        return self._failed(reason) if reason else None
+
+    def richer(self, level: Level, assessment: Assessment, history: History, target: float, most: int) -> Level | None:
+        """Climb the degree while that pays, else bisect where the error is."""
+        space, form = level.system.space, level.system.form
+        history.append((space.degree, assessment.value_error))
+        if climbs(history, target, space.elements, assessment.system.space.degree, HIGHEST_DEGREE[form.order]):
+            return self.settled(assessment) or self.newton(assessment.system, assessment.z)
+        history.clear()
+        marked = assessment.indicators >= SHARE * assessment.indicators.max()
+        middles = 0.5 * (space.vertices[1:] + space.vertices[:-1])
+        vertices = np.sort(np.concatenate([space.vertices, middles[marked]]))
+        system = CollocationSystem(form, collocation_space(form, vertices, space.degree))
+        if system.size > most:
+            return self._failed(f"{system.size} unknowns would be needed")
+        return self.newton(system, system.pack(level.system.transferred(level.state, system)))
+
+    def settled(self, assessment: Assessment) -> Level | None:
+        """The corrected curve of an error estimate, where it is a root of the richer space already."""
+        if not assessment.settled:
+            return None
+        residual = assessment.system.evaluate(assessment.z)
+        return Level(assessment.system, assessment.z, residual) if residual.finite else None
+
+    def continued(self, start: Level | None, form_at: Callable[[float], Form]) -> Level | None:
+        """Follow a root from ``form_at(0)`` to ``form_at(1)``, refining the mesh on the way.
+
+        The root wanted may not exist on the mesh the path begins with.
+        """
+        level, reached, stride = start, 0.0, 0.5
+        while level is not None and reached < 1.0 and stride >= SMALLEST_STRIDE:
+            following = min(1.0, reached + stride)
+            system = CollocationSystem(form_at(following), level.system.space)
+            trial = self.newton(system, system.pack(level.state))
+            if trial is not None and self.adaptive:
+                improved = self.improve(trial, ON_THE_WAY, MOST_ON_THE_WAY)
+                trial = None if improved is None else improved.level
+            if trial is None:
+                stride *= 0.5
+            else:
+                level, reached, stride = trial, following, 1.5 * stride
+        return level if reached == 1.0 else None
+
+
+def climbs(history: History, target: float, elements: int, following: int, highest: int) -> bool:
+    """True when the degree at which the error would meet the target is within reach."""
+    if following > BEYOND * highest:
+        return False
+    if len(history) < 2:
+        return elements <= 2 and following <= highest
+    (before, large), (degree, small) = history[-2:]
+    if small >= 0.5 * large:
+        return False
+    rate = math.log(small / large) / (degree - before)
+    return degree + math.log(target / small) / rate <= highest

@@ -1,0 +1,1 @@
+"""Reduction to a quadrature where x or y is ignorable."""

@@ -1,0 +1,156 @@
+"""Extremals of a Lagrangian without x between two points: every one with at most one turning point."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from varcalc.methods.first_integral.answers import ROUND_OFF, Ends, Evaluate, Level, Reduced, Unsuitable
+from varcalc.methods.first_integral.contract import Aim, Joined
+from varcalc.methods.first_integral.curves import OrbitCurve
+from varcalc.methods.first_integral.energy import Batch, Energy
+from varcalc.methods.first_integral.families import Orbits, Points, families
+from varcalc.methods.first_integral.isoperimetric import Start
+from varcalc.methods.first_integral.reduction import Reduction
+from varcalc.methods.first_integral.search import joining, solved
+
+PROBED_SLOPES = np.array([1e-3, 0.3, -0.3, 1.0, -1.0, 4.0, -4.0])
+"""Slopes, in units of the mean one, at which L_vv and the behaviour at the ends are looked at."""
+STEP_ASIDE, STEEP = 1e-3, 0.25
+"""A step from an end, in units of the size, that leaves no more than such a share of L there: a singularity is near."""
+STATIONARY = 1e-13
+"""L_y at an end, relative to its size nearby, below which the constant is an extremal."""
+EVEN = 1e-12
+"""Relative size of L_y' at slope zero below which a turning point meets the natural condition."""
+START_CLOSE = 1e-8
+
+
+@dataclass(frozen=True)
+class Autonomous(Reduction):
+    """The search for extremals of a Lagrangian without x."""
+
+    @property
+    def row(self) -> int:
+        """L - y' L_y'."""
+        return 2
+
+    @property
+    def searched(self) -> str:
+        """What kind of extremal is looked for."""
+        return f"no extremal with at most one turning point and L_y'y' {self.sign}"
+
+    def aim(self, ends: Ends) -> Aim:
+        """A curve must cover the width of the interval."""
+        return Aim(ends.width, ends.width, self.integrands.levels)
+
+    def reaching(self, ends: Ends, covered: float) -> Ends:
+        """The ends of a curve that covers another width."""
+        return replace(ends, x1=ends.x0 + covered)
+
+    def _regular(self, y: float) -> bool:
+        """True where L and its derivatives are numbers, at small slopes at least."""
+        return bool(np.isfinite(self.probe(y)[:, :, 0]).all())
+
+    def probe(self, y: float) -> np.ndarray:
+        """The parts of L and the constraints at an ordinate for every probed slope."""
+        slope = PROBED_SLOPES * self.integrands.scale
+        return self.integrands.at(np.zeros_like(slope), np.full_like(slope, y), slope)
+
+    def _points(self, ends: Ends) -> Points:
+        known = [y for y in (ends.y0, ends.y1) if y is not None]
+        points = Points(ends.y0, ends.y1, ends.width)
+        singular = tuple(y for y in known if not self._regular(y) or self._almost_singular(y, points.size))
+        return replace(points, singular=singular)
+
+    def _almost_singular(self, y: float, size: float) -> bool:
+        """Whether L falls steeply from an end, as where it is infinite just beyond: distances matter there, not y."""
+        around = y + STEP_ASIDE * size * np.array([0.0, 1.0, -1.0])
+        values = np.abs(self.integrands.at(np.zeros(3), around, np.zeros(3))[0, 0])
+        return bool(np.nanmin(values) < STEEP * values[0])
+
+    def _inside(self, points: Points) -> float | None:
+        """An ordinate near the ends at which everything probed is a number."""
+        middle = 0.5 * (points.known[0] + points.known[-1])
+        steps = points.size * np.array([0.0, 0.25, -0.25, 0.03, -0.03, 1e-3, -1e-3])
+        tried = [*(middle + steps), *(y + s for y in points.known for s in steps[5:])]
+        return next((float(y) for y in tried if self._regular(float(y))), None)
+
+    def curves(self, ends: Ends) -> list[Joined]:
+        """Every curve found between the ends, over all families."""
+        points = self._points(ends)
+        inside = self._inside(points)
+        if inside is None:
+            return []
+        if ends.y0 is None or ends.y1 is None:
+            self._check_natural(inside)
+        sign = self.probe(inside)[0, 4]
+        found: list[Joined] = []
+        for orientation in (1.0, -1.0):
+            if np.any(orientation * sign > 0) and self.legendre(orientation):
+                energy = Energy(self.integrands, orientation, inside)
+                for family, sample in families(energy, points, np.zeros(0)):
+                    found += joining(family, sample, self.aim(ends))
+        return found
+
+    def _check_natural(self, inside: float) -> None:
+        parts = self.probe(inside)[0]
+        if abs(parts[3, 0]) > 2 * PROBED_SLOPES[0] * np.abs(parts[3]).max() + EVEN * np.abs(parts[0]).max():
+            raise Unsuitable(
+                "the natural condition at the free end asks for a slope that is not zero, which FirstIntegral "
+                "does not look for; use Ritz or Collocation"
+            )
+
+    def level(self, ends: Ends) -> Reduced | None:
+        """y = const where that joins the ends and fulfils the Euler-Lagrange equation.
+
+        It always fulfils L - y' L_y' = const: the first integral alone proves nothing here.
+        """
+        if len(self.integrands.levels) or (ends.y0 is not None and ends.y1 is not None and ends.y0 != ends.y1):
+            return None
+        y = ends.y0 if ends.y0 is not None else ends.y1
+        assert y is not None
+        size = max(abs(y), ends.width)
+        x = np.array([ends.x0, ends.x1, ends.x1])
+        parts = self.integrands.at(x, y + size * np.array([0.0, 0.5, -0.5]), np.zeros(3))[0]
+        nearby = [abs(v) for v in parts[1, 1:] if np.isfinite(v)]
+        if not nearby or not abs(parts[1, 0]) <= STATIONARY * max(nearby) or not self.legendre(self.probe(y)[0, 4, 0]):
+            return None
+        value = float(parts[0, 0]) * ends.width
+        partials = self.integrands.partials_at(ends.x0, y) * ends.width
+        curve = Level(y, ends)
+        errors = ROUND_OFF * abs(value), ROUND_OFF * abs(y)
+        return Reduced(value, errors[0], curve, errors[1], curve.nodes, np.zeros(0), partials, 1)
+
+    def from_start(self, ends: Ends, start: Start) -> Iterator[Joined]:
+        """Turning where the start turns, monotone where it does not."""
+        if not self.legendre(1.0 if start.convex else -1.0):
+            return
+        points, multipliers = self._points(ends), np.array([start.multiplier])
+        inside = self._inside(points)
+        if inside is None or ends.y0 is None or ends.y1 is None:
+            return
+        energy = Energy(self.integrands, 1.0 if start.convex else -1.0, inside)
+        aim = self.aim(ends)
+        top, bottom = float(start.y.max()), float(start.y.min())
+        tries: list[tuple[Orbits, float]] = []
+        if top > max(ends.y0, ends.y1):
+            tries.append((Orbits(energy, points, 1), top))
+        if bottom < min(ends.y0, ends.y1):
+            tries.append((Orbits(energy, points, -1), bottom))
+        if ends.y0 != ends.y1:
+            gentle = int(np.argmin(np.abs(start.slope)))
+            reference = ends.y0 if gentle < len(start.x) // 2 else ends.y1
+            slope = max(float(np.abs(start.slope).min()), 1e-3 * self.integrands.scale) / self.integrands.scale
+            tries.append((Orbits(energy, points, 0, reference), float(np.log(slope))))
+        for family, parameter in tries:
+            found = solved(family, parameter, multipliers, aim, START_CLOSE)
+            if found is not None:
+                yield found
+                return
+
+    def curve(self, batch: Batch, found: Joined, ends: Ends) -> Evaluate:
+        """The curve by inversion of x(y)."""
+        assert isinstance(found.family, Orbits)
+        return OrbitCurve(found.family.lines, batch, found.measured, ends.x0, ends.x1)

@@ -1,0 +1,86 @@
+"""What the search asks of a family of curves, and what it gives back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+
+from varcalc.methods.first_integral.energy import Batch, Leg, Measured
+from varcalc.methods.first_integral.integrands import Integrands
+from varcalc.methods.first_integral.panels import Panels
+
+
+class Lines(Protocol):
+    """What integrates a batch of curves: :class:`Energy` or :class:`Momentum`."""
+
+    integrands: Integrands
+    orientation: float
+
+    def measure(self, batch: Batch, warm: Sequence[np.ndarray] | None = None) -> Measured:
+        """Slopes and integrals along every curve of a batch."""
+        ...
+
+    def along(
+        self, leg: Leg, delta: np.ndarray, batch: Batch, warm: np.ndarray | None
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """The slopes' parameter and the integrands at distances from a leg's anchor."""
+        ...
+
+
+class Family(Protocol):
+    """Curves of one shape with one parameter."""
+
+    @property
+    def lines(self) -> Lines:
+        """What integrates the curves."""
+        ...
+
+    @property
+    def unit(self) -> float:
+        """The size of a change of the parameter that matters."""
+        ...
+
+    def batch(self, parameter: np.ndarray, multipliers: np.ndarray) -> Batch:
+        """The curves for parameters (curves,) and multipliers (constraints, curves)."""
+        ...
+
+    def ruled(self, panels: tuple[Panels, ...]) -> Self:
+        """The same family with the given rules."""
+        ...
+
+    def looked_at(self) -> Self:
+        """The same family with coarse rules."""
+        ...
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What a curve must cover (None: whatever it does), the size that round-off is measured by, and the levels."""
+
+    target: float | None
+    size: float
+    levels: np.ndarray
+
+
+@dataclass(frozen=True)
+class Joined:
+    """A curve of a family that meets its aim, and what it integrates to."""
+
+    family: Family
+    parameter: float
+    multipliers: np.ndarray
+    measured: Measured
+
+    @property
+    def batch(self) -> Batch:
+        """The curve as a batch of one."""
+        return self.family.batch(np.array([self.parameter]), self.multipliers[:, None])
+
+
+def measure_one(family: Family, parameter: float, multipliers: np.ndarray, warm: Measured | None = None) -> Measured:
+    """What the curve of one parameter integrates to."""
+    batch = family.batch(np.array([parameter]), multipliers[:, None])
+    return family.lines.measure(batch, None if warm is None else warm.log_slope)

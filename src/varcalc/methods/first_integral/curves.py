@@ -1,0 +1,64 @@
+"""Curves of a Lagrangian without x, evaluable anywhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from varcalc.methods.first_integral.energy import Batch, Energy, Measured
+from varcalc.methods.first_integral.panels import Cumulative, distance
+
+
+@dataclass(frozen=True)
+class OrbitCurve:
+    """y(x) where x(y) is known on monotone legs: inverted in the variable of each leg's rule."""
+
+    lines: Energy
+    batch: Batch
+    measured: Measured
+    start: float
+    end: float
+
+    @cached_property
+    def _cumulative(self) -> Cumulative:
+        return Cumulative([leg.panels for leg in self.batch.legs], [d[0] for d in self.measured.dx])
+
+    @cached_property
+    def _anchors(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Abscissa of each leg's anchor, sign of the way from it, and the abscissae between legs."""
+        covered = self._cumulative.totals()
+        between = self.start + np.concatenate([[0.0], np.cumsum(covered)])
+        between[-1] = self.end
+        away = np.array([leg.away for leg in self.batch.legs])
+        return np.where(away, between[:-1], between[1:]), np.where(away, 1.0, -1.0), between
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """Abscissae of the panels' edges."""
+        at, sign, _ = self._anchors
+        edges = [np.array(leg.panels.edges) for leg in self.batch.legs]
+        x = [at[k] + sign[k] * self._cumulative.at(np.full(len(e), k), e) for k, e in enumerate(edges)]
+        return np.unique(np.clip(np.concatenate([[self.start], *x, [self.end]]), self.start, self.end))
+
+    def __call__(self, x: np.ndarray, derivative: int) -> np.ndarray:
+        """y (derivative 0) or y' (1) at abscissae x (m,); shape (1, m)."""
+        at, sign, between = self._anchors
+        leg = np.clip(np.searchsorted(between, x, side="right") - 1, 0, len(at) - 1)
+        t = self._cumulative.inverse(leg, np.maximum(sign[leg] * (x - at[leg]), 0.0))
+        out = np.empty(len(x))
+        for k in np.unique(leg):
+            mask, this = leg == k, self.batch.legs[k]
+            delta = this.length[0] * distance(this.panels.kind, t[mask])[0]
+            out[mask] = self._slope(k, delta) if derivative else this.anchor[0] + delta
+        return out[None, :]
+
+    def _slope(self, k: int, delta: np.ndarray) -> np.ndarray:
+        leg = self.batch.legs[k]
+        theta, _ = self.lines.along(leg, delta[None, :], self.batch, None)
+        with np.errstate(over="ignore"):
+            slope = leg.direction * self.lines.integrands.scale * np.exp(theta[0])
+        # at an anchor without a slope it is that of the limit: infinite with L, zero at a turning point
+        limit = leg.direction * np.inf if leg.end is not None else 0.0
+        return np.where(np.isnan(slope) & (np.abs(delta) <= np.abs(leg.length[0]) * 1e-200), limit, slope)

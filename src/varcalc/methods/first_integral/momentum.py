@@ -1,0 +1,236 @@
+"""Lagrangians without y: the momentum L_y' = c is constant, and y is the integral of the slope.
+
+At every x the slope solves L_y'(x, v) = c, monotone in v where L_vv > 0
+(Gelfand and Fomin, "Calculus of Variations", sect. 4, case 1). The value is
+the integral of L - c v, plus c times the rise, so that an error of c changes
+it in second order only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from varcalc.methods.first_integral.carried import carry, displaced, fixed
+from varcalc.methods.first_integral.energy import Batch, Leg, Measured
+from varcalc.methods.first_integral.integrands import Integrands
+from varcalc.methods.first_integral.minima import least
+from varcalc.methods.first_integral.panels import COARSE, TOWARD, WHOLE, Cumulative, Panels, inverse_distance
+from varcalc.symbolic.instructions import Vectorised
+
+NEWTON_STEPS = 80
+STEEPEST = 36.0
+"""Largest asinh of a slope in units of the mean one: there L_y' has reached its limit to round-off, if it has one."""
+QUADRATIC = 1e-8
+SLOPE_GRID = STEEPEST * np.linspace(-1, 1, 25) ** 3
+"""asinh of slopes at which curves are tried."""
+PROBE = 0.37
+
+
+class Momentum:
+    """Slopes and integrals of the extremals of a Lagrangian without y; L is negated where ``orientation`` is -1."""
+
+    def __init__(self, integrands: Integrands, orientation: float, inside: float) -> None:
+        self.integrands = integrands
+        self.orientation = orientation
+        self.inside = inside
+        self._anchors: dict[float | None, tuple[Vectorised, Vectorised]] = {}
+
+    def functions(self, end: float | None) -> tuple[Vectorised, Vectorised]:
+        """Functions of (anchor, delta, c, s, lambda): the momentum and its derivative by asinh v; the integrands."""
+        if end not in self._anchors:
+            with self.integrands.building:
+                self._anchors[end] = self._build(end)
+        return self._anchors[end]
+
+    def _build(self, end: float | None) -> tuple[Vectorised, Vectorised]:
+        x = self.integrands.problem.symbols.x
+        c, s, multipliers = self.integrands.symbols
+        lam = ca.vertsplit(multipliers) if multipliers.numel() else []
+        form = self.orientation * self.integrands.lagrangian
+        momentum = ca.gradient(form, s) / self.integrands.scale
+        rate = c * (c * ca.jacobian(momentum, s) - s * ca.jacobian(momentum, c))
+        results = [momentum, rate, form, *self.integrands.forms, *self.integrands.partials]
+        function = ca.Function("all", [x, c, s, *lam], [ca.densify(r) for r in results])
+        anchor, delta = (ca.SX.sym("anchor") if end is None else ca.SX(end)), ca.SX.sym("delta")
+        others = [fixed(c, 0.8), fixed(s, 0.6), *(fixed(m, 0.3) for m in lam)]
+        start = displaced(anchor, delta, self.inside if end is None else end)
+        moved = [m.value for m in carry(function, [start, *others])]
+        inputs = [anchor if end is None else ca.SX.sym("anchor"), delta, c, s, multipliers]
+        return Vectorised(ca.Function("slope", inputs, moved[:2])), Vectorised(ca.Function("value", inputs, moved[2:]))
+
+    def momentum(self, x: np.ndarray, asinh_slope: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
+        """L_y' at abscissae x for slopes scale * sinh(asinh_slope)."""
+        c, s = _direction(asinh_slope)
+        return self.functions(None)[0](x, 0.0, c, s, list(multipliers))[0]
+
+    def measure(self, batch: Batch, warm: Sequence[np.ndarray] | None = None) -> Measured:
+        """Slopes and integrals along every curve of a batch; ``Measured.x`` is the rise of y."""
+        dy, dl, slopes, fields = [], [], [], []
+        rise, action = 0.0, 0.0
+        levels = np.zeros((len(self.integrands.levels), len(batch.constant)))
+        for k, leg in enumerate(batch.legs):
+            share, weights = leg.panels.distances
+            z, values = self.along(leg, leg.length[:, None] * share, batch, None if warm is None else warm[k])
+            c, s = _direction(z)
+            step = np.abs(leg.length)[:, None] * weights
+            form, *rest = (np.broadcast_to(v, z.shape) for v in values)
+            slope = self.integrands.scale * s / c
+            dy.append(step * slope)
+            dl.append(step * form / c)
+            fields.append(np.array([step * f / c for f in rest]))
+            slopes.append(z)
+            rise = rise + dy[-1].sum(axis=1)
+            action = action + (dl[-1] - batch.constant[:, None] * dy[-1]).sum(axis=1)
+            levels += fields[-1][1 : 1 + len(levels)].sum(axis=2)
+        return Measured(np.asarray(rise), np.asarray(action), levels, slopes, dy, dl, fields)
+
+    def along(
+        self, leg: Leg, delta: np.ndarray, batch: Batch, warm: np.ndarray | None
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """asinh of the slopes at distances ``delta`` (curves, m) from the anchor, and the integrands there."""
+        solve, value = self.functions(leg.end)
+        anchor, lam = leg.anchor[:, None], [m[:, None] for m in batch.multipliers]
+        wanted = batch.constant[:, None]
+        z = np.zeros(delta.shape) if warm is None else np.nan_to_num(warm)
+        low, high = np.full(delta.shape, -1.1 * STEEPEST), np.full(delta.shape, 1.1 * STEEPEST)
+        moved = np.full(delta.shape, np.inf)
+        with np.errstate(all="ignore"):
+            for _ in range(NEWTON_STEPS):
+                momentum, rate = solve(anchor, delta, *_direction(z), lam)
+                miss = momentum - wanted
+                low, high = np.where(miss < 0, z, low), np.where(miss > 0, z, high)
+                newton = z - miss / rate
+                inside = ((newton > low) & (newton < high)) | (np.abs(newton - z) <= QUADRATIC)
+                inside &= np.isfinite(rate)
+                following = np.where(inside, newton, 0.5 * (low + high))
+                moved = np.abs(following - z)
+                z = following
+                if not np.any(moved > QUADRATIC):
+                    break
+            z[(np.abs(z) > STEEPEST) | np.isnan(moved) | (moved > QUADRATIC)] = np.nan
+        return z, value(anchor, delta, *_direction(z), lam)
+
+
+def _direction(asinh_slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return 1 / np.cosh(asinh_slope), np.tanh(asinh_slope)
+
+
+@dataclass(frozen=True)
+class Abscissae:
+    """The stretch of x, cut where L may jump, and whether L is no number at its ends."""
+
+    stops: tuple[float, ...]
+    size: float
+    singular: tuple[bool, bool]
+
+
+@dataclass(frozen=True)
+class Rising:
+    """Curves with L_y' = c, by the asinh of the slope at ``reference``, where the momentum is most limited."""
+
+    lines: Momentum
+    points: Abscissae
+    reference: float
+    panels: tuple[Panels, ...] = ()
+    coarse: bool = False
+
+    @property
+    def unit(self) -> float:
+        """The size of a change of the parameter that matters."""
+        return 1.0
+
+    def ruled(self, panels: tuple[Panels, ...]) -> Rising:
+        """The same family with the given rules."""
+        return replace(self, panels=panels)
+
+    def looked_at(self) -> Rising:
+        """The same family with coarse rules."""
+        return replace(self, coarse=True)
+
+    def batch(self, parameter: np.ndarray, multipliers: np.ndarray) -> Batch:
+        """The curves for parameters (curves,) and multipliers (constraints, curves)."""
+        legs: list[Leg] = []
+        stops = self.points.stops
+        for a, b in pairwise(stops):
+            for anchor, other, away in ((a, b, True), (b, a, False)):
+                ends = zip(self.points.singular, (stops[0], stops[-1]), strict=True)
+                singular = any(flag and anchor == x for flag, x in ends)
+                full, length = np.full(parameter.shape, anchor), np.full(parameter.shape, 0.5 * (other - anchor))
+                panels, end = (TOWARD, anchor) if singular else (WHOLE, None)
+                legs.append(Leg(full, length, 1.0, away, None, panels, end))
+        if self.panels:
+            legs = [replace(leg, panels=p) for leg, p in zip(legs, self.panels, strict=True)]
+        elif self.coarse:
+            legs = [replace(leg, panels=COARSE) for leg in legs]
+        at = np.full(parameter.shape, self.reference)
+        constant = self.lines.momentum(at, parameter, multipliers) * np.ones_like(at)
+        return Batch(tuple(legs), constant, np.zeros_like(at), multipliers)
+
+
+def rising(momentum: Momentum, points: Abscissae, upward: bool, multipliers: np.ndarray) -> Rising:
+    """The family of curves; the reference is where the limit of L_y' for steep slopes is nearest to zero."""
+    a, b = points.stops[0], points.stops[-1]
+    at = a + (b - a) * (0.5 - 0.5 * np.cos(np.linspace(0, np.pi, 65)))
+    at[-1] = b
+    sign = 1.0 if upward else -1.0
+
+    def limit(x: np.ndarray) -> np.ndarray:
+        values = sign * momentum.momentum(x, np.full(x.shape, sign * STEEPEST), multipliers)
+        return np.nan_to_num(np.broadcast_to(values, x.shape), nan=np.inf)
+
+    values = limit(at)
+    k = int(np.argmin(values))
+    if k in (0, 64) or not np.isfinite(values[k]):
+        return Rising(momentum, points, float(at[k]) if np.isfinite(values[k]) else 0.5 * (a + b))
+    return Rising(momentum, points, least(limit, float(at[k - 1]), float(at[k + 1])))
+
+
+@dataclass(frozen=True)
+class RisingCurve:
+    """y(x) as the integral of the slope from either end of each stretch."""
+
+    family: Rising
+    batch: Batch
+    measured: Measured
+    ordinates: tuple[float, float]
+
+    @cached_property
+    def _cumulative(self) -> Cumulative:
+        return Cumulative([leg.panels for leg in self.batch.legs], [d[0] for d in self.measured.dx])
+
+    @cached_property
+    def _heights(self) -> tuple[np.ndarray, np.ndarray]:
+        """Ordinate of each leg's anchor, and the sign of the way from it."""
+        between = self.ordinates[0] + np.concatenate([[0.0], np.cumsum(self._cumulative.totals())])
+        between[-1] = self.ordinates[1]
+        away = np.array([leg.away for leg in self.batch.legs])
+        return np.where(away, between[:-1], between[1:]), np.where(away, 1.0, -1.0)
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """Abscissae of the panels' edges."""
+        stops = [leg.anchor[0] + leg.length[0] * np.array(leg.panels.edges) ** 2 for leg in self.batch.legs]
+        return np.unique(np.concatenate(stops))
+
+    def __call__(self, x: np.ndarray, derivative: int) -> np.ndarray:
+        """y (derivative 0) or y' (1) at abscissae x (m,); shape (1, m)."""
+        heights, sign = self._heights
+        marks = np.array([leg.anchor[0] + (leg.length[0] if leg.away else 0.0) for leg in self.batch.legs])
+        which = np.clip(np.searchsorted(marks, x, side="left"), 0, len(marks) - 1)
+        out = np.empty(len(x))
+        for k in np.unique(which):
+            mask, leg = which == k, self.batch.legs[k]
+            delta = x[mask] - leg.anchor[0]
+            if derivative:
+                z, _ = self.family.lines.along(leg, delta[None, :], self.batch, None)
+                out[mask] = self.family.lines.integrands.scale * np.sinh(z[0])
+            else:
+                t = inverse_distance(leg.panels.kind, np.clip(delta / leg.length[0], 0.0, 1.0))
+                out[mask] = heights[k] + sign[k] * self._cumulative.at(np.full(len(t), k), t)
+        return out[None, :]

@@ -1,0 +1,145 @@
+"""What both reductions share: from curves found between two ends to an answer with its errors."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.methods.first_integral.answers import ROUND_OFF, Ends, Evaluate, Reduced
+from varcalc.methods.first_integral.contract import Aim, Joined
+from varcalc.methods.first_integral.energy import Batch
+from varcalc.methods.first_integral.errors import sensitivity
+from varcalc.methods.first_integral.integrands import Integrands
+from varcalc.methods.first_integral.isoperimetric import Start, starts
+from varcalc.methods.first_integral.refinement import quadrature_errors, truncation, unseen
+from varcalc.methods.first_integral.search import refined
+
+ERROR_PLACES = 0.5 - 0.5 * np.cos(np.linspace(0, np.pi, 41)[1:-1])
+"""Where the curve's error is looked at, as shares of the interval."""
+
+
+@dataclass(frozen=True)
+class Reduction(ABC):
+    """One way to reduce a problem to quadrature."""
+
+    integrands: Integrands
+
+    @abstractmethod
+    def aim(self, ends: Ends) -> Aim:
+        """What a curve between the ends must cover."""
+
+    @abstractmethod
+    def curves(self, ends: Ends) -> list[Joined]:
+        """Every curve found between the ends, roughly measured; without isoperimetric levels."""
+
+    @abstractmethod
+    def from_start(self, ends: Ends, start: Start) -> Iterator[Joined]:
+        """Curves with the isoperimetric levels that Newton's method finds from a start."""
+
+    @abstractmethod
+    def curve(self, batch: Batch, found: Joined, ends: Ends) -> Evaluate:
+        """The curve as a function of x."""
+
+    @property
+    @abstractmethod
+    def searched(self) -> str:
+        """What kind of extremal is looked for, in words."""
+
+    def legendre(self, curvature: float) -> bool:
+        """True when L_vv of this sign suits a minimum (a maximum where that is asked for)."""
+        return curvature < 0 if self.integrands.problem.maximise else curvature > 0
+
+    @property
+    def sign(self) -> str:
+        """Which sign of L_vv is looked for, in words."""
+        return (
+            "< 0 (Legendre's condition for a maximum)"
+            if self.integrands.problem.maximise
+            else ("> 0 (Legendre's condition for a minimum)")
+        )
+
+    def all_curves(self, ends: Ends) -> list[Joined]:
+        """Every curve found between the ends, with or without isoperimetric levels."""
+        if not len(self.integrands.levels):
+            return self.curves(ends)
+        return [found for start in starts(self.integrands, ends, self.row) for found in self.from_start(ends, start)]
+
+    @property
+    @abstractmethod
+    def row(self) -> int:
+        """Which part of :meth:`Integrands.at` is the first integral: 2 for L - y' L_y', 3 for the momentum."""
+
+    def level(self, ends: Ends) -> Reduced | None:  # noqa: ARG002
+        """y = const, where a reduction does not find it by itself and it is an extremal."""
+        return None
+
+    def value(self, found: Joined, ends: Ends) -> float:
+        """The functional, as action + constant * target - sum of lambda_j level_j: stationary in both."""
+        target = self.aim(ends).target
+        covered = float(found.measured.x[0]) if target is None else target
+        total = float(found.measured.action[0]) + float(found.batch.constant[0]) * covered
+        return found.family.lines.orientation * total - float(found.multipliers @ self.integrands.levels)
+
+    def answer(self, rough: Joined, ends: Ends) -> Reduced | None:
+        """The curve refined to double precision, with its value and errors; None when it is lost on the way."""
+        aim = self.aim(ends)
+        found = refined(rough, aim)
+        if found is None:
+            return None
+        measured, batch = found.measured, found.batch
+        panels = [leg.panels for leg in batch.legs]
+        parts = (quadrature_errors(measured), truncation(panels, measured), unseen(found))
+        reach_error, value_error = (sum(errors) for errors in zip(*parts, strict=True))
+        multipliers, levels = found.multipliers, self.integrands.levels
+        covered = float(measured.x[0]) if aim.target is None else aim.target
+        terms = abs(float(measured.action[0])) + abs(float(batch.constant[0]) * covered)
+        terms += float(np.abs(multipliers) @ np.abs(levels))
+        miss = reach_error + ROUND_OFF * aim.size + abs(float(measured.x[0]) - covered)
+        curve = self.curve(batch, found, ends)
+        return Reduced(
+            value=self.value(found, ends),
+            value_error=value_error + ROUND_OFF * terms,
+            curve=curve,
+            curve_error=self._curve_error(found, ends, miss),
+            nodes=curve.nodes,
+            multipliers=multipliers,
+            partials=np.asarray(sum(f[1 + len(levels) :, 0].sum(axis=1) for f in measured.fields)),
+            points=sum(d.shape[1] for d in measured.dx),
+        )
+
+    def end_gradient(self, best: Reduced, ends: Ends, at_end: bool) -> tuple[float, float]:
+        """The derivatives of the value by the abscissa and the ordinate of one end.
+
+        At the end they are L - y' L_y' and L_y' of the Lagrangian function, at the start the negatives
+        (Gelfand and Fomin, sect. 13).
+        """
+        x = np.array([ends.x1 if at_end else ends.x0])
+        parts = self.integrands.at(x, best.curve(x, 0)[0], best.curve(x, 1)[0])
+        energy, momentum = np.tensordot(np.array([1.0, *best.multipliers]), parts[:, 2:4, 0], axes=1)
+        sign = 1.0 if at_end else -1.0
+        return sign * float(energy), sign * float(momentum) / self.integrands.scale
+
+    @abstractmethod
+    def reaching(self, ends: Ends, covered: float) -> Ends:
+        """The ends of a curve that covers something else."""
+
+    def _curve_error(self, found: Joined, ends: Ends, miss: float) -> float:
+        """How far the curve can be off when what it covers, and its levels, are off by ``miss``."""
+        at = ends.x0 + ends.width * ERROR_PLACES
+        y = self.curve(found.batch, found, ends)(at, 0)[0]
+        least = ROUND_OFF * float(np.abs(y).max())
+        aim = self.aim(ends)
+        if aim.target is None:
+            return miss + least
+
+        def shape(other: Joined) -> np.ndarray:
+            covered = self.reaching(ends, float(other.measured.x[0]))
+            moved = self.curve(other.batch, other, covered)(np.minimum(at, covered.x1), 0)[0]
+            return np.where(at < covered.x1, moved - y, 0.0)
+
+        spread = sensitivity(found, aim, shape, miss)
+        # at the edge of a family, where it turns at an end, the parameter moves nothing
+        return least + (miss * ends.mean_slope if spread is None else spread)

@@ -1,0 +1,132 @@
+"""Rules that resolve a curve to round-off, and what is left unresolved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from varcalc.methods.first_integral.contract import Joined, measure_one
+from varcalc.methods.first_integral.energy import Measured
+from varcalc.methods.first_integral.panels import EPSILON, GRADED, Map, Panels, tails
+
+ROUNDS = 14
+MOST_PANELS = 120
+WORTHWHILE = 0.8
+"""A round that leaves more than this share of the error counts as stale: what is left is noise."""
+SMALLEST_FIRST = 2e-3
+"""A first panel bisected below this shows an end that is no half-integer power."""
+ALLOWED = 8 * EPSILON
+"""Quadrature error of a panel, relative to the whole, that is left alone."""
+DECADES = tuple(10.0**-k for k in range(15, 0, -1))
+"""Edges, in units of the first panel, that show what a rule misses next to an end: L may be infinite just beyond it."""
+MISSED = 64 * EPSILON
+"""Relative change by such a rule that is more than round-off."""
+
+
+def refined_panels(joined: Joined) -> tuple[Panels, ...] | None:
+    """Rules that resolve the curve to round-off, or as well as its noise allows; None when those it has do already."""
+    given = tuple(leg.panels for leg in joined.batch.legs)
+    best, measured = _bisected(joined, given, joined.measured)
+    toward = _toward_ends(best)
+    closer = measure_one(joined.family.ruled(toward), joined.parameter, joined.multipliers)
+    if not np.isfinite(closer.x[0]):
+        return None if best == given else best
+    if max(_changes(measured, closer)) > MISSED or any(e[0] > ALLOWED for e in _leg_errors(measured)):
+        graded, remeasured = _bisected(joined, toward, closer)
+        missed = max(_changes(measured, remeasured)) > MISSED
+        best = graded if missed or _total(remeasured) < _total(measured) else best
+    return None if best == given else best
+
+
+def _total(measured: Measured) -> float:
+    """The relative quadrature error that the coefficients of the integrands tell."""
+    return sum(float(e.sum()) for e in _leg_errors(measured))
+
+
+def unseen(joined: Joined) -> tuple[float, float]:
+    """By how much reach and functional change, in absolute terms, when every leg's rule is graded toward its anchor.
+
+    A rule cannot tell from its own points that the integrand changes between the anchor and the first of them, as it
+    does where L is infinite just beyond an end.
+    """
+    toward = _toward_ends(tuple(leg.panels for leg in joined.batch.legs))
+    closer = measure_one(joined.family.ruled(toward), joined.parameter, joined.multipliers)
+    changes = _changes(joined.measured, closer)
+    if max(changes) <= MISSED:
+        return 0.0, 0.0
+    reach, value = (change * size for change, size in zip(changes, _sizes(joined.measured), strict=True))
+    return reach, value
+
+
+def _toward_ends(panels: Sequence[Panels]) -> tuple[Panels, ...]:
+    """The same rules with the first panel of each graded toward the leg's anchor."""
+    return tuple(
+        Panels(p.kind, (0.0, *(p.edges[1] * d for d in DECADES), *p.edges[1:])) if p.kind is Map.SQUARE else p
+        for p in panels
+    )
+
+
+def _changes(before: Measured, after: Measured) -> tuple[float, float]:
+    """The differences between two rules, of each leg's reach and functional, relative to the whole of each."""
+    pairs = ((before.dx, after.dx), (before.dl, after.dl))
+    reach, value = (
+        sum(abs(float(a.sum() - b.sum())) for a, b in zip(first, second, strict=True)) / size
+        for (first, second), size in zip(pairs, _sizes(before), strict=True)
+    )
+    return reach, value
+
+
+def _sizes(measured: Measured) -> tuple[float, float]:
+    """The integrals of the absolute values of the reach's and the functional's integrand."""
+    reach, value = (max(sum(float(np.abs(d).sum()) for d in part), 1e-300) for part in (measured.dx, measured.dl))
+    return reach, value
+
+
+def _bisected(joined: Joined, given: tuple[Panels, ...], measured: Measured) -> tuple[tuple[Panels, ...], Measured]:
+    """The rules with panels bisected as far as that lowers the error their coefficients tell, and what they measure."""
+    panels, best, least, stale = list(given), (given, measured), np.inf, 0
+    for _ in range(ROUNDS):
+        marks, total = [e > ALLOWED for e in _leg_errors(measured)], _total(measured)
+        stale = stale + 1 if total > WORTHWHILE * least else 0
+        if total < least:
+            best, least = (tuple(panels), measured), total
+        if not any(m.any() for m in marks) or stale > 1 or sum(p.count for p in panels) > MOST_PANELS:
+            break
+        panels = [_improved(p, m) for p, m in zip(panels, marks, strict=True)]
+        measured = measure_one(joined.family.ruled(tuple(panels)), joined.parameter, joined.multipliers)
+        if not np.isfinite(measured.x[0]):
+            break
+    return best
+
+
+def _leg_errors(measured: Measured) -> list[np.ndarray]:
+    """The larger relative quadrature error, of the reach and of the functional, of each panel of each leg."""
+    x, value = _sizes(measured)
+    return [np.maximum(tails(dx[0]) / x, tails(dl[0]) / value) for dx, dl in zip(measured.dx, measured.dl, strict=True)]
+
+
+def _improved(panels: Panels, marked: np.ndarray) -> Panels:
+    if panels.kind is Map.SQUARE and marked[0] and panels.edges[1] < SMALLEST_FIRST:
+        return GRADED
+    return panels.split(marked) if marked.any() else panels
+
+
+def quadrature_errors(measured: Measured) -> tuple[float, float]:
+    """Estimated absolute quadrature errors of the abscissa covered and of the Lagrangian function's integral."""
+    return tuple(sum(float(tails(d[0]).sum()) for d in part) for part in (measured.dx, measured.dl))  # type: ignore[return-value]
+
+
+def truncation(panels: Sequence[Panels], measured: Measured) -> tuple[float, float]:
+    """What the exponential map leaves out next to its ends, from the power found at its first two nodes."""
+    out = [0.0, 0.0]
+    for rule, parts in zip(panels, zip(measured.dx, measured.dl, strict=True), strict=True):
+        if rule.kind is not Map.EXPONENTIAL:
+            continue
+        share, weights = rule.distances
+        for k, part in enumerate(parts):
+            density = np.abs(part[0][:2] / weights[:2]) * share[:2]
+            if density[0] > 0:
+                power = np.log(density[1] / density[0]) / np.log(share[1] / share[0])
+                out[k] += float(density[0] / power) if power > 0 else np.inf
+    return out[0], out[1]

@@ -1,0 +1,183 @@
+"""Finding the curves of a family that reach the far end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from varcalc.methods.first_integral.contract import Aim, Family, Joined, measure_one
+from varcalc.methods.first_integral.energy import Measured
+from varcalc.methods.first_integral.panels import EPSILON
+from varcalc.methods.first_integral.refinement import refined_panels
+from varcalc.methods.first_integral.roots import bracketed_root
+
+ROUGH = 1e-9
+"""Relative miss at which a curve counts as found; refinement follows."""
+CLOSE = 1e-9
+"""Relative miss beyond which a refined curve counts as lost."""
+NEWTON_STEPS = 60
+SHORTENED = 0.5 ** np.array([0, 1, 2, 3, 4, 6, 8, 11, 14])
+DIFFERENCE = 1e-7
+"""Relative step of difference quotients: half the digits of double precision."""
+SHRINKING = (1.0, 1e-3, 1e-6)
+TINY = 1e-300
+REFINEMENTS = 3
+NEAR_FOLD = 0.02
+"""A greatest or least reach within this share of the wanted one is followed to its exact place."""
+FOLD_SCANS = 7
+NEAR_EDGE = 16
+"""Samples from the edge of a family that are looked at again with a finer rule."""
+
+
+def joining(family: Family, sample: np.ndarray, aim: Aim) -> list[Joined]:
+    """Every curve of a family that covers the target, one for each change of sign over the sample and each fold."""
+    multipliers = np.zeros((0, len(sample)))
+    assert aim.target is not None
+    look = family.looked_at()
+    reach = look.lines.measure(look.batch(sample, multipliers)).x - aim.target
+    crossings = np.flatnonzero(reach[1:] * reach[:-1] <= 0)
+    found = [j for k in crossings if (j := _between(family, sample, int(k), aim)) is not None]
+    brackets: list[tuple[float, float]] = []
+    for k in range(1, len(sample) - 1):
+        around = reach[k - 1 : k + 2]
+        if np.isfinite(around).all() and abs(around[1]) < NEAR_FOLD * aim.size:
+            brackets += _fold(family, sample[k - 1 : k + 2], around, aim)
+    found += [j for a, b in brackets if (j := joined(family, a, b, aim)) is not None]
+    first = abs(sample[1] - sample[0])
+    if abs(reach[0]) < NEAR_FOLD * aim.size and not any(abs(j.parameter - sample[0]) <= first for j in found):
+        found += _at_edge(family, sample, aim)
+    return found
+
+
+def _between(family: Family, sample: np.ndarray, k: int, aim: Aim) -> Joined | None:
+    """The curve between samples k and k + 1, or beside them where the coarse rule mistook the side of one."""
+    for a, b in ((k, k + 1), (k - 1, k + 1), (k, k + 2)):
+        if a >= 0 and b < len(sample):
+            found = joined(family, float(sample[a]), float(sample[b]), aim)
+            if found is not None:
+                return found
+    return None
+
+
+def _at_edge(family: Family, sample: np.ndarray, aim: Aim) -> list[Joined]:
+    """A curve at or near the edge of its family, where it turns at an end and the coarse rule may mistake its side."""
+    none, target, edge = np.zeros(0), aim.target, float(sample[0])
+    assert target is not None
+    here = Joined(family, edge, none, measure_one(family, edge, none))
+    panels = refined_panels(here)
+    if panels is not None:
+        family = family.ruled(panels)
+        here = Joined(family, edge, none, measure_one(family, edge, none))
+    miss = float(here.measured.x[0]) - target
+    if abs(miss) <= CLOSE * aim.size:
+        return [here]
+    near = sample[:NEAR_EDGE]
+    reach = family.lines.measure(family.batch(near, np.zeros((0, len(near))))).x - target
+    brackets = np.flatnonzero(reach[1:] * reach[:-1] < 0)[:1]
+    return [j for k in brackets if (j := joined(family, float(near[k]), float(near[k + 1]), aim)) is not None]
+
+
+def _fold(family: Family, sample: np.ndarray, reach: np.ndarray, aim: Aim) -> list[tuple[float, float]]:
+    """The two brackets either side of an extremum of the reach that passes the target between samples."""
+    sign = np.sign(reach[1])
+    assert aim.target is not None
+    if not (np.all(np.sign(reach) == sign) and abs(reach[1]) <= min(abs(reach[0]), abs(reach[2]))):
+        return []
+    low, high = float(sample[0]), float(sample[2])
+    best = float(sample[1])
+    for _ in range(FOLD_SCANS):
+        at = np.linspace(low, high, 17)
+        values = sign * (family.lines.measure(family.batch(at, np.zeros((0, 17)))).x - aim.target)
+        k = int(np.argmin(np.nan_to_num(values, nan=np.inf)))
+        best, low, high = float(at[k]), float(at[max(k - 1, 0)]), float(at[min(k + 1, 16)])
+        if values[k] <= 0:
+            return [(float(sample[0]), best), (best, float(sample[2]))]
+    return []
+
+
+def joined(family: Family, low: float, high: float, aim: Aim) -> Joined | None:
+    """The curve between two parameters whose reaches lie either side of the target; None where there is no such curve.
+
+    Found to the precision of the family's rules only; :func:`refined` does the rest.
+    """
+    none, target = np.zeros(0), aim.target
+    assert target is not None
+    latest: list[Measured | None] = [None]
+
+    def miss(parameter: float) -> float:
+        latest[0] = measure_one(family, parameter, none, latest[0])
+        return float(latest[0].x[0]) - target
+
+    parameter = bracketed_root(miss, low, high, ROUGH * aim.size)
+    if parameter is None:
+        return None
+    return Joined(family, parameter, none, measure_one(family, parameter, none))
+
+
+def solved(family: Family, parameter: float, multipliers: np.ndarray, aim: Aim, close: float) -> Joined | None:
+    """The curve near a start that covers the target and has the levels, by Newton's method with shortened steps.
+
+    Derivatives are differences. None when the residual stays above ``close``, relative to the sizes.
+    """
+    unknowns = np.array([parameter, *multipliers])
+    assert aim.target is not None
+    sizes = np.array([aim.size, *np.maximum(np.abs(aim.levels), TINY)])
+    steps = DIFFERENCE * np.array([family.unit, *(np.abs(multipliers) + (multipliers == 0))])
+
+    def miss(columns: np.ndarray) -> np.ndarray:
+        measured = family.lines.measure(family.batch(columns[0], columns[1:]))
+        rows = np.vstack([measured.x - aim.target, measured.levels - aim.levels[:, None]])
+        return rows / sizes[:, None]
+
+    best, norm = unknowns, np.inf
+    for _ in range(NEWTON_STEPS):
+        here, slopes = _differences(miss, unknowns, steps)
+        now = float(np.abs(here).max())
+        if not (np.isfinite(now) and np.isfinite(slopes).all()):
+            break
+        if now < norm:
+            best, norm = unknowns, now
+        if now <= EPSILON:
+            break
+        step = np.linalg.lstsq(slopes, -here, rcond=None)[0]
+        trials = unknowns[:, None] + step[:, None] * SHORTENED
+        reached = np.nan_to_num(np.abs(miss(trials)).max(axis=0), nan=np.inf)
+        k = int(np.argmax(reached < (1 - 0.1 * SHORTENED) * now)) if np.any(reached < now) else int(np.argmin(reached))
+        if not reached[k] < now:
+            break
+        unknowns = trials[:, k]
+    if not norm <= close:
+        return None
+    return Joined(family, float(best[0]), best[1:], measure_one(family, float(best[0]), best[1:]))
+
+
+def _differences(
+    miss: Callable[[np.ndarray], np.ndarray], unknowns: np.ndarray, steps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The residual and its Jacobian by one-sided differences, on whichever side and scale they are numbers."""
+    k = len(unknowns)
+    rows = slopes = np.full((k, k), np.nan)
+    for scale in SHRINKING:
+        h = np.diag(scale * steps)
+        rows = miss(np.column_stack([unknowns, unknowns[:, None] + h, unknowns[:, None] - h]))
+        forward, backward = rows[:, 1 : k + 1] - rows[:, :1], rows[:, :1] - rows[:, k + 1 :]
+        slopes = np.where(np.isfinite(forward).all(axis=0), forward, backward) / (scale * steps)
+        if np.isfinite(slopes).all():
+            break
+    return rows[:, 0], slopes
+
+
+def refined(found: Joined, aim: Aim) -> Joined | None:
+    """The same curve with rules that resolve it to round-off; None when it is lost on the way."""
+    for _ in range(REFINEMENTS):
+        panels = refined_panels(found)
+        family = found.family if panels is None else found.family.ruled(panels)
+        if aim.target is None:
+            again = measure_one(family, found.parameter, found.multipliers)
+            return Joined(family, found.parameter, found.multipliers, again)
+        better = solved(family, found.parameter, found.multipliers, aim, CLOSE)
+        if better is None or panels is None:
+            return better
+        found = better
+    return found

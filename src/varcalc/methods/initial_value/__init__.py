@@ -1,1 +1,0 @@
-"""The parts of shooting: the flow, its segments, initial states and their search."""

@@ -1,1 +1,0 @@
-"""Quadrature of first integrals: the algebra, the rules and the two reductions FirstIntegral composes."""

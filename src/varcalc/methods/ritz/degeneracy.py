@@ -1,0 +1,235 @@
+"""Whether a minimum stands alone: zero modes of the second variation, and which of them are mere symmetries.
+
+A direction in which neither the functional nor its gradient changes is a
+Jacobi field that meets the end conditions: the ends are conjugate (or focal),
+and the extremal is one of a continuum or on the point of being no minimum
+(Gelfand and Fomin, "Calculus of Variations", sect. 26 and 29). A problem may
+also leave its curve to be moved as a whole: shifted, turned, or a closed curve
+begun at another point. Such a family is one minimum written down in many places.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from varcalc.methods.ritz.newton import Step, newton_step
+from varcalc.methods.ritz.rungs import Rungs
+from varcalc.methods.ritz.system import Evaluation, RitzSystem
+from varcalc.solution import Verdict
+
+ZERO = 1e-9
+"""Eigenvalues of the second variation, in units of its leading term, that are none."""
+LOOSEST = 1e-6
+"""The same where the curve is known poorly."""
+SOFT = 1e-3
+"""Eigenvalues that a richer space may lower to zero; those of a space lie above the true ones."""
+SETTLED = 0.9
+"""Share of an eigenvalue that a richer space leaves when it is resolved."""
+COMPLIANT = 1e3
+"""Compliance of a Newton step below which no mode is soft."""
+LARGEST = 800
+"""Unknowns up to which eigenvalues are computed."""
+IN_SPAN = 1e-3
+"""Part of a zero mode, in the norm of the leading term, that rigid motions may leave over."""
+UNMOVED = 1e-8
+"""Relative change of the functional by a motion under which it is invariant."""
+CANCELLED = 1e-12
+"""The same in units of the terms of a functional that vanishes by cancellation."""
+TURN = 0.5
+"""Size of the motion tried: an angle, or a shift in units of the curve's size."""
+
+
+def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curve: float) -> tuple[Verdict, str] | None:
+    """Why the minimum at ``z`` does not stand alone; None when it does, up to rigid motions.
+
+    ``step`` is the Newton step from there, ``curve`` the relative error of the
+    curve, which the second variation feels squared. Richer spaces are asked for as
+    long as they lower a soft eigenvalue.
+    """
+    if step.compliance < COMPLIANT:
+        return None
+    threshold = min(max(ZERO, curve**2), LOOSEST)
+    previous, z = math.inf, z + step.change
+    following: Step | None = step
+    while following is not None and system.size <= LARGEST:
+        eigenvalues, modes = _soft_modes(system, z, following.multipliers)
+        lowest = eigenvalues.min(initial=math.inf)
+        if lowest < -threshold:
+            return Verdict.SADDLE, f"no minimum: in a richer space the second variation is negative ({lowest:.2g})"
+        if lowest <= threshold:
+            zero = modes[:, eigenvalues <= threshold]
+            return None if _are_rigid_motions(system, z, zero) else _sentence(zero.shape[1], lowest)
+        if not lowest < SETTLED * previous:
+            break
+        previous = lowest
+        system, z = rungs.prolonged(system, z)
+        following = newton_step(system, system.evaluate(z), following.multipliers)
+        z = z if following is None else z + following.change
+    return None
+
+
+def _sentence(count: int, lowest: float) -> tuple[Verdict, str]:
+    directions = f"{count} directions" if count > 1 else "a direction"
+    return Verdict.DEGENERATE, (
+        f"the second variation vanishes in {directions} (least eigenvalue {lowest:.1g} of its leading term): the ends "
+        "are conjugate, and the extremal is one of a continuum or on the point of being no minimum"
+    )
+
+
+def _soft_modes(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues of the second variation below SOFT, and their modes, of length one in the leading term.
+
+    None are found where the leading term is not positive all along: then it measures nothing.
+    """
+    at = system.evaluate(z)
+    nothing = np.zeros(0), np.zeros((system.size, 0))
+    if not np.isfinite(at.pointwise).all() or at.legendre <= 0.0:
+        return nothing
+    hessian, leading, null = system.hessian(at, multipliers), leading_term(system, at, z), np.eye(system.size)
+    if len(at.conditions):
+        null = np.linalg.qr(at.jacobian.T, mode="complete")[0][:, len(at.conditions) :]
+        hessian, leading = null.T @ hessian @ null, null.T @ leading @ null
+    if _positive(hessian - SOFT * leading) or not _positive(leading):  # the first spares the eigenvalues
+        return nothing
+    factor = np.linalg.cholesky(leading)
+    half = np.linalg.solve(factor, hessian)
+    eigenvalues, vectors = np.linalg.eigh(np.linalg.solve(factor, half.T))
+    soft = eigenvalues < SOFT
+    return eigenvalues[soft], null @ np.linalg.solve(factor.T, vectors[:, soft])
+
+
+def _positive(matrix: np.ndarray) -> bool:
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def leading_term(system: RitzSystem, at: Evaluation, z: np.ndarray) -> np.ndarray:
+    """The Gram matrix of L_vv in the highest slope at every point, with that of y on the interval's length.
+
+    An unknown number is measured by the change of itself that would cost the whole functional.
+    """
+    n, D, k = system.n, system.order + 1, system.k
+    hessians = at.pointwise[:, 1 + k : 1 + k + k * k].reshape(-1, k, k)
+    top = slice(system.order * n, D * n)
+    leading = hessians[:, top, top] * system.weights[:, None, None]
+    length = system.space.vertices[-1] - system.space.vertices[0]
+    blocks = np.zeros((len(leading), D * n, D * n))
+    for d in range(D):
+        rows = slice(d * n, (d + 1) * n)
+        blocks[:, rows, rows] = leading * length ** (2.0 * (d - system.order))
+    own = np.abs(np.einsum("q,qaa->a", system.weights, hessians[:, D * n :, D * n :]))
+    corner = np.diag(np.maximum(own, at.scale / _sizes_of_numbers(system, z) ** 2))
+    return system.dense(system.local_matrices(blocks), np.zeros((system.space.size, system.extra)), corner)
+
+
+def _sizes_of_numbers(system: RitzSystem, z: np.ndarray) -> np.ndarray:
+    """A size for each unknown number: its own or its guess, for a sliding abscissa that of the interval."""
+    form = system.form
+    sizes = np.maximum(np.abs(system.unknowns(z)), np.abs(form.unknown_guess))
+    sliding = slice(len(form.problem.unknowns), system.extra - form.gauged)
+    if sizes[sliding].size:
+        sizes[sliding] = form.problem.span[1] - form.problem.span[0]
+    return np.where(sizes > 0, sizes, 1.0)
+
+
+# rigid motions
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The velocity of a rigid motion: of the unknowns, as a matrix on (y, s, 1), and of the unknown numbers."""
+
+    velocity: np.ndarray
+    matrix: np.ndarray
+    numbers: np.ndarray
+
+
+def _are_rigid_motions(system: RitzSystem, z: np.ndarray, modes: np.ndarray) -> bool:
+    """Whether every mode moves the curve as a whole, and the functional and its conditions stay as they are."""
+    motions = _motions(system, z)
+    if not motions:
+        return False
+    at = system.evaluate(z)
+    span = np.column_stack([m.velocity for m in motions])
+    root = np.linalg.cholesky(leading_term(system, at, z)).T
+    shares = np.linalg.lstsq(root @ span, root @ modes, rcond=1e-10)[0]
+    left = np.linalg.norm(root @ (modes - span @ shares), axis=0)  # the modes are of length one
+    return bool(np.all(left <= IN_SPAN)) and all(_invariant(system, z, at, motions, share) for share in shares.T)
+
+
+def _motions(system: RitzSystem, z: np.ndarray) -> list[Motion]:
+    """The rigid motions that leave the ends as they are prescribed.
+
+    Shifts of a function no value of which is fixed, for a second-order
+    Lagrangian its tilts; rotations where nothing is fixed; a shift of the
+    abscissa where both ends slide; for a closed curve another first point.
+    """
+    n, space = system.n, system.space
+    fixed = np.setdiff1d(np.arange(space.size), system.free)
+    coefficients = system.coefficients(z)
+    entries: list[list[tuple[int, int, float]]] = []
+    for a in range(n):
+        if not np.isin(space.numbers[:, :, a], fixed).any():
+            entries.append([(a, n + 1, 1.0)])
+            if system.order == 2 and not space.periodic:
+                entries.append([(a, n, 1.0)])
+    if not len(fixed):
+        entries += [[(a, b, 1.0), (b, a, -1.0)] for a in range(n) for b in range(a)]
+    out: list[Motion] = []
+    still, nowhere = np.zeros(system.extra), np.zeros((n, n + 2))
+    for places in entries:
+        matrix = nowhere.copy()
+        for row, column, entry in places:
+            matrix[row, column] = entry
+        out.append(Motion(system.pack(_applied(system, coefficients, matrix), still), matrix, still))
+    own = len(system.form.problem.unknowns)
+    if system.extra - own - system.form.gauged == 2:
+        numbers = still.copy()
+        numbers[own : own + 2] = 1.0
+        out.append(Motion(system.pack(np.zeros(space.size), numbers), nowhere, numbers))
+    if space.periodic and not _depends_on_place(system):
+        around = space.fit(lambda s: space.evaluate(coefficients, s, 1))
+        out.append(Motion(system.pack(around, still), nowhere, still))
+    return [m for m in out if m.velocity.any()]
+
+
+def _depends_on_place(system: RitzSystem) -> bool:
+    """Whether the integrand or a level depends on the abscissa."""
+    integrands = ca.vertcat(system.form.integrand, *(c.expression for c in system.equalities))
+    return bool(ca.depends_on(integrands, system.form.symbols.x))
+
+
+def _applied(system: RitzSystem, coefficients: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Coefficients of ``matrix`` (n, n + 2) applied to (y, s, 1)."""
+    space, n = system.space, system.n
+    out = np.zeros(space.size)
+    out[space.numbers] = coefficients[space.numbers] @ matrix[:, :n].T
+    return out + space.fit(lambda s: matrix[:, n:] @ np.array([s, np.ones_like(s)]))
+
+
+def _invariant(system: RitzSystem, z: np.ndarray, at: Evaluation, motions: list[Motion], share: np.ndarray) -> bool:
+    """Whether the finite motion, not only the infinitesimal one, leaves the functional and its conditions alone."""
+    n = system.n
+    velocity = sum((c * m.matrix for c, m in zip(share, motions, strict=True)), np.zeros((n, n + 2)))
+    numbers = sum((c * m.numbers for c, m in zip(share, motions, strict=True)), np.zeros(system.extra))
+    size = float(np.abs(system.ordinates(z)).max()) or 1.0
+    largest = max(np.abs(velocity[:, :n]).max(), np.abs(velocity[:, n:]).max() / size, np.abs(numbers).max(initial=0.0))
+    if largest == 0.0:  # only the first point of a closed curve moves
+        return True
+    import scipy.linalg
+
+    flow = np.zeros((n + 2, n + 2))
+    flow[:n] = velocity * (TURN / largest)
+    moved = _applied(system, system.coefficients(z), scipy.linalg.expm(flow)[:n])
+    there = system.evaluate(system.pack(moved, system.unknowns(z) + numbers * (TURN / largest)))
+    sizes = np.ones(len(at.conditions))
+    sizes[: len(system.levels)] = np.maximum(np.abs(system.levels), 1e-300)
+    same = abs(there.value - at.value) <= UNMOVED * at.scale + CANCELLED * system.quadratic_size(z)
+    return bool(same and np.all(np.abs(there.conditions - at.conditions) <= UNMOVED * sizes))

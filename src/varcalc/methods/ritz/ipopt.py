@@ -1,0 +1,349 @@
+"""CasADi/IPOPT on the same discretised functional: bounds, inequalities, pathwise conditions.
+
+The variables are the free coefficients and the unknown numbers, scaled to the
+size of the curve; the objective is the mapped integrand summed by the Gauss
+rule, and CasADi gives IPOPT exact first and second derivatives of it (Waechter
+and Biegler, Mathematical Programming 106, 2006). Pathwise conditions hold at the
+Lobatto nodes of every element, inequalities at its Gauss points as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import SideCondition
+from varcalc.methods.ritz.newton import Outcome
+from varcalc.methods.ritz.summed import placement, summed_up
+from varcalc.methods.ritz.system import RitzSystem
+from varcalc.numerics.mesh import basis, basis_at_gauss, gauss, lobatto
+
+GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+FINISHED = ("Search_Direction_Becomes_Too_Small", "Maximum_Iterations_Exceeded", "Restoration_Failed")
+"""Ends at which round-off, not the point, may be what stopped IPOPT."""
+STATIONARY = 1e-8
+"""Infeasibilities, primal and dual in IPOPT's own scaling, below which such an end is a minimum."""
+FLAT = 1e-12
+"""Relative size of an ordinate or slope that is round-off."""
+
+
+@dataclass(frozen=True)
+class Ipopt:
+    """IPOPT with exact Hessians. ``iterations`` bounds one solve, ``tol`` is its own scaled tolerance."""
+
+    iterations: int = 200
+    tol: float = 1e-13
+
+
+@dataclass(frozen=True)
+class _Label:
+    """What a column of constraints stands for: its kind, the number of the condition, rows, elements (of bool)."""
+
+    kind: str
+    index: int
+    rows: int
+    elements: np.ndarray | None
+
+
+@dataclass
+class _Program:
+    """The nonlinear program: symbols, rows of constraints, and what each row stands for."""
+
+    w: Any
+    objective: Any
+    rows: list[Any] = field(default_factory=list)
+    lower: list[np.ndarray] = field(default_factory=list)
+    upper: list[np.ndarray] = field(default_factory=list)
+    labels: list[_Label] = field(default_factory=list)
+    sizes: list[np.ndarray] = field(default_factory=list)
+
+    def add(
+        self,
+        kind: str,
+        index: int,
+        row: Any,
+        bounds: tuple[float, float],
+        size: float = 1.0,
+        elements: np.ndarray | None = None,
+    ) -> None:
+        """Append a column of constraints with common bounds, in units of ``size``."""
+        count = row.numel()
+        self.rows.append(ca.vec(row) / size)
+        self.lower.append(np.full(count, bounds[0] / size))
+        self.upper.append(np.full(count, bounds[1] / size))
+        self.labels.append(_Label(kind, index, count, elements))
+        self.sizes.append(np.full(count, size))
+
+
+def optimise(
+    system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, ipopt: Ipopt
+) -> tuple[Outcome, dict[Any, Any]]:
+    """A minimum near ``z``.
+
+    Returns the outcome and the multipliers of pathwise conditions (functions of
+    s, by index of the constraint) and of integral inequalities (floats, by
+    ``("integral", index)``).
+    """
+    if not system.size:  # everything is fixed by the ends: there is nothing to optimise
+        return Outcome(z, multipliers, system.evaluate(z), 0, ""), {}
+    scale = _scales(system, z)
+    size = system.evaluate(z).scale
+    size = size if np.isfinite(size) and size > 0 else 1.0
+    options: dict[str, Any] = {
+        "print_time": False,
+        "show_eval_warnings": False,
+        "no_nlp_grad": True,  # the sensitivities are taken from the curve, by the envelope theorem
+        "ipopt": {
+            "print_level": 0,
+            "sb": "yes",
+            "tol": ipopt.tol,
+            "acceptable_tol": 1e-10,
+            "max_iter": ipopt.iterations,
+            "mu_strategy": "adaptive",
+            "constr_viol_tol": 1e-12,
+            "bound_relax_factor": 0.0,
+            # the variables are of size one: beyond this the functional has no lower bound
+            "diverging_iterates_tol": 1e8,
+        },
+    }
+    if _only_minimised(system):
+        derivatives = summed_up(system, scale, size)
+        program, points = _Program(derivatives.unknowns, derivatives.value), lobatto(system.space.degree)
+        nlp = {"x": program.w, "f": program.objective}
+        options |= derivatives.options
+    else:
+        program, points = _program(system, z, scale)
+        nlp = {"x": program.w, "f": program.objective / size}
+    if program.rows:
+        nlp["g"] = ca.vertcat(*program.rows)
+    solver = ca.nlpsol("ritz", "ipopt", nlp, options)
+    bounds = {"lbg": np.concatenate(program.lower), "ubg": np.concatenate(program.upper)} if program.rows else {}
+    result = solver(x0=z / scale, **bounds)
+    stats = solver.stats()
+    found = np.asarray(result["x"]).ravel() * scale
+    at = system.evaluate(found)
+    lam = size * np.asarray(result["lam_g"]).ravel() / np.concatenate(program.sizes) if program.rows else np.zeros(0)
+    equalities, others = _sort_multipliers(system, program, lam, points, len(multipliers))
+    status = str(stats["return_status"])
+    good = np.isfinite(at.value) and (status in GOOD or (status in FINISHED and _stationary(stats)))
+    reason = "" if good else f"IPOPT stopped with {status}"
+    return Outcome(found, equalities, at, int(stats["iter_count"]), reason), others
+
+
+def _only_minimised(system: RitzSystem) -> bool:
+    """Whether there are no conditions, no unknown numbers and no cost of the ends."""
+    form = system.form
+    return not (form.integrals or form.pathwise or system.extra) and form.ends is None
+
+
+def _stationary(stats: dict[str, Any]) -> bool:
+    """Whether the last iterate is feasible and stationary though IPOPT's own test was not met."""
+    trace = stats["iterations"]
+    return bool(trace["inf_pr"]) and trace["inf_pr"][-1] <= STATIONARY**1.5 and trace["inf_du"][-1] <= STATIONARY
+
+
+def _scales(system: RitzSystem, z: np.ndarray) -> np.ndarray:
+    """A size for each unknown: that of its function along the starting curve."""
+    values = np.abs(system.ordinates(z)).max(0)
+    values = np.where(values > 0, values, values.max() if values.max() > 0 else 1.0)
+    column = np.empty((system.space.size,))
+    for a in range(system.n):
+        column[system.space.numbers[:, :, a].ravel()] = values[a]
+    unknowns = np.abs(system.unknowns(z))
+    return np.concatenate([column[system.free], np.where(unknowns > 0, unknowns, 1.0)])
+
+
+def _arguments(system: RitzSystem, w: Any, scale: np.ndarray, points: np.ndarray | None) -> list[Any]:
+    """Symbolic arguments of the form's functions at the Gauss points, or at ``points`` of the reference element."""
+    space, n, order = system.space, system.n, system.order
+    if points is None:
+        table = basis_at_gauss(space.smoothness, space.degree, system.count, order)
+        points = gauss(system.count)[0]
+    else:
+        table = basis(space.smoothness, space.degree, points, order)
+    free = len(system.free)
+    coefficients = w[:free, :] * scale[:free]
+    unknowns = w[free:, :] * scale[free:]
+    middle, half = 0.5 * (space.vertices[1:] + space.vertices[:-1]), 0.5 * space.widths
+    s = (middle[:, None] + half[:, None] * points).ravel()
+    columns = []
+    for d in range(order + 1):
+        matrix, constant = placement(system, table, d)
+        columns.append(ca.reshape(ca.mtimes(matrix, coefficients) + constant, n, len(s)))
+    if order == 1:
+        columns.append(ca.MX(0, len(s)))
+    parameters = np.tile(system.form.problem.parameter_values[:, None], (1, len(s)))
+    return [s[None, :], *columns, parameters, ca.repmat(unknowns, 1, len(s))]
+
+
+class _Sizes:
+    """By how much conditions change when the curve and the unknown numbers change by their own size: their units."""
+
+    def __init__(self, system: RitzSystem, z: np.ndarray) -> None:
+        self.symbols = system.form.symbols
+        self.arguments = system.arguments(z)
+        s = self.symbols
+        self.variables = ca.vertcat(s.y, s.dy, s.ddy, s.unknowns)
+        reach = np.concatenate([np.abs(self.arguments[i]).max(1, initial=0.0) for i in (1, 2, 3, 5)])
+        # a straight line along the axis is one but for round-off
+        self.reach = np.where(reach > FLAT * max(reach.max(initial=0.0), np.ptp(self.arguments[0])), reach, 0.0)
+
+    def of_integrand(self, condition: SideCondition) -> float:
+        """The largest change along the curve, or the bound when that is larger; 1 where there is none to go by."""
+        return _largest(float(self._changes(condition.expression).max(initial=0.0)), *condition.bounds)
+
+    def _changes(self, expression: Any) -> np.ndarray:
+        gradient = ca.Function("change", self.symbols.all, [ca.densify(ca.gradient(expression, self.variables))])
+        return self.reach @ np.abs(np.asarray(gradient(*self.arguments)))
+
+
+def _largest(*sizes: float) -> float:
+    return max((abs(s) for s in sizes if np.isfinite(s) and s != 0.0), default=1.0)
+
+
+def _program(system: RitzSystem, z: np.ndarray, scale: np.ndarray) -> tuple[_Program, np.ndarray]:
+    form = system.form
+    sizes = _Sizes(system, z)
+    w = ca.MX.sym("w", system.size)
+    at_gauss = _arguments(system, w, scale, None)
+    integrands = [form.integrand, *(c.expression for c in form.integrals)]
+    function = ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*integrands))])
+    mapped = function.map(len(system.weights))
+    values = ca.mtimes(mapped(*at_gauss), ca.DM(system.weights))
+    program = _Program(w, values[0])
+    for j, condition in enumerate(form.integrals):
+        program.add("integral", condition.index, values[1 + j], condition.bounds)
+    if form.ends is not None:
+        _add_ends(system, program, scale, z / scale)
+    nodes = lobatto(system.space.degree)
+    if form.pathwise:
+        _add_pathwise(system, program, scale, nodes, at_gauss, sizes)
+    return program, nodes
+
+
+def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray, start: np.ndarray) -> None:
+    form, space = system.form, system.space
+    assert form.ends is not None
+    free = len(system.free)
+    place = {int(c): i for i, c in enumerate(system.free)}
+
+    def end(vertex: int) -> Any:
+        entries = []
+        for a in range(system.n):
+            number = space.vertex_number(vertex, 0, a)
+            i = place.get(number)
+            entries.append(ca.MX(system.fixed[number]) if i is None else program.w[i] * scale[i])
+        return ca.vertcat(*entries)
+
+    unknowns = program.w[free:] * scale[free:]
+    symbols = [form.ends.start, form.ends.end, form.symbols.unknowns, form.symbols.parameters]
+    function = ca.Function("ends", symbols, [form.ends.cost, form.ends.equations])
+    cost, equations = function(end(0), end(space.elements), unknowns, form.problem.parameter_values)
+    program.objective += cost
+    if equations.numel():
+        for row in ca.vertsplit(equations):
+            gradient = np.asarray(ca.DM(ca.evalf(ca.substitute(ca.gradient(row, program.w), program.w, start))))
+            size = float(np.abs(gradient).max(initial=0.0))
+            program.add("ends", -1, row, (0.0, 0.0), size if np.isfinite(size) and size > 0 else 1.0)
+
+
+def _add_pathwise(
+    system: RitzSystem,
+    program: _Program,
+    scale: np.ndarray,
+    nodes: np.ndarray,
+    at_gauss: list[Any],
+    sizes: _Sizes,
+) -> None:
+    """Pathwise conditions, left out where the fixed ends already decide them."""
+    form = system.form
+    inner = _arguments(system, program.w, scale, nodes[1:-1]) if len(nodes) > 2 else []
+    vertices = _arguments(system, program.w, scale, nodes[:1])
+    for condition in form.pathwise:
+        function = ca.Function("pathwise", form.symbols.all, [ca.densify(condition.expression)])
+        size, bounds = sizes.of_integrand(condition), condition.bounds
+
+        elements, corners = _asked(system, condition)
+
+        def rows(arguments: list[Any], keep: np.ndarray, function: Any = function) -> Any:
+            return function.map(arguments[0].shape[1])(*arguments)[0, np.flatnonzero(keep).tolist()]
+
+        # a straight element has no nodes of its own, and the first vertex of each but the first is interior
+        if len(nodes) > 2:
+            kept = np.repeat(elements, len(nodes) - 2)
+            program.add("nodes", condition.index, rows(inner, kept), bounds, size, elements)
+        if corners.any() and (condition.equality or _free_of_slopes(system, condition)):
+            program.add("vertices", condition.index, rows(vertices, corners), bounds, size, elements)
+        if not condition.equality:
+            kept = np.repeat(elements, system.count)
+            program.add("gauss", condition.index, rows(at_gauss, kept), bounds, size, elements)
+
+
+def _asked(system: RitzSystem, condition: SideCondition) -> tuple[np.ndarray, np.ndarray]:
+    """The elements on which a condition is asked, and those whose left vertex is interior and has to keep it."""
+    left, right = system.space.vertices[:-1], system.space.vertices[1:]
+    low, high = (-np.inf, np.inf) if condition.where is None else condition.where
+    middle = 0.5 * (left + right)
+    near = 1e-9 * (right[-1] - left[0])
+    corners = (left >= low - near) & (left <= high + near)
+    corners[0] = False
+    return (middle > low) & (middle < high), corners
+
+
+def _free_of_slopes(system: RitzSystem, condition: SideCondition) -> bool:
+    return not any(ca.depends_on(condition.expression, d) for d in system.form.symbols.slopes if d.numel())
+
+
+def _sort_multipliers(
+    system: RitzSystem, program: _Program, lam: np.ndarray, nodes: np.ndarray, count: int
+) -> tuple[np.ndarray, dict[Any, Any]]:
+    """Multipliers of equalities in the order of the system, and the others by their constraint."""
+    others: dict[Any, Any] = {}
+    pieces: dict[int, list[Callable[[np.ndarray], np.ndarray]]] = {}
+    equalities: list[float] = []
+    ends: list[float] = []
+    integrals = {c.index: c for c in system.form.integrals}
+    start = 0
+    for label in program.labels:
+        block = lam[start : start + label.rows]
+        start += label.rows
+        if label.kind == "integral":
+            (equalities if integrals[label.index].equality else []).append(float(block[0]))
+            others["integral", label.index] = float(block[0])
+        elif label.kind == "ends":
+            ends.extend(block)
+        elif label.kind != "vertices":
+            pieces.setdefault(label.index, []).append(_density(system, label, block, nodes))
+    for index, densities in pieces.items():
+        # rows at nodes and at Gauss points each carry a share of one load: the shares add up
+        others[index] = lambda x, parts=densities: sum((part(x) for part in parts), np.zeros(np.shape(x)))
+    return np.array([*equalities, *ends])[:count], others
+
+
+def _density(
+    system: RitzSystem, label: _Label, block: np.ndarray, nodes: np.ndarray
+) -> Callable[[np.ndarray], np.ndarray]:
+    """The multiplier mu(s) of a pathwise condition from the multipliers of its rows.
+
+    A row at a node stands for the condition near it: its multiplier is mu
+    there times the node's quadrature weight. Between nodes mu is interpolated
+    linearly; where the condition is not asked it is zero.
+    """
+    space, elements = system.space, label.elements
+    assert elements is not None
+    if label.kind == "gauss":
+        at, weights = (v[elements].ravel() for v in space.quadrature(system.count))
+    else:
+        half = 0.5 * space.widths[elements, None]
+        edges = 0.5 * (nodes[1:] + nodes[:-1])
+        cells = np.diff(np.concatenate([[-1.0], edges, [1.0]]))[1:-1]
+        legendre = np.polynomial.legendre.Legendre.basis(space.degree)(nodes[1:-1])
+        shares = 2.0 / (space.degree * (space.degree + 1) * legendre**2) if space.degree > 1 else cells
+        at = (space.vertices[:-1][elements, None] + half * (1 + nodes[1:-1])).ravel()
+        weights = (half * shares).ravel()
+    low, high = space.vertices[:-1][elements].min(), space.vertices[1:][elements].max()
+    return lambda x: np.where((x >= low) & (x <= high), np.interp(x, at, block / weights), 0.0)

@@ -1,0 +1,324 @@
+"""The direct method: minimise the functional over piecewise polynomials.
+
+The degree climbs while convergence is geometric; where it is not, the
+elements that carry the error are bisected. The value reported is the
+functional on the trial curve by the next richer space's finer rule, hence an
+upper bound; its error is estimated there (:mod:`varcalc.methods.ritz.error`).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from varcalc.formulation import Form, Sampled
+from varcalc.methods.answer import answer
+from varcalc.methods.ritz import family, single
+from varcalc.methods.ritz.batch import Places, prepare
+from varcalc.methods.ritz.bends import ways
+from varcalc.methods.ritz.degeneracy import degenerate
+from varcalc.methods.ritz.error import ASTRAY, ASTRAY_SHARE, CURVE, Estimate, estimate, settled
+from varcalc.methods.ritz.ipopt import Ipopt
+from varcalc.methods.ritz.levelled import Levelled
+from varcalc.methods.ritz.newton import Newton
+from varcalc.methods.ritz.rungs import DEGREES, NOWHERE, Rung, Rungs
+from varcalc.methods.ritz.system import RitzSystem
+from varcalc.methods.ritz.touching import touchable, touching
+from varcalc.numerics.mesh import Space
+from varcalc.solution import ErrorEstimate, Solution, Stats, Status, no_answer
+
+SPLIT_DEGREE = 16
+"""Degree kept while elements are bisected."""
+COARSE, COARSE_DEGREE = 16, 4
+"""Elements and degree of the mesh on which contacts with a bound are looked for."""
+TOUCHING_DEGREE = 6
+"""The same where the curve may touch a bound: its curvature jumps there, and high degrees do not help."""
+STALLED = 0.05
+"""A rung that leaves more than this share of the error does not converge geometrically."""
+SHARE = 0.05
+"""Elements with more than this share of the largest contribution to the error are bisected."""
+SLOW = 0.4
+"""A refinement that leaves more than this share of the error behind is slow."""
+PATIENCE = 8
+"""Slow refinements in a row after which a solve is given up."""
+FEW = 2
+"""Elements: a refinement of no more is local, on its way into a layer that it must reach before the error falls."""
+LOCAL = 0.25
+"""What a slow refinement counts that is local."""
+MOST_UNKNOWNS = 4000
+WORTHLESS = 1e-3
+"""Relative round-off at which a value is no answer."""
+WAYS = 2
+"""Starting curves from which a level is approached, where nothing tells that one of them suffices."""
+RESTART_DEGREE = 24
+"""Degree up to which a solve begins again from the starting curves."""
+
+
+@dataclass(frozen=True)
+class Ritz:
+    """Minimise over piecewise polynomials of ``degree`` on ``elements`` equal elements.
+
+    With ``refine`` the mesh is the first one and is refined until the error
+    estimate meets ``tol``; without it that mesh is kept and the value is
+    returned with its error. ``optimiser`` is :class:`Newton` or
+    :class:`Ipopt`; by default Newton, and IPOPT always where there are
+    inequalities or pathwise conditions. ``starts`` bounds the starting curves
+    tried before a problem is given up.
+
+    Raises ValueError for a mesh that cannot be.
+    """
+
+    elements: int = 1
+    degree: int | None = None
+    refine: bool = True
+    optimiser: Newton | Ipopt | None = None
+    starts: int = 12
+
+    def __post_init__(self) -> None:
+        for name, value in (("elements", self.elements), ("degree", self.degree), ("starts", self.starts)):
+            if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 1):
+                raise ValueError(f"Ritz.{name} must be a whole number from 1 on, not {value!r}")
+        if not (self.optimiser is None or isinstance(self.optimiser, Newton | Ipopt)):
+            raise TypeError(f"Ritz.optimiser must be Newton() or Ipopt(), not {self.optimiser!r}")
+
+    def solve(self, form: Form, *, tol: float, guess: Sampled | None) -> Solution:
+        """The lowest curve of ``form`` that Newton or IPOPT reaches; see :func:`varcalc.solve`."""
+        least = 2 * form.order - 1
+        if self.degree is not None and self.degree < least:
+            reason = f"degree={self.degree} is too low for a functional of order {form.order}; give at least {least}"
+            return no_answer(form.problem, self, Status.REFUSED, reason)
+        at_once = self._at_once(form, tol, guess)
+        if at_once is not None:
+            return at_once
+        if self.refine and touchable(form):
+            solution = self._through_contacts(form, tol, guess)
+            if solution is not None:
+                return solution
+        return _Climb(self, form, tol).run(guess)
+
+    @property
+    def plain(self) -> bool:
+        """Whether the mesh is the method's own affair, and Newton's iteration the optimiser."""
+        newton = self.optimiser is None or self.optimiser == Newton()
+        return newton and self.refine and self.degree is None and self.elements == 1
+
+    def _at_once(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
+        """The answer that the first starting curve leads to without any difficulty; None where there is one."""
+        if not (self.plain and family.applies(form)):
+            return None
+        numerical = form.numbers is not None and not form.integrals
+        if numerical:
+            single.load()
+        started = time.perf_counter()
+        if numerical:
+            with np.errstate(all="ignore"):
+                found = single.solved(form, tol, guess)
+            if found is not None:
+                return single.solution(form, self, found, time.perf_counter() - started)
+        lowest = max(form.least_degree, 1)
+        degree = min(d for d in DEGREES[form.order] if d >= lowest)
+        space = Space(np.array(form.span), degree, form.n, form.order)
+        places = Places(
+            np.array([form.span]), form.fixed_start, form.fixed_end, form.problem.parameter_values[None]
+        )  # fmt: skip
+        prepare(form)
+        built = time.perf_counter()
+        with np.errstate(all="ignore"):
+            start = self._starts(form, space, places, guess)
+            answers = family.solved(form, places, np.array([degree]), [start], tol, near=False) if len(start) else None
+        if answers is None or not answers.stands[0]:
+            return None
+        return family.solution(form, self, answers[0], time.perf_counter() - built, built - started)
+
+    def _starts(self, form: Form, space: Space, places: Places, guess: Sampled | None) -> np.ndarray:
+        """The coefficients of the first starting curve, or of several where a level is met in more than one way."""
+        line = space.fit(form.baseline if guess is None else guess)
+        if not form.integrals:
+            return line
+        batch = Levelled(form, space.degree, places)
+        given = [] if guess is None else [line]
+        straight = line if guess is None else space.fit(form.baseline)
+        most = min(WAYS, self.starts) - len(given)
+        found = ways(batch, batch.of_degree(straight[None], space.degree)[0], most) if most else np.empty((0, 0))
+        bent = [batch.coefficients(z[None])[0] for z in found]
+        return np.array(given + bent)
+
+    def _through_contacts(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
+        """The answer with the ends of contact among the unknowns; None where that leads to none that counts."""
+        started = time.perf_counter()
+        coarse = replace(self, elements=max(COARSE, self.elements), degree=COARSE_DEGREE, refine=False)
+        first = _Climb(coarse, form, tol).run(guess)
+        found = touching(form, first)
+        if found is None:
+            return None
+        solution = _Climb(replace(self, elements=1, degree=None, starts=1), found.form, tol).run(None)
+        if not (solution.status.ok and found.counts(solution)):
+            return None
+        build, spent = first.stats.build + solution.stats.build, time.perf_counter() - started
+        iterations = first.stats.iterations + solution.stats.iterations
+        stats = replace(solution.stats, build=build, solve=spent - build, iterations=iterations)
+        return found.plainly(replace(solution, method=self, stats=stats))
+
+
+class _Climb:
+    """One solve: from a starting curve up the rungs to an answer."""
+
+    def __init__(self, method: Ritz, form: Form, tol: float) -> None:
+        self.method, self.form, self.tol = method, form, tol
+        self.started = time.perf_counter()
+        self.rungs = Rungs(form, method.optimiser, method.starts)
+        self.split_degree = TOUCHING_DEGREE if self.rungs.inequalities else SPLIT_DEGREE
+        self.built = 0.0
+        self.slow = 0.0
+
+    def run(self, guess: Sampled | None) -> Solution:
+        rung = self.first_rung(guess)
+        self.built = time.perf_counter() - self.started
+        best: tuple[Rung, Estimate] | None = None
+        previous = math.inf
+        refuted = False
+        while not isinstance(rung, str):
+            found = estimate(self.rungs, rung, previous)
+            if isinstance(found, str):
+                rung = found
+                break
+            refuted = not math.isfinite(found.error)
+            if best is None or found.error < best[1].error:
+                best = (rung, found)
+            if not self.method.refine or self.is_met(rung, found):
+                sure = settled(self.rungs, found)
+                if isinstance(sure, str):
+                    rung = sure
+                    break
+                if not self.method.refine or self.is_met(rung, sure):
+                    return self.alone(rung, sure)
+            rung, previous = self.next_rung(rung, found, previous), found.error
+        if best is None:
+            stats = Stats(0.0, time.perf_counter() - self.started, self.rungs.iterations)
+            status = Status.REFUSED if rung == NOWHERE else Status.NOT_CONVERGED
+            return no_answer(self.form.problem, self.method, status, rung, stats=stats)
+        sure = settled(self.rungs, best[1])
+        # the last space, the richest, has the last word: where it holds no minimum, that of a poorer one was none
+        if isinstance(sure, str) or refuted:
+            sure = replace(best[1], error=math.inf)
+        return self.report(best[0], sure, rung)
+
+    def first_rung(self, guess: Sampled | None) -> Rung | str:
+        """A minimum in the first space, or in the next ones: a coarse space may hold none where a richer one does."""
+        rungs = self.rungs
+        space = rungs.first_space(self.method.elements, self.method.degree)
+        rung = rungs.start(space, guess)
+        persistent = self.method.refine and self.method.starts > 2
+        while isinstance(rung, str) and persistent and space.degree < RESTART_DEGREE:
+            space = rungs.space(space.vertices, rungs.richer(space.degree))
+            rung = rungs.start(space, guess)
+        return rung
+
+    def is_met(self, rung: Rung, found: Estimate) -> bool:
+        """Whether value and curve are as good as asked for, or as good as double precision allows."""
+        size = max(1.0, abs(found.value))
+        # a small functional is solved to its own size, but not where a comparison of two solves is all there is
+        own = found.scale
+        if size * self.tol >= found.error > self.tol * 10 * own:  # it may be small by cancellation: a minimum of zero
+            own = max(own, found.system.quadratic_size(found.z))
+        target = self.tol * (size if self.rungs.constrained else min(size, 10 * own))
+        return (
+            found.error <= max(target, found.floor) and not self.astray(rung, found) and self.curve_is_good(rung, found)
+        )
+
+    def astray(self, rung: Rung, found: Estimate) -> bool:
+        """Whether the curve does not settle, though the value may: then no curve attains it."""
+        size = max(float(np.abs(rung.system.ordinates(rung.z)).max()), 1e-300)
+        return found.curve > max(ASTRAY, ASTRAY_SHARE * math.sqrt(self.tol)) * size
+
+    def curve_is_good(self, rung: Rung, found: Estimate) -> bool:
+        """Whether the curve is as good as the value's tolerance promises, as far as the degree alone can make it.
+
+        The value is stationary, so its error is the square of the curve's: a
+        curve is not left worse than that when one more rung would mend it.
+        """
+        space = rung.system.space
+        size = max(float(np.abs(rung.system.ordinates(rung.z)).max()), 1e-300)
+        climbing = space.degree < DEGREES[self.form.order][-2] and space.elements == 1
+        return not climbing or found.curve <= max(CURVE * math.sqrt(self.tol), 1e-14) * size
+
+    def next_rung(self, rung: Rung, found: Estimate, previous: float) -> Rung | str:
+        """Climb the degree while that pays, else bisect where the error is."""
+        local = (found.shares > SHARE * found.shares.max()).sum() <= FEW and rung.system.space.elements > FEW
+        self.slow = 0.0 if found.error < SLOW * previous else self.slow + (LOCAL if local else 1.0)
+        if self.slow >= PATIENCE:
+            return "refinement after refinement hardly lowered the error"
+        if rung.system.size > MOST_UNKNOWNS:
+            return f"{rung.system.size} unknowns did not suffice"
+        space = rung.system.space
+        stalled = found.error > STALLED * previous or space.degree >= DEGREES[self.form.order][-1]
+        if stalled and space.degree >= self.split_degree:
+            system, z = self.bisected(rung, found.shares)
+            following = self.rungs.optimise(system, z, rung.multipliers)
+        else:
+            # a shifted step may leap into another basin; only a true Newton step is taken whole
+            whole = found.step is not None and found.step.definite
+            system = found.system
+            start = found.z + found.step.change if whole and found.step is not None else found.z
+            following = self.rungs.improve(system, start, found.z, rung.multipliers)
+        if isinstance(following, str) and system.space.degree <= RESTART_DEGREE and system.space.elements == 1:
+            # what was a minimum in the poorer space led nowhere: look again from the starting curves
+            return self.rungs.start(system.space, None)
+        return following
+
+    def bisected(self, rung: Rung, shares: np.ndarray) -> tuple[RitzSystem, np.ndarray]:
+        """The elements that carry the error cut in two, and the curve on the new mesh."""
+        space = rung.system.space
+        coarse = self.rungs.space(space.vertices, min(space.degree, self.split_degree))
+        kept = np.zeros(coarse.size)
+        kept[coarse.numbers] = rung.system.coefficients(rung.z)[space.numbers[:, : coarse.degree + 1]]
+        marked = shares > SHARE * shares.max()
+        finer, coefficients = coarse.split(kept, marked if marked.any() else np.ones_like(marked))
+        system = self.rungs.system(finer)
+        return system, system.pack(coefficients, rung.system.unknowns(rung.z))
+
+    def report(self, rung: Rung, found: Estimate, reason: str) -> Solution:
+        if self.rungs.constrained:  # the richer problem has been solved: give that answer
+            rung = replace(rung, system=found.system, z=found.z)
+        space: Space = rung.system.space
+        error = found.error + found.floor
+        status, message = self.verdict(error, found.floor, found.value, reason)
+        if self.method.refine and status.ok and self.astray(rung, found):
+            status = Status.NOT_CONVERGED
+            message = f"the value settles near {self.form.sign * found.value:.6g}, but the curve does not: {reason}"
+        solve_time = time.perf_counter() - self.started - self.built
+        stats = Stats(
+            self.built, solve_time, self.rungs.iterations, rung.system.size, space.elements, space.degree
+        )  # fmt: skip
+        curve = max(found.curve, 4e-16 * float(np.abs(rung.system.ordinates(rung.z)).max()))
+        return answer(
+            self.rungs.extremal_of(rung), self.method, self.form.sign * found.value, ErrorEstimate(error, curve),
+            space.vertices, stats, status, message, rule=found.system.count,
+        )  # fmt: skip
+
+    def alone(self, rung: Rung, found: Estimate) -> Solution:
+        """The answer, refused where the minimum is one of a continuum."""
+        solution, step = self.report(rung, found, ""), found.step
+        if step is None or not step.definite:
+            return solution
+        size = max(float(np.abs(rung.system.ordinates(rung.z)).max()), 1e-300)
+        why = degenerate(self.rungs, found.system, found.z, step, found.curve / size)
+        if why is None:
+            return solution
+        return replace(solution, status=Status.REFUSED, verdict=why[0], message=why[1])
+
+    def verdict(self, error: float, floor: float, value: float, reason: str) -> tuple[Status, str]:
+        """The status of an answer and, when it does not stand, the sentence that says why."""
+        target = self.tol * max(1.0, abs(value))
+        if not math.isfinite(error):
+            return Status.NOT_CONVERGED, reason or "the curve found is not a minimum in a richer space"
+        if self.method.refine and error - floor > max(target, floor):
+            met = f"the tolerance {self.tol:g} was not met: {reason}; the error estimate is {error:.2g}"
+            return Status.NOT_CONVERGED, met
+        if floor > WORTHLESS * max(1.0, abs(value)):
+            return Status.NOT_CONVERGED, "round-off leaves nothing of the value: the ends are conjugate, or nearly so"
+        limited = floor > target or (self.method.refine and error > target)
+        return (Status.ROUND_OFF if limited else Status.SOLVED), ""

@@ -1,0 +1,313 @@
+"""Newton's method for a discretised functional under a few equality conditions.
+
+A step solves the quadratic model in the null space of the conditions'
+Jacobian (Nocedal and Wright, "Numerical Optimization", sect. 16.2 and 18.4);
+where the model is not convex there it is shifted by a multiple of a Sobolev
+metric. Steps are kept inside the region where the Lagrangian satisfies the
+Legendre condition: without that guard a minimisation slides through a
+singularity to where the functional has no lower bound.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from varcalc.methods.ritz.banded import banded_step, solvable
+from varcalc.methods.ritz.system import Evaluation, RitzSystem
+
+STAGNATED = 1e-9
+"""Relative Newton decrement below which a search that finds no descent has met round-off."""
+CONVERGED = 1e-11
+"""Relative Newton decrement after which one full step leaves only round-off."""
+ARMIJO = 1e-4
+SHRINK = 0.5
+SMALLEST_STEP = 1e-10
+DENSE = 120
+"""Unknowns up to which dense matrices are the faster ones."""
+LARGEST_DENSE = 800
+"""Unknowns up to which a dense factorisation is still worth its cube."""
+RUNAWAY = 1e9
+"""Factor of its starting size below which a functional is taken to have no lower bound."""
+NO_NUMBER = "the functional is not a number on the starting curve"
+VANISHING = 1e-8
+"""Share of its first size below which a functional is on its way to zero."""
+SQUARED_ROUND_OFF = 1e-29
+"""What the round-off of a curve costs a functional that vanishes: its square, in units of the second derivatives."""
+EXPECTED = 2
+"""Iterations after which it is asked whether only that is left."""
+SETTLING = 5
+"""Iterations in which the size of the functional is learnt."""
+DAMPING = 1e-6
+"""Shift that keeps a step along a symmetry from being made of round-off."""
+INEFFECTIVE = 1e-14
+"""Relative derivative of a level, by what is summed to it, that is made of round-off."""
+NEARLY_SINGULAR = 1e-9
+"""Generalised eigenvalues below this are symmetries (zero modes), not curvature."""
+ROUND_OFF = 1e-14
+"""The same where the factorisation went through: a small eigenvalue may be true, and its step needed whole."""
+SINGULAR = 1e8
+"""Compliance from which a positive matrix may be so by round-off alone, unless the leading term vanishes somewhere."""
+
+
+@dataclass(frozen=True)
+class Newton:
+    """The guarded Newton iteration. ``iterations`` bounds the steps of one solve."""
+
+    iterations: int = 100
+
+
+@dataclass
+class Step:
+    """A Newton step: the change of the unknowns, the new multipliers, the predicted decrease.
+
+    ``decrement`` is half the squared length of the step in the Hessian: what
+    the functional will fall by. ``shift`` is the multiple of the metric that
+    was added; ``definite`` tells that none was needed. ``compliance`` is the
+    answer to a generic load in units of what the stiffest direction gives: it
+    is large when a mode costs next to nothing.
+    """
+
+    change: np.ndarray
+    multipliers: np.ndarray
+    decrement: float
+    shift: float
+    compliance: float
+
+    @property
+    def definite(self) -> bool:
+        """True when the Hessian was positive on the conditions' null space."""
+        return self.shift == 0.0
+
+
+@dataclass
+class Outcome:
+    """Where an iteration ended. ``reason`` is empty when it converged to a minimum."""
+
+    z: np.ndarray
+    multipliers: np.ndarray
+    evaluation: Evaluation
+    iterations: int
+    reason: str
+
+
+def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
+    """The (shifted, when need be) Newton step from an evaluation; None when there is none."""
+    if not (np.isfinite(at.pointwise).all() and np.isfinite(at.gradient).all() and np.isfinite(at.jacobian).all()):
+        return None
+    if _ineffective(system, at):
+        return None
+    if system.size > DENSE and solvable(system):
+        found = banded_step(system, at, multipliers)
+        if found is not None and (found[3] == 0.0 or len(at.conditions) == 0 or system.size > LARGEST_DENSE):
+            return Step(*found, compliance=0.0)
+        if system.size > LARGEST_DENSE:
+            return None
+    try:
+        return _dense_step(system, at, multipliers)
+    except np.linalg.LinAlgError:  # entries of 1e200 and the like: not a matrix to be factored
+        return None
+
+
+def _ineffective(system: RitzSystem, at: Evaluation) -> bool:
+    """Whether no change of the curve changes some level but by round-off: its integrand is a total derivative."""
+    count, k, n = len(system.levels), system.k, system.n
+    if not count:
+        return False
+    rows = system.weights @ np.abs(at.pointwise[:, 1 + k + k**2 :])
+    slopes = (2.0 / system.space.widths.min()) ** (np.arange(k) // n)
+    sizes = rows.reshape(count, 1 + k + k**2)[:, 1 : 1 + k] @ np.where(np.arange(k) < k - system.extra, slopes, 1.0)
+    return bool((np.abs(at.jacobian[:count]).max(1, initial=0.0) <= INEFFECTIVE * sizes).any())
+
+
+def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
+    """The step by null-space reduction and dense factorisation."""
+    hessian = system.hessian(at, multipliers)
+    count = len(at.conditions)
+    null: np.ndarray | None = None
+    normal, q, r = np.zeros(system.size), np.zeros((0, 0)), np.zeros((0, 0))
+    if count:
+        q, r = np.linalg.qr(at.jacobian.T, mode="complete")
+        r = r[:count]
+        if np.abs(np.diag(r)).min(initial=math.inf) <= 1e-13 * np.abs(np.diag(r)).max(initial=0.0):
+            return None
+        null = q[:, count:]
+        normal = q[:, :count] @ np.linalg.solve(r.T, -at.conditions)
+    gradient = at.gradient + hessian @ normal if count else at.gradient
+    slope = gradient if null is None else null.T @ gradient
+    reduced = hessian if null is None else null.T @ hessian @ null
+    solved, shift = _solved(reduced, slope), 0.0
+    if solved is None or (solved[1] > SINGULAR and at.legendre > 0.0):
+        metric = system.metric(at)
+        flat = metric if null is None else null.T @ metric @ null
+        lowest = lowest_eigenvalue(reduced, flat)
+        if not math.isfinite(lowest):
+            return None
+        zero_mode = abs(lowest) < (NEARLY_SINGULAR if solved is None else ROUND_OFF)
+        if zero_mode or lowest < 0:
+            shift = DAMPING if zero_mode else -1.5 * lowest
+            hessian, reduced = hessian + shift * metric, reduced + shift * flat
+            gradient = at.gradient + hessian @ normal
+            solved = _solved(reduced, gradient if null is None else null.T @ gradient)
+        if solved is None:
+            return None
+        if zero_mode:  # the curvature across it is positive; only the step along it was held
+            solved, shift = (solved[0], math.inf), 0.0
+    tangent, compliance = solved
+    if null is None:
+        return Step(tangent, np.zeros(0), -0.5 * float(tangent @ at.gradient), shift, compliance)
+    change = normal + null @ tangent
+    new = np.linalg.solve(r, -(q[:, :count].T @ (at.gradient + hessian @ change)))
+    return Step(change, new, 0.5 * float(tangent @ reduced @ tangent), shift, compliance)
+
+
+def _solved(matrix: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """The Newton step and the compliance of a positive matrix; None of any other."""
+    load = generic_load(len(matrix))
+    try:
+        np.linalg.cholesky(matrix)
+        both = np.linalg.solve(matrix, np.column_stack([-slope, load]))
+    except np.linalg.LinAlgError:
+        return None
+    return both[:, 0], relative_compliance(both[:, 1], load, np.diag(matrix))
+
+
+@lru_cache(maxsize=64)
+def generic_load(count: int) -> np.ndarray:
+    """A vector with a part in every direction: the fractional parts of multiples of the golden ratio, about zero."""
+    return np.arange(1, count + 1) * (0.5 * (1 + math.sqrt(5))) % 1.0 - 0.5
+
+
+def relative_compliance(answer: np.ndarray, load: np.ndarray, diagonal: np.ndarray) -> float:
+    """The length of ``answer`` = H^-1 ``load`` in units of the least it could be."""
+    return float(np.linalg.norm(answer) * np.abs(diagonal).max(initial=0.0) / max(np.linalg.norm(load), 1e-300))
+
+
+def first_multipliers(at: Evaluation) -> np.ndarray:
+    """Least-squares multipliers: those that make the gradient of the Lagrangian function smallest.
+
+    With none at all an isoperimetric problem may look concave, the convexity
+    being in the constraint.
+    """
+    found = np.linalg.lstsq(at.jacobian.T, -at.gradient, rcond=None)[0]
+    return found if np.isfinite(found).all() else np.zeros(len(at.conditions))
+
+
+def lowest_eigenvalue(matrix: np.ndarray, metric: np.ndarray) -> float:
+    """Least eigenvalue of the pencil (matrix, metric)."""
+    try:
+        factor = np.linalg.cholesky(metric)
+    except np.linalg.LinAlgError:
+        return math.nan
+    half = np.linalg.solve(factor, matrix)
+    return float(np.linalg.eigvalsh(np.linalg.solve(factor, half.T))[0])
+
+
+def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton: Newton) -> Outcome:
+    """Iterate from ``z`` to a minimum of the discretised functional."""
+    at = system.evaluate(z)
+    if not _finite(at):
+        return Outcome(z, multipliers, at, 0, NO_NUMBER)
+    if len(multipliers) and not multipliers.any():
+        multipliers = first_multipliers(at)
+    guarded = at.legendre > 0.0 and len(at.conditions) == 0
+    largest = at.scale
+    for iteration in range(1, newton.iterations + 1):
+        step = newton_step(system, at, multipliers)
+        if step is None:
+            return Outcome(z, multipliers, at, iteration, "the Newton step is not defined (degenerate Hessian)")
+        multipliers = step.multipliers
+        decrement = _decrement(system, at, step, largest)
+        decrement = 0.0 if iteration > EXPECTED and _is_round_off(system, z, step, decrement) else decrement
+        if decrement <= CONVERGED:
+            last = system.evaluate(z + step.change)
+            if _finite(last):
+                z, at = z + step.change, last
+            return Outcome(z, multipliers, at, iteration, _unmet(system, at))
+        following = _search(system, z, at, step, guarded)
+        if following is None:
+            reason = _unmet(system, at) if decrement <= STAGNATED else "no step along the Newton direction descends"
+            return Outcome(z, multipliers, at, iteration, reason)
+        z, at = following
+        if iteration <= SETTLING:
+            largest = max(largest, at.scale)
+        elif at.value < -RUNAWAY * largest:
+            return Outcome(z, multipliers, at, iteration, "the functional appears to have no lower bound")
+    return Outcome(z, multipliers, at, newton.iterations, f"no convergence within {newton.iterations} iterations")
+
+
+def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float) -> float:
+    """The relative Newton decrement, infinite away from the conditions or where the Hessian was shifted.
+
+    A functional whose minimum is zero loses its own scale on the way; what it
+    began with (``largest``) then is the measure.
+    """
+    if not (step.definite and _feasible(system, at)):
+        return math.inf
+    scale = max(at.scale, VANISHING * largest) + float(np.abs(step.multipliers) @ np.abs(system_levels(system, at)))
+    return step.decrement / scale if scale > 0 else 0.0
+
+
+def _is_round_off(system: RitzSystem, z: np.ndarray, step: Step, decrement: float) -> bool:
+    """Whether a step gains no more than the round-off of the curve costs: the end where the minimum is zero."""
+    return math.isfinite(decrement) and step.decrement <= SQUARED_ROUND_OFF * system.quadratic_size(z)
+
+
+def system_levels(system: RitzSystem, at: Evaluation) -> np.ndarray:
+    """The size of each condition: its level or what is summed to meet it, and that of each equation of the ends."""
+    summed = system.weights @ np.abs(at.pointwise[:, :: 1 + system.k + system.k**2])
+    levels = np.maximum(np.maximum(np.abs(system.levels), summed[1:]), 1e-300)
+    return levels if at.ends is None else np.concatenate([levels, at.ends[-1]])
+
+
+def _finite(at: Evaluation) -> bool:
+    return math.isfinite(at.value) and bool(np.isfinite(at.conditions).all() and np.isfinite(at.gradient).all())
+
+
+def _feasible(system: RitzSystem, at: Evaluation) -> bool:
+    return bool(np.all(np.abs(at.conditions) <= 1e-6 * np.maximum(system_levels(system, at), 1e-300)))
+
+
+def _unmet(system: RitzSystem, at: Evaluation) -> str:
+    """Why a converged iterate is no answer after all: a condition that stays short of its level."""
+    if np.all(np.abs(at.conditions) <= 1e-10 * np.maximum(system_levels(system, at), 1e-300)):
+        return ""
+    return f"the side conditions are missed by {float(np.abs(at.conditions).max()):.2g}"
+
+
+def _search(
+    system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, guarded: bool
+) -> tuple[np.ndarray, Evaluation] | None:
+    """Backtrack on the l1 merit function; trial curves outside the domain or the guard are rejected.
+
+    A full step along curved conditions leaves them by its square, which the merit
+    function may not forgive however good the step (Maratos; Nocedal and Wright, sect. 18.3): it is then
+    corrected to second order once.
+    """
+    weights = 2.0 * np.abs(step.multipliers) + 1e-3 * at.scale / np.maximum(system_levels(system, at), 1e-300)
+    merit = at.value + float(weights @ np.abs(at.conditions))
+    fall = float(at.gradient @ step.change) - float(weights @ np.abs(at.conditions))
+    noise = 1e-14 * (at.scale + abs(merit))
+
+    def descends(trial: Evaluation, length: float) -> bool:
+        if not _finite(trial) or (guarded and trial.legendre <= 0.0):
+            return False
+        value = trial.value + float(weights @ np.abs(trial.conditions))
+        return value <= merit + ARMIJO * length * min(fall, 0.0) + noise
+
+    length = 1.0
+    while length > SMALLEST_STEP:
+        moved = z + length * step.change
+        trial = system.evaluate(moved)
+        if descends(trial, length):
+            return moved, trial
+        if length == 1.0 and len(at.conditions) and _finite(trial):
+            moved = moved - np.linalg.lstsq(at.jacobian, trial.conditions, rcond=None)[0]
+            trial = system.evaluate(moved)
+            if descends(trial, length):
+                return moved, trial
+        length *= SHRINK
+    return None

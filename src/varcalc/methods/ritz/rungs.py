@@ -1,0 +1,172 @@
+"""Rungs of the direct method: one form minimised in one space of piecewise polynomials."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from varcalc.formulation import Form, Sampled
+from varcalc.methods.answer import Extremal
+from varcalc.methods.ritz.ipopt import Ipopt, optimise
+from varcalc.methods.ritz.newton import NO_NUMBER, Newton, minimise
+from varcalc.methods.ritz.starts import candidates
+from varcalc.methods.ritz.system import Evaluation, RitzSystem
+from varcalc.numerics.mesh import Space
+
+DEGREES = {1: (6, 10, 16, 24, 36, 52), 2: (7, 11, 16, 24, 36)}
+"""The rungs of the degree, by the order of the Lagrangian."""
+NOWHERE = (
+    "the Lagrangian is not a number on any of the starting curves tried; "
+    "check its domain between the ends, or give guess= a curve on which it is one"
+)
+MOST_ITERATIONS = 600
+"""Iterations in all after which a solve is given up."""
+
+
+def quadrature_points(degree: int) -> int:
+    """Gauss points an element: half as many again as the degree, exact for cubes of the slope."""
+    return degree + degree // 2 + 2
+
+
+@dataclass
+class Rung:
+    """A minimum in one space. ``path`` holds the multipliers of pathwise conditions by their index."""
+
+    system: RitzSystem
+    z: np.ndarray
+    multipliers: np.ndarray
+    at: Evaluation
+    path: dict[int, Callable[[np.ndarray], np.ndarray]] = field(default_factory=dict)
+    levels: dict[int, float] = field(default_factory=dict)
+    """Multipliers of integral inequalities by their index."""
+
+
+class Rungs:
+    """Solves one form in one space after another, and counts the iterations."""
+
+    def __init__(self, form: Form, optimiser: Newton | Ipopt | None, starts: int) -> None:
+        self.form, self.starts = form, starts
+        self.optimiser = optimiser if optimiser is not None else Newton()
+        # Newton's iteration knows no inequalities and no pathwise conditions
+        self.constrained = form.has_inequalities
+        if self.constrained and isinstance(self.optimiser, Newton):
+            self.optimiser = Ipopt()
+        self.inequalities = any(not c.equality for c in (*form.pathwise, *form.integrals))
+        self.iterations = 0
+
+    def first_space(self, elements: int, degree: int | None) -> Space:
+        """The first mesh: equal elements and the form's knots."""
+        a, b = self.form.span
+        vertices = np.unique(np.concatenate([np.linspace(a, b, elements + 1), self.form.knots]))
+        close = np.diff(vertices) < 1e-12 * (b - a)
+        vertices = vertices[np.concatenate([[True], ~close])]
+        lowest = 2 * self.form.order - 1
+        least = max(self.form.least_degree, lowest)
+        first = min(d for d in DEGREES[self.form.order] if d >= least) if degree is None else max(degree, lowest)
+        return self.space(vertices, first)
+
+    def space(self, vertices: np.ndarray, degree: int) -> Space:
+        """The form's functions on a mesh."""
+        return Space(vertices, degree, self.form.n, self.form.order, self.form.periodic)
+
+    def richer(self, degree: int) -> int:
+        """The degree of the next rung: two more at least, as symmetry may leave nothing to gain by one more."""
+        if self.inequalities:
+            return degree + 4
+        above = [d for d in DEGREES[self.form.order] if d > degree + 1]
+        return above[0] if above else degree + max(4, degree // 3)
+
+    def system(self, space: Space) -> RitzSystem:
+        """The form discretised on a space."""
+        return RitzSystem(self.form, space, quadrature_points(space.degree))
+
+    def prolonged(self, system: RitzSystem, z: np.ndarray) -> tuple[RitzSystem, np.ndarray]:
+        """The next richer space on the same mesh, and the curve of ``z`` in it."""
+        space = system.space
+        richer = self.space(space.vertices, self.richer(space.degree))
+        coefficients = space.prolonged(system.coefficients(z), richer)
+        following = self.system(richer)
+        return following, following.pack(coefficients, system.unknowns(z))
+
+    def optimise(self, system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> Rung | str:
+        """A minimum near ``z``, or why there is none."""
+        if self.iterations > MOST_ITERATIONS:
+            return f"{self.iterations} iterations led to no minimum"
+        path: dict[Any, Any] = {}
+        if isinstance(self.optimiser, Ipopt):
+            outcome, path = optimise(system, z, multipliers, self.optimiser)
+        else:
+            outcome = minimise(system, z, multipliers, self.optimiser)
+        self.iterations += outcome.iterations
+        if outcome.reason:
+            return outcome.reason
+        along = {k: v for k, v in path.items() if isinstance(k, int)}
+        levels = {k[1]: v for k, v in path.items() if isinstance(k, tuple)}
+        return Rung(system, outcome.z, outcome.multipliers, outcome.evaluation, along, levels)
+
+    def start(self, space: Space, guess: Sampled | None) -> Rung | str:
+        """The lowest of the minima in ``space`` that the first starting curves lead to."""
+        system = self.system(space)
+        conditions = len(system.levels) + (0 if self.form.ends is None else int(self.form.ends.equations.numel()))
+        best: Rung | None = None
+        reasons: list[str] = []
+        # a level is met by bending either way: both are tried, and the lower one taken
+        wanted = 2 if system.levels.size else 1
+        found = 0
+        for tried, z in enumerate(candidates(system, guess), start=1):
+            rung = self.optimise(system, z, np.zeros(conditions))
+            if isinstance(rung, str):
+                reasons.append(rung)
+            else:
+                found += 1
+                best = rung if best is None or rung.at.value < best.at.value else best
+            if found >= wanted or tried >= self.starts:
+                break
+        if best is not None:
+            return best
+        if all(reason == NO_NUMBER for reason in reasons):
+            return NOWHERE
+        return f"no starting curve led to a minimum: {max(set(reasons), key=reasons.count)}"
+
+    def improve(self, system: RitzSystem, z: np.ndarray, fallback: np.ndarray, multipliers: np.ndarray) -> Rung | str:
+        """A minimum near ``z``, or near ``fallback`` when that fails or leads above it."""
+        outcome = self.optimise(system, z, multipliers)
+        if fallback is not z and (isinstance(outcome, str) or self._higher(outcome, fallback)):
+            outcome = self.optimise(system, fallback, multipliers)
+        return outcome
+
+    def _higher(self, rung: Rung, z: np.ndarray) -> bool:
+        """Whether a rung lies above the curve it was to improve on, in an unconstrained problem."""
+        if len(rung.at.conditions):
+            return False
+        before = rung.system.evaluate(z)
+        return rung.at.value > before.value + 1e-9 * before.scale
+
+    # the curve of a rung
+
+    def extremal(self, system: RitzSystem, z: np.ndarray) -> Extremal:
+        """The curve of ``z`` without multipliers."""
+        space, coefficients = system.space, system.coefficients(z)
+        return Extremal(
+            form=self.form,
+            evaluate=lambda s, k: space.evaluate(coefficients, s, k),
+            unknowns=system.unknowns(z).copy(),
+            vertices=space.vertices,
+            lambdas=np.zeros(len(self.form.integrals)),
+            path={},
+            coefficients=coefficients if space.elements == 1 else None,
+        )
+
+    def extremal_of(self, rung: Rung) -> Extremal:
+        """The curve of a rung with its multipliers; those of an energy J^2 become those of J by the chain rule."""
+        bare = self.extremal(rung.system, rung.z)
+        equalities = iter(rung.multipliers[: len(rung.system.levels)])
+        lambdas = [next(equalities) if c.equality else rung.levels.get(c.index, 0.0) for c in self.form.integrals]
+        factor = 0.5 / math.sqrt(rung.at.value) if self.form.energetic and rung.at.value > 0 else 1.0
+        path = {k: lambda s, mu=mu: factor * mu(s) for k, mu in rung.path.items()}
+        speed = rung.system.reported(rung.z).dx if self.form.energetic else None
+        return replace(bare, lambdas=np.array(lambdas), path=path, speed=speed)

@@ -1,0 +1,145 @@
+"""Curves that touch a bound: where contact begins and ends becomes unknown.
+
+The curvature of such a curve jumps where it leaves the bound, and polynomials
+across that place converge slowly. A coarse solve shows the stretches of
+contact; with their ends among the unknowns, the bound kept as an equation
+along them and left out elsewhere, every piece is smooth. The answer counts
+only if the bound holds on the free pieces and presses the right way on the
+others (Gelfand and Fomin, "Calculus of Variations", sect. 16, one-sided
+variations).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import Contact, Form, Sampled, SideCondition, broken_form
+from varcalc.methods.answer import Extremal
+from varcalc.problem.conditions import Bound
+from varcalc.problem.problem import Problem
+from varcalc.solution import Solution
+from varcalc.symbolic.buffered import Pointwise
+
+SAMPLES = 2001
+TOUCHING = 1e-4
+"""Distance from a bound, in units of its range along the curve, at which a coarse curve touches it."""
+ROUGH = 1e-2
+"""The same at most, where the curve's own error is larger."""
+SHORTEST = 8
+"""Samples that a stretch of contact must hold: less is a point."""
+GAP = 40
+"""Samples between two stretches of contact that are one."""
+HELD = 1e-9
+"""Relative amount by which a bound may be missed on a free piece."""
+MOST = 6
+
+
+def touchable(form: Form) -> bool:
+    """Whether contacts can be looked for: a plain graph of one function under bounds on its position."""
+    problem = form.problem
+    plain = isinstance(problem, Problem) and problem.n == 1 and problem.order == 1 and not form.stated.is_lifted
+    if not plain or form.knots or form.ends is not None or any(not c.equality for c in form.integrals):
+        return False
+    bounds = all(isinstance(problem.constraints[c.index], Bound) for c in form.pathwise)
+    slope = form.symbols.dy
+    return bool(form.pathwise) and bounds and not any(ca.depends_on(c.expression, slope) for c in form.pathwise)
+
+
+@dataclass(frozen=True)
+class Touching:
+    """The form with the ends of contact among its unknowns, and whether an answer to it counts."""
+
+    form: Form
+    contacts: tuple[Contact, ...]
+    plain: Form
+
+    def counts(self, solution: Solution) -> bool:
+        """Whether the bounds hold everywhere, and press the right way where they are touched."""
+        if solution.curve is None:
+            return False
+        x = np.linspace(*self.plain.span, SAMPLES)
+        curve = solution.curve
+        for condition in self.plain.pathwise:
+            values = _along(self.plain, condition, lambda x: curve(x, 0), x)
+            room = HELD * max(float(np.abs(values).max()), 1e-300)
+            if values.min() < condition.lower - room or values.max() > condition.upper + room:
+                return False
+        return all(self._presses(solution, contact) for contact in self.contacts)
+
+    def plainly(self, solution: Solution) -> Solution:
+        """The answer with its extremal stated in the problem's own form, bounds and all."""
+        curve, sign = solution.curve, self.plain.sign
+        assert curve is not None
+        pushes = {c.index: solution.multipliers[c.index] for c in self.plain.pathwise}
+        extremal = Extremal(
+            form=self.plain,
+            evaluate=curve,
+            unknowns=np.array(list(solution.unknowns.values())),
+            vertices=solution.x,
+            lambdas=np.array(
+                [-sign * float(solution.multipliers[c.index]) for c in self.plain.integrals if c.equality]
+            ),
+            path={i: _signed(push, sign) for i, push in pushes.items() if push is not None},
+        )
+        return replace(solution, extremal=extremal)
+
+    def _presses(self, solution: Solution, contact: Contact) -> bool:
+        """Whether lifting the bound along a contact would lower the functional (raise a maximum)."""
+        bound = next(c for c in self.plain.pathwise if c.index == contact.index)
+        inside = contact.start + (contact.end - contact.start) * np.linspace(0.1, 0.9, 17)
+        push = np.asarray(solution.multipliers[contact.index](inside)) * self.plain.sign
+        # the multiplier in J + mu h is negative where a lower bound presses, positive where an upper one does
+        return bool((-push if contact.level == bound.lower else push).mean() > 0)
+
+
+def _signed(push: Callable[[np.ndarray], np.ndarray], sign: float) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda s: sign * push(s)
+
+
+def touching(form: Form, coarse: Solution) -> Touching | None:
+    """The contacts that a coarse solution shows, as a form of their own; None when there are none to speak of."""
+    if coarse.curve is None or not isinstance(form.problem, Problem):
+        return None
+    curve = coarse.curve
+    x = np.linspace(*form.span, SAMPLES)
+    contacts: list[Contact] = []
+    for condition in form.pathwise:
+        values = _along(form, condition, lambda x: curve(x, 0), x)
+        for level in {condition.lower, condition.upper}:
+            if np.isfinite(level):
+                size = max(float(np.ptp(values)), 1e-300)
+                near = np.abs(values - level) <= max(TOUCHING, min(coarse.error.curve / size, ROUGH)) * size
+                contacts += [Contact(condition.index, level, *ends) for ends in _stretches(x, near)]
+    contacts.sort(key=lambda c: c.start)
+    apart = all(a.end < b.start for a, b in pairwise(contacts))
+    if not (0 < len(contacts) <= MOST and apart):
+        return None
+    marks = [m for c in contacts for m in (c.start, c.end) if form.span[0] < m < form.span[1]]
+    if not marks:
+        return None
+    return Touching(broken_form(form.problem, marks, lambda x: curve(x, 0), contacts), tuple(contacts), form)
+
+
+def _stretches(x: np.ndarray, near: np.ndarray) -> list[tuple[float, float]]:
+    """Intervals of x on which ``near`` holds, but for points; a coarse curve waves across the bound a little."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+    inner = edges[1:-1].reshape(-1, 2)
+    gaps = inner[inner[:, 1] - inner[:, 0] > GAP]
+    pairs = np.concatenate([edges[:1], gaps.ravel(), edges[-1:]]).reshape(-1, 2)
+    return [(float(x[i]), float(x[j - 1])) for i, j in pairs if j - i >= SHORTEST]
+
+
+def _along(
+    form: Form, condition: SideCondition, curve: Callable[[np.ndarray], np.ndarray] | Sampled, x: np.ndarray
+) -> np.ndarray:
+    """A bound's function along a curve at x (m,)."""
+    key = ("bound", condition.index)
+    if key not in form.built:
+        form.built[key] = Pointwise(ca.Function("bound", form.symbols.all, [ca.densify(condition.expression)]))
+    blank, numbers = np.zeros((1, 1)), (form.problem.parameter_values[None], form.unknown_guess[None])
+    return form.built[key](len(x), x[:, None], curve(x).T, blank, np.zeros((1, 0)), *numbers)[:, 0]

@@ -1,0 +1,1 @@
+"""Euler and Lagrange's equation integrated from initial states that Newton's iteration corrects."""

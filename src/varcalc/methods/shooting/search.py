@@ -1,0 +1,329 @@
+"""The search for extremals by multiple shooting: where to start, where to cut, which to keep."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.formulation import Sampled
+from varcalc.integrators import Metered, Outcome
+from varcalc.methods.ritz.starts import LADDER, bent, scaled_ring, size
+from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
+from varcalc.methods.shooting.initial_states import (
+    growth_rate,
+    lambdas,
+    nus,
+    partition,
+    scales,
+    states,
+    unknown_numbers,
+)
+from varcalc.methods.shooting.legs import Stopped
+from varcalc.methods.shooting.newton import Ending, Result, iterate
+from varcalc.methods.shooting.regular_arc import RegularEnd
+from varcalc.methods.shooting.segments import Evaluation, Failure, Segments
+from varcalc.methods.shooting.shot_extremal import value_of
+
+MOST_GROWTH = math.exp(10.0)
+"""Growth of errors across a segment beyond which it is cut in two."""
+PLANNED = 6.0
+"""Logarithm of the growth planned for a segment: less than is allowed, since the plan is made on a guess."""
+FEWEST, MOST, MOST_NONLINEAR = 4, 20000, 2000
+"""Segments planned at least and at most; a nonlinear problem's plan rests on a guess and is not worth more."""
+BUDGET, PER_SEGMENT = 2500, 24
+"""Work, in runs of the flow, spent on one start: the larger of the first, and the second for each planned segment."""
+TOTAL = 6000
+"""Work spent on all starts after which no other is tried: some two seconds."""
+ALL_FAIL = 64
+"""Segments beyond which a start is given up when every one of them fails."""
+SHORTEST = 1e-6
+"""Part of the interval below which a segment that cannot be crossed is not cut any more."""
+STEEP = 4
+"""A start that needs so many times the segments of a flat one is tried after it."""
+FIRST_AMPLITUDES = (0.3, -0.3)
+"""Bent starts that are tried even where the straight one led somewhere: the lower extremal may lie elsewhere."""
+OTHER_AMPLITUDES = (1.0, -1.0, 3.0, -3.0, 0.1, -0.1, 10.0, -10.0)
+"""Bent starts that are tried where none has led anywhere yet."""
+SAMPLES = 65
+"""Points at which the growth along a starting curve is looked at."""
+SINGULAR = 1e12
+"""Condition number beyond which a linear system is called singular."""
+FLOOR = 1e-3
+"""Sizes of states, relative to their units, below which they are not measured by themselves."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Converged segments, their unknowns x (M,) with the sizes they are measured by, and what is minimised there.
+
+    ``work`` is what it took, in runs of the flow.
+    """
+
+    segments: Segments
+    x: np.ndarray
+    at: Evaluation
+    floor: np.ndarray
+    value: float
+    iterations: int
+    work: int
+
+
+@dataclass(frozen=True)
+class NoneFound:
+    """No start led to an extremal, and why."""
+
+    message: str
+    iterations: int
+    work: int = 0
+
+
+def describe(failure: Failure) -> str:
+    """A failed integration in words."""
+    return (
+        f"the Euler-Lagrange equation could not be integrated beyond {failure.s:.6g} "
+        f"(in segment {failure.segments[0] + 1}): {failure.outcome.value}"
+    )
+
+
+@dataclass(frozen=True)
+class Search:
+    """All starts for one compiled system; ``count`` fixes the number of segments."""
+
+    equations: EulerLagrangeFlow
+    flow: Metered
+    count: int | None
+
+    def best(self, guess: Sampled | None) -> Found | NoneFound:
+        """The extremal of the lowest value among those found, or why there is none."""
+        found: list[Found] = []
+        iterations, last, budget, spent = 0, "", 0, 0
+        for first, curve in self._starts(guess):
+            if (found and not first) or spent > TOTAL:
+                break
+            outcome = self._attempt(curve, budget)
+            iterations, spent = iterations + outcome.iterations, spent + outcome.work
+            if isinstance(outcome, NoneFound):
+                hopeless = self.equations.linear and outcome.work > 0
+                last = last or outcome.message
+                if hopeless:
+                    break
+                continue
+            found.append(outcome)
+            budget = 2 * max(f.work for f in found)
+            if guess is not None or self.equations.linear:
+                break
+        if found:
+            return min(found, key=lambda f: f.value)
+        return NoneFound(f"no starting curve led to an extremal; of the first one: {last}", iterations)
+
+    def _starts(self, guess: Sampled | None) -> Iterator[tuple[bool, Sampled]]:
+        """Starting curves; those marked True are tried whatever the others gave."""
+        form = self.equations.form
+        if guess is not None:
+            yield True, guess
+        if form.integrals:
+            yield from ((True, curve) for curve in self._meeting_level())
+        scale, flat = size(form), sorted(self._flat(), key=self._planned)
+        steep = self.count is None and self._planned(form.baseline) > STEEP * self._planned(flat[0])
+        if steep:
+            yield from ((False, curve) for curve in flat)
+        yield not steep, form.baseline
+        for first, amplitudes in ((not steep, FIRST_AMPLITUDES), (False, OTHER_AMPLITUDES)):
+            for direction in form.bumps:
+                for amplitude in amplitudes:
+                    if any(amplitude * direction[k] < 0 for k in form.one_sided):
+                        continue
+                    yield first, bent(form, amplitude * scale, direction)
+        if not steep:
+            yield from ((False, curve) for curve in flat)
+
+    def _flat(self) -> Iterator[Sampled]:
+        """The ordinates of one end all along: a start need not meet the ends, and steep ends make steep starts."""
+        form = self.equations.form
+        for end in form.span:
+            level = form.baseline(np.array([end]))
+            yield lambda s, level=level: np.repeat(level, len(s), axis=1)
+
+    def _planned(self, curve: Sampled) -> int:
+        """The number of segments that a starting curve calls for."""
+        return len(self._vertices(curve, scales(self.equations, curve), lambdas(self.equations, curve))) - 1
+
+    def _vertices(self, curve: Sampled, units: Scales, lam: np.ndarray) -> np.ndarray:
+        """The vertices of the first segments, in t."""
+        form = self.equations.form
+        marks = (np.array(form.knots) - form.span[0]) / (form.span[1] - form.span[0])
+        if self.count is not None:
+            least = max(self.count, sum(form.singular))  # a regular arc leads to one end
+            return np.unique([*np.linspace(0, 1, least + 1), *marks])
+        t = np.linspace(0, 1, SAMPLES)
+        rate = growth_rate(self.equations, units, curve, lam, t)
+        for singular, inward in zip(form.singular, (t, 1 - t), strict=True):
+            if singular:  # the plan is for a regular arc, along which errors do not grow
+                rate[inward < 1 / FEWEST] = 0.0
+        most = MOST if self.equations.linear else MOST_NONLINEAR
+        return partition(rate, t, marks, PLANNED, FEWEST, most)
+
+    def _meeting_level(self) -> Iterator[Sampled]:
+        """The baseline bent, or blown up, until the first isoperimetric condition holds; each way."""
+        form = self.equations.form
+        scale = size(form)
+        ring = form.periodic and form.n > 1 and bool(np.any(form.baseline(np.array(form.span))))
+        ways = [None] if ring else [sign * d for d in form.bumps for sign in (1.0, -1.0)]
+        for way in ways:
+            previous, best = math.nan, (math.inf, form.baseline)
+            for amplitude in LADDER:
+                curve = scaled_ring(form, amplitude * scale) if way is None else bent(form, amplitude * scale, way)
+                miss = self._level(curve) - form.integrals[0].lower
+                if abs(miss) < best[0]:
+                    best = (abs(miss), curve)
+                if previous * miss < 0:
+                    break
+                previous = miss
+            if math.isfinite(best[0]):
+                yield best[1]
+
+    def _level(self, curve: Sampled) -> float:
+        """The first isoperimetric integral along a curve, roughly; NaN where it is not a number."""
+        form = self.equations.form
+        s = np.linspace(*form.span, 2 * SAMPLES - 1)
+        middle, width = 0.5 * (s[1:] + s[:-1]), np.diff(s)
+        values = curve(s)
+        tower = [curve(middle), np.diff(values, axis=1) / width]
+        tower += [np.zeros_like(tower[0])] * (2 * form.order - 2)
+        numbers = [form.problem.parameter_values, form.unknown_guess, np.zeros(len(form.integrals))]
+        columns = [np.repeat(v[:, None], len(middle), axis=1) for v in numbers]
+        return float(np.asarray(self.equations.densities(middle[None, :], *tower, *columns))[1] @ width)
+
+    def _attempt(self, curve: Sampled, budget: int) -> Found | NoneFound:
+        """Newton from one starting curve, cutting segments where that is called for; ``budget`` 0 is the usual one."""
+        segments, x, units = self._first(curve)
+        if budget and segments.count > budget:
+            return NoneFound("too many segments", 0)
+        budget = budget or max(BUDGET, PER_SEGMENT * segments.count)
+        iterations, begun = 0, self.flow.work
+        while True:
+            floor = self._floor(segments, x)
+            limit = MOST_GROWTH if self.count is None else math.inf
+            result = iterate(segments, x, floor, limit, begun + budget - self.flow.work)
+            iterations += result.iterations
+            work = self.flow.work - begun
+            if result.ending is Ending.CONVERGED and result.at is not None:
+                value = value_of(segments, result.x, result.at)
+                return Found(segments, result.x, result.at, floor, value, iterations, work)
+            marked = self._marked(segments, result)
+            hopeless = result.ending is Ending.FAILED and marked.all() and segments.count > ALL_FAIL
+            over = hopeless or work + segments.count + marked.sum() > budget
+            if over or not marked.any():
+                return NoneFound(_reason(segments, result, self.count), iterations, work)
+            segments, x = self._cut(segments, result, marked, curve, units)
+
+    def _marked(self, segments: Segments, result: Result) -> np.ndarray:
+        """The segments to cut in two."""
+        marked = np.zeros(segments.count, dtype=bool)
+        if self.count is not None or result.ending in (Ending.SINGULAR, Ending.RUNAWAY, Ending.TOO_MANY):
+            return marked
+        if result.ending is Ending.GROWTH and result.at is not None:
+            return result.at.growth > MOST_GROWTH
+        if result.failure is not None and result.failure.outcome is not Outcome.NOT_FINITE:
+            marked[list(result.failure.segments)] = True
+            return marked & (np.diff(segments.vertices) > SHORTEST)
+        return ~marked if result.at is not None and segments.count < 4 * FEWEST else marked
+
+    def _cut(
+        self, segments: Segments, result: Result, marked: np.ndarray, curve: Sampled, units: Scales
+    ) -> tuple[Segments, np.ndarray]:
+        def state_at(i: int, t: float) -> np.ndarray:
+            if result.at is not None:
+                trajectory = segments.leg(i, result.x).trajectory(level=0)
+                if not isinstance(trajectory, Stopped):
+                    return trajectory(np.array([t]))[0]
+            own = np.array([segments.vertices[i], segments.vertices[i + 1]])
+            return states(self.equations, units, curve, own, np.array([t]))[0]
+
+        return segments.halved(result.x, marked, state_at)
+
+    def _first(self, curve: Sampled) -> tuple[Segments, np.ndarray, Scales]:
+        """The first segments and the unknowns of a starting curve."""
+        equations, form = self.equations, self.equations.form
+        a, width = form.span[0], form.span[1] - form.span[0]
+        units = scales(equations, curve)
+        lam = lambdas(equations, curve)
+        marks = (np.array(form.knots) - a) / width
+        vertices = self._vertices(curve, units, lam)
+        waypoints = dict(form.waypoints)
+        knots = {
+            int(np.searchsorted(vertices, mark)): equations.knot(s, waypoints.get(s))
+            for mark, s in zip(marks, form.knots, strict=True)
+        }
+        anchors = self._anchors(curve, units, lam, vertices)
+        z = states(equations, units, curve, vertices, anchors)
+        ends = np.concatenate([
+            states(equations, units, curve, vertices[:2], vertices[:1]),
+            states(equations, units, curve, vertices[-2:], vertices[-1:]),
+        ])  # fmt: skip
+        unknowns = unknown_numbers(form, curve)
+        nu = nus(equations, units, ends, unknowns, lam)
+        x = np.concatenate([z.ravel(), unknowns, lam, nu])
+        regular = self._regular(curve, units)
+        return Segments(equations, self.flow, units, vertices, anchors, knots, regular), x, units
+
+    def _anchors(self, curve: Sampled, units: Scales, lam: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        """The left vertices; for the first segment another place where the system is not a number at the start."""
+        equations, form = self.equations, self.equations.form
+        anchors = vertices[:-1].copy()
+        if form.singular[0]:
+            anchors[0] = vertices[1]
+            return anchors
+        line = equations.line(0.0, 1.0, (True, False))
+        numbers = np.concatenate([line, units.all, form.problem.parameter_values, form.unknown_guess, lam])
+        state = np.zeros(equations.dimension + equations.integrals)
+        state[: equations.dimension] = states(equations, units, curve, vertices[:2], vertices[:1])[0]
+        rates = np.asarray(equations.scaled(0.0, state, numbers))
+        if not np.all(np.isfinite(rates)):
+            anchors[0] = vertices[1] if len(anchors) > 1 else 0.5
+        return anchors
+
+    def _regular(self, curve: Sampled, units: Scales) -> tuple[RegularEnd | None, RegularEnd | None]:
+        """The singular ends, with a starting curve."""
+        form = self.equations.form
+        a, width = form.span[0], form.span[1] - form.span[0]
+
+        def scaled(t: np.ndarray) -> np.ndarray:
+            return curve(a + width * t) / units.ordinates[:, None]
+
+        start, end = (
+            RegularEnd(self.equations, at, fixed[0] / units.ordinates, scaled) if singular else None
+            for at, fixed, singular in zip((0.0, 1.0), (form.fixed_start, form.fixed_end), form.singular, strict=True)
+        )
+        return start, end
+
+    def _floor(self, segments: Segments, x: np.ndarray) -> np.ndarray:
+        """Sizes below which the unknowns are not measured by themselves."""
+        z, unknowns, lam, nu = segments.parts(x)
+        typical = np.maximum(np.abs(z).max(axis=0), FLOOR)
+        states_ = np.tile(np.maximum(typical, 1.0), (segments.count, 1)).ravel()
+        others = [np.where(np.abs(v) > 0, np.abs(v), 1.0) for v in (unknowns, lam, nu)]
+        return np.concatenate([states_, *others])
+
+
+def _reason(segments: Segments, result: Result, count: int | None) -> str:
+    """Why an iteration ended without an extremal, and what to do about it."""
+    if result.ending is Ending.SINGULAR or (result.at is not None and segments.condition(result.at) > SINGULAR):
+        return (
+            "the linear system of the segments is singular: the ends may be conjugate to each other, so that no "
+            "isolated extremal joins them, or a constraint may not depend on the curve"
+        )
+    if result.failure is not None and result.failure.outcome is not Outcome.COMPLETED:
+        text = describe(result.failure)
+    else:
+        text = f"{result.ending.value}, the last correction being {result.correction:.1e} of the unknowns"
+    if count is not None and result.at is not None and result.at.growth.max() > MOST_GROWTH:
+        digits = math.log10(float(result.at.growth.max()))
+        text += (
+            f"; errors grow by 1e{digits:.1f} across a segment, which costs {digits:.1f} of the 16 digits: "
+            "use Shooting() with segments chosen by the growth"
+        )
+    return text

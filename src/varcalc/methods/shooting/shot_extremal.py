@@ -1,0 +1,231 @@
+"""From converged segments to an extremal: its trajectories, its value, and how far both can be trusted.
+
+The unknowns are corrected once more on a finer integration, and what a still
+finer one would change, with the mismatch left and round-off, is the error claimed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from varcalc.methods.answer import Extremal
+from varcalc.methods.shooting.legs import Stopped, Trajectory
+from varcalc.methods.shooting.newton import size
+from varcalc.methods.shooting.segments import Evaluation, Failure, Segments
+from varcalc.solution import ErrorEstimate
+
+SHRINKING = 0.5
+"""Newton's steps shrink by less than this next to a zero (Kantorovich), and never next to a fold without one."""
+NOISE = 256 * float(np.finfo(float).eps)
+"""Relative size of a mismatch in the next evaluation that rounding alone explains."""
+LEFT_OPEN = 1e-13
+"""A mismatch, relative to its row of the Jacobian, that rounding does not explain where errors do not grow."""
+ROUND_OFF = 4 * float(np.finfo(float).eps)
+"""Relative error of a sum of running integrals, and of a state, that rounding alone explains."""
+
+
+@dataclass(frozen=True)
+class Shots:
+    """The trajectories of all segments."""
+
+    segments: Segments
+    x: np.ndarray
+    trajectories: list[Trajectory]
+
+    def state(self, t: np.ndarray) -> np.ndarray:
+        """The scaled state (D, m) at t (m,)."""
+        vertices = self.segments.vertices
+        at = np.clip(np.searchsorted(vertices, t, side="right") - 1, 0, self.segments.count - 1)
+        out = np.empty((self.segments.dimension, len(t)))
+        for i in np.unique(at):
+            chosen = at == i
+            out[:, chosen] = self.trajectories[i](t[chosen]).T
+        return out
+
+    def evaluate(self, s: np.ndarray, derivative: int) -> np.ndarray:
+        """The derivative of the unknown functions at s (m,), shape (n, m); up to the order of the equation."""
+        equations = self.segments.equations
+        form, n = equations.form, equations.form.n
+        a, b = form.span
+        order = 2 * form.order
+        if derivative > order:
+            raise ValueError(f"derivatives up to order {order} are at hand, not {derivative}")
+        tower = equations.derivatives(self.state((s - a) / (b - a)), self.segments.scales.ordinates[:, None])
+        if derivative < order:
+            return tower[derivative]
+        _, unknowns, lambdas, _ = self.segments.parts(self.x)
+        numbers = [np.repeat(v[:, None], len(s), axis=1) for v in (form.problem.parameter_values, unknowns, lambdas)]
+        return np.asarray(equations.highest(s[None, :], *tower, *numbers)).reshape(n, -1)
+
+
+@dataclass(frozen=True)
+class Finished:
+    """An extremal with its value (of ``form.functional``, with the cost of the ends) and the errors claimed.
+
+    ``growth`` is the largest magnification of an error across one segment,
+    ``condition`` the condition number of the segments' linear system.
+    """
+
+    extremal: Extremal
+    value: float
+    error: ErrorEstimate
+    growth: float
+    condition: float
+
+
+def finish(segments: Segments, x: np.ndarray, floor: np.ndarray) -> Finished | Failure:
+    """Correct x once more on a finer integration, and again on a still finer one, which tells what the first is worth.
+
+    ``floor`` (M,) are the sizes of the unknowns.
+    """
+    kept = corrected(segments, x, floor, 1)
+    if isinstance(kept, Failure):
+        return kept
+    check = corrected(segments, kept.x, floor, 2)
+    if isinstance(check, Failure):
+        return check
+    x, at = kept.x, kept.at
+    trajectories: list[Trajectory] = []
+    for i in range(segments.count):
+        trajectory = segments.leg(i, x).trajectory(level=1)
+        if isinstance(trajectory, Stopped):
+            return Failure((i,), trajectory.s, trajectory.outcome)
+        trajectories.append(trajectory)
+    _, unknowns, lambdas, _ = segments.parts(x)
+    form = segments.equations.form
+    a, b = form.span
+    vertices = a + (b - a) * segments.vertices
+    extremal = Extremal(form, Shots(segments, x, trajectories).evaluate, unknowns, vertices, lambdas, {})
+    value = value_of(segments, x, at)
+    change = abs(value - value_of(segments, check.x, check.at))
+    error = ErrorEstimate(
+        change + _mismatch(segments, x, at) + _rounding(segments, x, at, value), _curve_error(segments, at, check.at)
+    )
+    if not _matches(segments, check, floor):
+        error = ErrorEstimate(math.inf, math.inf)
+    return Finished(extremal, value, error, float(at.growth.max()), segments.condition(at))
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """The unknowns after a Newton step, what the segments give there, and the size of that step."""
+
+    x: np.ndarray
+    at: Evaluation
+    step: float
+
+
+def corrected(segments: Segments, x: np.ndarray, floor: np.ndarray, level: int) -> Corrected | Failure:
+    """x after one Newton step at a level of the integration; x itself where no step leads anywhere."""
+    at = segments.evaluate(x, level=level)
+    if isinstance(at, Failure):
+        return at
+    step = segments.solve(at, -at.residual, np.maximum(np.abs(x), floor))
+    if step is None or size(step, floor) > 1.0:
+        return Corrected(x, at, math.inf)
+    following = segments.evaluate(x + step, level=level)
+    if isinstance(following, Failure):
+        return following
+    return Corrected(x + step, following, size(step, np.maximum(np.abs(x), floor)))
+
+
+def _matches(segments: Segments, found: Corrected, floor: np.ndarray) -> bool:
+    """Whether the segments match near ``found``, and do not merely come nearest to it next to a fold.
+
+    The next step is measured against the last one, so far as rounding does not explain both.
+    """
+    if segments.left_open(found.at, found.x) > LEFT_OPEN * max(1.0, float(found.at.growth.max())):
+        return False
+    weights = np.maximum(np.abs(found.x), floor)
+    step = segments.solve(found.at, -found.at.residual, weights)
+    noise = segments.shaken(found.at, found.x, weights, NOISE)
+    if step is None or noise is None:
+        return False
+    return size(step, weights) <= max(SHRINKING * found.step, min(size(noise, weights), SHRINKING))
+
+
+def value_of(segments: Segments, x: np.ndarray, at: Evaluation) -> float:
+    """The functional with the cost of the ends at x."""
+    form = segments.equations.form
+    total = float(at.totals[0] * segments.scales.integrals[0])
+    if form.ends is None:
+        return total
+    function = ca.Function(
+        "cost", [form.ends.start, form.ends.end, form.symbols.parameters, form.symbols.unknowns], [form.ends.cost]
+    )
+    n = form.n
+    ends = [z[:n] * segments.scales.ordinates for z in (at.shots[0].left, at.shots[-1].right)]
+    return total + float(function(*ends, form.problem.parameter_values, segments.parts(x)[1]))
+
+
+def _jumps(segments: Segments, at: Evaluation) -> np.ndarray:
+    """The mismatch left of the ordinates (and slopes, at second order) at inner vertices, (N - 1, order n)."""
+    D, kept = segments.dimension, segments.dimension // 2
+    rows = at.residual[: (segments.count - 1) * D].reshape(-1, D)
+    return np.abs(rows[:, :kept])
+
+
+def _end_misses(segments: Segments, at: Evaluation) -> np.ndarray:
+    """By how much the fixed values at the ends are missed, scaled; (order, n), the larger of both ends."""
+    form, n = segments.equations.form, segments.equations.form.n
+    width = form.span[1] - form.span[0]
+    out = np.zeros((form.order, n))
+    for fixed, state in ((form.fixed_start, at.shots[0].left), (form.fixed_end, at.shots[-1].right)):
+        for k in range(form.order):
+            demanded = fixed[k] * width**k / segments.scales.ordinates
+            miss = np.abs(state[k * n : (k + 1) * n] - demanded)
+            out[k] = np.maximum(out[k], np.where(np.isnan(demanded), 0.0, miss))
+    return out
+
+
+def _mismatch(segments: Segments, x: np.ndarray, at: Evaluation) -> float:
+    """The first-order effect on the value of the jumps that are left: momentum times jump, summed."""
+    equations = segments.equations
+    form = equations.form
+    a, width = form.span[0], form.span[1] - form.span[0]
+    _, unknowns, lambdas, _ = segments.parts(x)
+    states = np.array([s.left[: segments.dimension] for s in at.shots] + [at.shots[-1].right[: segments.dimension]]).T
+    s = a + width * segments.vertices
+    s = np.clip(s, a + equations.inset, a + width - equations.inset)
+    tower = equations.derivatives(states, segments.scales.ordinates[:, None])
+    numbers = [np.repeat(v[:, None], len(s), axis=1) for v in (form.problem.parameter_values, unknowns, lambdas)]
+    with np.errstate(all="ignore"):
+        momenta = np.abs(np.asarray(equations.momenta(s[None, :], *tower, *numbers)))
+    momenta = np.where(np.isfinite(momenta), momenta, 0.0)
+    units = np.concatenate([segments.scales.ordinates / width**k for k in range(form.order)])[:, None]
+    weighed = momenta * units
+    jumps = np.zeros_like(weighed)
+    jumps[:, 1:-1] = _jumps(segments, at).T
+    jumps[:, 0] = jumps[:, -1] = 0.5 * _end_misses(segments, at).ravel()
+    levels = [
+        abs(lam * (at.totals[1 + j] * segments.scales.integrals[1 + j] - c.lower))
+        for j, (lam, c) in enumerate(zip(lambdas, form.integrals, strict=True))
+    ]
+    return float(sum(levels)) + (float(np.sum(weighed * jumps)) if form.same_functional else 0.0)
+
+
+def _rounding(segments: Segments, x: np.ndarray, at: Evaluation, value: float) -> float:
+    """Round-off of the running integrals, those that are prescribed included: a miss of one costs its multiplier."""
+    units, D = segments.scales.integrals, segments.dimension
+    parts = sum(abs(float(s.right[D] - s.left[D])) for s in at.shots)
+    lambdas = segments.parts(x)[2]
+    levels = np.abs(at.totals * units)[1 : 1 + len(lambdas)]
+    return ROUND_OFF * (max(abs(value), parts * float(units[0])) + float(np.abs(lambdas) @ levels))
+
+
+def _curve_error(segments: Segments, at: Evaluation, reference: Evaluation) -> float:
+    """The largest change of the ordinates between two integrations, with the jumps left and round-off."""
+    n, units = segments.equations.form.n, segments.scales.ordinates
+    change = largest = 0.0
+    for own, better in zip(at.shots, reference.shots, strict=True):
+        for old, new in ((own.left, better.left), (own.right, better.right)):
+            change = max(change, float(np.max(np.abs(new[:n] - old[:n]) * units)))
+            largest = max(largest, float(np.max(np.abs(new[:n]) * units)))
+    jumps = _jumps(segments, at)[:, :n]
+    left = float(np.max(jumps * units)) if jumps.size else 0.0
+    left = max(left, float(np.max(_end_misses(segments, at)[0] * units)))
+    return change + left + ROUND_OFF * largest

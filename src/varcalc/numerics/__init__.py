@@ -1,0 +1,1 @@
+"""Numerical analysis that knows nothing of functionals: meshes and quadrature, damped Newton."""

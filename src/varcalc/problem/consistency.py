@@ -1,0 +1,78 @@
+"""Whether the points a curve must pass through meet its pathwise constraints.
+
+A fixed end off a holonomic surface, or inside an obstacle, leaves no curve at
+all; that is cheaper said than found out by a search.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from varcalc.problem.conditions import Bound, Holonomic
+from varcalc.problem.functional import Functional, Traced
+
+OFF = 1e-9
+"""Distance from a constraint that is no rounding, relative to how much the constraint varies over the problem."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point that is given whole: what a person calls it, its abscissa and its coordinates (n,)."""
+
+    label: str
+    x: float
+    y: np.ndarray
+
+
+def check_places(problem: Functional, places: Sequence[Place]) -> None:
+    """Raise ValueError for a place that misses a Holonomic, or a Bound on the position, and say by how much.
+
+    What depends on slopes or on unknowns may still be met, and is not judged.
+    """
+    positional = [(i, t) for i, t in enumerate(problem.traced) if _positional(problem, t)]
+    if not positional or not places:
+        return
+    s = problem.symbols
+    if "positional" not in problem.built:
+        expressions = [ca.densify(t.expression) for _, t in positional]
+        problem.built["positional"] = ca.Function("positional", [s.x, s.y, s.parameters], [ca.vertcat(*expressions)])
+    size = max(float(np.abs(p.y).max()) for p in places) or problem.span[1] - problem.span[0]
+    steps = np.vstack([np.zeros(problem.n), size * np.eye(problem.n), -size * np.eye(problem.n)])
+    for place in places:
+        points = (place.y + steps).T
+        parameters = np.repeat(problem.parameter_values[:, None], len(steps), axis=1)
+        values = np.asarray(problem.built["positional"](np.full((1, len(steps)), place.x), points, parameters))
+        for (_, traced), row in zip(positional, values, strict=True):
+            for complaint in _complaints(traced, row):
+                index = problem.constraints.index(traced.constraint)
+                raise ValueError(
+                    f"{place.label} violates constraints[{index}] ({type(traced.constraint).__name__}): {complaint}; "
+                    "move one of the two, or free the component that is fixed there"
+                )
+
+
+def _positional(problem: Functional, traced: Traced) -> bool:
+    s = problem.symbols
+    others = [v for v in (s.dy, s.ddy, s.unknowns) if v.numel()]
+    return isinstance(traced.constraint, Holonomic | Bound) and not any(
+        ca.depends_on(traced.expression, v) for v in others
+    )
+
+
+def _complaints(traced: Traced, values: np.ndarray) -> Iterator[str]:
+    """Why the first of ``values`` is not admitted; the others, a problem's size away, say what counts as zero."""
+    value, constraint = float(values[0]), traced.constraint
+    low, high = constraint.interval if isinstance(constraint, Bound) else (0.0, 0.0)
+    allowed = OFF * max([abs(v) for v in (*values, low, high) if math.isfinite(v)], default=0.0)
+    if isinstance(constraint, Holonomic):
+        if abs(value) > allowed:
+            yield f"phi is {value:.6g} there instead of 0"
+    elif value < low - allowed:
+        yield f"h is {value:.6g} there, {low - value:.3g} below lower = {low:.6g}"
+    elif value > high + allowed:
+        yield f"h is {value:.6g} there, {value - high:.3g} above upper = {high:.6g}"

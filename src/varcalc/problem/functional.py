@@ -1,0 +1,306 @@
+"""What every problem is made of: the symbols a functional is traced with, its constraints and parameters."""
+
+from __future__ import annotations
+
+import copy
+import keyword
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any, Self
+
+import casadi as ca
+import numpy as np
+
+from varcalc.problem.conditions import (
+    Bound,
+    Constraint,
+    Holonomic,
+    Isoperimetric,
+    Through,
+    finite,
+    parameters_of,
+    placed,
+    sequence,
+    truth,
+)
+from varcalc.symbolic.tracing import Expression, Names, NotSymbolic, trace
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """The symbols a functional is written in: abscissa, unknown functions, slopes, parameters."""
+
+    kind: type
+    x: Expression
+    y: Expression
+    dy: Expression
+    ddy: Expression
+    parameters: Expression
+    unknowns: Expression
+
+    @classmethod
+    def make(cls, kind: type, n: int, order: int, parameters: int, unknowns: int) -> Symbols:
+        """Fresh symbols for ``n`` unknown functions of a functional of the given order."""
+        return cls(
+            kind,
+            kind.sym("x"),
+            kind.sym("y", n),
+            kind.sym("dy", n),
+            kind.sym("ddy", n if order == 2 else 0),
+            kind.sym("parameters", parameters),
+            kind.sym("unknowns", unknowns),
+        )
+
+    @classmethod
+    @lru_cache(maxsize=64)
+    def common(cls, kind: type, n: int, order: int, parameters: int, unknowns: int) -> Symbols:
+        """The symbols that all functionals of one kind are traced with: they stand for nothing but their place."""
+        return cls.make(kind, n, order, parameters, unknowns)
+
+    @cached_property
+    def variables(self) -> Expression:
+        """x, y, dy and ddy as one column: what a Lagrangian is differentiated by."""
+        return ca.vertcat(self.x, self.y, *self.slopes)
+
+    @property
+    def slopes(self) -> list[Expression]:
+        """``[dy]`` or ``[dy, ddy]``."""
+        return [self.dy] if self.ddy.numel() == 0 else [self.dy, self.ddy]
+
+    @property
+    def all(self) -> list[Expression]:
+        """Every symbol, in the order integrand functions take them."""
+        return [self.x, self.y, self.dy, self.ddy, self.parameters, self.unknowns]
+
+
+@dataclass(frozen=True)
+class Traced:
+    """A constraint and the expression its function gave."""
+
+    constraint: Isoperimetric | Holonomic | Bound
+    expression: Expression
+
+
+class Functional:
+    """What :class:`Problem` and :class:`Curve` share: the traced functional and its parameters.
+
+    ``n`` is the number of unknown functions, ``scalar`` tells that they are
+    handed over and returned as numbers rather than columns, ``integrand`` is
+    the traced Lagrangian in ``symbols``; ``built`` keeps what methods derive
+    from them, shared by copies with other parameter values. ``templates`` are the
+    ends as they were given, parameters among their coordinates.
+    """
+
+    start: Any
+    end: Any
+    order: int = 1
+    span: tuple[float, float]
+    scalar: bool
+    n: int
+    symbols: Symbols
+    integrand: Expression
+    traced: tuple[Traced, ...]
+    end_cost_expression: tuple[list[Expression], Expression] | None = None
+    breakpoints: tuple[float, ...] = ()
+
+    def __init__(
+        self,
+        lagrangian: Callable[..., Any],
+        start: Any,
+        end: Any,
+        constraints: Sequence[Constraint],
+        parameters: Mapping[str, float] | None,
+        unknowns: Mapping[str, float] | None,
+        end_cost: Callable[..., Any] | None,
+        maximise: bool,
+        name: str,
+    ) -> None:
+        if not callable(lagrangian):
+            raise TypeError(f"lagrangian must be a function, not {lagrangian!r}")
+        self.lagrangian = lagrangian
+        self.templates = (start, end)
+        self.parameters = named("parameters", parameters)
+        self.start, self.end = self.placed_ends()
+        self.unknowns = named("unknowns", unknowns)
+        both = self.parameters.keys() & self.unknowns.keys()
+        if both:
+            raise ValueError(f"{sorted(both)} are given both in parameters and in unknowns; choose one")
+        self.end_cost = end_cost
+        self.maximise = truth("maximise", maximise)
+        self.name = _checked_name(name) or _own_name(lagrangian)
+        self.constraints = self._checked_constraints(constraints)
+        self.built: dict[str, Any] = {}
+        try:
+            self._trace(ca.SX)
+        except NotSymbolic:
+            self._trace(ca.MX)
+
+    def placed_ends(self) -> tuple[Any, Any]:
+        """The ends at the present parameter values; ValueError for a parameter that has none."""
+        ends = []
+        for label, end in zip(("start", "end"), self.templates, strict=True):
+            own = parameters_of(end)
+            unknown = {name for name, _, _ in own} - self.parameters.keys()
+            if unknown:
+                raise ValueError(
+                    f"{label} = {end} holds the parameter {min(unknown)}, which is not declared; "
+                    f"give its value in parameters= (declared: {', '.join(sorted(self.parameters)) or 'none'})"
+                )
+            ends.append(placed(end, self.parameters) if own else end)
+        return ends[0], ends[1]
+
+    @property
+    def end_parameters(self) -> frozenset[str]:
+        """The parameters that are coordinates of the ends."""
+        return frozenset(name for end in self.templates for name, _, _ in parameters_of(end))
+
+    # what Problem and Curve each define
+    def check_ends(self) -> None:
+        """Raise ValueError where parameters have moved an end to where none can be."""
+        raise TypeError("a functional is either a Problem or a Curve")
+
+    def _arguments(self) -> list[Expression]:
+        raise TypeError("a functional is either a Problem or a Curve")
+
+    def _position_arguments(self) -> list[Expression]:
+        raise TypeError("a functional is either a Problem or a Curve")
+
+    def _end_symbols(self) -> list[Expression]:
+        raise TypeError("a functional is either a Problem or a Curve")
+
+    def _check_sliding(self) -> None:
+        raise TypeError("a functional is either a Problem or a Curve")
+
+    def check_places(self) -> None:
+        """Raise ValueError where a point that is given whole violates a constraint, at the present parameters."""
+        raise TypeError("a functional is either a Problem or a Curve")
+
+    def _checked_constraints(self, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+        given = sequence("constraints", constraints)
+        for i, constraint in enumerate(given):
+            if not isinstance(constraint, Isoperimetric | Holonomic | Bound | Through):
+                raise TypeError(
+                    f"constraints[{i}] must be Isoperimetric, Holonomic, Bound or Through, not {constraint!r}"
+                )
+        return given
+
+    def _handed(self, column: Expression) -> Expression:
+        # a column of one SX entry is a scalar; one of MX is not known to be
+        return column[0] if self.scalar and self.symbols.kind is ca.MX else column
+
+    def _names(self) -> list[Names]:
+        s = self.symbols
+        names = {k: s.parameters[i] for i, k in enumerate(self.parameters)}
+        names |= {k: s.unknowns[i] for i, k in enumerate(self.unknowns)}
+        return [Names(names)] if names else []
+
+    def _trace(self, kind: type) -> None:
+        self.symbols = Symbols.common(kind, self.n, self.order, len(self.parameters), len(self.unknowns))
+        p = self._names()
+        slopes = [self._handed(d) for d in self.symbols.slopes]
+        full = [*self._arguments(), *slopes, *p]
+        short = [*self._arguments(), slopes[0], *p]
+        self.integrand = trace("lagrangian", self.lagrangian, full, kind)
+        traced = []
+        for i, constraint in enumerate(self.constraints):
+            label = f"constraints[{i}]"
+            if isinstance(constraint, Isoperimetric):
+                traced.append(Traced(constraint, trace(f"{label}.g", constraint.g, full, kind)))
+            elif isinstance(constraint, Bound):
+                traced.append(Traced(constraint, trace(f"{label}.h", constraint.h, short, kind)))
+            elif isinstance(constraint, Holonomic):
+                phi = trace(f"{label}.phi", constraint.phi, [*self._position_arguments(), *p], kind)
+                if not ca.depends_on(phi, self.symbols.y):
+                    raise ValueError(f"{label}.phi does not depend on the curve, so phi = 0 constrains nothing")
+                traced.append(Traced(constraint, phi))
+        self.traced = tuple(traced)
+        self._check_sliding()
+        if self.end_cost is not None:
+            ends = self._end_symbols()
+            self.end_cost_expression = (
+                ends,
+                trace("end_cost", self.end_cost, [*map(self._end_handed, ends), *p], kind),
+            )
+
+    def _end_handed(self, symbol: Expression) -> Expression:
+        return symbol if symbol.numel() != self.n or not self.scalar else symbol[0]
+
+    @property
+    def parameter_values(self) -> np.ndarray:
+        """The parameters' values, in the order they were declared; shape (number of parameters,), not to be changed."""
+        return self._listed("parameters")
+
+    @property
+    def unknown_guesses(self) -> np.ndarray:
+        """The first guesses of the unknowns, in the order they were declared; not to be changed."""
+        return self._listed("unknowns")
+
+    def _listed(self, name: str) -> np.ndarray:
+        """The values of a mapping, listed once."""
+        given, kept = getattr(self, name), self.__dict__.get(f"_{name}_listed")
+        if kept is None or kept[0] is not given:  # a copy has been given other values
+            values = np.array(list(given.values()), dtype=float)
+            values.setflags(write=False)
+            kept = self.__dict__[f"_{name}_listed"] = given, values
+        return kept[1]
+
+    def of_type(self, constraint_type: type) -> Iterator[Any]:
+        """The constraints of one type, in the order given."""
+        return (c for c in self.constraints if isinstance(c, constraint_type))
+
+    def with_parameters(self, values: Mapping[str, float]) -> Self:
+        """The same problem for other parameter values; nothing is traced or built anew.
+
+        Raises ValueError for a name that is not among ``parameters``, where an
+        end violates a constraint at these values, and where one that is moved
+        by them lies where no end can be.
+
+        >>> import casadi as ca
+        >>> import varcalc as vc
+        >>> fall = vc.Problem(lambda x, y, dy, p: ca.sqrt((1 + dy**2) / (2 * p.g * y)),
+        ...                   vc.Fixed(0, 0), vc.Fixed(1, 1), parameters={"g": 9.81})
+        >>> fall.with_parameters({"g": 1.62}).parameters
+        {'g': 1.62}
+        """
+        given = named("parameters", values)
+        strange = given.keys() - self.parameters.keys()
+        if strange:
+            raise ValueError(f"{sorted(strange)} are no parameters of this problem; it has {sorted(self.parameters)}")
+        other = copy.copy(self)
+        other.parameters = self.parameters | given
+        if self.end_parameters & given.keys():
+            other.start, other.end = other.placed_ends()
+            other.check_ends()
+        other.check_places()
+        return other
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r}, {self.start}, {self.end})"
+
+
+UNNAMED = "functional"
+"""What a functional is called that was given no name and whose function has none."""
+
+
+def _checked_name(name: Any) -> str:
+    if not isinstance(name, str):
+        raise TypeError(f"name must be a text, not {name!r}")
+    return name
+
+
+def _own_name(lagrangian: Callable[..., Any]) -> str:
+    name = getattr(lagrangian, "__name__", UNNAMED)
+    return UNNAMED if name == "<lambda>" else name
+
+
+def named(name: str, values: Mapping[str, float] | None) -> dict[str, float]:
+    """Parameters as people give them, copied; TypeError or ValueError naming ``name`` for what are none."""
+    if values is None:
+        return {}
+    if not isinstance(values, Mapping):
+        raise TypeError(f"{name} must be a mapping from names to numbers, not {values!r}")
+    for key in values:
+        if not (isinstance(key, str) and key.isidentifier()) or keyword.iskeyword(key) or key.startswith("__"):
+            raise ValueError(f"{name}: {key!r} is no name that p.<name> could have; choose another")
+    return {key: finite(f"{name}[{key!r}]", value) for key, value in values.items()}

@@ -1,0 +1,355 @@
+"""The problem: a functional, the ends of its curve and what constrains it.
+
+A :class:`Problem` calls the person's functions once, with symbols, checks all
+that can be checked before any solve, and keeps the expressions. How to solve
+is no business of this module.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.problem.conditions import (
+    At,
+    Constraint,
+    CurveEnd,
+    End,
+    Fixed,
+    Isoperimetric,
+    OnCurve,
+    OnSurface,
+    Through,
+    components,
+    sequence,
+)
+from varcalc.problem.consistency import Place, check_places
+from varcalc.problem.functional import Functional
+from varcalc.problem.shape import check_slopes, curve_dimension, curve_point, dimension, inside, span_of
+from varcalc.symbolic.buffered import Pointwise
+from varcalc.symbolic.columns import FewOrMany
+from varcalc.symbolic.derivatives import Derivatives
+from varcalc.symbolic.tracing import Expression, trace
+
+SAME = 1e-12
+"""Distance of two abscissae that counts as none, relative to the interval."""
+NUDGE = 1e-9
+"""Relative step off an end at which the integrand must be a number at least on one side."""
+
+
+FEW_FUNCTIONS = 3
+"""Unknown functions up to which it is cheaper to take all derivatives of L than to state those that are asked for."""
+FEW, MANY = 32, 128
+"""Points at which derivatives, and values, are taken in one go: a small problem's curve has no more than few."""
+
+
+class Problem(Functional):
+    """Make the integral of ``lagrangian`` over the graph of y(x) least (or greatest).
+
+    Parameters
+    ----------
+    lagrangian:
+        ``L(x, y, dy)``, with ``ddy`` when ``order=2`` and ``p`` last when there
+        are parameters or unknowns. Called once, with CasADi symbols: scalars,
+        or columns when the ends give vectors.
+    start, end:
+        :class:`Fixed`, :class:`Free`, :class:`OnCurve`, or the same
+        :class:`Periodic` twice.
+    constraints:
+        :class:`Isoperimetric`, :class:`Holonomic`, :class:`Bound`, :class:`Through`.
+    parameters, unknowns:
+        Names with values; unknowns are optimised with the curve, from the guesses given.
+    end_cost:
+        ``M(x0, y0, x1, y1[, p])``, added to the integral.
+    order:
+        Highest derivative in the Lagrangian, 1 or 2.
+    breakpoints:
+        Abscissae where L may jump in x.
+
+    Raises TypeError or ValueError, naming the argument and the remedy, for
+    input that cannot be a problem: mismatched dimensions, a function that
+    does not return a scalar, an end where L is not a number.
+    """
+
+    def __init__(
+        self,
+        lagrangian: Callable[..., Any],
+        start: End,
+        end: End,
+        constraints: Sequence[Constraint] = (),
+        *,
+        parameters: Mapping[str, float] | None = None,
+        unknowns: Mapping[str, float] | None = None,
+        end_cost: Callable[..., Any] | None = None,
+        order: int = 1,
+        maximise: bool = False,
+        breakpoints: Sequence[float] = (),
+        name: str = "",
+    ) -> None:
+        if isinstance(order, bool) or not isinstance(order, int | np.integer) or order not in (1, 2):
+            raise ValueError(f"order must be 1 or 2, not {order!r}")
+        self.order = int(order)
+        self.n, self.scalar = dimension(start, end)
+        self._level = np.zeros((1, self.n if self.order == 2 else 0))
+        check_slopes(start, end, order)
+        self.breakpoints = sequence(
+            "breakpoints", breakpoints
+        )  # checked with the ends, whose coordinates may be parameters
+        super().__init__(lagrangian, start, end, constraints, parameters, unknowns, end_cost, maximise, name)
+        self._check_domain()
+        self.check_places()
+
+    def _arguments(self) -> list[Expression]:
+        return [self.symbols.x, self._handed(self.symbols.y)]
+
+    def _position_arguments(self) -> list[Expression]:
+        return self._arguments()
+
+    def placed_ends(self) -> tuple[Any, Any]:  # noqa: D102
+        start, end = super().placed_ends()
+        self.span = span_of(start, end)
+        self.breakpoints = inside("breakpoints", self.breakpoints, self.span, start, end)
+        return start, end
+
+    def check_ends(self) -> None:  # noqa: D102
+        for i, c in enumerate(self.constraints):
+            if isinstance(c, Through):
+                self._check_beside_ends(i, c)
+                inside(f"constraints[{i}].x (Through)", (c.x,), self.span, self.start, self.end)
+        self._check_domain()
+
+    def _end_symbols(self) -> list[Expression]:
+        kind = self.symbols.kind
+        return [kind.sym("x0"), kind.sym("y0", self.n), kind.sym("x1"), kind.sym("y1", self.n)]
+
+    def _checked_constraints(self, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+        checked = super()._checked_constraints(constraints)
+        for i, c in enumerate(checked):
+            if isinstance(c, Through):
+                if len(components("Through.y", c.y)) != self.n:
+                    raise ValueError(f"constraints[{i}]: Through.y must have {self.n} components")
+                self._check_beside_ends(i, c)
+                inside(f"constraints[{i}].x (Through)", (c.x,), self.span, self.start, self.end)
+                if any(isinstance(d, Through) and d.x == c.x for d in checked[:i]):
+                    raise ValueError(
+                        f"constraints[{i}]: there is another Through at x = {c.x}; give one for each abscissa"
+                    )
+        return checked
+
+    def _check_beside_ends(self, index: int, waypoint: Through) -> None:
+        """Refuse a waypoint at the abscissa of a fixed end, where it either says nothing or contradicts the end."""
+        for label, end in (("start", self.start), ("end", self.end)):
+            if not isinstance(end, Fixed) or abs(waypoint.x - end.x) > SAME * (self.span[1] - self.span[0]):
+                continue
+            pairs = zip(components("y", end.y), components("Through.y", waypoint.y), strict=True)
+            miss = max(abs(a - b) for a, b in pairs if a is not None and b is not None)
+            raise ValueError(
+                f"constraints[{index}]: {waypoint} lies at the abscissa of {label} = {end}"
+                + (f" and misses it by {miss:.6g}; move one of the two" if miss else "; leave it out, or fix it there")
+            )
+
+    def _check_sliding(self) -> None:
+        s = self.symbols
+        for label, end in (("start", self.start), ("end", self.end)):
+            if isinstance(end, OnCurve):
+                phi = trace(f"{label}.phi", end.phi, [s.x, self._handed(s.y)], s.kind, "phi takes x and y, never p")
+                if not (ca.depends_on(phi, s.x) or ca.depends_on(phi, s.y)):
+                    raise ValueError(f"{label}.phi depends neither on x nor on y, so phi = 0 is no curve to slide on")
+
+    def check_places(self) -> None:  # noqa: D102
+        if not self.traced:
+            return
+        ends = [(label, e) for label, e in (("start", self.start), ("end", self.end)) if isinstance(e, Fixed)]
+        waypoints = [(f"constraints[{i}]", c) for i, c in enumerate(self.constraints) if isinstance(c, Through)]
+        check_places(
+            self,
+            [
+                Place(f"{label} = {point}", float(point.x), np.array(components("y", point.y), dtype=float))
+                for label, point in (*ends, *waypoints)
+                if None not in components("y", point.y)
+            ],
+        )
+
+    def _check_domain(self) -> None:
+        """Refuse an end where L is not a number, however the end is approached."""
+        known = [
+            (label, end, np.array(components("y", end.y), dtype=float))
+            for label, end in (("start", self.start), ("end", self.end))
+            if isinstance(end, Fixed) and None not in components("y", end.y)
+        ]
+        if not known:
+            return
+        steps = _nudges(self.n)
+        fans = np.vstack([y + steps * max(1.0, *map(abs, y.tolist())) for _, _, y in known])
+        x = np.array([float(end.x) for _, end, _ in known]).repeat(len(steps))
+        slopes = np.broadcast_to(self._chord_slope()[:, None], fans.T.shape)
+        nowhere = np.all(np.isnan(self.integrand_values(x, fans.T, slopes)).reshape(len(known), -1), axis=1)
+        for (label, end, _), bad in zip(known, nowhere.tolist(), strict=True):
+            if bad:
+                raise ValueError(
+                    f"{label} = {end} lies outside the domain of the Lagrangian: L is not a number there; "
+                    "move the end, or check the sign under roots and logarithms"
+                )
+
+    def _chord_slope(self) -> np.ndarray:
+        ends = [components("y", e.y) if isinstance(e, Fixed) else (None,) * self.n for e in (self.start, self.end)]
+        rise = [0.0 if a is None or b is None else b - a for a, b in zip(*ends, strict=True)]
+        return np.array(rise) / (self.span[1] - self.span[0])
+
+    def integrand_values(
+        self, x: np.ndarray, y: np.ndarray, dy: np.ndarray, parameters: np.ndarray | None = None
+    ) -> np.ndarray:
+        """L at ``m`` points: x of shape (m,), y and dy of shape (n, m); unknowns at their guesses.
+
+        ``parameters`` (m, number of them) are other values of the parameters than the problem's own.
+        """
+        if "L" not in self.built:
+            self.built["L"] = FewOrMany(ca.Function("L", self.symbols.all, [self.integrand]), MANY)
+        numbers = self.parameter_values[None] if parameters is None else parameters, self.unknown_guesses[None]
+        return self.built["L"](len(x), x[:, None], y.T, dy.T, self._level, *numbers)[:, 0]
+
+    def integrand_derivatives(
+        self, x: np.ndarray, y: np.ndarray, dy: np.ndarray, parameters: np.ndarray | None = None
+    ) -> Derivatives:
+        """L with its first and second derivatives in (x, y, y'[, y'']), arguments as in :meth:`integrand_values`.
+
+        One function serves whatever is asked of L on the way to an answer: derivatives are CasADi's, at a tenth of
+        the cost of stating what is asked as an expression of its own.
+        """
+        numbers = self.parameter_values[None] if parameters is None else parameters, self.unknown_guesses[None]
+        return Derivatives(self._derivatives(len(x), x[:, None], y.T, dy.T, self._level, *numbers))
+
+    @property
+    def _derivatives(self) -> Pointwise:
+        if "derivatives" not in self.built:
+            hessian, gradient = ca.hessian(self.integrand, self.symbols.variables)
+            function = ca.Function("derivatives", self.symbols.all, [self.integrand, gradient, hessian])
+            self.built["derivatives"] = Pointwise(function, FEW)
+        return self.built["derivatives"]
+
+    @property
+    def linear(self) -> bool:
+        """Whether a first-order Lagrangian shows no second derivative in the slope: it is linear there."""
+        if self.n > FEW_FUNCTIONS:
+            return not ca.hessian(self.integrand, self.symbols.dy)[0].nnz()
+        k = 1 + 2 * self.n
+        return not self._derivatives.occupied[1 + k :].reshape(k, k)[1 + self.n :, 1 + self.n :].any()
+
+
+class Curve(Functional):
+    """Make the integral of ``F(q, dq)`` along a curve in space least (or greatest).
+
+    ``F(q, dq[, p])`` must be homogeneous of degree one in ``dq``, so that the
+    integral does not depend on how the curve is parametrised; the solver fixes
+    the parametrisation (constant speed) itself. ``start`` and ``end`` are
+    :class:`At`, :class:`OnSurface`, or the same :class:`Periodic` twice for a
+    closed curve. The other arguments are those of :class:`Problem`, with
+    ``Holonomic(phi(q))``, ``Bound(h(q, dq))`` and ``end_cost(q0, q1[, p])``.
+
+    Raises ValueError when ``F`` is not homogeneous of degree one.
+    """
+
+    def __init__(
+        self,
+        lagrangian: Callable[..., Any],
+        start: CurveEnd,
+        end: CurveEnd,
+        constraints: Sequence[Constraint] = (),
+        *,
+        parameters: Mapping[str, float] | None = None,
+        unknowns: Mapping[str, float] | None = None,
+        end_cost: Callable[..., Any] | None = None,
+        maximise: bool = False,
+        name: str = "",
+    ) -> None:
+        self.n = curve_dimension(start, end)
+        self.scalar = False
+        self.span = (0.0, 1.0)
+        super().__init__(lagrangian, start, end, constraints, parameters, unknowns, end_cost, maximise, name)
+        for i, c in enumerate(self.constraints):
+            if isinstance(c, Through):
+                raise TypeError(f"constraints[{i}]: Through needs an abscissa, which a Curve does not have")
+        self._check_homogeneous("lagrangian", self.integrand)
+        for i, t in enumerate(self.traced):
+            if isinstance(t.constraint, Isoperimetric):
+                self._check_homogeneous(f"constraints[{i}].g", t.expression)
+        self.check_places()
+
+    def check_ends(self) -> None:  # noqa: D102
+        pass  # a point anywhere may be the end of a Curve
+
+    def _arguments(self) -> list[Expression]:
+        return [self.symbols.y]
+
+    def _position_arguments(self) -> list[Expression]:
+        return self._arguments()
+
+    def _end_symbols(self) -> list[Expression]:
+        kind = self.symbols.kind
+        return [kind.sym("q0", self.n), kind.sym("q1", self.n)]
+
+    def _check_sliding(self) -> None:
+        for label, end in (("start", self.start), ("end", self.end)):
+            if isinstance(end, OnSurface):
+                phi = trace(f"{label}.phi", end.phi, [self.symbols.y], self.symbols.kind, "phi takes q, never p")
+                if not ca.depends_on(phi, self.symbols.y):
+                    raise ValueError(f"{label}.phi does not depend on q, so phi = 0 is no surface to slide on")
+
+    def check_places(self) -> None:  # noqa: D102
+        check_places(
+            self,
+            [
+                Place(f"{label} = {end}", 0.0, np.array(end.q, dtype=float))
+                for label, end in (("start", self.start), ("end", self.end))
+                if isinstance(end, At) and None not in components("At.q", end.q)
+            ],
+        )
+
+    def integrand_values(self, q: np.ndarray, dq: np.ndarray, parameters: np.ndarray | None = None) -> np.ndarray:
+        """F at ``m`` points: q and dq of shape (n, m); unknowns at their guesses.
+
+        ``parameters`` (m, number of them) are other values of the parameters than the problem's own.
+        """
+        if "F" not in self.built:
+            s = self.symbols
+            function = ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [self.integrand])
+            self.built["F"] = FewOrMany(function)
+        numbers = self.parameter_values[None] if parameters is None else parameters, self.unknown_guesses[None]
+        return self.built["F"](q.shape[1], q.T, dq.T, *numbers)[:, 0]
+
+    def _check_homogeneous(self, label: str, expression: Expression) -> None:
+        """Compare F(q, 3 dq) with 3 F(q, dq) at points near the ends, in several directions."""
+        s = self.symbols
+        function = ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [expression])
+        ends = [curve_point(e) for e in (self.start, self.end)]
+        places = [np.zeros(self.n) if p is None else p for p in ends]
+        scale = max(1.0, *(float(np.abs(p).max()) for p in places))
+        # a low-discrepancy spread of places and directions: enough to catch any formula that is not homogeneous
+        golden = np.array([math.modf((k + 1) * math.sqrt(2 + 3 * k))[0] for k in range(self.n)])
+        tried = 0
+        for k in range(1, 17):
+            q = places[k % 2] + scale * 0.3 * (np.modf(k * golden)[0] - 0.4)
+            dq = 2 * np.modf((k + 5) * golden * 1.7)[0] - 1
+            once, thrice = (float(function(q, m * dq, self.parameter_values, self.unknown_guesses)) for m in (1.0, 3.0))
+            if not (math.isfinite(once) and math.isfinite(thrice)):
+                continue
+            tried += 1
+            if abs(thrice - 3 * once) > 1e-9 * (abs(thrice) + 3 * abs(once)):
+                raise ValueError(
+                    f"{label} is not homogeneous of degree one in dq: F(q, 3 dq) = {thrice:.12g} but "
+                    f"3 F(q, dq) = {3 * once:.12g} at q = {q.tolist()}, dq = {dq.tolist()}; "
+                    "a functional that depends on the parametrisation is a Problem in that parameter"
+                )
+        if tried == 0:
+            raise ValueError(f"{label} is not a number anywhere near the ends; check them against its domain")
+
+
+@lru_cache(maxsize=16)
+def _nudges(n: int) -> np.ndarray:
+    """Steps off an end: none, and one either way in each of ``n`` ordinates; (1 + 2 n, n)."""
+    return NUDGE * np.vstack([np.zeros(n), *(sign * row for row in np.eye(n) for sign in (1.0, -1.0))])

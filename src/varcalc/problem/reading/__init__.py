@@ -1,0 +1,118 @@
+"""Expressions and Euler-Lagrange equations as text and as LaTeX."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import casadi as ca
+
+from varcalc.problem.functional import Functional
+from varcalc.problem.lagrangian import Lagrangian
+from varcalc.problem.reading.equations import MOST_TERMS, collected, simplified
+from varcalc.problem.reading.reader import EXPANDED, FACTORED, Named, names, names_of
+from varcalc.problem.reading.sums import Sum
+from varcalc.problem.reading.writing import LATEX, TEXT, Style, write
+from varcalc.symbolic.tracing import Expression
+
+__all__ = ["euler_lagrange_latex", "euler_lagrange_text", "first_integrals_text", "latex", "names", "text"]
+
+
+def _written(expression: Expression, named: Named, style: Style) -> str:
+    if not isinstance(expression, ca.SX):
+        return str(expression)
+    return write(FACTORED.read(expression, named), style)
+
+
+def text(expression: Expression, named: Named = ()) -> str:
+    """A scalar expression as text; ``named`` pairs symbols with the names of their entries (see :func:`names`).
+
+    An MX expression, whose operations are not all formulas, is written as CasADi writes it.
+
+    >>> y, v = ca.SX.sym("y"), ca.SX.sym("v")
+    >>> text(ca.sqrt((1 + v**2) / (2 * y)), [(v, ["y'"])])
+    "sqrt((1 + y'^2)/(2 y))"
+    """
+    return _written(expression, named, TEXT)
+
+
+def latex(expression: Expression, named: Named = ()) -> str:
+    r"""A scalar expression as LaTeX; arguments as for :func:`text`.
+
+    >>> y = ca.SX.sym("y")
+    >>> print(latex(ca.sqrt(y) / 2))
+    \frac{\sqrt{y}}{2}
+    """
+    return _written(expression, named, LATEX)
+
+
+def _equations(problem: Functional) -> Iterator[Sum]:
+    lagrangian = Lagrangian.of(problem)
+    named = names_of(problem, lagrangian)
+    for k in range(problem.n):
+        component = lagrangian.euler_lagrange[k]
+        left = simplified(EXPANDED.read(component, named))
+        yield left if len(left.terms) <= MOST_TERMS else FACTORED.read(component, named)
+
+
+def _integrals(problem: Functional, lagrangian: Lagrangian) -> Iterator[tuple[str, Expression]]:
+    """Which first integrals the Lagrangian has, with their names."""
+    labels = ["y"] if problem.scalar else [f"y_{i + 1}" for i in range(problem.n)]
+    for k in lagrangian.ignorable:
+        yield f"momentum of {labels[k]}", lagrangian.momenta[0][k]
+    if lagrangian.ignorable_abscissa:
+        yield "energy", lagrangian.energy
+
+
+def euler_lagrange_text(problem: Functional) -> str:
+    """The Euler-Lagrange equation, one line for each unknown function, as short as algebra makes it.
+
+    Terms are over a common denominator, which is left out: it cannot vanish
+    where the equation makes sense.
+
+    >>> from varcalc import Fixed, Problem
+    >>> film = Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), Fixed(-0.5, 1), Fixed(0.5, 1))
+    >>> euler_lagrange_text(film)
+    "y y'' - y'^2 - 1 = 0"
+    """
+    return _all_equations(problem, TEXT)
+
+
+def euler_lagrange_latex(problem: Functional) -> str:
+    r"""The Euler-Lagrange equation as LaTeX, one line for each unknown function.
+
+    >>> from varcalc import Fixed, Problem
+    >>> film = Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), Fixed(-0.5, 1), Fixed(0.5, 1))
+    >>> euler_lagrange_latex(film)
+    "y y'' - y'^{2} - 1 = 0"
+    """
+    return _all_equations(problem, LATEX)
+
+
+def _all_equations(problem: Functional, style: Style) -> str:
+    if problem.symbols.kind is not ca.SX:
+        components = ca.vertsplit(Lagrangian.of(problem).euler_lagrange)
+        return "\n".join(f"{component} = 0" for component in components)
+    return "\n".join(f"{write(left, style)} = 0" for left in _equations(problem))
+
+
+def first_integrals_text(problem: Functional) -> dict[str, str]:
+    """The first integrals that follow from ignorable variables: name to expression that is constant on extremals.
+
+    >>> from varcalc import Fixed, Problem
+    >>> line = Problem(lambda x, y, dy: dy**2 / 2 - ca.cos(y), Fixed(0, 0), Fixed(1, 1))
+    >>> first_integrals_text(line)
+    {'energy': "y'^2/2 + cos(y)"}
+    """
+    lagrangian = Lagrangian.of(problem)
+    found = list(_integrals(problem, lagrangian))
+    if problem.symbols.kind is not ca.SX:
+        return {name: str(expression) for name, expression in found}
+    named = names_of(problem, lagrangian)
+    return {name: write(_shorter(expression, named), TEXT) for name, expression in found}
+
+
+def _shorter(expression: Expression, named: Named) -> Sum:
+    """Whichever has fewer terms: as it stands, expanded, or with common denominators of its parts carried out."""
+    readings = [EXPANDED.read(expression, named), FACTORED.read(expression, named)]
+    readings += [collected(r) for r in readings]
+    return min(readings, key=lambda s: (len(s.terms), len(write(s, TEXT))))

@@ -1,0 +1,129 @@
+"""The examination of a problem: every check, and what it finds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from varcalc.existence.approach import Approach, approached, gap
+from varcalc.existence.broken_curve import broken_curve
+from varcalc.existence.corners import convex
+from varcalc.existence.falling import falling
+from varcalc.existence.relaxation import applies, relaxed
+from varcalc.existence.second_look import none_found, regular
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
+from varcalc.search import extremals
+from varcalc.solution import Solution, Status, Verdict
+from varcalc.solve.ladder import solve
+from varcalc.verify import Finding
+
+PIECES = 64
+"""Pieces of the polygons on which the convexified problem is solved."""
+HOPELESS = {Verdict.INFEASIBLE, Verdict.SINGULAR}
+"""Verdicts that leave nothing to search for."""
+
+
+class Examination:
+    """The checks of one problem, in an order in which the cheap ones may spare the others."""
+
+    def __init__(self, problem: Functional) -> None:
+        self.problem = problem
+        self.evidence: dict[str, Any] = {}
+
+    def findings(self) -> Iterator[Finding]:
+        """Every statement that holds, as the checks come to it."""
+        solution = solve(self.problem, throw=False)
+        self.evidence["solution"] = solution
+        yield from _of_solution(solution)
+        if solution.verdict in HOPELESS:
+            return
+        yield from self._unbounded(solution)
+        yield from self._extremals(solution)
+        yield from self._approach(solution)
+        yield from self._relaxation()
+        yield from self._broken(solution)
+
+    def _unbounded(self, solution: Solution) -> Iterator[Finding]:
+        fall = falling(self.problem)
+        if fall is not None:
+            self.evidence["fall"] = fall
+            numbers = {"distance": float(fall.distances[-1]), "value": float(fall.values[-1])}
+            if solution.verdict is not Verdict.UNBOUNDED:
+                yield Finding(Verdict.UNBOUNDED, fall.sentence, numbers)
+
+    def _extremals(self, solution: Solution) -> Iterator[Finding]:
+        found = extremals(self.problem)
+        self.evidence["extremals"] = found
+        for number, extremal in enumerate(found, start=1):
+            check = extremal.verification
+            sentence = (
+                f"extremal {number} of {len(found)}: value {extremal.value:.12g}, index {check.index:g}, "
+                f"{check.verdict.value}"
+            )
+            alone = number == 1 and not solution.status.ok
+            yield Finding(
+                check.verdict if alone else None, sentence, {"value": extremal.value, "index": float(check.index)}
+            )
+        if len(found):
+            yield Finding(None, f"searched: {found.searched}")
+        elif solution.status.ok or solution.verdict is Verdict.NO_EXTREMAL:
+            return
+        elif found.complete and regular(self.problem):
+            yield Finding(Verdict.NO_EXTREMAL, none_found(self.problem, found))
+        else:
+            yield Finding(None, f"no extremal was found: {found.searched}")
+
+    def _approach(self, solution: Solution) -> Iterator[Finding]:
+        """How the infimum is approached, where no minimum was found."""
+        if solution.status.ok or (approach := approached(self.problem)) is None:
+            return
+        self.evidence["polygons"] = approach
+        between = gap(self.problem, approach)
+        if between is not None and solution.verdict is not Verdict.GAP:
+            yield Finding(Verdict.GAP, between.sentence(approach.limit), {"value": between.value})
+        if approach.concentrates and solution.verdict is not Verdict.NOT_ATTAINED:
+            yield Finding(Verdict.NOT_ATTAINED, f"the infimum is not attained: {approach.sentence}", _numbers(approach))
+
+    def _relaxation(self) -> Iterator[Finding]:
+        problem = self.problem
+        if not (isinstance(problem, Problem) and applies(problem)) or convex(problem):
+            return
+        found = relaxed(problem, PIECES)
+        if found is None:
+            return
+        self.evidence["relaxed"] = found
+        sentence = f"L is not convex in the slope; its convex envelope has the least value {found.value:.9g}"
+        if found.mixed.any():
+            sentence += f", by alternating between two slopes on {found.mixed.mean():.0%} of the interval"
+        yield Finding(None, sentence, {"relaxed": found.value, "mixed": float(found.mixed.mean())})
+
+    def _broken(self, solution: Solution) -> Iterator[Finding]:
+        rival = broken_curve(self.problem)
+        if rival is None:
+            return
+        self.evidence["broken"] = rival
+        sign = -1.0 if self.problem.maximise else 1.0
+        if not solution.status.ok or sign * rival.value < sign * solution.value:
+            yield Finding(None, rival.sentence, {"value": rival.value, "level": rival.level})
+
+
+def _of_solution(solution: Solution) -> Iterator[Finding]:
+    """What solving the problem says of it."""
+    numbers = {"value": solution.value, "error": solution.error.value}
+    if not solution.status.ok:
+        yield Finding(solution.verdict, f"solve gives no answer: {solution.message}", numbers)
+        return
+    best = Verdict.MAXIMUM if solution.problem.maximise else Verdict.MINIMUM
+    kind = "maximum" if solution.problem.maximise else "minimum"
+    local = f", local only: {solution.lower:.12g} is reached elsewhere" if solution.local and solution.lower else ""
+    yield Finding(best, f"a {kind}: {solution.value:.15g} with an error of {solution.error.value:.1e}{local}", numbers)
+    if solution.status is Status.ROUND_OFF:
+        yield Finding(None, "round-off is reached: the answer is the best that double precision allows", numbers)
+
+
+def _numbers(approach: Approach) -> dict[str, float]:
+    table = {f"on {n} pieces": float(v) for n, v in zip(approach.elements, approach.values, strict=True)}
+    return table | {"limit": approach.limit, "steepest": float(np.max(approach.steepest))}

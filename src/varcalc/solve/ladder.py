@@ -1,0 +1,221 @@
+"""solve: one problem, the best answer that can be vouched for, or the reason why not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from varcalc.existence.approach import outdone
+from varcalc.existence.broken_curve import with_rival
+from varcalc.existence.feasibility import explained
+from varcalc.formulation import Form, Sampled
+from varcalc.formulation.singular import Forms, Infinite, forms
+from varcalc.methods.answer import in_coordinates_of
+from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
+from varcalc.methods.ritz.method import Ritz
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
+from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict, no_answer
+from varcalc.solve.warm_start import resolved
+from varcalc.verify.weierstrass import vouched
+
+
+class Method(Protocol):
+    """What every method offers: a solve of one form."""
+
+    def solve(self, form: Form, *, tol: float, guess: Sampled | None) -> Solution:
+        """A Solution, with a status that says why when there is none."""
+        ...
+
+
+def solve(
+    problem: Functional,
+    method: Method | None = None,
+    *,
+    tol: float = 1e-10,
+    throw: bool = True,
+    guess: Guess = None,
+) -> Solution:
+    """The extremal that makes the functional least (greatest with ``maximise``).
+
+    ``tol`` bounds the error of the value relative to max(1, abs(value)).
+    ``guess`` is a function of x (of t for a Curve) or an earlier Solution.
+    Without ``method`` the cheapest route that meets the tolerance is taken.
+
+    Raises VariationalError, with the status, the verdict and what was found,
+    when there is no answer that stands; with ``throw=False`` the Solution is
+    returned with that status instead. Raises TypeError or ValueError for
+    unusable arguments.
+
+    >>> import casadi as ca
+    >>> import varcalc as vc
+    >>> line = vc.Problem(lambda x, y, dy: ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.Fixed(3, 4))
+    >>> round(solve(line).value, 12)
+    5.0
+    """
+    check_arguments(problem, method, tol)
+    known = resolved(problem, method, tol, guess)
+    if known is not None:
+        return known
+    check_guess(problem, guess)
+    solution = _linear(problem, method or LADDER[0])
+    if solution is None:
+        solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
+    if method is None and not solution.status.ok:
+        from varcalc.existence.second_look import second_look  # few solves need all that it imports
+
+        solution = second_look(problem, tol, solution)
+    if (method is None or isinstance(method, Ritz)) and solution.status.ok:
+        solution = with_rival(solution)
+    if throw and not solution.status.ok:
+        raise (InfeasibleError if solution.verdict is Verdict.INFEASIBLE else VariationalError)(solution)
+    return solution
+
+
+WORTHLESS = 1e-6
+"""Relative error at which an answer limited by round-off is none."""
+LADDER: tuple[Ritz, ...] = (Ritz(),)
+"""The route taken first: the direct method is the cheapest for most single solves, and it alone ends at a
+minimum by construction (see docs/methods.md for the figures)."""
+
+
+def _guides() -> tuple[Method, ...]:
+    """Routes that may find an extremal where minimisation finds no way to it; it is minimised from there."""
+    from varcalc.methods.collocation.method import Collocation  # both are imported by the few solves that need them
+    from varcalc.methods.first_integral.method import FirstIntegral
+
+    return (Collocation(), FirstIntegral())
+
+
+def _reduces(method: Method) -> bool:
+    """Whether a method is a reduction to quadrature, which goes its own way at singular ends."""
+    from varcalc.methods.first_integral.method import FirstIntegral
+
+    return isinstance(method, FirstIntegral)
+
+
+def _linear(problem: Functional, method: Method) -> Solution | None:
+    """A refusal when a first-order Lagrangian is linear in the slope, in which case nothing in it fixes a curve."""
+    if not isinstance(problem, Problem) or problem.order != 1 or problem.constraints or not problem.linear:
+        return None
+    message = "the Lagrangian is linear in the slope: nothing in it fixes a curve between these ends"
+    return no_answer(problem, method, Status.REFUSED, message, Verdict.SINGULAR)
+
+
+def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:
+    """The ladder: each route in turn, and extremals of the indirect ones as starts for the direct one.
+
+    An extremal that an indirect method finds may be a saddle. It is an answer
+    only when minimising from there stays at it.
+    """
+    failure: Solution | None = None
+    for method in LADDER:
+        solution = _attempt(problem, method, tol, guess)
+        if solution.status.ok or solution.verdict is not None:
+            return solution
+        failure = failure or solution
+    for guide in _guides():
+        extremal = _attempt(problem, guide, tol, guess)
+        if extremal.status.ok:
+            solution = _attempt(problem, replace(LADDER[0], starts=1), tol, extremal)
+            if solution.status.ok or solution.verdict is Verdict.DEGENERATE:
+                return solution
+    assert failure is not None
+    return failure
+
+
+def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
+    """The first answer of a method that stands, over all forms; else the failure that got furthest."""
+    failure: Solution | None = None
+    try:
+        candidates = forms(problem)
+    except Infinite as reason:
+        return no_answer(problem, method, Status.REFUSED, str(reason), Verdict.INFEASIBLE)
+    for way in _quick_first(method, len(candidates)):
+        for form in candidates:
+            if form is None or (form.weak_only and not isinstance(way, Ritz)):
+                continue
+            if form.refused and not _reduces(way):
+                failure = failure or no_answer(problem, way, Status.REFUSED, form.refused)
+                continue
+            start = guess if guess is not None or failure is None or failure.curve is None else failure
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                solution = _worth_something(way.solve(form, tol=tol, guess=_sampled(problem, form, start)))
+            solution = _standing(way, form, solution, tol)
+            if solution.status.ok:
+                return _beyond_doubt(vouched(_compared(solution, failure), form), form, candidates)
+            if solution.verdict in {Verdict.NOT_ATTAINED, Verdict.DEGENERATE}:
+                return solution
+            if failure is None or (math.isnan(failure.value) and not math.isnan(solution.value)) or solution.verdict:
+                failure = solution
+    assert failure is not None
+    hopeless = all(form is not None and form.refused for form in candidates)
+    return failure if hopeless else explained(problem, failure)
+
+
+def _standing(method: Method, form: Form, solution: Solution, tol: float) -> Solution:
+    """The answer of a method, refused where it is a saddle of the constrained problem, or its level an extreme one."""
+    if solution.status.ok and form.pathwise:
+        from varcalc.existence.standing import off_saddle  # with half of verify
+
+        solution = off_saddle(method, form, solution, tol)
+    if solution.status is Status.ROUND_OFF:  # at an extreme level no multiplier exists, and digits are lost
+        solution = explained(solution.problem, solution)
+    return solution
+
+
+def _beyond_doubt(solution: Solution, form: Form, candidates: Forms) -> Solution:
+    """The solution, refused when L is singular at an end and a curve that is steeper there is far better."""
+    if form.energetic or not candidates.singular or (better := outdone(solution)) is None:
+        return solution
+    return replace(solution, status=Status.REFUSED, verdict=Verdict.GAP, message=better.sentence(solution.value))
+
+
+def _compared(solution: Solution, failure: Solution | None) -> Solution:
+    """The solution, marked local when a curve met on the way has a better value."""
+    if failure is None or failure.curve is None or not math.isfinite(failure.error.value):
+        return solution
+    sign = -1.0 if solution.problem.maximise else 1.0
+    margin = failure.error.value + solution.error.value + 1e-12 * abs(solution.value)
+    if sign * failure.value < sign * solution.value - margin:
+        return replace(solution, local=True, lower=failure.value)
+    return solution
+
+
+def _worth_something(solution: Solution) -> Solution:
+    """The solution, refused when round-off leaves it fewer digits than an answer needs, as at conjugate ends."""
+    if solution.status is Status.ROUND_OFF and solution.error.value > WORTHLESS * max(1.0, abs(solution.value)):
+        message = f"round-off leaves an error of {solution.error.value:.2g}: the ends are conjugate, or nearly so"
+        return replace(solution, status=Status.NOT_CONVERGED, message=message)
+    return solution
+
+
+def _quick_first(method: Method, count: int) -> list[Method]:
+    """Where there is a choice of forms, each is tried from the first starting curves before any is tried from all."""
+    if isinstance(method, Ritz) and method.starts > 2 and count > 1:
+        return [replace(method, starts=2), method]
+    return [method]
+
+
+def _sampled(problem: Functional, form: Form, guess: Guess) -> Sampled | None:
+    """A guess in the coordinates of a form."""
+    if guess is None:
+        return None
+    if isinstance(guess, Solution):
+        curve = guess.curve
+        carried = None if guess.extremal is None else in_coordinates_of(form, guess.extremal)
+        return carried if carried is not None or curve is None else form.pull(_spanning(problem, guess))
+    return form.pull(lambda x: sampled_guess(problem, guess, x))
+
+
+def _spanning(problem: Functional, guess: Solution) -> Sampled:
+    """The curve of a solution, stretched to the problem's interval where parameters have moved its ends."""
+    curve, (a, b) = guess.curve, problem.span
+    assert curve is not None
+    if problem.span == guess.problem.span:
+        return lambda x: curve(x, 0)
+    first, last = guess.problem.span
+    return lambda x: curve(first + (x - a) * ((last - first) / (b - a)), 0)

@@ -1,0 +1,1 @@
+"""Problems with known answers, methods held against each other and against closed forms, speed against accuracy."""

@@ -1,0 +1,81 @@
+"""Curves that touch a bound, with the ends of contact among the unknowns."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import varcalc as vc
+from varcalc.formulation import formulate
+from varcalc.methods.ritz.touching import touchable
+
+
+def under_a_ceiling(area=1.0, ceiling=1.2):
+    """The least integral of y'^2 from (0, 0) to (1, 0) with a given area under a ceiling."""
+    level, bound = vc.Isoperimetric(lambda x, y, v: y, area), vc.Bound(lambda x, y, v: y, upper=ceiling)
+    return vc.Problem(lambda x, y, v: v**2, vc.Fixed(0, 0), vc.Fixed(1, 0), [level, bound])
+
+
+def on_a_floor(depth, unit, sign):
+    """A string of unit tension and weight on a floor, in other units and signs."""
+    return vc.Problem(
+        lambda x, y, v: sign * (v**2 / 2 + y / unit),
+        vc.Fixed(0, 0),
+        vc.Fixed(unit, 0),
+        [vc.Bound(lambda x, y, v: y, lower=-depth * unit)],
+        maximise=sign < 0,
+    )
+
+
+def contact(area, ceiling):
+    # parabolas y = h (1 - (1 - x / c)^2) leave the ceiling smoothly at c from either end: h (1 - 2 c / 3) is the area
+    return 1.5 * (1 - area / ceiling)
+
+
+@pytest.mark.parametrize("ceiling", [1.05, 1.2, 1.4])
+def test_value_curve_and_multiplier(ceiling):
+    solution = vc.solve(under_a_ceiling(1.0, ceiling), tol=1e-12)
+    c = contact(1.0, ceiling)
+    assert solution.value == pytest.approx(8 * ceiling**2 / (3 * c), rel=1e-12)
+    x = np.linspace(0, c, 30)
+    assert solution.y(x) == pytest.approx(ceiling * (1 - (1 - x / c) ** 2), abs=1e-6)
+    assert solution.y(0.5) == pytest.approx(ceiling, rel=1e-12)
+    # dJ/darea = 4 h / c^2
+    assert solution.multipliers[0] == pytest.approx(4 * ceiling / c**2, rel=1e-6)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("unit", [1e-7, 1.0, 1e7])
+@pytest.mark.parametrize("depth", [0.02, 0.08])
+def test_a_string_on_a_floor_in_any_unit(depth, unit, sign):
+    # y = x^2/2 - c x down to the floor at c, c^2/2 = depth; 1/2 y'^2 + y integrates to -c^3/6 on either side
+    c = math.sqrt(2 * depth)
+    solution = vc.solve(on_a_floor(depth, unit, sign), tol=1e-12)
+    assert solution.value == pytest.approx(-sign * unit * (c**3 / 3 + depth * (1 - 2 * c)), rel=1e-12)
+    x = np.linspace(0, c, 30)
+    assert solution.y(x * unit) == pytest.approx(unit * (x**2 / 2 - c * x), abs=1e-7 * unit)
+    # the floor carries the weight: raising it raises the energy by as much
+    assert solution.multipliers[0](0.5 * unit) == pytest.approx(-sign / unit, rel=2e-2)
+
+
+def test_a_bound_that_is_not_touched_changes_nothing():
+    # the parabola of area 1 is 3/2 high
+    free = vc.solve(under_a_ceiling(1.0, 1.6), tol=1e-12)
+    assert free.value == pytest.approx(12, rel=1e-11)
+
+
+@pytest.mark.parametrize("optimiser", [None, vc.Ipopt()])
+def test_contact_costs_no_bisection(optimiser):
+    solution = vc.solve(under_a_ceiling(), vc.Ritz(optimiser=optimiser), tol=1e-12)
+    assert solution.stats.elements <= 6
+    assert solution.x[1:-1] == pytest.approx([0.25, 0.75], abs=1e-6)
+
+
+def test_where_contacts_are_looked_for():
+    assert touchable(formulate(under_a_ceiling()))
+    slopes = vc.Bound(lambda x, y, v: v, upper=2.0)
+    ends = vc.Fixed(0, 0), vc.Fixed(1, 1)
+    assert not touchable(formulate(vc.Problem(lambda x, y, v: v**2, *ends, [slopes])))
+    assert not touchable(formulate(vc.Problem(lambda x, y, v: v**2, *ends)))

@@ -1,0 +1,178 @@
+"""Sweeps: every point right, failures kept, and nothing lost when one ends early."""
+
+import math
+import sys
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import varcalc as vc
+from varcalc.problems._curves import Cycloid
+
+
+def spring(**parameters):
+    return vc.Problem(
+        lambda x, y, dy, p: dy**2 + p.k * y**2,
+        vc.Fixed(0, 0),
+        vc.Fixed(1, 1),
+        parameters={"k": 1.0} | parameters,
+        name="spring",
+    )
+
+
+def stretched(k):
+    return spring(k=k)
+
+
+def descent(across, depth):
+    return vc.Problem(
+        lambda x, y, dy: ca.sqrt((1 + dy**2) / (2 * 9.81 * y)), vc.Fixed(0, 0), vc.Fixed(across, depth), name="descent"
+    )
+
+
+def least(k):
+    """The integral of y'^2 + k y^2 from (0, 0) to (1, 1): sqrt(k) coth(sqrt(k)), and its continuation to k < 0."""
+    root = math.sqrt(abs(k))
+    return root / math.tanh(root) if k > 0 else root / math.tan(root) if k < 0 else 1.0
+
+
+def test_every_point_of_a_grid_of_parameters():
+    ks = np.linspace(0.0, 20.0, 23)
+    found = vc.sweep(spring(), {"k": ks})
+    np.testing.assert_allclose(found.values, [least(k) for k in ks], rtol=1e-10)
+    assert [p.values for p in found.points] == [(k,) for k in ks]
+    assert found.failures == ()
+
+
+def test_end_points_are_varied_by_a_function_that_makes_the_problem():
+    across, depth = (0.5, 1.0, 3.0), (0.5, 1.0)
+    found = vc.sweep(descent, {"across": across, "depth": depth})
+    exact = [[Cycloid.through(a, d).descent_time(9.81) for d in depth] for a in across]
+    assert found.values.shape == (3, 2)
+    np.testing.assert_allclose(found.values, exact, rtol=1e-10)
+
+
+def test_a_point_without_an_answer_keeps_its_status():
+    # beyond k = -pi^2 the ends are conjugate and there is no minimum
+    found = vc.sweep(spring(), {"k": [-4.0, -20.0, 4.0]})
+    assert [p.ok for p in found.points] == [True, False, True]
+    assert found.failures[0].reason
+    assert math.isnan(found.values[1])
+    np.testing.assert_allclose(found.values[[0, 2]], [least(-4.0), least(4.0)], rtol=1e-10)
+
+
+def test_a_solve_begins_from_its_neighbour(monkeypatch):
+    guesses = []
+    original = vc.solve
+
+    def watched(problem, method, **options):
+        guesses.append(options.get("guess"))
+        return original(problem, method, **options)
+
+    monkeypatch.setattr(sys.modules["varcalc.solve.sweep"], "solve", watched)
+    vc.sweep(spring(), {"k": [1.0, 2.0, 3.0]}, vc.Collocation(elements=2))
+    assert [g is None for g in guesses] == [True, False, False]
+    assert [g.problem.parameters["k"] for g in guesses[1:]] == [1.0, 2.0]
+    for together in (None, vc.Collocation()):  # the others are solved together
+        guesses.clear()
+        vc.sweep(spring(), {"k": [1.0, 2.0, 3.0]}, together)
+        assert guesses == [None]
+
+
+def test_a_core_that_takes_its_time_reports_and_goes_on(monkeypatch):
+    module = sys.modules["varcalc.solve.sweep"]
+    monkeypatch.setattr(module, "REPORT", 0.0)
+    points = [{"k": 1.0}, {"k": 2.0}]
+    assert [p.values for p in module._chunk(spring, points, None, 1e-10)] == [(1.0,)]
+
+
+def test_a_function_without_arguments_makes_the_problem_once():
+    made = []
+
+    def make():
+        made.append(spring())
+        return made[-1]
+
+    found = vc.sweep(make, {"k": [1.0, 2.0, 3.0]})
+    np.testing.assert_allclose(found.values, [least(k) for k in (1, 2, 3)], rtol=1e-10)
+    assert len(made) == 1
+
+
+def test_a_curve_over_another_interval_is_no_guess():
+    found = vc.sweep(
+        lambda to: vc.Problem(lambda x, y, dy: ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.Fixed(to, 1)), {"to": [1, 2]}
+    )
+    np.testing.assert_allclose(found.values, [math.sqrt(2), math.sqrt(5)], rtol=1e-12)
+
+
+def test_several_cores_find_the_same():
+    ks = np.linspace(0.0, 10.0, 20)
+    # what a process imports is found by its module's name, which a test file loaded by its path has not
+    from varcalc.cli.measuring import _Loaded
+
+    alone = vc.sweep(_Loaded("brachistochrone"), {"g": 1 + ks})
+    shared = vc.sweep(_Loaded("brachistochrone"), {"g": 1 + ks}, cores=2)
+    np.testing.assert_allclose(shared.values, alone.values, rtol=1e-12)
+    np.testing.assert_allclose(shared.values * np.sqrt(1 + ks), shared.values[0], rtol=1e-10)
+
+
+class Interrupted(Exception):
+    pass
+
+
+def test_an_interrupted_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
+    store, count = tmp_path / "sweep.jsonl", 0
+    original = vc.solve
+
+    def watched(problem, method, **options):
+        nonlocal count
+        if count == 3:
+            raise Interrupted
+        count += 1
+        return original(problem, method, **options)
+
+    ks = [1.0, 2.0, 3.0, 4.0, 5.0]
+    monkeypatch.setattr(sys.modules["varcalc.solve.sweep"], "solve", watched)
+    with pytest.raises(Interrupted):
+        vc.sweep(stretched, {"k": ks}, store=store)
+    # and the machine went down while it wrote
+    with store.open("a", encoding="utf-8") as file:
+        file.write('{"at": [3], "val')
+    count = -10
+    found = vc.sweep(stretched, {"k": ks}, store=store)
+    assert count == -10 + 2
+    np.testing.assert_allclose(found.values, [least(k) for k in ks], rtol=1e-10)
+    assert vc.sweep(stretched, {"k": ks}, store=store) == found
+    assert count == -10 + 2
+
+
+def test_the_store_of_another_sweep_is_refused(tmp_path):
+    store = tmp_path / "sweep.jsonl"
+    vc.sweep(spring(), {"k": [1.0]}, store=store)
+    with pytest.raises(ValueError, match="another grid, method or tolerance"):
+        vc.sweep(spring(), {"k": [2.0]}, store=store)
+    store.write_text("something else\n", encoding="utf-8")
+    with pytest.raises(ValueError, match="is no store of this sweep"):
+        vc.sweep(spring(), {"k": [1.0]}, store=store)
+    assert store.read_text(encoding="utf-8") == "something else\n"
+
+
+@pytest.mark.parametrize(
+    ("problem", "grid", "options", "error", "message"),
+    [
+        (3.0, {"k": [1]}, {}, TypeError, "problem must be a Problem, a Curve or a function"),
+        (spring(), {}, {}, ValueError, "grid must map names to values"),
+        (spring(), {"k": []}, {}, ValueError, r"grid\['k'\] is empty"),
+        (spring(), {"k": "12"}, {}, TypeError, r"grid\['k'\] must be a sequence of numbers"),
+        (spring(), {"k": [math.nan]}, {}, ValueError, r"grid\['k'\] must be finite"),
+        (spring(), {"g": [1.0]}, {}, ValueError, "are no parameters of this problem"),
+        (spring(), {"k": [1.0]}, {"cores": 0}, ValueError, "cores must be a whole number from 1 on"),
+        (spring(), {"k": [1.0]}, {"cores": 2}, ValueError, "give a function that makes it from k, or cores=1"),
+        (spring(), {"k": [1.0]}, {"method": vc.Ritz}, TypeError, "is the class Ritz"),
+        (spring(), {"k": [1.0]}, {"tol": 0}, ValueError, "tol must be a positive number"),
+    ],
+)
+def test_what_cannot_be_swept_is_refused(problem, grid, options, error, message):
+    with pytest.raises(error, match=message):
+        vc.sweep(problem, grid, **options)
