@@ -235,7 +235,7 @@ def _numbers(
 ) -> ConformalNumbers | None:
     """The energy as numbers, for a conformal metric next to one line along which a coordinate is constant.
 
-    Where that constant is not zero, it has to be gathered with those of L (:mod:`varcalc.formulation.singular.offsets`),
+    Where that constant is not zero, it has to be gathered with those of L (:mod:`~varcalc.formulation.singular.offsets`),
     which takes a formula for L, and a number that no parameter moves.
     """
     if not (isinstance(problem, Problem) and metric.conformal and not problem.unknowns and sum(singular) == 1):
