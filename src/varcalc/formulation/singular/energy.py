@@ -242,8 +242,8 @@ def _numbers(
 ) -> ConformalNumbers | None:
     """The energy as numbers, for a conformal metric next to one line along which a coordinate is constant.
 
-    Where that constant is not zero, it has to be gathered with those of L (:mod:`~varcalc.formulation.singular.offsets`),
-    which takes a formula for L, and a number that no parameter moves.
+    Where that constant is not zero, it has to be gathered with those of L, which takes a formula for L, and a number
+    that no parameter moves (:mod:`varcalc.formulation.singular.offsets`).
     """
     if not (isinstance(problem, Problem) and metric.conformal and not problem.unknowns and sum(singular) == 1):
         return None
