@@ -590,3 +590,12 @@ def test_at_resonance_nothing_is_called_an_extremal():
             Fixed(n * math.pi / w, end),
         )
         assert not Collocation().solve(formulate(problem), tol=1e-6, guess=None).status.ok
+
+
+def test_no_answer_along_a_line_where_the_functional_is_infinite():
+    """Between points of the rim of the half-sphere the shortest curve is the rim, where its chart breaks down."""
+    rim = Curve(lambda q, dq: ca.norm_2(dq) / ca.sqrt(1 - ca.sumsqr(q)), At((1, 0)), At((0, 1)))
+    found = Collocation(elements=1, degree=16, refine=False).solve(formulate(rim), tol=1e-8, guess=None)
+    assert not found.status.ok
+    found = Collocation(degree=20).solve(formulate(rim), tol=1e-8, guess=lambda s: np.array([1 - s, s]))
+    assert not found.status.ok or math.isfinite(found.value + found.error.value)

@@ -21,6 +21,7 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.symbolic.buffered import BufferedCall
+from varcalc.symbolic.columns import FewOrMany
 from varcalc.symbolic.tracing import Expression
 
 REMEMBERED = 16
@@ -73,6 +74,8 @@ class Stationarity:
     ends: ca.Function | None
     mapped: dict[int, MappedCall] = field(default_factory=dict, repr=False)
     """The function of the interior on memory of its own, by the number of points."""
+    many: list[FewOrMany] = field(default_factory=list, repr=False)
+    """The function of the interior for many points, once it was asked for."""
 
     def at(
         self, x: np.ndarray, tower: np.ndarray, numbers: Sequence[np.ndarray], forces: np.ndarray | None = None
@@ -88,6 +91,13 @@ class Stationarity:
                 del self.mapped[next(iter(self.mapped))]
             self.mapped[count] = MappedCall(self.interior, count)
         return self.mapped[count](x, tower, numbers, forces)
+
+    def at_many(self, x: np.ndarray, tower: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """:meth:`at` many points with ``parameters`` of their own, (m, parameters), where nothing else is unknown."""
+        if not self.many:
+            self.many.append(FewOrMany(self.interior))
+        blank = np.zeros((1, 0))
+        return self.many[0](len(x), x, *tower.reshape(len(tower), len(x), -1), parameters, blank, blank, blank)
 
 
 class MappedCall:
