@@ -25,6 +25,7 @@ from varcalc.problem.conditions import (
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Status
+from varcalc.symbolic.derived import Cache
 
 FOLD = 0.662743419349182
 """Half the widest distance of two rings that a soap film spans: t / cosh t with t tanh t = 1."""
@@ -419,7 +420,7 @@ def test_regularised_brachistochrone(tol):
     square = (dx**2 + 4 * w**2 * dw**2) / (2 * g * w**2)
     form = replace(
         formulate(problem), stated=Stated(symbols, square, ca.sqrt(square), (x, w**2, dx, 2 * w * dw)),
-        span=(0.0, 1.0), fixed_start=np.zeros((1, 2)), fixed_end=np.ones((1, 2)), numbers=None, built={},
+        span=(0.0, 1.0), fixed_start=np.zeros((1, 2)), fixed_end=np.ones((1, 2)), numbers=None, cache=Cache(),
         baseline=lambda s: np.vstack([s**3, s]), bumps=np.eye(2), energetic=True, singular=(True, False),
     )  # fmt: skip
     angle = root(lambda t: (t - math.sin(t)) / (1 - math.cos(t)) - 1, 1.0, 6.0)

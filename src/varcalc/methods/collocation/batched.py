@@ -22,6 +22,7 @@ from varcalc.methods.ritz.family import Answer, Answers
 from varcalc.numerics.damped_newton import CONVERGED
 from varcalc.numerics.mesh import basis_at_gauss, gauss
 from varcalc.solution import ErrorEstimate, Solution, Stats
+from varcalc.symbolic.derived import derived
 
 DEGREES = (10, 16, 25, 39)
 """Degrees that are climbed; each is followed by the one in which its error is told."""
@@ -42,10 +43,12 @@ def applies(form: Form) -> bool:
 
 def system_at(form: Form, degree: int, places: Places) -> CollocationSystem:
     """The Euler-Lagrange equations of ``form`` at ``places``, collocated by one polynomial of a degree each."""
-    kept = form.built.setdefault("collocated on one element", {})
-    if degree not in kept:
-        kept[degree] = CollocationSystem(form, collocation_space(form, np.array(form.span), degree))
-    return kept[degree].at(places)
+    return _on_one_element(form, degree).at(places)
+
+
+@derived
+def _on_one_element(form: Form, degree: int) -> CollocationSystem:
+    return CollocationSystem(form, collocation_space(form, np.array(form.span), degree))
 
 
 def straight_starts(form: Form, places: Places) -> tuple[np.ndarray, list[np.ndarray]]:

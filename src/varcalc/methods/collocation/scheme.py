@@ -10,6 +10,7 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.methods.collocation.stationarity import REMEMBERED
 from varcalc.numerics.mesh import Space, basis_at_gauss
+from varcalc.symbolic.derived import derived
 
 
 @dataclass(frozen=True)
@@ -88,10 +89,15 @@ class Scheme:
 
 def scheme_on(form: Form, space: Space) -> Scheme:
     """The scheme on a space, kept with the form for other parameter values and later solves."""
-    kept = form.built.setdefault("schemes", {})
+    kept = _schemes(form)
     key = (space.degree, space.vertices.tobytes())
     if key not in kept:
         while len(kept) >= REMEMBERED:
             del kept[next(iter(kept))]
         kept[key] = Scheme.of(space)
     return kept[key]
+
+
+@derived
+def _schemes(form: Form) -> dict[tuple[int, bytes], Scheme]:
+    return {}

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -22,6 +23,7 @@ from varcalc.formulation import Form
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.symbolic.buffered import BufferedCall
 from varcalc.symbolic.columns import FewOrMany
+from varcalc.symbolic.derived import derived
 from varcalc.symbolic.tracing import Expression
 
 REMEMBERED = 16
@@ -74,8 +76,6 @@ class Stationarity:
     ends: ca.Function | None
     mapped: dict[int, MappedCall] = field(default_factory=dict, repr=False)
     """The function of the interior on memory of its own, by the number of points."""
-    many: list[FewOrMany] = field(default_factory=list, repr=False)
-    """The function of the interior for many points, once it was asked for."""
 
     def at(
         self, x: np.ndarray, tower: np.ndarray, numbers: Sequence[np.ndarray], forces: np.ndarray | None = None
@@ -94,10 +94,13 @@ class Stationarity:
 
     def at_many(self, x: np.ndarray, tower: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         """:meth:`at` many points with ``parameters`` of their own, (m, parameters), where nothing else is unknown."""
-        if not self.many:
-            self.many.append(FewOrMany(self.interior))
         blank = np.zeros((1, 0))
-        return self.many[0](len(x), x, *tower.reshape(len(tower), len(x), -1), parameters, blank, blank, blank)
+        return self.many(len(x), x, *tower.reshape(len(tower), len(x), -1), parameters, blank, blank, blank)
+
+    @cached_property
+    def many(self) -> FewOrMany:
+        """The function of the interior for many points."""
+        return FewOrMany(self.interior)
 
 
 class MappedCall:
@@ -128,18 +131,13 @@ class MappedCall:
         return self._output.copy()
 
 
-def stationarity(form: Form) -> Stationarity:
-    """The conditions of a form, built once and kept with it."""
-    if "stationarity" not in form.built:
-        form.built["stationarity"] = _build(form)
-    return form.built["stationarity"]
-
-
 def _dense(*expressions: Expression) -> Expression:
     return ca.densify(ca.vertcat(*expressions))
 
 
-def _build(form: Form) -> Stationarity:
+@derived
+def stationarity(form: Form) -> Stationarity:
+    """The conditions of a form, built once and kept with it."""
     symbols, kind = form.symbols, form.symbols.kind
     caps = _caps(form)
     equations = 0 if form.ends is None else form.ends.equations.numel()
