@@ -20,6 +20,7 @@ from varcalc.formulation import AtPoints, Reported
 from varcalc.formulation.singular.offsets import gathered
 from varcalc.problem.problem import FEW, Problem
 from varcalc.symbolic.buffered import Pointwise
+from varcalc.symbolic.derived import derived
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ class ConformalEnergy:
         self.power, self.rate, self._energy = numbers.power, rate, energy
         (nx, ny), (self.x0, self.y0) = numbers.normal.tolist(), numbers.origin.tolist()
         self.problem = problem
-        self._local = _measured_from(numbers.origin, problem) if numbers.shifted else None
+        self._local = _measured_from(problem, self.x0, self.y0) if numbers.shifted else None
         self.tangent, self.normal = (ny, -nx), (nx, ny)
         self._chart = np.array([[ny, -nx, nx, ny, self.power]])
         self.transform = None if factors is None else factors.transform
@@ -131,18 +132,15 @@ class ConformalEnergy:
         return Reported(np.abs(n) * np.hypot(v, fall), x, y[:, None], dx, dy[:, None])
 
 
-def _measured_from(origin: np.ndarray, problem: Problem) -> Pointwise:
-    """n with its derivatives, as a function of the point measured from ``origin`` and of the parameters."""
-    kept = problem.built.setdefault("measured from", {})
-    key = origin.tobytes()
-    if key not in kept:
-        s = problem.symbols
-        place = [x0 + at for x0, at in zip(origin.tolist(), (s.x, s.y), strict=True)]
-        n = gathered(ca.substitute([problem.integrand], [s.x, s.y, s.dy], [*place, s.kind(0)])[0], s)
-        hessian, gradient = ca.hessian(n, s.variables)
-        rows = ca.vertcat(n, gradient, ca.vec(hessian))
-        kept[key] = Pointwise(ca.Function("n", [s.x, s.y, s.parameters], [ca.densify(rows)]), FEW)
-    return kept[key]
+@derived
+def _measured_from(problem: Problem, x0: float, y0: float) -> Pointwise:
+    """n with its derivatives, as a function of the point measured from (x0, y0) and of the parameters."""
+    s = problem.symbols
+    n = ca.substitute([problem.integrand], [s.x, s.y, s.dy], [x0 + s.x, y0 + s.y, s.kind(0)])[0]
+    n = gathered(n, s)
+    hessian, gradient = ca.hessian(n, s.variables)
+    rows = ca.densify(ca.vertcat(n, gradient, ca.vec(hessian)))
+    return Pointwise(ca.Function("n", [s.x, s.y, s.parameters], [rows]), FEW)
 
 
 @dataclass(frozen=True)
