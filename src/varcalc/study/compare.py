@@ -15,6 +15,7 @@ from varcalc.solution import Solution, Status, VariationalError
 from varcalc.solve.ladder import solve
 from varcalc.study.reference import Exact, as_exact
 from varcalc.study.routes import methods_for
+from varcalc.symbolic.derived import Cache
 from varcalc.tables import monospaced
 
 if TYPE_CHECKING:
@@ -206,7 +207,7 @@ def _row(problem: Problem | Curve, method: Any, exact: Exact | None, tol: float,
 def cold(problem: Problem | Curve) -> Problem | Curve:
     """The same problem with nothing built yet, so that no method's build time is paid by another."""
     other = copy.copy(problem)
-    other.built = {}
+    other.cache = Cache()
     return other
 
 
