@@ -72,6 +72,14 @@ def test_reference_page_names_every_public_name_of_optics():
     assert documented | set(", ".join(listed).split(", ")) == set(optics.__all__)
 
 
+def test_every_step_of_the_architecture_is_a_file():
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    named = re.findall(r"`([\w/]+/\w+\.py)`", text)
+    assert len(named) > 20
+    places = [ROOT / "src" / "varcalc", ROOT]
+    assert [name for name in named if not any((place / name).is_file() for place in places)] == []
+
+
 @pytest.mark.parametrize("page", ["README.md", "docs/architecture.md"])
 def test_import_line_is_the_contract(page):
     tools = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
