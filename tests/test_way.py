@@ -75,5 +75,6 @@ def test_the_way_is_short(name, prepared, most):
     prepared()()  # imports and fills what is loaded once
     way = way_of(prepared())
     modules = list(dict.fromkeys(way))
-    print(f"\n{name}: {len(modules)} modules, {len(way) - len(modules)} returns\n  " + "\n  ".join(modules))
+    lines = [f"{name}: {len(modules)} modules, {len(way) - len(modules)} returns", *modules]
+    sys.stdout.write("\n  ".join(lines) + "\n")
     assert len(modules) <= most
