@@ -96,7 +96,8 @@ def convinced(problem: Problem, x: np.ndarray, y: np.ndarray, slopes: np.ndarray
     rows = _in_the_slopes(problem)(count * places, *points, blank, repeated, blank).T
     rows *= -1.0 if problem.maximise else 1.0
     columns = (points[0][:, 0], points[1].T, points[2].T, repeated)
-    return _unbeaten(problem, columns, rows[0], rows[1 : 1 + n], rows[1 + n :]).reshape(count, places).all(1)
+    good = _unbeaten(problem, columns, rows[0], rows[1 : 1 + n], rows[1 + n :])
+    return np.all(good.reshape(count, places), axis=1)
 
 
 def _unbeaten(
@@ -108,7 +109,7 @@ def _unbeaten(
     ``own`` (m,) there, ``slope`` and ``curvature`` (n, m) its derivatives by each component, as they are minimised.
     """
     sign, v = -1.0 if problem.maximise else 1.0, points[2]
-    good = np.isfinite(own + slope.sum(0) + curvature.sum(0)) & (curvature > 0).all(0)
+    good = np.isfinite(own + slope.sum(0) + curvature.sum(0)) & np.all(curvature > 0, axis=0)
 
     def tried(a: int, turns: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """L at the points ``some`` for other slopes of the function a, and the steps to them."""
@@ -150,7 +151,7 @@ def _roots_of_quadratics(
     """
     own, slope, curvature = own[:, None], slope[:, None], curvature[:, None]
     square = own**2 + 2 * own * slope * step + (slope**2 + own * curvature) * step**2
-    return ((np.abs(other**2 - square) <= NOISE * square) & (other > 0) & (own > 0) & (curvature > 0)).all(1)
+    return np.all((np.abs(other**2 - square) <= NOISE * square) & (other > 0) & (own > 0) & (curvature > 0), axis=1)
 
 
 def _seen(solution: Solution) -> bool:
