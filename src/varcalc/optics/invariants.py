@@ -32,10 +32,14 @@ from varcalc.optics.wells import Bounds, bounds, ways
 
 NEAR = 1e-2
 """Neighbours of rays that start towards a centre at a smaller angle lose digits to its polar coordinates."""
+OUTWARD = 1e-9
+"""Neighbours of rays that start so much closer to a centre than they end lose digits as well."""
 STRAIGHT_AT = 1e-7
 """Rays that start towards a centre at a smaller angle lose digits themselves."""
 _ONE_AT_A_TIME = Lock()
 """Threads that need the same profile wait for the one that builds it."""
+CENTRAL = 1e-100
+"""Of the largest radius, or of one unit: rays that start closer to the centre have no polar coordinates."""
 ON_AXIS = 4e-16
 """A normal with a smaller part along the layers is upright; a centre so close, relative to the radius, is the same."""
 
@@ -46,7 +50,7 @@ class Invariants(Model):
 
     It needs surfaces that keep the symmetry: horizontal and vertical planes between and in layers, spheres about the
     centre. Uniform media of the scene are gone through straight. Rays that stay where the index is stationary, and
-    rays aimed at a centre, are carried by Hamilton's equations, since coordinates of the symmetry are
+    rays that start from a centre or are aimed at it, are carried by Hamilton's equations, since coordinates of the symmetry are
     singular for them.
     """
 
@@ -117,11 +121,8 @@ class InvariantRays:
 
     def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
         """See :meth:`varcalc.optics.model.Carrier.advance`."""
-        if len(beam) == 0:
-            return Arrival(beam, np.zeros(0, dtype=int), np.zeros(0, dtype=int))
-        run = _Run(self._profile(beam), self.surfaces, beam, leaving)
         left = np.maximum(limit - beam.optical_path, 0.0)
-        arrival, others = run.carried(left, np.full(len(beam), np.inf))
+        arrival, others = self._carried(beam, self.surfaces, leaving, left, np.full(len(beam), np.inf))
         arrival.beam.optical_path[arrival.struck == PATH_ENDED] = limit[arrival.struck == PATH_ENDED]
         arrival.struck[arrival.struck == PATH_ENDED] = NOTHING
         if len(others):
@@ -134,16 +135,40 @@ class InvariantRays:
         """See :meth:`varcalc.optics.model.Carrier.onward`."""
         there = beam.take(np.arange(len(beam)))
         ahead = np.flatnonzero(sigma > 0)
-        if len(ahead):
-            run = _Run(self._profile(beam.take(ahead)), (), beam.take(ahead), NOTHING)
-            arrival, others = run.carried(np.full(len(ahead), np.inf), sigma[ahead])
-            there.put(ahead, arrival.beam.known(arrival.status == RayStatus.ARRIVED))
+        arrival, others = self._carried(beam.take(ahead), (), NOTHING, np.full(len(ahead), np.inf), sigma[ahead])
+        there.put(ahead, arrival.beam.known(arrival.status == RayStatus.ARRIVED))
+        if len(others):
             others = ahead[others]
             there.put(others, self._others.onward(beam.take(others), sigma[others], path[others])[0])
         return there, sigma
 
+    def _carried(
+        self, beam: Beam, surfaces: Sequence[Geometry], leaving: int, path: np.ndarray, sigma: np.ndarray
+    ) -> tuple[Arrival, np.ndarray]:
+        """The rays where :meth:`_Run.carried` has taken them, and the rows left to Hamilton's equations."""
+        m = len(beam)
+        arrival = Arrival(beam.take(np.arange(m)), np.full(m, NOTHING), np.full(m, int(RayStatus.ARRIVED)))
+        others = self._at_centre(beam)
+        rows = np.flatnonzero(~others)
+        if len(rows):
+            part = beam.take(rows)
+            moved, left = _Run(self._profile(part), surfaces, part, leaving).carried(path[rows], sigma[rows])
+            arrival.beam.put(rows, moved.beam)
+            arrival.struck[rows], arrival.status[rows] = moved.struck, moved.status
+            others[rows[left]] = True
+        return arrival, np.flatnonzero(others)
+
+    def _at_centre(self, beam: Beam) -> np.ndarray:
+        """True (m,) for rays that start so close to the centre that they have no polar coordinates."""
+        if not isinstance(self.medium, Radial):
+            return np.zeros(len(beam), dtype=bool)
+        radius = np.linalg.norm(beam.position - self.medium.middle(self.dimension), axis=1)
+        return radius <= CENTRAL * max(1.0, float(radius.max(initial=0.0)))
+
     def leg(self, beam: Beam, path: float) -> Leg:
         """See :meth:`varcalc.optics.model.Carrier.leg`."""
+        if np.any(self._at_centre(beam)):
+            return self._others.leg(beam, path)
         profile = self._profile(beam)
         free = _Run(profile, (), beam, NOTHING)
         end, others = free.carried(np.array([path - beam.optical_path[0]]), np.full(1, np.inf))
@@ -165,7 +190,7 @@ class InvariantRays:
         """The profile of the medium, its unit of length near the first ray's radius, for a centre."""
         probe, unit = float(beam.position[0, -1]), 1.0
         if isinstance(self.medium, Radial):
-            radius = float(np.linalg.norm(beam.position[0] - self.medium.middle(self.dimension))) or 1.0
+            radius = float(np.linalg.norm(beam.position[0] - self.medium.middle(self.dimension)))
             probe, unit = 0.0, float(2.0 ** np.round(np.log2(radius)))
         with _ONE_AT_A_TIME:
             if unit not in self._profiles:
@@ -204,7 +229,7 @@ class _Run:
         targets = np.column_stack([standing_tau, path, sigma])
         end = _End(beam.take(np.arange(m)), np.full(m, NOTHING), np.full(m, int(RayStatus.ARRIVED)))
         left = np.ones(m, bool)
-        for rows, way, last in ways(profile, u0, self.motions.w, below, above):
+        for rows, way, last in ways(profile, u0, self.motions.w, self.motions.C, below, above):
             left[rows] = False
             aimless = np.all(np.isinf(targets[rows]), axis=1)
             rising = _rises_at_last(way)
@@ -218,7 +243,7 @@ class _Run:
             end.status[rows] = unheard
             part = way.take(np.flatnonzero(going))
             self._carry(part, rows[going], last[going], struck[going], standing, targets, end)
-        others = np.flatnonzero(left | self._lose_digits())
+        others = np.flatnonzero(left | self._lose_digits(end.beam))
         return Arrival(end.beam, end.struck, end.status), others
 
     def _carry(
@@ -244,13 +269,16 @@ class _Run:
         sound = there.resolved & np.all(np.isfinite(carried.position), axis=1)
         end.beam.put(rows[sound], carried.take(np.flatnonzero(sound)))
 
-    def _lose_digits(self) -> np.ndarray:
-        """True (m,) for rays, or rays whose neighbours, cannot be told in polar coordinates."""
+    def _lose_digits(self, end: Beam) -> np.ndarray:
+        """True (m,) for rays, or rays whose neighbours, cannot be told in polar coordinates up to their ``end``."""
         if not isinstance(self.reduced, AboutCentre):
             return np.zeros(len(self.beam), bool)
         least = NEAR if self.beam.deviations else STRAIGHT_AT
-        slow = self.reduced.c < least * self.reduced.r * np.linalg.norm(self.beam.momentum, axis=1)
-        return slow & (self.motions.w < 0)
+        r = self.reduced.r
+        inward = (self.reduced.c < least * r * np.linalg.norm(self.beam.momentum, axis=1)) & (self.motions.w < 0)
+        if not self.beam.deviations:
+            return inward
+        return inward | (r < OUTWARD * np.linalg.norm(end.position - self.reduced.centre, axis=1))
 
     def _levels(self) -> _Levels:
         """The surfaces of constant u about the starts."""

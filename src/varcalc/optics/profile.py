@@ -51,6 +51,11 @@ class Values:
     gain: np.ndarray
     bend: np.ndarray
 
+    def above(self, C: np.ndarray, squared: np.ndarray | float = 0.0) -> np.ndarray:
+        """g - C, where ``squared`` is g - C at the bases: of the two ways to find it the one that loses less."""
+        apart = self.g - C
+        return np.where(np.abs(apart) > DIFFERENT * np.maximum(np.abs(self.g), C), apart, squared + self.gain)
+
 
 @dataclass(frozen=True)
 class Nodes:
@@ -139,20 +144,18 @@ class Profile:
     ) -> np.ndarray:
         """x (m,) between ``low`` and ``high`` with g(base + x) = C, which holds once there.
 
-        ``squared`` is g(base) - C: near the base the one counts, where g is small the other. g - C is positive at
-        ``low``, and it is no matter which of the two is the larger.
+        ``squared`` is g(base) - C. g - C is positive at ``low``, and it is no matter which of the two is the larger.
         """
         x = (low + high) / 2
         with np.errstate(all="ignore"):
             for _ in range(ZERO_STEPS):
                 at = self(base, x)
-                near = squared < np.maximum(at.g, C)
-                value = np.where(near, squared + at.gain, at.g - C)
+                value = at.above(C, squared)
                 low, high = np.where(value > 0, x, low), np.where(value > 0, high, x)
                 newton = x - value / at.slope
                 inside = (newton - low) * (newton - high) < 0
                 new = np.where(inside, newton, (low + high) / 2)
-                done = np.abs(new - x) <= EPS * (4 * np.abs(x) + 2 * np.abs(np.where(near, squared, C) / at.slope))
+                done = np.abs(new - x) <= EPS * (4 * np.abs(x) + 2 * np.abs(np.minimum(squared, C) / at.slope))
                 x = new
                 if np.all(done):
                     break

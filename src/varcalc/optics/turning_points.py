@@ -34,10 +34,11 @@ class Place:
 
 @dataclass(frozen=True)
 class Way(ABC):
-    """m motions of one kind in one profile; ``start`` (m,) is where each begins, in q."""
+    """m motions of one kind in one profile, with the constants ``C`` (m,); ``start`` (m,) is where each begins, in q."""
 
     profile: Profile
     start: np.ndarray
+    C: np.ndarray
 
     @property
     def period(self) -> float:
@@ -70,7 +71,7 @@ class NoTurn(Way):
         """See :meth:`Way.at`."""
         sign = self.sign[:, None]
         values = self.profile(np.broadcast_to(self.u0[:, None], q.shape), sign * q)
-        speed = np.sqrt(self.squared[:, None] + values.gain)
+        speed = np.sqrt(values.above(self.C[:, None], self.squared[:, None]))
         nothing = np.zeros_like(q)
         return Place(
             self.u0[:, None] + sign * q, sign * speed, 1 / speed, values.g, values.slope,
@@ -99,7 +100,7 @@ class OneTurn(Way):
         squared = q**2
         values = self.profile(turn, sign * squared)
         _, steep = self.profile.at(turn)
-        mean = np.where(squared > 0, values.gain / np.where(squared > 0, squared, 1.0), sign * steep)
+        mean = np.where(squared > 0, values.above(self.C[:, None]) / np.where(squared > 0, squared, 1.0), sign * steep)
         bend = np.where(squared > 0, values.bend / np.where(squared > 0, squared, 1.0), 0.0)
         by_c = bend / steep
         root = np.sqrt(mean)
@@ -141,7 +142,8 @@ class TwoTurns(Way):
         values = self.profile(np.where(upper, high, low), x)
         safe = np.where(x == 0, 1.0, x)
         steep = np.broadcast_to(np.where(upper, high_slope[:, None], low_slope[:, None]), shape)
-        mean, bend = np.where(x == 0, steep, values.gain / safe), np.where(x == 0, 0.0, values.bend / safe)
+        mean = np.where(x == 0, steep, values.above(self.C[:, None]) / safe)
+        bend = np.where(x == 0, 0.0, values.bend / safe)
         other = np.where(upper, -above, below)  # the product of the distances is x * other
         ease = mean / other
         root = np.sqrt(ease)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.optics.profile import Nodes, Profile
+from varcalc.optics.profile import Nodes, Profile, Values
 from varcalc.optics.turning_points import NoTurn, OneTurn, TwoTurns, Way
 
 ROWS = 2048
@@ -42,8 +42,7 @@ def _bounds(
     rows = np.arange(len(u0))
     start, slope = profile.at(u0)
     away = sign * (u - u0[:, None])
-    near = squared[:, None] < np.maximum(g, C[:, None])  # of the two differences the one that loses less
-    left = np.where(near, squared[:, None] + (g - start[:, None]), g - C[:, None])
+    left = Values(g, g, g - start[:, None], g).above(C[:, None], squared[:, None])
     stopped = (away > 0) & (left <= 0)
     found = np.any(stopped, axis=1)
     first = np.argmax(stopped, axis=1)
@@ -60,7 +59,7 @@ def _bounds(
 
 
 def ways(
-    profile: Profile, u0: np.ndarray, w0: np.ndarray, below: Bounds, above: Bounds
+    profile: Profile, u0: np.ndarray, w0: np.ndarray, C: np.ndarray, below: Bounds, above: Bounds
 ) -> list[tuple[np.ndarray, Way, np.ndarray]]:
     """The motions by kind: rows, way, and the last parameter (of the rows) on it."""
     out = []
@@ -70,18 +69,18 @@ def ways(
         down, up = -below.x[rows], above.x[rows]
         start = 2 * np.arctan2(np.sqrt(down), np.sqrt(up))
         start = np.where(w0[rows] < 0, -start, start)
-        way = TwoTurns(profile, start, u0[rows] - down, u0[rows] + up, down + up)
+        way = TwoTurns(profile, start, C[rows], u0[rows] - down, u0[rows] + up, down + up)
         out.append((rows, way, np.full(len(rows), np.inf)))
     for sign, here, other in ((1, below, above), (-1, above, below)):
         rows = np.flatnonzero(here.turning & ~both)
         if len(rows):
             offset = -here.x[rows]
             start = sign * np.where(w0[rows] < 0, -1.0, 1.0) * np.sqrt(np.abs(offset))
-            way = OneTurn(profile, start, u0[rows] - offset, offset, np.full(len(rows), float(sign)))
+            way = OneTurn(profile, start, C[rows], u0[rows] - offset, offset, np.full(len(rows), float(sign)))
             out.append((rows, way, way.reaching(other.x[rows])))
     rows = np.flatnonzero(~below.turning & ~above.turning & (w0 != 0))
     if len(rows):
         sign = np.where(w0[rows] < 0, -1.0, 1.0)
-        way = NoTurn(profile, np.zeros(len(rows)), u0[rows], w0[rows] ** 2, sign)
+        way = NoTurn(profile, np.zeros(len(rows)), C[rows], u0[rows], w0[rows] ** 2, sign)
         out.append((rows, way, way.reaching(np.where(sign > 0, above.x[rows], below.x[rows]))))
     return out
