@@ -49,9 +49,9 @@ class Invariants(Model):
     """The invariants of layers and centres, and quadrature: for ``Stratified`` and ``Radial`` media.
 
     It needs surfaces that keep the symmetry: horizontal and vertical planes between and in layers, spheres about the
-    centre. Uniform media of the scene are gone through straight. Rays that stay where the index is stationary, and
-    rays that start from a centre or are aimed at it, are carried by Hamilton's equations, since coordinates of the symmetry are
-    singular for them.
+    centre. Uniform media of the scene are gone through straight. Coordinates of the symmetry are singular for rays
+    that stay where the index is stationary, and for those that start from a centre or are aimed at it: Hamilton's
+    equations carry them.
     """
 
     def carrier(self, medium: Medium, dimension: int, surfaces: Sequence[Geometry]) -> Carrier:

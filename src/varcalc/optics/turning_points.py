@@ -34,7 +34,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Way(ABC):
-    """m motions of one kind in one profile, with the constants ``C`` (m,); ``start`` (m,) is where each begins, in q."""
+    """m motions of one kind in one profile, with constants ``C`` (m,); ``start`` (m,) is where each begins, in q."""
 
     profile: Profile
     start: np.ndarray

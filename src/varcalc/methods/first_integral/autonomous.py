@@ -10,9 +10,10 @@ import numpy as np
 from varcalc.methods.first_integral.answers import ROUND_OFF, Ends, Evaluate, Level, Reduced, Unsuitable
 from varcalc.methods.first_integral.contract import Aim, Joined
 from varcalc.methods.first_integral.curves import OrbitCurve
-from varcalc.methods.first_integral.energy import Batch, Energy
+from varcalc.methods.first_integral.energy import Energy
 from varcalc.methods.first_integral.families import Orbits, Points, families
 from varcalc.methods.first_integral.isoperimetric import Start
+from varcalc.methods.first_integral.lines import Batch
 from varcalc.methods.first_integral.reduction import Reduction
 from varcalc.methods.first_integral.search import joining, solved
 

@@ -11,9 +11,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from varcalc.methods.first_integral.energy import Batch, Energy, Leg
-from varcalc.methods.first_integral.minima import boundary, least
+from varcalc.methods.first_integral.energy import Energy
+from varcalc.methods.first_integral.lines import Batch, Leg
 from varcalc.methods.first_integral.panels import COARSE, TOWARD, WHOLE, Panels
+from varcalc.numerics.roots import boundary, least
 
 DECADES = 7
 """Turning points are looked for from 1e-7 to 1e7 times the problem's size beyond the outer end."""

@@ -17,10 +17,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc.methods.first_integral.carried import carry, displaced, fixed
-from varcalc.methods.first_integral.energy import Batch, Leg, Measured
-from varcalc.methods.first_integral.integrands import Integrands
-from varcalc.methods.first_integral.minima import least
+from varcalc.methods.first_integral.lines import Batch, Leg, Lines, Measured
 from varcalc.methods.first_integral.panels import COARSE, TOWARD, WHOLE, Cumulative, Panels, inverse_distance
+from varcalc.numerics.roots import least
 from varcalc.symbolic.instructions import Vectorised
 
 NEWTON_STEPS = 80
@@ -32,21 +31,11 @@ SLOPE_GRID = STEEPEST * np.linspace(-1, 1, 25) ** 3
 PROBE = 0.37
 
 
-class Momentum:
-    """Slopes and integrals of the extremals of a Lagrangian without y; L is negated where ``orientation`` is -1."""
+class Momentum(Lines[tuple[Vectorised, Vectorised]]):
+    """Slopes and integrals of the extremals of a Lagrangian without y: x runs; slopes are given by their asinh.
 
-    def __init__(self, integrands: Integrands, orientation: float, inside: float) -> None:
-        self.integrands = integrands
-        self.orientation = orientation
-        self.inside = inside
-        self._anchors: dict[float | None, tuple[Vectorised, Vectorised]] = {}
-
-    def functions(self, end: float | None) -> tuple[Vectorised, Vectorised]:
-        """Functions of (anchor, delta, c, s, lambda): the momentum and its derivative by asinh v; the integrands."""
-        if end not in self._anchors:
-            with self.integrands.building:
-                self._anchors[end] = self._build(end)
-        return self._anchors[end]
+    The functions are of (anchor, delta, c, s, lambda): the momentum and its derivative by asinh v; the integrands.
+    """
 
     def _build(self, end: float | None) -> tuple[Vectorised, Vectorised]:
         x = self.integrands.problem.symbols.x
@@ -62,42 +51,35 @@ class Momentum:
         start = displaced(anchor, delta, self.inside if end is None else end)
         moved = [m.value for m in carry(function, [start, *others])]
         inputs = [anchor if end is None else ca.SX.sym("anchor"), delta, c, s, multipliers]
-        return Vectorised(ca.Function("slope", inputs, moved[:2])), Vectorised(ca.Function("value", inputs, moved[2:]))
+        slope, value = (ca.Function("at_anchor", inputs, ca.cse(parts)) for parts in (moved[:2], moved[2:]))
+        return Vectorised(slope), Vectorised(value)
 
     def momentum(self, x: np.ndarray, asinh_slope: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
         """L_y' at abscissae x for slopes scale * sinh(asinh_slope)."""
         c, s = _direction(asinh_slope)
         return self.functions(None)[0](x, 0.0, c, s, list(multipliers))[0]
 
-    def measure(self, batch: Batch, warm: Sequence[np.ndarray] | None = None) -> Measured:
-        """Slopes and integrals along every curve of a batch; ``Measured.x`` is the rise of y."""
-        dy, dl, slopes, fields = [], [], [], []
-        rise, action = 0.0, 0.0
-        levels = np.zeros((len(self.integrands.levels), len(batch.constant)))
-        for k, leg in enumerate(batch.legs):
-            share, weights = leg.panels.distances
-            z, values = self.along(leg, leg.length[:, None] * share, batch, None if warm is None else warm[k])
-            c, s = _direction(z)
-            step = np.abs(leg.length)[:, None] * weights
-            form, *rest = (np.broadcast_to(v, z.shape) for v in values)
-            slope = self.integrands.scale * s / c
-            dy.append(step * slope)
-            dl.append(step * form / c)
-            fields.append(np.array([step * f / c for f in rest]))
-            slopes.append(z)
-            rise = rise + dy[-1].sum(axis=1)
-            action = action + (dl[-1] - batch.constant[:, None] * dy[-1]).sum(axis=1)
-            levels += fields[-1][1 : 1 + len(levels)].sum(axis=2)
-        return Measured(np.asarray(rise), np.asarray(action), levels, slopes, dy, dl, fields)
+    def steps(self, slopes: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See :meth:`Lines.steps`: dy = scale s dt where dx = c dt."""
+        c, s = _direction(slopes)
+        step = width / c
+        return step, step * self.integrands.scale * s
+
+    def slope(self, leg: Leg, delta: np.ndarray, batch: Batch) -> np.ndarray:
+        """See :meth:`Lines.slope`."""
+        return self.integrands.scale * np.sinh(self.along([leg], [delta[None, :]], batch, None)[0][0])
 
     def along(
-        self, leg: Leg, delta: np.ndarray, batch: Batch, warm: np.ndarray | None
+        self, legs: Sequence[Leg], deltas: Sequence[np.ndarray], batch: Batch, warm: np.ndarray | None
     ) -> tuple[np.ndarray, list[np.ndarray]]:
-        """asinh of the slopes at distances ``delta`` (curves, m) from the anchor, and the integrands there."""
-        solve, value = self.functions(leg.end)
-        anchor, lam = leg.anchor[:, None], [m[:, None] for m in batch.multipliers]
+        """See :meth:`Lines.along`."""
+        solve, value = self.functions(legs[0].end)
+        lam, delta = [m[:, None] for m in batch.multipliers], np.concatenate(deltas, axis=1)
+        sizes = [d.shape for d in deltas]
+        bases = [np.broadcast_to(leg.anchor[:, None], size) for leg, size in zip(legs, sizes, strict=True)]
+        anchor = np.concatenate(bases, axis=1)
         wanted = batch.constant[:, None]
-        z = np.zeros(delta.shape) if warm is None else np.nan_to_num(warm)
+        z = np.zeros(delta.shape) if warm is None else np.nan_to_num(np.broadcast_to(warm, delta.shape))
         low, high = np.full(delta.shape, -1.1 * STEEPEST), np.full(delta.shape, 1.1 * STEEPEST)
         moved = np.full(delta.shape, np.inf)
         with np.errstate(all="ignore"):
@@ -228,8 +210,7 @@ class RisingCurve:
             mask, leg = which == k, self.batch.legs[k]
             delta = x[mask] - leg.anchor[0]
             if derivative:
-                z, _ = self.family.lines.along(leg, delta[None, :], self.batch, None)
-                out[mask] = self.family.lines.integrands.scale * np.sinh(z[0])
+                out[mask] = self.family.lines.slope(leg, delta, self.batch)
             else:
                 t = inverse_distance(leg.panels.kind, np.clip(delta / leg.length[0], 0.0, 1.0))
                 out[mask] = heights[k] + sign[k] * self._cumulative.at(np.full(len(t), k), t)

@@ -28,6 +28,8 @@ REACH = 6.45
 """T of the exponential map: the distance falls to exp(1 - exp(T)) = 1e-274 of the length."""
 INVERSION_STEPS = 60
 """Bisections that bring any bracket to round-off."""
+QUADRATIC = 1e-8
+"""A Newton step below this is the last: convergence is quadratic."""
 EPSILON = float(np.finfo(float).eps)
 
 
@@ -184,7 +186,7 @@ def _monotone_root(rows: np.ndarray, amount: np.ndarray) -> np.ndarray:
             newton = at - miss / legendre.legval(at, slopes, tensor=False)
             inside = (newton >= low) & (newton <= high)
             following = np.where(inside, newton, 0.5 * (low + high))
-            settled = np.abs(following - at) <= EPSILON
+            settled = np.abs(following - at) <= QUADRATIC
             at = following
             if settled.all():
                 break

@@ -10,10 +10,10 @@ import numpy as np
 
 from varcalc.methods.first_integral.answers import ROUND_OFF, Ends, Evaluate, Reduced
 from varcalc.methods.first_integral.contract import Aim, Joined
-from varcalc.methods.first_integral.energy import Batch
 from varcalc.methods.first_integral.errors import sensitivity
 from varcalc.methods.first_integral.integrands import Integrands
 from varcalc.methods.first_integral.isoperimetric import Start, starts
+from varcalc.methods.first_integral.lines import Batch
 from varcalc.methods.first_integral.refinement import quadrature_errors, truncation, unseen
 from varcalc.methods.first_integral.search import refined
 

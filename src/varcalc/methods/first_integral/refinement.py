@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from varcalc.methods.first_integral.contract import Joined, measure_one
-from varcalc.methods.first_integral.energy import Measured
+from varcalc.methods.first_integral.lines import Measured
 from varcalc.methods.first_integral.panels import EPSILON, GRADED, Map, Panels, tails
 
 ROUNDS = 14
