@@ -13,9 +13,11 @@ SPREAD = np.array([1e-7, 1e-5, 1e-3, 3e-2, 0.2, 0.5])
 """Distances from the place foretold, in units of the bracket, at which a function is looked at."""
 NEIGHBOURS = 3
 """Places on either side of a change of sign through which the inverse function is laid."""
+NEWTON_STEPS = 100
+SHARES = np.linspace(0.0, 1.0, 65)
 NARROWING = 6
 CUTS = 257
-"""Places of a scan that looks for an extremum or an edge: 128^-6 = 2e-13 of the first bracket after all."""
+"""Places of a scan that looks for an extremum: 128^-6 = 2e-13 of the first bracket after all."""
 
 
 def scanned_root(function: Callable[[np.ndarray], np.ndarray], low: float, high: float, close: float) -> float | None:
@@ -68,11 +70,46 @@ def least(function: Callable[[np.ndarray], np.ndarray], low: float, high: float)
     return 0.5 * (low + high)
 
 
-def boundary(holds: Callable[[np.ndarray], np.ndarray], inside: float, outside: float) -> float:
-    """The last place, going outside from where a condition holds, at which it still does."""
-    for _ in range(NARROWING):
-        at = np.linspace(inside, outside, CUTS)
+def edges(
+    holds: Callable[[np.ndarray], np.ndarray], inside: np.ndarray, outside: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where a condition (m, k) -> (m, k) ceases to hold, going from ``inside`` (m,), where it does, to ``outside``.
+
+    Neighbouring numbers (m,) and (m,), the last at which it holds and the first at which it does not.
+    """
+    rows = np.arange(len(inside))
+    for _ in range(SCANS):
+        at = inside[:, None] + (outside - inside)[:, None] * SHARES
+        at[:, -1] = outside
         good = holds(at)
-        k = CUTS - 1 if good.all() else max(int(np.argmin(good)) - 1, 0)
-        inside, outside = float(at[k]), float(at[min(k + 1, CUTS - 1)])
-    return inside
+        good[:, 0], good[:, -1] = True, False
+        first = np.argmin(good, axis=1)
+        before, after = at[rows, first - 1], at[rows, first]
+        if np.all((before == inside) & (after == outside)):
+            break
+        inside, outside = before, after
+    return inside, outside
+
+
+def bracketed_newton(
+    function: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], low: np.ndarray, high: np.ndarray, at: np.ndarray,
+    *, relative: float = 0.0, absolute: float = 0.0, flat: np.ndarray | float = 0.0,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Roots between ``low``, where the function is positive, and ``high``, by Newton's steps kept inside the brackets.
+
+    ``function`` takes places, in the shape of ``at``, where it begins, to values and derivatives. A step is the last
+    where it is within ``relative`` of the place and ``absolute``, or starts from a value within ``flat``. Returns the
+    places, and the last step of each; NaN stays what it is.
+    """
+    moved = np.full(np.shape(at), np.inf)
+    for _ in range(NEWTON_STEPS):
+        value, rate = function(at)
+        low, high = np.where(value > 0, at, low), np.where(value > 0, high, at)
+        newton = at - value / rate
+        # at round-off the sign of the value, and so the bracket, means nothing
+        last = (np.abs(newton - at) <= relative * np.abs(at) + absolute) | (np.abs(value) <= flat)
+        following = np.where(((newton - low) * (newton - high) < 0) | last, newton, (low + high) / 2)
+        moved, at = np.abs(following - at), following
+        if not np.any((moved > relative * np.abs(at) + absolute) & ~last):
+            break
+    return at, moved

@@ -15,20 +15,21 @@ from threading import Lock
 import numpy as np
 
 from varcalc import integrators
+from varcalc.numerics.one_coordinate.intervals import MotionBounds, bounds, ways
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion
+from varcalc.numerics.one_coordinate.potential import PotentialNodes
+from varcalc.numerics.one_coordinate.quadrature import TAU, reached
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.hamilton import HamiltonRays
 from varcalc.optics.legs import Leg
 from varcalc.optics.media import Field, Medium, Radial, Stratified
 from varcalc.optics.model import Carrier, DoesNotApply, Model, Question
-from varcalc.optics.profile import Nodes, Profile
+from varcalc.optics.profile import SIGMA, Profile
 from varcalc.optics.range_search import found_by_range
 from varcalc.optics.ray import Rays
-from varcalc.optics.reduced import AboutCentre, Motions, deviations, reduction
-from varcalc.optics.steps import SIGMA, TAU, reached
+from varcalc.optics.reduced import AboutCentre, ReducedRays, deviations, reduction
 from varcalc.optics.straight import StraightRays
 from varcalc.optics.surfaces import Geometry, Plane, Sphere
-from varcalc.optics.turning_points import Way
-from varcalc.optics.wells import Bounds, bounds, ways
 
 NEAR = 1e-2
 """Neighbours of rays that start towards a centre at a smaller angle lose digits to its polar coordinates."""
@@ -206,11 +207,16 @@ class _Run:
     """Rays of one medium from their starts; ``sigma`` (m,) is how far they have come."""
 
     def __init__(
-        self, profile: Profile, surfaces: Sequence[Geometry], beam: Beam, leaving: int, nodes: Nodes | None = None
+        self,
+        profile: Profile,
+        surfaces: Sequence[Geometry],
+        beam: Beam,
+        leaving: int,
+        nodes: PotentialNodes | None = None,
     ) -> None:
         self.profile, self.surfaces, self.beam, self.leaving = profile, surfaces, beam, leaving
         self.reduced = reduction(profile, beam)
-        self.motions: Motions = self.reduced.motions
+        self.motions: ReducedRays = self.reduced.motions
         self.sigma = np.zeros(len(beam))
         self.levels = self._levels()
         u0 = self.motions.u
@@ -233,7 +239,7 @@ class _Run:
             left[rows] = False
             aimless = np.all(np.isinf(targets[rows]), axis=1)
             rising = _rises_at_last(way)
-            side = Bounds(np.where(rising, above.x[rows], below.x[rows]), rising)
+            side = MotionBounds(np.where(rising, above.x[rows], below.x[rows]), rising)
             struck = np.where(rising, levels.number_up[rows], levels.number_down[rows])
             walls = np.where(rising, levels.up[rows], -levels.down[rows])
             struck = np.where(np.isfinite(last) & (side.x == walls), struck, NOTHING)
@@ -247,7 +253,7 @@ class _Run:
         return Arrival(end.beam, end.struck, end.status), others
 
     def _carry(
-        self, way: Way, rows: np.ndarray, last: np.ndarray, struck: np.ndarray, standing: np.ndarray,
+        self, way: CoordinateMotion, rows: np.ndarray, last: np.ndarray, struck: np.ndarray, standing: np.ndarray,
         targets: np.ndarray, end: _End,
     ) -> None:  # fmt: skip
         """Carry ``rows``, all on ways of one kind, and write down how they end."""
@@ -342,7 +348,7 @@ class _Levels:
     highest: float
 
 
-def _rises_at_last(way: Way) -> np.ndarray:
+def _rises_at_last(way: CoordinateMotion) -> np.ndarray:
     """True (m,) for motions that go up for good where they do not turn back any more."""
     sign = getattr(way, "sign", None)
     return np.ones(len(way.start), bool) if sign is None else sign > 0

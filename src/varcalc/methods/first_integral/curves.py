@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from varcalc.methods.first_integral.energy import Energy
-from varcalc.methods.first_integral.lines import Batch, Measured
-from varcalc.methods.first_integral.panels import Cumulative, distance
+from varcalc.methods.first_integral.lines import CurveBatch, Measured
+from varcalc.numerics.one_coordinate.panels import Cumulative, distance
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class OrbitCurve:
     """y(x) where x(y) is known on monotone legs: inverted in the variable of each leg's rule."""
 
     lines: Energy
-    batch: Batch
+    batch: CurveBatch
     measured: Measured
     start: float
     end: float

@@ -9,8 +9,8 @@ import numpy as np
 
 from varcalc.methods.first_integral.answers import Ends, Evaluate
 from varcalc.methods.first_integral.contract import Aim, Joined, measure_one
-from varcalc.methods.first_integral.isoperimetric import Start
-from varcalc.methods.first_integral.lines import Batch
+from varcalc.methods.first_integral.isoperimetric import LevelStart
+from varcalc.methods.first_integral.lines import CurveBatch
 from varcalc.methods.first_integral.momentum import SLOPE_GRID, Abscissae, Momentum, Rising, RisingCurve, rising
 from varcalc.methods.first_integral.reduction import Reduction
 from varcalc.methods.first_integral.search import joining, solved
@@ -87,7 +87,7 @@ class Cyclic(Reduction):
             return []
         return [Joined(family, parameter, np.zeros(0), measure_one(family, parameter, np.zeros(0)))]
 
-    def from_start(self, ends: Ends, start: Start) -> Iterator[Joined]:
+    def from_start(self, ends: Ends, start: LevelStart) -> Iterator[Joined]:
         """Newton's method from the slope the start has at the reference."""
         if not self.legendre(1.0 if start.convex else -1.0):
             return
@@ -101,7 +101,7 @@ class Cyclic(Reduction):
         if found is not None:
             yield found
 
-    def curve(self, batch: Batch, found: Joined, ends: Ends) -> Evaluate:
+    def curve(self, batch: CurveBatch, found: Joined, ends: Ends) -> Evaluate:
         """The curve as the integral of its slope."""
         assert isinstance(found.family, Rising)
         rise = float(found.measured.x[0])

@@ -21,19 +21,18 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.first_integral.carried import carry, displaced, fixed
-from varcalc.methods.first_integral.lines import Batch, Leg, Lines
+from varcalc.methods.first_integral.lines import Arc, CurveBatch, Lines
+from varcalc.numerics.one_coordinate.panels import QUADRATIC
+from varcalc.numerics.roots import bracketed_newton
+from varcalc.symbolic.differences import carry, displaced, fixed
 from varcalc.symbolic.instructions import Vectorised
 
-NEWTON_STEPS = 80
 STEEPEST = 640.0
 """Largest logarithm of a slope: beyond it exp overflows in intermediate results."""
 CONVEXITY_PROBES = np.array([-6.0, -2.0, 0.0, 2.0])
 """Logarithms of slopes at which L_vv > 0 is checked; only the first must lie in the domain of L."""
 NEARLY = 1e-5
-"""A relative miss above this belies a small Newton step: the slope is infinite there."""
-QUADRATIC = 1e-8
-"""A Newton step below this is the last: convergence is quadratic."""
+"""A relative miss up to which a small Newton step counts."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ class Energy(Lines[AnchorFunctions]):
         anchor, delta = (ca.SX.sym("anchor") if end is None else ca.SX(end)), ca.SX.sym("delta")
         start = displaced(anchor, delta, self.inside if end is None else self._probe(end))
         others = [fixed(v, probe) for v, probe in zip(inputs[1:], [0.8, -0.2, 0.6, *[0.3] * len(lam)], strict=True)]
-        function = ca.Function("all", inputs, [ca.densify(r) for r in results])
+        function = ca.Function("all", inputs, ca.cse([ca.densify(r) for r in results]))
         rest, excess, first, mixed, *values = carry(function, [start, *others])
         name = anchor if end is None else ca.SX.sym("anchor")
         at = [name, delta]
@@ -121,9 +120,9 @@ class Energy(Lines[AnchorFunctions]):
         step = width / (self.integrands.scale * s)
         return step, step * c
 
-    def slope(self, leg: Leg, delta: np.ndarray, batch: Batch) -> np.ndarray:
+    def slope(self, leg: Arc, delta: np.ndarray, batch: CurveBatch) -> np.ndarray:
         """See :meth:`Lines.slope`."""
-        theta, _ = self.along([leg], [delta[None, :]], batch, None)
+        theta, _ = self.along([leg], [delta[None, :]], batch)
         with np.errstate(over="ignore"):
             slope = leg.direction * self.integrands.scale * np.exp(theta[0])
         # at an anchor without a slope it is that of the limit: infinite with L, zero at a turning point
@@ -131,7 +130,7 @@ class Energy(Lines[AnchorFunctions]):
         return np.where(np.isnan(slope) & (np.abs(delta) <= np.abs(leg.length[0]) * 1e-200), limit, slope)
 
     def along(
-        self, legs: Sequence[Leg], deltas: Sequence[np.ndarray], batch: Batch, warm: np.ndarray | None
+        self, legs: Sequence[Arc], deltas: Sequence[np.ndarray], batch: CurveBatch
     ) -> tuple[np.ndarray, list[np.ndarray]]:
         """See :meth:`Lines.along`."""
         functions = self.functions(legs[0].end)
@@ -146,48 +145,37 @@ class Energy(Lines[AnchorFunctions]):
         at_rest, change = (np.broadcast_to(v, offset.shape) for v in functions.rest(base, offset, lam))
         constant = batch.constant[:, None]
         wanted = at_rest - constant if legs[0].reference is None else change + batch.excess[:, None]
-        theta = self._slopes(functions, base, offset, direction, lam, constant, at_rest, wanted, warm)
+        with np.errstate(all="ignore"):
+            theta = self._slopes(functions, (base, offset), direction, lam, constant, at_rest, wanted)
         c, _, s = _direction(theta, direction)
         return theta, functions.value(base, offset, c, s, lam)
 
     @staticmethod
     def _slopes(
-        functions: AnchorFunctions, anchor: np.ndarray, delta: np.ndarray, direction: np.ndarray, lam: list[np.ndarray],
-        constant: np.ndarray, at_rest: np.ndarray, wanted: np.ndarray, warm: np.ndarray | None,
+        functions: AnchorFunctions, place: tuple[np.ndarray, np.ndarray], direction: np.ndarray, lam: list[np.ndarray],
+        constant: np.ndarray, at_rest: np.ndarray, wanted: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
         """log v by Newton's method on the logarithm of whichever side is small, kept in a bracket.
 
         Near a turning point the excess P(y, 0) - P(y, v) is small and its logarithm almost linear in log v; where
         L is large (a singular end) P itself is small against P(y, 0) and its logarithm is.
         """
-        with np.errstate(all="ignore"):
-            steep = (constant > 0) & (at_rest > 2 * constant)
-            goal = np.where(steep, -np.log(constant), np.log(wanted))
-            theta = np.zeros(delta.shape) if warm is None else np.nan_to_num(np.broadcast_to(warm, delta.shape))
-            possible = np.isfinite(goal) & (wanted > 0)
-            theta[~possible] = np.nan
-            low, high = np.full(delta.shape, -STEEPEST), np.full(delta.shape, STEEPEST)
-            moved = np.full(delta.shape, np.inf)
-            for _ in range(NEWTON_STEPS):
-                c, drop, s = _direction(theta, direction)
-                excess, value, slope = functions.slope(anchor, delta, c, drop, s, lam)
-                size = np.where(steep, value, excess)
-                miss = np.where(steep, -np.log(size), np.log(size)) - goal
-                beyond = (miss > 0) | (steep & ~(value > 0)) | np.isnan(miss)
-                low, high = np.where(beyond, low, theta), np.where(beyond, theta, high)
-                newton = theta - miss * size / slope
-                # at round-off the sign of the miss, and so the bracket, means nothing
-                settled = (np.abs(newton - theta) <= QUADRATIC) & (np.abs(miss) <= NEARLY)
-                inside = ((newton > low) & (newton < high) & np.isfinite(slope)) | settled
-                following = np.where(inside, newton, 0.5 * (low + high))
-                moved = np.abs(following - theta)
-                theta = np.where(possible, following, np.nan)
-                if not np.any(moved[possible] > QUADRATIC):
-                    break
-            else:
-                theta[moved > QUADRATIC] = np.nan
-            theta[np.abs(theta) > 0.99 * STEEPEST] = np.nan
-        return theta
+        steep = (constant > 0) & (at_rest > 2 * constant)
+        goal = np.where(steep, -np.log(constant), np.log(wanted))
+
+        def short(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            excess, value, slope = functions.slope(*place, *_direction(theta, direction), lam)
+            size = np.where(steep, value, excess)
+            miss, rate = np.where(steep, -np.log(size), np.log(size)) - goal, slope / size
+            beyond = np.isnan(miss) | (steep & ~(value > 0))
+            # a large miss belies a small Newton step: the slope is infinite there
+            known = np.isfinite(slope) & ((np.abs(miss) <= NEARLY) | (np.abs(miss / rate) > QUADRATIC))
+            return np.where(beyond, -np.inf, -miss), np.where(known, -rate, np.nan)
+
+        start = np.where(np.isfinite(goal) & (wanted > 0), 0.0, np.nan)
+        ends = np.full(start.shape, -STEEPEST), np.full(start.shape, STEEPEST)
+        theta, moved = bracketed_newton(short, *ends, start, absolute=QUADRATIC)
+        return np.where((moved <= QUADRATIC) & (np.abs(theta) <= 0.99 * STEEPEST), theta, np.nan)
 
 
 def _direction(log_slope: np.ndarray, sign: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -17,7 +17,7 @@ HALVINGS = 40
 
 
 @dataclass(frozen=True)
-class Start:
+class LevelStart:
     """A curve y(x) through the ends that has the isoperimetric level, and the multiplier that suits it best."""
 
     x: np.ndarray
@@ -27,7 +27,7 @@ class Start:
     convex: bool
 
 
-def starts(integrands: Integrands, ends: Ends, row: int) -> list[Start]:
+def starts(integrands: Integrands, ends: Ends, row: int) -> list[LevelStart]:
     """Curves chord + A x (1 - x) that have the isoperimetric level, with the multiplier fitted to each.
 
     The first integral is linear in the constant and the multiplier: both follow by least squares along the curve.
@@ -50,7 +50,7 @@ def starts(integrands: Integrands, ends: Ends, row: int) -> list[Start]:
         radius = np.hypot(1.0, slope / integrands.scale)
         return float(integrands.at(x, y, slope)[1, 0] * radius @ weights) * ends.width - float(integrands.levels[0])
 
-    found: list[Start] = []
+    found: list[LevelStart] = []
     for sign in (1.0, -1.0):
         heights = sign * size * np.concatenate([[0.0], AMPLITUDES])
         misses = np.array([level(float(h)) for h in heights])
@@ -73,10 +73,10 @@ def _bisected(function: Callable[[float], float], low: float, high: float) -> fl
 
 def _fitted(
     integrands: Integrands, x: np.ndarray, y: np.ndarray, slope: np.ndarray, weights: np.ndarray, row: int
-) -> Start:
+) -> LevelStart:
     parts = integrands.at(x, y, slope)
     root = np.sqrt(weights)
     matrix = np.column_stack([parts[1, row], -np.ones_like(x)]) * root[:, None]
     multiplier = float(np.linalg.lstsq(matrix, -parts[0, row] * root, rcond=None)[0][0])
     curvature = parts[0, 4] + multiplier * parts[1, 4]
-    return Start(x, y, slope, multiplier, bool(np.nanmedian(curvature) > 0))
+    return LevelStart(x, y, slope, multiplier, bool(np.nanmedian(curvature) > 0))

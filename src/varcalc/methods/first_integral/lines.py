@@ -19,13 +19,13 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from varcalc.methods.first_integral.integrands import Integrands
-from varcalc.methods.first_integral.panels import Panels
+from varcalc.numerics.one_coordinate.panels import Panels
 
 F = TypeVar("F")
 
 
 @dataclass(frozen=True)
-class Leg:
+class Arc:
     """Part of a monotone branch, measured from its ``anchor``: the running variable is anchor + length * share(t).
 
     ``anchor`` and ``length`` have one entry for each curve of a batch.
@@ -44,10 +44,10 @@ class Leg:
 
 
 @dataclass(frozen=True)
-class Batch:
+class CurveBatch:
     """Curves of the same shape: legs in travel order, and the constant, at rest at the reference less ``excess``."""
 
-    legs: tuple[Leg, ...]
+    legs: tuple[Arc, ...]
     constant: np.ndarray
     excess: np.ndarray
     multipliers: np.ndarray
@@ -58,14 +58,13 @@ class Measured:
     """What a batch integrates to, one entry a curve (NaN where the slope has no solution).
 
     ``x`` is what is covered of the other variable, ``action`` the functional less constant * x, ``levels`` the
-    isoperimetric integrals; per leg the ``slopes`` (as :meth:`Lines.along` gives them) and the weighted integrands of
+    isoperimetric integrals; per leg the weighted integrands of
     x, of the Lagrangian function, and of its parts, each (curves, points).
     """
 
     x: np.ndarray
     action: np.ndarray
     levels: np.ndarray
-    slopes: list[np.ndarray]
     dx: list[np.ndarray]
     dl: list[np.ndarray]
     fields: list[np.ndarray]
@@ -73,7 +72,7 @@ class Measured:
     def take(self, k: int) -> Measured:
         """What curve ``k`` integrates to."""
         one = slice(k, k + 1)
-        legs = ([d[one] for d in part] for part in (self.slopes, self.dx, self.dl))
+        legs = ([d[one] for d in part] for part in (self.dx, self.dl))
         return Measured(self.x[one], self.action[one], self.levels[:, one], *legs, [f[:, one] for f in self.fields])
 
 
@@ -101,7 +100,7 @@ class Lines(ABC, Generic[F]):
 
     @abstractmethod
     def along(
-        self, legs: Sequence[Leg], deltas: Sequence[np.ndarray], batch: Batch, warm: np.ndarray | None
+        self, legs: Sequence[Arc], deltas: Sequence[np.ndarray], batch: CurveBatch
     ) -> tuple[np.ndarray, list[np.ndarray]]:
         """The slopes at distances from the anchors of legs with one ``end``, and the integrands there.
 
@@ -113,13 +112,13 @@ class Lines(ABC, Generic[F]):
         """Of steps ``width`` of the running variable: those of the homogeneous parameter, and of the other variable."""
 
     @abstractmethod
-    def slope(self, leg: Leg, delta: np.ndarray, batch: Batch) -> np.ndarray:
+    def slope(self, leg: Arc, delta: np.ndarray, batch: CurveBatch) -> np.ndarray:
         """y' (m,) of a batch of one at distances ``delta`` (m,) from a leg's anchor."""
 
-    def measure(self, batch: Batch, warm: Sequence[np.ndarray] | None = None) -> Measured:
-        """Slopes and integrals along every curve of a batch, from the slopes of a similar batch if given."""
+    def measure(self, batch: CurveBatch) -> Measured:
+        """Slopes and integrals along every curve of a batch."""
         count = len(batch.legs)
-        slopes, dx, dl, fields = ([np.zeros(0)] * count for _ in range(4))
+        dx, dl, fields = ([np.zeros(0)] * count for _ in range(3))
         for end in dict.fromkeys(leg.end for leg in batch.legs):
             numbers = [k for k, leg in enumerate(batch.legs) if leg.end == end]
             legs = [batch.legs[k] for k in numbers]
@@ -127,17 +126,16 @@ class Lines(ABC, Generic[F]):
             deltas = [leg.length[:, None] * share for leg, (share, _) in zip(legs, rules, strict=True)]
             widths = [np.abs(leg.length)[:, None] * weights for leg, (_, weights) in zip(legs, rules, strict=True)]
             width = np.concatenate(widths, axis=1)
-            start = None if warm is None else np.concatenate([warm[k] for k in numbers], axis=1)
-            found, values = self.along(legs, deltas, batch, start)
+            found, values = self.along(legs, deltas, batch)
             # a leg of no length holds nothing, even where the slope is not defined
             step, covered = (np.where(width == 0, 0.0, part) for part in self.steps(found, width))
             parts = np.stack([np.where(width == 0, 0.0, step * v) for v in values])
             cuts = np.cumsum([d.shape[1] for d in deltas])[:-1]
-            split = (np.split(a, cuts, axis=-1) for a in (found, covered, parts[0], parts[1:]))
+            split = (np.split(a, cuts, axis=-1) for a in (covered, parts[0], parts[1:]))
             for k, *of_leg in zip(numbers, *split, strict=True):
-                slopes[k], dx[k], dl[k], fields[k] = of_leg
+                dx[k], dl[k], fields[k] = of_leg
         x = np.sum([d.sum(axis=1) for d in dx], axis=0)
         total = np.sum([d.sum(axis=1) for d in dl], axis=0)
         n = len(self.integrands.levels)
         levels = np.sum([f[1 : 1 + n].sum(axis=2) for f in fields], axis=0)
-        return Measured(x, total - batch.constant * x, levels, slopes, dx, dl, fields)
+        return Measured(x, total - batch.constant * x, levels, dx, dl, fields)

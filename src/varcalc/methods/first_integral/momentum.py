@@ -16,16 +16,22 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.first_integral.carried import carry, displaced, fixed
-from varcalc.methods.first_integral.lines import Batch, Leg, Lines, Measured
-from varcalc.methods.first_integral.panels import COARSE, TOWARD, WHOLE, Cumulative, Panels, inverse_distance
-from varcalc.numerics.roots import least
+from varcalc.methods.first_integral.lines import Arc, CurveBatch, Lines, Measured
+from varcalc.numerics.one_coordinate.panels import (
+    COARSE,
+    QUADRATIC,
+    TOWARD,
+    WHOLE,
+    Cumulative,
+    Panels,
+    inverse_distance,
+)
+from varcalc.numerics.roots import bracketed_newton, least
+from varcalc.symbolic.differences import carry, displaced, fixed
 from varcalc.symbolic.instructions import Vectorised
 
-NEWTON_STEPS = 80
 STEEPEST = 36.0
 """Largest asinh of a slope in units of the mean one: there L_y' has reached its limit to round-off, if it has one."""
-QUADRATIC = 1e-8
 SLOPE_GRID = STEEPEST * np.linspace(-1, 1, 25) ** 3
 """asinh of slopes at which curves are tried."""
 PROBE = 0.37
@@ -45,7 +51,7 @@ class Momentum(Lines[tuple[Vectorised, Vectorised]]):
         momentum = ca.gradient(form, s) / self.integrands.scale
         rate = c * (c * ca.jacobian(momentum, s) - s * ca.jacobian(momentum, c))
         results = [momentum, rate, form, *self.integrands.forms, *self.integrands.partials]
-        function = ca.Function("all", [x, c, s, *lam], [ca.densify(r) for r in results])
+        function = ca.Function("all", [x, c, s, *lam], ca.cse([ca.densify(r) for r in results]))
         anchor, delta = (ca.SX.sym("anchor") if end is None else ca.SX(end)), ca.SX.sym("delta")
         others = [fixed(c, 0.8), fixed(s, 0.6), *(fixed(m, 0.3) for m in lam)]
         start = displaced(anchor, delta, self.inside if end is None else end)
@@ -65,12 +71,12 @@ class Momentum(Lines[tuple[Vectorised, Vectorised]]):
         step = width / c
         return step, step * self.integrands.scale * s
 
-    def slope(self, leg: Leg, delta: np.ndarray, batch: Batch) -> np.ndarray:
+    def slope(self, leg: Arc, delta: np.ndarray, batch: CurveBatch) -> np.ndarray:
         """See :meth:`Lines.slope`."""
-        return self.integrands.scale * np.sinh(self.along([leg], [delta[None, :]], batch, None)[0][0])
+        return self.integrands.scale * np.sinh(self.along([leg], [delta[None, :]], batch)[0][0])
 
     def along(
-        self, legs: Sequence[Leg], deltas: Sequence[np.ndarray], batch: Batch, warm: np.ndarray | None
+        self, legs: Sequence[Arc], deltas: Sequence[np.ndarray], batch: CurveBatch
     ) -> tuple[np.ndarray, list[np.ndarray]]:
         """See :meth:`Lines.along`."""
         solve, value = self.functions(legs[0].end)
@@ -79,23 +85,15 @@ class Momentum(Lines[tuple[Vectorised, Vectorised]]):
         bases = [np.broadcast_to(leg.anchor[:, None], size) for leg, size in zip(legs, sizes, strict=True)]
         anchor = np.concatenate(bases, axis=1)
         wanted = batch.constant[:, None]
-        z = np.zeros(delta.shape) if warm is None else np.nan_to_num(np.broadcast_to(warm, delta.shape))
-        low, high = np.full(delta.shape, -1.1 * STEEPEST), np.full(delta.shape, 1.1 * STEEPEST)
-        moved = np.full(delta.shape, np.inf)
+
+        def short(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            momentum, rate = solve(anchor, delta, *_direction(z), lam)
+            return wanted - momentum, np.where(np.isfinite(rate), -rate, np.nan)
+
+        ends = np.full(delta.shape, -1.1 * STEEPEST), np.full(delta.shape, 1.1 * STEEPEST)
         with np.errstate(all="ignore"):
-            for _ in range(NEWTON_STEPS):
-                momentum, rate = solve(anchor, delta, *_direction(z), lam)
-                miss = momentum - wanted
-                low, high = np.where(miss < 0, z, low), np.where(miss > 0, z, high)
-                newton = z - miss / rate
-                inside = ((newton > low) & (newton < high)) | (np.abs(newton - z) <= QUADRATIC)
-                inside &= np.isfinite(rate)
-                following = np.where(inside, newton, 0.5 * (low + high))
-                moved = np.abs(following - z)
-                z = following
-                if not np.any(moved > QUADRATIC):
-                    break
-            z[(np.abs(z) > STEEPEST) | np.isnan(moved) | (moved > QUADRATIC)] = np.nan
+            z, moved = bracketed_newton(short, *ends, np.zeros(delta.shape), absolute=QUADRATIC)
+            z[(np.abs(z) > STEEPEST) | ~(moved <= QUADRATIC)] = np.nan
         return z, value(anchor, delta, *_direction(z), lam)
 
 
@@ -135,9 +133,9 @@ class Rising:
         """The same family with coarse rules."""
         return replace(self, coarse=True)
 
-    def batch(self, parameter: np.ndarray, multipliers: np.ndarray) -> Batch:
+    def batch(self, parameter: np.ndarray, multipliers: np.ndarray) -> CurveBatch:
         """The curves for parameters (curves,) and multipliers (constraints, curves)."""
-        legs: list[Leg] = []
+        legs: list[Arc] = []
         stops = self.points.stops
         for a, b in pairwise(stops):
             for anchor, other, away in ((a, b, True), (b, a, False)):
@@ -145,14 +143,14 @@ class Rising:
                 singular = any(flag and anchor == x for flag, x in ends)
                 full, length = np.full(parameter.shape, anchor), np.full(parameter.shape, 0.5 * (other - anchor))
                 panels, end = (TOWARD, anchor) if singular else (WHOLE, None)
-                legs.append(Leg(full, length, 1.0, away, None, panels, end))
+                legs.append(Arc(full, length, 1.0, away, None, panels, end))
         if self.panels:
             legs = [replace(leg, panels=p) for leg, p in zip(legs, self.panels, strict=True)]
         elif self.coarse:
             legs = [replace(leg, panels=COARSE) for leg in legs]
         at = np.full(parameter.shape, self.reference)
         constant = self.lines.momentum(at, parameter, multipliers) * np.ones_like(at)
-        return Batch(tuple(legs), constant, np.zeros_like(at), multipliers)
+        return CurveBatch(tuple(legs), constant, np.zeros_like(at), multipliers)
 
 
 def rising(momentum: Momentum, points: Abscissae, upward: bool, multipliers: np.ndarray) -> Rising:
@@ -178,7 +176,7 @@ class RisingCurve:
     """y(x) as the integral of the slope from either end of each stretch."""
 
     family: Rising
-    batch: Batch
+    batch: CurveBatch
     measured: Measured
     ordinates: tuple[float, float]
 

@@ -6,11 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from varcalc.methods.first_integral.contract import Aim, Family, Joined, measure_one
+from varcalc.methods.first_integral.contract import Aim, CurveFamily, Joined, measure_one
 from varcalc.methods.first_integral.lines import Measured
-from varcalc.methods.first_integral.panels import EPSILON
 from varcalc.methods.first_integral.refinement import refined_panels
-from varcalc.numerics.roots import scanned_root
+from varcalc.numerics.roots import EPSILON, scanned_root
 
 ROUGH = 1e-9
 """Relative miss at which a curve counts as found; refinement follows."""
@@ -30,7 +29,7 @@ NEAR_EDGE = 16
 """Samples from the edge of a family that are looked at again with a finer rule."""
 
 
-def joining(family: Family, sample: np.ndarray, aim: Aim) -> list[Joined]:
+def joining(family: CurveFamily, sample: np.ndarray, aim: Aim) -> list[Joined]:
     """Every curve of a family that covers the target, one for each change of sign over the sample and each fold."""
     multipliers = np.zeros((0, len(sample)))
     assert aim.target is not None
@@ -50,7 +49,7 @@ def joining(family: Family, sample: np.ndarray, aim: Aim) -> list[Joined]:
     return found
 
 
-def _between(family: Family, sample: np.ndarray, k: int, aim: Aim) -> Joined | None:
+def _between(family: CurveFamily, sample: np.ndarray, k: int, aim: Aim) -> Joined | None:
     """The curve between samples k and k + 1, or beside them where the coarse rule mistook the side of one."""
     for a, b in ((k, k + 1), (k - 1, k + 1), (k, k + 2)):
         if a >= 0 and b < len(sample):
@@ -60,7 +59,7 @@ def _between(family: Family, sample: np.ndarray, k: int, aim: Aim) -> Joined | N
     return None
 
 
-def _at_edge(family: Family, sample: np.ndarray, aim: Aim) -> list[Joined]:
+def _at_edge(family: CurveFamily, sample: np.ndarray, aim: Aim) -> list[Joined]:
     """A curve at or near the edge of its family, where it turns at an end and the coarse rule may mistake its side."""
     none, target, edge = np.zeros(0), aim.target, float(sample[0])
     assert target is not None
@@ -78,7 +77,7 @@ def _at_edge(family: Family, sample: np.ndarray, aim: Aim) -> list[Joined]:
     return [j for k in brackets if (j := joined(family, float(near[k]), float(near[k + 1]), aim)) is not None]
 
 
-def _fold(family: Family, sample: np.ndarray, reach: np.ndarray, aim: Aim) -> list[tuple[float, float]]:
+def _fold(family: CurveFamily, sample: np.ndarray, reach: np.ndarray, aim: Aim) -> list[tuple[float, float]]:
     """The two brackets either side of an extremum of the reach that passes the target between samples."""
     sign = np.sign(reach[1])
     assert aim.target is not None
@@ -96,7 +95,7 @@ def _fold(family: Family, sample: np.ndarray, reach: np.ndarray, aim: Aim) -> li
     return []
 
 
-def joined(family: Family, low: float, high: float, aim: Aim) -> Joined | None:
+def joined(family: CurveFamily, low: float, high: float, aim: Aim) -> Joined | None:
     """The curve between two parameters whose reaches lie either side of the target; None where there is no such curve.
 
     Found to the precision of the family's rules only; :func:`refined` does the rest.
@@ -117,7 +116,7 @@ def joined(family: Family, low: float, high: float, aim: Aim) -> Joined | None:
     return Joined(family, parameter, none, measured.take(int(np.argmin(np.abs(parameters - parameter)))))
 
 
-def solved(family: Family, parameter: float, multipliers: np.ndarray, aim: Aim, close: float) -> Joined | None:
+def solved(family: CurveFamily, parameter: float, multipliers: np.ndarray, aim: Aim, close: float) -> Joined | None:
     """The curve near a start that covers the target and has the levels, by Newton's method with shortened steps.
 
     Derivatives are differences. None when the residual stays above ``close``, relative to the sizes.

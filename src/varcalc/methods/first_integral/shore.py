@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.methods.first_integral.answers import Reduced, Unsuitable
-from varcalc.methods.first_integral.panels import EPSILON
+from varcalc.numerics.roots import EPSILON
 from varcalc.problem.conditions import OnCurve
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.instructions import Vectorised
