@@ -33,8 +33,8 @@ from varcalc.optics.surfaces import Geometry, Plane, Sphere
 
 NEAR = 1e-2
 """Neighbours of rays that start towards a centre at a smaller angle lose digits to its polar coordinates."""
-OUTWARD = 1e-9
-"""Neighbours of rays that start so much closer to a centre than they end lose digits as well."""
+OUTWARD = 1e-4
+"""Rays that start so much closer to a centre than they end lose digits as well."""
 STRAIGHT_AT = 1e-7
 """Rays that start towards a centre at a smaller angle lose digits themselves."""
 _ONE_AT_A_TIME = Lock()
@@ -235,7 +235,7 @@ class _Run:
         targets = np.column_stack([standing_tau, path, sigma])
         end = _End(beam.take(np.arange(m)), np.full(m, NOTHING), np.full(m, int(RayStatus.ARRIVED)))
         left = np.ones(m, bool)
-        for rows, way, last in ways(profile, u0, self.motions.w, self.motions.C, below, above):
+        for rows, way, last in ways(profile, u0, self.motions.w, below, above):
             left[rows] = False
             aimless = np.all(np.isinf(targets[rows]), axis=1)
             rising = _rises_at_last(way)
@@ -249,7 +249,7 @@ class _Run:
             end.status[rows] = unheard
             part = way.take(np.flatnonzero(going))
             self._carry(part, rows[going], last[going], struck[going], standing, targets, end)
-        others = np.flatnonzero(left | self._lose_digits(end.beam))
+        others = np.flatnonzero(left | self._lose_digits(end))
         return Arrival(end.beam, end.struck, end.status), others
 
     def _carry(
@@ -275,16 +275,14 @@ class _Run:
         sound = there.resolved & np.all(np.isfinite(carried.position), axis=1)
         end.beam.put(rows[sound], carried.take(np.flatnonzero(sound)))
 
-    def _lose_digits(self, end: Beam) -> np.ndarray:
+    def _lose_digits(self, end: _End) -> np.ndarray:
         """True (m,) for rays, or rays whose neighbours, cannot be told in polar coordinates up to their ``end``."""
         if not isinstance(self.reduced, AboutCentre):
             return np.zeros(len(self.beam), bool)
-        least = NEAR if self.beam.deviations else STRAIGHT_AT
-        r = self.reduced.r
+        least, r = NEAR if self.beam.deviations else STRAIGHT_AT, self.reduced.r
         inward = (self.reduced.c < least * r * np.linalg.norm(self.beam.momentum, axis=1)) & (self.motions.w < 0)
-        if not self.beam.deviations:
-            return inward
-        return inward | (r < OUTWARD * np.linalg.norm(end.position - self.reduced.centre, axis=1))
+        outward = r < OUTWARD * np.linalg.norm(end.beam.position - self.reduced.centre, axis=1)
+        return inward | outward | (end.status == RayStatus.TOO_MANY_STEPS)
 
     def _levels(self) -> _Levels:
         """The surfaces of constant u about the starts."""

@@ -100,7 +100,7 @@ class Range:
         sides = [bounds(self.profile, self.nodes, u0, w**2, c**2, free, sign) for sign in (-1, 1)]
         out = Hits(*(np.full((m, 2), np.nan) for _ in range(4)), *(np.zeros(m) for _ in range(3)))
         with np.errstate(all="ignore"):  # where there is no hit, or the way is not resolved, there is no number
-            for rows, way, last in ways(self.profile, u0, w, c**2, *sides):
+            for rows, way, last in ways(self.profile, u0, w, *sides):
                 self._on_ways(way, last, rows, c, w, out)
         return out
 

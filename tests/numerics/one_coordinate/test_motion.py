@@ -46,7 +46,7 @@ def motion(potential: Potential, u0: np.ndarray, w0: np.ndarray, nodes: Potentia
     C = potential.at(u0)[0] - w0**2
     free = np.full(len(u0), np.inf)
     below, above = (bounds(potential, nodes, u0, w0**2, C, free, sign) for sign in (-1, 1))
-    return [way for _, way, _ in ways(potential, u0, w0, C, below, above)]
+    return [way for _, way, _ in ways(potential, u0, w0, below, above)]
 
 
 PENDULUM = Pendulum()

@@ -71,7 +71,7 @@ def _bounds(
 
 
 def ways(
-    potential: Potential, u0: np.ndarray, w0: np.ndarray, C: np.ndarray, below: MotionBounds, above: MotionBounds
+    potential: Potential, u0: np.ndarray, w0: np.ndarray, below: MotionBounds, above: MotionBounds
 ) -> list[tuple[np.ndarray, CoordinateMotion, np.ndarray]]:
     """The motions by kind: rows, way, and the last parameter (of the rows) on it."""
     out = []
@@ -81,18 +81,18 @@ def ways(
         down, up = -below.x[rows], above.x[rows]
         start = 2 * np.arctan2(np.sqrt(down), np.sqrt(up))
         start = np.where(w0[rows] < 0, -start, start)
-        way = TwoTurns(potential, start, C[rows], u0[rows] - down, u0[rows] + up, down + up)
+        way = TwoTurns(potential, start, u0[rows] - down, u0[rows] + up, down + up)
         out.append((rows, way, np.full(len(rows), np.inf)))
     for sign, here, other in ((1, below, above), (-1, above, below)):
         rows = np.flatnonzero(here.turning & ~both)
         if len(rows):
             offset = -here.x[rows]
             start = sign * np.where(w0[rows] < 0, -1.0, 1.0) * np.sqrt(np.abs(offset))
-            way = OneTurn(potential, start, C[rows], u0[rows] - offset, offset, np.full(len(rows), float(sign)))
+            way = OneTurn(potential, start, u0[rows] - offset, offset, np.full(len(rows), float(sign)))
             out.append((rows, way, way.reaching(other.x[rows])))
     rows = np.flatnonzero(~below.turning & ~above.turning & (w0 != 0))
     if len(rows):
         sign = np.where(w0[rows] < 0, -1.0, 1.0)
-        way = NoTurn(potential, np.zeros(len(rows)), C[rows], u0[rows], w0[rows] ** 2, sign)
+        way = NoTurn(potential, np.zeros(len(rows)), u0[rows], w0[rows] ** 2, sign)
         out.append((rows, way, way.reaching(np.where(sign > 0, above.x[rows], below.x[rows]))))
     return out

@@ -35,11 +35,10 @@ class MotionPoint:
 
 @dataclass(frozen=True)
 class CoordinateMotion(ABC):
-    """m motions of one kind in one potential, with constants ``C`` (m,); ``start`` (m,) is where each begins, in q."""
+    """m motions of one kind in one potential; ``start`` (m,) is where each begins, in q."""
 
     potential: Potential
     start: np.ndarray
-    C: np.ndarray
 
     @property
     def period(self) -> float:
@@ -72,7 +71,7 @@ class NoTurn(CoordinateMotion):
         """See :meth:`CoordinateMotion.at`."""
         sign = self.sign[:, None]
         values = self.potential(np.broadcast_to(self.u0[:, None], q.shape), sign * q)
-        speed = np.sqrt(values.above(self.C[:, None], self.squared[:, None]))
+        speed = np.sqrt(self.squared[:, None] + values.gain)
         nothing = np.zeros_like(q)
         return MotionPoint(
             self.u0[:, None] + sign * q, sign * speed, 1 / speed, values.g, values.slope,
@@ -101,7 +100,7 @@ class OneTurn(CoordinateMotion):
         squared = q**2
         values = self.potential(turn, sign * squared)
         _, steep = self.potential.at(turn)
-        mean = np.where(squared > 0, values.above(self.C[:, None]) / np.where(squared > 0, squared, 1.0), sign * steep)
+        mean = np.where(squared > 0, values.gain / np.where(squared > 0, squared, 1.0), sign * steep)
         bend = np.where(squared > 0, values.bend / np.where(squared > 0, squared, 1.0), 0.0)
         by_c = bend / steep
         root = np.sqrt(mean)
@@ -143,7 +142,7 @@ class TwoTurns(CoordinateMotion):
         values = self.potential(np.where(upper, high, low), x)
         safe = np.where(x == 0, 1.0, x)
         steep = np.broadcast_to(np.where(upper, high_slope[:, None], low_slope[:, None]), shape)
-        mean = np.where(x == 0, steep, values.above(self.C[:, None]) / safe)
+        mean = np.where(x == 0, steep, values.gain / safe)
         bend = np.where(x == 0, 0.0, values.bend / safe)
         other = np.where(upper, -above, below)  # the product of the distances is x * other
         ease = mean / other

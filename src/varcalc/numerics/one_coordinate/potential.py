@@ -34,10 +34,9 @@ class PotentialValues:
     gain: np.ndarray
     bend: np.ndarray
 
-    def above(self, C: np.ndarray, squared: np.ndarray | float = 0.0) -> np.ndarray:
+    def above(self, C: np.ndarray, squared: np.ndarray) -> np.ndarray:
         """g - C, where ``squared`` is g - C at the bases: of the two ways to find it the one that loses less."""
-        apart = self.g - C
-        return np.where(np.abs(apart) > DIFFERENT * np.maximum(np.abs(self.g), C), apart, squared + self.gain)
+        return np.where(squared < np.maximum(self.g, C), squared + self.gain, self.g - C)
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,7 @@ class Potential(ABC):
             return at.above(C, squared), at.slope
 
         with np.errstate(all="ignore"):
-            start, flat = (low + high) / 2, 2 * EPSILON * np.abs(np.minimum(squared, C))
+            start, flat = (low + high) / 2, 2 * EPSILON * np.minimum(squared, C)
             return bracketed_newton(above, low, high, start, relative=4 * EPSILON, flat=flat)[0]
 
     def nodes(self, first: float, last: float, low: float, high: float) -> PotentialNodes:
