@@ -37,6 +37,11 @@ def test_newton_in_brackets_on_arrays() -> None:
     assert np.all(moved <= 1e-14 * x)
 
 
+def test_a_root_is_met_where_the_derivative_is_zero_too() -> None:
+    x, _ = bracketed_newton(lambda x: (-(x**2), -2 * x), -np.ones(1), np.ones(1), np.zeros(1))
+    assert x[0] == 0.0
+
+
 def test_what_is_no_number_stays_so() -> None:
     start = np.array([np.nan, 0.5])
     x, _ = bracketed_newton(lambda x: (1 - 4 * x, -4.0), np.zeros(2), np.ones(2), start, absolute=1e-12)

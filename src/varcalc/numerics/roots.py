@@ -105,7 +105,8 @@ def bracketed_newton(
     for _ in range(NEWTON_STEPS):
         value, rate = function(at)
         low, high = np.where(value > 0, at, low), np.where(value > 0, high, at)
-        newton = at - value / rate
+        with np.errstate(all="ignore"):
+            newton = np.where(value == 0, at, at - value / rate)
         # at round-off the sign of the value, and so the bracket, means nothing
         last = (np.abs(newton - at) <= relative * np.abs(at) + absolute) | (np.abs(value) <= flat)
         following = np.where(((newton - low) * (newton - high) < 0) | last, newton, (low + high) / 2)
