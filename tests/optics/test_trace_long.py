@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from varcalc import optics
-from varcalc.integrators.taylor_swarm import TaylorSwarm
+from varcalc.integrators.taylor_ensemble import TaylorEnsemble
 
 STEPS = 10_000
 DRIFT = 1e-13
@@ -24,7 +24,7 @@ def fibre(x, y, z):
 def steps(monkeypatch):
     """The largest number of steps taken by any swarm."""
     taken = [0]
-    carried = TaylorSwarm._ends
+    carried = TaylorEnsemble._ends
 
     def counted(self, waiting):
         step, count = self._step, [0]
@@ -40,7 +40,7 @@ def steps(monkeypatch):
         taken[0] = max(taken[0], count[0])
         return found
 
-    monkeypatch.setattr(TaylorSwarm, "_ends", counted)
+    monkeypatch.setattr(TaylorEnsemble, "_ends", counted)
     return taken
 
 

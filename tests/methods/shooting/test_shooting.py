@@ -10,9 +10,10 @@ from scipy.optimize import brentq
 import varcalc as vc
 from varcalc.formulation import formulate
 from varcalc.formulation.singular import forms
-from varcalc.integrators import Dop853, Metered, Taylor, default
+from varcalc.integrators import Dop853, Taylor, default
 from varcalc.methods.shooting.flow import EulerLagrangeFlow
 from varcalc.methods.shooting.method import Shooting
+from varcalc.methods.shooting.regular_arc import Work
 from varcalc.methods.shooting.search import BUDGET, TOTAL, NoneFound, Search
 from varcalc.solution import Solution, Status
 
@@ -462,6 +463,7 @@ def test_a_singular_end_that_is_not_fixed_in_the_form_is_refused():
 def test_the_search_for_what_is_not_there_is_bounded(half):
     form = formulate(vc.Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Fixed(-half, 1), vc.Fixed(half, 1)))
     equations = EulerLagrangeFlow(form)
-    flow = Metered(default().compile(equations.system.system))
-    assert isinstance(Search(equations, flow, None).best(None), NoneFound)
-    assert flow.work <= TOTAL + 2 * BUDGET  # two seconds or less; a start is not broken off within an evaluation
+    work = Work()
+    search = Search(equations, default().compile(equations.system.system), work, None)
+    assert isinstance(search.best(None), NoneFound)
+    assert work.total <= TOTAL + 2 * BUDGET  # two seconds or less; a start is not broken off within an evaluation

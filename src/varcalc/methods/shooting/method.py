@@ -18,14 +18,14 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.integrators import CannotLower, Engine, Flow, Metered, default
+from varcalc.integrators import CannotLower, Engine, default
 from varcalc.methods.answer import answer
-from varcalc.methods.shooting.flow import EulerLagrangeFlow
+from varcalc.methods.shooting.flow import EulerLagrangeFlow, compiled
+from varcalc.methods.shooting.regular_arc import Work
 from varcalc.methods.shooting.search import NoneFound, Search, describe
-from varcalc.methods.shooting.segments import Failure
 from varcalc.methods.shooting.shot_extremal import Finished, finish
+from varcalc.methods.shooting.shots import Failure
 from varcalc.problem.conditions import whole
-from varcalc.problem.functional import Functional
 from varcalc.solution import Solution, Stats, Status, no_answer
 
 SLOPES = (0.1, -0.1, 1.0, -1.0, 10.0, -10.0)
@@ -46,7 +46,7 @@ class Shooting:
 
     ``Shooting(segments=1)`` is simple shooting. ``engine`` integrates:
     :class:`varcalc.integrators.Taylor` or :class:`varcalc.integrators.Dop853`, by
-    default what is installed (:class:`varcalc.integrators.Thrifty`).
+    default what is installed (:class:`varcalc.integrators.OnDemand`).
 
     It finds stationary curves, and of several it has come upon the one of the
     lowest value; that it is a minimum is not shown here.
@@ -72,11 +72,11 @@ class Shooting:
         equations = EulerLagrangeFlow(form)
         try:
             engine = self.engine or default()
-            flow = _compiled(problem, engine, equations)
+            flow = compiled(problem, engine, equations.system.system)
         except CannotLower as refusal:
             return no_answer(problem, self, Status.REFUSED, str(refusal))
         built = time.perf_counter()
-        found = Search(equations, Metered(flow), self.segments).best(guess)
+        found = Search(equations, flow, Work(), self.segments).best(guess)
         if isinstance(found, NoneFound):
             stats = Stats(built - begun, time.perf_counter() - built, found.iterations)
             return no_answer(problem, self, Status.NOT_CONVERGED, found.message, stats=stats)
@@ -150,16 +150,6 @@ def _infinite_end(form: Form) -> bool:
         if not np.isfinite(values).any():
             return True
     return False
-
-
-def _compiled(problem: Functional, engine: Engine, equations: EulerLagrangeFlow) -> Flow:
-    """The compiled system, kept with the problem for other parameter values and later solves."""
-    system = equations.system.system
-    kept = problem.built.setdefault("flows", {})
-    key = (engine, system.serialize())
-    if key not in kept:
-        kept[key] = engine.compile(system)
-    return kept[key]
 
 
 def _imprecise(finished: Finished, relative: float, tol: float, segments: int | None) -> str:

@@ -13,9 +13,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc.methods.answer import Extremal
-from varcalc.methods.shooting.legs import Stopped, Trajectory
 from varcalc.methods.shooting.newton import size
-from varcalc.methods.shooting.segments import Evaluation, Failure, Segments
+from varcalc.methods.shooting.segments import Evaluation, Segments
+from varcalc.methods.shooting.shots import Failure, Trajectories
 from varcalc.solution import ErrorEstimate
 
 SHRINKING = 0.5
@@ -29,22 +29,12 @@ ROUND_OFF = 4 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
-class Shots:
-    """The trajectories of all segments."""
+class ShotCurve:
+    """The curve of all segments together."""
 
     segments: Segments
     x: np.ndarray
-    trajectories: list[Trajectory]
-
-    def state(self, t: np.ndarray) -> np.ndarray:
-        """The scaled state (D, m) at t (m,)."""
-        vertices = self.segments.vertices
-        at = np.clip(np.searchsorted(vertices, t, side="right") - 1, 0, self.segments.count - 1)
-        out = np.empty((self.segments.dimension, len(t)))
-        for i in np.unique(at):
-            chosen = at == i
-            out[:, chosen] = self.trajectories[i](t[chosen]).T
-        return out
+    states: Trajectories
 
     def evaluate(self, s: np.ndarray, derivative: int) -> np.ndarray:
         """The derivative of the unknown functions at s (m,), shape (n, m); up to the order of the equation."""
@@ -54,7 +44,7 @@ class Shots:
         order = 2 * form.order
         if derivative > order:
             raise ValueError(f"derivatives up to order {order} are at hand, not {derivative}")
-        tower = equations.derivatives(self.state((s - a) / (b - a)), self.segments.scales.ordinates[:, None])
+        tower = equations.derivatives(self.states((s - a) / (b - a)), self.segments.scales.ordinates[:, None])
         if derivative < order:
             return tower[derivative]
         _, unknowns, lambdas, _ = self.segments.parts(self.x)
@@ -89,17 +79,12 @@ def finish(segments: Segments, x: np.ndarray, floor: np.ndarray) -> Finished | F
     if isinstance(check, Failure):
         return check
     x, at = kept.x, kept.at
-    trajectories: list[Trajectory] = []
-    for i in range(segments.count):
-        trajectory = segments.leg(i, x).trajectory(level=1)
-        if isinstance(trajectory, Stopped):
-            return Failure((i,), trajectory.s, trajectory.outcome)
-        trajectories.append(trajectory)
     _, unknowns, lambdas, _ = segments.parts(x)
     form = segments.equations.form
     a, b = form.span
     vertices = a + (b - a) * segments.vertices
-    extremal = Extremal(form, Shots(segments, x, trajectories).evaluate, unknowns, vertices, lambdas, {})
+    curve = ShotCurve(segments, x, Trajectories(segments.paths(x, 1)))
+    extremal = Extremal(form, curve.evaluate, unknowns, vertices, lambdas, {})
     value = value_of(segments, x, at)
     change = abs(value - value_of(segments, check.x, check.at))
     error = ErrorEstimate(
