@@ -10,6 +10,8 @@ from __future__ import annotations
 import importlib.util
 from dataclasses import replace
 
+import casadi as ca
+
 from varcalc.integrators.dop853 import Dop853
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.on_demand import STEPS, OnDemand
@@ -17,6 +19,7 @@ from varcalc.integrators.protocol import NONE, OUTCOMES, Engine, Flow, Landing, 
 from varcalc.integrators.taylor import Taylor
 from varcalc.integrators.threads import spread
 from varcalc.integrators.variational import Variational, variational
+from varcalc.symbolic.derived import Owner, derived
 
 __all__ = [
     "NONE",
@@ -32,11 +35,27 @@ __all__ = [
     "Taylor",
     "Variational",
     "available",
+    "compiled",
     "default",
+    "flows",
     "for_many",
     "spread",
     "variational",
 ]
+
+
+@derived
+def flows(owner: Owner) -> dict[tuple[Engine, str], Flow]:
+    """The systems compiled for a problem, for other parameter values and later solves."""
+    return {}
+
+
+def compiled(owner: Owner, engine: Engine, system: ca.Function) -> Flow:
+    """``system`` compiled by ``engine``, kept with the owner; :class:`CannotLower` as :meth:`Engine.compile` raises."""
+    kept, key = flows(owner), (engine, system.serialize())
+    if key not in kept:
+        kept[key] = engine.compile(system)
+    return kept[key]
 
 
 def available() -> tuple[Taylor | Dop853, ...]:

@@ -18,9 +18,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.integrators import Flow, Outcome, Run, Variational, for_many, variational
+from varcalc.integrators import Flow, Outcome, Run, Variational, compiled, for_many, variational
 from varcalc.methods.ritz.starts import size
-from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales, compiled
+from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 
 STATIONS = 9
 """Abscissae at which a trajectory is recorded, so that one which fails still tells which way it went."""

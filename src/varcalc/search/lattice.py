@@ -15,9 +15,9 @@ from itertools import product
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.integrators import for_many
+from varcalc.integrators import compiled, for_many
 from varcalc.methods.ritz.starts import size
-from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales, compiled
+from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.shooting.initial_states import nus
 from varcalc.methods.shooting.newton import Ending, iterate
 from varcalc.methods.shooting.regular_arc import Work

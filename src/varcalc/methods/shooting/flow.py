@@ -17,8 +17,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.integrators import Engine, Flow, Variational, variational
-from varcalc.problem.functional import Functional
+from varcalc.integrators import Variational, variational
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.symbolic.tracing import Expression
 
@@ -297,15 +296,3 @@ class EulerLagrangeFlow:
         return self._with_jacobian(
             "knot", [units, numbers[0]], [left, right, numbers[1], numbers[2]], ca.vertcat(*rows)
         )
-
-
-def compiled(problem: Functional, engine: Engine, system: ca.Function) -> Flow:
-    """The compiled ``system``, kept with the problem for other parameter values and later solves.
-
-    Raises CannotLower where the engine cannot take it.
-    """
-    kept = problem.built.setdefault("flows", {})
-    key = (engine, system.serialize())
-    if key not in kept:
-        kept[key] = engine.compile(system)
-    return kept[key]

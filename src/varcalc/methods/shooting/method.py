@@ -18,9 +18,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.integrators import CannotLower, Engine, default
+from varcalc.integrators import CannotLower, Engine, compiled, default
 from varcalc.methods.answer import answer
-from varcalc.methods.shooting.flow import EulerLagrangeFlow, compiled
+from varcalc.methods.shooting.flow import EulerLagrangeFlow
 from varcalc.methods.shooting.regular_arc import Work
 from varcalc.methods.shooting.search import NoneFound, Search, describe
 from varcalc.methods.shooting.shot_extremal import Finished, finish
