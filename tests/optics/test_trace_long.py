@@ -27,16 +27,16 @@ def steps(monkeypatch):
     carried = TaylorEnsemble._ends
 
     def counted(self, waiting):
-        step, count = self._step, [0]
+        step, count = self._call, [0]
 
         class Counting:
             def __call__(self, columns, results):
                 count[0] += 1
                 step(columns, results)
 
-        self._step = Counting()
+        self._call = Counting()
         found = carried(self, waiting)
-        self._step = step
+        self._call = step
         taken[0] = max(taken[0], count[0])
         return found
 

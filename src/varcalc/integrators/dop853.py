@@ -47,7 +47,7 @@ SPARSE = 16
 class Dop853:
     """Dormand and Prince's method of order 8. ``tolerance`` is relative to each state, or to the largest initial value.
 
-    Each level takes a hundredth of it and steps of half the length. ``most_steps`` bounds the steps of one run.
+    Each level takes a hundredth of it, and as many steps more as level 0 takes. ``most_steps`` bounds those of one run.
     """
 
     tolerance: float = REFINEMENT * SMALLEST
@@ -104,18 +104,22 @@ class Dop853Flow:
         start: np.ndarray | float = 0.0,
         until: np.ndarray | float = math.inf,
         level: int = 0,
+        usual: np.ndarray | None = None,
         dense: bool = False,
         leaving: tuple[int, ...] = (),
     ) -> Landing:
-        """:meth:`varcalc.integrators.protocol.Flow.ensemble`; each ``level`` lowers the tolerance, halves the steps."""
+        """:meth:`varcalc.integrators.protocol.Flow.ensemble`; each ``level`` adds as many steps as level 0 takes."""
         landing, until = begun(states, start, until, self.stops is not None)
         if dense:
             landing.dense = [Pieces(float(s)) for s in landing.reached]
         tolerance = max(self.engine.tolerance / REFINEMENT**level, SMALLEST)
         longest = np.full(len(states), math.inf)
         if level:  # smaller steps as well: few steps may be the same at any tolerance
-            usual = self.ensemble(states, constants, start=start, until=until, leaving=leaving)
-            longest = np.abs(usual.reached - landing.reached) / (2**level * usual.steps + 1)
+            ends = until
+            if usual is None or not np.all(np.isfinite(ends)):
+                first = self.ensemble(states, constants, start=start, until=until, leaving=leaving)
+                usual, ends = first.steps, first.reached
+            longest = np.abs(ends - landing.reached) / ((1 + level) * usual + 1)
         for first in range(0, len(states), TOGETHER):
             rows = np.arange(first, min(first + TOGETHER, len(states)))
             _Runs(self, landing, constants, until, longest, rows, tolerance, leaving).go()

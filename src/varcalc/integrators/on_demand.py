@@ -90,12 +90,13 @@ class FlowOnDemand:
         start: np.ndarray | float = 0.0,
         until: np.ndarray | float = math.inf,
         level: int = 0,
+        usual: np.ndarray | None = None,
         dense: bool = False,
         leaving: tuple[int, ...] = (),
     ) -> Landing:
         """See :meth:`varcalc.integrators.protocol.Flow.ensemble`."""
         landing = self._chosen().ensemble(
-            states, constants, start=start, until=until, level=level, dense=dense, leaving=leaving
+            states, constants, start=start, until=until, level=level, usual=usual, dense=dense, leaving=leaving
         )
         self.taken += int(landing.steps.max(initial=0)) + int(landing.steps.sum()) // SIDE_BY_SIDE
         return landing

@@ -121,6 +121,7 @@ class Flow(Protocol):
         start: np.ndarray | float = 0.0,
         until: np.ndarray | float = math.inf,
         level: int = 0,
+        usual: np.ndarray | None = None,
         dense: bool = False,
         leaving: tuple[int, ...] = (),
     ) -> Landing:
@@ -129,7 +130,8 @@ class Flow(Protocol):
         That is its abscissa ``until``, either way from its ``start``, or where one of the stopping
         functions crosses zero, located to round-off, whichever comes first; where there are such functions,
         runs go forwards. ``leaving`` are the numbers of those that are zero, to round-off, at the start of
-        every run: those zeros do not count, later ones do. ``level`` and ``dense`` are those of :meth:`trajectory`.
+        every run: those zeros do not count, later ones do. ``level`` and ``dense`` are those of :meth:`trajectory`;
+        ``usual`` (m,) are the steps that level 0 takes, where they are known, which saves finding them out.
         ValueError where a run has no end: neither stopping functions nor a finite ``until``.
         """
         ...

@@ -96,12 +96,21 @@ class TaylorFlow:
     def trajectory(
         self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0, dense: bool = False
     ) -> Run:
-        """See :meth:`varcalc.integrators.protocol.Flow.trajectory`; each ``level`` halves the steps."""
+        """See :meth:`varcalc.integrators.protocol.Flow.trajectory`."""
         checked(abscissae, state, constants, self.system)
-        run = self._propagate(abscissae, state, constants, math.inf)
+        return self._carried(abscissae, state, constants, level, None, dense=dense)
+
+    def _carried(
+        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, level: int, usual: int | None, *,
+        dense: bool,
+    ) -> Run:  # fmt: skip
+        """One run; each ``level`` adds as many steps as level 0 takes, ``usual`` if that is known."""
         longest = math.inf
-        if level and run.completed:
-            longest = abs(abscissae[-1] - abscissae[0]) / (2**level * run.steps + 1)
+        if usual is None or not level:
+            run = self._propagate(abscissae, state, constants, longest)
+            usual = run.steps if run.completed else None
+        if level and usual is not None:
+            longest = abs(abscissae[-1] - abscissae[0]) / ((1 + level) * usual + 1)
             run = self._propagate(abscissae, state, constants, longest)
         if not dense or run.steps == 0:
             return run
@@ -115,6 +124,7 @@ class TaylorFlow:
         start: np.ndarray | float = 0.0,
         until: np.ndarray | float = math.inf,
         level: int = 0,
+        usual: np.ndarray | None = None,
         dense: bool = False,
         leaving: tuple[int, ...] = (),
     ) -> Landing:
@@ -129,8 +139,9 @@ class TaylorFlow:
         between: list[Any] = [None] * len(states)
         for row in rows:
             span = np.array([begin[row], ends[row]])
-            run = self.trajectory(span, states[row], constants[row], level=level, dense=dense)
-            landing.states[row], landing.reached[row] = states[row], begin[row]
+            known = None if usual is None else int(usual[row])
+            run = self._carried(span, states[row], constants[row], level, known, dense=dense)
+            landing.states[row], landing.reached[row] = states[row], run.reached
             landing.outcomes[row], landing.steps[row] = OUTCOMES.index(run.outcome), run.steps
             between[row] = run.trajectory
             if run.completed:

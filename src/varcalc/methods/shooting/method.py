@@ -80,7 +80,7 @@ class Shooting:
         if isinstance(found, NoneFound):
             stats = Stats(built - begun, time.perf_counter() - built, found.iterations)
             return no_answer(problem, self, Status.NOT_CONVERGED, found.message, stats=stats)
-        finished = finish(found.segments, found.x, found.floor)
+        finished = finish(found.segments, found.x, found.floor, found.at.steps)
         if isinstance(finished, Failure):
             return no_answer(problem, self, Status.NOT_CONVERGED, describe(finished))
         seconds = time.perf_counter() - built

@@ -65,7 +65,8 @@ class _Matching:
         self.given_up: Ending | None = None
 
     def evaluate(self, z: np.ndarray) -> Evaluation | None:
-        if self.segments.work.total >= self.most_work:
+        runs_back = self.segments.equations.form.runs_back(self.segments.parts(z)[1])
+        if runs_back or self.segments.work.total >= self.most_work:
             return None
         at = self.segments.evaluate(z)
         if isinstance(at, Failure):

@@ -36,7 +36,7 @@ class Evaluation:
     ``blocks`` are (row, column, matrix) of the Jacobian; ``totals`` the
     running integrals over the whole interval, scaled; ``growth`` (N,) the
     largest factor by which a segment magnifies an error of its initial state; ``summed`` (M,)
-    the size of the integrals that a row is made of.
+    the size of the integrals that a row is made of; ``steps`` what the integrations took.
     """
 
     residual: np.ndarray
@@ -45,6 +45,7 @@ class Evaluation:
     growth: np.ndarray
     shots: list[Shot]
     summed: np.ndarray
+    steps: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -105,18 +106,21 @@ class Segments:
     def _parameters(self) -> np.ndarray:
         return self.equations.form.problem.parameter_values
 
-    def paths(self, x: np.ndarray, level: int) -> Paths:
-        """All segments with their initial states at x."""
+    def paths(self, x: np.ndarray, level: int, usual: np.ndarray | None = None) -> Paths:
+        """All segments with their initial states at x; ``usual`` are the steps of level 0, where they are known."""
         return Paths(
             self.equations, self.flow, self.work, self.vertices, self.anchors, self.parts(x)[0], self.constants(x),
-            self.regular, level,
+            self.regular, level, usual,
         )  # fmt: skip
 
-    def evaluate(self, x: np.ndarray, *, level: int = 0, every: bool = False) -> Evaluation | Failure:
+    def evaluate(
+        self, x: np.ndarray, *, level: int = 0, every: bool = False, usual: np.ndarray | None = None
+    ) -> Evaluation | Failure:
         """The mismatch at x with its Jacobian, or the first integration that failed (``every``: all that fail)."""
-        shots = self.paths(x, level).shots(every=every)
-        if isinstance(shots, Failure):
-            return shots
+        shot = self.paths(x, level, usual).shots(every=every)
+        if isinstance(shot, Failure):
+            return shot
+        shots, steps = shot
         D = self.dimension
         totals = np.sum([s.right[D:] - s.left[D:] for s in shots], axis=0)
         blocks: list[tuple[int, int, np.ndarray]] = []
@@ -128,7 +132,7 @@ class Segments:
         if not (np.all(np.isfinite(residual)) and all(np.all(np.isfinite(m)) for _, _, m in blocks)):
             return self._not_finite(residual)
         summed = np.concatenate([np.zeros(len(residual) - len(closing)), integrals])
-        return Evaluation(residual, blocks, totals, growth, shots, summed)
+        return Evaluation(residual, blocks, totals, growth, shots, summed, steps)
 
     def _growth(self, by: np.ndarray) -> float:
         """How much y is magnified by y, y' by y', and so on: row sums of the diagonal blocks, free of units."""

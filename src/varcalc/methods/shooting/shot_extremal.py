@@ -67,15 +67,15 @@ class Finished:
     condition: float
 
 
-def finish(segments: Segments, x: np.ndarray, floor: np.ndarray) -> Finished | Failure:
+def finish(segments: Segments, x: np.ndarray, floor: np.ndarray, usual: np.ndarray) -> Finished | Failure:
     """Correct x once more on a finer integration, and again on a still finer one, which tells what the first is worth.
 
-    ``floor`` (M,) are the sizes of the unknowns.
+    ``floor`` (M,) are the sizes of the unknowns, ``usual`` the steps that the integrations take at level 0.
     """
-    kept = corrected(segments, x, floor, 1)
+    kept = corrected(segments, x, floor, 1, usual)
     if isinstance(kept, Failure):
         return kept
-    check = corrected(segments, kept.x, floor, 2)
+    check = corrected(segments, kept.x, floor, 2, usual)
     if isinstance(check, Failure):
         return check
     x, at = kept.x, kept.at
@@ -83,7 +83,7 @@ def finish(segments: Segments, x: np.ndarray, floor: np.ndarray) -> Finished | F
     form = segments.equations.form
     a, b = form.span
     vertices = a + (b - a) * segments.vertices
-    curve = ShotCurve(segments, x, Trajectories(segments.paths(x, 1)))
+    curve = ShotCurve(segments, x, Trajectories(segments.paths(x, 1, usual)))
     extremal = Extremal(form, curve.evaluate, unknowns, vertices, lambdas, {})
     value = value_of(segments, x, at)
     change = abs(value - value_of(segments, check.x, check.at))
@@ -104,15 +104,17 @@ class Corrected:
     step: float
 
 
-def corrected(segments: Segments, x: np.ndarray, floor: np.ndarray, level: int) -> Corrected | Failure:
+def corrected(
+    segments: Segments, x: np.ndarray, floor: np.ndarray, level: int, usual: np.ndarray
+) -> Corrected | Failure:
     """x after one Newton step at a level of the integration; x itself where no step leads anywhere."""
-    at = segments.evaluate(x, level=level)
+    at = segments.evaluate(x, level=level, usual=usual)
     if isinstance(at, Failure):
         return at
     step = segments.solve(at, -at.residual, np.maximum(np.abs(x), floor))
     if step is None or size(step, floor) > 1.0:
         return Corrected(x, at, math.inf)
-    following = segments.evaluate(x + step, level=level)
+    following = segments.evaluate(x + step, level=level, usual=usual)
     if isinstance(following, Failure):
         return following
     return Corrected(x + step, following, size(step, np.maximum(np.abs(x), floor)))

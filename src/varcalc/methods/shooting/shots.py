@@ -52,6 +52,7 @@ class Paths:
 
     Each sets out from its anchor's scaled state (N, D) with its ``constants`` (N, c). ``regular`` are the singular ends
     at the start and at the end, each the business of the segment that touches it, whose anchor is the other vertex.
+    ``usual`` are the steps that the integrations take at level 0, where they are known.
     """
 
     equations: EulerLagrangeFlow
@@ -63,6 +64,7 @@ class Paths:
     constants: np.ndarray
     regular: tuple[RegularEnd | None, RegularEnd | None]
     level: int
+    usual: np.ndarray | None = None
 
     def end(self, i: int) -> RegularEnd | None:
         """The singular end that segment i touches."""
@@ -70,8 +72,8 @@ class Paths:
             return self.regular[0]
         return self.regular[1] if i == len(self.anchors) - 1 else None
 
-    def shots(self, *, every: bool) -> list[Shot] | Failure:
-        """The states at all vertices, or the first failure (``every``: the first, with all segments that failed)."""
+    def shots(self, *, every: bool) -> tuple[list[Shot], np.ndarray] | Failure:
+        """The states at all vertices and the steps that took, or the first failure (``every``: with all)."""
         arcs = {i: self._along_arc(i) for i in range(len(self.anchors)) if self.end(i) is not None}
         failures = {i: arc for i, arc in arcs.items() if isinstance(arc, Failure)}
         runs, landing = self.carried(dense=False)
@@ -83,7 +85,8 @@ class Paths:
             failed = sorted(failures)
             first = failures[failed[0]]
             return Failure(tuple(failed if every else failed[:1]), first.s, first.outcome)
-        return self._assembled(runs, landing, {i: arc for i, arc in arcs.items() if isinstance(arc, Shot)})
+        shots = self._assembled(runs, landing, {i: arc for i, arc in arcs.items() if isinstance(arc, Shot)})
+        return shots, landing.steps
 
     def carried(self, *, dense: bool) -> tuple[np.ndarray, Landing]:
         """All integrations: the segment and the vertex (0 left, 1 right) of each (m, 2), and where they came to."""
@@ -94,7 +97,7 @@ class Paths:
         segment = runs[:, 0]
         landing = self.flow.ensemble(
             self._starts()[segment], self.constants[segment], start=self.anchors[segment], until=ways[going],
-            level=self.level, dense=dense,
+            level=self.level, usual=self.usual, dense=dense,
         )  # fmt: skip
         self.work.add(landing)
         return runs, landing
