@@ -22,7 +22,7 @@ def fibre(x, y, z):
 
 @pytest.fixture
 def steps(monkeypatch):
-    """The largest number of steps taken by any swarm."""
+    """The largest number of steps taken by any ensemble."""
     taken = [0]
     carried = TaylorEnsemble._ends
 

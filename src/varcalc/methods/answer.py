@@ -14,7 +14,7 @@ from varcalc.methods.moved_ends import by_moved_ends
 from varcalc.numerics.mesh import gauss
 from varcalc.problem.conditions import Isoperimetric, OnCurve
 from varcalc.problem.problem import Problem
-from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, no_answer
+from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, defined, no_answer
 from varcalc.symbolic.derived import derived
 
 TURNED = 30.0
@@ -346,7 +346,7 @@ def answer(
             "another guess of its abscissa may lead to a curve that runs forwards",
             stats=stats,
         )  # fmt: skip
-    return Solution(
+    found = Solution(
         problem=problem,
         method=method,
         status=status,
@@ -361,3 +361,5 @@ def answer(
         message=message,
         extremal=extremal,
     )
+    known = extremal.coefficients
+    return defined(found, extremal.evaluate(nodes, 0) if known is None else known)
