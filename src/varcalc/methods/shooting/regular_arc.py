@@ -207,17 +207,13 @@ class _Collocated:
         count, n, h, s = len(self.stages.points), len(self.ordinates), self.step, self.stages
         k = z.reshape(count, n)
         flow = self.end.equations
-        state = np.zeros((flow.dimension + flow.integrals, count))
-        state[:n] = (self.end.ordinates + np.outer(s.points, h * self._chord) + h**2 * (s.twice @ k)).T
-        state[n : 2 * n] = (self._chord + h * (s.once @ k)).T
-        columns = np.repeat(self.constants[:, None], count, axis=1)
-        rates, by_state, by_numbers = (np.asarray(v) for v in flow.linearised(self.t[None], state, columns))
+        state = np.zeros((count, flow.dimension + flow.integrals))
+        state[:, :n] = self.end.ordinates + np.outer(s.points, h * self._chord) + h**2 * (s.twice @ k)
+        state[:, n : 2 * n] = self._chord + h * (s.once @ k)
+        rates, by_state, by_numbers = flow.linearised(self.t, state, self.constants)
         if not all(np.isfinite(v).all() for v in (rates, by_state, by_numbers)):
             return None
-        by_state, by_numbers = (
-            v.reshape(len(rates), count, v.shape[1] // count).transpose(1, 0, 2) for v in (by_state, by_numbers)
-        )
-        return _Point(k - rates[n : 2 * n].T, rates, by_state, by_numbers)
+        return _Point(k - rates[:, n : 2 * n], rates.T, by_state, by_numbers)
 
     def _jacobian(self, at: _Point) -> np.ndarray:
         """The derivative (s n, s n) of the residual by y''."""
