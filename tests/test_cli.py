@@ -5,6 +5,7 @@ import json
 import pytest
 from click.testing import CliRunner
 
+import varcalc as vc
 from varcalc.cli import main
 from varcalc.study.reference import catalogue
 
@@ -64,10 +65,10 @@ def test_run_compares_the_brachistochrone(call, tmp_path):
 
 def test_run_prints_one_json_document_and_nothing_else(call, tmp_path):
     picture = tmp_path / "picture.svg"
-    done = call("run", "brachistochrone", "--json", "-o", picture)
+    done = call("run", "soap_film", "--json", "-o", picture)
     assert done.exit_code == 0, done.output
     document = json.loads(done.stdout)
-    assert document["name"] == "brachistochrone"
+    assert document["name"] == "soap_film"
     assert document["agree"] is True
     assert document["rows"][-1]["method"].startswith("ladder (")
     for row in document["rows"]:
@@ -244,15 +245,22 @@ def test_chart_prints_one_json_document(call, stored):
     assert document["about"]["varcalc"]
 
 
-def test_a_chart_of_a_wrong_closed_form_fails(call, write):
-    done = call("chart", write(SHORTEST + "exact = 5.1\n"), "--tol", "1e-6", "--repeats", "1")
+def measured(path, **errors):
+    """A file of one measurement, as --store writes it."""
+    record = vc.Record("mine", "Ritz", 1e-6, "solved", 1.0, 2.0, 0.5, claimed_error=1e-12, **errors)
+    vc.WorkPrecision((record,), {"varcalc": "0"}).save(path)
+    return path
+
+
+def test_a_chart_of_a_wrong_closed_form_fails(call, tmp_path):
+    done = call("chart", measured(tmp_path / "wrong.json", value_error=-0.1))
     assert done.exit_code == 1
     assert "mine by Ritz at tol = 1e-06 is wrong by more than it claims" in done.stderr
 
 
-def test_no_picture_of_errors_without_a_closed_form(call, write, tmp_path):
+def test_no_picture_of_errors_without_a_closed_form(call, tmp_path):
     picture = tmp_path / "picture.png"
-    done = call("chart", write(SHORTEST), "--tol", "1e-6", "--repeats", "1", "-o", picture)
+    done = call("chart", measured(tmp_path / "unknown.json"), "-o", picture)
     assert done.exit_code == 0
     assert "no picture: the errors of mine are not known, as no closed form was given" in done.stderr
     assert not picture.exists()

@@ -72,10 +72,11 @@ def test_reference_page_names_every_public_name_of_optics():
     assert documented | set(", ".join(listed).split(", ")) == set(optics.__all__)
 
 
-def test_every_step_of_the_architecture_is_a_file():
-    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+@pytest.mark.parametrize(("page", "least"), [("architecture", 20), ("extending", 5)])
+def test_every_step_that_is_told_is_a_file(page, least):
+    text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
     named = re.findall(r"`([\w/]+/\w+\.py)`", text)
-    assert len(named) > 20
+    assert len(named) > least
     places = [ROOT / "src" / "varcalc", ROOT]
     assert [name for name in named if not any((place / name).is_file() for place in places)] == []
 

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from varcalc.charts.colours import GRID, INK, colours_by_label
+from varcalc.charts.colours import INK, colours_by_label
 from varcalc.charts.panels import plain
-from varcalc.charts.work_precision import BRIEFEST, FLOOR, claimed_error, delivered_error, drawable, front, top_edge
+from varcalc.charts.work_precision import BRIEFEST, FLOOR, delivered_error, draw_claims, drawable, front, top_edge
 from varcalc.study.compare import EXACT_FLOOR
 from varcalc.study.records import Record, measured_order
 from varcalc.study.routes import Knob
@@ -33,8 +33,6 @@ BENEATH = 4.0
 PALE = 0.35
 LABEL_OFFSET = np.array([0.035, 0.045])
 """Where an order is written: beside a point of its curve, at these shares of the extent of all points."""
-CLAIM_SLACK = 10.0
-"""How many times its claim an error may be."""
 
 Time = Callable[[Record], float | None]
 TIMES: tuple[tuple[str, Time], ...] = (
@@ -110,7 +108,10 @@ def _draw_problem(problem: str, records: Sequence[Record], panels: Sequence[Axes
     for panel in (convergence, *times):
         panel.axhline(np.finfo(float).eps, color=INK, linewidth=0.8, linestyle=(0, (2, 3)), zorder=1.5)
     _draw_convergence(convergence, records, style)
-    _draw_claims(claims, records, style, top)
+    draw_claims(claims, records, style.colours, top)
+    claims.set_xlabel("delivered error", color=INK)
+    claims.set_ylabel("claimed error", color=INK)
+    claims.text(0.97, 0.04, "claims too little", transform=claims.transAxes, ha="right", fontsize=9, color="0.45")
     limits = _time_limits(records)
     for panel, (name, time) in zip(times, TIMES, strict=True):
         for route in style.colours:
@@ -188,27 +189,6 @@ def _name_orders(panel: Axes, taken: np.ndarray, named: Sequence[tuple[np.ndarra
         taken = np.vstack([taken, places[best]])
         x, y = 10 ** places[best]
         panel.text(x, y, f"$h^{{{order:.1f}}}$", color=colour, fontsize=11, ha="center", va="center", zorder=5)
-
-
-def _draw_claims(panel: Axes, records: Sequence[Record], style: Style, top: float) -> None:
-    """The claimed over the delivered errors; shaded where a claim is too small by more than is allowed."""
-    low = FLOOR / 4
-    shaded = np.geomspace(EXACT_FLOOR, top, 50)
-    panel.fill_between(shaded, np.full(50, low), shaded / CLAIM_SLACK, color=GRID, linewidth=0, zorder=1)
-    panel.plot([low, top], [low, top], color=INK, linewidth=0.8, linestyle=(0, (2, 3)), zorder=1.5)
-    for route, colour in style.colours.items():
-        known = [r for r in records if r.ok and r.route == route and r.claimed_error is not None]
-        panel.plot(
-            [delivered_error(r) for r in known], [claimed_error(r) for r in known], "o", color=colour, markersize=4.5,
-            markeredgecolor="white", markeredgewidth=0.4, alpha=0.85, zorder=3,
-        )  # fmt: skip
-    panel.set_xlim(low, top)
-    panel.xaxis.set_major_locator(LogLocator(numticks=5))
-    panel.set_xlabel("delivered error", color=INK)
-    panel.set_ylabel("claimed error", color=INK)
-    panel.text(
-        0.97, 0.04, "claims too little", transform=panel.transAxes, ha="right", fontsize=9, color="0.45"
-    )  # fmt: skip
 
 
 def _draw_route(panel: Axes, records: Sequence[Record], time: Time, colour: str, top: float) -> None:

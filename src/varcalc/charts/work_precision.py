@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from varcalc.charts.colours import INK, colours_by_label
+from varcalc.charts.colours import GRID, INK, colours_by_label
 from varcalc.charts.panels import plain
-from varcalc.study.work_precision import Record
+from varcalc.study.compare import EXACT_FLOOR, EXACT_MARGIN
+from varcalc.study.records import Record
 
 FLOOR = float(np.finfo(float).eps) / 8
 """Relative error drawn for none at all: a logarithmic axis has no zero."""
@@ -70,14 +71,16 @@ def claims_picture(records: Sequence[Record], *, title: str = "Claimed against d
     drawn = [r for r in drawable(records) if r.ok]
     if not drawn:
         raise ValueError("no method found an answer, so there is no claim to draw; see the reasons in the records")
-    problems, colours = list(dict.fromkeys(r.problem for r in drawn)), colours_by_label(_methods(drawn))
+    problems = list(dict.fromkeys(r.problem for r in drawn))
+    colours = colours_by_label(list(dict.fromkeys(r.route for r in drawn)))
     columns = min(3, len(problems))
     names = [problems[i : i + columns] for i in range(0, len(problems), columns)]
     figure, rows = _figure(["" for _ in names], columns, title, colours, crosses=False)
-    low, high = FLOOR / 2, top_edge(drawn)
+    top = top_edge(drawn)
     for row, panels in zip(names, rows, strict=True):
         for panel, problem in zip(panels, row, strict=False):
-            _draw_claims(panel, [r for r in drawn if r.problem == problem], colours, low, high)
+            draw_claims(panel, [r for r in drawn if r.problem == problem], colours, top)
+            panel.set_aspect("equal")
             panel.set_title(problem, fontsize=10, color=INK, loc="left")
         for panel in panels[len(row) :]:
             panel.set_visible(False)
@@ -178,23 +181,24 @@ def front(at: np.ndarray, errors: np.ndarray) -> np.ndarray:
     return np.array([i for n, i in enumerate(known) if n == 0 or errors[i] < best[n - 1]], dtype=int)
 
 
-def _draw_claims(panel: Axes, records: Sequence[Record], colours: dict[str, str], low: float, high: float) -> None:
-    edge = np.array([low, high])
-    # what a comparison holds against an answer: ten times its claim is exceeded, and the round-off of a value
-    shaded = np.geomspace(1e-13, high, 50)
-    panel.fill_between(shaded, np.full(50, low), shaded / 10, color="0.93", linewidth=0, zorder=1)
-    panel.plot(edge, edge, color=INK, linewidth=0.8, linestyle=(0, (2, 3)), zorder=1.5)
-    for method, colour in colours.items():
-        own = sorted((r for r in records if r.method == method), key=lambda r: -r.setting)
-        delivered, claimed = [delivered_error(r) for r in own], [claimed_error(r) for r in own]
-        panel.plot(delivered, claimed, color=colour, linewidth=0.8, alpha=0.4, zorder=2)
+def draw_claims(panel: Axes, records: Sequence[Record], colours: Mapping[str, str], top: float) -> None:
+    """The claimed over the delivered errors of each route's answers; shaded where a claim is too small to be allowed.
+
+    That is by more than the factor of ten and the round-off that a comparison grants.
+    """
+    low = FLOOR / 4
+    shaded = np.geomspace(EXACT_FLOOR, top, 50)
+    panel.fill_between(shaded, np.full(50, low), shaded / EXACT_MARGIN, color=GRID, linewidth=0, zorder=1)
+    panel.plot([low, top], [low, top], color=INK, linewidth=0.8, linestyle=(0, (2, 3)), zorder=1.5)
+    for route, colour in colours.items():
+        known = [r for r in records if r.ok and r.route == route and r.claimed_error is not None]
         panel.plot(
-            delivered, claimed, "o", color=colour, markersize=5, markeredgecolor="white", markeredgewidth=0.5, zorder=3
-        )
-    panel.set_yscale("log")
-    panel.set_xlim(low, high)
-    panel.set_ylim(low, high)
-    panel.set_aspect("equal")
+            [delivered_error(r) for r in known], [claimed_error(r) for r in known], "o", color=colour, markersize=4.5,
+            markeredgecolor="white", markeredgewidth=0.4, alpha=0.85, zorder=3,
+        )  # fmt: skip
     for axis in (panel.xaxis, panel.yaxis):
         axis.set_major_locator(LogLocator(numticks=6))
         axis.set_minor_formatter(NullFormatter())
+    panel.set_yscale("log")
+    panel.set_xlim(low, top)
+    panel.set_ylim(low, top)

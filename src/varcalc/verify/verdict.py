@@ -12,10 +12,9 @@ from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.solution import Solution, Verdict
 from varcalc.verify.corners import Corner
-from varcalc.verify.index import Index
 from varcalc.verify.legendre import Legendre
 from varcalc.verify.morse import JacobiIndex
-from varcalc.verify.verification import Excess, Finding
+from varcalc.verify.verification import Excess, Finding, Index
 from varcalc.verify.weierstrass import NOISE
 
 STATIONARY = 1e-3
@@ -81,7 +80,9 @@ def judged(evidence: Evidence) -> tuple[Verdict, tuple[Finding, ...]]:
 def _extreme(e: Evidence, best: Verdict) -> Finding:
     kind = "maximum" if best is Verdict.MAXIMUM else "minimum"
     if e.solution.local:
-        return Finding(best, f"a {kind} among curves near it; a better value is known, {e.solution.lower:.12g}")
+        better = e.solution.lower
+        known = "better curves are known further away" if better is None else f"a better value is known, {better:.12g}"
+        return Finding(best, f"a {kind} among curves near it; {known}")
     return Finding(best, f"a {kind} among all curves near it, of whatever slope: no nearby curve does better")
 
 
