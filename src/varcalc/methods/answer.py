@@ -341,6 +341,13 @@ def answer(
             "state the problem as a Curve",
             Verdict.NOT_ATTAINED, stats,
         )  # fmt: skip
+    if extremal.form.runs_back(extremal.unknowns):
+        return no_answer(
+            problem, method, Status.NOT_CONVERGED,
+            "the curve found runs backwards: the end that slides lies before the start, where no graph leads; "
+            "another guess of its abscissa may lead to a curve that runs forwards",
+            stats=stats,
+        )  # fmt: skip
     found = Solution(
         problem=problem,
         method=method,

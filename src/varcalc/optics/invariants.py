@@ -113,7 +113,7 @@ class InvariantRays:
     name = "invariants and quadrature"
 
     def __post_init__(self) -> None:
-        self._others = HamiltonRays(self.medium, self.dimension, self.surfaces, integrators.default())
+        self._others = HamiltonRays(self.medium, self.dimension, self.surfaces, integrators.for_many())
 
     def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
         """See :meth:`varcalc.optics.model.Carrier.advance`."""
