@@ -71,6 +71,8 @@ class Extremal:
     """Those of the curve in the basis of :class:`varcalc.numerics.mesh.Space`, where it was found so on one element."""
     along: Along | None = None
     """What was evaluated along the curve last, where the method has it at hand."""
+    in_a_row: int = 0
+    """How many solutions in a row, up to this one, were each begun from the one before."""
 
 
 class Deferred(Mapping[str, float]):
