@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -21,6 +22,8 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.symbolic.buffered import BufferedCall
+from varcalc.symbolic.columns import FewOrMany
+from varcalc.symbolic.derived import derived
 from varcalc.symbolic.tracing import Expression
 
 REMEMBERED = 16
@@ -89,6 +92,16 @@ class Stationarity:
             self.mapped[count] = MappedCall(self.interior, count)
         return self.mapped[count](x, tower, numbers, forces)
 
+    def at_many(self, x: np.ndarray, tower: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """:meth:`at` many points with ``parameters`` of their own, (m, parameters), where nothing else is unknown."""
+        blank = np.zeros((1, 0))
+        return self.many(len(x), x, *tower.reshape(len(tower), len(x), -1), parameters, blank, blank, blank)
+
+    @cached_property
+    def many(self) -> FewOrMany:
+        """The function of the interior for many points."""
+        return FewOrMany(self.interior)
+
 
 class MappedCall:
     """The function of the interior at so many points, with the memory it reads and writes."""
@@ -118,18 +131,13 @@ class MappedCall:
         return self._output.copy()
 
 
-def stationarity(form: Form) -> Stationarity:
-    """The conditions of a form, built once and kept with it."""
-    if "stationarity" not in form.built:
-        form.built["stationarity"] = _build(form)
-    return form.built["stationarity"]
-
-
 def _dense(*expressions: Expression) -> Expression:
     return ca.densify(ca.vertcat(*expressions))
 
 
-def _build(form: Form) -> Stationarity:
+@derived
+def stationarity(form: Form) -> Stationarity:
+    """The conditions of a form, built once and kept with it."""
     symbols, kind = form.symbols, form.symbols.kind
     caps = _caps(form)
     equations = 0 if form.ends is None else form.ends.equations.numel()

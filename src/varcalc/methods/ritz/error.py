@@ -14,11 +14,13 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from varcalc.formulation import Form
 from varcalc.methods.answer import end_cost, sample
 from varcalc.methods.ritz.newton import Step, newton_step
 from varcalc.methods.ritz.quadrature import shortfall
 from varcalc.methods.ritz.rungs import Rung, Rungs
 from varcalc.methods.ritz.system import Evaluation, Reported, RitzSystem
+from varcalc.symbolic.derived import derived
 
 SAFETY = 1.5
 """The correction leaves out what lies beyond the richer space."""
@@ -165,10 +167,7 @@ def settled(rungs: Rungs, found: Estimate) -> Estimate | str:
     form, system = rungs.form, found.system
 
     def sampled(s: np.ndarray) -> np.ndarray:
-        if "settled" not in form.built:
-            integrands = ca.vertcat(form.functional, *(c.expression for c in system.equalities))
-            form.built["settled"] = ca.Function("settled", form.symbols.all, [ca.densify(integrands)])
-        values = np.asarray(form.built["settled"](*sample(rungs.extremal(system, found.z), s)))
+        values = np.asarray(_reported_with_levels(form)(*sample(rungs.extremal(system, found.z), s)))
         return values[0] + found.miss[: len(system.levels)] @ values[1:]
 
     samples = found.integrand.reshape(system.space.elements, -1)
@@ -176,6 +175,12 @@ def settled(rungs: Rungs, found: Estimate) -> Estimate | str:
     if not math.isfinite(change):
         return "the functional is not a number on the trial curve between the points of its rule"
     return found if change == 0.0 else replace(found, value=found.value + change, error=found.error + abs(change))
+
+
+@derived
+def _reported_with_levels(form: Form) -> ca.Function:
+    integrands = ca.vertcat(form.functional, *(c.expression for c in form.integrals if c.equality))
+    return ca.Function("settled", form.symbols.all, [ca.densify(integrands)])
 
 
 def functional_at(rungs: Rungs, system: RitzSystem, z: np.ndarray, reported: Reported) -> float:

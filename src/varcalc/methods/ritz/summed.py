@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.ritz.system import RitzSystem
+from varcalc.methods.ritz.system import RitzSystem, pointwise
 from varcalc.numerics.mesh import basis_at_gauss
 
 
@@ -39,7 +39,7 @@ def summed_up(system: RitzSystem, scale: np.ndarray, size: float) -> Summed:
     columns += [] if order == 2 else [ca.MX(0, count)]
     parameters = np.repeat(system.form.problem.parameter_values[:, None], count, axis=1)
     s = system.space.quadrature(system.count)[0].reshape(1, -1)
-    out = system.form.built["pointwise"].map(count)(s, *columns, parameters, ca.MX(0, count))
+    out = pointwise(system.form).map(count)(s, *columns, parameters, ca.MX(0, count))
     out = ca.mtimes(out, ca.diag(ca.DM(system.weights / size)))
     value = ca.sum2(out[0, :])
     blocks = ca.MX(_block_diagonal(count, k), ca.vec(out[1 + k :, :]))

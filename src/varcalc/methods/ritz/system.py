@@ -22,6 +22,7 @@ from varcalc.methods.ritz.element import OneElement
 from varcalc.numerics.mesh import Space, basis_at_gauss
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.symbolic.buffered import BufferedCall
+from varcalc.symbolic.derived import derived
 
 
 @lru_cache(maxsize=64)
@@ -100,10 +101,6 @@ class RitzSystem:
 
     def _wire(self) -> None:
         """The mapped pointwise function on buffers of its own, so that a call costs microseconds."""
-        built = self.form.built
-        if "pointwise" not in built:
-            lagrangian = Lagrangian(self.form.symbols, self.form.integrand)
-            built["pointwise"] = lagrangian.pointwise([c.expression for c in self.equalities])
         points = self.space.elements * self.count
         x, weights = self.space.quadrature(self.count)
         self.weights = weights.ravel()
@@ -118,7 +115,7 @@ class RitzSystem:
             np.zeros((points, self.extra)),
         ]
         self._out = np.zeros((points, (1 + len(self.equalities)) * (1 + self.k + self.k**2)))
-        self._pointwise = BufferedCall(built["pointwise"].map(points), self._arguments, self._out)
+        self._pointwise = BufferedCall(pointwise(self.form).map(points), self._arguments, self._out)
         self.single: OneElement | None = None
         if self.space.elements == 1 and not self.space.periodic:
             self.single = OneElement(self.space, self.count, self.order, self.free, self.fixed, self.extra)
@@ -179,16 +176,9 @@ class RitzSystem:
     @cached_property
     def _reporter(self) -> Callable[[], np.ndarray]:
         """The reported functional and the lifted curve at the points last filled in."""
-        form, built = self.form, self.form.built
-        if "reported" not in built:
-            s = form.symbols
-            outputs = [form.functional]
-            if form.lifted is not None:
-                outputs += form.lifted
-            built["reported"] = ca.Function("reported", s.all, [ca.densify(ca.vertcat(*outputs))])
-        points = len(self.weights)
-        out = np.zeros((points, built["reported"].size1_out(0)))
-        call = BufferedCall(built["reported"].map(points), self._arguments, out)
+        function, points = reported(self.form), len(self.weights)
+        out = np.zeros((points, function.size1_out(0)))
+        call = BufferedCall(function.map(points), self._arguments, out)
 
         def run() -> np.ndarray:
             call()
@@ -379,25 +369,12 @@ class RitzSystem:
 
     def _evaluate_ends(self, z: np.ndarray) -> list[np.ndarray]:
         """End cost, its gradient, the end equations, their Jacobian, all Hessians, and the sizes of the equations."""
-        form, built = self.form, self.form.built
-        assert form.ends is not None
-        if "ends" not in built:
-            e, u = form.ends, form.symbols.unknowns
-            v = ca.vertcat(e.start, e.end, u)
-            hessians = (
-                [ca.hessian(h, v)[0] for h in (e.cost, *ca.vertsplit(e.equations))]
-                if e.equations.numel()
-                else [ca.hessian(e.cost, v)[0]]
-            )
-            outputs = [e.cost, ca.gradient(e.cost, v), e.equations, ca.jacobian(e.equations, v), *hessians]
-            built["ends"] = ca.Function(
-                "ends", [e.start, e.end, u, form.symbols.parameters], [ca.densify(o) for o in outputs]
-            )
+        form = self.form
         c = self.coefficients(z)
         first, last = (
             np.array([c[self.space.vertex_number(v, 0, a)] for a in range(self.n)]) for v in (0, self.space.elements)
         )
-        out: Any = built["ends"](first, last, self.unknowns(z), form.problem.parameter_values)
+        out: Any = _at_ends(form)(first, last, self.unknowns(z), form.problem.parameter_values)
         found = [np.asarray(o) for o in out]
         # by how much each equation changes when its variables change by the size of the largest
         reach = np.abs(np.concatenate([first, last, self.unknowns(z)])).max(initial=0.0)
@@ -413,3 +390,35 @@ class RitzSystem:
         out = np.zeros((self.size, self.size))
         out[np.ix_(z, z)] = total[np.ix_(v, v)]
         return out
+
+
+@derived
+def pointwise(form: Form) -> ca.Function:
+    """The integrand and those of the prescribed integrals, with their derivatives: :meth:`.Lagrangian.pointwise`."""
+    return Lagrangian(form.symbols, form.integrand).pointwise([c.expression for c in form.integrals if c.equality])
+
+
+@derived
+def integrands(form: Form) -> ca.Function:
+    """The integrand and those of the prescribed integrals alone."""
+    rows = [form.integrand, *(c.expression for c in form.integrals if c.equality)]
+    return ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*rows))])
+
+
+@derived
+def reported(form: Form) -> ca.Function:
+    """The reported functional's integrand and, where the form is lifted, x, y, dx/ds, dy/ds."""
+    outputs = [form.functional, *(form.lifted or ())]
+    return ca.Function("reported", form.symbols.all, [ca.densify(ca.vertcat(*outputs))])
+
+
+@derived
+def _at_ends(form: Form) -> ca.Function:
+    """The cost of the ends and their equations, with derivatives in (start, end, unknowns)."""
+    assert form.ends is not None
+    e, u = form.ends, form.symbols.unknowns
+    v = ca.vertcat(e.start, e.end, u)
+    conditions = ca.vertsplit(e.equations) if e.equations.numel() else []
+    hessians = [ca.hessian(h, v)[0] for h in (e.cost, *conditions)]
+    outputs = [e.cost, ca.gradient(e.cost, v), e.equations, ca.jacobian(e.equations, v), *hessians]
+    return ca.Function("ends", [e.start, e.end, u, form.symbols.parameters], [ca.densify(o) for o in outputs])
