@@ -11,7 +11,7 @@ def drawn(low, high, count=40, seed=0):
     return np.random.default_rng(seed).uniform(low, high, (count, 2))
 
 
-EATON = optics.Scene(optics.eaton()), (-0.5, 0.6), np.vstack([[0.4, 0.5], drawn(-0.5, 0.5, 39)]), None
+EATON = optics.Scene(optics.eaton()), (-0.5, 0.6), np.vstack([[0.4, 0.5], drawn(-0.6, 0.6, 39)]), None
 FISH_EYE = optics.Scene(optics.fish_eye()), (0.6, 0.1), drawn(-0.5, 0.5), 2.5
 LUNEBURG = optics.Scene(optics.luneburg()), (-0.4, 0.3), drawn(-0.6, 0.6), None
 CHANNEL = optics.Scene(optics.munk_profile()), (0.0, -1000.0), drawn((2e4, -3000.0), (4e4, -300.0)), None

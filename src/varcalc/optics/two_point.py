@@ -35,7 +35,7 @@ class Ends:
     def __len__(self) -> int:
         return len(self.sources)
 
-    def take(self, rows: Sequence[int]) -> Ends:
+    def take(self, rows: Sequence[int] | np.ndarray) -> Ends:
         """The pairs of ``rows``."""
         return Ends(self.sources[rows], self.targets[rows], self.within[rows])
 
