@@ -43,24 +43,37 @@ def test_where_l_is_quadratic_in_the_slope_its_own_tells_of_all(monkeypatch, lag
 
     monkeypatch.setattr(weierstrass._Fan, "least", counted)
     judged(graph(lagrangian))
-    assert counts[1:] == slopes  # the first is that of the straight line's own problem
+    assert counts == slopes  # the straight line's own problem needs none
 
 
 @pytest.mark.parametrize(
-    ("lagrangian", "fans"),
+    ("lagrangian", "slopes"),
     [
-        (lambda x, y, v: ca.sqrt(1 + v**2), 0),  # the root of a positive quadratic form
-        (lambda x, y, v: (2 + ca.sin(y)) * ca.sqrt(2 + v + v**2), 0),
-        (lambda x, y, v: ca.sqrt(1 + v**2) + v**2, 1),
-        (lambda x, y, v: ca.sqrt(1 + v**2) - 5, 1),  # convex, but not positive
+        (lambda x, y, v: ca.sqrt(1 + v**2), 3),  # the root of a positive quadratic form
+        (lambda x, y, v: (2 + ca.sin(y)) * ca.sqrt(2 + v + v**2), 3),
+        (lambda x, y, v: ca.sqrt(1 + v**2) + v**2, 21),
+        (lambda x, y, v: ca.sqrt(1 + v**2) - 5, 21),  # convex, but not positive
     ],
 )
-def test_the_root_of_a_quadratic_form_needs_no_other_slopes(monkeypatch, lagrangian, fans):
-    made = []
-    original = weierstrass._Fan.of
-    monkeypatch.setattr(weierstrass._Fan, "of", lambda *given: made.append(1) or original(*given))
-    assert vc.solve(graph(lagrangian)).status is vc.Status.SOLVED
-    assert len(made) == fans
+def test_what_was_evaluated_along_the_curve_is_enough(monkeypatch, lagrangian, slopes):
+    # no fan of slopes is built; three slopes tell of all where L is the root of a quadratic form
+    monkeypatch.setattr(weierstrass._Fan, "of", lambda *given: pytest.fail("a fan was built"))
+    solution = vc.solve(graph(lagrangian))
+    assert solution.status is vc.Status.SOLVED
+    tried = []
+    original = vc.Problem.integrand_values
+    monkeypatch.setattr(
+        vc.Problem, "integrand_values", lambda self, x, *rest: tried.append(len(x)) or original(self, x, *rest)
+    )
+    assert vouched(solution, solution.extremal.form) is solution
+    assert sum(tried) == slopes * len(solution.extremal.along.x)
+
+
+def test_a_solution_known_to_be_local_is_verified():
+    line = vc.solve(graph(lambda x, y, v: v**2))
+    check = vc.verify(replace(line, local=True))
+    assert check.verdict is vc.Verdict.MINIMUM
+    assert any("better curves are known" in str(finding) for finding in check.findings)
 
 
 @pytest.mark.parametrize("curvature", [-1.0, -1e-3, -1e-7])

@@ -81,7 +81,9 @@ def judged(evidence: Evidence) -> tuple[Verdict, tuple[Finding, ...]]:
 def _extreme(e: Evidence, best: Verdict) -> Finding:
     kind = "maximum" if best is Verdict.MAXIMUM else "minimum"
     if e.solution.local:
-        return Finding(best, f"a {kind} among curves near it; a better value is known, {e.solution.lower:.12g}")
+        better = e.solution.lower
+        known = "better curves are known further away" if better is None else f"a better value is known, {better:.12g}"
+        return Finding(best, f"a {kind} among curves near it; {known}")
     return Finding(best, f"a {kind} among all curves near it, of whatever slope: no nearby curve does better")
 
 

@@ -55,7 +55,7 @@ def vouched(solution: Solution, form: Form) -> Solution:
     tested = isinstance(problem, Problem) and problem.order == 1 and not any(problem.of_type(Holonomic))
     if not tested or form.energetic or solution.curve is None:
         return solution
-    if _convex(solution):
+    if _seen(solution):
         return solution
     x = _places(solution)
     fan = _Fan.of(solution, x)
@@ -90,59 +90,81 @@ def convinced(problem: Problem, x: np.ndarray, y: np.ndarray, slopes: np.ndarray
     The graphs are known at P points each: x (K, P), y and slopes (K, P, n), for the values ``parameters`` (K, m). No
     slope tried there may have a negative excess, and L must be convex in each component of their own.
     """
-    sign, (count, places, n) = -1.0 if problem.maximise else 1.0, y.shape
+    count, places, n = y.shape
     repeated, blank = np.repeat(parameters, places, axis=0), np.zeros((1, 0))
-    points = (x.reshape(-1, 1), y.reshape(-1, n))
-    rows = sign * _in_the_slopes(problem)(count * places, *points, slopes.reshape(-1, n), blank, repeated, blank)
-    own, slope, curvature = rows[:, :1], rows[:, 1 : 1 + n], rows[:, 1 + n :]
-    good = np.all(np.isfinite(rows), axis=1) & np.all(curvature > 0, axis=1)
-    v = slopes.reshape(-1, n)
-
-    def excess(a: int, turns: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """L at the points ``some`` for other slopes of the function a, those steps, and the linear part."""
-        step = np.maximum(1.0, np.abs(v[some, a : a + 1])) * turns
-        many = [np.repeat(p[some], len(turns), axis=0) for p in (*points, v, repeated)]
-        many[2][:, a] += step.ravel()
-        other = sign * problem.integrand_values(many[0][:, 0], many[1].T, many[2].T, many[3]).reshape(step.shape)
-        return other, step, slope[some, a : a + 1] * step
-
-    for a in range(n):
-        other, step, linear = excess(a, FEW_TURNS, np.arange(len(rows)))
-        square = own**2 + 2 * own * linear + (slope[:, a : a + 1] ** 2 + own * curvature[:, a : a + 1]) * step**2
-        # where L^2 is quadratic in a slope and L > 0, L'' has the sign of the form's determinant for all slopes
-        convex = np.all((np.abs(other**2 - square) <= NOISE * square) & (other > 0), axis=1) & (own[:, 0] > 0)
-        rest = np.flatnonzero(good & ~convex)
-        other, _, linear = excess(a, TURNS[TURNS != 0], rest)
-        size = np.abs(other) + np.abs(own[rest]) + np.abs(linear)
-        # where L is no number for a slope there is no curve with it
-        good[rest] = ~np.any(other - own[rest] - linear < -NOISE * size, axis=1)
-    return good.reshape(count, places).all(1)
+    points = (x.reshape(-1, 1), y.reshape(-1, n), slopes.reshape(-1, n))
+    rows = _in_the_slopes(problem)(count * places, *points, blank, repeated, blank).T
+    rows *= -1.0 if problem.maximise else 1.0
+    columns = (points[0][:, 0], points[1].T, points[2].T, repeated)
+    good = _unbeaten(problem, columns, rows[0], rows[1 : 1 + n], rows[1 + n :])
+    return np.all(good.reshape(count, places), axis=1)
 
 
-def _convex(solution: Solution) -> bool:
-    """Whether L > 0 of one function is the root of a quadratic form in the slope, positive definite along the curve.
+def _unbeaten(
+    problem: Problem, points: tuple[np.ndarray, ...], own: np.ndarray, slope: np.ndarray, curvature: np.ndarray
+) -> np.ndarray:
+    """At which m points L is convex in each component of the slope and no slope tried has a negative excess; (m,).
 
-    Its second derivative in the slope is the determinant of the form by L^3: of one sign for all slopes. No slope has
-    a negative excess then. Only what was evaluated along the curve is looked at, of a problem without constraints.
+    ``points`` are x (m,), y and y' (n, m) and the parameters (m, p), which may be left out for the problem's own. L is
+    ``own`` (m,) there, ``slope`` and ``curvature`` (n, m) its derivatives by each component, as they are minimised.
     """
+    sign, v = -1.0 if problem.maximise else 1.0, points[2]
+    good = np.isfinite(own + slope.sum(0) + curvature.sum(0)) & np.all(curvature > 0, axis=0)
+
+    def tried(a: int, turns: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """L at the points ``some`` for other slopes of the function a, and the steps to them."""
+        step = np.maximum(1.0, np.abs(v[a, some]))[:, None] * turns
+        x, y, changed = (np.repeat(p[..., some], len(turns), axis=-1) for p in points[:3])
+        changed[a] += step.ravel()
+        numbers = (np.repeat(p[some], len(turns), axis=0) for p in points[3:])
+        return sign * problem.integrand_values(x, y, changed, *numbers).reshape(step.shape), step
+
+    for a in range(len(v)):
+        rest = np.flatnonzero(good)
+        rest = rest[~_roots_of_quadratics(own[rest], slope[a, rest], curvature[a, rest], *tried(a, FEW_TURNS, rest))]
+        if len(rest):
+            other, step = tried(a, TURNS[TURNS != 0], rest)
+            relative = excesses(own[rest, None], slope[a, rest, None] * step, other)[1]
+            good[rest] = relative.min(1) >= -NOISE
+    return good
+
+
+def excesses(own: np.ndarray, linear: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Weierstrass's excess of slopes tried, and the same relative to its terms; arrays of one shape.
+
+    L is ``own`` at the curve's slope and ``other`` at the slope tried, ``linear`` is the step between them times
+    L_y'. Where L is no number for a slope there is no curve with it, and the relative excess is zero.
+    """
+    excess = other - own - linear
+    size = np.abs(other) + np.abs(own) + np.abs(linear)
+    known = np.isfinite(excess) & (size > 0)
+    return excess, np.divide(excess, size, out=np.zeros_like(excess), where=known)
+
+
+def _roots_of_quadratics(
+    own: np.ndarray, slope: np.ndarray, curvature: np.ndarray, other: np.ndarray, step: np.ndarray
+) -> np.ndarray:
+    """At which m points L > 0 is the root of a quadratic form in one slope, as ``other`` slopes (m, T) show; (m,).
+
+    Its second derivative there is the determinant of the form by L^3, of one sign for all slopes: where that is
+    positive no slope has a negative excess.
+    """
+    own, slope, curvature = own[:, None], slope[:, None], curvature[:, None]
+    square = own**2 + 2 * own * slope * step + (slope**2 + own * curvature) * step**2
+    return np.all((np.abs(other**2 - square) <= NOISE * square) & (other > 0) & (own > 0) & (curvature > 0), axis=1)
+
+
+def _seen(solution: Solution) -> bool:
+    """Whether what was evaluated along a smooth graph without constraints leaves no doubt that it is a minimum."""
     problem, extremal = solution.problem, solution.extremal
     if extremal is None or extremal.form.problem is not problem or extremal.along is None:
         return False
     if not isinstance(problem, Problem) or problem.n != 1 or problem.constraints:
         return False
     along: Along = extremal.along
-    own, slope, curvature = along.value, along.momenta[0], along.curvature[:, 0, 0]
-    if not ((own > 0).all() and (curvature > 0).all()):
-        return False
-    step = FEW_TURNS[:, None] * np.maximum(1.0, np.abs(along.dy))
-    count = len(FEW_TURNS)
+    points = (along.x, np.atleast_2d(along.y), np.atleast_2d(along.dy))
     with np.errstate(all="ignore"):
-        others = problem.integrand_values(
-            np.tile(along.x, count), np.tile(along.y, count), (along.dy + step).reshape(1, -1)
-        ).reshape(step.shape)
-        square = own**2 + 2 * own * slope * step + (slope**2 + own * curvature) * step**2
-        quadratic = np.abs(others**2 - square) <= NOISE * square
-    return bool(quadratic.all() and (others < 0 if problem.maximise else others > 0).all())
+        return bool(_unbeaten(problem, points, along.value, along.momenta, along.curvature[:, 0].T).all())
 
 
 def _places(solution: Solution) -> np.ndarray:
@@ -188,10 +210,7 @@ def _excess(along: Setting, tries: Callable[[np.ndarray, np.ndarray], np.ndarray
         repeated = [np.repeat(v, count, axis=1) for v in arguments]
         repeated[1 + order] = tried.reshape(-1, n).T
         other = np.asarray(function.call(repeated)[0]).reshape(len(s), count)
-        linear = np.einsum("ka,kta->kt", slope.T, tried - own[:, None])
-        excess = other - value.T - linear
-        size = np.abs(other) + np.abs(value.T) + np.abs(linear)
-        relative = np.where(np.isfinite(excess) & (size > 0), excess / size, 0.0)
+        relative = excesses(value.T, np.einsum("ka,kta->kt", slope.T, tried - own[:, None]), other)[1]
     k, j = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
     return Excess(float(relative[k, j]), float(s[k]), tried[k, j], own[k])
 
@@ -302,13 +321,9 @@ class _Fan:
     def least(self) -> tuple[float, Worst]:
         """The least excess relative to its terms, and where it is found."""
         here = self.tried.shape[2] // 2
-        step = self.tried - self.v[:, :, None]
-        own, slope = self.values[:, :, [here]], self.slopes[:, :, [here]]
-        excess = self.values - own - step * slope
-        size = np.abs(self.values) + np.abs(own) + np.abs(step * slope)
-        relative = np.where(self.allowed & np.isfinite(excess) & (size > 0), excess, 0.0) / np.where(
-            size > 0, size, 1.0
-        )
+        linear = (self.tried - self.v[:, :, None]) * self.slopes[:, :, [here]]
+        excess, relative = excesses(self.values[:, :, [here]], linear, self.values)
+        relative = np.where(self.allowed, relative, 0.0)
         a, k, j = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
         worst = Worst(k, a, float(self.tried[a, k, j]), float(self.v[a, k]), float(excess[a, k, j]))
         return float(relative[a, k, j]), worst

@@ -11,6 +11,7 @@ import pytest
 
 from varcalc.formulation import Stated, formulate
 from varcalc.methods.collocation.method import Collocation
+from varcalc.numerics.mesh import gauss
 from varcalc.problem.conditions import (
     At,
     Bound,
@@ -593,10 +594,11 @@ def test_at_resonance_nothing_is_called_an_extremal():
         assert not Collocation().solve(formulate(problem), tol=1e-6, guess=None).status.ok
 
 
-def test_no_answer_along_a_line_where_the_functional_is_infinite():
-    """Between points of the rim of the half-sphere the shortest curve is the rim, where its chart breaks down."""
-    rim = Curve(lambda q, dq: ca.norm_2(dq) / ca.sqrt(1 - ca.sumsqr(q)), At((1, 0)), At((0, 1)))
-    found = Collocation(elements=1, degree=16, refine=False).solve(formulate(rim), tol=1e-8, guess=None)
-    assert not found.status.ok
-    found = Collocation(degree=20).solve(formulate(rim), tol=1e-8, guess=lambda s: np.array([1 - s, s]))
+@pytest.mark.parametrize("refine", [False, True])
+def test_a_value_that_is_infinite_is_no_answer(refine):
+    """L is infinite at one point, which the rule for the value meets and the collocation points do not."""
+    point = 0.5 * (1 + float(gauss(24)[0][7]))
+    spiked = Problem(lambda x, y, dy: dy**2 + y**2 + 1e-40 / (x - point) ** 2, Fixed(0, 0), Fixed(1, 1))
+    found = Collocation(degree=10, refine=refine).solve(formulate(spiked), tol=1e-10, guess=None)
     assert not found.status.ok or math.isfinite(found.value + found.error.value)
+    assert found.status.ok is refine
