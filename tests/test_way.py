@@ -67,7 +67,7 @@ def verified(problem):
     [
         ("solve, a plain problem", lambda: solved(film()), 26),
         ("solve, a singular end", lambda: solved(descent()), 26),
-        ("verify", lambda: verified(film()), 39),
+        ("verify", lambda: verified(film()), 36),
         ("rays", rays, 41),
     ],
 )

@@ -105,7 +105,7 @@ def test_interpolated_data_is_refused_and_taken_by_the_other_engine():
     with pytest.raises(CannotLower, match="Dop853"):
         Taylor().compile(system)
     for engine in (Dop853(), default()):
-        run = engine.compile(system).run(np.array([0.0, 0.5]), np.array([1.0]), np.zeros(0))
+        run = engine.compile(system).trajectory(np.array([0.0, 0.5]), np.array([1.0]), np.zeros(0))
         assert run.states[-1, 0] == pytest.approx(2.0, abs=1e-9)  # y' = y^2, which a cubic spline reproduces
 
 

@@ -148,3 +148,45 @@ def test_the_antipode_of_a_fish_eye_and_the_rim_of_a_luneburg_lens():
     assert rays[0].optical_path == pytest.approx(np.pi, rel=1e-13)
     rim = optics.Scene(optics.luneburg()).trace((-1, 0), (1, 0), optical_path=1 + np.pi / 2, model=MODEL)
     np.testing.assert_allclose(rim.points, [[1, 0]], atol=1e-13)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("start", [0.0, 1e-200, 1e-30, 0.2, -0.2])
+def test_rays_through_or_from_a_centre_go_straight_on(start: float, d: int) -> None:
+    """n = sqrt(2 - r²) is even, so that x from the centre has the optical path (x n + 2 arcsin(x / sqrt 2)) / 2."""
+    scene = optics.Scene(optics.known.luneburg())
+    x, way = np.zeros(d), np.eye(d)[0]
+    x[0] = start
+
+    def path(x: float) -> float:
+        return (x * np.sqrt(2 - x**2) + 2 * np.arcsin(x / np.sqrt(2))) / 2
+
+    for end in (-0.1, 0.0, 0.5):
+        if end > start:
+            out = scene.trace(x, way, optical_path=path(end) - path(start), with_spreading=True, model=MODEL)
+            assert out.arrived.all()
+            np.testing.assert_allclose(out.points, [end * way], atol=1e-13)
+            np.testing.assert_allclose(out.directions, [way], atol=1e-13)
+
+
+@pytest.mark.parametrize("start", [1e-30, 1e-12, 1e-6])
+def test_rays_that_start_next_to_a_centre_keep_their_digits(start: float) -> None:
+    scene = optics.Scene(optics.known.luneburg())
+    ways = np.array([[0.6, 0.8], [0.0, -1.0], [1.0, 0.0]])
+    ours = scene.trace((start, 0), ways, optical_path=0.5, with_spreading=True, model=MODEL)
+    theirs = scene.trace((start, 0), ways, optical_path=0.5, with_spreading=True, model=optics.Hamilton())
+    assert ours.arrived.all()
+    np.testing.assert_allclose(ours.points, theirs.points, atol=1e-12)
+    np.testing.assert_allclose(ours.spreading, theirs.spreading, rtol=1e-10)
+
+
+def test_a_bundle_of_which_some_rays_start_from_the_centre() -> None:
+    medium = optics.Radial(lambda r: ca.sqrt(2 - r**2), center=(0.3, -0.2))
+    points = np.array([[0.3, -0.2], [0.7, 0.1], [0.3, -0.1], [0.3 + 1e-20, -0.2]])
+    ways = np.array([[1.0, 0], [0.6, 0.8], [0, -1.0], [0.8, -0.6]])
+    scene = optics.Scene(medium)
+    ours = scene.trace(points, ways, optical_path=0.7, with_spreading=True, model=MODEL)
+    theirs = scene.trace(points, ways, optical_path=0.7, with_spreading=True, model=optics.Hamilton())
+    np.testing.assert_allclose(ours.points, theirs.points, atol=1e-12)
+    np.testing.assert_allclose(ours.directions, theirs.directions, atol=1e-12)
+    np.testing.assert_allclose(ours.spreading, theirs.spreading, rtol=1e-11)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from varcalc import optics
-from varcalc.integrators.taylor_swarm import TaylorSwarm
+from varcalc.integrators.taylor_ensemble import TaylorEnsemble
 
 STEPS = 10_000
 DRIFT = 1e-13
@@ -22,25 +22,25 @@ def fibre(x, y, z):
 
 @pytest.fixture
 def steps(monkeypatch):
-    """The largest number of steps taken by any swarm."""
+    """The largest number of steps taken by any ensemble."""
     taken = [0]
-    carried = TaylorSwarm._ends
+    carried = TaylorEnsemble._ends
 
     def counted(self, waiting):
-        step, count = self._step, [0]
+        step, count = self._call, [0]
 
         class Counting:
             def __call__(self, columns, results):
                 count[0] += 1
                 step(columns, results)
 
-        self._step = Counting()
+        self._call = Counting()
         found = carried(self, waiting)
-        self._step = step
+        self._call = step
         taken[0] = max(taken[0], count[0])
         return found
 
-    monkeypatch.setattr(TaylorSwarm, "_ends", counted)
+    monkeypatch.setattr(TaylorEnsemble, "_ends", counted)
     return taken
 
 

@@ -235,7 +235,7 @@ def test_from_one_value_to_the_next_and_on():
 @pytest.mark.parametrize("method", [vc.Ritz(elements=4), vc.Ritz(optimiser=vc.Ipopt()), vc.Collocation(elements=4)])
 def test_other_methods_are_left_to_themselves(method):
     solution = vc.solve(spring(), method)
-    assert Neighbours.of(solution, 1e-10) is None
+    assert Neighbours.of(solution, 1e-10, 100) is None
     again = vc.solve(solution.problem.with_parameters({"k": 2.0}), method, guess=solution)
     assert again.value == pytest.approx(math.sqrt(2) / math.tanh(math.sqrt(2)), rel=1e-10)
     assert type(again.method) is type(method)
@@ -246,3 +246,24 @@ def test_a_cold_solve_tells_what_building_took_apart():
     assert cold.stats.build > 0
     warm = vc.solve(cold.problem.with_parameters({"across": 1.1}), vc.Ritz(), guess=cold)
     assert warm.stats.build == 0
+
+
+def test_how_forms_are_compared_depends_on_what_is_asked_and_not_on_what_was_asked_before(monkeypatch):
+    alone = []
+    original = Neighbours._stated_alike
+    monkeypatch.setattr(Neighbours, "_stated_alike", lambda self, v: alone.append(v) or original(self, v))
+    problem = spring()
+    first = vc.solve(problem, vc.Ritz())
+    values = [1.0 + 0.1 * k for k in range(12)]
+    for k in values:  # from one solution, each for itself
+        vc.solve(problem.with_parameters({"k": k}), vc.Ritz(), guess=first)
+    assert {float(v[0]) for v in alone} == set(values)
+    alone.clear()
+    last = first
+    for k in values:  # each from the one before: after some it pays to build what compares them
+        last = vc.solve(problem.with_parameters({"k": k}), vc.Ritz(), guess=last)
+    assert 0 < len(alone) < len(values)
+    assert last.value == pytest.approx(math.sqrt(2.1) / math.tanh(math.sqrt(2.1)), rel=1e-10)
+    alone.clear()
+    vc.sweep(problem, {"k": values}, vc.Ritz())
+    assert not alone

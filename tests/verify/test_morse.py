@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.verify.evidence import evidence_of
-from varcalc.verify.index import Index
+from varcalc.verify.checks import evidence_of
 from varcalc.verify.verdict import judged
+from varcalc.verify.verification import Index
 
 CASES = range(50)
 

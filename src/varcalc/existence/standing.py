@@ -16,9 +16,9 @@ from varcalc.formulation import Form, Sampled
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.conditions import At, Fixed
 from varcalc.solution import Solution, Status, Verdict
-from varcalc.verify.index import Index
+from varcalc.verify.candidate import undivided
 from varcalc.verify.ritz_hessian import index_by_ritz
-from varcalc.verify.trial import undivided
+from varcalc.verify.verification import Index
 
 ASIDE = 0.2
 """Size of the displacement, in units of the curve's."""

@@ -207,6 +207,12 @@ class Form:
         """True when a curve is reported as it is minimised: the same functional, the same coordinates."""
         return self.same_functional and not self.stated.is_lifted
 
+    def runs_back(self, unknowns: np.ndarray) -> bool:
+        """Whether no curve with these ``unknowns`` (m,) runs forwards: an end that slides has passed the other."""
+        slides = self.stated.is_lifted and len(unknowns) > len(self.problem.unknowns)
+        width = _width(self) if slides else None
+        return width is not None and not float(width(unknowns, self.problem.parameter_values)) > 0
+
     @property
     def has_inequalities(self) -> bool:
         """True when an interior-point method is called for."""
@@ -218,6 +224,15 @@ def _lift(form: Form) -> ca.Function:
     s = form.symbols
     arguments = [s.x, s.y, s.dy, s.unknowns, s.parameters]
     return ca.Function("lift", arguments, [ca.densify(s.kind(e)) for e in form.lifted or ()])
+
+
+@derived
+def _width(form: Form) -> ca.Function | None:
+    """dx/ds as a function of (unknowns, parameters), where it is the same all along and on every curve."""
+    s, speed = form.symbols, form.lifted[2] if form.lifted else 1
+    if ca.depends_on(s.kind(speed), ca.vertcat(s.x, s.y, s.dy)):
+        return None
+    return ca.Function("width", [s.unknowns, s.parameters], [speed])
 
 
 def side_conditions(problem: Functional, rewrite: Callable[[Expression, bool], Expression]) -> dict[str, Any]:

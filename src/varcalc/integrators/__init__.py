@@ -1,23 +1,23 @@
-"""Integrators of initial-value problems behind one protocol.
+"""Integrators of initial-value problems behind one protocol of two verbs: one trajectory, and an ensemble.
 
 :class:`Taylor` (heyoka) is the quicker and the more accurate once a system is
-compiled, :class:`Dop853` (SciPy) needs no compilation and takes any system.
-:class:`Thrifty` begins with the one and goes over to the other.
+compiled, :class:`Dop853` (Dormand and Prince, SciPy's coefficients) needs no compilation and takes any system.
+:class:`OnDemand` begins with the one and goes over to the other.
 """
 
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 
 import casadi as ca
 
 from varcalc.integrators.dop853 import Dop853
 from varcalc.integrators.lowering import CannotLower
-from varcalc.integrators.metered import Metered
-from varcalc.integrators.protocol import NONE, OUTCOMES, Engine, Fleet, Flow, Landing, Outcome, Run, Swarm
+from varcalc.integrators.on_demand import STEPS, OnDemand
+from varcalc.integrators.protocol import NONE, OUTCOMES, Engine, Flow, Landing, Outcome, Run
 from varcalc.integrators.taylor import Taylor
 from varcalc.integrators.threads import spread
-from varcalc.integrators.thrifty import Thrifty
 from varcalc.integrators.variational import Variational, variational
 from varcalc.symbolic.derived import Owner, derived
 
@@ -27,20 +27,18 @@ __all__ = [
     "CannotLower",
     "Dop853",
     "Engine",
-    "Fleet",
     "Flow",
     "Landing",
-    "Metered",
+    "OnDemand",
     "Outcome",
     "Run",
-    "Swarm",
     "Taylor",
-    "Thrifty",
     "Variational",
     "available",
     "compiled",
     "default",
     "flows",
+    "for_many",
     "spread",
     "variational",
 ]
@@ -60,9 +58,9 @@ def compiled(owner: Owner, engine: Engine, system: ca.Function) -> Flow:
     return kept[key]
 
 
-def available() -> tuple[Engine, ...]:
+def available() -> tuple[Taylor | Dop853, ...]:
     """The engines whose packages are installed, the preferred one first."""
-    engines: list[Engine] = []
+    engines: list[Taylor | Dop853] = []
     if importlib.util.find_spec("heyoka") is not None:
         engines.append(Taylor())
     if importlib.util.find_spec("scipy") is not None:
@@ -70,14 +68,22 @@ def available() -> tuple[Engine, ...]:
     return tuple(engines)
 
 
-def default() -> Engine:
-    """The engine to use when none is named: what is installed, and both where both are.
+def default(steps: int = STEPS, most_steps: int | None = None) -> Engine:
+    """The engine to use when none is named: what is installed, and :class:`OnDemand`, after so many ``steps``, of both.
 
-    Raises ImportError when none is.
+    ``most_steps`` bounds the steps of one run. Raises ImportError when neither is installed.
     """
     engines = available()
-    if len(engines) == 2:
-        return Thrifty()
-    if not engines:
-        raise ImportError("no engine is installed; install scipy, or heyoka where there is a wheel for it")
-    return engines[0]
+    if most_steps is not None:
+        engines = tuple(replace(engine, most_steps=most_steps) for engine in engines)
+    match engines:
+        case (Taylor() as taylor, Dop853() as dop853):
+            return OnDemand(dop853, taylor, steps)
+        case (engine,):
+            return engine
+    raise ImportError("no engine is installed; install scipy, or heyoka where there is a wheel for it")
+
+
+def for_many(most_steps: int | None = None) -> Engine:
+    """The engine for a system that is run very often: as :func:`default`, compiled at once where it can be."""
+    return default(0, most_steps)

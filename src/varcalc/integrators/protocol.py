@@ -1,18 +1,19 @@
 """What an integrator of initial-value problems must offer.
 
 An :class:`Engine` compiles an explicit first-order system, given as a CasADi
-``Function(s, Y, constants) -> dY/ds``, into a :class:`Flow`, which carries
-initial values to given abscissae. Sensitivities are states like any other:
-:func:`varcalc.engines.variational.variational` appends the variational
+``Function(s, Y, constants) -> dY/ds``, into a :class:`Flow` of two verbs: one
+trajectory, and an ensemble of many states until their ends. Sensitivities are states like any other:
+:func:`varcalc.integrators.variational.variational` appends the variational
 equations to a system.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -51,66 +52,88 @@ class Run:
         return self.outcome is Outcome.COMPLETED
 
 
-class Flow(Protocol):
-    """A compiled system, ready to be integrated any number of times."""
-
-    def run(
-        self,
-        abscissae: np.ndarray,
-        state: np.ndarray,
-        constants: np.ndarray,
-        *,
-        level: int = 0,
-        dense: bool = False,
-    ) -> Run:
-        """Carry ``state`` (N,) from the first of the ``abscissae`` (k,), which are monotone, to the others.
-
-        Each ``level`` integrates more carefully than the one before, so that
-        the difference between two tells the error of the lower one; ``dense``
-        keeps the trajectory between the abscissae.
-        """
-        ...
-
-
 OUTCOMES = tuple(Outcome)
 """What the small integers of :attr:`Landing.outcomes` stand for."""
+COMPLETED, STOPPED, NOT_FINITE, BLOW_UP, TOO_MANY_STEPS = (
+    OUTCOMES.index(o)
+    for o in (Outcome.COMPLETED, Outcome.STOPPED, Outcome.NOT_FINITE, Outcome.BLOW_UP, Outcome.TOO_MANY_STEPS)
+)
 NONE = -1
 """In place of the number of a stopping function: none of them."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Landing:
     """Where m integrations ended, each at an abscissa of its own.
 
     ``states`` (m, N) at the abscissae ``reached`` (m,); ``outcomes`` (m,) are indices into
     :data:`OUTCOMES`, ``stopped_by`` (m,) the numbers of the stopping functions that were met, or
-    :data:`NONE`. A run that failed keeps the last state that is known, never NaN.
+    :data:`NONE`, ``steps`` (m,) what each took. A run that failed keeps the last state that is
+    known, never NaN. ``dense``, there only when asked for, has for each run a function from abscissae
+    (k,) between its start and its end to states (k, N).
     """
 
     states: np.ndarray
     reached: np.ndarray
     outcomes: np.ndarray
     stopped_by: np.ndarray
+    steps: np.ndarray
+    dense: Sequence[Any] | None = None
+
+    @classmethod
+    def at(cls, states: np.ndarray, start: np.ndarray | float = 0.0, outcome: int = COMPLETED) -> Landing:
+        """Runs that are where they begin."""
+        m = len(states)
+        reached = np.array(np.broadcast_to(np.asarray(start, dtype=float), (m,)))
+        return cls(
+            np.array(states, dtype=float), reached, np.full(m, outcome, np.int8), np.full(m, NONE, np.int16),
+            np.zeros(m, dtype=int),
+        )  # fmt: skip
 
 
-class Swarm(Protocol):
-    """A compiled autonomous system with stopping functions, for many initial values at once."""
+class Flow(Protocol):
+    """A compiled system with its stopping functions, ready to be integrated any number of times.
 
-    def run(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...] = ()) -> Landing:
-        """Carry each row of ``states`` (m, N) from s = 0 until one of the stopping functions crosses zero.
+    An event on one trajectory is :meth:`ensemble` for its abscissa and then :meth:`trajectory` up to it.
+    """
 
-        ``constants`` has shape (m, c). ``leaving`` are the numbers of stopping
-        functions that are zero, to round-off, at the start of every run:
-        those zeros do not count, later ones do. A stop is located to round-off.
+    @property
+    def compiled(self) -> bool:
+        """True where a step is machine code, not a series of calls from Python."""
+        ...
+
+    def trajectory(
+        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0, dense: bool = False
+    ) -> Run:
+        """Carry ``state`` (N,) from the first of the ``abscissae`` (k,), which are monotone, to the others.
+
+        Each ``level`` integrates more carefully than the one before, so that
+        the difference between two tells the error of the lower one; ``dense``
+        keeps the trajectory between the abscissae. Stopping functions do not count.
         """
         ...
 
+    def ensemble(
+        self,
+        states: np.ndarray,
+        constants: np.ndarray,
+        *,
+        start: np.ndarray | float = 0.0,
+        until: np.ndarray | float = math.inf,
+        level: int = 0,
+        usual: np.ndarray | None = None,
+        dense: bool = False,
+        leaving: tuple[int, ...] = (),
+    ) -> Landing:
+        """Carry each row of ``states`` (m, N), with its row of ``constants`` (m, c), to an end of its own.
 
-class Fleet(Protocol):
-    """A compiled autonomous system for many initial values, each carried to an abscissa of its own."""
-
-    def run(self, states: np.ndarray, constants: np.ndarray, until: np.ndarray) -> Landing:
-        """Carry each row of ``states`` (m, N) from s = 0 to ``until`` (m,), not negative; ``constants`` (m, c)."""
+        That is its abscissa ``until``, either way from its ``start``, or where one of the stopping
+        functions crosses zero, located to round-off, whichever comes first; where there are such functions,
+        runs go forwards. ``leaving`` are the numbers of those that are zero, to round-off, at the start of
+        every run: those zeros do not count, later ones do. ``level`` and ``dense`` are those of :meth:`trajectory`;
+        ``usual`` (m,) are the steps that level 0 takes, where they are known, which saves finding them out.
+        ValueError where a run has no end: neither stopping functions nor a finite ``until``.
+        """
         ...
 
 
@@ -122,24 +145,24 @@ class Engine(Protocol):
         """What to call it in a message."""
         ...
 
-    def compile(self, system: ca.Function) -> Flow:
-        """Prepare ``system``: ``(s, Y (N,), constants (c,)) -> dY/ds (N,)``.
+    def compile(self, system: ca.Function, stops: ca.Function | None = None) -> Flow:
+        """Prepare ``system``: ``(s, Y (N,), constants (c,)) -> dY/ds (N,)``, with ``stops``: the same to (k,).
 
-        Raises :class:`varcalc.integrators.lowering.CannotLower` when the system
-        holds an operation the engine does not know.
+        Where there are stops, neither may depend on s. Raises :class:`varcalc.integrators.lowering.CannotLower`
+        when the system holds an operation the engine does not know.
         """
         ...
 
-    def compile_swarm(self, system: ca.Function, stops: ca.Function) -> Swarm:
-        """Prepare ``system`` for many runs at once, with ``stops``: ``(s, Y (N,), constants (c,)) -> (k,)``.
 
-        Neither may depend on s. Raises as :meth:`compile` does.
-        """
-        ...
-
-    def compile_fleet(self, system: ca.Function) -> Fleet:
-        """Prepare ``system``, which must not depend on s, for many runs to given abscissae. Raises as above."""
-        ...
+def begun(
+    states: np.ndarray, start: np.ndarray | float, until: np.ndarray | float, stopping: bool
+) -> tuple[Landing, np.ndarray]:
+    """An ensemble at its start, and where each run is to end (m,); ValueError where one has no end."""
+    landing = Landing.at(states, start)
+    ends = np.array(np.broadcast_to(np.asarray(until, dtype=float), (len(states),)))
+    if not (stopping or np.all(np.isfinite(ends))):
+        raise ValueError("without stopping functions each run needs a finite abscissa to end at")
+    return landing, ends
 
 
 def check_system(system: ca.Function) -> int:
@@ -152,7 +175,7 @@ def check_system(system: ca.Function) -> int:
 
 
 def checked(abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, system: ca.Function) -> None:
-    """Raise ValueError for arguments of :meth:`Flow.run` that do not fit the system."""
+    """Raise ValueError for arguments of :meth:`Flow.trajectory` that do not fit the system."""
     steps = np.diff(abscissae)
     if abscissae.ndim != 1 or len(abscissae) < 2 or not (np.all(steps > 0) or np.all(steps < 0)):
         raise ValueError(f"abscissae must be two or more, all ascending or all descending, not {abscissae}")

@@ -1,4 +1,4 @@
-"""Stopping functions of a swarm: their values and their rates along the solutions."""
+"""Stopping functions: their values and rates along the solutions, and where a step crosses one."""
 
 from __future__ import annotations
 
@@ -11,6 +11,34 @@ import numpy as np
 from varcalc.integrators.protocol import check_system
 from varcalc.symbolic.instructions import Vectorised
 
+SAMPLES = 12
+"""Places along a step where the stopping functions are looked at."""
+ROUNDS = 60
+"""Newton's steps and bisections that bring any bracket to round-off."""
+POLISHES = 2
+"""Newton's steps from an interpolant, which is some digits off, onto the stop itself."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """Interpolants of m steps: from ``time`` (m,) by ``length`` (m,), states (m, N), coefficients (7, m, N)."""
+
+    time: np.ndarray
+    length: np.ndarray
+    state: np.ndarray
+    shape: np.ndarray
+
+    def __call__(self, part: np.ndarray) -> np.ndarray:
+        """States (m, N) after a ``part`` (m,) of each step."""
+        x, total = part[:, None], np.zeros_like(self.state)
+        for k in range(6, -1, -1):
+            total = (total + self.shape[k]) * (x if k % 2 == 0 else 1 - x)
+        return self.state + total
+
+    def __getitem__(self, rows: np.ndarray) -> Step:
+        """Some of the steps."""
+        return Step(self.time[rows], self.length[rows], self.state[rows], self.shape[:, rows])
+
 
 @dataclass(frozen=True)
 class Stops:
@@ -19,7 +47,7 @@ class Stops:
     Parameters
     ----------
     system, stops : ca.Function
-        As :meth:`varcalc.integrators.protocol.Engine.compile_swarm` takes them.
+        As :meth:`varcalc.integrators.protocol.Engine.compile` takes them.
     """
 
     system: ca.Function
@@ -32,35 +60,72 @@ class Stops:
         rate = ca.densify(ca.SX(self.system(s, state, constants)))
         level = ca.densify(ca.SX(self.stops(s, state, constants)))
         if ca.depends_on(ca.vertcat(rate, level), s):
-            raise ValueError("the system of a swarm and its stopping functions must not depend on s")
+            raise ValueError("a system with stopping functions, and these, must not depend on s")
         slope = ca.jtimes(level, state, rate)
         results = [level, ca.densify(slope), rate]
         object.__setattr__(self, "_call", Vectorised(ca.Function("stops", [state, constants], results)))
 
-    @property
-    def count(self) -> int:
-        """How many there are."""
-        return int(self.stops.numel_out(0))
-
     def __call__(self, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g (m, k), dg/ds (m, k) and dY/ds (m, N) at states (m, N), constants (m, c)."""
-        table, k = self._table(states, constants), self.count
+        columns, k = self._call(list(states.T), list(constants.T)), int(self.stops.numel_out(0))
+        table = np.empty((len(states), len(columns)))
+        for place, column in enumerate(columns):
+            table[:, place] = column
         return table[:, :k], table[:, k : 2 * k], table[:, 2 * k :]
 
-    def _table(self, states: np.ndarray, constants: np.ndarray) -> np.ndarray:
-        columns = self._call(list(states.T), list(constants.T))
-        table = np.empty((len(states), len(columns)))
-        for k, column in enumerate(columns):
-            table[:, k] = column
-        return table
+    def sides(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...]) -> np.ndarray:
+        """The signs (m, k) of the functions as runs set out; of those they stand on, and leave, that of the rate."""
+        level, slope, _ = self(states, constants)
+        signs = np.sign(level)
+        signs[:, list(leaving)] = np.sign(slope[:, list(leaving)])
+        return signs
+
+    def first(self, step: Step, constants: np.ndarray, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The runs that meet a stop along a step: their rows, the part of the step until then, the stop's number.
+
+        ``signs`` (m, k) are those before it.
+        """
+        m, parts = len(signs), np.arange(1, SAMPLES + 1) / SAMPLES
+        states = np.concatenate([step(np.full(m, part)) for part in parts])
+        levels = self(states, np.tile(constants, (SAMPLES, 1)))[0].reshape(SAMPLES, m, -1)
+        crossed = levels * signs < 0
+        place = crossed.any(axis=2).argmax(axis=0)
+        rows, stops = np.nonzero(crossed[place, np.arange(m)])
+        if len(rows) == 0:
+            return rows, np.zeros(0), stops
+        zeros = self._zeros(step[rows], constants[rows], signs[rows, stops], stops, place[rows])
+        order = np.lexsort((stops, zeros, rows))
+        rows, zeros, stops = rows[order], zeros[order], stops[order]
+        kept = np.append(True, np.diff(rows) > 0)
+        return rows[kept], zeros[kept], stops[kept]
+
+    def _zeros(
+        self, step: Step, constants: np.ndarray, sign: np.ndarray, stops: np.ndarray, place: np.ndarray
+    ) -> np.ndarray:
+        """The zero of one function of each row between two samples, by Newton's iteration kept inside the bracket."""
+        low, high = place / SAMPLES, (place + 1) / SAMPLES
+        at, rows = (low + high) / 2, np.arange(len(place))
+        for _ in range(ROUNDS):
+            level, slope, _ = self(step(at), constants)
+            here, rate = level[rows, stops] * sign, slope[rows, stops] * sign * step.length
+            low, high = np.where(here > 0, at, low), np.where(here > 0, high, at)
+            newton = at - here / rate
+            better = np.where((newton >= low) & (newton <= high), newton, (low + high) / 2)
+            still = np.abs(better - at) > 4 * np.finfo(float).eps
+            at = better
+            if not still.any():
+                break
+        return at
 
     def polished(
         self, states: np.ndarray, constants: np.ndarray, stopped_by: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """States (m, N) moved along their rates onto the stops they are at, and by how much in s (m,)."""
-        level, slope, rate = self(states, constants)
-        rows = np.arange(len(states))
-        with np.errstate(all="ignore"):
-            shift = -level[rows, stopped_by] / slope[rows, stopped_by]
-        shift = np.where(np.isfinite(shift), shift, 0.0)  # a graze: the rate is zero, and so is the level
-        return states + shift[:, None] * rate, shift
+        rows, total = np.arange(len(states)), np.zeros(len(states))
+        for _ in range(POLISHES):
+            level, slope, rate = self(states, constants)
+            with np.errstate(all="ignore"):
+                shift = -level[rows, stopped_by] / slope[rows, stopped_by]
+            shift = np.where(np.isfinite(shift), shift, 0.0)  # a graze: the rate is zero, and so is the level
+            states, total = states + shift[:, None] * rate, total + shift
+        return states, total

@@ -7,31 +7,37 @@ some 10 to 400 milliseconds a system, according to its size.
 
 from __future__ import annotations
 
+import copy
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from varcalc.integrators.fleet import TaylorFleet
 from varcalc.integrators.lowering import lower
-from varcalc.integrators.protocol import Outcome, Run, check_system, checked
-from varcalc.integrators.taylor_swarm import TaylorSwarm
+from varcalc.integrators.protocol import OUTCOMES, Landing, Outcome, Run, begun, check_system, checked
+from varcalc.integrators.taylor_ensemble import TaylorEnsemble
+from varcalc.integrators.threads import threads_for
+
+MANY = 64
+"""Runs without stops from which on heyoka's batches are worth compiling."""
 
 
 @dataclass(frozen=True)
 class Taylor:
     """heyoka's adaptive Taylor integrator of local ``tolerance`` (relative; round-off by default).
 
-    ``most_steps`` bounds the steps of one run, ``swarm_steps`` those of each of many at once. ``compact`` compiles
-    loops rather than straight code: five to ten times quicker to compile, about
+    ``most_steps`` bounds the steps of one run, ``ensemble_steps`` those of each of many that go to their stops.
+    ``compact`` compiles loops rather than straight code: five to ten times quicker to compile, about
     two times slower to run, so it is worth leaving only for long integrations.
     """
 
     tolerance: float = float(np.finfo(float).eps)
     most_steps: int = 4000
-    swarm_steps: int = 20_000
+    ensemble_steps: int = 20_000
     compact: bool = True
 
     @property
@@ -39,64 +45,133 @@ class Taylor:
         """What to call it in a message."""
         return "Taylor (heyoka)"
 
-    def compile(self, system: ca.Function) -> TaylorFlow:
-        """Lower ``system`` to heyoka and compile it; CannotLower when it holds what heyoka lacks."""
+    def compile(self, system: ca.Function, stops: ca.Function | None = None) -> TaylorFlow:
+        """Lower ``system`` and ``stops``; CannotLower when they hold an operation that has no Taylor series.
+
+        heyoka compiles what is called when it is first called.
+        """
         import heyoka as hy
 
-        size = check_system(system)
-        state = [hy.expression(f"Y{i}") for i in range(size)]
-        constants = [hy.par[i] for i in range(system.numel_in(2))]
-        rates = lower(system, [[hy.time], state, constants])
-        integrator = hy.taylor_adaptive(
-            list(zip(state, rates, strict=True)), np.zeros(size), tol=self.tolerance, compact_mode=self.compact
-        )
-        return TaylorFlow(self, system, integrator, hy)
-
-    def compile_fleet(self, system: ca.Function) -> TaylorFleet:
-        """As :meth:`compile_swarm`, without stops."""
-        import heyoka as hy
-
-        size, width = check_system(system), hy.recommended_simd_size()
-        state = [hy.expression(f"Y{i}") for i in range(size)]
-        rates = lower(system, [[hy.time], state, [hy.par[i] for i in range(system.numel_in(2))]])
-        integrator = hy.taylor_adaptive_batch(
-            list(zip(state, rates, strict=True)), np.zeros((size, width)), tol=self.tolerance, compact_mode=self.compact
-        )
-        return TaylorFleet(integrator, lambda: self.compile(system), self.most_steps)
-
-    def compile_swarm(self, system: ca.Function, stops: ca.Function) -> TaylorSwarm:
-        """Write one step of many runs as a function; heyoka compiles it where there are many of them."""
-        return TaylorSwarm(system, stops, self.tolerance, self.swarm_steps)
+        check_system(system)
+        if stops is not None:
+            return TaylorFlow(self, system, TaylorEnsemble(system, stops, self.tolerance, self.ensemble_steps), hy)
+        flow = TaylorFlow(self, system, None, hy)
+        _ = flow.equations  # raises CannotLower
+        return flow
 
 
 @dataclass(frozen=True)
 class TaylorFlow:
-    """A compiled heyoka integrator; :meth:`run` is that of the protocol."""
+    """A system for heyoka, with a Taylor step of its own where runs go to ``stops``; both verbs are the protocol's."""
 
     engine: Taylor
     system: ca.Function
-    integrator: Any
+    stops: TaylorEnsemble | None
     heyoka: Any
 
-    def run(
-        self,
-        abscissae: np.ndarray,
-        state: np.ndarray,
-        constants: np.ndarray,
-        *,
-        level: int = 0,
-        dense: bool = False,
+    compiled = True
+
+    @cached_property
+    def equations(self) -> list[tuple[Any, Any]]:
+        """dY/ds = f as heyoka takes it."""
+        hy, system = self.heyoka, self.system
+        state = [hy.expression(f"Y{i}") for i in range(system.numel_in(1))]
+        rates = lower(system, [[hy.time], state, [hy.par[i] for i in range(system.numel_in(2))]])
+        return list(zip(state, rates, strict=True))
+
+    @cached_property
+    def integrator(self) -> Any:
+        """heyoka's integrator of one trajectory."""
+        start, engine = np.zeros(len(self.equations)), self.engine
+        return self.heyoka.taylor_adaptive(self.equations, start, tol=engine.tolerance, compact_mode=engine.compact)
+
+    @cached_property
+    def _side_by_side(self) -> Any:
+        """heyoka's integrator of as many trajectories as the processor takes side by side."""
+        start, engine = np.zeros((len(self.equations), self.heyoka.recommended_simd_size())), self.engine
+        return self.heyoka.taylor_adaptive_batch(
+            self.equations, start, tol=engine.tolerance, compact_mode=engine.compact
+        )
+
+    def trajectory(
+        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0, dense: bool = False
     ) -> Run:
-        """See :meth:`varcalc.integrators.protocol.Flow.run`; each ``level`` halves the steps."""
+        """See :meth:`varcalc.integrators.protocol.Flow.trajectory`."""
         checked(abscissae, state, constants, self.system)
-        run = self._propagate(abscissae, state, constants, math.inf)
+        return self._carried(abscissae, state, constants, level, None, dense=dense)
+
+    def _carried(
+        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, level: int, usual: int | None, *,
+        dense: bool,
+    ) -> Run:  # fmt: skip
+        """One run; each ``level`` adds as many steps as level 0 takes, ``usual`` if that is known."""
         longest = math.inf
-        if level and run.completed:
-            longest = abs(abscissae[-1] - abscissae[0]) / (2**level * run.steps + 1)
+        if usual is None or not level:
+            run = self._propagate(abscissae, state, constants, longest)
+            usual = run.steps if run.completed else None
+        if level and usual is not None:
+            longest = abs(abscissae[-1] - abscissae[0]) / ((1 + level) * usual + 1)
             run = self._propagate(abscissae, state, constants, longest)
         if not dense or run.steps == 0:
             return run
         return replace(run, trajectory=Trajectory(self, abscissae[0], run.reached, state, constants.copy(), longest))
+
+    def ensemble(
+        self,
+        states: np.ndarray,
+        constants: np.ndarray,
+        *,
+        start: np.ndarray | float = 0.0,
+        until: np.ndarray | float = math.inf,
+        level: int = 0,
+        usual: np.ndarray | None = None,
+        dense: bool = False,
+        leaving: tuple[int, ...] = (),
+    ) -> Landing:
+        """See :meth:`varcalc.integrators.protocol.Flow.ensemble`; a run that fails in a batch is made again alone."""
+        if self.stops is not None:
+            return self.stops.run(states, constants, start=start, until=until, leaving=leaving)
+        landing, ends = begun(states, start, until, stopping=False)
+        begin, rows = landing.reached.copy(), np.flatnonzero(landing.reached != ends)
+        if len(states) >= MANY and not (level or dense):
+            self._in_batches(landing, constants, ends)
+            rows = np.flatnonzero((landing.reached != ends) | ~np.all(np.isfinite(landing.states), axis=1))
+        between: list[Any] = [None] * len(states)
+        for row in rows:
+            span = np.array([begin[row], ends[row]])
+            known = None if usual is None else int(usual[row])
+            run = self._carried(span, states[row], constants[row], level, known, dense=dense)
+            landing.states[row], landing.reached[row] = states[row], run.reached
+            landing.outcomes[row], landing.steps[row] = OUTCOMES.index(run.outcome), run.steps
+            between[row] = run.trajectory
+            if run.completed:
+                landing.states[row], landing.reached[row] = run.states[-1], ends[row]
+        if dense:
+            landing.dense = between
+        return landing
+
+    def _in_batches(self, landing: Landing, constants: np.ndarray, until: np.ndarray) -> None:
+        """Carry all runs from where they are, as many as the processor takes side by side, on all cores."""
+        m, size, begin = len(until), self._side_by_side.batch_size, landing.reached.copy()
+        lanes = [np.minimum(np.arange(k, k + size), m - 1) for k in range(0, m, size)]
+        threads = threads_for(m)
+
+        def share(number: int) -> None:
+            integrator = copy.deepcopy(self._side_by_side) if number else self._side_by_side
+            used = len(integrator.pars)
+            for rows in lanes[number::threads]:
+                integrator.set_time(begin[rows])
+                integrator.state[:] = landing.states[rows].T
+                integrator.pars[:] = constants[rows, :used].T
+                integrator.propagate_until(until[rows], max_steps=self.engine.most_steps)
+                landing.states[rows], landing.reached[rows] = integrator.state.T, integrator.time
+                landing.steps[rows] = [result[3] for result in integrator.propagate_res]
+
+        if threads == 1:
+            share(0)
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(share, range(threads)))
 
     def _set(self, time: float, state: np.ndarray, constants: np.ndarray) -> None:
         self.integrator.time = float(time)

@@ -36,15 +36,17 @@ class Variational:
         """Number of sensitivities k."""
         return len(self.initial) + len(self.constants)
 
-    def start(self, state: np.ndarray) -> np.ndarray:
-        """The augmented initial state for Y_0 (N,)."""
+    def start(self, states: np.ndarray) -> np.ndarray:
+        """The augmented initial states (..., N (1 + k)) for Y_0 (..., N)."""
         sensitivity = np.zeros((self.columns, self.size))
         sensitivity[range(len(self.initial)), list(self.initial)] = 1.0
-        return np.concatenate([state, sensitivity.ravel()])
+        columns = np.broadcast_to(sensitivity.ravel(), (*states.shape[:-1], sensitivity.size))
+        return np.concatenate([states, columns], axis=-1)
 
     def split(self, augmented: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Y (N,) and dY/d(initial, constants) (N, k) of an augmented state."""
-        return augmented[: self.size], augmented[self.size :].reshape(self.columns, self.size).T
+        """Y (..., N) and dY/d(initial, constants) (..., N, k) of augmented states."""
+        columns = augmented[..., self.size :].reshape(*augmented.shape[:-1], self.columns, self.size)
+        return augmented[..., : self.size], np.swapaxes(columns, -1, -2)
 
 
 def variational(system: ca.Function, initial: Sequence[int], constants: Sequence[int]) -> Variational:

@@ -71,6 +71,8 @@ class Extremal:
     """Those of the curve in the basis of :class:`varcalc.numerics.mesh.Space`, where it was found so on one element."""
     along: Along | None = None
     """What was evaluated along the curve last, where the method has it at hand."""
+    in_a_row: int = 0
+    """How many solutions in a row, up to this one, were each begun from the one before."""
 
 
 class Deferred(Mapping[str, float]):
@@ -338,6 +340,13 @@ def answer(
             "the shortest curve turns back in x: it is no graph, and among graphs the infimum is not attained; "
             "state the problem as a Curve",
             Verdict.NOT_ATTAINED, stats,
+        )  # fmt: skip
+    if extremal.form.runs_back(extremal.unknowns):
+        return no_answer(
+            problem, method, Status.NOT_CONVERGED,
+            "the curve found runs backwards: the end that slides lies before the start, where no graph leads; "
+            "another guess of its abscissa may lead to a curve that runs forwards",
+            stats=stats,
         )  # fmt: skip
     found = Solution(
         problem=problem,

@@ -32,7 +32,7 @@ ROUNDS = 80
 
 
 @dataclass(frozen=True)
-class Family:
+class RangeValues:
     """Values, rates and ``bound`` (F, m) of F functions at m places; the bound is positive where none is asked for."""
 
     value: np.ndarray
@@ -54,10 +54,10 @@ class Zeros:
     unresolved: int
 
 
-class Search:
+class ZeroSearch:
     """The zeros of ``functions`` between the ``breaks``, to within ``touch`` of their values."""
 
-    def __init__(self, functions: Callable[[np.ndarray], Family], breaks: np.ndarray, touch: float) -> None:
+    def __init__(self, functions: Callable[[np.ndarray], RangeValues], breaks: np.ndarray, touch: float) -> None:
         self.functions, self.breaks, self.touch = functions, breaks, touch
         self.looked_at = self.unresolved = 0
 
@@ -95,7 +95,7 @@ class Search:
         room = 2 * INSET * np.ptp(self.breaks)
         return (np.abs(np.stack([low, high])[..., None] - self.breaks).max(axis=0) <= room).any(axis=1)
 
-    def _look(self, places: np.ndarray) -> Family:
+    def _look(self, places: np.ndarray) -> RangeValues:
         self.looked_at += len(places)
         return self.functions(places)
 
@@ -105,7 +105,7 @@ class Search:
         number, k = np.nonzero(np.abs(self._look(ends).value) <= self.touch)
         return ends[k], number, np.zeros(len(k))
 
-    def _settled(self, left: Family, there: Family, right: Family, width: np.ndarray) -> np.ndarray:
+    def _settled(self, left: RangeValues, there: RangeValues, right: RangeValues, width: np.ndarray) -> np.ndarray:
         """True (m,) for intervals in which every function is foretold, or has no zero, or is not asked for."""
         value = np.stack([left.value, there.value, right.value])
         rate = np.stack([left.rate, there.rate, right.rate])
@@ -120,7 +120,7 @@ class Search:
         return np.all(nothing | beyond | far | smooth, axis=0)
 
     def _between(
-        self, low: np.ndarray, left: Family, high: np.ndarray, right: Family
+        self, low: np.ndarray, left: RangeValues, high: np.ndarray, right: RangeValues
     ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """The zeros between neighbouring places."""
         number, k = np.nonzero(left.value * right.value <= 0)
@@ -156,7 +156,7 @@ class Search:
         return at[~jump], number[~jump], np.zeros(np.count_nonzero(~jump))
 
     def _folds(
-        self, low: np.ndarray, high: np.ndarray, number: np.ndarray, left: Family, k: np.ndarray
+        self, low: np.ndarray, high: np.ndarray, number: np.ndarray, left: RangeValues, k: np.ndarray
     ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """The zeros on both sides of the places at which functions turn round."""
         if len(low) == 0:
@@ -185,10 +185,10 @@ class Search:
         return found.value[number, rows], found.rate[number, rows]
 
 
-def _taken(family: Family, columns: np.ndarray) -> Family:
-    return Family(family.value[:, columns], family.rate[:, columns], family.bound[:, columns])
+def _taken(family: RangeValues, columns: np.ndarray) -> RangeValues:
+    return RangeValues(family.value[:, columns], family.rate[:, columns], family.bound[:, columns])
 
 
-def _joined(first: Family, second: Family, columns: np.ndarray) -> Family:
+def _joined(first: RangeValues, second: RangeValues, columns: np.ndarray) -> RangeValues:
     pairs = zip((first.value, first.rate, first.bound), (second.value, second.rate, second.bound), strict=True)
-    return Family(*(np.concatenate([a[:, columns], b[:, columns]], axis=1) for a, b in pairs))
+    return RangeValues(*(np.concatenate([a[:, columns], b[:, columns]], axis=1) for a, b in pairs))

@@ -24,7 +24,7 @@ def flown(rates: ca.SX, state: ca.SX, states: np.ndarray, until: np.ndarray) -> 
     Those that have not arrived keep the last state that is known.
     """
     system = ca.Function("rays", [ca.SX.sym("s"), state, ca.SX.sym("c", 0)], [ca.densify(rates)])
-    landing = integrators.default().compile_fleet(system).run(states, np.zeros((len(states), 0)), until)
+    landing = integrators.for_many().compile(system).ensemble(states, np.zeros((len(states), 0)), until=until)
     status = np.array([int(ENDED[OUTCOMES[code]]) for code in landing.outcomes], dtype=np.int8)
     return landing.states, status
 

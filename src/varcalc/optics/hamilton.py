@@ -11,9 +11,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc import integrators
-from varcalc.integrators import OUTCOMES, Engine, Fleet, Flow, Landing, Outcome, Swarm
+from varcalc.integrators import OUTCOMES, Engine, Flow, Landing, Outcome
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
-from varcalc.optics.layered import Expression, LayeredSwarm, compile_rays
+from varcalc.optics.layered import Expression, LayeredSwarm, RayFlow, compile_rays
 from varcalc.optics.legs import Leg, hamilton_leg
 from varcalc.optics.media import Field, Medium
 from varcalc.optics.model import Carrier, Model
@@ -46,7 +46,7 @@ class Hamilton(Model):
 
     def carrier(self, medium: Medium, dimension: int, surfaces: Sequence[Geometry]) -> Carrier:
         """See :meth:`Model.carrier`."""
-        return HamiltonRays(medium, dimension, surfaces, integrators.default())
+        return HamiltonRays(medium, dimension, surfaces, integrators.for_many())
 
 
 @dataclass
@@ -60,9 +60,9 @@ class HamiltonRays:
     dimension: int
     surfaces: Sequence[Geometry]
     engine: Engine
-    _swarms: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
-    _free: dict[tuple[int, bool], Swarm] = field(default_factory=dict, repr=False)
-    _fleets: dict[int, Fleet] = field(default_factory=dict, repr=False)
+    _swarms: dict[tuple[int, bool], RayFlow] = field(default_factory=dict, repr=False)
+    _free: dict[tuple[int, bool], RayFlow] = field(default_factory=dict, repr=False)
+    _fleets: dict[int, Flow] = field(default_factory=dict, repr=False)
     _flow: Flow | None = field(init=False, default=None, repr=False)
 
     name = "Hamilton's ray equations"
@@ -86,7 +86,7 @@ class HamiltonRays:
         while waiting:
             start, rows = waiting.popitem()
             swarm = self.swarm(beam.deviations, limited)
-            landing = swarm.run(states[rows], constants[rows], () if start == NOTHING else (start,))
+            landing = swarm.ensemble(states[rows], constants[rows], leaving=() if start == NOTHING else (start,))
             states[rows] = landing.states
             struck[rows], status[rows] = self._told(landing, limited)
             for number in self._strangers(states, struck, rows):
@@ -125,13 +125,13 @@ class HamiltonRays:
         here = Field(self.medium, self.dimension)
         if self._flow is None:
             system = ray_system(self.medium, self.dimension, self.dimension - 1)
-            self._flow = integrators.available()[0].compile(system)
+            self._flow = self.engine.compile(system)
         pieces = self.pieces(beam, path) or [(0.0, np.zeros(0), packed(beam)[0])]
         return hamilton_leg(pieces, self._flow, self.dimension, lambda r: here(r)[1] / 2, self.sigma(beam, path))
 
     def sigma(self, beam: Beam, path: float) -> float:
         """σ at which the one ray of ``beam`` has the optical path ``path``, whatever surfaces stand there."""
-        landing = self._unhindered(beam).run(packed(beam), np.array([[path]]))
+        landing = self._unhindered(beam).ensemble(packed(beam), np.array([[path]]))
         return float(landing.reached[0])
 
     def pieces(self, beam: Beam, path: float) -> list[tuple[float, np.ndarray, np.ndarray]]:
@@ -142,13 +142,13 @@ class HamiltonRays:
     def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:
         """See :meth:`varcalc.optics.model.Carrier.onward`; in a table rays go to ``path``."""
         if not isinstance(self.medium, Tabulated):
-            landing = self._fleet(beam.deviations).run(packed(beam), np.zeros((len(beam), 0)), sigma)
+            landing = self._fleet(beam.deviations).ensemble(packed(beam), np.zeros((len(beam), 0)), until=sigma)
             there = (landing.outcomes == COMPLETED) & (landing.reached == sigma)
             return self._sound(np.where(there[:, None], landing.states, np.nan)), sigma
         states, grown = packed(beam), np.zeros(len(beam))
         ahead = np.flatnonzero(path > beam.optical_path)
         if len(ahead):
-            landing = self._unhindered(beam).run(states[ahead], path[ahead, None])
+            landing = self._unhindered(beam).ensemble(states[ahead], path[ahead, None])
             there = (landing.outcomes == OUTCOMES.index(Outcome.STOPPED)) & (landing.stopped_by == 0)
             states[ahead] = np.where(there[:, None], landing.states, np.nan)
             grown[ahead] = landing.reached
@@ -163,15 +163,15 @@ class HamiltonRays:
         states[~sound] = np.nan
         return unpacked(states, d)
 
-    def _fleet(self, neighbours: int) -> Fleet:
+    def _fleet(self, neighbours: int) -> Flow:
         """The compiled system for runs to known σ."""
         with _ONE_AT_A_TIME:
             if neighbours not in self._fleets:
                 system = ray_system(self.medium, self.dimension, neighbours)
-                self._fleets[neighbours] = self.engine.compile_fleet(system)
+                self._fleets[neighbours] = self.engine.compile(system)
             return self._fleets[neighbours]
 
-    def _unhindered(self, beam: Beam) -> Swarm:
+    def _unhindered(self, beam: Beam) -> RayFlow:
         """The compiled system without the surfaces."""
         if not self.surfaces:
             return self.swarm(beam.deviations, True)
@@ -209,14 +209,14 @@ class HamiltonRays:
             sound = np.abs(np.sum(beam.momentum**2, axis=1) - squared) <= BROKEN * np.abs(squared)
         return np.where(sound, status, int(RayStatus.SINGULAR))
 
-    def swarm(self, neighbours: int, limited: bool) -> Swarm:
+    def swarm(self, neighbours: int, limited: bool) -> RayFlow:
         """The compiled system; its last stop is the limit of the optical path, or a sphere far away."""
         with _ONE_AT_A_TIME:
             if (neighbours, limited) not in self._swarms:
                 self._swarms[neighbours, limited] = self._compiled(neighbours, limited)
             return self._swarms[neighbours, limited]
 
-    def _compiled(self, neighbours: int, limited: bool) -> Swarm:
+    def _compiled(self, neighbours: int, limited: bool) -> RayFlow:
         d = self.dimension
 
         def stops(state: Expression, bound: Expression) -> Expression:

@@ -15,27 +15,32 @@ from threading import Lock
 import numpy as np
 
 from varcalc import integrators
+from varcalc.numerics.one_coordinate.intervals import MotionBounds, bounds, ways
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion
+from varcalc.numerics.one_coordinate.potential import PotentialNodes
+from varcalc.numerics.one_coordinate.quadrature import TAU, reached
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.hamilton import HamiltonRays
 from varcalc.optics.legs import Leg
 from varcalc.optics.media import Field, Medium, Radial, Stratified
 from varcalc.optics.model import Carrier, DoesNotApply, Model, Question
-from varcalc.optics.profile import Nodes, Profile
+from varcalc.optics.profile import SIGMA, Profile
 from varcalc.optics.range_search import found_by_range
 from varcalc.optics.ray import Rays
-from varcalc.optics.reduced import AboutCentre, Motions, deviations, reduction
-from varcalc.optics.steps import SIGMA, TAU, reached
+from varcalc.optics.reduced import AboutCentre, ReducedRays, deviations, reduction
 from varcalc.optics.straight import StraightRays
 from varcalc.optics.surfaces import Geometry, Plane, Sphere
-from varcalc.optics.turning_points import Way
-from varcalc.optics.wells import Bounds, bounds, ways
 
 NEAR = 1e-2
 """Neighbours of rays that start towards a centre at a smaller angle lose digits to its polar coordinates."""
+OUTWARD = 1e-4
+"""Rays that start so much closer to a centre than they end lose digits as well."""
 STRAIGHT_AT = 1e-7
 """Rays that start towards a centre at a smaller angle lose digits themselves."""
 _ONE_AT_A_TIME = Lock()
 """Threads that need the same profile wait for the one that builds it."""
+CENTRAL = 1e-100
+"""Of the largest radius, or of one unit: rays that start closer to the centre have no polar coordinates."""
 ON_AXIS = 4e-16
 """A normal with a smaller part along the layers is upright; a centre so close, relative to the radius, is the same."""
 
@@ -45,9 +50,9 @@ class Invariants(Model):
     """The invariants of layers and centres, and quadrature: for ``Stratified`` and ``Radial`` media.
 
     It needs surfaces that keep the symmetry: horizontal and vertical planes between and in layers, spheres about the
-    centre. Uniform media of the scene are gone through straight. Rays that stay where the index is stationary, and
-    rays aimed at a centre, are carried by Hamilton's equations, since coordinates of the symmetry are
-    singular for them.
+    centre. Uniform media of the scene are gone through straight. Coordinates of the symmetry are singular for rays
+    that stay where the index is stationary, and for those that start from a centre or are aimed at it: Hamilton's
+    equations carry them.
     """
 
     def carrier(self, medium: Medium, dimension: int, surfaces: Sequence[Geometry]) -> Carrier:
@@ -113,15 +118,12 @@ class InvariantRays:
     name = "invariants and quadrature"
 
     def __post_init__(self) -> None:
-        self._others = HamiltonRays(self.medium, self.dimension, self.surfaces, integrators.default())
+        self._others = HamiltonRays(self.medium, self.dimension, self.surfaces, integrators.for_many())
 
     def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
         """See :meth:`varcalc.optics.model.Carrier.advance`."""
-        if len(beam) == 0:
-            return Arrival(beam, np.zeros(0, dtype=int), np.zeros(0, dtype=int))
-        run = _Run(self._profile(beam), self.surfaces, beam, leaving)
         left = np.maximum(limit - beam.optical_path, 0.0)
-        arrival, others = run.carried(left, np.full(len(beam), np.inf))
+        arrival, others = self._carried(beam, self.surfaces, leaving, left, np.full(len(beam), np.inf))
         arrival.beam.optical_path[arrival.struck == PATH_ENDED] = limit[arrival.struck == PATH_ENDED]
         arrival.struck[arrival.struck == PATH_ENDED] = NOTHING
         if len(others):
@@ -134,16 +136,40 @@ class InvariantRays:
         """See :meth:`varcalc.optics.model.Carrier.onward`."""
         there = beam.take(np.arange(len(beam)))
         ahead = np.flatnonzero(sigma > 0)
-        if len(ahead):
-            run = _Run(self._profile(beam.take(ahead)), (), beam.take(ahead), NOTHING)
-            arrival, others = run.carried(np.full(len(ahead), np.inf), sigma[ahead])
-            there.put(ahead, arrival.beam.known(arrival.status == RayStatus.ARRIVED))
+        arrival, others = self._carried(beam.take(ahead), (), NOTHING, np.full(len(ahead), np.inf), sigma[ahead])
+        there.put(ahead, arrival.beam.known(arrival.status == RayStatus.ARRIVED))
+        if len(others):
             others = ahead[others]
             there.put(others, self._others.onward(beam.take(others), sigma[others], path[others])[0])
         return there, sigma
 
+    def _carried(
+        self, beam: Beam, surfaces: Sequence[Geometry], leaving: int, path: np.ndarray, sigma: np.ndarray
+    ) -> tuple[Arrival, np.ndarray]:
+        """The rays where :meth:`_Run.carried` has taken them, and the rows left to Hamilton's equations."""
+        m = len(beam)
+        arrival = Arrival(beam.take(np.arange(m)), np.full(m, NOTHING), np.full(m, int(RayStatus.ARRIVED)))
+        others = self._at_centre(beam)
+        rows = np.flatnonzero(~others)
+        if len(rows):
+            part = beam.take(rows)
+            moved, left = _Run(self._profile(part), surfaces, part, leaving).carried(path[rows], sigma[rows])
+            arrival.beam.put(rows, moved.beam)
+            arrival.struck[rows], arrival.status[rows] = moved.struck, moved.status
+            others[rows[left]] = True
+        return arrival, np.flatnonzero(others)
+
+    def _at_centre(self, beam: Beam) -> np.ndarray:
+        """True (m,) for rays that start so close to the centre that they have no polar coordinates."""
+        if not isinstance(self.medium, Radial):
+            return np.zeros(len(beam), dtype=bool)
+        radius = np.linalg.norm(beam.position - self.medium.middle(self.dimension), axis=1)
+        return radius <= CENTRAL * max(1.0, float(radius.max(initial=0.0)))
+
     def leg(self, beam: Beam, path: float) -> Leg:
         """See :meth:`varcalc.optics.model.Carrier.leg`."""
+        if np.any(self._at_centre(beam)):
+            return self._others.leg(beam, path)
         profile = self._profile(beam)
         free = _Run(profile, (), beam, NOTHING)
         end, others = free.carried(np.array([path - beam.optical_path[0]]), np.full(1, np.inf))
@@ -165,7 +191,7 @@ class InvariantRays:
         """The profile of the medium, its unit of length near the first ray's radius, for a centre."""
         probe, unit = float(beam.position[0, -1]), 1.0
         if isinstance(self.medium, Radial):
-            radius = float(np.linalg.norm(beam.position[0] - self.medium.middle(self.dimension))) or 1.0
+            radius = float(np.linalg.norm(beam.position[0] - self.medium.middle(self.dimension)))
             probe, unit = 0.0, float(2.0 ** np.round(np.log2(radius)))
         with _ONE_AT_A_TIME:
             if unit not in self._profiles:
@@ -181,11 +207,16 @@ class _Run:
     """Rays of one medium from their starts; ``sigma`` (m,) is how far they have come."""
 
     def __init__(
-        self, profile: Profile, surfaces: Sequence[Geometry], beam: Beam, leaving: int, nodes: Nodes | None = None
+        self,
+        profile: Profile,
+        surfaces: Sequence[Geometry],
+        beam: Beam,
+        leaving: int,
+        nodes: PotentialNodes | None = None,
     ) -> None:
         self.profile, self.surfaces, self.beam, self.leaving = profile, surfaces, beam, leaving
         self.reduced = reduction(profile, beam)
-        self.motions: Motions = self.reduced.motions
+        self.motions: ReducedRays = self.reduced.motions
         self.sigma = np.zeros(len(beam))
         self.levels = self._levels()
         u0 = self.motions.u
@@ -208,7 +239,7 @@ class _Run:
             left[rows] = False
             aimless = np.all(np.isinf(targets[rows]), axis=1)
             rising = _rises_at_last(way)
-            side = Bounds(np.where(rising, above.x[rows], below.x[rows]), rising)
+            side = MotionBounds(np.where(rising, above.x[rows], below.x[rows]), rising)
             struck = np.where(rising, levels.number_up[rows], levels.number_down[rows])
             walls = np.where(rising, levels.up[rows], -levels.down[rows])
             struck = np.where(np.isfinite(last) & (side.x == walls), struck, NOTHING)
@@ -218,11 +249,11 @@ class _Run:
             end.status[rows] = unheard
             part = way.take(np.flatnonzero(going))
             self._carry(part, rows[going], last[going], struck[going], standing, targets, end)
-        others = np.flatnonzero(left | self._lose_digits())
+        others = np.flatnonzero(left | self._lose_digits(end))
         return Arrival(end.beam, end.struck, end.status), others
 
     def _carry(
-        self, way: Way, rows: np.ndarray, last: np.ndarray, struck: np.ndarray, standing: np.ndarray,
+        self, way: CoordinateMotion, rows: np.ndarray, last: np.ndarray, struck: np.ndarray, standing: np.ndarray,
         targets: np.ndarray, end: _End,
     ) -> None:  # fmt: skip
         """Carry ``rows``, all on ways of one kind, and write down how they end."""
@@ -244,13 +275,14 @@ class _Run:
         sound = there.resolved & np.all(np.isfinite(carried.position), axis=1)
         end.beam.put(rows[sound], carried.take(np.flatnonzero(sound)))
 
-    def _lose_digits(self) -> np.ndarray:
-        """True (m,) for rays, or rays whose neighbours, cannot be told in polar coordinates."""
+    def _lose_digits(self, end: _End) -> np.ndarray:
+        """True (m,) for rays, or rays whose neighbours, cannot be told in polar coordinates up to their ``end``."""
         if not isinstance(self.reduced, AboutCentre):
             return np.zeros(len(self.beam), bool)
-        least = NEAR if self.beam.deviations else STRAIGHT_AT
-        slow = self.reduced.c < least * self.reduced.r * np.linalg.norm(self.beam.momentum, axis=1)
-        return slow & (self.motions.w < 0)
+        least, r = NEAR if self.beam.deviations else STRAIGHT_AT, self.reduced.r
+        inward = (self.reduced.c < least * r * np.linalg.norm(self.beam.momentum, axis=1)) & (self.motions.w < 0)
+        outward = r < OUTWARD * np.linalg.norm(end.beam.position - self.reduced.centre, axis=1)
+        return inward | outward | (end.status == RayStatus.TOO_MANY_STEPS)
 
     def _levels(self) -> _Levels:
         """The surfaces of constant u about the starts."""
@@ -314,7 +346,7 @@ class _Levels:
     highest: float
 
 
-def _rises_at_last(way: Way) -> np.ndarray:
+def _rises_at_last(way: CoordinateMotion) -> np.ndarray:
     """True (m,) for motions that go up for good where they do not turn back any more."""
     sign = getattr(way, "sign", None)
     return np.ones(len(way.start), bool) if sign is None else sign > 0

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.integrators import NONE, OUTCOMES, Engine, Landing, Outcome, Swarm
+from varcalc.integrators import NONE, OUTCOMES, Engine, Flow, Landing, Outcome
 from varcalc.optics.media import Medium
 from varcalc.optics.system import force_of, ray_rates
 from varcalc.optics.tabulated import Tabulated
@@ -30,7 +30,7 @@ def compile_rays(
     neighbours: int,
     stops: Callable[[Expression, Expression], Expression],
     constants: int,
-) -> Swarm:
+) -> RayFlow:
     """Compile the rays of ``medium`` with ``stops``, of the state and so many ``constants``.
 
     In a table there is one stop more, the last: the ray has left it.
@@ -47,7 +47,7 @@ def compile_rays(
     here = force_of(medium, state[:d], layer)
     rates = ca.Function("rays", [s, state, numbers], [ray_rates(here, state, d)])
     levels = ca.vertcat(stops(state, numbers[:constants]), ends)
-    swarm = engine.compile_swarm(rates, ca.Function("stops", [s, state, numbers], [levels]))
+    swarm = engine.compile(rates, ca.Function("stops", [s, state, numbers], [levels]))
     return LayeredSwarm(swarm, table, d, levels.numel() - 2) if table else swarm
 
 
@@ -55,22 +55,21 @@ def compile_rays(
 class LayeredSwarm:
     """A swarm for one layer, handed on from layer to layer; ``stops`` is the number of stops beside the heights."""
 
-    swarm: Swarm
+    swarm: Flow
     table: Tabulated
     dimension: int
     stops: int
 
-    def run(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...] = ()) -> Landing:
-        """See :meth:`varcalc.integrators.protocol.Swarm.run`."""
-        m = len(states)
-        ends = Landing(np.array(states), np.zeros(m), np.full(m, TOO_MANY, np.int8), np.full(m, NONE, np.int16))
+    def ensemble(self, states: np.ndarray, constants: np.ndarray, *, leaving: tuple[int, ...] = ()) -> Landing:
+        """See :meth:`varcalc.integrators.protocol.Flow.ensemble`."""
+        ends = Landing.at(states, outcome=TOO_MANY)
         for _ in self._rounds(ends, constants, leaving):
             pass
         return ends
 
     def pieces(self, state: np.ndarray, constants: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
         """The layers that one ray goes through: where each begins, its :meth:`Tabulated.constants`, the state there."""
-        ends = Landing(state[None, :].copy(), np.zeros(1), np.zeros(1, np.int8), np.full(1, NONE, np.int16))
+        ends = Landing.at(state[None, :])
         return [
             (float(ends.reached[0]), self.table.constants(layer)[0], ends.states[0].copy())
             for layer in self._rounds(ends, constants[None, :], ())
@@ -90,7 +89,7 @@ class LayeredSwarm:
                 rows = alive[start[alive] == number]
                 known = np.column_stack([constants[rows], self.table.constants(layer[rows])])
                 height = () if number == NONE else (int(number),)
-                landing = self.swarm.run(ends.states[rows], known, (*leaving, *height))
+                landing = self.swarm.ensemble(ends.states[rows], known, leaving=(*leaving, *height))
                 ends.states[rows], ends.outcomes[rows] = landing.states, landing.outcomes
                 ends.stopped_by[rows] = landing.stopped_by
                 ends.reached[rows] += landing.reached
@@ -120,3 +119,7 @@ class LayeredSwarm:
         layer[at[inside]] = following[inside]
         start[at] = np.where(climbing, self.stops, self.stops + 1)
         return at[inside]
+
+
+RayFlow = Flow | LayeredSwarm
+"""Rays of one medium: integrated at once, or layer by layer."""

@@ -134,7 +134,7 @@ def hamilton_leg(
     starts = np.array([start for start, _, _ in pieces])
     trajectories = []
     for (start, constants, state), end in zip(pieces, [*starts[1:], length], strict=True):
-        run = flow.run(np.array([0.0, max(end - start, TINY * length)]), state, constants, dense=True)
+        run = flow.trajectory(np.array([0.0, max(end - start, TINY * length)]), state, constants, dense=True)
         if run.outcome is not Outcome.COMPLETED or run.trajectory is None:
             raise ArithmeticError(f"a ray could not be followed a second time: {run.outcome.value}")
         trajectories.append(run.trajectory)

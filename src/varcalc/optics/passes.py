@@ -13,9 +13,9 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from varcalc.integrators import NONE, OUTCOMES, Engine, Outcome, Swarm
+from varcalc.integrators import NONE, OUTCOMES, Engine, Outcome
 from varcalc.optics.beam import NOTHING, Beam
-from varcalc.optics.layered import Expression, compile_rays
+from varcalc.optics.layered import Expression, RayFlow, compile_rays
 from varcalc.optics.legs import moved_on
 from varcalc.optics.media import Field, Medium
 from varcalc.optics.straight import StraightRays
@@ -64,7 +64,7 @@ class HamiltonLeg:
     dimension: int
     surfaces: Sequence[Geometry]
     engine: Engine
-    _swarm: Swarm | None = field(default=None, repr=False)
+    _swarm: RayFlow | None = field(default=None, repr=False)
 
     def minima(self, beam: Beam, target: np.ndarray, limit: float, far: float, leaving: int) -> tuple[np.ndarray, Beam]:
         """See :meth:`LastLeg.minima`."""
@@ -79,7 +79,7 @@ class HamiltonLeg:
             start, rows = waiting.popitem()
             if len(rows) == 0:
                 continue
-            landing = swarm.run(states[rows], constants[rows], () if start == NOTHING else (start,))
+            landing = swarm.ensemble(states[rows], constants[rows], leaving=() if start == NOTHING else (start,))
             states[rows] = landing.states
             stop = np.where(landing.outcomes == STOPPED, landing.stopped_by, NONE)
             nearest = rows[stop == least]
@@ -102,7 +102,7 @@ class HamiltonLeg:
         _, gradient, _ = Field(self.medium, d)(states[:, :d])
         return np.sum(states[:, d : 2 * d] ** 2 + gradient / 2 * (states[:, :d] - target), axis=1) > 0
 
-    def _compiled(self) -> Swarm:
+    def _compiled(self) -> RayFlow:
         """The ray system with all neighbours; constants are the target and the two limits."""
         d = self.dimension
         if self._swarm is None:

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.optics.beam import frames
 from varcalc.optics.media import Medium, Radial
 from varcalc.optics.model import Builder, DoesNotApply, Question
 from varcalc.optics.profile import Profile
 from varcalc.optics.ranges import Launch, Range, launches
 from varcalc.optics.ray import Ray, Rays
-from varcalc.optics.steps import AGREED
 
 ROUND_OFF = 1e-13
 """Of the distance of two points: what they lie apart along layers is none."""

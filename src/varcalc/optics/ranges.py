@@ -17,12 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.optics.crossings import Family, Search
-from varcalc.optics.profile import Nodes, Profile
-from varcalc.optics.reduced import Motions, started_later
-from varcalc.optics.steps import BY_C, PATH, TAU, integrals
-from varcalc.optics.turning_points import OneTurn, TwoTurns, Way
-from varcalc.optics.wells import bounds, ways
+from varcalc.numerics.one_coordinate.intervals import bounds, ways
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion, OneTurn, TwoTurns
+from varcalc.numerics.one_coordinate.potential import PotentialNodes
+from varcalc.numerics.one_coordinate.quadrature import BY_C, TAU, half_periods, integrals
+from varcalc.optics.crossings import RangeValues, ZeroSearch
+from varcalc.optics.profile import PATH, Profile
+from varcalc.optics.reduced import ReducedRays, started_later
 
 MOST_PERIODS = 64
 """Whole periods of a ray that is caught between two heights; rays with more are not looked for."""
@@ -70,7 +71,7 @@ class Range:
     """Rays from the height ``start`` to the height ``end`` of ``profile``, with g smaller at the start."""
 
     profile: Profile
-    nodes: Nodes
+    nodes: PotentialNodes
     start: float
     end: float
 
@@ -103,13 +104,15 @@ class Range:
                 self._on_ways(way, last, rows, c, w, out)
         return out
 
-    def _on_ways(self, way: Way, last: np.ndarray, rows: np.ndarray, c: np.ndarray, w: np.ndarray, out: Hits) -> None:
+    def _on_ways(
+        self, way: CoordinateMotion, last: np.ndarray, rows: np.ndarray, c: np.ndarray, w: np.ndarray, out: Hits
+    ) -> None:
         """Write the hits of ``rows``, whose motions are ``way``, into ``out``."""
         c, w = c[rows], w[rows]
         c_rate, C_rate = -w, -2 * c * w  # by the angle: c = N cos, w = N sin
         start = way.at(way.start[:, None])
         nothing = np.zeros((len(c), 1))
-        turned = Motions(nothing[:, 0], w, c**2, nothing, c[:, None], C_rate[:, None])
+        turned = ReducedRays(nothing[:, 0], w, c**2, nothing, c[:, None], C_rate[:, None])
         delay = (start.rate * started_later(turned, start))[:, 0]
         for k, q in enumerate(self._parameters(way, last)):
             sums = integrals(way, way.start, q)
@@ -119,11 +122,11 @@ class Range:
             out.rate[rows, k] = c_rate * sums[:, TAU] + c * tau_rate
             out.speed[rows, k] = end.w[:, 0]
         if isinstance(way, TwoTurns):
-            half = integrals(way, np.zeros(len(rows)), np.full(len(rows), np.pi))
+            half = half_periods(way)
             out.apart[rows], out.later[rows] = 2 * c * half[:, TAU], 2 * half[:, PATH]
             out.apart_rate[rows] = 2 * (c_rate * half[:, TAU] + c * half[:, BY_C] * C_rate)
 
-    def _parameters(self, way: Way, last: np.ndarray) -> list[np.ndarray]:
+    def _parameters(self, way: CoordinateMotion, last: np.ndarray) -> list[np.ndarray]:
         """The parameters (m,) of the first two hits; not numbers where there are none."""
         x = np.full(len(last), self.end) - self.start
         if isinstance(way, TwoTurns):
@@ -149,8 +152,7 @@ class Range:
         """The angles, ascending from -π/2 to π/2, between which the hits are smooth functions."""
         g0 = float(self.profile.at(np.array([self.start]))[0][0])
         g = self.nodes.g
-        low = np.flatnonzero((g[1:-1] <= g[:-2]) & (g[1:-1] <= g[2:])) + 1
-        levels = np.sort([*g[low], g[0], g[-1]])
+        levels = np.sort([*self.nodes.separatrices, g[0], g[-1]])
         levels = levels[(levels > 0) & (levels < g0 * (1 - ROUNDING))]  # a flat top is full of dips that are none
         levels = levels[np.diff(levels, prepend=0.0) > ROUNDING * levels]
         inner = np.unique(np.arccos(np.sqrt(levels / g0)))
@@ -203,11 +205,11 @@ def launches(profile: Profile, ends: tuple[float, float], distance: float, withi
     near = family.bound[numbers, first] <= 0
     numbers, first = numbers[near], first[near]
 
-    def asked_for(angles: np.ndarray) -> Family:
+    def asked_for(angles: np.ndarray) -> RangeValues:
         family = _families(spread.hits(angles), wanted, within, turns)
-        return Family(np.where(whole[:, None], np.nan, family.value), family.rate, family.bound)
+        return RangeValues(np.where(whole[:, None], np.nan, family.value), family.rate, family.bound)
 
-    zeros = Search(asked_for, spread.breaks(), touch).run()
+    zeros = ZeroSearch(asked_for, spread.breaks(), touch).run()
     angles, touching = np.append(SOME_ANGLES[first], zeros.at), np.append(np.full(len(first), 1.0), zeros.touching) > 0
     found = _launched(spread, angles, np.append(numbers, zeros.number), distances, turns, touching, swapped=swapped)
     isolated = [f for f in found[len(first) :] if f.path <= within]
@@ -239,7 +241,7 @@ def _distances(profile: Profile, distance: float, farthest: float) -> list[tuple
     return ahead + [(2 * np.pi * (k + 1) - distance, -1) for k in turns]
 
 
-def _families(hits: Hits, wanted: np.ndarray, within: float, turns: int) -> Family:
+def _families(hits: Hits, wanted: np.ndarray, within: float, turns: int) -> RangeValues:
     """The functions X - distance for every distance, number of whole periods and hit, in this order; (F, m)."""
     turn = np.arange(turns)[:, None, None]  # with periods only where there are any
     real = (turn == 0) | (hits.apart[:, None] > 0)
@@ -252,7 +254,7 @@ def _families(hits: Hits, wanted: np.ndarray, within: float, turns: int) -> Fami
     def flat(a: np.ndarray) -> np.ndarray:
         return np.moveaxis(np.broadcast_to(a, shape), 3, 2).reshape(-1, shape[2])
 
-    return Family(flat(value), flat(rate[None]), flat(bound[None]))
+    return RangeValues(flat(value), flat(rate[None]), flat(bound[None]))
 
 
 def _launched(

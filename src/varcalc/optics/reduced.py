@@ -12,18 +12,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from varcalc.numerics.one_coordinate.motions import MotionPoint
+from varcalc.numerics.one_coordinate.quadrature import BY_C, TAU
 from varcalc.optics.beam import Beam, frames
 from varcalc.optics.media import Radial
-from varcalc.optics.profile import Profile
-from varcalc.optics.steps import BY_C, PATH, TAU
-from varcalc.optics.turning_points import Place
+from varcalc.optics.profile import PATH, Profile
 
 LEAST = 1e-140
 """Of n r: a ray through the centre is the limit of rays past it."""
 
 
 @dataclass(frozen=True)
-class Motions:
+class ReducedRays:
     """m motions: ``u``, ``w`` = du/dτ (m,) at the start, ``C``, and the deviations (m, k) of u, w and C."""
 
     u: np.ndarray
@@ -38,7 +38,7 @@ class Motions:
 class Moved:
     """Where motions have come: places, integrals (m, COUNT), and the deviations (m, k) of u, w and τ."""
 
-    place: Place
+    place: MotionPoint
     integrals: np.ndarray
     u_moved: np.ndarray
     w_moved: np.ndarray
@@ -49,7 +49,7 @@ class Reduction(ABC):
     """Rays at their starts, and their motions."""
 
     beam: Beam
-    motions: Motions
+    motions: ReducedRays
 
     @abstractmethod
     def carried(self, moved: Moved) -> Beam:
@@ -62,7 +62,7 @@ class InLayers(Reduction):
     def __init__(self, beam: Beam) -> None:
         self.beam = beam
         along = beam.momentum[:, :-1]
-        self.motions = Motions(
+        self.motions = ReducedRays(
             beam.position[:, -1], beam.momentum[:, -1], np.sum(along**2, axis=1),
             beam.moved[:, :, -1], beam.turned[:, :, -1],
             2 * np.einsum("md,mkd->mk", along, beam.turned[:, :, :-1]),
@@ -101,7 +101,7 @@ class AboutCentre(Reduction):
         r, p_out, p_around = self.r[:, None], radial[:, None], rising[:, None]
         self.angle_moved = around / r
         self.c_moved = out * p_around - around * p_out + r * around_turned
-        self.motions = Motions(
+        self.motions = ReducedRays(
             np.log(self.r / unit), self.r * radial, self.c**2, out / r,
             out * p_out + around * p_around + r * out_turned, 2 * self.c[:, None] * self.c_moved,
         )  # fmt: skip
@@ -161,7 +161,7 @@ def _parts(vectors: np.ndarray, out: np.ndarray, around: np.ndarray) -> tuple[np
     return first, second, rest
 
 
-def started_later(motions: Motions, start: Place) -> np.ndarray:
+def started_later(motions: ReducedRays, start: MotionPoint) -> np.ndarray:
     """How much farther in q (m, k) the neighbours start, from their u or their w, whichever says it more precisely."""
     by_u, by_w = start.w * start.rate, start.slope / 2 * start.rate
     u_own, w_own = start.u_by_c * motions.c_moved, start.w_by_c * motions.c_moved
@@ -172,9 +172,9 @@ def started_later(motions: Motions, start: Place) -> np.ndarray:
     return np.where(u_worth >= w_worth, from_u, from_w)
 
 
-def deviations(motions: Motions, start: Place, end: Place, integrals: np.ndarray) -> Moved:
+def deviations(motions: ReducedRays, start: MotionPoint, end: MotionPoint, integrals: np.ndarray) -> Moved:
     """The deviations at the end, at equal q: ``start`` and ``end`` hold arrays (m, 1)."""
     c = motions.c_moved
     tau = integrals[:, [BY_C]] * c - start.rate * started_later(motions, start)
-    place = Place(*(getattr(end, name)[:, 0] for name in Place.__dataclass_fields__))
+    place = MotionPoint(*(getattr(end, name)[:, 0] for name in MotionPoint.__dataclass_fields__))
     return Moved(place, integrals, end.u_by_c * c, end.w_by_c * c, tau)

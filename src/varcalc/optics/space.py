@@ -19,7 +19,7 @@ def last_leg(march: March) -> LastLeg:
     last = march.models[-1]
     if isinstance(last, StraightRays):
         return StraightLeg(last)
-    return HamiltonLeg(march.media[-1], march.dimension, march.geometries, integrators.default())
+    return HamiltonLeg(march.media[-1], march.dimension, march.geometries, integrators.for_many())
 
 
 @dataclass

@@ -10,8 +10,7 @@ and 26; the derivative is the Jacobi field, which vanishes at conjugate points).
 from __future__ import annotations
 
 import math
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -19,8 +18,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.integrators import CannotLower, Flow, Outcome, Run, Variational, available, compiled, variational
-from varcalc.integrators.dop853 import Dop853Flow
+from varcalc.integrators import Flow, Outcome, Run, Variational, compiled, for_many, variational
 from varcalc.methods.ritz.starts import size
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 
@@ -111,18 +109,12 @@ class EndMap:
 
     @cached_property
     def _flow(self) -> Flow:
-        system = self._system.system
-        for engine in available():
-            limited: Any = engine
-            limited = replace(limited, most_steps=MOST_STEPS)
-            with suppress(CannotLower):
-                return compiled(self.form.problem, limited, system)
-        raise ImportError("no engine is installed that could take the system; install scipy")
+        return compiled(self.form.problem, for_many(most_steps=MOST_STEPS), self._system.system)
 
     @property
     def budget(self) -> int:
         """Steps of the integrator that a scan may take: about ten seconds of them."""
-        return INTERPRETED if isinstance(self._flow, Dop853Flow) else COMPILED
+        return COMPILED if self._flow.compiled else INTERPRETED
 
     @cached_property
     def _constants(self) -> np.ndarray:
@@ -141,7 +133,7 @@ class EndMap:
     def _run(self, v: float, t: np.ndarray) -> Run:
         fixed = self.form.fixed_start if self.forward else self.form.fixed_end
         state = self._system.start(np.array([fixed[0, 0] / self.ordinate, v]))
-        return self._flow.run(t if self.forward else 1.0 - t, state, self._constants)
+        return self._flow.trajectory(t if self.forward else 1.0 - t, state, self._constants)
 
     def _far(self, states: np.ndarray) -> tuple[float, float]:
         """The scaled miss at the far end and its derivative by the scaled initial slope."""

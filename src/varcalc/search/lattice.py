@@ -8,7 +8,6 @@ equations are solved from slopes in all directions and of many sizes instead
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -16,12 +15,14 @@ from itertools import product
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.integrators import CannotLower, Flow, Metered, available, compiled
+from varcalc.integrators import compiled, for_many
 from varcalc.methods.ritz.starts import size
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.shooting.initial_states import nus
 from varcalc.methods.shooting.newton import Ending, iterate
+from varcalc.methods.shooting.regular_arc import Work
 from varcalc.methods.shooting.segments import Segments
+from varcalc.methods.shooting.shots import Trajectories
 
 SIZES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Sizes of the initial slope, in units of the problem's size by its width."""
@@ -59,21 +60,12 @@ class Lattice:
         return EulerLagrangeFlow(self.form)
 
     @cached_property
-    def _segments(self) -> Segments | None:
-        """One segment over the whole interval; None where the system is undefined at the start or cannot be lowered."""
+    def _segments(self) -> Segments:
+        """One segment over the whole interval."""
         unit = max(size(self.form), float(np.abs(self.form.fixed_start).max()))
         units = Scales(np.full(self.form.n, unit), np.ones(self.equations.integrals))
-        flow = self._flow()
-        if flow is None:
-            return None
-        return Segments(self.equations, Metered(flow), units, np.array([0.0, 1.0]), np.array([0.0]), {})
-
-    def _flow(self) -> Flow | None:
-        system = self.equations.system.system
-        for engine in available():
-            with suppress(CannotLower):
-                return compiled(self.form.problem, engine, system)
-        return None
+        flow = compiled(self.form.problem, for_many(), self.equations.system.system)
+        return Segments(self.equations, flow, Work(), units, np.array([0.0, 1.0]), np.array([0.0]), {})
 
     def slopes(self) -> Iterator[np.ndarray]:
         """Initial slopes (n,) in scaled units, the small ones first."""
@@ -84,8 +76,6 @@ class Lattice:
     def roots(self) -> list[tuple[np.ndarray, Form, Sampled]]:
         """Of the roots found the initial slopes, scaled, the form with their unknown numbers, the trajectories."""
         segments = self._segments
-        if segments is None:
-            return []
         found: list[np.ndarray] = []
         for slope, numbers in product(self.slopes(), self._numbers()):
             x = self._first(segments, slope, numbers)
@@ -121,17 +111,13 @@ class Lattice:
     def _curve(self, segments: Segments, x: np.ndarray) -> Sampled:
         """The trajectory of a root, linear between its points."""
         t = np.linspace(0.0, 1.0, CURVE)
-        start = segments.equations.system.start(
-            np.concatenate([segments.parts(x)[0][0], np.zeros(self.equations.integrals)])
-        )
-        states = segments.flow.run(t, start, segments.constants(0, x)).states[:, : self.form.n].T
+        states = Trajectories(segments.paths(x, 0))(t)[: self.form.n]
         rows = states * segments.scales.ordinates[:, None]
         a, b = self.form.span
         return lambda s: np.array([np.interp((s - a) / (b - a), t, row) for row in rows])
 
     def slope(self, curve: Sampled) -> np.ndarray:
         """The scaled slope with which a curve, given by its derivative, sets out."""
-        assert self._segments is not None
         a, b = self.form.span
         return curve(np.array([a]))[:, 0] * (b - a) / self._segments.scales.ordinates
 

@@ -213,7 +213,7 @@ def _chunk(problem: Source, points: list[dict[str, float]], method: Any, tol: fl
 def _in_a_row(source: Source, points: list[dict[str, float]], method: Any, tol: float) -> Iterator[list[SweepPoint]]:
     """Solve one point after the other, or many together, each from what is known nearby; those that were together."""
     source = source() if callable(source) and _made_once(source) else source
-    row = _Row(source, method, tol)
+    row = _Row(source, method, tol, len(points))
     size, done = 1, 0
     while done < len(points):
         together = points[done : done + size]
@@ -226,8 +226,8 @@ def _in_a_row(source: Source, points: list[dict[str, float]], method: Any, tol: 
 class _Row:
     """The points of a sweep that are solved one after the other, and what is known from those before."""
 
-    def __init__(self, source: Source, method: Any, tol: float) -> None:
-        self.source, self.method, self.tol = source, method, tol
+    def __init__(self, source: Source, method: Any, tol: float, count: int) -> None:
+        self.source, self.method, self.tol, self.count = source, method, tol, count
         self.last: Solution | None = None
         self.neighbours: Neighbours | None = None
 
@@ -280,7 +280,7 @@ class _Row:
             if self.neighbours is not None:
                 self.neighbours.add(solution)
             elif isinstance(source, Problem | Curve):
-                self.neighbours = Neighbours.of(solution, self.tol)
+                self.neighbours = Neighbours.of(solution, self.tol, self.count)
         return _point(tuple(values.values()), solution, time.perf_counter() - began)
 
 

@@ -33,7 +33,7 @@ REMEMBERED = 256
 """Solutions among which the nearest is looked for: the last ones."""
 
 FOR_THEMSELVES = 8
-"""Values for which a form is found for itself before the function is built that tells whether it is the same."""
+"""Values up to which the form of each is found for itself: to build the function that compares them costs as much."""
 
 
 @dataclass(frozen=True)
@@ -89,23 +89,29 @@ def _family(method: Any) -> Family | None:
 class Neighbours:
     """The solutions of one problem at several parameter values, and what finds others from them.
 
-    Made by :meth:`of`; ``tol`` is that of a solve.
+    Made by :meth:`of`; ``tol`` is that of a solve, ``expected`` how many values belong together.
     """
 
-    def __init__(self, form: Form, elsewhere: Elsewhere, method: Any, family: Family, tol: float) -> None:
+    def __init__(
+        self, form: Form, elsewhere: Elsewhere, method: Any, family: Family, tol: float, expected: int
+    ) -> None:
         self.form, self.elsewhere, self.method, self.family, self.tol = form, elsewhere, method, family, tol
+        self.compared = expected > FOR_THEMSELVES
         self.known: list[Known] = []
 
     @classmethod
-    def of(cls, known: Solution, tol: float) -> Neighbours | None:
-        """The neighbourhood of a solution; None where the method, its mesh or the form needs more than is done here."""
+    def of(cls, known: Solution, tol: float, expected: int) -> Neighbours | None:
+        """The neighbourhood of a solution; None where the method, its mesh or the form needs more than is done here.
+
+        ``expected`` is the number of values that are to be solved together or one after the other.
+        """
         extremal, method, family = known.extremal, known.method, _family(known.method)
         if not known.status.ok or not isinstance(extremal, Extremal) or family is None:
             return None
         first = _first_of(extremal.form, family)
         if first is None or first.elsewhere is None or extremal.coefficients is None:
             return None
-        found = cls(first, first.elsewhere, method, family, tol)
+        found = cls(first, first.elsewhere, method, family, tol, expected)
         found.add(known)
         return found
 
@@ -161,11 +167,9 @@ class Neighbours:
     def _alike(self, values: np.ndarray) -> np.ndarray:
         """At which ``values`` (K, parameters) the problem has this form; (K,) of bool.
 
-        To build the function that measures it costs as much as finding the forms of some values for themselves.
+        Where many belong together one function compares the forms at all of them.
         """
-        measured = _measured(self.form)
-        measured.values += len(values)
-        if measured.values > FOR_THEMSELVES:
+        if self.compared:
             return self.elsewhere.alike(values)
         return np.array([self._stated_alike(v) for v in values])
 
@@ -240,18 +244,6 @@ def _first_of(form: Form, family: Family) -> Form | None:
     return first if first is not None and family.applies(first) else None
 
 
-@dataclass
-class _Measured:
-    """At how many values a form has been asked for."""
-
-    values: int = 0
-
-
-@derived
-def _measured(form: Form) -> _Measured:
-    return _Measured()
-
-
 @derived
 def _first(form: Form) -> Form | None:
     first = forms(form.problem)[0]
@@ -265,7 +257,8 @@ def _one_start(method: Any) -> Any:
 def resolved(problem: Functional, method: Any, tol: float, known: Any) -> Solution | None:
     """The solution of ``problem`` begun from the ``known`` Solution of it at other parameter values.
 
-    None where that is something else, or where the answer found from there is in doubt.
+    None where that is something else, or where the answer found from there is in doubt. A solution knows how many in
+    a row were begun from one another; whoever asks for many in a row asks for more.
     """
     if not isinstance(known, Solution) or known.problem.templates is not problem.templates:
         return None
@@ -273,11 +266,14 @@ def resolved(problem: Functional, method: Any, tol: float, known: Any) -> Soluti
     if not (_one_start(method) == _one_start(known.method) or (method is None and isinstance(known.method, Ritz))):
         return None
     began = time.perf_counter()
-    neighbours = Neighbours.of(known, tol)
+    in_a_row = 1 if known.extremal is None else known.extremal.in_a_row + 1
+    neighbours = Neighbours.of(known, tol, in_a_row)
     if neighbours is None:
         return None
     answer = neighbours.solved_alone(problem.parameter_values)
     if answer is None:
         return None
     found = neighbours.solution(problem, answer, time.perf_counter() - began)
-    return found if found.status.ok else None
+    if not found.status.ok or found.extremal is None:
+        return None
+    return replace(found, extremal=replace(found.extremal, in_a_row=in_a_row))

@@ -30,7 +30,7 @@ def verify(solution: Solution) -> Verification:
     (<Verdict.SADDLE: 'stationary, but neither a minimum nor a maximum'>, 1, array([3.14159265]))
     """
     # every check has a module of its own: they are imported by the first verification
-    from varcalc.verify.evidence import evidence_of
+    from varcalc.verify.checks import evidence_of
     from varcalc.verify.verdict import judged
 
     if not isinstance(solution, Solution):

@@ -24,7 +24,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from varcalc.verify.setting import Setting, inner_points
+from varcalc.verify.along_curve import AlongCurve, inner_points
 
 SAMPLES = 7
 """Points an element at which typical sizes are taken."""
@@ -46,7 +46,7 @@ class Coefficients:
 class Accessory:
     """The accessory system along one extremal; states (X, pi) have ``2 N`` entries."""
 
-    def __init__(self, along: Setting) -> None:
+    def __init__(self, along: AlongCurve) -> None:
         self.along = along
         n, m, levels, numbers = along.n, along.order, len(along.integrals), len(along.numbers)
         self.functions = n * m
@@ -119,7 +119,7 @@ class Accessory:
         return np.sqrt(unit)
 
     def canonical(self, s: np.ndarray) -> np.ndarray:
-        """The matrix K(s) of (X, pi)' = K (X, pi), in the person's units; shape (m, 2 N, 2 N)."""
+        """The matrix K(s) of (X, pi)' = K (X, pi), in the user's units; shape (m, 2 N, 2 N)."""
         c = self.coefficients(s)
         N, n, r, m = self.N, self.along.n, c.C.shape[1], len(s)
         kkt = np.zeros((m, n + r, n + r))
@@ -157,7 +157,7 @@ def _typical(sizes: np.ndarray) -> np.ndarray:
     return np.where(sizes > 1e-12 * largest, sizes, largest)
 
 
-def _total_rate(along: Setting, expression: ca.SX) -> ca.SX:
+def _total_rate(along: AlongCurve, expression: ca.SX) -> ca.SX:
     """d/ds along the curve of a matrix that depends on s and y alone."""
     s = along.symbols
     column = ca.vec(ca.densify(expression))

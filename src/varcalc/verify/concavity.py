@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from varcalc.verify.accessory import Accessory
-from varcalc.verify.index import NULL, signs
 from varcalc.verify.jacobi import Canonical, balanced
+from varcalc.verify.verification import NULL, signs
 
 SYMMETRIC = 1e-6
 """Relative residual with which a motion of the whole curve is a null direction."""

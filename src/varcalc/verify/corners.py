@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.residual import FAINT, felt
-from varcalc.verify.setting import Setting
 
 JUMP = 1e-3
 """Relative jump of the slope that is a corner, not the error of the curve."""
@@ -37,7 +37,7 @@ class Corner:
     held: bool
 
 
-def corners(along: Setting) -> list[Corner]:
+def corners(along: AlongCurve) -> list[Corner]:
     """The corners of a curve of first order at its inner vertices."""
     changed = along.form.lift is not None and not along.slides  # such coordinates are smooth, as is the curve in them
     if along.order != 1 or len(along.vertices) < 3 or changed:

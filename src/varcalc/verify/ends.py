@@ -17,7 +17,7 @@ import numpy as np
 
 from varcalc.methods.answer import Extremal
 from varcalc.verify.accessory import Accessory
-from varcalc.verify.setting import setting, sliding_ends
+from varcalc.verify.along_curve import along_curve, sliding_ends
 
 COUPLED = 1e-12
 """Relative size of the mixed derivatives of an end cost by both ends that is zero but for round-off."""
@@ -105,7 +105,7 @@ def _end_terms(extremal: Extremal) -> _EndTerms | None:
 def _first_variation(extremal: Extremal) -> tuple[np.ndarray, np.ndarray]:
     """What the gradient of the end terms must be, by (y0, y1, unknowns), and which of these are free (first order)."""
     form, n = extremal.form, extremal.form.n
-    along = setting(extremal)
+    along = along_curve(extremal)
     H, s = along.whole, along.symbols
     momentum = H.partial(1)
     function = along.function(momentum, H.expression - ca.dot(s.dy, momentum))

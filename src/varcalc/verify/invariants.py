@@ -17,14 +17,14 @@ import numpy as np
 from varcalc.methods.answer import Extremal
 from varcalc.problem.problem import Curve
 from varcalc.symbolic.tracing import Expression
+from varcalc.verify.along_curve import AlongCurve, inner_points
 from varcalc.verify.residual import FAINT, felt
-from varcalc.verify.setting import Setting, inner_points
 
 POINTS = 12
 """Gauss points an element."""
 
 
-def invariants(along: Setting, curve: Extremal | None) -> dict[str, float]:
+def invariants(along: AlongCurve, curve: Extremal | None) -> dict[str, float]:
     """Name and relative drift of every first integral; ``curve`` is in the coordinates a Curve was solved in.
 
     What is left where larger terms cancel is measured by a share of those.
@@ -52,7 +52,7 @@ def invariants(along: Setting, curve: Extremal | None) -> dict[str, float]:
     return found
 
 
-def _tower_function(along: Setting) -> Callable[..., list[np.ndarray]]:
+def _tower_function(along: AlongCurve) -> Callable[..., list[np.ndarray]]:
     """Expressions in the derivatives of y up to twice the order, less one, as functions of s (m,)."""
     H, symbols = along.whole, along.symbols
     tower = H.derivatives_of_y[: 2 * along.order]
@@ -68,7 +68,7 @@ def _tower_function(along: Setting) -> Callable[..., list[np.ndarray]]:
     return evaluate
 
 
-def _drift(along: Setting, s: np.ndarray, values: np.ndarray, sizes: np.ndarray) -> float:
+def _drift(along: AlongCurve, s: np.ndarray, values: np.ndarray, sizes: np.ndarray) -> float:
     """The largest departure from the median between waypoints, relative to the terms there or to their mean."""
     marks = [along.span[0], *(at for at, _ in along.form.waypoints), along.span[1]]
     good = np.isfinite(values) & np.isfinite(sizes)

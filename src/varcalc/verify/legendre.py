@@ -14,8 +14,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.problem.problem import Curve
-from varcalc.verify.inequalities import touched
-from varcalc.verify.setting import Setting, inner_points
+from varcalc.verify.along_curve import AlongCurve, inner_points, touched
 
 POINTS = 16
 """Gauss points an element."""
@@ -40,7 +39,7 @@ class Legendre:
 UNTESTED = Legendre(float("nan"), float("nan"), True, True, False)
 
 
-def legendre(along: Setting) -> Legendre:
+def legendre(along: AlongCurve) -> Legendre:
     """The least eigenvalue of the second derivatives in the highest slope along a curve, in the minimising sense."""
     s = inner_points(along, POINTS)
     if along.form.lift is None or along.slides:  # else an end may be singular
@@ -66,13 +65,13 @@ def legendre(along: Setting) -> Legendre:
     return Legendre(float(least[k]), float(s[k]), holds, strict, bool((largest <= noise).all()))
 
 
-def _held(along: Setting, s: np.ndarray) -> np.ndarray:
+def _held(along: AlongCurve, s: np.ndarray) -> np.ndarray:
     """Points of the elements where a bound is touched: there the slope is not free, or its corner is smeared."""
     element = np.clip(np.searchsorted(along.vertices, s, side="right") - 1, 0, len(along.vertices) - 2)
     return np.isin(element, element[touched(along, s)])
 
 
-def crossing(along: Setting, s: np.ndarray) -> np.ndarray:
+def crossing(along: AlongCurve, s: np.ndarray) -> np.ndarray:
     """Bases (m, n, k) of the slopes that count: as pathwise conditions allow, across a Curve's direction."""
     n = along.n
     rows = np.zeros((len(s), 0, n))
@@ -86,5 +85,5 @@ def crossing(along: Setting, s: np.ndarray) -> np.ndarray:
     return np.linalg.svd(rows)[2][:, rows.shape[1] :].transpose(0, 2, 1)
 
 
-def _equalities(along: Setting, gradients: np.ndarray) -> np.ndarray:
+def _equalities(along: AlongCurve, gradients: np.ndarray) -> np.ndarray:
     return gradients[:, [k for k, c in enumerate(along.limits) if c.equality]]

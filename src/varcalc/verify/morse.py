@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.verify.accessory import Accessory
+from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.concavity import SYMMETRIC, concavity
 from varcalc.verify.ends import EndPlane, NotSeparate, end_planes
-from varcalc.verify.index import NULL, Index, signs
 from varcalc.verify.jacobi import Canonical, Carried, Unresolved, balanced, canonical
-from varcalc.verify.setting import Setting
+from varcalc.verify.verification import NULL, Index, signs
 
 SINGULAR = 1e-9
 """Reciprocal condition of the Jacobi fields at an end below which they are no coordinates there."""
@@ -27,13 +27,13 @@ SINGULAR = 1e-9
 
 @dataclass(frozen=True)
 class JacobiIndex(Index):
-    """:class:`Index` with the focal points of the start (abscissae of the setting) and how the index comes about."""
+    """:class:`Index` with the focal points of the start (abscissae of the form) and how the index comes about."""
 
     points: np.ndarray
     account: str
 
 
-def index_by_jacobi(along: Setting) -> JacobiIndex:
+def index_by_jacobi(along: AlongCurve) -> JacobiIndex:
     """The index from focal points, with the points themselves; None with the reason where that route is closed."""
     try:
         return _pieces(along) if along.form.waypoints else _whole(along)
@@ -51,7 +51,7 @@ def _vertical(accessory: Accessory) -> np.ndarray:
     return np.vstack([np.zeros((accessory.N, accessory.N)), np.eye(accessory.N)])
 
 
-def _pieces(along: Setting) -> JacobiIndex:
+def _pieces(along: AlongCurve) -> JacobiIndex:
     """Waypoints hold the whole curve, so that what lies between them varies for itself."""
     form, accessory = along.form, Accessory(along)
     if accessory.functions < accessory.N or along.order != 1:
@@ -72,7 +72,7 @@ def _pieces(along: Setting) -> JacobiIndex:
     return JacobiIndex(len(found), nullity, "", found, f"{len(found)} conjugate points between ends and waypoints")
 
 
-def _whole(along: Setting) -> JacobiIndex:
+def _whole(along: AlongCurve) -> JacobiIndex:
     accessory = Accessory(along)
     if along.form.periodic:
         return _periodic(accessory)

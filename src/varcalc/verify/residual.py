@@ -16,7 +16,7 @@ import numpy as np
 
 from varcalc.numerics.mesh import antiderivative, gauss
 from varcalc.symbolic.tracing import Expression
-from varcalc.verify.setting import Setting
+from varcalc.verify.along_curve import AlongCurve
 
 POINTS = 24
 """Gauss points an element."""
@@ -26,7 +26,7 @@ EDGE = 0.1
 """Part of the interval beside each singular end that is left out in coordinates that are singular there."""
 
 
-def residual(along: Setting, singular: bool = False) -> float:
+def residual(along: AlongCurve, singular: bool = False) -> float:
     """The largest departure of the integrated equation from a constant (a linear function), relative to its terms.
 
     ``singular`` tells that the coordinates may be so at the ends, which are then left out.
@@ -59,7 +59,7 @@ def residual(along: Setting, singular: bool = False) -> float:
     return worst / max(float(size.max()), faint, cancelled, 1e-300)
 
 
-def felt(along: Setting) -> Expression:
+def felt(along: AlongCurve) -> Expression:
     """What the momentum would be made of if nothing cancelled: the sum of abs(H_y'y y) and abs(H_y'y' y'), (n,)."""
     s = along.symbols
     variables = ca.vertcat(s.y, *s.slopes)
@@ -67,8 +67,8 @@ def felt(along: Setting) -> Expression:
     return ca.mtimes(ca.fabs(ca.jacobian(momentum, variables)), ca.fabs(variables))
 
 
-def _inside(along: Setting) -> Setting:
-    """The setting away from its ends."""
+def _inside(along: AlongCurve) -> AlongCurve:
+    """The same functional away from the ends of its interval."""
     a, b = along.span
     low, high = a + EDGE * (b - a), b - EDGE * (b - a)
     inner = along.vertices[(along.vertices > low) & (along.vertices < high)]

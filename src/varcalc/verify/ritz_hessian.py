@@ -15,8 +15,8 @@ from varcalc.formulation import Form
 from varcalc.methods.answer import Extremal, sample
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.mesh import Space, basis, lobatto
-from varcalc.verify.index import NULL, Index
-from varcalc.verify.inequalities import TOUCH
+from varcalc.verify.along_curve import TOUCH
+from varcalc.verify.verification import NULL, Index
 
 APART = 1e3
 """Factor by which the other eigenvalues must exceed those that are zero."""

@@ -12,10 +12,9 @@ from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.solution import Solution, Verdict
 from varcalc.verify.corners import Corner
-from varcalc.verify.index import Index
 from varcalc.verify.legendre import Legendre
 from varcalc.verify.morse import JacobiIndex
-from varcalc.verify.verification import Excess, Finding
+from varcalc.verify.verification import Excess, Finding, Index
 from varcalc.verify.weierstrass import NOISE
 
 STATIONARY = 1e-3

@@ -15,6 +15,10 @@ SHOWN = 8
 """Conjugate points printed before the rest are only counted."""
 
 
+NULL = 1e-7
+"""Relative size of an eigenvalue that is zero: that of a conjugate point this near to the end."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """One statement that holds of the curve, in words and ``numbers``; its ``verdict`` when it decides one."""
@@ -124,3 +128,21 @@ class Verification:
             return "infinite" if math.isinf(self.index) else "unknown"
         found = {name: index for name, index in self.routes.items() if index is not None}
         return f"{self.index:.0f} (" + ", ".join(f"{name} {index}" for name, index in found.items()) + ")"
+
+
+@dataclass(frozen=True)
+class Index:
+    """An index, or None with the ``reason``; ``nullity`` counts directions in which the second variation vanishes."""
+
+    index: int | None
+    nullity: int
+    reason: str
+
+
+def signs(form: np.ndarray) -> tuple[int, int]:
+    """Numbers of negative and of zero eigenvalues of a symmetric matrix in balanced units."""
+    if not form.size:
+        return 0, 0
+    values = np.linalg.eigvalsh(form)
+    null = np.abs(values) <= NULL * max(1.0, float(np.abs(values).max()))
+    return int((values[~null] < 0).sum()), int(null.sum())

@@ -23,7 +23,7 @@ from varcalc.solution import Solution, Status, Verdict
 from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.columns import FewOrMany
 from varcalc.symbolic.derived import derived
-from varcalc.verify.setting import Setting
+from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.verification import Excess
 
 TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 9), [0.0], np.geomspace(1e-2, 1e2, 9)])
@@ -173,8 +173,8 @@ def _places(solution: Solution) -> np.ndarray:
     return low + (high - low) * (np.arange(PLACES) + 0.5) / PLACES
 
 
-def least_excess(along: Setting, solution: Solution) -> Excess:
-    """The least excess along a solution's curve, relative to its terms; ``along`` is in the person's coordinates.
+def least_excess(along: AlongCurve, solution: Solution) -> Excess:
+    """The least excess along a solution's curve, relative to its terms; ``along`` is in the user's coordinates.
 
     Slopes are tried one component at a time and, for several functions, in
     directions between them; for a Curve all directions are; at second order
@@ -194,7 +194,7 @@ def least_excess(along: Setting, solution: Solution) -> Excess:
     return _excess(along, _directed if isinstance(problem, Curve) else _turned)
 
 
-def _excess(along: Setting, tries: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Excess:
+def _excess(along: AlongCurve, tries: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Excess:
     """The least relative excess over the slopes that ``tries(own (m, n), allowed (m, n, k))`` gives, (m, T, n)."""
     s = along.span[0] + along.length * (np.arange(MORE_PLACES) + 0.5) / MORE_PLACES
     top, order, n = along.symbols.slopes[-1], along.order, along.n
@@ -215,7 +215,7 @@ def _excess(along: Setting, tries: Callable[[np.ndarray, np.ndarray], np.ndarray
     return Excess(float(relative[k, j]), float(s[k]), tried[k, j], own[k])
 
 
-def _allowed(along: Setting, s: np.ndarray) -> np.ndarray:
+def _allowed(along: AlongCurve, s: np.ndarray) -> np.ndarray:
     """Orthonormal bases (m, n, k) of the changes of slope that pathwise conditions allow at s (m,)."""
     if not along.paths or along.order != 1:
         return np.broadcast_to(np.eye(along.n), (len(s), along.n, along.n))

@@ -10,11 +10,13 @@ from scipy.optimize import brentq
 import varcalc as vc
 from varcalc.formulation import formulate
 from varcalc.formulation.singular import forms
-from varcalc.integrators import Dop853, Metered, Taylor, default, flows
+from varcalc.integrators import Dop853, Taylor, default, flows
+from varcalc.methods.answer import Extremal, answer
 from varcalc.methods.shooting.flow import EulerLagrangeFlow
 from varcalc.methods.shooting.method import Shooting
+from varcalc.methods.shooting.regular_arc import Work
 from varcalc.methods.shooting.search import BUDGET, TOTAL, NoneFound, Search
-from varcalc.solution import Solution, Status
+from varcalc.solution import ErrorEstimate, Solution, Stats, Status
 
 TIGHT = 1e-16
 
@@ -462,6 +464,28 @@ def test_a_singular_end_that_is_not_fixed_in_the_form_is_refused():
 def test_the_search_for_what_is_not_there_is_bounded(half):
     form = formulate(vc.Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Fixed(-half, 1), vc.Fixed(half, 1)))
     equations = EulerLagrangeFlow(form)
-    flow = Metered(default().compile(equations.system.system))
-    assert isinstance(Search(equations, flow, None).best(None), NoneFound)
-    assert flow.work <= TOTAL + 2 * BUDGET  # two seconds or less; a start is not broken off within an evaluation
+    work = Work()
+    search = Search(equations, default().compile(equations.system.system), work, None)
+    assert isinstance(search.best(None), NoneFound)
+    assert work.total <= TOTAL + 2 * BUDGET  # two seconds or less; a start is not broken off within an evaluation
+
+
+@pytest.mark.parametrize("method", [Shooting(), Shooting(segments=1), vc.Collocation()], ids=repr)
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_an_end_that_slides_does_not_pass_the_other(method, mirrored):
+    """The equation has a second extremal, from x = 0 back to -1/sqrt(2): a positive L with a negative integral."""
+    fixed, sliding = vc.Fixed(0, 0), vc.OnCurve(lambda x, y: y - 1, x=-2 if mirrored else 2)
+    ends = (sliding, fixed) if mirrored else (fixed, sliding)
+    solution = vc.solve(vc.Problem(lambda x, y, dy: dy**2 / 2 + 1, *ends), method)
+    assert solution.value == pytest.approx(math.sqrt(2), rel=1e-12)
+    assert solution.x[0] < solution.x[-1]
+
+
+def test_a_curve_that_runs_back_is_no_answer():
+    problem = vc.Problem(lambda x, y, dy: dy**2 / 2 + 1, vc.Fixed(0, 0), vc.OnCurve(lambda x, y: y - 1, x=2))
+    form = formulate(problem)
+    back = Extremal(form, lambda s, k: np.array([s, np.ones_like(s), 0 * s][k])[None], np.array([-math.sqrt(0.5)]),
+                    np.array([0.0, 1.0]), np.zeros(0), {})  # fmt: skip
+    refused = answer(back, Shooting(), -math.sqrt(2), ErrorEstimate(0.0, 0.0), back.vertices, Stats())
+    assert refused.status is Status.NOT_CONVERGED
+    assert "runs backwards" in refused.message

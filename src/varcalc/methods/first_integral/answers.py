@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from varcalc.methods.first_integral.panels import EPSILON
+from varcalc.numerics.roots import EPSILON
 
 ROUND_OFF = 4 * EPSILON
 """Round-off of a sum, relative to the sizes of its terms."""
@@ -75,7 +75,7 @@ class Reduced:
 
 
 @dataclass(frozen=True)
-class Level:
+class ConstantCurve:
     """The curve y = const."""
 
     height: float

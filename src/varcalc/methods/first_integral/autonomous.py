@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from varcalc.methods.first_integral.answers import ROUND_OFF, Ends, Evaluate, Level, Reduced, Unsuitable
+from varcalc.methods.first_integral.answers import ROUND_OFF, ConstantCurve, Ends, Evaluate, Reduced, Unsuitable
 from varcalc.methods.first_integral.contract import Aim, Joined
 from varcalc.methods.first_integral.curves import OrbitCurve
-from varcalc.methods.first_integral.energy import Batch, Energy
+from varcalc.methods.first_integral.energy import Energy
 from varcalc.methods.first_integral.families import Orbits, Points, families
-from varcalc.methods.first_integral.isoperimetric import Start
+from varcalc.methods.first_integral.isoperimetric import LevelStart
+from varcalc.methods.first_integral.lines import CurveBatch
 from varcalc.methods.first_integral.reduction import Reduction
 from varcalc.methods.first_integral.search import joining, solved
 
@@ -119,11 +120,11 @@ class Autonomous(Reduction):
             return None
         value = float(parts[0, 0]) * ends.width
         partials = self.integrands.partials_at(ends.x0, y) * ends.width
-        curve = Level(y, ends)
+        curve = ConstantCurve(y, ends)
         errors = ROUND_OFF * abs(value), ROUND_OFF * abs(y)
         return Reduced(value, errors[0], curve, errors[1], curve.nodes, np.zeros(0), partials, 1)
 
-    def from_start(self, ends: Ends, start: Start) -> Iterator[Joined]:
+    def from_start(self, ends: Ends, start: LevelStart) -> Iterator[Joined]:
         """Turning where the start turns, monotone where it does not."""
         if not self.legendre(1.0 if start.convex else -1.0):
             return
@@ -150,7 +151,7 @@ class Autonomous(Reduction):
                 yield found
                 return
 
-    def curve(self, batch: Batch, found: Joined, ends: Ends) -> Evaluate:
+    def curve(self, batch: CurveBatch, found: Joined, ends: Ends) -> Evaluate:
         """The curve by inversion of x(y)."""
         assert isinstance(found.family, Orbits)
         return OrbitCurve(found.family.lines, batch, found.measured, ends.x0, ends.x1)

@@ -2,39 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 
-from varcalc.methods.first_integral.energy import Batch, Leg, Measured
-from varcalc.methods.first_integral.integrands import Integrands
-from varcalc.methods.first_integral.panels import Panels
+from varcalc.methods.first_integral.lines import CurveBatch, Lines, Measured
+from varcalc.numerics.one_coordinate.panels import Panels
 
 
-class Lines(Protocol):
-    """What integrates a batch of curves: :class:`Energy` or :class:`Momentum`."""
-
-    integrands: Integrands
-    orientation: float
-
-    def measure(self, batch: Batch, warm: Sequence[np.ndarray] | None = None) -> Measured:
-        """Slopes and integrals along every curve of a batch."""
-        ...
-
-    def along(
-        self, leg: Leg, delta: np.ndarray, batch: Batch, warm: np.ndarray | None
-    ) -> tuple[np.ndarray, list[np.ndarray]]:
-        """The slopes' parameter and the integrands at distances from a leg's anchor."""
-        ...
-
-
-class Family(Protocol):
+class CurveFamily(Protocol):
     """Curves of one shape with one parameter."""
 
     @property
-    def lines(self) -> Lines:
+    def lines(self) -> Lines[Any]:
         """What integrates the curves."""
         ...
 
@@ -43,7 +24,7 @@ class Family(Protocol):
         """The size of a change of the parameter that matters."""
         ...
 
-    def batch(self, parameter: np.ndarray, multipliers: np.ndarray) -> Batch:
+    def batch(self, parameter: np.ndarray, multipliers: np.ndarray) -> CurveBatch:
         """The curves for parameters (curves,) and multipliers (constraints, curves)."""
         ...
 
@@ -69,18 +50,20 @@ class Aim:
 class Joined:
     """A curve of a family that meets its aim, and what it integrates to."""
 
-    family: Family
+    family: CurveFamily
     parameter: float
     multipliers: np.ndarray
     measured: Measured
 
     @property
-    def batch(self) -> Batch:
+    def batch(self) -> CurveBatch:
         """The curve as a batch of one."""
         return self.family.batch(np.array([self.parameter]), self.multipliers[:, None])
 
 
-def measure_one(family: Family, parameter: float, multipliers: np.ndarray, warm: Measured | None = None) -> Measured:
+def measure_one(
+    family: CurveFamily, parameter: float, multipliers: np.ndarray, warm: Measured | None = None
+) -> Measured:
     """What the curve of one parameter integrates to."""
     batch = family.batch(np.array([parameter]), multipliers[:, None])
-    return family.lines.measure(batch, None if warm is None else warm.log_slope)
+    return family.lines.measure(batch)

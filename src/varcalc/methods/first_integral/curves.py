@@ -7,8 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from varcalc.methods.first_integral.energy import Batch, Energy, Measured
-from varcalc.methods.first_integral.panels import Cumulative, distance
+from varcalc.methods.first_integral.energy import Energy
+from varcalc.methods.first_integral.lines import CurveBatch, Measured
+from varcalc.numerics.one_coordinate.panels import Cumulative, distance
 
 
 @dataclass(frozen=True)
@@ -16,7 +17,7 @@ class OrbitCurve:
     """y(x) where x(y) is known on monotone legs: inverted in the variable of each leg's rule."""
 
     lines: Energy
-    batch: Batch
+    batch: CurveBatch
     measured: Measured
     start: float
     end: float
@@ -51,14 +52,5 @@ class OrbitCurve:
         for k in np.unique(leg):
             mask, this = leg == k, self.batch.legs[k]
             delta = this.length[0] * distance(this.panels.kind, t[mask])[0]
-            out[mask] = self._slope(k, delta) if derivative else this.anchor[0] + delta
+            out[mask] = self.lines.slope(this, delta, self.batch) if derivative else this.anchor[0] + delta
         return out[None, :]
-
-    def _slope(self, k: int, delta: np.ndarray) -> np.ndarray:
-        leg = self.batch.legs[k]
-        theta, _ = self.lines.along(leg, delta[None, :], self.batch, None)
-        with np.errstate(over="ignore"):
-            slope = leg.direction * self.lines.integrands.scale * np.exp(theta[0])
-        # at an anchor without a slope it is that of the limit: infinite with L, zero at a turning point
-        limit = leg.direction * np.inf if leg.end is not None else 0.0
-        return np.where(np.isnan(slope) & (np.abs(delta) <= np.abs(leg.length[0]) * 1e-200), limit, slope)

@@ -9,12 +9,12 @@ import numpy as np
 
 from varcalc.methods.first_integral.answers import Ends, Evaluate
 from varcalc.methods.first_integral.contract import Aim, Joined, measure_one
-from varcalc.methods.first_integral.energy import Batch
-from varcalc.methods.first_integral.isoperimetric import Start
+from varcalc.methods.first_integral.isoperimetric import LevelStart
+from varcalc.methods.first_integral.lines import CurveBatch
 from varcalc.methods.first_integral.momentum import SLOPE_GRID, Abscissae, Momentum, Rising, RisingCurve, rising
 from varcalc.methods.first_integral.reduction import Reduction
-from varcalc.methods.first_integral.roots import bracketed_root as root
 from varcalc.methods.first_integral.search import joining, solved
+from varcalc.numerics.roots import scanned_root
 
 PROBED_SLOPES = np.array([1e-3, 0.3, -0.3, 1.0, -1.0, 4.0, -4.0])
 START_CLOSE = 1e-8
@@ -78,16 +78,16 @@ class Cyclic(Reduction):
     def _natural(self, family: Rising) -> list[Joined]:
         """The curve with c = 0."""
 
-        def momentum(parameter: float) -> float:
-            values = family.lines.momentum(np.array([family.reference]), np.array([parameter]), np.zeros(0))
-            return float(np.ravel(values)[0])
+        def momentum(parameters: np.ndarray) -> np.ndarray:
+            at = np.full(parameters.shape, family.reference)
+            return family.lines.momentum(at, parameters, np.zeros(0)) * np.ones_like(at)
 
-        parameter = root(momentum, float(SLOPE_GRID[0]), float(SLOPE_GRID[-1]), 0.0)
+        parameter = scanned_root(momentum, float(SLOPE_GRID[0]), float(SLOPE_GRID[-1]), 0.0)
         if parameter is None:
             return []
         return [Joined(family, parameter, np.zeros(0), measure_one(family, parameter, np.zeros(0)))]
 
-    def from_start(self, ends: Ends, start: Start) -> Iterator[Joined]:
+    def from_start(self, ends: Ends, start: LevelStart) -> Iterator[Joined]:
         """Newton's method from the slope the start has at the reference."""
         if not self.legendre(1.0 if start.convex else -1.0):
             return
@@ -101,7 +101,7 @@ class Cyclic(Reduction):
         if found is not None:
             yield found
 
-    def curve(self, batch: Batch, found: Joined, ends: Ends) -> Evaluate:
+    def curve(self, batch: CurveBatch, found: Joined, ends: Ends) -> Evaluate:
         """The curve as the integral of its slope."""
         assert isinstance(found.family, Rising)
         rise = float(found.measured.x[0])

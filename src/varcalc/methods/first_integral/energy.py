@@ -9,80 +9,30 @@ solves
 
 both sides carried as differences from where they vanish, so that a turning
 point (v = 0) costs no digits; the distance from it is squared away by the
-rule. The action is W + C x with W the integral of L_v dy, whose derivative
-by C is -x: an error of C changes it in second order only.
+rule.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.first_integral.carried import Carried, carry, displaced, fixed
-from varcalc.methods.first_integral.integrands import Integrands
-from varcalc.methods.first_integral.panels import Panels
+from varcalc.methods.first_integral.lines import Arc, CurveBatch, Lines
+from varcalc.numerics.one_coordinate.panels import QUADRATIC
+from varcalc.numerics.roots import bracketed_newton
+from varcalc.symbolic.differences import carry, displaced, fixed
 from varcalc.symbolic.instructions import Vectorised
 
-NEWTON_STEPS = 80
 STEEPEST = 640.0
 """Largest logarithm of a slope: beyond it exp overflows in intermediate results."""
-CONVEXITY_PROBES = (-6.0, -2.0, 0.0, 2.0)
+CONVEXITY_PROBES = np.array([-6.0, -2.0, 0.0, 2.0])
 """Logarithms of slopes at which L_vv > 0 is checked; only the first must lie in the domain of L."""
 NEARLY = 1e-5
-"""A relative miss above this belies a small Newton step: the slope is infinite there."""
-QUADRATIC = 1e-8
-"""A Newton step below this is the last: convergence is quadratic."""
-
-
-@dataclass(frozen=True)
-class Leg:
-    """Part of a monotone branch, measured from its ``anchor``: y = anchor + length * share(t).
-
-    ``anchor`` and ``length`` have one entry for each curve of a batch.
-    ``direction`` is the sign of the slope, ``away`` tells whether the curve
-    leaves the anchor. C is known by P at ``reference``, from which all changes
-    are measured; None at an ``end`` of the problem where L is infinite.
-    """
-
-    anchor: np.ndarray
-    length: np.ndarray
-    direction: float
-    away: bool
-    reference: np.ndarray | None
-    panels: Panels
-    end: float | None = None
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Curves of the same shape: legs in travel order, and C = P(reference, 0) - excess for each curve."""
-
-    legs: tuple[Leg, ...]
-    constant: np.ndarray
-    excess: np.ndarray
-    multipliers: np.ndarray
-
-
-@dataclass(frozen=True)
-class Measured:
-    """What a batch integrates to, one entry a curve (NaN where the slope has no solution).
-
-    ``x`` and ``action`` (the integral of L_v dy), ``levels`` the isoperimetric
-    integrals; per leg ``log_slope`` and the weighted integrands of x and of the
-    Lagrangian function, each (curves, points).
-    """
-
-    x: np.ndarray
-    action: np.ndarray
-    levels: np.ndarray
-    log_slope: list[np.ndarray]
-    dx: list[np.ndarray]
-    dl: list[np.ndarray]
-    fields: list[np.ndarray] = field(default_factory=list)
+"""A relative miss up to which a small Newton step counts."""
 
 
 @dataclass(frozen=True)
@@ -94,28 +44,11 @@ class AnchorFunctions:
     slope: Vectorised
     """(anchor, delta, c, c - 1, s, lambda) -> P(y, 0) - P(y, v), P(y, v), and the derivative of the first by log v."""
     value: Vectorised
-    """(anchor, delta, c, s, lambda) -> momentum, Lagrangian function, L, the g_j, the partials by parameters."""
+    """(anchor, delta, c, s, lambda) -> Lagrangian function, L, the g_j, the partials by parameters."""
 
 
-class Energy:
-    """Slopes and integrals of the extremals of a Lagrangian without x.
-
-    ``orientation`` is -1 where L_vv < 0, and then L is negated throughout.
-    ``inside`` is an ordinate inside the domain of L.
-    """
-
-    def __init__(self, integrands: Integrands, orientation: float, inside: float) -> None:
-        self.integrands = integrands
-        self.orientation = orientation
-        self.inside = inside
-        self._anchors: dict[float | None, AnchorFunctions] = {}
-
-    def functions(self, end: float | None) -> AnchorFunctions:
-        """The functions anchored at a singular ``end``, or at any regular point for None."""
-        if end not in self._anchors:
-            with self.integrands.building:
-                self._anchors[end] = self._build(end)
-        return self._anchors[end]
+class Energy(Lines[AnchorFunctions]):
+    """Slopes and integrals of the extremals of a Lagrangian without x: y runs; slopes are given by their logarithms."""
 
     def _build(self, end: float | None) -> AnchorFunctions:
         y = self.integrands.problem.symbols.y
@@ -132,16 +65,26 @@ class Energy:
         )[0]
         rest = ca.substitute(first, ca.vertcat(c, s), ca.DM([1, 0]))
         mixed = -s * ca.jacobian(ca.gradient(form, s), c)
-        results = [rest, -carried.change, first, mixed, ca.gradient(form, s)]
-        results += [form, *self.integrands.forms, *self.integrands.partials]
+        results = [rest, -carried.change, first, mixed, form]
+        results += [*self.integrands.forms, *self.integrands.partials]
         inputs = [y, c, drop, s, *lam]
         anchor, delta = (ca.SX.sym("anchor") if end is None else ca.SX(end)), ca.SX.sym("delta")
         start = displaced(anchor, delta, self.inside if end is None else self._probe(end))
         others = [fixed(v, probe) for v, probe in zip(inputs[1:], [0.8, -0.2, 0.6, *[0.3] * len(lam)], strict=True)]
-        function = ca.Function("all", inputs, [ca.densify(r) for r in results])
-        moved = carry(function, [start, *others])
+        function = ca.Function("all", inputs, ca.cse([ca.densify(r) for r in results]))
+        rest, excess, first, mixed, *values = carry(function, [start, *others])
         name = anchor if end is None else ca.SX.sym("anchor")
-        return _vectorised(moved, name, delta, [c, drop, s], multipliers)
+        at = [name, delta]
+        return AnchorFunctions(
+            *(
+                Vectorised(ca.Function("at_anchor", names, ca.cse(parts)))
+                for names, parts in (
+                    ([*at, multipliers], [rest.value, rest.change]),
+                    ([*at, c, drop, s, multipliers], [excess.value, first.value, mixed.value]),
+                    ([*at, c, s, multipliers], [v.value for v in values]),
+                )
+            )
+        )
 
     def _probe(self, end: float) -> float:
         """The ordinate of a singular end, or no number where L is still finite at it.
@@ -157,14 +100,11 @@ class Energy:
 
     def rest_where_convex(self, y: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
         """P(y, 0), NaN where L_vv is not positive at some slope tried."""
-        lam = list(multipliers)
         values = self.rest(y, multipliers)
-        for k, log_slope in enumerate(CONVEXITY_PROBES):
-            c, drop, s = _direction(np.array(log_slope), 1.0)
-            _, _, mixed = self.functions(None).slope(y, 0.0, c, drop, s, lam)
-            convex = mixed > 0 if k == 0 else ~(mixed <= 0)
-            values = np.where(convex, values, np.nan)
-        return values
+        c, drop, s = _direction(CONVEXITY_PROBES[:, None], 1.0)
+        mixed = self.functions(None).slope(y, 0.0, c, drop, s, list(multipliers))[2]
+        mixed = np.broadcast_to(mixed, (len(CONVEXITY_PROBES), len(y)))
+        return np.where((mixed[0] > 0) & ~np.any(mixed[1:] <= 0, axis=0), values, np.nan)
 
     def at_slope(
         self, y: np.ndarray, log_slope: np.ndarray, direction: float, multipliers: np.ndarray
@@ -174,106 +114,71 @@ class Energy:
         excess, value, _ = self.functions(None).slope(y, 0.0, c, drop, s, list(multipliers))
         return excess * np.ones_like(y), value * np.ones_like(y)
 
-    def measure(self, batch: Batch, warm: Sequence[np.ndarray] | None = None) -> Measured:
-        """Slopes and integrals along every curve of a batch, from the slopes of a similar batch if given."""
-        dx, dl, log_slopes, fields = [], [], [], []
-        total_x, action = 0.0, 0.0
-        levels = np.zeros((len(self.integrands.levels), len(batch.constant)))
-        for k, leg in enumerate(batch.legs):
-            share, weights = leg.panels.distances
-            delta = leg.length[:, None] * share
-            theta, values = self.along(leg, delta, batch, None if warm is None else warm[k])
-            c, _, s = _direction(theta, 1.0)
-            step = np.abs(leg.length)[:, None] * weights / (self.integrands.scale * s)
-            # a leg of no length holds nothing, even where the slope is not defined
-            empty = leg.length[:, None] == 0
-            values = [np.where(empty, 0.0, v) for v in values]
-            step = np.where(empty, 0.0, step)
-            momentum, form, *rest = (np.broadcast_to(v, delta.shape) for v in values)
-            dx.append(np.where(empty, 0.0, step * c))
-            dl.append(step * form)
-            fields.append(np.array([step * f for f in rest]))
-            log_slopes.append(theta)
-            total_x = total_x + dx[-1].sum(axis=1)
-            action = action + (np.abs(leg.length)[:, None] * weights * momentum * leg.direction).sum(axis=1)
-            levels += fields[-1][1 : 1 + len(levels)].sum(axis=2)
-        action = np.asarray(action) / self.integrands.scale
-        return Measured(np.asarray(total_x), action, levels, log_slopes, dx, dl, fields)
+    def steps(self, slopes: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See :meth:`Lines.steps`: dx = c dt where dy = scale s dt."""
+        c, _, s = _direction(slopes, 1.0)
+        step = width / (self.integrands.scale * s)
+        return step, step * c
+
+    def slope(self, leg: Arc, delta: np.ndarray, batch: CurveBatch) -> np.ndarray:
+        """See :meth:`Lines.slope`."""
+        theta, _ = self.along([leg], [delta[None, :]], batch)
+        with np.errstate(over="ignore"):
+            slope = leg.direction * self.integrands.scale * np.exp(theta[0])
+        # at an anchor without a slope it is that of the limit: infinite with L, zero at a turning point
+        limit = leg.direction * np.inf if leg.end is not None else 0.0
+        return np.where(np.isnan(slope) & (np.abs(delta) <= np.abs(leg.length[0]) * 1e-200), limit, slope)
 
     def along(
-        self, leg: Leg, delta: np.ndarray, batch: Batch, warm: np.ndarray | None
+        self, legs: Sequence[Arc], deltas: Sequence[np.ndarray], batch: CurveBatch
     ) -> tuple[np.ndarray, list[np.ndarray]]:
-        """The logarithms of the slopes at distances ``delta`` (curves, m) from the anchor, and what holds there."""
-        functions = self.functions(leg.end)
+        """See :meth:`Lines.along`."""
+        functions = self.functions(legs[0].end)
         lam = [m[:, None] for m in batch.multipliers]
-        if leg.reference is None:
-            base = leg.anchor[:, None]
-        else:
-            base = leg.reference[:, None]
-            delta = (leg.anchor - leg.reference)[:, None] + delta
-        at_rest, change = (np.broadcast_to(v, delta.shape) for v in functions.rest(base, delta, lam))
-        wanted = at_rest - batch.constant[:, None] if leg.reference is None else change + batch.excess[:, None]
-        theta = self._slopes(functions, base, delta, leg.direction, lam, batch.constant[:, None], at_rest, wanted, warm)
-        c, _, s = _direction(theta, leg.direction)
-        return theta, functions.value(base, delta, c, s, lam)
+        bases, offsets, directions = [], [], []
+        for leg, delta in zip(legs, deltas, strict=True):
+            base = leg.anchor if leg.reference is None else leg.reference
+            bases.append(np.broadcast_to(base[:, None], delta.shape))
+            offsets.append(delta if leg.reference is None else (leg.anchor - leg.reference)[:, None] + delta)
+            directions.append(np.full(delta.shape[1], leg.direction))
+        base, offset, direction = (np.concatenate(parts, axis=-1) for parts in (bases, offsets, directions))
+        at_rest, change = (np.broadcast_to(v, offset.shape) for v in functions.rest(base, offset, lam))
+        constant = batch.constant[:, None]
+        wanted = at_rest - constant if legs[0].reference is None else change + batch.excess[:, None]
+        with np.errstate(all="ignore"):
+            theta = self._slopes(functions, (base, offset), direction, lam, constant, at_rest, wanted)
+        c, _, s = _direction(theta, direction)
+        return theta, functions.value(base, offset, c, s, lam)
 
     @staticmethod
     def _slopes(
-        functions: AnchorFunctions, anchor: np.ndarray, delta: np.ndarray, direction: float, lam: list[np.ndarray],
-        constant: np.ndarray, at_rest: np.ndarray, wanted: np.ndarray, warm: np.ndarray | None,
+        functions: AnchorFunctions, place: tuple[np.ndarray, np.ndarray], direction: np.ndarray, lam: list[np.ndarray],
+        constant: np.ndarray, at_rest: np.ndarray, wanted: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
         """log v by Newton's method on the logarithm of whichever side is small, kept in a bracket.
 
         Near a turning point the excess P(y, 0) - P(y, v) is small and its logarithm almost linear in log v; where
         L is large (a singular end) P itself is small against P(y, 0) and its logarithm is.
         """
-        with np.errstate(all="ignore"):
-            steep = (constant > 0) & (at_rest > 2 * constant)
-            goal = np.where(steep, -np.log(constant), np.log(wanted))
-            theta = np.zeros(delta.shape) if warm is None else np.nan_to_num(warm)
-            possible = np.isfinite(goal) & (wanted > 0)
-            theta[~possible] = np.nan
-            low, high = np.full(delta.shape, -STEEPEST), np.full(delta.shape, STEEPEST)
-            moved = np.full(delta.shape, np.inf)
-            for _ in range(NEWTON_STEPS):
-                c, drop, s = _direction(theta, direction)
-                excess, value, slope = functions.slope(anchor, delta, c, drop, s, lam)
-                size = np.where(steep, value, excess)
-                miss = np.where(steep, -np.log(size), np.log(size)) - goal
-                beyond = (miss > 0) | (steep & ~(value > 0)) | np.isnan(miss)
-                low, high = np.where(beyond, low, theta), np.where(beyond, theta, high)
-                newton = theta - miss * size / slope
-                # at round-off the sign of the miss, and so the bracket, means nothing
-                settled = (np.abs(newton - theta) <= QUADRATIC) & (np.abs(miss) <= NEARLY)
-                inside = ((newton > low) & (newton < high) & np.isfinite(slope)) | settled
-                following = np.where(inside, newton, 0.5 * (low + high))
-                moved = np.abs(following - theta)
-                theta = np.where(possible, following, np.nan)
-                if not np.any(moved[possible] > QUADRATIC):
-                    break
-            else:
-                theta[moved > QUADRATIC] = np.nan
-            theta[np.abs(theta) > 0.99 * STEEPEST] = np.nan
-        return theta
+        steep = (constant > 0) & (at_rest > 2 * constant)
+        goal = np.where(steep, -np.log(constant), np.log(wanted))
+
+        def short(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            excess, value, slope = functions.slope(*place, *_direction(theta, direction), lam)
+            size = np.where(steep, value, excess)
+            miss, rate = np.where(steep, -np.log(size), np.log(size)) - goal, slope / size
+            beyond = np.isnan(miss) | (steep & ~(value > 0))
+            # a large miss belies a small Newton step: the slope is infinite there
+            known = np.isfinite(slope) & ((np.abs(miss) <= NEARLY) | (np.abs(miss / rate) > QUADRATIC))
+            return np.where(beyond, -np.inf, -miss), np.where(known, -rate, np.nan)
+
+        start = np.where(np.isfinite(goal) & (wanted > 0), 0.0, np.nan)
+        ends = np.full(start.shape, -STEEPEST), np.full(start.shape, STEEPEST)
+        theta, moved = bracketed_newton(short, *ends, start, absolute=QUADRATIC)
+        return np.where((moved <= QUADRATIC) & (np.abs(theta) <= 0.99 * STEEPEST), theta, np.nan)
 
 
-def _vectorised(
-    moved: list[Carried], anchor: ca.SX, delta: ca.SX, inputs: list[ca.SX], multipliers: ca.SX
-) -> AnchorFunctions:
-    c, drop, s = inputs
-    rest, excess, first, mixed, momentum, *values = moved
-    return AnchorFunctions(
-        Vectorised(ca.Function("rest", [anchor, delta, multipliers], [rest.value, rest.change])),
-        Vectorised(
-            ca.Function("slope", [anchor, delta, c, drop, s, multipliers], [excess.value, first.value, mixed.value])
-        ),
-        Vectorised(
-            ca.Function("value", [anchor, delta, c, s, multipliers], [momentum.value, *(v.value for v in values)])
-        ),
-    )
-
-
-def _direction(log_slope: np.ndarray, sign: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _direction(log_slope: np.ndarray, sign: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """c, c - 1 and s of the direction whose slope has the given logarithm and sign, each to full relative accuracy."""
     slope = np.exp(log_slope)
     radius = np.hypot(1.0, slope)

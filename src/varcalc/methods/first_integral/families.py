@@ -6,14 +6,16 @@ first integral then gives the abscissa each curve covers.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from varcalc.methods.first_integral.energy import Batch, Energy, Leg
-from varcalc.methods.first_integral.minima import boundary, least
-from varcalc.methods.first_integral.panels import COARSE, TOWARD, WHOLE, Panels
+from varcalc.methods.first_integral.energy import Energy
+from varcalc.methods.first_integral.lines import Arc, CurveBatch
+from varcalc.numerics.one_coordinate.panels import COARSE, TOWARD, WHOLE, Panels
+from varcalc.numerics.roots import edges, least
 
 DECADES = 7
 """Turning points are looked for from 1e-7 to 1e7 times the problem's size beyond the outer end."""
@@ -77,46 +79,46 @@ class Orbits:
         """The same family with coarse rules."""
         return replace(self, coarse=True)
 
-    def batch(self, parameter: np.ndarray, multipliers: np.ndarray) -> Batch:
+    def batch(self, parameter: np.ndarray, multipliers: np.ndarray) -> CurveBatch:
         """The curves for parameters (curves,) and multipliers (constraints, curves)."""
         legs, constant, excess = (self._turning if self.side else self._monotone)(parameter, multipliers)
         if self.panels:
             legs = [replace(leg, panels=p) for leg, p in zip(legs, self.panels, strict=True)]
         elif self.coarse:
             legs = [replace(leg, panels=COARSE) for leg in legs]
-        return Batch(tuple(legs), constant, excess, multipliers)
+        return CurveBatch(tuple(legs), constant, excess, multipliers)
 
-    def _monotone(self, parameter: np.ndarray, multipliers: np.ndarray) -> tuple[list[Leg], np.ndarray, np.ndarray]:
+    def _monotone(self, parameter: np.ndarray, multipliers: np.ndarray) -> tuple[list[Arc], np.ndarray, np.ndarray]:
         first, last = self.points.known
         sign = 1.0 if last > first else -1.0
         at = np.full(parameter.shape, self.reference)
         excess, constant = self.lines.at_slope(at, parameter, sign, multipliers)
         # each stretch is halved, and each half measured from the end it touches
         stops = [first, last] if self.reference in (first, last) else [first, self.reference, last]
-        legs: list[Leg] = []
+        legs: list[Arc] = []
         for a, b in pairwise(stops):
             for anchor, other, away in ((a, b, True), (b, a, False)):
                 length = np.full(parameter.shape, 0.5 * (other - anchor))
                 legs.append(self._leg(anchor, length, sign, away, at))
         return legs, constant, excess
 
-    def _turning(self, parameter: np.ndarray, multipliers: np.ndarray) -> tuple[list[Leg], np.ndarray, np.ndarray]:
-        legs: list[Leg] = []
+    def _turning(self, parameter: np.ndarray, multipliers: np.ndarray) -> tuple[list[Arc], np.ndarray, np.ndarray]:
+        legs: list[Arc] = []
         for anchor, away in ((self.points.y0, True), (self.points.y1, False)):
             if anchor is None:
                 continue
             direction = float(self.side if away else -self.side)
             half = 0.5 * (parameter - anchor)
             outer = self._leg(anchor, half, direction, away, parameter)
-            inner = Leg(parameter, -half, direction, not away, parameter, WHOLE)
+            inner = Arc(parameter, -half, direction, not away, parameter, WHOLE)
             legs += [outer, inner] if away else [inner, outer]
         return legs, self.lines.rest(parameter, multipliers) * np.ones_like(parameter), np.zeros_like(parameter)
 
-    def _leg(self, anchor: float, length: np.ndarray, direction: float, away: bool, reference: np.ndarray) -> Leg:
+    def _leg(self, anchor: float, length: np.ndarray, direction: float, away: bool, reference: np.ndarray) -> Arc:
         full = np.full(length.shape, anchor)
         if anchor in self.points.singular:
-            return Leg(full, length, direction, away, None, TOWARD, anchor)
-        return Leg(full, length, direction, away, reference, WHOLE)
+            return Arc(full, length, direction, away, None, TOWARD, anchor)
+        return Arc(full, length, direction, away, reference, WHOLE)
 
 
 def families(energy: Energy, points: Points, multipliers: np.ndarray) -> list[tuple[Orbits, np.ndarray]]:
@@ -178,13 +180,18 @@ def turning_ordinates(energy: Energy, points: Points, side: int, multipliers: np
     stops = np.flatnonzero(possible & ~np.concatenate([possible[1:], [False]]))
     for a, b in zip(starts, stops, strict=True):
         lowest_before = float(lowest[a])
-        low = 0.0 if a == 0 else boundary(lambda d, m=lowest_before: rest(d) < m, float(grid[a]), float(grid[a - 1]))
+        low = 0.0 if a == 0 else _edge(lambda d, m=lowest_before: rest(d) < m, grid[a], grid[a - 1])
         high = float(grid[b])
         if b + 1 < len(grid):
-            end = boundary(lambda d: np.isfinite(rest(d)), high, float(grid[b + 1]))
+            end = _edge(lambda d: np.isfinite(rest(d)), high, grid[b + 1])
             high = least(rest, float(grid[max(b - 1, 0)]), end)
         samples.append(outer + side * _clustered(low, high, open_end=b + 1 == len(grid)))
     return samples
+
+
+def _edge(holds: Callable[[np.ndarray], np.ndarray], inside: float, outside: float) -> float:
+    """The last place, going outside from where a condition holds, at which it still does."""
+    return float(edges(lambda at: holds(at.ravel()).reshape(at.shape), np.array([inside]), np.array([outside]))[0][0])
 
 
 def _clustered(low: float, high: float, *, open_end: bool) -> np.ndarray:

@@ -13,15 +13,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from varcalc.symbolic.differences import operate
 from varcalc.symbolic.instructions import interpret
 from varcalc.symbolic.tracing import Expression
-
-
-def operate(operation: int, arguments: Sequence[Expression]) -> Expression:
-    """One CasADi operation on SX elements."""
-    if len(arguments) == 1:
-        return ca.SX.unary(operation, arguments[0])
-    return ca.SX.binary(operation, *arguments)
 
 
 @dataclass(frozen=True)

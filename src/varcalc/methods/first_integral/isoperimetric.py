@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from varcalc.methods.first_integral.answers import Ends, Unsuitable
 from varcalc.methods.first_integral.integrands import Integrands
+from varcalc.numerics.roots import scanned_root
 
 AMPLITUDES = np.logspace(-5, 4, 73)
 """Heights, in units of the problem's size, of the bumps tried to meet a level."""
 STARTING_POINTS = 48
-HALVINGS = 40
 
 
 @dataclass(frozen=True)
-class Start:
+class LevelStart:
     """A curve y(x) through the ends that has the isoperimetric level, and the multiplier that suits it best."""
 
     x: np.ndarray
@@ -27,7 +26,7 @@ class Start:
     convex: bool
 
 
-def starts(integrands: Integrands, ends: Ends, row: int) -> list[Start]:
+def starts(integrands: Integrands, ends: Ends, row: int) -> list[LevelStart]:
     """Curves chord + A x (1 - x) that have the isoperimetric level, with the multiplier fitted to each.
 
     The first integral is linear in the constant and the multiplier: both follow by least squares along the curve.
@@ -42,41 +41,31 @@ def starts(integrands: Integrands, ends: Ends, row: int) -> list[Start]:
     y0, rise = ends.y0, ends.y1 - ends.y0
     size = max(abs(rise), ends.mean_slope * ends.width)
 
-    def curve(height: float) -> tuple[np.ndarray, np.ndarray]:
+    def curve(height: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
         return y0 + rise * u + 4 * height * u * (1 - u), (rise + 4 * height * (1 - 2 * u)) / ends.width
 
-    def level(height: float) -> float:
-        y, slope = curve(height)
+    def level(heights: np.ndarray) -> np.ndarray:
+        y, slope = curve(heights[:, None])
         radius = np.hypot(1.0, slope / integrands.scale)
-        return float(integrands.at(x, y, slope)[1, 0] * radius @ weights) * ends.width - float(integrands.levels[0])
+        parts = integrands.at(np.tile(x, len(heights)), y.ravel(), slope.ravel())[1, 0].reshape(y.shape)
+        return (parts * radius) @ weights * ends.width - float(integrands.levels[0])
 
-    found: list[Start] = []
+    found: list[LevelStart] = []
     for sign in (1.0, -1.0):
         heights = sign * size * np.concatenate([[0.0], AMPLITUDES])
-        misses = np.array([level(float(h)) for h in heights])
-        brackets = np.flatnonzero(misses[1:] * misses[:-1] <= 0)[:1]
-        met = [_bisected(level, float(heights[k]), float(heights[k + 1])) for k in brackets]
-        found += [_fitted(integrands, x, *curve(height), weights, row) for height in met]
+        misses = level(heights)
+        for k in np.flatnonzero(misses[1:] * misses[:-1] <= 0)[:1]:
+            height = scanned_root(level, float(heights[k]), float(heights[k + 1]), 0.0)
+            found += [] if height is None else [_fitted(integrands, x, *curve(height), weights, row)]
     return found
-
-
-def _bisected(function: Callable[[float], float], low: float, high: float) -> float:
-    below = function(low)
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        if function(middle) * below > 0:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
 
 
 def _fitted(
     integrands: Integrands, x: np.ndarray, y: np.ndarray, slope: np.ndarray, weights: np.ndarray, row: int
-) -> Start:
+) -> LevelStart:
     parts = integrands.at(x, y, slope)
     root = np.sqrt(weights)
     matrix = np.column_stack([parts[1, row], -np.ones_like(x)]) * root[:, None]
     multiplier = float(np.linalg.lstsq(matrix, -parts[0, row] * root, rcond=None)[0][0])
     curvature = parts[0, 4] + multiplier * parts[1, 4]
-    return Start(x, y, slope, multiplier, bool(np.nanmedian(curvature) > 0))
+    return LevelStart(x, y, slope, multiplier, bool(np.nanmedian(curvature) > 0))

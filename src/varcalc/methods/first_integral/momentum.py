@@ -16,37 +16,32 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.first_integral.carried import carry, displaced, fixed
-from varcalc.methods.first_integral.energy import Batch, Leg, Measured
-from varcalc.methods.first_integral.integrands import Integrands
-from varcalc.methods.first_integral.minima import least
-from varcalc.methods.first_integral.panels import COARSE, TOWARD, WHOLE, Cumulative, Panels, inverse_distance
+from varcalc.methods.first_integral.lines import Arc, CurveBatch, Lines, Measured
+from varcalc.numerics.one_coordinate.panels import (
+    COARSE,
+    QUADRATIC,
+    TOWARD,
+    WHOLE,
+    Cumulative,
+    Panels,
+    inverse_distance,
+)
+from varcalc.numerics.roots import bracketed_newton, least
+from varcalc.symbolic.differences import carry, displaced, fixed
 from varcalc.symbolic.instructions import Vectorised
 
-NEWTON_STEPS = 80
 STEEPEST = 36.0
 """Largest asinh of a slope in units of the mean one: there L_y' has reached its limit to round-off, if it has one."""
-QUADRATIC = 1e-8
 SLOPE_GRID = STEEPEST * np.linspace(-1, 1, 25) ** 3
 """asinh of slopes at which curves are tried."""
 PROBE = 0.37
 
 
-class Momentum:
-    """Slopes and integrals of the extremals of a Lagrangian without y; L is negated where ``orientation`` is -1."""
+class Momentum(Lines[tuple[Vectorised, Vectorised]]):
+    """Slopes and integrals of the extremals of a Lagrangian without y: x runs; slopes are given by their asinh.
 
-    def __init__(self, integrands: Integrands, orientation: float, inside: float) -> None:
-        self.integrands = integrands
-        self.orientation = orientation
-        self.inside = inside
-        self._anchors: dict[float | None, tuple[Vectorised, Vectorised]] = {}
-
-    def functions(self, end: float | None) -> tuple[Vectorised, Vectorised]:
-        """Functions of (anchor, delta, c, s, lambda): the momentum and its derivative by asinh v; the integrands."""
-        if end not in self._anchors:
-            with self.integrands.building:
-                self._anchors[end] = self._build(end)
-        return self._anchors[end]
+    The functions are of (anchor, delta, c, s, lambda): the momentum and its derivative by asinh v; the integrands.
+    """
 
     def _build(self, end: float | None) -> tuple[Vectorised, Vectorised]:
         x = self.integrands.problem.symbols.x
@@ -56,64 +51,49 @@ class Momentum:
         momentum = ca.gradient(form, s) / self.integrands.scale
         rate = c * (c * ca.jacobian(momentum, s) - s * ca.jacobian(momentum, c))
         results = [momentum, rate, form, *self.integrands.forms, *self.integrands.partials]
-        function = ca.Function("all", [x, c, s, *lam], [ca.densify(r) for r in results])
+        function = ca.Function("all", [x, c, s, *lam], ca.cse([ca.densify(r) for r in results]))
         anchor, delta = (ca.SX.sym("anchor") if end is None else ca.SX(end)), ca.SX.sym("delta")
         others = [fixed(c, 0.8), fixed(s, 0.6), *(fixed(m, 0.3) for m in lam)]
         start = displaced(anchor, delta, self.inside if end is None else end)
         moved = [m.value for m in carry(function, [start, *others])]
         inputs = [anchor if end is None else ca.SX.sym("anchor"), delta, c, s, multipliers]
-        return Vectorised(ca.Function("slope", inputs, moved[:2])), Vectorised(ca.Function("value", inputs, moved[2:]))
+        slope, value = (ca.Function("at_anchor", inputs, ca.cse(parts)) for parts in (moved[:2], moved[2:]))
+        return Vectorised(slope), Vectorised(value)
 
     def momentum(self, x: np.ndarray, asinh_slope: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
         """L_y' at abscissae x for slopes scale * sinh(asinh_slope)."""
         c, s = _direction(asinh_slope)
         return self.functions(None)[0](x, 0.0, c, s, list(multipliers))[0]
 
-    def measure(self, batch: Batch, warm: Sequence[np.ndarray] | None = None) -> Measured:
-        """Slopes and integrals along every curve of a batch; ``Measured.x`` is the rise of y."""
-        dy, dl, slopes, fields = [], [], [], []
-        rise, action = 0.0, 0.0
-        levels = np.zeros((len(self.integrands.levels), len(batch.constant)))
-        for k, leg in enumerate(batch.legs):
-            share, weights = leg.panels.distances
-            z, values = self.along(leg, leg.length[:, None] * share, batch, None if warm is None else warm[k])
-            c, s = _direction(z)
-            step = np.abs(leg.length)[:, None] * weights
-            form, *rest = (np.broadcast_to(v, z.shape) for v in values)
-            slope = self.integrands.scale * s / c
-            dy.append(step * slope)
-            dl.append(step * form / c)
-            fields.append(np.array([step * f / c for f in rest]))
-            slopes.append(z)
-            rise = rise + dy[-1].sum(axis=1)
-            action = action + (dl[-1] - batch.constant[:, None] * dy[-1]).sum(axis=1)
-            levels += fields[-1][1 : 1 + len(levels)].sum(axis=2)
-        return Measured(np.asarray(rise), np.asarray(action), levels, slopes, dy, dl, fields)
+    def steps(self, slopes: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See :meth:`Lines.steps`: dy = scale s dt where dx = c dt."""
+        c, s = _direction(slopes)
+        step = width / c
+        return step, step * self.integrands.scale * s
+
+    def slope(self, leg: Arc, delta: np.ndarray, batch: CurveBatch) -> np.ndarray:
+        """See :meth:`Lines.slope`."""
+        return self.integrands.scale * np.sinh(self.along([leg], [delta[None, :]], batch)[0][0])
 
     def along(
-        self, leg: Leg, delta: np.ndarray, batch: Batch, warm: np.ndarray | None
+        self, legs: Sequence[Arc], deltas: Sequence[np.ndarray], batch: CurveBatch
     ) -> tuple[np.ndarray, list[np.ndarray]]:
-        """asinh of the slopes at distances ``delta`` (curves, m) from the anchor, and the integrands there."""
-        solve, value = self.functions(leg.end)
-        anchor, lam = leg.anchor[:, None], [m[:, None] for m in batch.multipliers]
+        """See :meth:`Lines.along`."""
+        solve, value = self.functions(legs[0].end)
+        lam, delta = [m[:, None] for m in batch.multipliers], np.concatenate(deltas, axis=1)
+        sizes = [d.shape for d in deltas]
+        bases = [np.broadcast_to(leg.anchor[:, None], size) for leg, size in zip(legs, sizes, strict=True)]
+        anchor = np.concatenate(bases, axis=1)
         wanted = batch.constant[:, None]
-        z = np.zeros(delta.shape) if warm is None else np.nan_to_num(warm)
-        low, high = np.full(delta.shape, -1.1 * STEEPEST), np.full(delta.shape, 1.1 * STEEPEST)
-        moved = np.full(delta.shape, np.inf)
+
+        def short(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            momentum, rate = solve(anchor, delta, *_direction(z), lam)
+            return wanted - momentum, np.where(np.isfinite(rate), -rate, np.nan)
+
+        ends = np.full(delta.shape, -1.1 * STEEPEST), np.full(delta.shape, 1.1 * STEEPEST)
         with np.errstate(all="ignore"):
-            for _ in range(NEWTON_STEPS):
-                momentum, rate = solve(anchor, delta, *_direction(z), lam)
-                miss = momentum - wanted
-                low, high = np.where(miss < 0, z, low), np.where(miss > 0, z, high)
-                newton = z - miss / rate
-                inside = ((newton > low) & (newton < high)) | (np.abs(newton - z) <= QUADRATIC)
-                inside &= np.isfinite(rate)
-                following = np.where(inside, newton, 0.5 * (low + high))
-                moved = np.abs(following - z)
-                z = following
-                if not np.any(moved > QUADRATIC):
-                    break
-            z[(np.abs(z) > STEEPEST) | np.isnan(moved) | (moved > QUADRATIC)] = np.nan
+            z, moved = bracketed_newton(short, *ends, np.zeros(delta.shape), absolute=QUADRATIC)
+            z[(np.abs(z) > STEEPEST) | ~(moved <= QUADRATIC)] = np.nan
         return z, value(anchor, delta, *_direction(z), lam)
 
 
@@ -153,9 +133,9 @@ class Rising:
         """The same family with coarse rules."""
         return replace(self, coarse=True)
 
-    def batch(self, parameter: np.ndarray, multipliers: np.ndarray) -> Batch:
+    def batch(self, parameter: np.ndarray, multipliers: np.ndarray) -> CurveBatch:
         """The curves for parameters (curves,) and multipliers (constraints, curves)."""
-        legs: list[Leg] = []
+        legs: list[Arc] = []
         stops = self.points.stops
         for a, b in pairwise(stops):
             for anchor, other, away in ((a, b, True), (b, a, False)):
@@ -163,14 +143,14 @@ class Rising:
                 singular = any(flag and anchor == x for flag, x in ends)
                 full, length = np.full(parameter.shape, anchor), np.full(parameter.shape, 0.5 * (other - anchor))
                 panels, end = (TOWARD, anchor) if singular else (WHOLE, None)
-                legs.append(Leg(full, length, 1.0, away, None, panels, end))
+                legs.append(Arc(full, length, 1.0, away, None, panels, end))
         if self.panels:
             legs = [replace(leg, panels=p) for leg, p in zip(legs, self.panels, strict=True)]
         elif self.coarse:
             legs = [replace(leg, panels=COARSE) for leg in legs]
         at = np.full(parameter.shape, self.reference)
         constant = self.lines.momentum(at, parameter, multipliers) * np.ones_like(at)
-        return Batch(tuple(legs), constant, np.zeros_like(at), multipliers)
+        return CurveBatch(tuple(legs), constant, np.zeros_like(at), multipliers)
 
 
 def rising(momentum: Momentum, points: Abscissae, upward: bool, multipliers: np.ndarray) -> Rising:
@@ -196,7 +176,7 @@ class RisingCurve:
     """y(x) as the integral of the slope from either end of each stretch."""
 
     family: Rising
-    batch: Batch
+    batch: CurveBatch
     measured: Measured
     ordinates: tuple[float, float]
 
@@ -228,8 +208,7 @@ class RisingCurve:
             mask, leg = which == k, self.batch.legs[k]
             delta = x[mask] - leg.anchor[0]
             if derivative:
-                z, _ = self.family.lines.along(leg, delta[None, :], self.batch, None)
-                out[mask] = self.family.lines.integrands.scale * np.sinh(z[0])
+                out[mask] = self.family.lines.slope(leg, delta, self.batch)
             else:
                 t = inverse_distance(leg.panels.kind, np.clip(delta / leg.length[0], 0.0, 1.0))
                 out[mask] = heights[k] + sign[k] * self._cumulative.at(np.full(len(t), k), t)

@@ -10,10 +10,10 @@ import numpy as np
 
 from varcalc.methods.first_integral.answers import ROUND_OFF, Ends, Evaluate, Reduced
 from varcalc.methods.first_integral.contract import Aim, Joined
-from varcalc.methods.first_integral.energy import Batch
 from varcalc.methods.first_integral.errors import sensitivity
 from varcalc.methods.first_integral.integrands import Integrands
-from varcalc.methods.first_integral.isoperimetric import Start, starts
+from varcalc.methods.first_integral.isoperimetric import LevelStart, starts
+from varcalc.methods.first_integral.lines import CurveBatch
 from varcalc.methods.first_integral.refinement import quadrature_errors, truncation, unseen
 from varcalc.methods.first_integral.search import refined
 
@@ -36,11 +36,11 @@ class Reduction(ABC):
         """Every curve found between the ends, roughly measured; without isoperimetric levels."""
 
     @abstractmethod
-    def from_start(self, ends: Ends, start: Start) -> Iterator[Joined]:
+    def from_start(self, ends: Ends, start: LevelStart) -> Iterator[Joined]:
         """Curves with the isoperimetric levels that Newton's method finds from a start."""
 
     @abstractmethod
-    def curve(self, batch: Batch, found: Joined, ends: Ends) -> Evaluate:
+    def curve(self, batch: CurveBatch, found: Joined, ends: Ends) -> Evaluate:
         """The curve as a function of x."""
 
     @property

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from varcalc.methods.first_integral.contract import Joined, measure_one
-from varcalc.methods.first_integral.energy import Measured
-from varcalc.methods.first_integral.panels import EPSILON, GRADED, Map, Panels, tails
+from varcalc.methods.first_integral.lines import Measured
+from varcalc.numerics.one_coordinate.panels import GRADED, DistanceMap, Panels, tails
+from varcalc.numerics.roots import EPSILON
 
 ROUNDS = 14
 MOST_PANELS = 120
@@ -62,7 +63,7 @@ def unseen(joined: Joined) -> tuple[float, float]:
 def _toward_ends(panels: Sequence[Panels]) -> tuple[Panels, ...]:
     """The same rules with the first panel of each graded toward the leg's anchor."""
     return tuple(
-        Panels(p.kind, (0.0, *(p.edges[1] * d for d in DECADES), *p.edges[1:])) if p.kind is Map.SQUARE else p
+        Panels(p.kind, (0.0, *(p.edges[1] * d for d in DECADES), *p.edges[1:])) if p.kind is DistanceMap.SQUARE else p
         for p in panels
     )
 
@@ -107,7 +108,7 @@ def _leg_errors(measured: Measured) -> list[np.ndarray]:
 
 
 def _improved(panels: Panels, marked: np.ndarray) -> Panels:
-    if panels.kind is Map.SQUARE and marked[0] and panels.edges[1] < SMALLEST_FIRST:
+    if panels.kind is DistanceMap.SQUARE and marked[0] and panels.edges[1] < SMALLEST_FIRST:
         return GRADED
     return panels.split(marked) if marked.any() else panels
 
@@ -121,7 +122,7 @@ def truncation(panels: Sequence[Panels], measured: Measured) -> tuple[float, flo
     """What the exponential map leaves out next to its ends, from the power found at its first two nodes."""
     out = [0.0, 0.0]
     for rule, parts in zip(panels, zip(measured.dx, measured.dl, strict=True), strict=True):
-        if rule.kind is not Map.EXPONENTIAL:
+        if rule.kind is not DistanceMap.EXPONENTIAL:
             continue
         share, weights = rule.distances
         for k, part in enumerate(parts):

@@ -6,11 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from varcalc.methods.first_integral.contract import Aim, Family, Joined, measure_one
-from varcalc.methods.first_integral.energy import Measured
-from varcalc.methods.first_integral.panels import EPSILON
+from varcalc.methods.first_integral.contract import Aim, CurveFamily, Joined, measure_one
+from varcalc.methods.first_integral.lines import Measured
 from varcalc.methods.first_integral.refinement import refined_panels
-from varcalc.methods.first_integral.roots import bracketed_root
+from varcalc.numerics.roots import EPSILON, scanned_root
 
 ROUGH = 1e-9
 """Relative miss at which a curve counts as found; refinement follows."""
@@ -30,7 +29,7 @@ NEAR_EDGE = 16
 """Samples from the edge of a family that are looked at again with a finer rule."""
 
 
-def joining(family: Family, sample: np.ndarray, aim: Aim) -> list[Joined]:
+def joining(family: CurveFamily, sample: np.ndarray, aim: Aim) -> list[Joined]:
     """Every curve of a family that covers the target, one for each change of sign over the sample and each fold."""
     multipliers = np.zeros((0, len(sample)))
     assert aim.target is not None
@@ -50,7 +49,7 @@ def joining(family: Family, sample: np.ndarray, aim: Aim) -> list[Joined]:
     return found
 
 
-def _between(family: Family, sample: np.ndarray, k: int, aim: Aim) -> Joined | None:
+def _between(family: CurveFamily, sample: np.ndarray, k: int, aim: Aim) -> Joined | None:
     """The curve between samples k and k + 1, or beside them where the coarse rule mistook the side of one."""
     for a, b in ((k, k + 1), (k - 1, k + 1), (k, k + 2)):
         if a >= 0 and b < len(sample):
@@ -60,7 +59,7 @@ def _between(family: Family, sample: np.ndarray, k: int, aim: Aim) -> Joined | N
     return None
 
 
-def _at_edge(family: Family, sample: np.ndarray, aim: Aim) -> list[Joined]:
+def _at_edge(family: CurveFamily, sample: np.ndarray, aim: Aim) -> list[Joined]:
     """A curve at or near the edge of its family, where it turns at an end and the coarse rule may mistake its side."""
     none, target, edge = np.zeros(0), aim.target, float(sample[0])
     assert target is not None
@@ -78,7 +77,7 @@ def _at_edge(family: Family, sample: np.ndarray, aim: Aim) -> list[Joined]:
     return [j for k in brackets if (j := joined(family, float(near[k]), float(near[k + 1]), aim)) is not None]
 
 
-def _fold(family: Family, sample: np.ndarray, reach: np.ndarray, aim: Aim) -> list[tuple[float, float]]:
+def _fold(family: CurveFamily, sample: np.ndarray, reach: np.ndarray, aim: Aim) -> list[tuple[float, float]]:
     """The two brackets either side of an extremum of the reach that passes the target between samples."""
     sign = np.sign(reach[1])
     assert aim.target is not None
@@ -96,26 +95,28 @@ def _fold(family: Family, sample: np.ndarray, reach: np.ndarray, aim: Aim) -> li
     return []
 
 
-def joined(family: Family, low: float, high: float, aim: Aim) -> Joined | None:
+def joined(family: CurveFamily, low: float, high: float, aim: Aim) -> Joined | None:
     """The curve between two parameters whose reaches lie either side of the target; None where there is no such curve.
 
     Found to the precision of the family's rules only; :func:`refined` does the rest.
     """
     none, target = np.zeros(0), aim.target
     assert target is not None
-    latest: list[Measured | None] = [None]
 
-    def miss(parameter: float) -> float:
-        latest[0] = measure_one(family, parameter, none, latest[0])
-        return float(latest[0].x[0]) - target
+    latest: list[tuple[np.ndarray, Measured]] = []
 
-    parameter = bracketed_root(miss, low, high, ROUGH * aim.size)
+    def miss(parameters: np.ndarray) -> np.ndarray:
+        latest[:] = [(parameters, family.lines.measure(family.batch(parameters, np.zeros((0, len(parameters))))))]
+        return latest[0][1].x - target
+
+    parameter = scanned_root(miss, low, high, ROUGH * aim.size)
     if parameter is None:
         return None
-    return Joined(family, parameter, none, measure_one(family, parameter, none))
+    [(parameters, measured)] = latest
+    return Joined(family, parameter, none, measured.take(int(np.argmin(np.abs(parameters - parameter)))))
 
 
-def solved(family: Family, parameter: float, multipliers: np.ndarray, aim: Aim, close: float) -> Joined | None:
+def solved(family: CurveFamily, parameter: float, multipliers: np.ndarray, aim: Aim, close: float) -> Joined | None:
     """The curve near a start that covers the target and has the levels, by Newton's method with shortened steps.
 
     Derivatives are differences. None when the residual stays above ``close``, relative to the sizes.
@@ -125,59 +126,59 @@ def solved(family: Family, parameter: float, multipliers: np.ndarray, aim: Aim, 
     sizes = np.array([aim.size, *np.maximum(np.abs(aim.levels), TINY)])
     steps = DIFFERENCE * np.array([family.unit, *(np.abs(multipliers) + (multipliers == 0))])
 
-    def miss(columns: np.ndarray) -> np.ndarray:
+    def miss(columns: np.ndarray) -> tuple[np.ndarray, Measured]:
         measured = family.lines.measure(family.batch(columns[0], columns[1:]))
         rows = np.vstack([measured.x - aim.target, measured.levels - aim.levels[:, None]])
-        return rows / sizes[:, None]
+        return rows / sizes[:, None], measured
 
-    best, norm = unknowns, np.inf
+    best, norm = None, np.inf
     for _ in range(NEWTON_STEPS):
-        here, slopes = _differences(miss, unknowns, steps)
+        here, slopes, measured = _differences(miss, unknowns, steps)
         now = float(np.abs(here).max())
         if not (np.isfinite(now) and np.isfinite(slopes).all()):
             break
         if now < norm:
-            best, norm = unknowns, now
+            best, norm = Joined(family, float(unknowns[0]), unknowns[1:], measured.take(0)), now
         if now <= EPSILON:
             break
         step = np.linalg.lstsq(slopes, -here, rcond=None)[0]
         trials = unknowns[:, None] + step[:, None] * SHORTENED
-        reached = np.nan_to_num(np.abs(miss(trials)).max(axis=0), nan=np.inf)
+        reached = np.nan_to_num(np.abs(miss(trials)[0]).max(axis=0), nan=np.inf)
         k = int(np.argmax(reached < (1 - 0.1 * SHORTENED) * now)) if np.any(reached < now) else int(np.argmin(reached))
         if not reached[k] < now:
             break
         unknowns = trials[:, k]
-    if not norm <= close:
-        return None
-    return Joined(family, float(best[0]), best[1:], measure_one(family, float(best[0]), best[1:]))
+    return best if norm <= close else None
 
 
 def _differences(
-    miss: Callable[[np.ndarray], np.ndarray], unknowns: np.ndarray, steps: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    miss: Callable[[np.ndarray], tuple[np.ndarray, Measured]], unknowns: np.ndarray, steps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Measured]:
     """The residual and its Jacobian by one-sided differences, on whichever side and scale they are numbers."""
     k = len(unknowns)
-    rows = slopes = np.full((k, k), np.nan)
     for scale in SHRINKING:
         h = np.diag(scale * steps)
-        rows = miss(np.column_stack([unknowns, unknowns[:, None] + h, unknowns[:, None] - h]))
+        rows, measured = miss(np.column_stack([unknowns, unknowns[:, None] + h, unknowns[:, None] - h]))
         forward, backward = rows[:, 1 : k + 1] - rows[:, :1], rows[:, :1] - rows[:, k + 1 :]
         slopes = np.where(np.isfinite(forward).all(axis=0), forward, backward) / (scale * steps)
         if np.isfinite(slopes).all():
             break
-    return rows[:, 0], slopes
+    return rows[:, 0], slopes, measured
 
 
 def refined(found: Joined, aim: Aim) -> Joined | None:
     """The same curve with rules that resolve it to round-off; None when it is lost on the way."""
+    settled = False
     for _ in range(REFINEMENTS):
         panels = refined_panels(found)
+        if settled and panels is None:
+            break
         family = found.family if panels is None else found.family.ruled(panels)
         if aim.target is None:
             again = measure_one(family, found.parameter, found.multipliers)
             return Joined(family, found.parameter, found.multipliers, again)
         better = solved(family, found.parameter, found.multipliers, aim, CLOSE)
-        if better is None or panels is None:
-            return better
-        found = better
+        if better is None:
+            return None
+        found, settled = better, True
     return found

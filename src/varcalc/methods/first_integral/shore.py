@@ -9,8 +9,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.methods.first_integral.answers import Reduced, Unsuitable
-from varcalc.methods.first_integral.panels import EPSILON
-from varcalc.methods.first_integral.roots import bracketed_root
+from varcalc.numerics.roots import EPSILON
 from varcalc.problem.conditions import OnCurve
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.instructions import Vectorised
@@ -139,11 +138,16 @@ def _between(
     low: np.ndarray,
     high: np.ndarray,
 ) -> Reduced | None:
+    from scipy.optimize import brentq
+
     chord = high - low
 
     def at(share: float) -> np.ndarray:
         point = shore.projected(low + share * chord)
         return point if point is not None else np.full(2, np.nan)
 
-    share = bracketed_root(lambda u: slope(at(u), chord), 0.0, 1.0, 0.0)
-    return None if share is None else best(at(share))
+    try:
+        share = brentq(lambda u: slope(at(u), chord), 0.0, 1.0, xtol=2 * EPSILON, rtol=4 * EPSILON)
+    except ValueError:  # between the two there are points without an extremal
+        return None
+    return best(at(share))

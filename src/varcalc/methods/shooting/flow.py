@@ -19,10 +19,13 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.integrators import Variational, variational
 from varcalc.problem.lagrangian import Lagrangian
+from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.tracing import Expression
 
 INSIDE = 16 * float(np.finfo(float).eps)
 """Distance, relative to the abscissae, at which an integrand is taken to be on one side of a knot."""
+POINTS = 24
+"""Points at which the system is linearised together: those of the longest regular arc."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +183,7 @@ class EulerLagrangeFlow:
         return variational(self.scaled, range(self.dimension), list(free))
 
     @cached_property
-    def linearised(self) -> ca.Function:
+    def _linearised(self) -> Pointwise:
         """The scaled system (t, Y, constants) -> dY/dt, its derivatives by the D states, by unknowns and lambdas."""
         t, state, units, numbers = self._scaled()
         constants = [self.form.symbols.kind.sym("line", 2), units, *numbers]
@@ -188,7 +191,19 @@ class EulerLagrangeFlow:
         by_state = ca.jacobian(slope, state)[:, : self.dimension]
         by_numbers = ca.jacobian(slope, ca.vertcat(*numbers[1:]))
         outputs = [ca.densify(v) for v in (slope, by_state, by_numbers)]
-        return ca.Function("linearised", [t, state, ca.vertcat(*constants)], outputs)
+        return Pointwise(ca.Function("linearised", [t, state, ca.vertcat(*constants)], outputs), POINTS)
+
+    def linearised(
+        self, t: np.ndarray, states: np.ndarray, constants: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """dY/dt (m, N) at t (m,) and states (m, N), its derivatives (m, N, D) by the states, (m, N, p) by the rest."""
+        m, size = states.shape
+        table = self._linearised(m, t[:, None], states, constants[None, :])
+        by_state, by_numbers = (
+            part.reshape(m, -1, size).swapaxes(1, 2)
+            for part in np.split(table[:, size:], [size * self.dimension], axis=1)
+        )
+        return table[:, :size], by_state, by_numbers
 
     def _with_jacobian(self, name: str, known: list[Expression], varied: list[Expression], residual: Expression) -> Any:
         columns = ca.vertcat(*varied)

@@ -21,6 +21,8 @@ SAMPLES = 9
 """Points of a segment at which the starting curve is sampled."""
 DEGREE = 5
 """Degree of the polynomial through them."""
+DERIVATIVE = np.pad(np.array([legendre.legder(row) for row in np.eye(DEGREE + 1)]), ((0, 0), (0, 1)))
+"""From Legendre coefficients (.., DEGREE + 1) to those of the derivative."""
 
 
 def scales(equations: EulerLagrangeFlow, curve: Sampled) -> Scales:
@@ -50,10 +52,11 @@ def derivatives(curve: Sampled, left: np.ndarray, right: np.ndarray, at: np.ndar
     degrees = np.arange(DEGREE + 1)
     # least squares in Legendre polynomials, which are orthogonal under the Gauss rule
     coefficients = (values * weights) @ legendre.legvander(nodes, DEGREE) * (degrees + 0.5)
+    values_at = legendre.legvander((at - middle) / half, DEGREE)
     out = []
     for k in range(count + 1):
-        table = [legendre.legval((at - middle) / half, legendre.legder(e, k)) for e in np.eye(DEGREE + 1)]
-        out.append(np.einsum("nmd,dm->nm", coefficients, np.array(table)) / half**k)
+        out.append(np.einsum("nmd,md->nm", coefficients, values_at) / half**k)
+        coefficients = coefficients @ DERIVATIVE
     return out
 
 
@@ -134,11 +137,11 @@ def growth_rate(
     D, total = equations.dimension, equations.dimension + equations.integrals
     line = equations.line(0.0, 1.0, (False, False))
     numbers = np.concatenate([line, units.all, form.problem.parameter_values, unknown_numbers(form, curve), lam])
-    state = np.zeros((total, len(t)))
-    state[:D] = np.concatenate([d * width**k / units.ordinates[:, None] for k, d in enumerate(tower)])
-    columns = np.repeat(numbers[:, None], len(t), axis=1)
-    matrices = np.asarray(equations.linearised(t[None, :], state, columns)[1]).reshape(total, len(t), D)
-    matrices = matrices[:D].transpose(1, 0, 2)
+    state = np.zeros((len(t), total))
+    state[:, :D] = np.concatenate([d * width**k / units.ordinates[:, None] for k, d in enumerate(tower)]).T
+    augmented, columns = equations.system.start(state).T, np.repeat(numbers[:, None], len(t), axis=1)
+    rates = np.asarray(equations.system.system(t[None, :], augmented, columns)).T
+    matrices = equations.system.split(rates)[1][:, :D, :D]  # the variational equations at unit sensitivities
     sound = np.isfinite(matrices).all(axis=(1, 2))
     out = np.zeros(len(t))
     out[sound] = np.maximum(np.linalg.eigvals(matrices[sound]).real.max(axis=1), 0.0)

@@ -18,12 +18,13 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.integrators import CannotLower, Engine, Metered, compiled, default
+from varcalc.integrators import CannotLower, Engine, compiled, default
 from varcalc.methods.answer import answer
 from varcalc.methods.shooting.flow import EulerLagrangeFlow
+from varcalc.methods.shooting.regular_arc import Work
 from varcalc.methods.shooting.search import NoneFound, Search, describe
-from varcalc.methods.shooting.segments import Failure
 from varcalc.methods.shooting.shot_extremal import Finished, finish
+from varcalc.methods.shooting.shots import Failure
 from varcalc.problem.conditions import whole
 from varcalc.solution import Solution, Stats, Status, no_answer
 
@@ -45,7 +46,7 @@ class Shooting:
 
     ``Shooting(segments=1)`` is simple shooting. ``engine`` integrates:
     :class:`varcalc.integrators.Taylor` or :class:`varcalc.integrators.Dop853`, by
-    default what is installed (:class:`varcalc.integrators.Thrifty`).
+    default what is installed (:class:`varcalc.integrators.OnDemand`).
 
     It finds stationary curves, and of several it has come upon the one of the
     lowest value; that it is a minimum is not shown here.
@@ -75,11 +76,11 @@ class Shooting:
         except CannotLower as refusal:
             return no_answer(problem, self, Status.REFUSED, str(refusal))
         built = time.perf_counter()
-        found = Search(equations, Metered(flow), self.segments).best(guess)
+        found = Search(equations, flow, Work(), self.segments).best(guess)
         if isinstance(found, NoneFound):
             stats = Stats(built - begun, time.perf_counter() - built, found.iterations)
             return no_answer(problem, self, Status.NOT_CONVERGED, found.message, stats=stats)
-        finished = finish(found.segments, found.x, found.floor)
+        finished = finish(found.segments, found.x, found.floor, found.at.steps)
         if isinstance(finished, Failure):
             return no_answer(problem, self, Status.NOT_CONVERGED, describe(finished))
         seconds = time.perf_counter() - built

@@ -10,7 +10,8 @@ from enum import Enum
 
 import numpy as np
 
-from varcalc.methods.shooting.segments import Evaluation, Failure, Segments
+from varcalc.methods.shooting.segments import Evaluation, Segments
+from varcalc.methods.shooting.shots import Failure
 from varcalc.numerics import damped_newton
 from varcalc.numerics.damped_newton import Linearised
 
@@ -64,7 +65,8 @@ class _Matching:
         self.given_up: Ending | None = None
 
     def evaluate(self, z: np.ndarray) -> Evaluation | None:
-        if self.segments.flow.work >= self.most_work:
+        runs_back = self.segments.equations.form.runs_back(self.segments.parts(z)[1])
+        if runs_back or self.segments.work.total >= self.most_work:
             return None
         at = self.segments.evaluate(z)
         if isinstance(at, Failure):
@@ -87,7 +89,7 @@ class _Matching:
             return Ending.GROWTH
         if np.abs(self.segments.parts(z)[0]).max() > FAR:
             return Ending.RUNAWAY
-        return Ending.TOO_MANY if self.segments.flow.work >= self.most_work else None
+        return Ending.TOO_MANY if self.segments.work.total >= self.most_work else None
 
 
 ENDINGS = {
@@ -105,7 +107,7 @@ def iterate(segments: Segments, x: np.ndarray, floor: np.ndarray, most_growth: f
     iteration stops with GROWTH when a segment magnifies errors by more than
     ``most_growth``, and with TOO_MANY after the work of ``budget`` runs.
     """
-    most_work = segments.flow.work + budget
+    most_work = segments.work.total + budget
     at = segments.evaluate(x, every=True)
     if isinstance(at, Failure):
         return Result(x, None, Ending.FAILED, np.inf, 0, at)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from varcalc.formulation import Sampled
-from varcalc.integrators import Metered
+from varcalc.integrators import Landing
 from varcalc.methods.shooting.flow import EulerLagrangeFlow
 from varcalc.numerics.damped_newton import Ending, Linearised, damped_newton
 from varcalc.numerics.mesh import gauss
@@ -34,6 +34,30 @@ RESOLVED = 1e-6
 ITERATIONS = 20
 RUNS_PER_ITERATION = 2
 """Runs of a flow that take as long as one iteration."""
+STEPS_PER_RUN = 10
+"""Steps that take as long as it takes to begin a run and to read its end."""
+
+
+@dataclass
+class Work:
+    """What was integrated so far, so that a search is bounded by work rather than by the clock."""
+
+    runs: int = 0
+    steps: int = 0
+
+    @property
+    def total(self) -> int:
+        """Both in one number: runs, and steps by what they cost in runs."""
+        return self.runs + self.steps // STEPS_PER_RUN
+
+    def add(self, landing: Landing) -> None:
+        """Count an ensemble."""
+        self.runs += len(landing.steps)
+        self.steps += int(landing.steps.sum())
+
+    def charge(self, runs: int) -> None:
+        """Count what is done in place of a run, in runs."""
+        self.runs += runs
 
 
 @dataclass(frozen=True)
@@ -95,18 +119,18 @@ class RegularEnd:
     """Scaled ordinates (n, m) at t (m,)."""
 
     def passage(
-        self, anchor: float, ordinates: np.ndarray, constants: np.ndarray, level: int, meter: Metered
+        self, anchor: float, ordinates: np.ndarray, constants: np.ndarray, level: int, work: Work
     ) -> Passage | None:
         """The regular arc to ``ordinates`` (n,) at t = ``anchor``; None where none is found, or it is unresolved.
 
-        What it costs is charged to ``meter``.
+        What it costs is charged to ``work``.
         """
         rates, last, before = None, None, None
         counts = STAGES[: COARSEST + level]
         for count in counts:
             collocated = _Collocated(self, anchor, ordinates, constants, stages(count))
             first = self._guess(collocated) if rates is None else _prolonged(rates, collocated.stages)
-            k = collocated.solved(first, meter)
+            k = collocated.solved(first, work)
             rates = None if k is None else collocated.stages.series @ k
             if count in counts[-2:]:
                 before, last = last, None if k is None else collocated.passage(k)
@@ -183,17 +207,13 @@ class _Collocated:
         count, n, h, s = len(self.stages.points), len(self.ordinates), self.step, self.stages
         k = z.reshape(count, n)
         flow = self.end.equations
-        state = np.zeros((flow.dimension + flow.integrals, count))
-        state[:n] = (self.end.ordinates + np.outer(s.points, h * self._chord) + h**2 * (s.twice @ k)).T
-        state[n : 2 * n] = (self._chord + h * (s.once @ k)).T
-        columns = np.repeat(self.constants[:, None], count, axis=1)
-        rates, by_state, by_numbers = (np.asarray(v) for v in flow.linearised(self.t[None], state, columns))
+        state = np.zeros((count, flow.dimension + flow.integrals))
+        state[:, :n] = self.end.ordinates + np.outer(s.points, h * self._chord) + h**2 * (s.twice @ k)
+        state[:, n : 2 * n] = self._chord + h * (s.once @ k)
+        rates, by_state, by_numbers = flow.linearised(self.t, state, self.constants)
         if not all(np.isfinite(v).all() for v in (rates, by_state, by_numbers)):
             return None
-        by_state, by_numbers = (
-            v.reshape(len(rates), count, v.shape[1] // count).transpose(1, 0, 2) for v in (by_state, by_numbers)
-        )
-        return _Point(k - rates[n : 2 * n].T, rates, by_state, by_numbers)
+        return _Point(k - rates[:, n : 2 * n], rates.T, by_state, by_numbers)
 
     def _jacobian(self, at: _Point) -> np.ndarray:
         """The derivative (s n, s n) of the residual by y''."""
@@ -225,13 +245,13 @@ class _Collocated:
 
         return Linearised(correction, measure)
 
-    def solved(self, first: np.ndarray, meter: Metered) -> np.ndarray | None:
+    def solved(self, first: np.ndarray, work: Work) -> np.ndarray | None:
         """y'' (s, n) at the points, from a first guess; None where the iteration does not get there."""
         at = self.evaluate(first.ravel())
         if at is None:
             return None
         result = damped_newton(self, first.ravel(), at, ITERATIONS)
-        meter.charge(RUNS_PER_ITERATION * result.iterations)
+        work.charge(RUNS_PER_ITERATION * result.iterations)
         return result.z.reshape(first.shape) if result.ending is Ending.CONVERGED else None
 
     def passage(self, k: np.ndarray) -> Passage | None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.formulation import Sampled
-from varcalc.integrators import Metered, Outcome
+from varcalc.integrators import Flow, Outcome
 from varcalc.methods.ritz.starts import LADDER, bent, scaled_ring, size
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.shooting.initial_states import (
@@ -21,11 +21,11 @@ from varcalc.methods.shooting.initial_states import (
     states,
     unknown_numbers,
 )
-from varcalc.methods.shooting.legs import Stopped
 from varcalc.methods.shooting.newton import Ending, Result, iterate
-from varcalc.methods.shooting.regular_arc import RegularEnd
-from varcalc.methods.shooting.segments import Evaluation, Failure, Segments
+from varcalc.methods.shooting.regular_arc import RegularEnd, Work
+from varcalc.methods.shooting.segments import Evaluation, Segments
 from varcalc.methods.shooting.shot_extremal import value_of
+from varcalc.methods.shooting.shots import Failure, Trajectories
 
 MOST_GROWTH = math.exp(10.0)
 """Growth of errors across a segment beyond which it is cut in two."""
@@ -93,7 +93,8 @@ class Search:
     """All starts for one compiled system; ``count`` fixes the number of segments."""
 
     equations: EulerLagrangeFlow
-    flow: Metered
+    flow: Flow
+    work: Work
     count: int | None
 
     def best(self, guess: Sampled | None) -> Found | NoneFound:
@@ -126,10 +127,10 @@ class Search:
             yield True, guess
         if form.integrals:
             yield from ((True, curve) for curve in self._meeting_level())
-        scale, flat = size(form), sorted(self._flat(), key=self._planned)
-        steep = self.count is None and self._planned(form.baseline) > STEEP * self._planned(flat[0])
+        scale, planned = size(form), 0 if self.count is not None else self._planned(form.baseline)
+        steep = planned > STEEP * FEWEST and planned > STEEP * min(map(self._planned, self._flat()))
         if steep:
-            yield from ((False, curve) for curve in flat)
+            yield from ((False, curve) for curve in sorted(self._flat(), key=self._planned))
         yield not steep, form.baseline
         for first, amplitudes in ((not steep, FIRST_AMPLITUDES), (False, OTHER_AMPLITUDES)):
             for direction in form.bumps:
@@ -138,7 +139,7 @@ class Search:
                         continue
                     yield first, bent(form, amplitude * scale, direction)
         if not steep:
-            yield from ((False, curve) for curve in flat)
+            yield from ((False, curve) for curve in sorted(self._flat(), key=self._planned))
 
     def _flat(self) -> Iterator[Sampled]:
         """The ordinates of one end all along: a start need not meet the ends, and steep ends make steep starts."""
@@ -203,13 +204,13 @@ class Search:
         if budget and segments.count > budget:
             return NoneFound("too many segments", 0)
         budget = budget or max(BUDGET, PER_SEGMENT * segments.count)
-        iterations, begun = 0, self.flow.work
+        iterations, begun = 0, self.work.total
         while True:
             floor = self._floor(segments, x)
             limit = MOST_GROWTH if self.count is None else math.inf
-            result = iterate(segments, x, floor, limit, begun + budget - self.flow.work)
+            result = iterate(segments, x, floor, limit, begun + budget - self.work.total)
             iterations += result.iterations
-            work = self.flow.work - begun
+            work = self.work.total - begun
             if result.ending is Ending.CONVERGED and result.at is not None:
                 value = value_of(segments, result.x, result.at)
                 return Found(segments, result.x, result.at, floor, value, iterations, work)
@@ -235,11 +236,11 @@ class Search:
     def _cut(
         self, segments: Segments, result: Result, marked: np.ndarray, curve: Sampled, units: Scales
     ) -> tuple[Segments, np.ndarray]:
+        between = None if result.at is None else Trajectories(segments.paths(result.x, 0))
+
         def state_at(i: int, t: float) -> np.ndarray:
-            if result.at is not None:
-                trajectory = segments.leg(i, result.x).trajectory(level=0)
-                if not isinstance(trajectory, Stopped):
-                    return trajectory(np.array([t]))[0]
+            if between is not None:
+                return between(np.array([t]))[:, 0]
             own = np.array([segments.vertices[i], segments.vertices[i + 1]])
             return states(self.equations, units, curve, own, np.array([t]))[0]
 
@@ -268,7 +269,7 @@ class Search:
         nu = nus(equations, units, ends, unknowns, lam)
         x = np.concatenate([z.ravel(), unknowns, lam, nu])
         regular = self._regular(curve, units)
-        return Segments(equations, self.flow, units, vertices, anchors, knots, regular), x, units
+        return Segments(equations, self.flow, self.work, units, vertices, anchors, knots, regular), x, units
 
     def _anchors(self, curve: Sampled, units: Scales, lam: np.ndarray, vertices: np.ndarray) -> np.ndarray:
         """The left vertices; for the first segment another place where the system is not a number at the start."""

@@ -17,25 +17,16 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from varcalc.integrators import Metered, Outcome
+from varcalc.integrators import Flow, Outcome
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
-from varcalc.methods.shooting.legs import Leg, Shot
 from varcalc.methods.shooting.linear_systems import solve_dense, solve_sparse
-from varcalc.methods.shooting.regular_arc import RegularEnd
+from varcalc.methods.shooting.regular_arc import RegularEnd, Work
+from varcalc.methods.shooting.shots import Failure, Paths, Shot
 
 DENSE = 240
 """Unknowns up to which the linear systems are solved as dense ones."""
 MODERATE = 1e6
 """Growth across a segment up to which small singular values are taken for symmetries, not for lost digits."""
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Integrations that did not reach their ends: the segments, where (in s) and how the first of them ended."""
-
-    segments: tuple[int, ...]
-    s: float
-    outcome: Outcome
 
 
 @dataclass(frozen=True)
@@ -45,7 +36,7 @@ class Evaluation:
     ``blocks`` are (row, column, matrix) of the Jacobian; ``totals`` the
     running integrals over the whole interval, scaled; ``growth`` (N,) the
     largest factor by which a segment magnifies an error of its initial state; ``summed`` (M,)
-    the size of the integrals that a row is made of.
+    the size of the integrals that a row is made of; ``steps`` what the integrations took.
     """
 
     residual: np.ndarray
@@ -54,6 +45,7 @@ class Evaluation:
     growth: np.ndarray
     shots: list[Shot]
     summed: np.ndarray
+    steps: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -66,7 +58,8 @@ class Segments:
     """
 
     equations: EulerLagrangeFlow
-    flow: Metered
+    flow: Flow
+    work: Work
     scales: Scales
     vertices: np.ndarray
     anchors: np.ndarray
@@ -99,30 +92,35 @@ class Segments:
         u = cut + self.equations.unknowns
         return x[:cut].reshape(self.count, -1), x[cut:u], x[u : cut + self.shared], x[cut + self.shared :]
 
-    def constants(self, i: int, x: np.ndarray) -> np.ndarray:
-        """The constants of the scaled system at x, in segment i."""
+    def constants(self, x: np.ndarray) -> np.ndarray:
+        """The constants (N, c) of the scaled system at x, a row for each segment."""
         _, unknowns, lambdas, _ = self.parts(x)
-        left, right = self.vertices[i : i + 2]
-        line = self.equations.line(left, right, (i in self.knots, i + 1 in self.knots))
-        return np.concatenate([line, self.scales.all, self._parameters, unknowns, lambdas])
+        lines = [
+            self.equations.line(self.vertices[i], self.vertices[i + 1], (i in self.knots, i + 1 in self.knots))
+            for i in range(self.count)
+        ]
+        shared = np.concatenate([self.scales.all, self._parameters, unknowns, lambdas])
+        return np.column_stack([np.array(lines), np.tile(shared, (self.count, 1))])
 
     @property
     def _parameters(self) -> np.ndarray:
         return self.equations.form.problem.parameter_values
 
-    def leg(self, i: int, x: np.ndarray) -> Leg:
-        """Segment i with its initial state at x."""
-        left, right = map(float, self.vertices[i : i + 2])
-        start, end = self.regular
-        regular = start if i == 0 and start is not None else end if i == self.count - 1 else None
-        state = self.parts(x)[0][i]
-        return Leg(self.equations, self.flow, regular, left, right, float(self.anchors[i]), state, self.constants(i, x))
+    def paths(self, x: np.ndarray, level: int, usual: np.ndarray | None = None) -> Paths:
+        """All segments with their initial states at x; ``usual`` are the steps of level 0, where they are known."""
+        return Paths(
+            self.equations, self.flow, self.work, self.vertices, self.anchors, self.parts(x)[0], self.constants(x),
+            self.regular, level, usual,
+        )  # fmt: skip
 
-    def evaluate(self, x: np.ndarray, *, level: int = 0, every: bool = False) -> Evaluation | Failure:
+    def evaluate(
+        self, x: np.ndarray, *, level: int = 0, every: bool = False, usual: np.ndarray | None = None
+    ) -> Evaluation | Failure:
         """The mismatch at x with its Jacobian, or the first integration that failed (``every``: all that fail)."""
-        shots = self._all_shots(x, level, every)
-        if isinstance(shots, Failure):
-            return shots
+        shot = self.paths(x, level, usual).shots(every=every)
+        if isinstance(shot, Failure):
+            return shot
+        shots, steps = shot
         D = self.dimension
         totals = np.sum([s.right[D:] - s.left[D:] for s in shots], axis=0)
         blocks: list[tuple[int, int, np.ndarray]] = []
@@ -134,22 +132,7 @@ class Segments:
         if not (np.all(np.isfinite(residual)) and all(np.all(np.isfinite(m)) for _, _, m in blocks)):
             return self._not_finite(residual)
         summed = np.concatenate([np.zeros(len(residual) - len(closing)), integrals])
-        return Evaluation(residual, blocks, totals, growth, shots, summed)
-
-    def _all_shots(self, x: np.ndarray, level: int, every: bool) -> list[Shot] | Failure:
-        shots: list[Shot] = []
-        failures: list[Failure] = []
-        for i in range(self.count):
-            shot = self.leg(i, x).shoot(level)
-            if isinstance(shot, Shot):
-                shots.append(shot)
-                continue
-            failures.append(Failure((i,), shot.s, shot.outcome))
-            if not every:
-                break
-        if failures:
-            return replace(failures[0], segments=tuple(f.segments[0] for f in failures))
-        return shots
+        return Evaluation(residual, blocks, totals, growth, shots, summed, steps)
 
     def _growth(self, by: np.ndarray) -> float:
         """How much y is magnified by y, y' by y', and so on: row sums of the diagonal blocks, free of units."""

@@ -13,9 +13,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc.methods.answer import Extremal
-from varcalc.methods.shooting.legs import Stopped, Trajectory
 from varcalc.methods.shooting.newton import size
-from varcalc.methods.shooting.segments import Evaluation, Failure, Segments
+from varcalc.methods.shooting.segments import Evaluation, Segments
+from varcalc.methods.shooting.shots import Failure, Trajectories
 from varcalc.solution import ErrorEstimate
 
 SHRINKING = 0.5
@@ -29,22 +29,12 @@ ROUND_OFF = 4 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
-class Shots:
-    """The trajectories of all segments."""
+class ShotCurve:
+    """The curve of all segments together."""
 
     segments: Segments
     x: np.ndarray
-    trajectories: list[Trajectory]
-
-    def state(self, t: np.ndarray) -> np.ndarray:
-        """The scaled state (D, m) at t (m,)."""
-        vertices = self.segments.vertices
-        at = np.clip(np.searchsorted(vertices, t, side="right") - 1, 0, self.segments.count - 1)
-        out = np.empty((self.segments.dimension, len(t)))
-        for i in np.unique(at):
-            chosen = at == i
-            out[:, chosen] = self.trajectories[i](t[chosen]).T
-        return out
+    states: Trajectories
 
     def evaluate(self, s: np.ndarray, derivative: int) -> np.ndarray:
         """The derivative of the unknown functions at s (m,), shape (n, m); up to the order of the equation."""
@@ -54,7 +44,7 @@ class Shots:
         order = 2 * form.order
         if derivative > order:
             raise ValueError(f"derivatives up to order {order} are at hand, not {derivative}")
-        tower = equations.derivatives(self.state((s - a) / (b - a)), self.segments.scales.ordinates[:, None])
+        tower = equations.derivatives(self.states((s - a) / (b - a)), self.segments.scales.ordinates[:, None])
         if derivative < order:
             return tower[derivative]
         _, unknowns, lambdas, _ = self.segments.parts(self.x)
@@ -77,29 +67,24 @@ class Finished:
     condition: float
 
 
-def finish(segments: Segments, x: np.ndarray, floor: np.ndarray) -> Finished | Failure:
+def finish(segments: Segments, x: np.ndarray, floor: np.ndarray, usual: np.ndarray) -> Finished | Failure:
     """Correct x once more on a finer integration, and again on a still finer one, which tells what the first is worth.
 
-    ``floor`` (M,) are the sizes of the unknowns.
+    ``floor`` (M,) are the sizes of the unknowns, ``usual`` the steps that the integrations take at level 0.
     """
-    kept = corrected(segments, x, floor, 1)
+    kept = corrected(segments, x, floor, 1, usual)
     if isinstance(kept, Failure):
         return kept
-    check = corrected(segments, kept.x, floor, 2)
+    check = corrected(segments, kept.x, floor, 2, usual)
     if isinstance(check, Failure):
         return check
     x, at = kept.x, kept.at
-    trajectories: list[Trajectory] = []
-    for i in range(segments.count):
-        trajectory = segments.leg(i, x).trajectory(level=1)
-        if isinstance(trajectory, Stopped):
-            return Failure((i,), trajectory.s, trajectory.outcome)
-        trajectories.append(trajectory)
     _, unknowns, lambdas, _ = segments.parts(x)
     form = segments.equations.form
     a, b = form.span
     vertices = a + (b - a) * segments.vertices
-    extremal = Extremal(form, Shots(segments, x, trajectories).evaluate, unknowns, vertices, lambdas, {})
+    curve = ShotCurve(segments, x, Trajectories(segments.paths(x, 1, usual)))
+    extremal = Extremal(form, curve.evaluate, unknowns, vertices, lambdas, {})
     value = value_of(segments, x, at)
     change = abs(value - value_of(segments, check.x, check.at))
     error = ErrorEstimate(
@@ -119,15 +104,17 @@ class Corrected:
     step: float
 
 
-def corrected(segments: Segments, x: np.ndarray, floor: np.ndarray, level: int) -> Corrected | Failure:
+def corrected(
+    segments: Segments, x: np.ndarray, floor: np.ndarray, level: int, usual: np.ndarray
+) -> Corrected | Failure:
     """x after one Newton step at a level of the integration; x itself where no step leads anywhere."""
-    at = segments.evaluate(x, level=level)
+    at = segments.evaluate(x, level=level, usual=usual)
     if isinstance(at, Failure):
         return at
     step = segments.solve(at, -at.residual, np.maximum(np.abs(x), floor))
     if step is None or size(step, floor) > 1.0:
         return Corrected(x, at, math.inf)
-    following = segments.evaluate(x + step, level=level)
+    following = segments.evaluate(x + step, level=level, usual=usual)
     if isinstance(following, Failure):
         return following
     return Corrected(x + step, following, size(step, np.maximum(np.abs(x), floor)))

@@ -4,9 +4,9 @@ Along an extremal the Lagrangian function
 
     H = L + sum of lambda_j g_j + sum of mu_k(s) phi_k
 
-is stationary without side conditions. A :class:`Setting` holds its parts, the
+is stationary without side conditions. A :class:`AlongCurve` holds its parts, the
 curve and its multipliers in coordinates whose interval is fixed: those of the
-form, or for an abscissa that slides the person's own, in which the end the
+form, or for an abscissa that slides the user's own, in which the end the
 curve has found is as good as fixed.
 """
 
@@ -22,17 +22,23 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled, SideCondition
-from varcalc.methods.answer import Extremal, composite_gauss, lifted
+from varcalc.methods.answer import Extremal, composite_gauss, lifted, sample
 from varcalc.numerics.mesh import gauss
 from varcalc.problem.conditions import OnCurve
 from varcalc.problem.functional import Symbols
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.problem import Problem
+from varcalc.symbolic.derived import Cache
 from varcalc.symbolic.tracing import Expression
+
+TOUCH = 1e-7
+"""Relative distance from a bound within which it is touched."""
+NEAR = 1e-3
+"""The same where what matters is that the bound may be touched: between the nodes at which it is imposed."""
 
 
 @dataclass(frozen=True)
-class Setting:
+class AlongCurve:
     """A functional (in the minimising sense), one curve, and its multipliers.
 
     ``evaluate(s, k)`` gives the k-th derivative of the n functions at s (m,)
@@ -124,7 +130,7 @@ class Setting:
         return list(pairwise(map(float, self.vertices)))
 
 
-def setting(extremal: Extremal) -> Setting:
+def along_curve(extremal: Extremal) -> AlongCurve:
     """The Lagrangian function along an extremal."""
     form = extremal.form
     problem = form.problem
@@ -133,7 +139,7 @@ def setting(extremal: Extremal) -> Setting:
         and not form.energetic
         and any(isinstance(e, OnCurve) for e in (problem.start, problem.end))
     )
-    plain = Setting(
+    plain = AlongCurve(
         extremal=extremal,
         symbols=form.symbols,
         order=form.order,
@@ -159,8 +165,8 @@ def sliding_ends(form: Form) -> tuple[int | None, int | None]:
     return (count if at_start else None, count + at_start if at_end else None)
 
 
-def _in_own_abscissa(plain: Setting) -> Setting:
-    """The same curve as a function of the person's abscissa, between the ends it has found."""
+def _in_own_abscissa(plain: AlongCurve) -> AlongCurve:
+    """The same curve as a function of the user's abscissa, between the ends it has found."""
     form, problem = plain.form, plain.form.problem
     found = [
         given if number is None else float(plain.numbers[number])
@@ -193,8 +199,55 @@ def _in_own_abscissa(plain: Setting) -> Setting:
     )
 
 
-def inner_points(points: Setting, count: int) -> np.ndarray:
+def inner_points(points: AlongCurve, count: int) -> np.ndarray:
     """``count`` Gauss points inside each element."""
     nodes = gauss(count)[0]
     half = 0.5 * np.diff(points.vertices)[:, None]
     return (points.vertices[:-1, None] + half * (1 + nodes)).ravel()
+
+
+def touches(extremal: Extremal) -> bool:
+    """Whether a Bound is active somewhere along the curve."""
+    form = extremal.form
+    bounds = [c for c in form.pathwise if not c.equality]
+    if not bounds:
+        return False
+    s = composite_gauss(extremal.vertices, 16)[0]
+    function = ca.Function("h", form.symbols.all, [ca.vertcat(*(c.expression for c in bounds))])
+    values = np.asarray(function(*sample(extremal, s)))
+    limits = np.array([[c.lower, c.upper] for c in bounds])
+    room = TOUCH * np.maximum(1.0, np.abs(values))
+    return bool(((values <= limits[:, :1] + room) | (values >= limits[:, 1:] - room)).any())
+
+
+def touched(along: AlongCurve, s: np.ndarray) -> np.ndarray:
+    """Whether an inequality is active at s (m,)."""
+    limits = [(k, c) for k, c in enumerate(along.limits) if not c.equality]
+    if not along.paths or not limits:
+        return np.zeros(len(s), dtype=bool)
+    values = along.function(ca.vertcat(*(along.paths[k] for k, _ in limits)))(s)[0][:, :, 0]
+    room = NEAR * np.maximum(1.0, np.abs(values))
+    low, high = np.array([c.lower for _, c in limits]), np.array([c.upper for _, c in limits])
+    return np.any((values <= low + room) | (values >= high - room), axis=1)
+
+
+def without_inequalities(extremal: Extremal) -> Extremal:
+    """The extremal of the same form with every inequality left out, or turned into an equality where it is active."""
+    form = extremal.form
+    if not form.has_inequalities:
+        return extremal
+    pathwise = tuple(c for c in form.pathwise if c.equality)
+    kept, lambdas = [], []
+    for condition, multiplier in zip(form.integrals, extremal.lambdas, strict=True):
+        if condition.equality:
+            kept.append(condition)
+        elif abs(multiplier) > TOUCH:
+            # with L + lambda g a positive multiplier pushes the integral down: it is at its upper level
+            level = condition.upper if multiplier > 0 else condition.lower
+            kept.append(replace(condition, lower=level, upper=level))
+        else:
+            continue
+        lambdas.append(float(multiplier))
+    # what is derived from the form holds for its own conditions only
+    bare = replace(form, integrals=tuple(kept), pathwise=pathwise, cache=Cache())
+    return replace(extremal, form=bare, lambdas=np.array(lambdas))

@@ -21,35 +21,35 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from varcalc.numerics.mesh import gauss
+from varcalc.numerics.roots import bracketed_newton
 
 POINTS = 16
 """Gauss points a panel; with bisection the cheapest order for full double precision, within a factor of 1.3."""
 REACH = 6.45
 """T of the exponential map: the distance falls to exp(1 - exp(T)) = 1e-274 of the length."""
-INVERSION_STEPS = 60
-"""Bisections that bring any bracket to round-off."""
-EPSILON = float(np.finfo(float).eps)
+QUADRATIC = 1e-8
+"""A Newton step below this is the last: convergence is quadratic."""
 
 
-class Map(Enum):
+class DistanceMap(Enum):
     """How the distance from the anchor depends on t."""
 
     SQUARE = "square"
     EXPONENTIAL = "exponential"
 
 
-def distance(kind: Map, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def distance(kind: DistanceMap, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The distance from the anchor in units of the leg's length, and its derivative by t."""
-    if kind is Map.SQUARE:
+    if kind is DistanceMap.SQUARE:
         return t * t, 2 * t
     grown = np.exp(REACH * (1 - t))
     share = np.exp(1 - grown)
     return share, share * grown * REACH
 
 
-def inverse_distance(kind: Map, share: np.ndarray) -> np.ndarray:
+def inverse_distance(kind: DistanceMap, share: np.ndarray) -> np.ndarray:
     """The t at which the distance is ``share`` of the leg's length."""
-    if kind is Map.SQUARE:
+    if kind is DistanceMap.SQUARE:
         return np.sqrt(share)
     with np.errstate(divide="ignore"):
         return np.clip(1 - np.log(1 - np.log(share)) / REACH, 0.0, 1.0)
@@ -73,7 +73,7 @@ def _integrator(count: int) -> np.ndarray:
 class Panels:
     """The rule of one leg: its map, the edges of its panels, 0 = edges[0] < ... < edges[-1] = 1, and their points."""
 
-    kind: Map
+    kind: DistanceMap
     edges: tuple[float, ...]
     points: int = POINTS
 
@@ -104,13 +104,13 @@ class Panels:
         return Panels(self.kind, tuple(np.sort(np.concatenate([edges, middles[marked]]))))
 
 
-WHOLE = Panels(Map.SQUARE, (0.0, 1.0))
+WHOLE = Panels(DistanceMap.SQUARE, (0.0, 1.0))
 """The simplest rule: one panel."""
-TOWARD = Panels(Map.SQUARE, (0.0, 0.0625, 0.25, 1.0))
+TOWARD = Panels(DistanceMap.SQUARE, (0.0, 0.0625, 0.25, 1.0))
 """For an end where L is infinite: graded, so that the curve keeps its relative accuracy there."""
-COARSE = Panels(Map.SQUARE, (0.0, 1.0), 7)
+COARSE = Panels(DistanceMap.SQUARE, (0.0, 1.0), 7)
 """For a first look at many curves."""
-GRADED = Panels(Map.EXPONENTIAL, tuple(np.linspace(0.0, 1.0, 9)))
+GRADED = Panels(DistanceMap.EXPONENTIAL, tuple(np.linspace(0.0, 1.0, 9)))
 """For an end with a power that is no half-integer."""
 
 
@@ -173,19 +173,12 @@ class Cumulative:
 
 def _monotone_root(rows: np.ndarray, amount: np.ndarray) -> np.ndarray:
     """Where in [-1, 1] increasing Legendre series, one a column of ``rows``, reach ``amount``."""
-    slopes = legendre.legder(rows)
-    low, high = -np.ones_like(amount), np.ones_like(amount)
-    total = rows.sum(axis=0)
+    slopes, total = legendre.legder(rows), rows.sum(axis=0)
+
+    def left(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return amount - legendre.legval(at, rows, tensor=False), -legendre.legval(at, slopes, tensor=False)
+
     with np.errstate(divide="ignore", invalid="ignore"):
-        at = np.clip(2 * np.nan_to_num(amount / total) - 1, -1.0, 1.0)
-        for _ in range(INVERSION_STEPS):
-            miss = legendre.legval(at, rows, tensor=False) - amount
-            low, high = np.where(miss <= 0, at, low), np.where(miss >= 0, at, high)
-            newton = at - miss / legendre.legval(at, slopes, tensor=False)
-            inside = (newton >= low) & (newton <= high)
-            following = np.where(inside, newton, 0.5 * (low + high))
-            settled = np.abs(following - at) <= EPSILON
-            at = following
-            if settled.all():
-                break
-    return at
+        start = np.clip(2 * np.nan_to_num(amount / total) - 1, -1.0, 1.0)
+        ends = -np.ones_like(amount), np.ones_like(amount)
+        return np.clip(bracketed_newton(left, *ends, start, absolute=QUADRATIC)[0], -1.0, 1.0)

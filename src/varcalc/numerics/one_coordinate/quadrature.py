@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.numerics.mesh import gauss
-from varcalc.optics.turning_points import Way
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion
 
 NODES, WEIGHTS = gauss(16)
 AGREED = 1e-13
@@ -27,34 +27,33 @@ DOUBLINGS = 400
 """Of a step outwards, and halvings where it went too far."""
 NEWTON = 60
 """Steps of Newton's iteration."""
-COUNT = 4
-"""Integrals: of τ, of the optical path, of σ, of the derivative of τ by C."""
-TAU, PATH, SIGMA, BY_C = range(COUNT)
+TAU, BY_C = 0, -1
+"""The columns of the integrals: τ first, then what :meth:`Potential.weighted` says, the derivative of τ by C last."""
 
 
-def integrands(way: Way, q: np.ndarray) -> np.ndarray:
-    """Shape (COUNT, m, k) at the parameters ``q`` (m, k)."""
+def integrands(way: CoordinateMotion, q: np.ndarray) -> np.ndarray:
+    """Shape (columns, m, k) at the parameters ``q`` (m, k)."""
     at = way.at(q)
-    return np.stack([at.rate, at.rate * at.g, at.rate * way.profile.squared_radius(at.u), at.rate_by_c])
+    return np.stack([at.rate, *(at.rate * weight for weight in way.potential.weighted(at)), at.rate_by_c])
 
 
-def _panel(way: Way, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Gauss's rule for the integrals (COUNT, m) from ``low`` to ``high`` (m,)."""
+def _panel(way: CoordinateMotion, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Gauss's rule for the integrals (columns, m) from ``low`` to ``high`` (m,)."""
     half = (high - low) / 2
     return half * (integrands(way, ((low + high) / 2)[:, None] + half[:, None] * NODES) @ WEIGHTS)
 
 
 def integrals(
-    way: Way, low: np.ndarray, high: np.ndarray, known: np.ndarray | float = 0.0, halvings: int = HALVINGS
+    way: CoordinateMotion, low: np.ndarray, high: np.ndarray, known: np.ndarray | float = 0.0, halvings: int = HALVINGS
 ) -> np.ndarray:
-    """The integrals (m, COUNT) from ``low`` to ``high`` (m,); not numbers where they are not resolved.
+    """The integrals (m, columns) from ``low`` to ``high`` (m,); not numbers where they are not resolved.
 
-    They are to be added to what is ``known`` (m, COUNT), to whose digits they are resolved.
+    They are to be added to what is ``known`` (m, columns), to whose digits they are resolved.
     """
-    total = np.zeros((COUNT, len(low)))
     with np.errstate(all="ignore"):
         rows, left, right = np.arange(len(low)), low, high
         whole = _panel(way, left, right)
+        total = np.zeros_like(whole)
         size = np.abs(whole) + np.abs(np.transpose(known)) + np.finfo(float).tiny
         for _ in range(halvings):
             part, middle = way.take(rows), (left + right) / 2
@@ -62,8 +61,8 @@ def integrals(
             wrong = np.abs(first + second - whole)
             # the derivative by C may add up to nothing but round-off; it is as smooth as the rate itself
             fine = np.all((wrong <= AGREED * size[:, rows])[:BY_C], axis=0)
-            for k in range(COUNT):
-                np.add.at(total[k], rows[fine], (first + second)[k, fine])
+            for column, part_sum in zip(total, first + second, strict=True):
+                np.add.at(column, rows[fine], part_sum[fine])
             rest = ~fine & np.all(np.isfinite(first + second), axis=0)
             total[:, rows[~fine & ~rest]] = np.nan
             if not np.any(rest):
@@ -80,7 +79,7 @@ def integrals(
 
 @dataclass(frozen=True)
 class Reached:
-    """Where m motions have come: ``q`` (m,), and the integrals (m, COUNT) up to there.
+    """Where m motions have come: ``q`` (m,), and the integrals (m, columns) up to there.
 
     ``ended`` (m,) is True where the last parameter came before every target, ``resolved`` False where the way is
     not known so far.
@@ -92,12 +91,12 @@ class Reached:
     resolved: np.ndarray
 
 
-def reached(way: Way, last: np.ndarray, targets: np.ndarray) -> Reached:
-    """The first of: the parameter ``last`` (m,), τ, the optical path or σ at the ``targets`` (m, 3)."""
+def reached(way: CoordinateMotion, last: np.ndarray, targets: np.ndarray) -> Reached:
+    """The first of: the parameter ``last`` (m,), τ and the integrals over it at the ``targets`` (m, columns - 1)."""
     m = len(last)
     before = _periods(way, targets)
-    wanted = targets - before[:, :3]
-    low, sums = way.start.copy(), np.zeros((m, COUNT))
+    wanted = targets - before[:, :BY_C]
+    low, sums = way.start.copy(), np.zeros((m, targets.shape[1] + 1))
     ended, resolved = np.zeros(m, bool), np.ones(m, bool)
     bracketed = np.any(wanted <= 0, axis=1)  # there already
     high, step = np.where(bracketed, low, last), _first_steps(way, last, wanted)
@@ -108,7 +107,7 @@ def reached(way: Way, last: np.ndarray, targets: np.ndarray) -> Reached:
         to = np.minimum(low[rows] + step[rows], last[rows])
         more = integrals(way.take(rows), low[rows], to, sums[rows], FEW_HALVINGS)
         known = np.all(np.isfinite(more), axis=1)
-        beyond = known & np.any(sums[rows][:, :3] + more[:, :3] >= wanted[rows], axis=1)
+        beyond = known & np.any(sums[rows][:, :BY_C] + more[:, :BY_C] >= wanted[rows], axis=1)
         on = rows[known & ~beyond]
         low[on], step[on] = to[known & ~beyond], 2 * step[on]
         sums[on] += more[known & ~beyond]
@@ -122,29 +121,34 @@ def reached(way: Way, last: np.ndarray, targets: np.ndarray) -> Reached:
     return Reached(low, sums + before, ended, resolved & (ended | bracketed))
 
 
-def _periods(way: Way, targets: np.ndarray) -> np.ndarray:
-    """The integrals (m, COUNT) over the whole periods that come before the first target."""
+def half_periods(way: CoordinateMotion) -> np.ndarray:
+    """The integrals (m, columns) over half a period of motions that have one."""
+    return integrals(way, np.zeros(len(way.start)), np.full(len(way.start), way.period / 2))
+
+
+def _periods(way: CoordinateMotion, targets: np.ndarray) -> np.ndarray:
+    """The integrals (m, columns) over the whole periods that come before the first target."""
     m = len(targets)
     if not np.isfinite(way.period) or m == 0:
-        return np.zeros((m, COUNT))
-    half = integrals(way, np.zeros(m), np.full(m, way.period / 2))
+        return np.zeros((m, targets.shape[1] + 1))
+    half = half_periods(way)
     with np.errstate(all="ignore"):
-        turns = np.floor(np.min(targets / (2 * half[:, :3]), axis=1) * (1 - 1e-15))
+        turns = np.floor(np.min(targets / (2 * half[:, :BY_C]), axis=1) * (1 - 1e-15))
     turns = np.where(np.isfinite(turns), np.maximum(turns, 0.0), 0.0)
     return np.where(turns[:, None] > 0, 2 * turns[:, None] * half, 0.0)
 
 
-def _first_steps(way: Way, last: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def _first_steps(way: CoordinateMotion, last: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """A first guess (m,) of how far in q the targets lie, and the whole way where there are none."""
     with np.errstate(all="ignore"):
-        rates = integrands(way, way.start[:, None])[:3, :, 0].T
+        rates = integrands(way, way.start[:, None])[:BY_C, :, 0].T
         guess = np.min(wanted / rates, axis=1)
     whole = np.minimum(last - way.start, way.period)
     return np.where(np.isfinite(guess) & (guess > 0), np.minimum(guess, whole), np.minimum(whole, 1e300))
 
 
 def _closed_in(
-    way: Way, low: np.ndarray, high: np.ndarray, sums: np.ndarray, wanted: np.ndarray
+    way: CoordinateMotion, low: np.ndarray, high: np.ndarray, sums: np.ndarray, wanted: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Newton's iteration between ``low``, where the integrals are ``sums``, and ``high``."""
     q, sums = low.copy(), sums.copy()
@@ -154,14 +158,14 @@ def _closed_in(
             break
         part, here = way.take(going), q[going]
         with np.errstate(all="ignore"):
-            rates = integrands(part, here[:, None])[:3, :, 0].T
-            step = np.min((wanted[going] - sums[going, :3]) / rates, axis=1)
+            rates = integrands(part, here[:, None])[:BY_C, :, 0].T
+            step = np.min((wanted[going] - sums[going, :BY_C]) / rates, axis=1)
         scale = 4 * np.finfo(float).eps * np.maximum(np.abs(here), np.abs(way.start[going]))
         new = here + step
         inside = (new >= low[going] - scale) & (new <= high[going] + scale)
         new = np.where(inside, np.clip(new, low[going], high[going]), (low[going] + high[going]) / 2)
         sums[going] += integrals(part, here, new, sums[going])
-        over = np.any(sums[going, :3] >= wanted[going], axis=1)
+        over = np.any(sums[going, :BY_C] >= wanted[going], axis=1)
         high[going[over]], low[going[~over]] = new[over], new[~over]
         q[going] = new
         going = going[np.abs(new - here) > scale]

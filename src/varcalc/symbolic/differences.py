@@ -13,9 +13,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
-from varcalc.methods.first_integral.homogeneous import operate
-from varcalc.symbolic.instructions import interpret
+from varcalc.symbolic.instructions import BINARY, UNARY, interpret
 from varcalc.symbolic.tracing import Expression
 
 SMALL_POWER = 8
@@ -51,6 +51,13 @@ class Carried:
         return math.isfinite(self.probe)
 
 
+def operate(operation: int, arguments: Sequence[Expression]) -> Expression:
+    """One CasADi operation on SX elements."""
+    if len(arguments) == 1:
+        return ca.SX.unary(operation, arguments[0])
+    return ca.SX.binary(operation, *arguments)
+
+
 def fixed(symbol: Expression, probe: float) -> Carried:
     """A quantity that is the same at both points."""
     return Carried(symbol, symbol, ca.SX(0), probe)
@@ -63,7 +70,8 @@ def displaced(base: Expression, displacement: Expression, probe: float) -> Carri
 
 def carry(function: ca.Function, arguments: Sequence[Carried]) -> list[Carried]:
     """The results of ``function`` (scalar SX inputs and outputs) for arguments carried from a base point."""
-    results = interpret(function, [[a] for a in arguments], _constant, _carried)
+    with np.errstate(all="ignore"):
+        results = interpret(function, [[a] for a in arguments], _constant, _carried)
     return [r[0] for r in results]
 
 
@@ -72,7 +80,7 @@ def _constant(number: float) -> Carried:
 
 
 def _carried(operation: int, operands: Sequence[Carried]) -> Carried:
-    probe = float(operate(operation, [ca.SX(o.probe) for o in operands]))
+    probe = float((UNARY if len(operands) == 1 else BINARY)[operation](*(np.float64(o.probe) for o in operands)))
     base = operate(operation, [o.base for o in operands])
     if all(o.change.is_zero() for o in operands):
         same = all(o.value is o.base for o in operands)

@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from varcalc.formulation import Form, Sampled
+from varcalc.formulation import Form, Sampled, side_conditions
 from varcalc.formulation.singular import forms
 from varcalc.methods.answer import Extremal, person_curve
 from varcalc.methods.ritz.method import Ritz
 from varcalc.solution import Solution
-from varcalc.verify.inequalities import touches, without_inequalities
+from varcalc.verify.along_curve import AlongCurve, along_curve, sliding_ends, touches, without_inequalities
 from varcalc.verify.polish import polished
-from varcalc.verify.setting import sliding_ends
 
 NEARBY = 1e-3
 """Relative distance a curve may move while it is polished, when its own error claims less."""
@@ -24,10 +23,10 @@ MARKS = 65
 
 
 @dataclass(frozen=True)
-class Trial:
+class Candidate:
     """A solution's curve: ``own`` as it was found, ``best`` the extremal it stands for.
 
-    ``own`` is None when the method gave the curve in the person's coordinates
+    ``own`` is None when the method gave the curve in the user's coordinates
     alone and these are singular. ``best`` is in regular coordinates, without
     inequalities; None where there are no such coordinates, or where the curve
     touches a bound. ``reason`` says what stood in the way of polishing.
@@ -40,15 +39,15 @@ class Trial:
     touched: bool = False
 
 
-def trial(solution: Solution) -> Trial:
+def candidate(solution: Solution) -> Candidate:
     """The curve of a solution, and the extremal it stands for."""
     own = undivided(solution.extremal, solution.value) if solution.extremal is not None else _regular(solution)
     if own is not None and touches(own):
-        return Trial(solution, own, None, "the curve touches a bound", True)
+        return Candidate(solution, own, None, "the curve touches a bound", True)
     start = own if own is not None and not own.form.weak_only else _in_regular_form(solution)
     if start is None:
         reason = "no coordinates are at hand in which Jacobi's equation is regular"
-        return Trial(solution, own or _minimised(solution), None, reason)
+        return Candidate(solution, own or _minimised(solution), None, reason)
     start = without_inequalities(start)
     with np.errstate(all="ignore"):  # what is no number is rejected
         outcome = polished(start)
@@ -56,11 +55,11 @@ def trial(solution: Solution) -> Trial:
             outcome = _staying(solution, outcome)
     if isinstance(outcome, str) and own is None:
         minimised = _minimised(solution)
-        return Trial(solution, minimised, None, outcome)
+        return Candidate(solution, minimised, None, outcome)
     if isinstance(outcome, str):
         # a curve that is only sampled in the form's coordinates is no basis for derivatives
-        return Trial(solution, own, None if own is None or own.form.weak_only else start, outcome)
-    return Trial(solution, own, outcome, "")
+        return Candidate(solution, own, None if own is None or own.form.weak_only else start, outcome)
+    return Candidate(solution, own, outcome, "")
 
 
 def undivided(extremal: Extremal, value: float) -> Extremal:
@@ -73,7 +72,7 @@ def undivided(extremal: Extremal, value: float) -> Extremal:
 
 
 def _regular(solution: Solution) -> Extremal | None:
-    """The curve of a method that works in the person's own coordinates, where these are regular."""
+    """The curve of a method that works in the user's own coordinates, where these are regular."""
     form = next(filter(None, forms(solution.problem)))
     if any(form.singular) or form.weak_only or (form.energetic and form.lift is not None):
         return None
@@ -136,7 +135,7 @@ def distinct(nodes: np.ndarray) -> np.ndarray:
 
 
 def _staying(solution: Solution, best: Extremal) -> Extremal | str:
-    """The polished curve, unless it has left the solution's; held against each other in the person's coordinates."""
+    """The polished curve, unless it has left the solution's; held against each other in the user's coordinates."""
     assert solution.curve is not None
     x = np.linspace(float(solution.x.min()), float(solution.x.max()), MARKS)
     given, found = solution.curve(x, 0), person_curve(best)(x, 0)
@@ -144,3 +143,45 @@ def _staying(solution: Solution, best: Extremal) -> Extremal | str:
     if moved <= max(NEARBY * float(np.abs(given).max()), 10.0 * solution.error.curve):
         return best
     return f"Newton's iteration for the Euler-Lagrange equation moves it by {moved:.2g}"
+
+
+def user_coordinates(candidate: Candidate) -> AlongCurve:
+    """The Lagrangian function of the user's problem along the solution's curve; never an energy, never a gauge."""
+    solution, own = candidate.solution, candidate.own
+    if own is not None and (own.form.lift is None or along_curve(own).slides):
+        along = along_curve(own)
+        if own.form.energetic:
+            factor = 0.5 / abs(solution.value)  # multipliers of J^2 become those of J by the chain rule
+            forces = tuple(_times(factor, mu) for mu in along.forces)
+            along = replace(along, forces=forces)
+        return replace(along, integrand=own.form.functional) if not along.slides else along
+    problem = solution.problem
+    assert solution.curve is not None
+    form = own.form if own is not None else next(filter(None, forms(problem)))
+    sign = -1.0 if problem.maximise else 1.0
+    nodes = distinct(solution.x)
+    numbers = np.array([solution.unknowns[k] for k in problem.unknowns], dtype=float)
+    conditions = side_conditions(problem, lambda expression, _: expression)
+    integrals, paths = conditions["integrals"], conditions["pathwise"]
+    lambdas = -sign * np.array([float(solution.multipliers[c.index]) for c in integrals])
+    forces = [solution.multipliers[c.index] if solution.multipliers else None for c in paths]
+    return AlongCurve(
+        extremal=Extremal(form, solution.curve, numbers, nodes, lambdas, {}),
+        symbols=problem.symbols,
+        order=problem.order,
+        integrand=sign * problem.integrand,
+        integrals=tuple(c.expression for c in integrals),
+        paths=tuple(c.expression for c in paths),
+        limits=paths,
+        lambdas=lambdas,
+        forces=tuple(np.zeros_like if mu is None else _times(sign, mu) for mu in forces),
+        span=(float(nodes[0]), float(nodes[-1])),
+        vertices=nodes,
+        evaluate=solution.curve,
+        numbers=numbers,
+        slides=False,
+    )
+
+
+def _times(factor: float, mu: Sampled) -> Sampled:
+    return lambda s: factor * mu(s)

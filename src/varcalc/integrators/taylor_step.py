@@ -1,8 +1,8 @@
 """One step of Taylor's method with its stops, as one function of one column of numbers.
 
 A *traveller* is such a column: its state Y, the time t it has come to, the
-bound on its next step, its constants, and for each stop whether it stands on
-it, having just set out. The step carries Y as far as the series allows, yet
+bound on its next step, the time it is to go to, its constants, and for each stop
+whether it stands on it, having just set out. The step carries Y as far as the series allows, yet
 never over a zero of a stopping function unless it can be certain that there
 is one only: where on [0, h] the higher terms are too small to bring the
 function to zero, there is none, and where they are too small to turn its
@@ -24,8 +24,9 @@ from varcalc.integrators.series import solution_series
 
 Expression = Any
 """A CasADi SX expression."""
-WENT, SHORTER, LOST, MET = range(4)
-"""What a step came to: it was made; it is to be tried again, shorter; it leads to no number; it ended at stop 0.
+WENT, SHORTER, LOST, ARRIVED, MET = range(5)
+"""What a step came to: it was made; it is to be tried again, shorter; it leads to no number; it has come to its time;
+it ended at stop 0.
 
 MET + k says that it ended at stop k. A traveller that has ended stays where it is, and ends again."""
 SHARE = 1 / 2
@@ -45,8 +46,8 @@ CLOSE = 1e-6
 
 
 @dataclass(frozen=True)
-class Stride:
-    """The function ``step`` of travellers for a ``system`` with its ``stops``.
+class TaylorStep:
+    """The ``function`` of travellers for a ``system`` with its ``stops``.
 
     It takes a traveller (``rows``,) to where the step leaves it, with one number more: what the step came to.
     """
@@ -54,17 +55,18 @@ class Stride:
     system: ca.Function
     stops: ca.Function
     tolerance: float
-    step: ca.Function = field(init=False)
+    function: ca.Function = field(init=False)
 
     def __post_init__(self) -> None:
         system, stops = _autonomous(self.system), _autonomous(self.stops)
         order = int(np.ceil(1 - np.log(self.tolerance) / 2))  # the cheapest: Jorba and Zou, sect. 3
         solution, levels, state, constants = solution_series(system, stops, order)
-        time, bound, leaving = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("l", len(levels))
+        time, bound, until, leaving = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("e"), ca.SX.sym("l", len(levels))
         # what stands on a stop is asked for its next zero: its own is divided out
         ahead = [ca.if_else(leaving[j], ca.vertcat(level[1:], 0), level) for j, level in enumerate(levels)]
         free, graze = _free_step(solution, time, self.tolerance * SHARE)
         length, certain = _allowed(ahead, ca.fmin(bound, free), graze)
+        length = ca.fmin(length, until - time)
         crossed = [_crossed(level, length) for level in ahead]
         number, zero, found = _zero(ahead, crossed, length)
         several = ca.logic_and(sum(crossed, ca.SX(0)) > 1, length > graze)
@@ -74,32 +76,36 @@ class Stride:
         end = ca.vertcat(*(_polynomial(series, taken) for series in solution))
         end, shift = _settled(system, stops, end, constants, ca.if_else(met, number, -1), CLOSE * length)
         lost = ca.logic_not(ca.logic_and(ca.norm_1(end) < np.inf, ca.logic_or(met, time + length > time)))
-        code = ca.if_else(lost, LOST, ca.if_else(met, MET + number, ca.if_else(going, WENT, SHORTER)))
+        there = ca.if_else(time + length >= until, ARRIVED, WENT)
+        code = ca.if_else(lost, LOST, ca.if_else(met, MET + number, ca.if_else(going, there, SHORTER)))
         code = ca.if_else(bound < 0, -bound, code)
-        moved = ca.logic_or(code == WENT, ca.logic_and(code >= MET, bound >= 0))
+        moved = ca.logic_or(code == WENT, ca.logic_and(code >= ARRIVED, bound >= 0))
         after = ca.vertcat(
             ca.if_else(moved, end, state),
             ca.if_else(moved, time + taken + shift, time),
             ca.if_else(code >= LOST, -code, ca.if_else(code == WENT, LENGTHEN, SHRUNK[-1] / 2) * length),
+            until,
             constants,
             ca.if_else(code == WENT, 0, leaving),
             code,
         )
-        traveller = ca.vertcat(state, time, bound, constants, leaving)
-        object.__setattr__(self, "step", ca.Function("step", [traveller], [ca.densify(after)]))
+        traveller = ca.vertcat(state, time, bound, until, constants, leaving)
+        object.__setattr__(self, "function", ca.Function("step", [traveller], [ca.densify(after)]))
 
     @property
     def rows(self) -> int:
         """The numbers in a traveller."""
-        return int(self.step.numel_in(0))
+        return int(self.function.numel_in(0))
 
-    def travellers(self, states: np.ndarray, constants: np.ndarray, leaving: Sequence[int]) -> np.ndarray:
-        """Columns (rows, m) for runs about to begin at ``states`` (m, N)."""
+    def travellers(
+        self, states: np.ndarray, constants: np.ndarray, until: np.ndarray, leaving: Sequence[int]
+    ) -> np.ndarray:
+        """Columns (rows, m) for runs about to begin at ``states`` (m, N), to go on for ``until`` (m,) at most."""
         m, size = states.shape
         found = np.zeros((self.rows, m))
         found[:size] = states.T
-        found[size + 1] = np.inf
-        found[size + 2 : size + 2 + constants.shape[1]] = constants.T
+        found[size + 1], found[size + 2] = np.inf, until
+        found[size + 3 : size + 3 + constants.shape[1]] = constants.T
         found[[self.rows - self.stops.numel_out(0) + stop for stop in leaving]] = 1.0
         return found
 
@@ -109,7 +115,7 @@ def _autonomous(function: ca.Function) -> ca.Function:
     function = scalar_function(function)
     s, state, constants = (ca.SX.sym(name, function.numel_in(k)) for k, name in enumerate("sYc"))
     if ca.depends_on(function(s, state, constants), s):
-        raise ValueError("the system of a swarm and its stopping functions must not depend on s")
+        raise ValueError("a system with stopping functions, and these, must not depend on s")
     return function
 
 

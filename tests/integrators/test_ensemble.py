@@ -4,11 +4,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc.integrators import NONE, OUTCOMES, Dop853, Outcome, Taylor, Thrifty
+from varcalc.integrators import NONE, OUTCOMES, Dop853, OnDemand, Outcome, Taylor
 
 pytest.importorskip("heyoka", reason="the Taylor engine is heyoka's")
 
-ENGINES = [Taylor(), Dop853(), Thrifty()]
+ENGINES = [Taylor(), Dop853(), OnDemand()]
 STOPPED, BLOW_UP, NOT_FINITE, TOO_MANY = (
     OUTCOMES.index(o) for o in (Outcome.STOPPED, Outcome.BLOW_UP, Outcome.NOT_FINITE, Outcome.TOO_MANY_STEPS)
 )
@@ -24,8 +24,8 @@ def free_fall(stops=lambda y, c: y[0]):
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda e: e.name)
 def test_every_run_goes_to_its_own_stop(engine):
     heights = np.geomspace(0.01, 100.0, 37)  # more than one batch, and no multiple of its width
-    swarm = engine.compile_swarm(*free_fall())
-    landing = swarm.run(np.column_stack([heights, 0 * heights, 0 * heights]), np.zeros((37, 1)))
+    flow = engine.compile(*free_fall())
+    landing = flow.ensemble(np.column_stack([heights, 0 * heights, 0 * heights]), np.zeros((37, 1)))
     assert np.all(landing.outcomes == STOPPED)
     np.testing.assert_allclose(landing.reached, np.sqrt(2 * heights), rtol=4e-15)
     np.testing.assert_allclose(landing.states[:, 1], -np.sqrt(2 * heights), rtol=4e-15)
@@ -34,10 +34,10 @@ def test_every_run_goes_to_its_own_stop(engine):
 
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda e: e.name)
 def test_the_first_of_several_stops_counts(engine):
-    swarm = engine.compile_swarm(*free_fall(lambda y, c: ca.vertcat(y[0], y[2] - c)))
+    flow = engine.compile(*free_fall(lambda y, c: ca.vertcat(y[0], y[2] - c)))
     start = np.tile([0.5, 0.0, 0.0], (9, 1))
     times = np.linspace(0.6, 1.4, 9)[:, None]
-    landing = swarm.run(start, times)
+    landing = flow.ensemble(start, times)
     np.testing.assert_allclose(landing.reached, np.minimum(times[:, 0], 1.0), rtol=4e-15)
     np.testing.assert_array_equal(landing.stopped_by[[0, 1, 7, 8]], [1, 1, 0, 0])
 
@@ -46,8 +46,8 @@ def test_the_first_of_several_stops_counts(engine):
 @pytest.mark.parametrize("offset", [0.0, 1e-17, -1e-17])
 def test_a_run_that_leaves_a_stop_comes_back_to_it(engine, offset):
     speeds = np.array([1e-3, 0.3, 1.0, 20.0])
-    swarm = engine.compile_swarm(*free_fall())
-    landing = swarm.run(np.column_stack([0 * speeds + offset, speeds, 0 * speeds]), np.zeros((4, 1)), leaving=(0,))
+    flow = engine.compile(*free_fall())
+    landing = flow.ensemble(np.column_stack([0 * speeds + offset, speeds, 0 * speeds]), np.zeros((4, 1)), leaving=(0,))
     np.testing.assert_allclose(landing.reached, 2 * speeds, rtol=1e-13, atol=3e-14)
 
 
@@ -59,7 +59,7 @@ def test_a_run_that_fails_leaves_the_others_alone(engine):
     start = np.array([[1.0, 1.0]] * 8 + [[1.0, -1.0]] + [[1.0, 1.0]] * 3)  # a root of a negative number in row 8
     targets = np.linspace(2.0, 5.0, 12)[:, None]
     targets[[3, 10]] = -1.0  # never met: the solution is infinite at s = 1
-    landing = engine.compile_swarm(system, stops).run(start, targets)
+    landing = engine.compile(system, stops).ensemble(start, targets)
     good = np.delete(np.arange(12), [3, 8, 10])
     assert np.all(landing.outcomes[good] == STOPPED)
     np.testing.assert_allclose(landing.reached[good], 1 - 1 / targets[good, 0], rtol=1e-12)
@@ -69,12 +69,12 @@ def test_a_run_that_fails_leaves_the_others_alone(engine):
     assert np.all(landing.stopped_by[[3, 8, 10]] == NONE)
 
 
-@pytest.mark.parametrize("engine", [Taylor(swarm_steps=7), Dop853(most_steps=7)], ids=lambda e: e.name)
+@pytest.mark.parametrize("engine", [Taylor(ensemble_steps=7), Dop853(most_steps=7)], ids=lambda e: e.name)
 def test_steps_are_bounded(engine):
     s, y, c = ca.SX.sym("s"), ca.SX.sym("Y", 2), ca.SX.sym("c")
     system = ca.Function("turn", [s, y, c], [ca.vertcat(y[1], -y[0])])
     stops = ca.Function("stops", [s, y, c], [y[0] - c])
-    landing = engine.compile_swarm(system, stops).run(np.array([[1.0, 0.0]] * 5), np.array([[2.0]] * 4 + [[0.5]]))
+    landing = engine.compile(system, stops).ensemble(np.array([[1.0, 0.0]] * 5), np.array([[2.0]] * 4 + [[0.5]]))
     assert np.all(landing.outcomes[:4] == TOO_MANY)
     assert landing.outcomes[4] == STOPPED
     assert landing.reached[4] == pytest.approx(np.pi / 3, rel=1e-13)
@@ -84,8 +84,8 @@ def test_many_runs_are_spread_over_the_cores():
     heights = np.geomspace(0.01, 100.0, 2000)
     landing = (
         Taylor()
-        .compile_swarm(*free_fall())
-        .run(np.column_stack([heights, 0 * heights, 0 * heights]), np.zeros((2000, 1)))
+        .compile(*free_fall())
+        .ensemble(np.column_stack([heights, 0 * heights, 0 * heights]), np.zeros((2000, 1)))
     )
     np.testing.assert_allclose(landing.reached, np.sqrt(2 * heights), rtol=4e-15)
 
@@ -93,16 +93,16 @@ def test_many_runs_are_spread_over_the_cores():
 def test_a_system_that_depends_on_the_abscissa_is_refused():
     s, y, c = ca.SX.sym("s"), ca.SX.sym("Y"), ca.SX.sym("c", 0)
     with pytest.raises(ValueError, match="must not depend on s"):
-        Dop853().compile_swarm(ca.Function("f", [s, y, c], [s]), ca.Function("g", [s, y, c], [y]))
+        Dop853().compile(ca.Function("f", [s, y, c], [s]), ca.Function("g", [s, y, c], [y]))
 
 
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda e: e.name)
-def test_a_fleet_goes_to_abscissae_of_its_own(engine):
+def test_an_ensemble_goes_to_abscissae_of_its_own(engine):
     s, y, c = ca.SX.sym("s"), ca.SX.sym("Y"), ca.SX.sym("c")
-    fleet = engine.compile_fleet(ca.Function("blow", [s, y, c], [c * y**2]))
+    flow = engine.compile(ca.Function("blow", [s, y, c], [c * y**2]))
     until = np.linspace(0.0, 0.9, 11)
     until[4] = 2.0  # beyond the pole, in the middle of a batch
-    landing = fleet.run(np.ones((11, 1)), np.ones((11, 1)), until)
+    landing = flow.ensemble(np.ones((11, 1)), np.ones((11, 1)), until=until)
     good = np.arange(11) != 4
     np.testing.assert_allclose(landing.states[good, 0], 1 / (1 - until[good]), rtol=1e-10)
     np.testing.assert_array_equal(landing.reached[good], until[good])
@@ -118,12 +118,12 @@ def parabola():
     return system, ca.Function("stops", [s, y, c], [ca.vertcat(y[0] - c, y[0] + 1)])
 
 
-@pytest.mark.parametrize("engine", [Taylor(), Thrifty()], ids=lambda e: e.name)
+@pytest.mark.parametrize("engine", [Taylor(), OnDemand()], ids=lambda e: e.name)
 def test_the_first_of_two_zeros_in_one_step_counts(engine):
     """The solution is a polynomial, so that no step is too long for it, and both zeros lie close together."""
     gaps = np.geomspace(1e-12, 0.3, 23)
-    swarm = engine.compile_swarm(*parabola())
-    landing = swarm.run(np.tile([0.0, 1.0], (23, 1)), (0.5 - gaps)[:, None])
+    flow = engine.compile(*parabola())
+    landing = flow.ensemble(np.tile([0.0, 1.0], (23, 1)), (0.5 - gaps)[:, None])
     assert np.all(landing.stopped_by == 0)
     np.testing.assert_allclose(1 - landing.reached, np.sqrt(2 * gaps), rtol=1e-3, atol=1e-7)
     assert np.all(landing.reached < 1)
@@ -131,19 +131,19 @@ def test_the_first_of_two_zeros_in_one_step_counts(engine):
 
 def test_a_stop_that_is_nearly_touched_is_passed():
     gaps = np.geomspace(1e-12, 0.3, 23)
-    landing = Taylor().compile_swarm(*parabola()).run(np.tile([0.0, 1.0], (23, 1)), (0.5 + gaps)[:, None])
+    landing = Taylor().compile(*parabola()).ensemble(np.tile([0.0, 1.0], (23, 1)), (0.5 + gaps)[:, None])
     assert np.all(landing.stopped_by == 1)
     np.testing.assert_allclose(landing.reached, 1 + np.sqrt(3), rtol=1e-14)
 
 
 def test_a_stop_that_is_touched_is_met_there_or_passed():
-    landing = Taylor().compile_swarm(*parabola()).run(np.array([[0.0, 1.0]]), np.array([[0.5]]))
+    landing = Taylor().compile(*parabola()).ensemble(np.array([[0.0, 1.0]]), np.array([[0.5]]))
     assert landing.stopped_by[0] == 1 or landing.reached[0] == pytest.approx(1, abs=1e-7)
 
 
 def test_a_run_that_leaves_a_stop_along_it_goes_on():
     """At the top of its way, on the stop: it moves off it by the second derivative only."""
-    landing = Taylor().compile_swarm(*parabola()).run(np.array([[0.5, 0.0]]), np.array([[0.5]]), leaving=(0,))
+    landing = Taylor().compile(*parabola()).ensemble(np.array([[0.5, 0.0]]), np.array([[0.5]]), leaving=(0,))
     assert landing.stopped_by[0] == 1
     assert landing.reached[0] == pytest.approx(np.sqrt(3), rel=1e-14)
 
@@ -153,15 +153,15 @@ def test_interpreted_and_compiled_steps_agree():
     start = np.column_stack([heights, 0 * heights, 0 * heights])
     ends = []
     for columns in (10**9, 0):
-        swarm = Taylor().compile_swarm(*free_fall())
-        swarm._step._left = columns
-        ends.append(swarm.run(start, np.zeros((300, 1))))
-        assert (swarm._step._compiled is None) == (columns > 0)
+        flow = Taylor().compile(*free_fall())
+        flow.stops._call._left = columns
+        ends.append(flow.ensemble(start, np.zeros((300, 1))))
+        assert (flow.stops._call._compiled is None) == (columns > 0)
     np.testing.assert_allclose(ends[0].states, ends[1].states, rtol=1e-14, atol=1e-14)
 
 
 def test_runs_are_many_more_than_step_together():
     heights = np.geomspace(0.01, 100.0, 9000)
     start = np.column_stack([heights, 0 * heights, 0 * heights])
-    landing = Taylor().compile_swarm(*free_fall()).run(start, np.zeros((9000, 1)))
+    landing = Taylor().compile(*free_fall()).ensemble(start, np.zeros((9000, 1)))
     np.testing.assert_allclose(landing.reached, np.sqrt(2 * heights), rtol=4e-15)

@@ -1,0 +1,13 @@
+"""Motion in one coordinate, (du/dτ)² = g(u) - C, with its turning points substituted away.
+
+A :class:`~varcalc.numerics.one_coordinate.potential.Potential` says what g is; many constants C go at once, along the
+first axis of every array.
+
+| module | holds |
+|---|---|
+| ``potential`` | g with differences to round-off, its critical values, turning points bracketed and found |
+| ``intervals`` | how far each motion goes: to a turning point, to a wall, to where g ends |
+| ``motions`` | parameters in which motions with no, one or two turning points are smooth, with derivatives by C |
+| ``quadrature`` | τ and integrals over it, to given parameters, or until one of them has a given value; periods |
+| ``panels`` | fixed rules whose first panel squares a turning point away, cumulative integrals and their inverse |
+"""

@@ -1,0 +1,116 @@
+"""Roots and minima along one line, on whole arrays at a time: a call costs about as much for 300 places as for one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+EPSILON = float(np.finfo(float).eps)
+SCANS = 40
+"""Scans of a bracket; each leaves at most half of it, an analytic function 1e-5 of it or less."""
+SPREAD = np.array([1e-7, 1e-5, 1e-3, 3e-2, 0.2, 0.5])
+"""Distances from the place foretold, in units of the bracket, at which a function is looked at."""
+NEIGHBOURS = 3
+"""Places on either side of a change of sign through which the inverse function is laid."""
+NEWTON_STEPS = 100
+SHARES = np.linspace(0.0, 1.0, 65)
+NARROWING = 6
+CUTS = 257
+"""Places of a scan that looks for an extremum: 128^-6 = 2e-13 of the first bracket after all."""
+
+
+def scanned_root(function: Callable[[np.ndarray], np.ndarray], low: float, high: float, close: float) -> float | None:
+    """A root of a ``function`` (m,) -> (m,) between two places where its signs differ, by scans and interpolation.
+
+    Taken as met where the function is not farther than ``close`` from zero. None when the ends do not bracket a root
+    or no change of sign is left between places at which the function is a number.
+    """
+    at, spread = np.linspace(low, high, 2 * len(SPREAD) + 3), abs(high - low)
+    for _ in range(SCANS):
+        values = function(at)
+        at, values = at[np.isfinite(values)], values[np.isfinite(values)]
+        change = np.flatnonzero(np.sign(values[1:]) * np.sign(values[:-1]) <= 0)
+        if len(change) == 0:
+            return None
+        k = int(change[0])
+        best = k + int(abs(values[k + 1]) < abs(values[k]))
+        a, b = float(at[k]), float(at[k + 1])
+        spread = abs(b - a)
+        if abs(values[best]) <= close or spread <= 2 * EPSILON * abs(at[best]) + 1e-300:
+            return float(at[best])
+        near = slice(max(k + 1 - NEIGHBOURS, 0), k + 1 + NEIGHBOURS)
+        guess = _inverse(at[near], values[near], a, b)
+        inner = guess + (b - a) * np.concatenate([-SPREAD[::-1], [0.0], SPREAD])
+        ends = min(a, b), max(a, b)
+        inner = inner[(inner > ends[0]) & (inner < ends[1])]
+        at = np.concatenate([[a], inner, [b]])
+    return float(at[len(at) // 2])
+
+
+def _inverse(at: np.ndarray, values: np.ndarray, a: float, b: float) -> float:
+    """Where the inverse function is zero, by interpolation where that is safe, else halfway."""
+    steps = np.diff(values)
+    if np.all(steps > 0) or np.all(steps < 0):
+        apart = values[:, None] - values
+        np.fill_diagonal(apart, 1.0)
+        shares = np.where(np.eye(len(values), dtype=bool), 1.0, -values / apart)
+        guess = float(np.prod(shares, axis=1) @ at)
+        if min(a, b) < guess < max(a, b):
+            return guess
+    return 0.5 * (a + b)
+
+
+def least(function: Callable[[np.ndarray], np.ndarray], low: float, high: float) -> float:
+    """The place of a minimum inside a bracket, by repeated scans; where the function is no number it is not."""
+    for _ in range(NARROWING):
+        at = np.linspace(low, high, CUTS)
+        k = int(np.argmin(np.nan_to_num(function(at), nan=np.inf)))
+        low, high = float(at[max(k - 1, 0)]), float(at[min(k + 1, CUTS - 1)])
+    return 0.5 * (low + high)
+
+
+def edges(
+    holds: Callable[[np.ndarray], np.ndarray], inside: np.ndarray, outside: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where a condition (m, k) -> (m, k) ceases to hold, going from ``inside`` (m,), where it does, to ``outside``.
+
+    Neighbouring numbers (m,) and (m,), the last at which it holds and the first at which it does not.
+    """
+    rows = np.arange(len(inside))
+    for _ in range(SCANS):
+        at = inside[:, None] + (outside - inside)[:, None] * SHARES
+        at[:, -1] = outside
+        good = holds(at)
+        good[:, 0], good[:, -1] = True, False
+        first = np.argmin(good, axis=1)
+        before, after = at[rows, first - 1], at[rows, first]
+        if np.all((before == inside) & (after == outside)):
+            break
+        inside, outside = before, after
+    return inside, outside
+
+
+def bracketed_newton(
+    function: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], low: np.ndarray, high: np.ndarray, at: np.ndarray,
+    *, relative: float = 0.0, absolute: float = 0.0, flat: np.ndarray | float = 0.0,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Roots between ``low``, where the function is positive, and ``high``, by Newton's steps kept inside the brackets.
+
+    ``function`` takes places, in the shape of ``at``, where it begins, to values and derivatives. A step is the last
+    where it is within ``relative`` of the place and ``absolute``, or starts from a value within ``flat``. Returns the
+    places, and the last step of each; NaN stays what it is.
+    """
+    moved = np.full(np.shape(at), np.inf)
+    for _ in range(NEWTON_STEPS):
+        value, rate = function(at)
+        low, high = np.where(value > 0, at, low), np.where(value > 0, high, at)
+        with np.errstate(all="ignore"):
+            newton = np.where(value == 0, at, at - value / rate)
+        # at round-off the sign of the value, and so the bracket, means nothing
+        last = (np.abs(newton - at) <= relative * np.abs(at) + absolute) | (np.abs(value) <= flat)
+        following = np.where(((newton - low) * (newton - high) < 0) | last, newton, (low + high) / 2)
+        moved, at = np.abs(following - at), following
+        if not np.any((moved > relative * np.abs(at) + absolute) & ~last):
+            break
+    return at, moved
