@@ -315,7 +315,7 @@ class Curve(Functional):
         function = ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [expression])
         ends = [curve_point(e) for e in (self.start, self.end)]
         places = [np.zeros(self.n) if p is None else p for p in ends]
-        scale = max(1.0, *(float(np.abs(p).max()) for p in places))
+        scale = max(float(np.abs(p).max()) for p in places) or 1.0
         # a low-discrepancy spread of places and directions: enough to catch any formula that is not homogeneous
         golden = np.array([math.modf((k + 1) * math.sqrt(2 + 3 * k))[0] for k in range(self.n)])
         tried = 0

@@ -200,7 +200,9 @@ class Survey:
 def _fitted(problem: Problem, values: np.ndarray) -> Metric | None:
     """The metric whose length L has the given ``values`` at the places of SURVEY; None where there is none."""
     sampled = values[: -len(ACROSS)].reshape(-1, len(SLOPES))
-    squares = sampled[np.isfinite(sampled).all(1) & (sampled > 0).all(1)] ** 2
+    with np.errstate(over="ignore"):
+        squares = sampled**2
+    squares = squares[np.isfinite(squares).all(1) & (sampled > 0).all(1)]
     if len(squares) < 2 or _passes_zero(values[-len(ACROSS) :]):
         return None
     fit = FIT @ squares.T
