@@ -17,3 +17,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="hold the methods' claims against the closed forms at all five tolerances, not only at three of them",
     )
+    parser.addoption(
+        "--everything",
+        action="store_true",
+        help="meet every transformation of every reference by every method, not only by the ladder and a part by each",
+    )

@@ -301,6 +301,8 @@ def test_a_sweep_with_failures_fails(call, write):
         (["chart", "brachistochrone", "--claims", "a.gif"], "must end in .png, .pdf or .svg"),
         (["sweep", "brachistochrone"], "Missing argument"),
         (["sweep", "brachistochrone", "g"], "is no grid; write name=from:to:count"),
+        (["sweep", "brachistochrone", "g=1:20:0"], "'g=1:20:0' has no values"),
+        (["sweep", "brachistochrone", "g=1:20:-3"], "'g=1:20:-3' has no values"),
         (["sweep", "brachistochrone", "k=1:2:3"], "are no parameters of this problem"),
     ],
 )

@@ -43,6 +43,29 @@ def test_no_jump_where_it_costs_infinitely_much():
     assert broken_curve(graph(lambda x, y, v: v**2 + y**2, (0, 0), (1, 1))) is None
 
 
+@pytest.mark.parametrize("origin", [0.0, 5.0, -5.0, 1e3])
+@pytest.mark.parametrize(("wide", "high"), [(1.0, 1.0), (1e3, 1e-3), (1e-3, 1e3)])
+def test_two_discs_are_found_at_any_origin_and_in_any_units(origin, wide, high):
+    half = 0.6 * wide
+    film = graph(
+        lambda x, y, v: (y / high - origin) * ca.sqrt(1 + (v * wide / high) ** 2) / wide,
+        (-half, (1 + origin) * high),
+        (half, (1 + origin) * high),
+    )
+    solution = vc.solve(film)
+    assert solution.local
+    assert solution.lower == pytest.approx(1, abs=1e-11)
+    assert broken_curve(film).level == pytest.approx(origin * high, abs=1e-12 * high * (1 + abs(origin)))
+
+
+@pytest.mark.parametrize("origin", [0.0, 0.3, -4.0])
+def test_a_level_where_jumps_cost_least_is_found_where_they_cost_something_on_either_side(origin):
+    film = graph(lambda x, y, v: ca.fabs(y - origin) * ca.sqrt(1 + v**2), (-0.6, 1 + origin), (0.6, 1.2 + origin))
+    found = broken_curve(film)
+    assert found.value == pytest.approx(0.5 + 0.72, abs=1e-12)
+    assert found.level == pytest.approx(origin, abs=1e-12)
+
+
 @pytest.mark.parametrize("shift", [0.0, 0.3, -0.2])
 def test_the_level_at_which_nothing_costs_any_more_is_found_to_round_off(shift):
     # the two discs lie at y = shift, an edge that is no end: beyond it the integrand changes its sign

@@ -24,6 +24,8 @@ from varcalc.solution import Solution, Status, Verdict
 
 STEEP = (1e6, 1e8)
 """Slopes, in units of the problem's own, at which linear growth is recognised."""
+STEEPEST = 1e16
+"""Slope, in units of the chord's, at which the cost of a jump is read before the problem's own unit is known."""
 LINEAR = 1e-4
 """Relative difference of L / |v| at the two slopes that is linear growth."""
 LEVELS = 33
@@ -48,9 +50,11 @@ CLOSELY = np.outer([-1.0, 1.0], [0.0, 1e-2, 1e-5, 1e-9, 1e-13]).ravel()
 """Where else it looks: distances from the best level so far, in the same unit."""
 ROUNDS = 24
 NARROW, FLAT = 1e-15, 1e-15
-"""Width in units of the problem's size, and relative difference of values, that are round-off."""
+"""Width relative to the problem's size or its ordinates, and relative difference of values, that are round-off."""
 STEP = 1e-3
-"""Relative height of a jump that is one."""
+"""Height of a jump that is one, in units of the problem's size."""
+NONE = 1e-9
+"""Height of a jump, relative to the ordinates, that may be the error of a graph."""
 LIKE = 1e-7
 """Relative difference of the values of a graph and of the broken curve that it comes near."""
 ALONG = 0.05
@@ -64,14 +68,18 @@ RIVAL = 1e-9
 
 @dataclass(frozen=True)
 class BrokenCurve:
-    """The best curve that jumps to y = ``level`` at both ends, and its ``value`` (with the person's sign)."""
+    """The best curve that jumps to y = ``level`` at both ends, and its ``value`` (with the user's sign).
+
+    ``jumps`` tells that one of the jumps is real: more than a graph between the ends might make.
+    """
 
     value: float
     level: float
+    jumps: bool = True
 
     @property
     def sentence(self) -> str:
-        """What the curve is, for a person."""
+        """What the curve is, for the user."""
         return f"the broken curve that drops to y = {self.level:.6g} at both ends has the value {self.value:.9g}"
 
 
@@ -109,15 +117,31 @@ class _Family:
         a, b = problem.span
         ends: list[Any] = [problem.start, problem.end]
         self.y = np.array([float(np.ravel(e.y)[0]) for e in ends])
-        self.size = max(float(np.ptp(self.y)), float(np.abs(self.y).max())) or b - a
-        self.steep = self.size / (b - a)
         self.coarse = _graded(0, POINTS)
         x = np.tile(a + (b - a) * np.array([0.0, 0.5, 1.0]), 4)
         y = np.tile([self.y[0], self.y.mean(), self.y[1]], 4)
+        self.worth = self._worth(x[:6], y[:6])
+        self.size = max(float(np.ptp(self.y)), self.worth)
+        self.narrow = NARROW * max(self.size, float(np.abs(self.y).max()))
+        self.steep = self.size / (b - a)
         slopes = np.repeat(np.outer(STEEP, [1.0, -1.0]).ravel() * self.steep, 3)
-        low, high = (self.sign * problem.integrand_values(x, y[None], slopes[None]) / np.abs(slopes)).reshape(2, -1)
+        low, high = (self._values(x, y, slopes) / np.abs(slopes)).reshape(2, -1)
         finite = np.isfinite(low).all() and np.isfinite(high).all() and bool((high > 0).all())
         self.linear = finite and bool((np.abs(high - low) <= LINEAR * high).all())
+
+    def _worth(self, x: np.ndarray, y: np.ndarray) -> float:
+        """The height of a jump that costs as much as a level curve across the interval, about as much as may pay.
+
+        It is a length of the problem's own, whatever the origin and the units of x and y; the largest at two equal
+        rows of points x and y.
+        """
+        a, b = self.problem.span
+        steepest = STEEPEST * (float(np.ptp(self.y)) / (b - a) or 1.0)
+        half = len(x) // 2
+        level, jump = self._values(x, y, np.repeat([0.0, steepest], half)).reshape(2, -1)
+        worth = np.abs(level / jump * steepest)
+        found = float(worth[np.isfinite(worth)].max(initial=0.0)) * (b - a)
+        return found or float(np.ptp(self.y)) or b - a
 
     def _values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
         """L at points, all of shape (m,)."""
@@ -142,25 +166,64 @@ class _Family:
         paid = np.where((costs >= 0).all(2), np.abs(jumps) * (costs[:, :, :-1] @ weights), np.nan)
         return (b - a) * (values[:, :count] @ weights) + paid.sum(1)
 
-    def best(self, ceiling: float) -> list[BrokenCurve]:
-        """The levels of least value, from a scan and searches about each of its lowest places; best first.
+    def _jump(self, levels: np.ndarray) -> np.ndarray:
+        """The least cost of a jump at either end and either way, at levels (m,)."""
+        steep = STEEP[1] * self.steep
+        x, v = np.repeat(self.problem.span, 2), np.array([steep, -steep, steep, -steep])
+        values = self._values(np.tile(x, len(levels)), np.repeat(levels, 4), np.tile(v, len(levels)))
+        return values.reshape(-1, 4).min(1) / steep
 
-        At y = 0 many a Lagrangian ceases to cost anything.
+    def _edge(self, ends: np.ndarray) -> float:
+        """Where a jump ceases to cost anything between two levels, on the side where it still does.
+
+        By secants and sections of the interval.
         """
+        costs = self._jump(ends)
+        for _ in range(ROUNDS):
+            secant = ends[0] + (ends[1] - ends[0]) * np.nan_to_num(costs[0] / (costs[0] - costs[1]), nan=0.5)
+            inner = np.concatenate([ends[0] + (ends[1] - ends[0]) * EVENLY, secant + (ends[1] - ends[0]) * CLOSELY])
+            inner = np.sort(np.clip(inner, ends.min(), ends.max()))
+            row = np.concatenate([ends[:1], inner, ends[1:]])
+            known = np.concatenate([costs[:1], self._jump(inner), costs[1:]])
+            change = np.flatnonzero((known >= 0)[1:] != (known >= 0)[:-1])
+            if not len(change):
+                break  # what ceases to cost anything is met on the way to the level, not at it
+            k = int(change[0])
+            ends, costs = row[k : k + 2], known[k : k + 2]
+            if abs(ends[1] - ends[0]) <= self.narrow or not costs.all():
+                break
+        return float(ends[0] if costs[0] >= 0 else ends[1])
+
+    def best(self, ceiling: float) -> list[BrokenCurve]:
+        """The levels of least value, from a scan and searches about each of its lowest places; best first."""
         low, high = self.y.min() - REACH * self.size, self.y.max() + REACH * self.size
-        kinks = np.add.outer([*self.y, 0.0], self.size * np.array([-BESIDE, 0.0, BESIDE])).ravel()
-        levels = np.unique(np.concatenate([np.linspace(low, high, LEVELS), kinks]))
-        values = np.concatenate(
-            [[np.inf], np.nan_to_num(self.at(levels, _graded(0, SCAN_POINTS)), nan=np.inf), [np.inf]]
-        )
-        places = np.flatnonzero(
-            (values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:]) & np.isfinite(values[1:-1])
-        )
+        levels = np.unique(np.concatenate([np.linspace(low, high, LEVELS), self._about(self.y)]))
         rough = ceiling + ROUGH * abs(ceiling) if math.isfinite(ceiling) else ceiling
-        places = self._narrowed(levels, places[_least_between(values, 1 + places) <= rough], rough)
+        values, places = self._lowest(levels, rough)
+        last = len(levels) - 1
+        edges = [(k, j) for k in places for j in (k - 1, k + 1) if 0 <= j <= last and math.isinf(values[j])]
+        if edges:
+            edged = self._about(np.array([self._edge(np.sort(levels[list(pair)])) for pair in edges]))
+            levels = np.unique(np.concatenate([levels, edged]))
+            values, places = self._lowest(levels, rough)
+        places = self._narrowed(levels, places, rough)
         lowest = self._least(levels, places, ceiling) if len(places) else []
         found = [(value, level) for level in lowest if (value := self._sure(level, ceiling)) is not None]
-        return [BrokenCurve(self.sign * value, level) for value, level in sorted(found)]
+        return [BrokenCurve(self.sign * value, level, self._jumps(level)) for value, level in sorted(found)]
+
+    def _jumps(self, level: float) -> bool:
+        return float(np.abs(level - self.y).max()) > STEP * self.size
+
+    def _about(self, kinks: np.ndarray) -> np.ndarray:
+        """Levels at which the value may have kinks (m,), and those next to them; (3 m,)."""
+        return np.add.outer(kinks, self.size * np.array([-BESIDE, 0.0, BESIDE])).ravel()
+
+    def _lowest(self, levels: np.ndarray, ceiling: float) -> tuple[np.ndarray, np.ndarray]:
+        """The values at levels (m,), infinite where a jump costs nothing, and which of them may be locally least."""
+        values = np.nan_to_num(self.at(levels, _graded(0, SCAN_POINTS)), nan=np.inf)
+        edged = np.pad(values, 1, constant_values=np.inf)
+        places = np.flatnonzero((values <= edged[:-2]) & (values <= edged[2:]) & np.isfinite(values))
+        return values, places[_least_between(edged, 1 + places) <= ceiling]
 
     def _narrowed(self, levels: np.ndarray, places: np.ndarray, ceiling: float) -> np.ndarray:
         """Those of the ``places`` (m,) that a few closer looks at what lies about them cannot show to be above."""
@@ -221,7 +284,7 @@ class _Family:
                 rows = rows[: len(known)]
                 if not len(known):
                     return []
-            if np.all((right - left <= NARROW * self.size) | (np.ptp(values, axis=1) <= FLAT * np.abs(values).min(1))):
+            if np.all((right - left <= self.narrow) | (np.ptp(values, axis=1) <= FLAT * np.abs(values).min(1))):
                 break
         tried = np.array([known, left, best, right])
         values = np.nan_to_num(self.at(tried.ravel()), nan=np.inf).reshape(tried.shape)
@@ -280,17 +343,14 @@ def runs_level(x: np.ndarray, y: np.ndarray, ends: np.ndarray) -> np.ndarray:
     jump = np.abs(middle - ends).max(1)
     share = (x - x[:, :1]) / (x[:, -1:] - x[:, :1])
     away = np.where((share > EDGE) & (share < 1 - EDGE), np.abs(y - middle), 0.0).max(1)
-    real = jump > 0.5 * STEP * np.maximum(np.abs(ends).max(1), np.abs(middle[:, 0]))
+    real = jump > NONE * np.maximum(np.abs(ends).max(1), np.abs(middle[:, 0]))
     return real & (away <= LEVEL * jump)
 
 
 def _is_rival(solution: Solution, rival: BrokenCurve) -> bool:
     """Whether a graph has the value of a broken curve with a real jump, and runs at its level."""
-    if abs(solution.value - rival.value) > LIKE * abs(rival.value):
+    if not rival.jumps or abs(solution.value - rival.value) > LIKE * abs(rival.value):
         return False
     first, last = (float(solution.y(x)) for x in solution.interval)
     jump = max(abs(rival.level - first), abs(rival.level - last))
-    size = max(abs(first), abs(last), abs(rival.level))
-    if jump <= STEP * size:
-        return False
     return abs(float(solution.y(0.5 * sum(solution.interval))) - rival.level) <= ALONG * jump

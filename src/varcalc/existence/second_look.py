@@ -12,6 +12,9 @@ from varcalc.existence.broken_curve import broken_curve
 from varcalc.existence.corners import with_corners
 from varcalc.existence.falling import falling
 from varcalc.formulation import formulate
+from varcalc.formulation.singular.abscissa import powers_at_ends
+from varcalc.formulation.singular.detection import GROWN, PROBE
+from varcalc.problem.conditions import Fixed
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.search import Extremals, by_slope_alone
@@ -42,24 +45,43 @@ def second_look(problem: Functional, tol: float, failure: Solution) -> Solution:
             return _judged(failure, found)
         if found is not None and found.complete:
             return _refused(failure, Verdict.NO_EXTREMAL, none_found(problem, found))
-    return _concentrated(failure, approach)
+    return failure if _steep_at_an_end(problem) else _concentrated(failure, approach)
+
+
+def _steep_at_an_end(problem: Functional) -> bool:
+    """Whether L leaves an end with a power of x that makes the slope of an extremal infinite there.
+
+    Polygons grow steeper there on every mesh, though the infimum is attained.
+    """
+    plain = isinstance(problem, Problem) and problem.n == problem.order == 1
+    if not plain or not all(isinstance(end, Fixed) for end in (problem.start, problem.end)):
+        return False
+    with np.errstate(all="ignore"):
+        return any(q < b for b, q in powers_at_ends(problem))
 
 
 def regular(problem: Functional) -> bool:
-    """Whether L_y'y' keeps one sign along the chord, so that the Euler-Lagrange equation has no singular place there.
+    """Whether L_y'y' keeps one sign along the chord, and its size toward both ends.
+
+    Then the Euler-Lagrange equation has no singular place there.
 
     Only then does a search that finds no extremal say something. One function of first order is looked at.
     """
     if not (isinstance(problem, Problem) and problem.n == problem.order == 1) or problem.constraints:
         return False
     a, b = problem.span
-    x = np.linspace(a, b, PLACES)
+    near = (b - a) * np.array(PROBE)
+    x = np.concatenate([np.linspace(a, b, PLACES)[1:-1], a + near, b - near])
     y = formulate(problem).baseline(x)
     numbers = problem.parameter_values[None], problem.unknown_guesses[None]
-    slope = np.gradient(y[0], x)
-    values = _legendre(problem)(PLACES, x[:, None], y.T, slope[:, None], np.zeros((1, 0)), *numbers)[:, 0]
-    inner = values[1:-1]
-    sizes = np.abs(inner)
+    chord = np.linspace(a, b, PLACES)
+    slope = np.interp(x, chord, np.gradient(formulate(problem).baseline(chord)[0], chord))
+    values = _legendre(problem)(len(x), x[:, None], y.T, slope[:, None], np.zeros((1, 0)), *numbers)[:, 0]
+    inner, sizes = values[:-4], np.abs(values)
+    growth = sizes[[-4, -2]] / sizes[[-3, -1]]
+    if not (np.isfinite(growth).all() and (growth < GROWN).all() and (growth > 1 / GROWN).all()):
+        return False
+    sizes = sizes[:-4]
     return bool(np.isfinite(inner).all() and np.ptp(np.sign(inner)) == 0 and sizes.min() > VANISHING * np.median(sizes))
 
 

@@ -84,6 +84,7 @@ class Search:
     def run(self) -> Arrivals:
         """All arrivals, those of one pair by ascending optical path."""
         cells = self.fan.cells()
+        self.unresolved += self.fan.given_up[self.pairs.source]
         cell, pair = self._first(cells)
         self._note_continua(cells, cell, pair)
         while len(cell):
@@ -228,7 +229,9 @@ class Search:
             half = np.sqrt(-2 * flat.miss / bend)
         two = np.flatnonzero(~touches & np.isfinite(half))
         sides = [_beside(flat.take(two), sign * half[two]) for sign in (-1, 1)]
-        touching, meeting = flat.take(np.flatnonzero(touches)), met(self.fan, joined([aims, *sides]))
+        meeting, lost = met(self.fan, joined([aims, *sides]))
+        np.add.at(self.unresolved, lost, 1)
+        touching = flat.take(np.flatnonzero(touches))
         touching, meeting = _beside_continua(touching, continua), _beside_continua(meeting, continua)
         return [(touching, np.ones(len(touching.miss), dtype=bool)), (meeting, np.zeros(len(meeting.miss), dtype=bool))]
 

@@ -241,7 +241,7 @@ def _shortest(question: Question, found: _Stationary, known: list[Ray]) -> Ray |
     """The path that was found from the straight line as a ray, where it is none of those known."""
     if any(abs(found.optical_path - ray.optical_path) <= AGREE * (found.error + ray.error) for ray in known):
         return None
-    ray = question.ray(found.heading, found.optical_path, False)
-    if ray.error > NO_RAY * ray.optical_path:  # it meets surfaces in another order
+    [(ray, _)] = question.built(found.heading[None], np.array([found.optical_path]), np.zeros(1, dtype=bool))
+    if ray is None or ray.error > NO_RAY * ray.optical_path:  # it meets surfaces in another order
         return None
     return replace(ray, optical_path=found.optical_path, error=max(found.error, ray.error), model=NAME)

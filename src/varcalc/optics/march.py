@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -73,6 +73,26 @@ class March:
             return beam, np.full(len(beam), int(RayStatus.ARRIVED)), np.ones(len(beam), dtype=bool)
         beam, _, status, rows = self._to_last_medium(beam, limit, np.zeros(len(beam), dtype=bool))
         return beam, status, np.isin(np.arange(len(beam)), rows)
+
+    def parts(self, beam: Beam, path: np.ndarray) -> Iterator[tuple[int, Beam, Beam, np.ndarray]]:
+        """Carry rays to optical paths ``path`` (m,) in the last medium, medium by medium.
+
+        For each its number, the rays where they enter it and where they leave it or end, and True (m,) for those
+        that have met the next surface and no other: in the last medium, none.
+        """
+        for number, model in enumerate(self.models):
+            arrival = model.advance(beam, path, self.shapes[number - 1] if number else NOTHING)
+            expected = self.shapes[number] if number < len(self.shapes) else NOTHING
+            yield number, beam, arrival.beam, (arrival.struck == expected) & (arrival.status == RayStatus.ARRIVED)
+            if number < len(self.shapes):
+                beam, _ = self.refracted(number, arrival.beam)
+
+    def to_path(self, beam: Beam, path: np.ndarray) -> tuple[Beam, np.ndarray]:
+        """The rays at the optical paths ``path`` (m,) in the last medium, and True (m,) for those that come there."""
+        clear = np.ones(len(beam), dtype=bool)
+        for _, _, end, sound in self.parts(beam, path):
+            beam, clear = end, clear & sound
+        return beam, clear
 
     def refracted(self, number: int, beam: Beam) -> tuple[Beam, np.ndarray]:
         """Rays on surface ``number`` as they leave it, and True (m,) where they are totally reflected."""

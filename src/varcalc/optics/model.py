@@ -20,6 +20,9 @@ from varcalc.optics.media import Medium
 from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.surfaces import Geometry, Surface
 
+Builder = Callable[[np.ndarray, np.ndarray, np.ndarray], list[tuple[Ray | None, float]]]
+"""From headings (k, d), optical paths (k,) and whether a caustic is touched (k,) to rays with their misses."""
+
 
 class DoesNotApply(ValueError):
     """A model was asked for that cannot treat the scene; the message says what it needs and which model would do."""
@@ -81,8 +84,9 @@ class Model(ABC):
 class Question:
     """Which rays go from ``a`` to ``b`` (d,) through ``media`` and ``surfaces``, up to the optical path ``within``.
 
-    ``ray`` carries a ray from a heading (d,) at ``a`` to an optical path, with all that belongs to it; its last
-    argument says whether the ray is known to touch a caustic at ``b``. ``search`` is the scene's own search.
+    ``built`` carries rays from unit headings (k, d) at ``a`` to optical paths (k,), with all that belongs to them; its
+    last argument (k,) says which are known to touch a caustic at ``b``. With each comes how far from ``b`` it ends,
+    relative to the distance of the two points. ``search`` is the scene's own search.
     """
 
     media: Sequence[Medium]
@@ -90,5 +94,5 @@ class Question:
     a: np.ndarray
     b: np.ndarray
     within: float
-    ray: Callable[[np.ndarray, float, bool], Ray]
+    built: Builder
     search: Callable[[], Rays]

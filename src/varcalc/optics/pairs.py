@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from varcalc.optics.hamilton import HamiltonRays
 from varcalc.optics.invariants import Invariants
 from varcalc.optics.march import March
 from varcalc.optics.media import Radial, Stratified
-from varcalc.optics.model import DoesNotApply, Model, Question
+from varcalc.optics.model import Builder, DoesNotApply, Model, Question
 from varcalc.optics.models import checked_model
 from varcalc.optics.plane import Section, section, whole_plane
 from varcalc.optics.range_search import found_by_range
@@ -87,7 +86,8 @@ class PairSearch:
 
         Left to choose, the range function is asked where layers or a centre have one and the fan would have to
         integrate: it looks at a curve, not at the plane, however far rays go out. A fan serves many receivers of
-        one source, and what it leaves unresolved goes to the range function.
+        one source, and what it leaves unresolved, or beyond its bounds, goes to the range function, so that how
+        many are asked for changes the cost and no answer.
         """
         problem, planes = self._problem(ends, model.companion if model else None)
         answers: list[Rays | None] = [None] * len(ends)
@@ -99,9 +99,12 @@ class PairSearch:
             elif curve and few[k]:
                 answers[k] = self._by_range(problem, ends, planes, k)
         left = [k for k, answer in enumerate(answers) if answer is None]
-        rest = problem.found(ends.take(left), [planes[k] for k in left] if planes else []) if left else []
-        for k, rays in zip(left, rest, strict=True):
-            again = self._by_range(problem, ends, planes, k) if curve and rays.unresolved else None
+        if not left:
+            return [answer for answer in answers if answer is not None]
+        rest, early = problem.found(ends.take(left), [planes[k] for k in left] if planes else [])
+        for k, rays, beyond in zip(left, rest, early, strict=True):
+            doubtful = beyond or rays.unresolved > 0
+            again = self._by_range(problem, ends, planes, k) if curve and not few[k] and doubtful else None
             answers[k] = rays if again is None or len(again) < len(rays) else again
         return [answer for answer in answers if answer is not None]
 
@@ -109,15 +112,16 @@ class PairSearch:
         """Pair ``k`` as models are asked for it."""
         a, b, within = ends.sources[k], ends.targets[k], float(ends.within[k])
         one = ends.take([k]), [planes[k]] if planes else []
-        ray = partial(problem.ray, a, b)
-        return Question(self.ways.media, self.ways.surfaces, a, b, within, ray, lambda: problem.found(*one)[0])
+        built = _builder(problem, *one)
+        return Question(self.ways.media, self.ways.surfaces, a, b, within, built, lambda: problem.found(*one)[0][0])
 
     def _by_range(self, problem: TwoPoint, ends: Ends, planes: list[Section], k: int) -> Rays | None:
         """The rays of pair ``k`` by the range function; None where it is no simple one."""
+        one = ends.take([k]), [planes[k]]
 
-        def careful(heading: np.ndarray, path: float, touching: bool) -> Ray:
-            by_quadrature, _ = self._problem(ends.take([k]), Invariants())
-            return by_quadrature.ray(ends.sources[k], ends.targets[k], heading, path, touching)
+        def careful(headings: np.ndarray, paths: np.ndarray, touching: np.ndarray) -> list[tuple[Ray | None, float]]:
+            by_quadrature, _ = self._problem(one[0], Invariants())
+            return _builder(by_quadrature, *one)(headings, paths, touching)
 
         try:
             return found_by_range(self._question(problem, ends, planes, k), careful=careful, easy=True)
@@ -154,6 +158,16 @@ class PairSearch:
         for surface in self.ways.surfaces:
             lengths += [away(surface, a), away(surface, b)]
         return RANGE * largest * sum(np.where(np.isfinite(length), length, 0.0) for length in lengths)
+
+
+def _builder(problem: TwoPoint, pair: Ends, planes: list[Section]) -> Builder:
+    """What makes rays of one pair from their headings, optical paths and whether they touch a caustic."""
+
+    def built(headings: np.ndarray, paths: np.ndarray, touching: np.ndarray) -> list[tuple[Ray | None, float]]:
+        every = np.zeros(len(headings), dtype=int)
+        return problem.built(pair.take(every), headings, paths, touching, planes * len(headings))
+
+    return built
 
 
 def _few(sources: np.ndarray) -> np.ndarray:

@@ -12,6 +12,8 @@ from varcalc.optics.system import packed
 
 MET = 4e-14
 """A ray that comes this close to the point, relative to the scene, meets it."""
+ALONG = 1e-9
+"""Of the scene: over so short a stretch a ray is straight."""
 ANGLES = 4 * float(np.spacing(2 * np.pi))
 """Launching angles are known no better."""
 TOUCHING = 4e-14
@@ -95,9 +97,13 @@ class _Look:
 
     @property
     def distance(self) -> np.ndarray:
-        """From the targets (k,); infinite where a ray does not come so far."""
+        """How far the rays pass from the targets (k,); infinite where a ray does not come so far.
+
+        How far along the ray the place looked at is from the target does not count while it is small: σ is known to
+        the round-off of the whole way only, and the optical path is corrected for it.
+        """
         with np.errstate(invalid="ignore"):
-            away = np.hypot(self.miss, self.along)
+            away = np.hypot(self.miss, np.maximum(np.abs(self.along) - ALONG * self.aims.size, 0.0))
         return np.where(np.isfinite(away), away, np.inf)
 
     @property
@@ -136,8 +142,8 @@ def _nearest(fan: Fan, aims: Aims) -> _Look:
     return look
 
 
-def met(fan: Fan, aims: Aims) -> Meeting:
-    """Those of the ``aims`` that meet their targets, polished to round-off."""
+def met(fan: Fan, aims: Aims) -> tuple[Meeting, np.ndarray]:
+    """Those of the ``aims`` that meet their targets, polished to round-off, and the pairs of those that do not."""
     done: list[_Look] = []
     look = best = _look(fan, aims)
     begun, share = aims.angle, np.ones(len(aims))
@@ -157,8 +163,9 @@ def met(fan: Fan, aims: Aims) -> Meeting:
         look = _either(there, new, look)
         left = np.flatnonzero(~finished)
         look, best, begun, share = look.take(left), best.take(left), begun[left], np.where(there, 1.0, share / 4)[left]
-    arrived = [one.take(np.flatnonzero(one.met)) for one in [*done, best]]
-    return gathered([one.meeting() for one in arrived])
+    looks = [*done, best]
+    lost = np.concatenate([one.aims.pair[~one.met] for one in looks])
+    return gathered([one.take(np.flatnonzero(one.met)).meeting() for one in looks]), lost
 
 
 def _either(first: np.ndarray, one: _Look, other: _Look) -> _Look:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.optics.beam import frames
 from varcalc.optics.media import Medium, Radial
-from varcalc.optics.model import DoesNotApply, Question
+from varcalc.optics.model import Builder, DoesNotApply, Question
 from varcalc.optics.profile import Profile
 from varcalc.optics.ranges import Launch, Range, launches
 from varcalc.optics.ray import Ray, Rays
@@ -23,11 +22,9 @@ SAFETY = 4.0
 """By how many times the difference of two optical paths either may be off."""
 PANELS = 32
 """Panels whose errors, each within that to which they are integrated, may add up in an optical path."""
-Carried = Callable[[np.ndarray, float, bool], Ray]
-"""From a heading, an optical path and whether a caustic is touched to a ray."""
 
 
-def found_by_range(question: Question, *, careful: Carried | None = None, easy: bool = False) -> Rays:
+def found_by_range(question: Question, *, careful: Builder | None = None, easy: bool = False) -> Rays:
     """The rays that answer ``question``, whose one medium is ``Stratified`` or ``Radial`` and has no surfaces.
 
     A ray that misses the point as the question carries it, since it went far out where digits are lost, is carried the
@@ -42,9 +39,9 @@ def found_by_range(question: Question, *, careful: Carried | None = None, easy: 
             "some rays come to rest along a layer, and the range function is no simple one; take Hamilton()"
         )
     found = launches(frame.profile, frame.heights, frame.distance, question.within)
-    carried = [_carried(question, careful, frame.heading(launch), launch) for launch in found.found]
-    rays = sorted((ray for ray in carried if ray is not None), key=lambda ray: ray.optical_path)
-    unresolved = found.unresolved + len(carried) - len(rays)
+    carried = _carried(question, careful, frame, found.found)
+    rays = sorted(carried, key=lambda ray: ray.optical_path)
+    unresolved = found.unresolved + len(found.found) - len(rays)
     searched = (
         f"all launching angles by the range function ({found.looked_at} looked at, {unresolved} narrow "
         f"intervals left unresolved), optical paths up to {question.within:.6g}"
@@ -53,26 +50,24 @@ def found_by_range(question: Question, *, careful: Carried | None = None, easy: 
     return Rays(tuple(rays), reason, searched, found.continuum, unresolved)
 
 
-def _carried(question: Question, careful: Carried | None, heading: np.ndarray, launch: Launch) -> Ray | None:
-    """The ray of a launch; None where it does not meet the point: radial ones, at the rim of the range function."""
-    ray = question.ray(heading, launch.path, launch.touching)
-    miss, floor = _miss(ray, question), 0.0
-    if careful is not None and miss > CLOSE:
-        ray = careful(heading, launch.path, launch.touching)
-        miss, floor = _miss(ray, question), PANELS * AGREED * launch.path
-    if miss > MET:
-        return None
+def _carried(question: Question, careful: Builder | None, frame: Frame, found: list[Launch]) -> list[Ray]:
+    """The rays of the launches but those that do not meet the point: radial ones, at the rim of the range function."""
+    if not found:
+        return []
+    headings = np.array([frame.heading(launch) for launch in found])
+    paths, touching = (np.array([getattr(launch, name) for launch in found]) for name in ("path", "touching"))
+    built = question.built(headings, paths, touching)
+    floor, again = np.zeros(len(found)), np.flatnonzero([miss > CLOSE for _, miss in built])
+    if careful is not None and len(again):
+        floor[again] = PANELS * AGREED * paths[again]
+        for k, better in zip(again, careful(headings[again], paths[again], touching[again]), strict=True):
+            built[k] = better
     # two routes to one number: by quadrature to the point, and along the ray
-    return replace(ray, error=max(ray.error, floor, SAFETY * abs(ray.optical_path - launch.path)))
-
-
-def _miss(ray: Ray, question: Question) -> float:
-    """How far the end of a ray is from the point, relative to the distance of the two points."""
-    if not ray.legs:
-        return np.inf
-    last = ray.legs[-1]
-    away = last.at(np.array([last.length])).position[0] - question.b
-    return float(np.linalg.norm(away) / np.linalg.norm(question.b - question.a))
+    return [
+        replace(ray, error=max(ray.error, floor[k], SAFETY * abs(ray.optical_path - paths[k])))
+        for k, (ray, miss) in enumerate(built)
+        if ray is not None and miss <= MET
+    ]
 
 
 class Frame:

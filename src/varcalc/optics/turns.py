@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from varcalc.optics.beam import NOTHING, Beam
+from varcalc.optics.beam import Beam
 from varcalc.optics.march import March
 from varcalc.optics.straight import StraightRays
 from varcalc.optics.strides import stride
@@ -16,27 +16,25 @@ MOST_STEPS = 4000
 
 
 def conjugate_points(
-    march: March, beam: Beam, sigma: np.ndarray, path: np.ndarray, across: np.ndarray, flat: np.ndarray
-) -> tuple[np.ndarray, Beam]:
+    march: March, beam: Beam, path: np.ndarray, across: np.ndarray, flat: np.ndarray
+) -> tuple[np.ndarray, Beam, np.ndarray]:
     """The numbers (m,) of conjugate points of the rays of ``beam``, at their sources, and the rays at their ends.
 
-    These are ``sigma`` (m,) behind the last surface, at the optical path ``path`` (m,); where ``flat`` (m,) they are
-    conjugate points themselves, which do not count. ``across`` (m, d - 1, d) are the unit vectors along which each
-    ray's neighbours start: one in the plane that all of the ray lies in, the other at right angles to it. Each
-    neighbour then crosses the ray on its own account, where its distance from it, with its sign, changes that sign;
-    at a surface both may change it together.
+    These are at the optical path ``path`` (m,), in the last medium; where ``flat`` (m,) they are conjugate points
+    themselves, which do not count. ``across`` (m, d - 1, d) are the unit vectors along which each ray's neighbours
+    start: one in the plane that all of the ray lies in, the other at right angles to it. Each neighbour then crosses
+    the ray on its own account, where its distance from it, with its sign, changes that sign; at a surface both may
+    change it together. Last comes True (m,) for rays that meet the surfaces of the scene in order, and no more.
     """
-    count = np.zeros(len(beam), dtype=int)
-    last = len(march.models) - 1
-    for number in range(last):
-        leaving = march.shapes[number - 1] if number else NOTHING
-        after = march.models[number].advance(beam, path, leaving).beam
-        count += _on_leg(march, number, beam, after, _offsets(after, across), across)
-        beam = march.refracted(number, after)[0]
-    after = march.models[last].onward(beam, sigma, path)[0]
-    ends = _offsets(after, across)
-    ends[flat[:, None] & (np.abs(ends) <= FLAT * path[:, None])] = 0.0
-    return count + _on_leg(march, last, beam, after, ends, across), after
+    count, clear = np.zeros(len(beam), dtype=int), np.ones(len(beam), dtype=bool)
+    for number, before, after, sound in march.parts(beam, path):
+        ends = _offsets(after, across)
+        if number == len(march.models) - 1:
+            ends[flat[:, None] & (np.abs(ends) <= FLAT * path[:, None])] = 0.0
+        count += _on_leg(march, number, before, after, ends, across)
+        clear &= sound
+        beam = after
+    return count, beam, clear
 
 
 def _on_leg(march: March, number: int, beam: Beam, after: Beam, ends: np.ndarray, across: np.ndarray) -> np.ndarray:

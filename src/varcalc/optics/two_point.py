@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from varcalc.optics import sphere
 from varcalc.optics.arrivals import Arrivals, Pairs, Search
-from varcalc.optics.beam import NOTHING, Beam, RayStatus, frames, launched, spreading
+from varcalc.optics.beam import RayStatus, frames, launched, spreading
 from varcalc.optics.fan import Bounds, Fan
 from varcalc.optics.march import March
 from varcalc.optics.plane import Section
-from varcalc.optics.ray import AT_END, Ray, Rays
+from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.space import Approaches, last_leg
 from varcalc.optics.tracks import followed
 from varcalc.optics.turns import conjugate_points
@@ -35,7 +35,7 @@ class Ends:
     def __len__(self) -> int:
         return len(self.sources)
 
-    def take(self, rows: Sequence[int]) -> Ends:
+    def take(self, rows: Sequence[int] | np.ndarray) -> Ends:
         """The pairs of ``rows``."""
         return Ends(self.sources[rows], self.targets[rows], self.within[rows])
 
@@ -50,14 +50,18 @@ class TwoPoint:
     march: March
     full: March
 
-    def found(self, ends: Ends, sections: Sequence[Section]) -> list[Rays]:
-        """All rays of each pair; without ``sections`` that hold them, over the sphere of directions."""
+    def found(self, ends: Ends, sections: Sequence[Section]) -> tuple[list[Rays], np.ndarray]:
+        """All rays of each pair; without ``sections`` that hold them, over the sphere of directions.
+
+        Last comes True (k,) for pairs to which rays may come back from beyond the place up to which they were followed.
+        """
         if sections:
             return self.in_planes(ends, sections)
-        return [self.over_the_sphere(*pair) for pair in zip(ends.sources, ends.targets, ends.within, strict=True)]
+        pairs = zip(ends.sources, ends.targets, ends.within, strict=True)
+        return [self.over_the_sphere(*pair) for pair in pairs], np.zeros(len(ends), dtype=bool)
 
-    def in_planes(self, ends: Ends, sections: Sequence[Section]) -> list[Rays]:
-        """All rays of each pair, which lie in the plane of its section."""
+    def in_planes(self, ends: Ends, sections: Sequence[Section]) -> tuple[list[Rays], np.ndarray]:
+        """All rays of each pair, which lie in the plane of its section: see :meth:`found`."""
         flat = [
             np.array([section.into(point) for section, point in zip(sections, points, strict=True)])
             for points in (ends.sources, ends.targets)
@@ -72,10 +76,11 @@ class TwoPoint:
         searched = f"all directions of the plane ({fan.looked_at} looked at, %d narrow cells left unresolved), "
         searched += "optical paths up to %.6g, no farther than %.6g from B"
         notes = [searched % note for note in zip(found.unresolved, ends.within, far, strict=True)]
-        return [
+        told = [
             _told(rays[k], fan.ends, fan.entered, notes[k], bool(found.continuum[k]), int(found.unresolved[k]))
             for k in range(len(ends))
         ]
+        return told, fan.left_early[source]
 
     def _largest_index(self, ends: Ends) -> np.ndarray:
         """The larger index (k,) of both ends."""
@@ -85,47 +90,48 @@ class TwoPoint:
     def _rays(self, ends: Ends, sections: Sequence[Section], found: Arrivals) -> list[list[Ray]]:
         """The rays found, pair by pair."""
         aims = found.meeting.aims
-        pair = aims.pair
-        axes = np.array([section.axes for section in sections])[pair]
-        heading = np.column_stack([np.cos(aims.angle), np.sin(aims.angle)])
-        normal = np.column_stack([-heading[:, 1], heading[:, 0]])
-        heading = np.einsum("ma,mad->md", heading, axes)
-        across = np.einsum("ma,mad->md", normal, axes)[:, None]
-        if self.full.dimension == 3:
-            across = np.concatenate([across, np.cross(heading, across[:, 0])[:, None]], axis=1)
+        axes = np.array([section.axes for section in sections])[aims.pair]
+        heading = np.einsum("ma,mad->md", np.column_stack([np.cos(aims.angle), np.sin(aims.angle)]), axes)
         path = found.meeting.state[:, 4]
-        beam = _launched(self.full, ends.sources[pair], heading, across)
+        built = self.built(ends.take(aims.pair), heading, path, found.touching, [sections[k] for k in aims.pair])
         rays: list[list[Ray]] = [[] for _ in range(len(ends))]
-        for ray, k in zip(self._described(beam, aims.sigma, path, across, ends.targets[pair], found.touching), pair,
-                          strict=True):  # fmt: skip
+        for k, (ray, _) in zip(aims.pair, built, strict=True):
             if ray is not None:
                 rays[k].append(ray)
         return rays
 
-    def _described(
-        self, beam: Beam, sigma: np.ndarray, path: np.ndarray, across: np.ndarray, targets: np.ndarray,
-        touching: np.ndarray,
-    ) -> list[Ray | None]:  # fmt: skip
-        """The rays of ``beam``, at their sources, with what belongs to them; None for one that meets a surface."""
-        if len(beam) == 0:
+    def built(
+        self, ends: Ends, headings: np.ndarray, path: np.ndarray, touching: np.ndarray, sections: Sequence[Section]
+    ) -> list[tuple[Ray | None, float]]:
+        """The rays that leave the sources along unit ``headings`` (k, d), to the optical paths ``path`` (k,).
+
+        ``touching`` (k,) says that a ray is known to touch a caustic at its target. ``sections`` are the planes that
+        hold the rays; without them conjugate points are looked for along each ray. With every ray comes how far from
+        its target it ends, relative to the distance of the pair; there is no ray where surfaces are not met in the
+        order of the scene.
+        """
+        if len(headings) == 0:
             return []
-        d = beam.dimension
-        index = np.linalg.norm(beam.momentum, axis=1)
-        usual = path / index**2
-        count, end = conjugate_points(self.full, beam, sigma, path, across, touching)
-        away = targets - end.position
-        along = np.sum(end.momentum * away, axis=1)
-        spread = spreading(end)
-        flat = touching | (spread <= FLAT * usual ** (d - 1))
+        across = _across(headings, sections)
+        index = self.full.fields[0].index(ends.sources)
+        beam = launched(ends.sources, headings, index, neighbours=False)
+        beam = replace(beam, moved=np.zeros_like(across), turned=index[:, None, None] * across)
+        if sections:
+            count, end, clear = conjugate_points(self.full, beam, path, across, touching)
+        else:
+            count, (end, clear) = np.zeros(len(beam), dtype=int), self.full.to_path(beam, path)
+        d, momentum = beam.dimension, np.linalg.norm(end.momentum, axis=1)
+        away = ends.targets - end.position
+        along, spread = np.sum(end.momentum * away, axis=1), spreading(end)
+        flat = touching | (spread <= FLAT * (path / index**2) ** (d - 1))
         with np.errstate(divide="ignore"):
             squared = np.where(flat, 0.0, np.sum(away**2, axis=1) * index**2 / spread)  # the path is stationary
         error = np.abs(along) + squared + 16 * EPS * path
-        tangent = end.momentum / np.linalg.norm(end.momentum, axis=1)[:, None]
-        clear, name = self._clear(beam, path), self.full.name
-        rays: list[Ray | None] = []
+        miss = np.linalg.norm(away, axis=1) / np.linalg.norm(ends.targets - ends.sources, axis=1)
+        name, rays = self.full.name, []
         for k in range(len(beam)):
             if not clear[k]:
-                rays.append(None)
+                rays.append((None, np.inf))
                 continue
             ray = Ray(
                 optical_path=float(end.optical_path[k] + along[k]),
@@ -133,71 +139,38 @@ class TwoPoint:
                 index=int(count[k]),
                 spreading=float(spread[k]),
                 degenerate=bool(flat[k]),
-                tangents=(beam.momentum[k] / index[k], tangent[k]),
+                tangents=(headings[k], end.momentum[k] / momentum[k]),
                 model=name,
                 way=lambda k=k: followed(self.full, beam.take(np.array([k])), float(path[k]))[0],
                 media=self.full.media,
                 surfaces=self.full.surfaces,
             )
-            rays.append(ray)
+            rays.append((ray if sections else replace(ray, index=len(ray.conjugate_points)), float(miss[k])))
         return rays
-
-    def _clear(self, beam: Beam, path: np.ndarray) -> np.ndarray:
-        """True (m,) for rays that meet no surface after the last."""
-        clear = np.ones(len(beam), dtype=bool)
-        if self.full.surfaces:
-            entry, _, alive = self.full.to_last_medium(beam, path)
-            rows = np.flatnonzero(alive)
-            arrival = self.full.models[-1].advance(entry.take(rows), path[rows], self.full.shapes[-1])
-            clear[~alive] = False
-            clear[rows] = arrival.struck == NOTHING
-        return clear
 
     def over_the_sphere(self, a: np.ndarray, b: np.ndarray, within: float) -> Rays:
         """All rays from ``a`` to ``b`` (3,) that a net of directions leads to."""
         distance = float(np.linalg.norm(b - a))
-        far = max(within / float(self._largest_index(Ends(a[None], b[None], np.zeros(1)))[0]), 2 * distance)
+        one = Ends(a[None], b[None], np.array([within]))
+        far = max(within / float(self._largest_index(one)[0]), 2 * distance)
         fan = Approaches(self.full, last_leg(self.full), a, b, within, far)
         found = sphere.search(fan.minima, b, distance)
-        rays = [self.ray(a, b, *one, touching=False) for one in zip(found.directions, found.paths, strict=True)]
+        every = np.zeros(len(found.paths), dtype=int)
+        built = self.built(one.take(every), found.directions, found.paths, every > 0, [])
         searched = (
             f"{sphere.DIRECTIONS} directions of space, and Newton's iteration from the best ({found.looked_at} rays), "
             f"optical paths up to {within:.6g}, no farther than {far:.6g} from B"
         )
-        return _told(rays, fan.ends, fan.entered, searched)
-
-    def ray(self, a: np.ndarray, b: np.ndarray, heading: np.ndarray, path: float, touching: bool) -> Ray:
-        """The ray along ``heading`` (d,), with the conjugate points that its legs tell.
-
-        ``touching`` says that it is known to touch a caustic at ``b``.
-        """
-        index = float(self.full.fields[0].index(a[None, :])[0])
-        beam = _launched(self.full, a[None, :], heading[None, :], frames(heading[None, :]))
-        legs, end, _ = followed(self.full, beam, path)
-        away = b - end.position[0]
-        along, spread = float(np.dot(end.momentum[0], away)), float(spreading(end)[0])
-        flat = touching or spread <= FLAT * (path / index**2) ** (len(a) - 1)
-        squared = 0.0 if flat else float(np.dot(away, away)) * index**2 / spread  # the path is stationary
-        last = path * (1 - AT_END) if flat else np.inf
-        return Ray(
-            optical_path=float(end.optical_path[0]) + along,
-            error=abs(along) + squared + 16 * EPS * path,
-            index=sum(where < last for leg in legs for where, _ in leg.foci()),
-            spreading=spread,
-            degenerate=flat,
-            tangents=(heading, end.momentum[0] / np.linalg.norm(end.momentum[0])),
-            model=self.full.name,
-            way=lambda: legs,
-            media=self.full.media,
-            surfaces=self.full.surfaces,
-        )
+        return _told([ray for ray, _ in built if ray is not None], fan.ends, fan.entered, searched)
 
 
-def _launched(march: March, sources: np.ndarray, headings: np.ndarray, across: np.ndarray) -> Beam:
-    """Rays whose neighbours start along the unit vectors ``across`` (m, d - 1, d)."""
-    index = march.fields[0].index(sources)
-    beam = launched(sources, headings, index, neighbours=False)
-    return Beam(beam.position, beam.momentum, beam.optical_path, np.zeros_like(across), index[:, None, None] * across)
+def _across(headings: np.ndarray, sections: Sequence[Section]) -> np.ndarray:
+    """The unit vectors (k, d - 1, d) across ``headings`` (k, d), the first of them in the planes of the rays."""
+    if headings.shape[1] == 2 or not sections:
+        return frames(headings)
+    normals = np.array([np.cross(*section.axes) for section in sections])
+    in_plane = np.cross(normals, headings)
+    return np.stack([in_plane, np.cross(headings, in_plane)], axis=1)
 
 
 def _bounds(

@@ -185,9 +185,9 @@ class Problem(Functional):
         ]
         if not known:
             return
-        steps = _nudges(self.n)
-        fans = np.vstack([y + steps * max(1.0, *map(abs, y.tolist())) for _, _, y in known])
-        x = np.array([float(end.x) for _, end, _ in known]).repeat(len(steps))
+        steps, width = _nudges(self.n), self.span[1] - self.span[0]
+        fans = np.vstack([y + steps[:, 1:] * max(1.0, *map(abs, y.tolist())) for _, _, y in known])
+        x = np.concatenate([end.x + steps[:, 0] * (width if end is self.start else -width) for _, end, _ in known])
         slopes = np.broadcast_to(self._chord_slope()[:, None], fans.T.shape)
         nowhere = np.all(np.isnan(self.integrand_values(x, fans.T, slopes)).reshape(len(known), -1), axis=1)
         for (label, end, _), bad in zip(known, nowhere.tolist(), strict=True):
@@ -355,5 +355,6 @@ def _homogeneous(problem: Curve) -> FewOrMany:
 
 @lru_cache(maxsize=16)
 def _nudges(n: int) -> np.ndarray:
-    """Steps off an end: none, and one either way in each of ``n`` ordinates; (1 + 2 n, n)."""
-    return NUDGE * np.vstack([np.zeros(n), *(sign * row for row in np.eye(n) for sign in (1.0, -1.0))])
+    """Steps off an end: none, one either way in each of ``n`` ordinates, and one inward in x; (2 + 2 n, 1 + n)."""
+    beside = NUDGE * np.vstack([np.zeros(n), *(sign * row for row in np.eye(n) for sign in (1.0, -1.0)), np.zeros(n)])
+    return np.column_stack([NUDGE * (np.arange(2 + 2 * n) == 1 + 2 * n), beside])

@@ -119,6 +119,9 @@ def spaced(text: str) -> tuple[str, tuple[float, ...]]:
     try:
         if len(parts) == 1:
             return name, tuple(float(v) for v in rest.split(","))
-        return name, tuple(np.linspace(float(parts[0]), float(parts[1]), int(parts[2])).tolist())
+        first, last, count = float(parts[0]), float(parts[1]), int(parts[2])
     except ValueError:
         raise ValueError(refusal) from None
+    if count < 1:
+        raise ValueError(f"{text!r} has no values; the last number counts them, so write 1 or more")
+    return name, tuple(np.linspace(first, last, count).tolist())

@@ -146,7 +146,8 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
                 solution = _worth_something(way.solve(form, tol=tol, guess=_sampled(problem, form, start)))
             solution = _standing(way, form, solution, tol)
             if solution.status.ok:
-                return _beyond_doubt(vouched(_compared(solution, failure), form), form, candidates)
+                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                    return _beyond_doubt(vouched(_compared(solution, failure), form), form, candidates)
             if solution.verdict in {Verdict.NOT_ATTAINED, Verdict.DEGENERATE}:
                 return solution
             if failure is None or (math.isnan(failure.value) and not math.isnan(solution.value)) or solution.verdict:

@@ -19,6 +19,10 @@ PROBLEMS = {
     "a third": (lambda x, y, v, p: p.g * ca.sqrt(1 + v**2) * y ** (-1 / 3) * (2 + x), (-1, 0), (1, 1)),
     "graded, downward": (lambda x, y, v, p: p.g * ca.sqrt(1 + v**2) * (-y) ** -0.4 * (3 + x), (-1, -1), (1, 0)),
     "an upright line": (lambda x, y, v, p: p.g * ca.sqrt((1 + v**2) / x) * (5 + y), (0, 1), (1, 0)),
+    "off the axis": (lambda x, y, v, p: ca.sqrt((1 + v**2) / (2 * p.g * (y - 1))), (0, 1), (1, 2)),
+    "off the axis, upward": (lambda x, y, v, p: ca.sqrt((1 + v**2) / (2 * p.g * (7 - y))) * (3 + x), (-1, 7), (1, 5)),
+    "off the axis, by its energy": (lambda x, y, v, p: p.g * ca.sqrt((1 + v**2) / (6 - 2 * y)), (0, 3), (1, 2)),
+    "an upright line at the end": (lambda x, y, v, p: p.g * ca.sqrt((1 + v**2) / (2 - x)) * (5 + y), (0, 1), (2, 0)),
 }
 
 
@@ -57,10 +61,26 @@ def test_numbers_are_those_of_the_expressions(name, factored):
     np.testing.assert_allclose(reported, rows(form, [form.functional, *form.lifted]), rtol=1e-13, atol=1e-15)
 
 
-def test_a_line_off_the_axes_is_left_to_expressions():
-    # constants that cancel have to be gathered in an expression before anything is rounded
-    shifted = vc.Problem(lambda x, y, v: ca.sqrt((1 + v**2) / (y - 1)), vc.Fixed(0, 1), vc.Fixed(1, 2))
-    assert forms(shifted)[0].numbers is None
+@pytest.mark.parametrize("place", [1.0, -0.3, 1e3])
+@pytest.mark.parametrize("upright", [False, True])
+@pytest.mark.parametrize("side", [1, -1])
+def test_the_line_may_lie_anywhere(place, upright, side):
+    # the time of descent from a line at ``place``, on either side of it, to a point one away both ways
+    if upright:
+        lagrangian, first, last = lambda x, y, v: ca.sqrt((1 + v**2) / (side * (x - place))), (place, 0), (place + 1, 1)
+        if side < 0:
+            first, last = (place - 1, 1), (place, 0)
+    else:
+        lagrangian, first, last = (
+            lambda x, y, v: ca.sqrt((1 + v**2) / (side * (y - place))),
+            (0, place),
+            (1, place + side),
+        )
+    solution = vc.solve(vc.Problem(lagrangian, vc.Fixed(*first), vc.Fixed(*last)))
+    assert solution.extremal.form.numbers is not None
+    assert "integrand" not in vars(solution.extremal.form.stated)
+    at_origin = vc.solve(vc.Problem(lambda x, y, v: ca.sqrt((1 + v**2) / y), vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    assert solution.value == pytest.approx(at_origin.value, rel=1e-14)
 
 
 def test_expressions_are_made_when_they_are_asked_for():

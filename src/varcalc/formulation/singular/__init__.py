@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.formulation import Elsewhere, Form, formulate
-from varcalc.formulation.singular.abscissa import abscissa_form
+from varcalc.formulation.singular.abscissa import abscissa_form, regular
 from varcalc.formulation.singular.alike import alike, ends_at, energetic_at
 from varcalc.formulation.singular.departure import departure
 from varcalc.formulation.singular.detection import (
@@ -144,8 +144,10 @@ def _makers(problem: Functional) -> Makers:
         return [direct]
     metric = homogeneous(problem) if seen is None else seen.metric
     if metric is None:
-        others = _others(problem, singular, both_fixed) if isinstance(problem, Problem) else []
-        return [*others, direct] if any(singular) else [direct, *others]
+        if not (isinstance(problem, Problem) and both_fixed):
+            return [direct]
+        others = _others(problem, singular)
+        return [*others, direct] if any(singular) or not regular(problem) else [direct, *others]
     blowups = _blowups(problem, singular, beyond)
     others = energy_forms(problem, metric, singular, blowups) if blowups or not curve else []
     return [*others, direct] if blowups else [direct, *others]
@@ -191,10 +193,8 @@ def _blowups(problem: Functional, singular: tuple[bool, bool], beyond: tuple[boo
     return found
 
 
-def _others(problem: Problem, singular: tuple[bool, bool], both_fixed: bool) -> Makers:
+def _others(problem: Problem, singular: tuple[bool, bool]) -> Makers:
     """Forms for a Lagrangian that is no metric: powers of the abscissa, or of both coordinates."""
-    if not both_fixed:
-        return []
     in_x = partial(abscissa_form, problem)
     return [in_x, partial(power_form, problem, singular)] if singular[0] != singular[1] else [in_x]
 

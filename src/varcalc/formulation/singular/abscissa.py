@@ -2,8 +2,10 @@
 
 Where the dependence of L on the slope blows up or dies like a power of the
 distance from an end, x^s y'^2 say, the momentum L_y' = const makes y - y0 grow
-like a power e of that distance. With x = x0 + t^b and y = y0 + t^(e b) z, b the
-denominator of e, the unknown z is smooth, and free at that end.
+like a power e of that distance. With x = x0 + t^b and y = y0 + t^q z, q / b = e,
+the unknown z is smooth, and free at that end. Where e is no fraction of small
+denominator, b is large enough for t^(e b), q the whole number below e b, to be
+a curve that polynomials come near fast.
 """
 
 from __future__ import annotations
@@ -17,14 +19,22 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled, Stated, rewriter, straight
 from varcalc.formulation.singular.departure import Departure
-from varcalc.formulation.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points, rational
+from varcalc.formulation.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points
 from varcalc.formulation.singular.graph import factored_graph
 from varcalc.formulation.singular.offsets import gathered
-from varcalc.formulation.singular.powers import SLOPES_TRIED, scaling
+from varcalc.formulation.singular.powers import scaling
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import Problem
 
 FEW_SLOPES = np.array([-1e6, -1e3, -1.0, -1e-3, 1e-3, 1.0, 1e3, 1e6])
+ANY_SLOPES = np.geomspace(1e-70, 1e70, 1401)
+"""Slopes among which a level of the momentum is looked for: close to an end a power makes them very small or large."""
+MEASURED = 1e-4
+"""Accuracy with which an exponent is measured."""
+SMOOTH = 6
+"""Power of t that a curve grows with next to an end where no whole power of t is all of it."""
+STEEPEST = 40
+"""Largest power of t in x: a step of a twentieth in t leaves numbers that can still be squared."""
 SAME = 1e-3
 """Slopes by which it is seen that the momentum is the same at both distances, and its relative change that is none:
 the least power that counts, a twelfth, changes it by a third."""
@@ -33,19 +43,18 @@ the least power that counts, a twelfth, changes it by a third."""
 def abscissa_form(problem: Problem) -> Form | None:
     """The problem in t with x ~ t^b at one end or both; None when the abscissa itself serves."""
     start, end = end_points(problem)
-    if _regular(problem, [start, end]):
+    if regular(problem):
         return None
     width = end[0] - start[0]
-    exponents = [_exponent(problem, point, inward * width) for point, inward in ((start, 1.0), (end, -1.0))]
-    singular = [e.denominator > 1 for e in exponents]
+    exponents = powers_at_ends(problem)
+    singular = [e != (1, 1) for e in exponents]
     if not any(singular):
         return None
     if all(singular):
-        first, last = (Departure(e.denominator, (e.numerator,), np.zeros(1)) for e in exponents)
+        first, last = (Departure(b, (q,), np.zeros(1)) for b, q in exponents)
         return factored_graph(problem, (first, last))
     at_start = singular[0]
-    corner, other, exponent = (start, end, exponents[0]) if at_start else (end, start, exponents[1])
-    b, q = exponent.denominator, exponent.numerator
+    corner, other, (b, q) = (start, end, exponents[0]) if at_start else (end, start, exponents[1])
     inward = width if at_start else -width
     s = problem.symbols
     symbols = replace(Symbols.make(s.kind, 1, 1, 0, len(problem.unknowns)), parameters=s.parameters)
@@ -79,9 +88,9 @@ def abscissa_form(problem: Problem) -> Form | None:
     )  # fmt: skip
 
 
-def _regular(problem: Problem, ends: list[np.ndarray]) -> bool:
+def regular(problem: Problem) -> bool:
     """Whether the momentum is the same at both distances from either end, whatever the slope: no power of x then."""
-    (x0, y0), (x1, y1), count = ends[0].tolist(), ends[1].tolist(), len(FEW_SLOPES)
+    ((x0, y0), (x1, y1)), count = (end.tolist() for end in end_points(problem)), len(FEW_SLOPES)
     steps = (x1 - x0) * np.array(PROBE)
     x = np.concatenate([x0 + steps, x1 - steps]).repeat(count)
     y = np.array([y0, y0, y1, y1]).repeat(count)
@@ -91,18 +100,34 @@ def _regular(problem: Problem, ends: list[np.ndarray]) -> bool:
         return bool((np.abs(near - far) <= SAME * np.minimum(np.abs(near), np.abs(far))).all())
 
 
-def _exponent(problem: Problem, point: np.ndarray, inward: float) -> Fraction:
-    """The power of the distance from one end that y grows with there, from L_y' = const; 1 where it is regular."""
+def powers_at_ends(problem: Problem) -> list[tuple[int, int]]:
+    """(b, q) at both ends, the coordinates of which are known: see :func:`_exponent`."""
+    start, end = end_points(problem)
+    width = end[0] - start[0]
+    return [_exponent(problem, start, width), _exponent(problem, end, -width)]
+
+
+def _exponent(problem: Problem, point: np.ndarray, inward: float) -> tuple[int, int]:
+    """(b, q): y grows like the power q / b of the distance from one end, from L_y' = const; (1, 1) where regular."""
     # the level of the momentum is that of the chord half way: far from it another power may rule
     ends = np.array(end_points(problem))
     middle = ends.mean(0)
     trial = float((ends[1, 1] - ends[0, 1]) / (ends[1, 0] - ends[0, 0])) or 1.0
-    count = len(SLOPES_TRIED)
+    count = len(ANY_SLOPES)
     x = np.concatenate([middle[:1], (point[0] + inward * np.array(PROBE)).repeat(count)])
     y = np.concatenate([middle[1:], np.full(2 * count, point[1])])
-    slopes = np.concatenate([[trial], np.tile(math.copysign(1.0, trial) * SLOPES_TRIED, 2)])
+    slopes = np.concatenate([[trial], np.tile(math.copysign(1.0, trial) * ANY_SLOPES, 2)])
     momenta = problem.integrand_derivatives(x, y[None], slopes[None]).gradient[:, 2]
-    slope = scaling(SLOPES_TRIED, list(momenta[1:].reshape(2, -1)), float(momenta[0]))
+    slope = scaling(ANY_SLOPES, list(momenta[1:].reshape(2, -1)), float(momenta[0]))
     if slope is None or not math.isfinite(slope) or slope <= -1:
-        return Fraction(1)
-    return Fraction(rational(1.0 + slope, 2 * LARGEST_DENOMINATOR)).limit_denominator(2 * LARGEST_DENOMINATOR)
+        return 1, 1
+    return whole_powers(1.0 + slope)
+
+
+def whole_powers(exponent: float) -> tuple[int, int]:
+    """(b, q) with q / b the exponent, where it is a fraction of small numbers; else not above it, and q large."""
+    fraction = Fraction(exponent).limit_denominator(2 * LARGEST_DENOMINATOR)
+    if abs(exponent - fraction) <= MEASURED and 0 < fraction.numerator <= 2 * LARGEST_DENOMINATOR:
+        return fraction.denominator, fraction.numerator
+    b = min(math.ceil(SMOOTH / exponent), STEEPEST)
+    return b, max(1, math.floor(b * exponent + MEASURED))

@@ -4,6 +4,8 @@ With xi along the line and the distance D = w^p from it, the length element
 n(q) |dq| has the energy n^2 (xi'^2 + D'^2), divided by the rate of the parameter;
 its derivatives follow from those of n by the chain rule. The powers of s that the
 extremal is known to start with enter as an affine map of the unknown functions.
+Where the line does not meet an axis at zero, n is stated in coordinates measured
+from the line, since D would lose its digits in a sum.
 """
 
 from __future__ import annotations
@@ -15,8 +17,10 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import AtPoints, Reported
+from varcalc.formulation.singular.offsets import gathered
 from varcalc.problem.problem import FEW, Problem
 from varcalc.symbolic.buffered import Pointwise
+from varcalc.symbolic.derived import derived
 
 
 @dataclass(frozen=True)
@@ -76,8 +80,8 @@ def _chain_rule() -> ca.Function:
 class ConformalEnergy:
     """The energy of n |dq| at points s: see the module.
 
-    ``origin`` and ``normal`` place the line, which is parallel to an axis and meets the other at zero; ``rate`` is
-    dtau/ds at the points, ``energy`` a call of :func:`_chain_rule`.
+    ``origin`` and ``normal`` place the line, which is parallel to an axis; ``rate`` is dtau/ds at the points,
+    ``energy`` a call of :func:`_chain_rule`.
     """
 
     def __init__(
@@ -88,33 +92,55 @@ class ConformalEnergy:
         rate: np.ndarray,
         factors: Factors | None,
     ) -> None:
-        self.problem, self.power, self.rate, self._energy = problem, numbers.power, rate, energy
+        self.power, self.rate, self._energy = numbers.power, rate, energy
         (nx, ny), (self.x0, self.y0) = numbers.normal.tolist(), numbers.origin.tolist()
+        self.problem = problem
+        self._local = _measured_from(problem, self.x0, self.y0) if numbers.shifted else None
         self.tangent, self.normal = (ny, -nx), (nx, ny)
         self._chart = np.array([[ny, -nx, nx, ny, self.power]])
         self.transform = None if factors is None else factors.transform
         self.offset = None if factors is None else factors.offset
 
-    def _values(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The point of the plane, (Q,) each."""
+    def _offsets(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The point of the plane measured from ``origin``, (Q,) each."""
         (tx, ty), (nx, ny), distance = self.tangent, self.normal, u[:, 1] ** self.power
-        return self.x0 + tx * u[:, 0] + nx * distance, self.y0 + ty * u[:, 0] + ny * distance
+        return tx * u[:, 0] + nx * distance, ty * u[:, 0] + ny * distance
+
+    def _rows(self, u: np.ndarray) -> np.ndarray:
+        """n with its derivatives (Q, 13): the rows of :class:`varcalc.symbolic.derivatives.Derivatives`."""
+        x, y = self._offsets(u)
+        if self._local is not None:
+            return self._local(len(x), x[:, None], y[:, None], self.problem.parameter_values[None])
+        return self.problem.integrand_derivatives(self.x0 + x, self.y0 + y[None], np.zeros((1, len(x)))).rows
 
     def derivatives(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """See :class:`varcalc.formulation.AtPoints`."""
-        x, y = self._values(u)
-        rows = self.problem.integrand_derivatives(x, y[None], np.zeros((1, len(x)))).rows
-        found = self._energy(len(x), rows, u, self._chart, self.rate)
+        found = self._energy(len(u), self._rows(u), u, self._chart, self.rate)
         return found[:, 0], found[:, 1:5], found[:, 5:].reshape(-1, 4, 4)
 
     def reported(self, u: np.ndarray) -> Reported:
         """The length element, and the point of the plane with its velocity."""
-        x, y = self._values(u)
-        n = self.problem.integrand_values(x, y[None], np.zeros((1, len(x))))
+        x, y = self._offsets(u)
+        x, y = self.x0 + x, self.y0 + y
+        if self._local is None:
+            n = self.problem.integrand_values(x, y[None], np.zeros((1, len(x))))
+        else:
+            n = self._rows(u)[:, 0]
         v, fall = u[:, 2], self.power * u[:, 1] ** (self.power - 1) * u[:, 3]
         (tx, ty), (nx, ny) = self.tangent, self.normal
         dx, dy = tx * v + nx * fall, ty * v + ny * fall
         return Reported(np.abs(n) * np.hypot(v, fall), x, y[:, None], dx, dy[:, None])
+
+
+@derived
+def _measured_from(problem: Problem, x0: float, y0: float) -> Pointwise:
+    """n with its derivatives, as a function of the point measured from (x0, y0) and of the parameters."""
+    s = problem.symbols
+    n = ca.substitute([problem.integrand], [s.x, s.y, s.dy], [x0 + s.x, y0 + s.y, s.kind(0)])[0]
+    n = gathered(n, s)
+    hessian, gradient = ca.hessian(n, s.variables)
+    rows = ca.densify(ca.vertcat(n, gradient, ca.vec(hessian)))
+    return Pointwise(ca.Function("n", [s.x, s.y, s.parameters], [rows]), FEW)
 
 
 @dataclass(frozen=True)
@@ -130,6 +156,8 @@ class ConformalNumbers:
     """xi at the ends."""
     singular: tuple[bool, bool]
     factored: bool
+    shifted: bool
+    """Whether the line is elsewhere than where a coordinate is zero."""
 
     def on(self, problem: Problem, s: np.ndarray) -> AtPoints:
         """The energy at points s (Q,), at the parameter values of ``problem``."""

@@ -54,7 +54,10 @@ def departure(problem: Problem, at_start: bool) -> Departure | None:
         return None
     points = end_points(problem)
     here, other = points if at_start else points[::-1]
-    power, side = exponent(problem, here, np.where(np.isnan(other), here + extent(problem), other))
+    found = exponent(problem, here, np.where(np.isnan(other), here + extent(problem), other))
+    if found is None:
+        return None
+    power, side = found
     fraction = Fraction(power).limit_denominator(2 * LARGEST_DENOMINATOR)
     if fraction <= 0:
         return None

@@ -240,17 +240,21 @@ def _numbers(
     singular: tuple[bool, bool],
     factored: bool,
 ) -> ConformalNumbers | None:
-    """The energy as numbers, for a conformal metric next to one line along which a coordinate is zero.
+    """The energy as numbers, for a conformal metric next to one line along which a coordinate is constant.
 
-    Elsewhere constants have to be gathered before anything is rounded (:mod:`varcalc.formulation.singular.offsets`).
+    Where that constant is not zero, it has to be gathered with those of L, which takes a formula for L, and a number
+    that no parameter moves (:mod:`varcalc.formulation.singular.offsets`).
     """
     if not (isinstance(problem, Problem) and metric.conformal and not problem.unknowns and sum(singular) == 1):
         return None
     across = int(np.argmax(np.abs(chart.normal)))
-    if chart.height is not None or chart.normal[1 - across] != 0.0 or chart.origin[across] != 0.0:
+    if chart.height is not None or chart.normal[1 - across] != 0.0:
+        return None
+    shifted = chart.origin[across] != 0.0
+    if shifted and (problem.end_parameters or problem.symbols.kind is not ca.SX):
         return None
     return ConformalNumbers(
-        chart.origin, chart.normal, chart.power, chart.growth, chart.grade, line, singular, factored
+        chart.origin, chart.normal, chart.power, chart.growth, chart.grade, line, singular, factored, shifted
     )
 
 

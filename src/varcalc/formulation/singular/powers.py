@@ -24,12 +24,15 @@ SLOPES_TRIED = np.geomspace(1e-9, 1e9, 400)
 """Slopes among which level lines of a first integral are looked for."""
 
 
-def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form:
-    """x = x0 + t^b and y = y0 + w^a at a singular end of a Lagrangian that is no metric."""
+def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form | None:
+    """x = x0 + t^b and y = y0 + w^a at a singular end of a Lagrangian that is no metric; None where no power serves."""
     at_start = singular[0]
     start, end = end_points(problem)
     corner, other = (start, end) if at_start else (end, start)
-    power, side = exponent(problem, corner, other)
+    found = exponent(problem, corner, other)
+    if found is None:
+        return None
+    power, side = found
     fraction = Fraction(power).limit_denominator(2 * LARGEST_DENOMINATOR)
     a, b = fraction.numerator, fraction.denominator
     s = problem.symbols
@@ -69,10 +72,10 @@ def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form:
     )  # fmt: skip
 
 
-def exponent(problem: Problem, corner: np.ndarray, other: np.ndarray) -> tuple[float, float]:
+def exponent(problem: Problem, corner: np.ndarray, other: np.ndarray) -> tuple[float, float] | None:
     """The exponent alpha of the extremal y - y0 ~ side * (x - x0)^alpha at a singular end, and its side.
 
-    From the first integral v L_v - L = const at two small distances: v grows
+    None where no power explains what L does. From the first integral v L_v - L = const at two small distances: v grows
     like distance^(1 - 1/alpha).
     """
     size = max(abs(other[1] - corner[1]), abs(other[0] - corner[0]))
@@ -99,9 +102,9 @@ def exponent(problem: Problem, corner: np.ndarray, other: np.ndarray) -> tuple[f
             ).ravel()
             logs.append(values)
         found = scaling(slopes, logs, level if math.isfinite(level) else None)
-        if found is not None:
+        if found is not None and math.isfinite(found) and found < 1:
             return rational(1.0 / (1.0 - found)), side
-    return 1.0, 1.0
+    return None
 
 
 def scaling(slopes: np.ndarray, values: list[np.ndarray], level: float | None = None) -> float | None:
@@ -114,10 +117,16 @@ def scaling(slopes: np.ndarray, values: list[np.ndarray], level: float | None = 
         return None
     crossings = []
     for row in (far, near):
-        change = np.flatnonzero(np.diff(np.sign(row - middle)) != 0)
+        with np.errstate(invalid="ignore"):
+            step = np.diff(np.sign(row - middle))
+        change = np.flatnonzero(np.isfinite(step) & (step != 0))
         if not len(change):
             return None
         k = int(change[0])
-        share = (middle - row[k]) / (row[k + 1] - row[k])
+        first, last = float(row[k]), float(row[k + 1])
+        if middle * first > 0 and middle * last > 0:  # a power is a straight line in logarithms
+            share = math.log(middle / first) / math.log(last / first)
+        else:
+            share = (middle - first) / (last - first)
         crossings.append(math.log(slopes[k]) + share * math.log(slopes[k + 1] / slopes[k]))
     return -(crossings[1] - crossings[0]) / ratio
