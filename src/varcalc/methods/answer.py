@@ -14,7 +14,7 @@ from varcalc.formulation.singular import forms, number_of
 from varcalc.methods.moved_ends import by_moved_ends
 from varcalc.numerics.mesh import SpaceCurve, gauss
 from varcalc.numerics.resampled import Resampled, SentResampled, resampled
-from varcalc.problem.conditions import Isoperimetric, OnCurve
+from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, defined, no_answer
@@ -331,9 +331,7 @@ def _slope_at_ends(extremal: Extremal, s: np.ndarray, slope: np.ndarray) -> np.n
 def person_nodes(extremal: Extremal, nodes: np.ndarray) -> np.ndarray:
     """Nodes in s as abscissae of the person's."""
     problem = extremal.form.problem
-    fixed = isinstance(problem, Problem) and not (
-        isinstance(problem.start, OnCurve) or isinstance(problem.end, OnCurve)
-    )
+    fixed = isinstance(problem, Problem) and not any(problem.slides)
     if fixed and len(nodes) == 2:
         return np.array(problem.span)
     return nodes if not extremal.form.stated.is_lifted else lifted(extremal, nodes)[0]

@@ -134,8 +134,14 @@ class OfFunction:
         return position
 
 
+class AnyEnd:
+    """What the ends of all kinds are asked: ``slides``, whether an end moves along a curve or a surface."""
+
+    slides: ClassVar[bool] = False
+
+
 @dataclass(frozen=True)
-class Fixed:
+class Fixed(AnyEnd):
     """An end at the abscissa ``x`` with the ordinate ``y`` given.
 
     ``y`` is a number, or a sequence with one entry for each unknown function,
@@ -160,7 +166,7 @@ class Fixed:
 
 
 @dataclass(frozen=True)
-class Free:
+class Free(AnyEnd):
     """An end at the abscissa ``x`` whose ordinate is free (natural condition).
 
     ``n`` is the number of unknown functions, needed only when the other end
@@ -176,9 +182,10 @@ class Free:
 
 
 @dataclass(frozen=True)
-class OnCurve(OfFunction):
+class OnCurve(OfFunction, AnyEnd):
     """An end that slides on ``phi(x, y) = 0``; ``x`` is a first guess of its abscissa."""
 
+    slides = True
     written = "phi"
 
     phi: Callable[..., Any]
@@ -192,7 +199,7 @@ class OnCurve(OfFunction):
 
 
 @dataclass(frozen=True)
-class Periodic:
+class Periodic(AnyEnd):
     """Both ends of a periodic curve: ``y(x0) = y(x1)`` and so the slope.
 
     Give the same object as start and end. For a closed :class:`varcalc.Curve`
@@ -213,7 +220,7 @@ class Periodic:
 
 
 @dataclass(frozen=True)
-class At:
+class At(AnyEnd):
     """An end of a :class:`varcalc.Curve` at the point ``q`` (``None``: that component is free)."""
 
     q: Sequence[float | Parameter | None]
@@ -225,9 +232,10 @@ class At:
 
 
 @dataclass(frozen=True)
-class OnSurface(OfFunction):
+class OnSurface(OfFunction, AnyEnd):
     """An end of a :class:`varcalc.Curve` that slides on ``phi(q) = 0``; ``guess`` is a point near it."""
 
+    slides = True
     written = "phi"
 
     phi: Callable[..., Any]

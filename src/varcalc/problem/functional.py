@@ -158,6 +158,11 @@ class Functional:
         """The parameters that are coordinates of the ends."""
         return frozenset(name for end in self.templates for name, _, _ in parameters_of(end))
 
+    @property
+    def slides(self) -> tuple[bool, bool]:
+        """Whether the start slides on a curve or a surface, and whether the end does."""
+        return self.start.slides, self.end.slides
+
     # what Problem and Curve each define
     def check_ends(self) -> None:
         """Raise ValueError where parameters have moved an end to where none can be."""
