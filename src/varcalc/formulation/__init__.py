@@ -29,7 +29,6 @@ from varcalc.formulation.form import (
 )
 from varcalc.formulation.graph import graph_form, on_curve, sliding_form
 from varcalc.formulation.numbers import AtPoints, GraphNumbers, Numbers, Reported
-from varcalc.problem.conditions import OnCurve
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 
@@ -64,6 +63,6 @@ def formulate(problem: Functional) -> Form:
         return curve_form(problem)
     if not isinstance(problem, Problem):
         raise TypeError(f"problem must be a Problem or a Curve, not {problem!r}")
-    if isinstance(problem.start, OnCurve) or isinstance(problem.end, OnCurve):
+    if any(problem.slides):
         return sliding_form(problem)
     return graph_form(problem)

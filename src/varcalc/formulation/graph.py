@@ -67,7 +67,7 @@ def _graph_cache(problem: Problem) -> Cache:
 
 def sliding_form(problem: Problem) -> Form:
     """Ends that slide on curves: s in [0, 1], the sliding abscissae among the unknowns."""
-    sliding = [isinstance(e, OnCurve) for e in (problem.start, problem.end)]
+    sliding = problem.slides
     symbols = extended(problem, problem.n, sum(sliding))
     count = len(problem.unknowns)
     kind = symbols.kind

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,9 +10,12 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
+from varcalc.formulation.singular import forms, number_of
 from varcalc.methods.moved_ends import by_moved_ends
-from varcalc.numerics.mesh import gauss
-from varcalc.problem.conditions import Isoperimetric, OnCurve
+from varcalc.numerics.mesh import SpaceCurve, gauss
+from varcalc.numerics.resampled import Resampled, SentResampled, resampled
+from varcalc.problem.conditions import Isoperimetric
+from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, defined, no_answer
 from varcalc.symbolic.derived import derived
@@ -74,6 +77,42 @@ class Extremal:
     in_a_row: int = 0
     """How many solutions in a row, up to this one, were each begun from the one before."""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        number = number_of(self.form)
+        if number is None:  # the curve travels with the solution, in the user's own coordinates
+            return _no_extremal, ()
+        marks = [*self.form.span, *self.vertices]
+        lasting = isinstance(self.evaluate, SpaceCurve | Resampled)
+        evaluate = self.evaluate if lasting else resampled(self.evaluate, marks, 1 + self.form.order)
+        path = {k: _resampled_density(mu, marks) for k, mu in self.path.items()}
+        others = (self.speed, self.coefficients, self.along)
+        return _of_form, (
+            self.form.problem, number, evaluate, self.unknowns, self.vertices, self.lambdas, path, *others,
+        )  # fmt: skip
+
+
+def _of_form(problem: Functional, number: int, *parts: Any) -> Extremal:
+    return Extremal(forms(problem)[number], *parts)
+
+
+def _no_extremal() -> None:
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Density:
+    """A function of one number, by its polynomials."""
+
+    curve: Resampled
+
+    def __call__(self, s: np.ndarray) -> np.ndarray:
+        return self.curve(s, 0)[0]
+
+
+def _resampled_density(density: Callable[[np.ndarray], np.ndarray], marks: Iterable[float]) -> _Density:
+    lasting = isinstance(density, _Density)
+    return density if lasting else _Density(resampled(lambda s, _: density(s)[None], marks, 1))
+
 
 class Deferred(Mapping[str, float]):
     """A mapping computed when it is first looked at."""
@@ -98,6 +137,9 @@ class Deferred(Mapping[str, float]):
 
     def __repr__(self) -> str:
         return repr(self._all())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (self._all(),)
 
 
 def sample(extremal: Extremal, s: np.ndarray) -> list[np.ndarray]:
@@ -239,10 +281,25 @@ def _abscissae_to_s(extremal: Extremal, x: np.ndarray) -> np.ndarray:
 
 def person_curve(extremal: Extremal) -> Callable[[np.ndarray, int], np.ndarray]:
     """The curve (or its slope) as a function of the person's abscissa."""
-    if not extremal.form.stated.is_lifted:
-        return extremal.evaluate
+    return UserCurve(extremal)
 
-    def curve(x: np.ndarray, derivative: int) -> np.ndarray:
+
+@dataclass(frozen=True, eq=False)
+class UserCurve(SentResampled):
+    """The curve of an extremal, and its slope, at abscissae of the user's."""
+
+    extremal: Extremal
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """Abscissae at which it may be less smooth."""
+        return person_nodes(self.extremal, self.extremal.vertices)
+
+    def __call__(self, x: np.ndarray, derivative: int) -> np.ndarray:
+        """The curve (derivative 0) or its slope (1) at x (m,), shape (n, m)."""
+        extremal = self.extremal
+        if not extremal.form.stated.is_lifted:
+            return extremal.evaluate(x, derivative)
         s = _abscissae_to_s(extremal, x)
         _, y, dx, dy = lifted(extremal, s)
         if derivative == 0:
@@ -250,7 +307,10 @@ def person_curve(extremal: Extremal) -> Callable[[np.ndarray, int], np.ndarray]:
         with np.errstate(divide="ignore", invalid="ignore"):
             return _slope_at_ends(extremal, s, dy / dx)
 
-    return curve
+    def __reduce__(self) -> tuple[Any, ...]:
+        if number_of(self.extremal.form) is None:
+            return super().__reduce__()
+        return UserCurve, (self.extremal,)
 
 
 def _slope_at_ends(extremal: Extremal, s: np.ndarray, slope: np.ndarray) -> np.ndarray:
@@ -271,9 +331,7 @@ def _slope_at_ends(extremal: Extremal, s: np.ndarray, slope: np.ndarray) -> np.n
 def person_nodes(extremal: Extremal, nodes: np.ndarray) -> np.ndarray:
     """Nodes in s as abscissae of the person's."""
     problem = extremal.form.problem
-    fixed = isinstance(problem, Problem) and not (
-        isinstance(problem.start, OnCurve) or isinstance(problem.end, OnCurve)
-    )
+    fixed = isinstance(problem, Problem) and not any(problem.slides)
     if fixed and len(nodes) == 2:
         return np.array(problem.span)
     return nodes if not extremal.form.stated.is_lifted else lifted(extremal, nodes)[0]
@@ -289,24 +347,42 @@ def multipliers(extremal: Extremal) -> tuple[Any, ...]:
             # the Lagrangian function is J + lambda (G - level), so J changes by -lambda with the level
             out.append(-form.sign * float(levels[i]))
         else:
-            out.append(extremal.path.get(i) and _of_abscissa(extremal, i))
+            out.append(Multiplier(_PathDensity(extremal, i)) if i in extremal.path else None)
     return tuple(out)
 
 
-def _of_abscissa(extremal: Extremal, index: int) -> Callable[[Any], Any]:
-    mu, sign = extremal.path[index], extremal.form.sign
+@dataclass(frozen=True, eq=False)
+class Multiplier:
+    """The multiplier of a pathwise condition as a function of the user's abscissa, a number or an array."""
 
-    def multiplier(x: Any) -> Any:
+    density: Callable[[np.ndarray], np.ndarray]
+
+    def __call__(self, x: Any) -> Any:
+        """The multiplier at x, in its shape."""
         at = np.asarray(x, dtype=float)
-        if not extremal.form.stated.is_lifted:
-            density = mu(at.ravel())
-        else:  # a density in s is stated in the person's abscissa
-            s = _abscissae_to_s(extremal, at.ravel())
-            density = mu(s) / lifted(extremal, s)[2]
-        values = sign * density.reshape(at.shape)
+        values = self.density(at.ravel()).reshape(at.shape)
         return float(values) if at.ndim == 0 else values
 
-    return multiplier
+
+@dataclass(frozen=True, eq=False)
+class _PathDensity:
+    """The multiplier of constraint ``index`` of an extremal, at abscissae of the user's."""
+
+    extremal: Extremal
+    index: int
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        extremal, mu = self.extremal, self.extremal.path[self.index]
+        if not extremal.form.stated.is_lifted:
+            return extremal.form.sign * mu(x)
+        # a density in s is stated in the user's abscissa
+        s = _abscissae_to_s(extremal, x)
+        return extremal.form.sign * (mu(s) / lifted(extremal, s)[2])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if number_of(self.extremal.form) is not None:
+            return _PathDensity, (self.extremal, self.index)
+        return _Density, (_resampled_density(self, person_nodes(self.extremal, self.extremal.vertices)).curve,)
 
 
 def _turns_back(extremal: Extremal, curve_error: float) -> bool:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.problem.conditions import OnCurve
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution
@@ -77,7 +76,7 @@ def _check_kin(problem: Functional, guess: Solution) -> None:
         raise ValueError(
             f"guess is a Solution with {other.n} unknown functions and the problem has {problem.n}; give a function"
         )
-    sliding = any(isinstance(e, OnCurve) for e in (problem.start, problem.end, other.start, other.end))
+    sliding = any((*problem.slides, *other.slides))
     sliding = sliding or problem.templates is other.templates  # parameters have moved the ends
     width = problem.span[1] - problem.span[0]
     if not sliding and max(abs(a - b) for a, b in zip(problem.span, other.span, strict=True)) > SAME * width:

@@ -263,6 +263,10 @@ class Space:
         local = self.local(coefficients)
         return [(table[d] @ local) * (2.0 / self.widths[:, None, None]) ** d for d in range(derivatives + 1)]
 
+    def curve(self, coefficients: np.ndarray) -> SpaceCurve:
+        """The functions of these coefficients, to be called with abscissae and the order of a derivative."""
+        return SpaceCurve(self, coefficients)
+
     def evaluate(self, coefficients: np.ndarray, x: np.ndarray, derivative: int = 0) -> np.ndarray:
         """A derivative of the functions at abscissae ``x`` of shape (m,); returns (n, m).
 
@@ -358,3 +362,15 @@ class Space:
                 legendre_rows = basis_at_gauss(m, self.degree, count, m)[m][:, 2 * m :]
                 out[finer.numbers[e, 2 * m :]] = (legendre_rows * weights[:, None]).T @ values[m][2:]
         return finer, out
+
+
+@dataclass(frozen=True, eq=False)
+class SpaceCurve:
+    """Piecewise polynomials as a curve: ``curve(x, k)`` is the k-th derivative at x (m,), shape (n, m)."""
+
+    space: Space
+    coefficients: np.ndarray
+
+    def __call__(self, x: np.ndarray, derivative: int) -> np.ndarray:
+        """The derivative at x (m,), shape (n, m)."""
+        return self.space.evaluate(self.coefficients, x, derivative)

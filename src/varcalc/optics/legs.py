@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from varcalc.integrators import Flow, Outcome
+from varcalc.numerics.resampled import Resampled, resampled
 from varcalc.optics.beam import Beam
 from varcalc.optics.system import unpacked
 
@@ -34,6 +36,12 @@ class Leg:
     pull: Callable[[np.ndarray], np.ndarray]
     length: float
     breaks: tuple[float, ...] = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        beam = self.at(np.zeros(1))
+        rows = resampled(lambda sigma, _: _flat(self.at(sigma)).T, [0.0, *self.breaks, self.length], 1)
+        at = SampledBeam(rows, beam.dimension, beam.deviations)
+        return KnownLeg, (at, np.zeros_like, self.length, self.breaks, self.foci())
 
     def sampled(self) -> tuple[np.ndarray, Beam]:
         """σ (k,) from end to end, and the ray there."""
@@ -86,6 +94,41 @@ class Leg:
             first = int(np.argmax(done))
             low, high = float(cuts[first]), float(cuts[first + 1])
         return (low + high) / 2
+
+
+@dataclass(frozen=True)
+class KnownLeg(Leg):
+    """A leg by its samples, with its conjugate points: what another process is given."""
+
+    found: list[tuple[float, np.ndarray]] = field(default_factory=list)
+
+    def foci(self) -> list[tuple[float, np.ndarray]]:
+        """Those found where the leg was followed."""
+        return self.found
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return KnownLeg, (self.at, self.pull, self.length, self.breaks, self.found)
+
+
+@dataclass(frozen=True, eq=False)
+class SampledBeam:
+    """A ray with its ``deviations`` in ``dimension`` dimensions, as polynomials in σ."""
+
+    rows: Resampled
+    dimension: int
+    deviations: int
+
+    def __call__(self, sigma: np.ndarray) -> Beam:
+        """The ray at σ (k,), a beam of k rows."""
+        d, rows = self.dimension, self.rows(sigma, 0).T
+        moved, turned = rows[:, 1 + 2 * d :].reshape(len(rows), 2, self.deviations, d).swapaxes(0, 1)
+        return Beam(rows[:, :d], rows[:, d : 2 * d], rows[:, 2 * d], moved, turned)
+
+
+def _flat(beam: Beam) -> np.ndarray:
+    """Position, momentum, optical path and deviations side by side, one row a ray."""
+    parts = (beam.position, beam.momentum, beam.optical_path, beam.moved, beam.turned)
+    return np.hstack([np.reshape(part, (len(beam), -1)) for part in parts])
 
 
 def _passed(before: np.ndarray, after: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any, Self
 
 import casadi as ca
@@ -159,6 +160,8 @@ class Stratified(_Parametric):
         Names with values, that ``n`` finds in its last argument: ``p.name``.
     """
 
+    functions = MappingProxyType({"n": (1,)})
+
     n: Callable[..., Expression]
     parameters: Mapping[str, float] = _declared()
 
@@ -192,6 +195,8 @@ class Radial(_Parametric):
     parameters : Mapping[str, float], optional
         Names with values, that ``n`` finds in its last argument: ``p.name``.
     """
+
+    functions = MappingProxyType({"n": (1,)})
 
     n: Callable[..., Expression]
     center: Sequence[float] | None = None
@@ -239,6 +244,8 @@ class Graded(_Parametric):
     parameters : Mapping[str, float], optional
         Names with values, that ``n`` finds in its last argument: ``p.name``.
     """
+
+    functions = MappingProxyType({"n": (2, 3)})
 
     n: Callable[..., Expression]
     parameters: Mapping[str, float] = _declared()

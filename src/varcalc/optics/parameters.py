@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Any, ClassVar, Self
+
+import casadi as ca
 
 from varcalc.problem.functional import named
+from varcalc.symbolic.tracing import Names, TracedFunction, check_arity, trace
 
 
 class Parametrised:
@@ -20,6 +24,14 @@ class Parametrised:
     """
 
     parameters: Mapping[str, float] = MappingProxyType({})
+
+    functions: ClassVar[Mapping[str, tuple[int, ...]]] = MappingProxyType({})
+    """The fields that hold functions of the user's, and of how many coordinates each may be."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields, each function as what it gives: a function itself cannot go to another process."""
+        given = {name: _Traced.of(getattr(self, name), n, tuple(self.parameters)) for name, n in self.functions.items()}
+        return {**self.__dict__, **given}
 
     def with_parameters(self, values: Mapping[str, float]) -> Self:
         """The same for other values of the parameters.
@@ -37,3 +49,31 @@ class Parametrised:
         """The same with all its ``parameters`` given."""
         whole: Any = self
         return replace(whole, parameters=parameters)
+
+
+@dataclass(frozen=True, eq=False)
+class _Traced:
+    """What a function of coordinates and parameters gave, for each number of coordinates it takes."""
+
+    by_count: Mapping[int, TracedFunction]
+
+    @classmethod
+    def of(cls, function: Callable[..., Any], counts: tuple[int, ...], names: tuple[str, ...]) -> _Traced:
+        if isinstance(function, _Traced):
+            return function
+        found = {}
+        p = ca.SX.sym("p", len(names))
+        last = [Names({name: p[i] for i, name in enumerate(names)})] if names else []
+        for count in counts:
+            arguments = [ca.SX.sym(f"x{i}") for i in range(count)]
+            with suppress(TypeError):  # as a function of so many coordinates there is none
+                check_arity("n", function, count + len(last))
+                expression = trace("n", function, [*arguments, *last], ca.SX)
+                found[count] = TracedFunction(ca.Function("traced", [*arguments, p], [expression]), (names,))
+        return cls(found)
+
+    def __call__(self, *arguments: Any) -> Any:
+        count = len(arguments) - any(traced.names != ((),) for traced in self.by_count.values())
+        if count not in self.by_count:
+            raise TypeError(f"a function of {', '.join(map(str, self.by_count))} coordinates is called with {count}")
+        return self.by_count[count](*arguments)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 
@@ -58,6 +58,9 @@ class Ray:
     media: Sequence[Medium] = field(repr=False, default=())
     surfaces: Sequence[Surface] = field(repr=False, default=())
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**{f.name: getattr(self, f.name) for f in fields(self)}, "way": _Known(self.legs)}
+
     @cached_property
     def legs(self) -> Sequence[Leg]:
         """The ray between surfaces, followed anew when it is first asked for."""
@@ -104,6 +107,16 @@ class Ray:
     def tube(self) -> RayTube:
         """The ray with its neighbours from A: its spreading and intensity all along."""
         return RayTube(RayStatus.ARRIVED, self.legs)
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A ray that has been followed."""
+
+    legs: Sequence[Leg]
+
+    def __call__(self) -> Sequence[Leg]:
+        return self.legs
 
 
 @dataclass(frozen=True)

@@ -80,6 +80,9 @@ class Scene:
         self._ways = Ways(self.media, self.surfaces, self.dimension)
         self._pairs = PairSearch(self._ways)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _scene, (self.media, self.surfaces, self.wavelength)
+
     def __repr__(self) -> str:
         return f"Scene({list(self.media)}, {list(self.surfaces)})"
 
@@ -315,3 +318,7 @@ def _limits(optical_path: Any, count: int) -> np.ndarray:
     if np.any(limit < 0):
         raise ValueError("optical_path must not be negative; turn the directions round to go back")
     return np.broadcast_to(limit, (count,))
+
+
+def _scene(media: Sequence[Medium], surfaces: Sequence[Surface], wavelength: float | None) -> Scene:
+    return Scene(media, surfaces, wavelength=wavelength)

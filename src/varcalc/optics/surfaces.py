@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -199,6 +200,8 @@ class Implicit(Surface):
     parameters : Mapping[str, float], optional
         Names with values, that the function finds in its last argument: ``p.name``.
     """
+
+    functions = MappingProxyType({"level_function": (2, 3)})
 
     level_function: Callable[..., Expression]
     mirror: bool = False

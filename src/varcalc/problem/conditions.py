@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar, cast
 
 import casadi as ca
 import numpy as np
@@ -115,8 +115,33 @@ def _number_of_functions(name: str, n: Any) -> None:
         whole(name, n)
 
 
+class OfFunction:
+    """A condition that a function of the user's states: the field that ``written`` names."""
+
+    written: ClassVar[str]
+
+    @property
+    def function(self) -> Callable[..., Any]:
+        """The function as it was given."""
+        return getattr(self, self.written)
+
+    def stated(self, function: Callable[..., Any]) -> Any:
+        """The same condition, stated by another function."""
+        return replace(cast("Any", self), **{self.written: function})
+
+    def arguments(self, position: list[Any], slopes: list[Any]) -> list[Any]:  # noqa: ARG002  what others take
+        """What the function is called with, before the parameters: of a place on the curve and the slopes there."""
+        return position
+
+
+class AnyEnd:
+    """What the ends of all kinds are asked: ``slides``, whether an end moves along a curve or a surface."""
+
+    slides: ClassVar[bool] = False
+
+
 @dataclass(frozen=True)
-class Fixed:
+class Fixed(AnyEnd):
     """An end at the abscissa ``x`` with the ordinate ``y`` given.
 
     ``y`` is a number, or a sequence with one entry for each unknown function,
@@ -141,7 +166,7 @@ class Fixed:
 
 
 @dataclass(frozen=True)
-class Free:
+class Free(AnyEnd):
     """An end at the abscissa ``x`` whose ordinate is free (natural condition).
 
     ``n`` is the number of unknown functions, needed only when the other end
@@ -157,8 +182,11 @@ class Free:
 
 
 @dataclass(frozen=True)
-class OnCurve:
+class OnCurve(OfFunction, AnyEnd):
     """An end that slides on ``phi(x, y) = 0``; ``x`` is a first guess of its abscissa."""
+
+    slides = True
+    written = "phi"
 
     phi: Callable[..., Any]
     x: float
@@ -171,7 +199,7 @@ class OnCurve:
 
 
 @dataclass(frozen=True)
-class Periodic:
+class Periodic(AnyEnd):
     """Both ends of a periodic curve: ``y(x0) = y(x1)`` and so the slope.
 
     Give the same object as start and end. For a closed :class:`varcalc.Curve`
@@ -192,7 +220,7 @@ class Periodic:
 
 
 @dataclass(frozen=True)
-class At:
+class At(AnyEnd):
     """An end of a :class:`varcalc.Curve` at the point ``q`` (``None``: that component is free)."""
 
     q: Sequence[float | Parameter | None]
@@ -204,8 +232,11 @@ class At:
 
 
 @dataclass(frozen=True)
-class OnSurface:
+class OnSurface(OfFunction, AnyEnd):
     """An end of a :class:`varcalc.Curve` that slides on ``phi(q) = 0``; ``guess`` is a point near it."""
+
+    slides = True
+    written = "phi"
 
     phi: Callable[..., Any]
     guess: Sequence[float]
@@ -230,8 +261,10 @@ def _check_between(owner: str, lower: float | None, upper: float | None) -> None
 
 
 @dataclass(frozen=True)
-class Isoperimetric:
+class Isoperimetric(OfFunction):
     """The integral of ``g`` (called as the Lagrangian is) equals ``value``, or lies between levels."""
+
+    written = "g"
 
     g: Callable[..., Any]
     value: float | None = None
@@ -245,6 +278,9 @@ class Isoperimetric:
             _check_between("Isoperimetric", levels[1], levels[2])
         elif levels[1] is not None or levels[2] is not None:
             raise ValueError("Isoperimetric: give either value, or lower and upper, not both")
+
+    def arguments(self, position: list[Any], slopes: list[Any]) -> list[Any]:  # noqa: D102
+        return [*position, *slopes]
 
     @property
     def equality(self) -> bool:
@@ -263,8 +299,10 @@ class Isoperimetric:
 
 
 @dataclass(frozen=True)
-class Holonomic:
+class Holonomic(OfFunction):
     """``phi(x, y[, p]) = 0`` all along the curve (``phi(q[, p])`` for a Curve)."""
+
+    written = "phi"
 
     phi: Callable[..., Any]
 
@@ -273,8 +311,10 @@ class Holonomic:
 
 
 @dataclass(frozen=True)
-class Bound:
+class Bound(OfFunction):
     """``lower <= h(x, y, dy[, p]) <= upper`` all along the curve: obstacles, bounds on the slope."""
+
+    written = "h"
 
     h: Callable[..., Any]
     lower: float | None = None
@@ -283,6 +323,9 @@ class Bound:
     def __post_init__(self) -> None:
         function("Bound.h", self.h)
         _check_between("Bound", _level("Bound.lower", self.lower), _level("Bound.upper", self.upper))
+
+    def arguments(self, position: list[Any], slopes: list[Any]) -> list[Any]:  # noqa: D102
+        return [*position, slopes[0]]
 
     @property
     def interval(self) -> tuple[float, float]:

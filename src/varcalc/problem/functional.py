@@ -17,6 +17,7 @@ from varcalc.problem.conditions import (
     Constraint,
     Holonomic,
     Isoperimetric,
+    OfFunction,
     Through,
     finite,
     parameters_of,
@@ -25,7 +26,7 @@ from varcalc.problem.conditions import (
     truth,
 )
 from varcalc.symbolic.derived import Cache
-from varcalc.symbolic.tracing import Expression, Names, NotSymbolic, trace
+from varcalc.symbolic.tracing import Expression, Names, NotSymbolic, TracedFunction, trace
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,7 @@ class Functional:
     n: int
     symbols: Symbols
     integrand: Expression
+    original: Self | None = None
     traced: tuple[Traced, ...]
     end_cost_expression: tuple[list[Expression], Expression] | None = None
     breakpoints: tuple[float, ...] = ()
@@ -156,15 +158,20 @@ class Functional:
         """The parameters that are coordinates of the ends."""
         return frozenset(name for end in self.templates for name, _, _ in parameters_of(end))
 
+    @property
+    def slides(self) -> tuple[bool, bool]:
+        """Whether the start slides on a curve or a surface, and whether the end does."""
+        return self.start.slides, self.end.slides
+
     # what Problem and Curve each define
     def check_ends(self) -> None:
         """Raise ValueError where parameters have moved an end to where none can be."""
         raise TypeError("a functional is either a Problem or a Curve")
 
-    def _arguments(self) -> list[Expression]:
+    def _position(self) -> list[Expression]:
         raise TypeError("a functional is either a Problem or a Curve")
 
-    def _position_arguments(self) -> list[Expression]:
+    def _options(self) -> dict[str, Any]:
         raise TypeError("a functional is either a Problem or a Curve")
 
     def _end_symbols(self) -> list[Expression]:
@@ -190,6 +197,11 @@ class Functional:
         # a column of one SX entry is a scalar; one of MX is not known to be
         return column[0] if self.scalar and self.symbols.kind is ca.MX else column
 
+    def _arguments(self) -> list[Expression]:
+        """The place on the curve as a user's function is handed it."""
+        *others, y = self._position()
+        return [*others, self._handed(y)]
+
     def _names(self) -> list[Names]:
         s = self.symbols
         names = {k: s.parameters[i] for i, k in enumerate(self.parameters)}
@@ -200,21 +212,17 @@ class Functional:
         self.symbols = Symbols.common(kind, self.n, self.order, len(self.parameters), len(self.unknowns))
         p = self._names()
         slopes = [self._handed(d) for d in self.symbols.slopes]
-        full = [*self._arguments(), *slopes, *p]
-        short = [*self._arguments(), slopes[0], *p]
-        self.integrand = trace("lagrangian", self.lagrangian, full, kind)
+        position = self._arguments()
+        self.integrand = trace("lagrangian", self.lagrangian, [*position, *slopes, *p], kind)
         traced = []
         for i, constraint in enumerate(self.constraints):
-            label = f"constraints[{i}]"
-            if isinstance(constraint, Isoperimetric):
-                traced.append(Traced(constraint, trace(f"{label}.g", constraint.g, full, kind)))
-            elif isinstance(constraint, Bound):
-                traced.append(Traced(constraint, trace(f"{label}.h", constraint.h, short, kind)))
-            elif isinstance(constraint, Holonomic):
-                phi = trace(f"{label}.phi", constraint.phi, [*self._position_arguments(), *p], kind)
-                if not ca.depends_on(phi, self.symbols.y):
-                    raise ValueError(f"{label}.phi does not depend on the curve, so phi = 0 constrains nothing")
-                traced.append(Traced(constraint, phi))
+            if isinstance(constraint, Through):
+                continue
+            label = f"constraints[{i}].{constraint.written}"
+            expression = trace(label, constraint.function, [*constraint.arguments(position, slopes), *p], kind)
+            if isinstance(constraint, Holonomic) and not ca.depends_on(expression, self.symbols.y):
+                raise ValueError(f"{label} does not depend on the curve, so phi = 0 constrains nothing")
+            traced.append(Traced(constraint, expression))
         self.traced = tuple(traced)
         self._check_sliding()
         if self.end_cost is not None:
@@ -269,6 +277,7 @@ class Functional:
         if strange:
             raise ValueError(f"{sorted(strange)} are no parameters of this problem; it has {sorted(self.parameters)}")
         other = copy.copy(self)
+        other.original = self.original or self
         other.parameters = self.parameters | given
         if self.end_parameters & given.keys():
             other.start, other.end = other.placed_ends()
@@ -276,8 +285,53 @@ class Functional:
         other.check_places()
         return other
 
+    def __copy__(self) -> Self:
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        return other
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self.original is not None:
+            return _at_values, (self.original, self.parameters)
+        s, position = self.symbols, self._position()
+        traced = iter(self.traced)
+        constraints = [
+            c.stated(self._as_traced(next(traced).expression, c.arguments(position, s.slopes)))
+            if isinstance(c, OfFunction)
+            else c
+            for c in self.constraints
+        ]
+        cost = None if self.end_cost_expression is None else self._as_traced(*reversed(self.end_cost_expression))
+        lagrangian = self._as_traced(self.integrand, [*position, *s.slopes])
+        statement = (lagrangian, *map(self._sent_end, self.templates), constraints)
+        options = {
+            "parameters": self.parameters, "unknowns": self.unknowns, "end_cost": cost,
+            "maximise": self.maximise, "name": self.name,
+        }  # fmt: skip
+        return _rebuilt, (type(self), statement, options | self._options())
+
+    def _as_traced(self, expression: Expression, arguments: list[Expression]) -> TracedFunction:
+        s = self.symbols
+        function = ca.Function("traced", [*arguments, s.parameters, s.unknowns], [expression])
+        return TracedFunction(function, (tuple(self.parameters), tuple(self.unknowns)))
+
+    def _sent_end(self, end: Any) -> Any:
+        """An end whose function, if it has one, is what it gave."""
+        if not isinstance(end, OfFunction):
+            return end
+        phi = trace("phi", end.function, self._arguments(), self.symbols.kind)
+        return end.stated(TracedFunction(ca.Function("traced", self._position(), [phi])))
+
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, {self.start}, {self.end})"
+
+
+def _rebuilt(cls: type[Functional], statement: tuple[Any, ...], options: dict[str, Any]) -> Functional:
+    return cls(*statement, **options)
+
+
+def _at_values(problem: Functional, parameters: dict[str, float]) -> Functional:
+    return problem.with_parameters(parameters)
 
 
 UNNAMED = "functional"

@@ -105,11 +105,11 @@ class Problem(Functional):
         self._check_domain()
         self.check_places()
 
-    def _arguments(self) -> list[Expression]:
-        return [self.symbols.x, self._handed(self.symbols.y)]
+    def _position(self) -> list[Expression]:
+        return [self.symbols.x, self.symbols.y]
 
-    def _position_arguments(self) -> list[Expression]:
-        return self._arguments()
+    def _options(self) -> dict[str, Any]:
+        return {"order": self.order, "breakpoints": self.breakpoints}
 
     def placed_ends(self) -> tuple[Any, Any]:  # noqa: D102
         start, end = super().placed_ends()
@@ -274,11 +274,11 @@ class Curve(Functional):
     def check_ends(self) -> None:  # noqa: D102
         pass  # a point anywhere may be the end of a Curve
 
-    def _arguments(self) -> list[Expression]:
+    def _position(self) -> list[Expression]:
         return [self.symbols.y]
 
-    def _position_arguments(self) -> list[Expression]:
-        return self._arguments()
+    def _options(self) -> dict[str, Any]:
+        return {}
 
     def _end_symbols(self) -> list[Expression]:
         kind = self.symbols.kind

@@ -58,7 +58,7 @@ def span_of(start: Any, end: Any) -> tuple[float, float]:
 def inside(name: str, values: Sequence[float], span: tuple[float, float], start: Any, end: Any) -> tuple[float, ...]:
     """The abscissae ``values`` in ascending order, each once; ValueError for one outside the interval ``span``."""
     marks = tuple(sorted({finite(name, v) for v in sequence(name, values)})) if values != () else ()
-    if marks and (isinstance(start, OnCurve) or isinstance(end, OnCurve)):
+    if marks and (start.slides or end.slides):
         raise ValueError(f"{name}: abscissae inside the interval cannot be kept while an end slides on a curve")
     for v in marks:
         if not span[0] < v < span[1]:

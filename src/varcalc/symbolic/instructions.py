@@ -162,6 +162,7 @@ class Vectorised:
     """
 
     def __init__(self, function: ca.Function) -> None:
+        self._function = function
         self._shapes = [function.nnz_in(i) for i in range(function.n_in())]
         self._constants: list[tuple[int, float]] = []
         self._steps: list[tuple[Any, int, int, int]] = []
@@ -188,6 +189,9 @@ class Vectorised:
             place[i.target] = slots
             slots += 1
         self._slots = slots
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Vectorised, (self._function,)
 
     def __call__(self, *arguments: Any) -> list[Any]:
         """The nonzeros of the results at the given arguments."""

@@ -37,6 +37,32 @@ class NotSymbolic(Exception):
     """A function could not be evaluated with SX symbols (interpolated data needs MX)."""
 
 
+class TracedFunction:
+    """What a user's function gave, to be called in its place where the function itself cannot go: another process.
+
+    ``function`` takes the columns the user's function was called with and, after them, a column for each group of
+    ``names``: numbers that are attributes of the last argument, where there are any.
+    """
+
+    def __init__(self, function: ca.Function, names: tuple[tuple[str, ...], ...] = ()) -> None:
+        self.function, self.names = function, names
+
+    def __call__(self, *arguments: Expression) -> Expression:
+        """The expression, of other arguments."""
+        places, p = (arguments[:-1], arguments[-1]) if any(self.names) else (arguments, None)
+        if any(isinstance(a, ca.SX) for a in places) and not self.function.is_a("SXFunction"):
+            raise NotSymbolic("a function that was traced with MX symbols cannot be called with SX")
+        columns = [ca.vertcat(*(getattr(p, name) for name in group)) for group in self.names]
+        return self.function.call([*places, *columns], True, False)[0]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _read_back, (self.function.serialize(), self.names)
+
+
+def _read_back(serialized: str, names: tuple[tuple[str, ...], ...]) -> TracedFunction:
+    return TracedFunction(ca.Function.deserialize(serialized), names)
+
+
 def check_arity(name: str, function: Callable[..., Any], count: int, hint: str = "") -> None:
     """TypeError naming ``name`` where ``function`` cannot be called with ``count`` arguments.
 

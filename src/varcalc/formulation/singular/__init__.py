@@ -89,6 +89,12 @@ def forms(problem: Functional) -> Forms:
     return Forms(makers, problem, made)
 
 
+def number_of(form: Form) -> int | None:
+    """Which of the forms of its problem a form is; None for one that was made in the course of a solve."""
+    among = enumerate(forms(form.problem))
+    return next((k for k, f in among if f is not None and f.cache is form.cache and f.span == form.span), None)
+
+
 @derived
 def _forms_at(problem: Functional, values: tuple[float, ...]) -> tuple[Makers, dict[int, Form | None]]:
     """What makes the forms at the ``values`` of the parameters, and the forms made by now."""

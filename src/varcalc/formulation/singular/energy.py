@@ -260,7 +260,7 @@ def _numbers(
 
 def _sliding(problem: Functional, stated: StatedLater) -> EndConditions | None:
     """The equation of the curve that an end slides on."""
-    if not any(isinstance(e, OnCurve | OnSurface) for e in (problem.start, problem.end)):
+    if not any(problem.slides):
         return None
     symbols, (x, y, _, _) = stated.symbols, stated.lifted
     q = ca.vertcat(x, y) if isinstance(problem, Problem) else y
@@ -268,7 +268,7 @@ def _sliding(problem: Functional, stated: StatedLater) -> EndConditions | None:
     first, last = kind.sym("first", 2), kind.sym("last", 2)
     equations = []
     for at, end, place in ((0.0, problem.start, first), (1.0, problem.end, last)):
-        if isinstance(end, OnCurve | OnSurface):
+        if end.slides:
             point = ca.substitute([q], [symbols.x, symbols.y], [kind(at), place])[0]
             arguments = [point[0], point[1] if problem.scalar else point[1:]]
             equations.append(trace("phi", end.phi, arguments if isinstance(end, OnCurve) else [point], kind))

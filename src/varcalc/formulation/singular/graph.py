@@ -72,7 +72,7 @@ class _Frame:
 def factored_graph(problem: Problem, departures: tuple[Departure | None, Departure | None]) -> Form:
     """The problem in t and z; ``departures`` are the powers at its singular ends, None at a regular one."""
     ends = (problem.start, problem.end)
-    sliding = [isinstance(e, OnCurve) for e in ends]
+    sliding = problem.slides
     symbols = extended(problem, problem.n, sum(sliding))
     kind, count = symbols.kind, len(problem.unknowns)
     slid = symbols.unknowns[count] if any(sliding) else kind(0)

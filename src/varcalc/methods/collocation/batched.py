@@ -74,7 +74,7 @@ def solution(form: Form, method: Any, found: Answer, seconds: float) -> Solution
     """An answer as the Solution by ``method`` of the form's problem; it took ``seconds``."""
     space, nothing = collocation_space(form, np.array(form.span), found.degree), np.zeros(0)
     extremal = Extremal(
-        form, lambda s, k: space.evaluate(found.coefficients, s, k), nothing, space.vertices, nothing, {},
+        form, space.curve(found.coefficients), nothing, space.vertices, nothing, {},
         coefficients=found.coefficients,
     )  # fmt: skip
     stats = Stats(0.0, seconds, found.iterations, space.size - 2 * form.n, 1, found.degree)

@@ -452,7 +452,7 @@ class CollocationSystem:
         space = self.space
         return Extremal(
             form=self.form,
-            evaluate=lambda s, k: space.evaluate(state.coefficients, s, k),
+            evaluate=space.curve(state.coefficients),
             unknowns=state.unknowns.copy(),
             vertices=space.vertices,
             lambdas=state.levels.copy(),

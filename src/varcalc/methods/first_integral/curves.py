@@ -10,10 +10,11 @@ import numpy as np
 from varcalc.methods.first_integral.energy import Energy
 from varcalc.methods.first_integral.lines import CurveBatch, Measured
 from varcalc.numerics.one_coordinate.panels import Cumulative, distance
+from varcalc.numerics.resampled import SentResampled
 
 
 @dataclass(frozen=True)
-class OrbitCurve:
+class OrbitCurve(SentResampled):
     """y(x) where x(y) is known on monotone legs: inverted in the variable of each leg's rule."""
 
     lines: Energy

@@ -18,7 +18,7 @@ from varcalc.methods.first_integral.cyclic import Cyclic
 from varcalc.methods.first_integral.integrands import Integrands, Stopwatch
 from varcalc.methods.first_integral.reduction import Reduction
 from varcalc.methods.first_integral.shore import Shore, landed
-from varcalc.problem.conditions import Fixed, Isoperimetric, OnCurve, Periodic, components
+from varcalc.problem.conditions import Fixed, Isoperimetric, Periodic, components
 from varcalc.problem.functional import Functional
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.problem import Problem
@@ -81,7 +81,7 @@ def suitable(problem: Functional) -> Problem:
             )
     if isinstance(problem.start, Periodic):
         raise Unsuitable("FirstIntegral wants two ends, and the curve is periodic; use Ritz or Collocation")
-    sliding = [isinstance(e, OnCurve) for e in (problem.start, problem.end)]
+    sliding = problem.slides
     fixed = [isinstance(e, Fixed) for e in (problem.start, problem.end)]
     if any(sliding) and not any(fixed):
         raise Unsuitable("FirstIntegral wants one end fixed where the other slides on a curve; use Ritz or Collocation")
@@ -114,7 +114,7 @@ def steep(ends: Ends) -> bool:
 
 
 def _best(problem: Problem, building: Stopwatch) -> Reduced:
-    if isinstance(problem.start, OnCurve) or isinstance(problem.end, OnCurve):
+    if any(problem.slides):
         return _best_sliding(problem, building)
     return _best_between_given(problem, _ends(problem), building)
 
@@ -138,7 +138,7 @@ def _not_found(reduction: Reduction) -> NotFound:
 
 def _best_sliding(problem: Problem, building: Stopwatch) -> Reduced:
     """One end slides on a curve: the extremal to each point of it, and the point where transversality holds."""
-    at_end = isinstance(problem.end, OnCurve)
+    at_end = problem.end.slides
     fixed = problem.start if at_end else problem.end
     (y,) = components("y", fixed.y)
     assert y is not None

@@ -26,6 +26,7 @@ from varcalc.numerics.one_coordinate.panels import (
     Panels,
     inverse_distance,
 )
+from varcalc.numerics.resampled import SentResampled
 from varcalc.numerics.roots import bracketed_newton, least
 from varcalc.symbolic.differences import carry, displaced, fixed
 from varcalc.symbolic.instructions import Vectorised
@@ -172,7 +173,7 @@ def rising(momentum: Momentum, points: Abscissae, upward: bool, multipliers: np.
 
 
 @dataclass(frozen=True)
-class RisingCurve:
+class RisingCurve(SentResampled):
     """y(x) as the integral of the slope from either end of each stretch."""
 
     family: Rising

@@ -205,10 +205,7 @@ def sampled(
 def solution(form: Form, method: Any, found: Answer, seconds: float, build: float = 0.0) -> Solution:
     """An answer as the Solution by ``method`` of the form's problem; it took ``seconds``, and ``build`` before that."""
     vertices = np.array(form.span)
-
-    def evaluate(s: np.ndarray, k: int) -> np.ndarray:
-        return _space(form.span, found.degree, form.n).evaluate(found.coefficients, s, k)
-
+    evaluate = _space(form.span, found.degree, form.n).curve(found.coefficients)
     extremal = Extremal(form, evaluate, np.zeros(0), vertices, found.multipliers, {}, SEEN_FORWARD, found.coefficients)
     unknowns = len(Basis.of(form, found.degree).free)
     stats = Stats(build, seconds, found.iterations, unknowns, 1, found.degree)

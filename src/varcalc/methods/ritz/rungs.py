@@ -153,7 +153,7 @@ class Rungs:
         space, coefficients = system.space, system.coefficients(z)
         return Extremal(
             form=self.form,
-            evaluate=lambda s, k: space.evaluate(coefficients, s, k),
+            evaluate=space.curve(coefficients),
             unknowns=system.unknowns(z).copy(),
             vertices=space.vertices,
             lambdas=np.zeros(len(self.form.integrals)),

@@ -291,10 +291,7 @@ def _judged(
 def solution(form: Form, method: Any, found: Found, seconds: float) -> Solution:
     """A minimum as the Solution by ``method`` of the form's problem, found in ``seconds``."""
     vertices = np.array(form.span)
-
-    def evaluate(s: np.ndarray, k: int) -> np.ndarray:
-        return Space(vertices, found.degree, form.n, 1).evaluate(found.coefficients, s, k)
-
+    evaluate = Space(vertices, found.degree, form.n, 1).curve(found.coefficients)
     none = np.zeros(0)
     extremal = Extremal(form, evaluate, none, vertices, none, {}, SEEN_FORWARD, found.coefficients, found.along)
     stats = Stats(found.build, seconds - found.build, found.iterations, found.unknowns, 1, found.degree)
