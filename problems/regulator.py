@@ -7,8 +7,8 @@ there: y = cosh(T - x)/cosh(T), J = tanh(T)/2. With the end cost s y(T)^2/2 it i
 -s y: y = (cosh(T - x) + s sinh(T - x))/(cosh(T) + s sinh(T)). With eps v^2 for
 v^2, brought to zero, y = sinh(k (1 - x))/sinh(k), k = eps^(-1/2): a boundary layer,
 through which an initial-value problem would lose log10(sinh k) digits. Held to a
-signal, (y - sin(w x))^2 for y^2, with w a multiple of 2 pi and y = 0 at both ends:
-y = a sin(w x), a = 1/(1 + eps w^2), J = (1 - a)/4.
+signal, (y - sin x)^2 for y^2, over N of its periods and with y = 0 at both ends:
+y = a sin x, a = 1/(1 + eps), J = (pi/2) N (1 - a).
 
 Source: Bryson and Ho, "Applied Optimal Control", sect. 5.2; Ascher, Mattheij
 and Russell, "Numerical Solution of Boundary Value Problems", on singular perturbations.
@@ -25,8 +25,8 @@ from varcalc.problems import _inapplicable
 
 SOURCE = 'Bryson and Ho, "Applied Optimal Control", sect. 5.2'
 DURATION, PENALTY, THICKNESS = 1.0, 2.0, 1e-2
-PERIODS = 10
-SHARE = 1 / (1 + (2 * math.pi * PERIODS * THICKNESS) ** 2)
+PERIODS, RATE_COST = 10, 0.4
+SHARE = 1 / (1 + RATE_COST)
 """Of the signal's amplitude, what is followed."""
 
 
@@ -39,7 +39,7 @@ def stiff_cost(x, y, dy, p):
 
 
 def tracking_cost(x, y, dy, p):
-    return ((y - ca.sin(2 * ca.pi * PERIODS * x)) ** 2 + p.eps * dy**2) / 2
+    return ((y - ca.sin(x)) ** 2 + p.eps * dy**2) / 2
 
 
 def penalty(x0, y0, x1, y1):
@@ -62,10 +62,7 @@ def layer(x: Any) -> np.ndarray:
 
 
 def followed(x: Any) -> np.ndarray:
-    # sin(w x) by the distance from the nearest half period, which keeps all digits
-    halves = 2 * PERIODS * np.asarray(x, dtype=float)
-    nearest = np.round(halves)
-    return SHARE * np.where(nearest % 2, -1.0, 1.0) * np.sin(math.pi * (halves - nearest))
+    return SHARE * np.sin(np.asarray(x, dtype=float))
 
 
 references = (
@@ -92,8 +89,10 @@ references = (
     ),
     vc.Reference(
         name="regulator/signal",
-        problem=vc.Problem(tracking_cost, vc.Fixed(0, 0), vc.Fixed(1, 0), parameters={"eps": THICKNESS**2}),
-        exact=vc.Exact((1 - SHARE) / 4, followed, "sine"),
+        problem=vc.Problem(
+            tracking_cost, vc.Fixed(0, 0), vc.Fixed(2 * math.pi * PERIODS, 0), parameters={"eps": RATE_COST}
+        ),
+        exact=vc.Exact(math.pi / 2 * PERIODS * (1 - SHARE), followed, "sine"),
         source=SOURCE,
         statement="Following a signal of ten periods, the rate being paid for.",
         inapplicable=_inapplicable.NOT_IGNORABLE,

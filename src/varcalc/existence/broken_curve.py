@@ -180,11 +180,12 @@ class _Family:
         """
         costs = self._jump(ends)
         for _ in range(ROUNDS):
-            secant = ends[0] + (ends[1] - ends[0]) * np.nan_to_num(costs[0] / (costs[0] - costs[1]), nan=0.5)
-            inner = np.concatenate([ends[0] + (ends[1] - ends[0]) * EVENLY, secant + (ends[1] - ends[0]) * CLOSELY])
-            inner = np.sort(np.clip(inner, ends.min(), ends.max()))
-            row = np.concatenate([ends[:1], inner, ends[1:]])
-            known = np.concatenate([costs[:1], self._jump(inner), costs[1:]])
+            width = float(ends[1] - ends[0])
+            secant = float(ends[0] + width * np.nan_to_num(costs[0] / (costs[0] - costs[1]), nan=0.5))
+            tried: np.ndarray = np.concatenate([ends[0] + width * EVENLY, secant + width * CLOSELY])
+            inner: np.ndarray = np.sort(np.clip(tried, ends.min(), ends.max()))
+            row: np.ndarray = np.concatenate([ends[:1], inner, ends[1:]])
+            known: np.ndarray = np.concatenate([costs[:1], self._jump(inner), costs[1:]])
             change = np.flatnonzero((known >= 0)[1:] != (known >= 0)[:-1])
             if not len(change):
                 break  # what ceases to cost anything is met on the way to the level, not at it
@@ -227,12 +228,15 @@ class _Family:
 
     def _narrowed(self, levels: np.ndarray, places: np.ndarray, ceiling: float) -> np.ndarray:
         """Those of the ``places`` (m,) that a few closer looks at what lies about them cannot show to be above."""
-        left, right = levels[np.maximum(places - 1, 0)], levels[np.minimum(places + 1, len(levels) - 1)]
+        left: np.ndarray = levels[np.maximum(places - 1, 0)]
+        right: np.ndarray = levels[np.minimum(places + 1, len(levels) - 1)]
         for _ in range(CLOSER if math.isfinite(ceiling) else 0):
             if not len(places):
                 break
-            grid = left[:, None] + (right - left)[:, None] * EVENLY_CLOSER
-            values = np.nan_to_num(self.at(grid.ravel(), _graded(0, SCAN_POINTS)), nan=np.inf).reshape(grid.shape)
+            grid: np.ndarray = left[:, None] + (right - left)[:, None] * EVENLY_CLOSER
+            values: np.ndarray = np.nan_to_num(self.at(grid.ravel(), _graded(0, SCAN_POINTS)), nan=np.inf).reshape(
+                grid.shape
+            )
             number = np.clip(values.argmin(1), 1, len(EVENLY_CLOSER) - 2)
             rows = np.arange(len(places))
             least = [
@@ -240,7 +244,7 @@ class _Family:
                 for row, k in zip(values, number, strict=True)
             ]
             left, right = grid[rows, number - 1], grid[rows, number + 1]
-            kept = np.array(least) <= ceiling
+            kept: np.ndarray = np.array(least) <= ceiling
             places, left, right = places[kept], left[kept], right[kept]
         return places
 
@@ -265,17 +269,19 @@ class _Family:
         no cost beyond), and goes on between the neighbours of the best. Where there is none that costs anything, it
         goes on toward the level that is known to be admissible.
         """
-        known, rows = levels[places], np.arange(len(places))
-        left, right = levels[np.maximum(places - 1, 0)], levels[np.minimum(places + 1, len(levels) - 1)]
+        known: np.ndarray = levels[places]
+        rows: np.ndarray = np.arange(len(places))
+        left: np.ndarray = levels[np.maximum(places - 1, 0)]
+        right: np.ndarray = levels[np.minimum(places + 1, len(levels) - 1)]
         best = known
         for _ in range(ROUNDS):
-            width = (right - left)[:, None]
-            inner = np.hstack([left[:, None] + width * EVENLY, best[:, None] + width * CLOSELY])
-            inner = np.sort(np.clip(inner, left[:, None], right[:, None]), axis=1)
-            values = np.nan_to_num(self.at(inner.ravel()), nan=np.inf).reshape(inner.shape)
+            width: np.ndarray = (right - left)[:, None]
+            looked: np.ndarray = np.hstack([left[:, None] + width * EVENLY, best[:, None] + width * CLOSELY])
+            inner: np.ndarray = np.sort(np.clip(looked, left[:, None], right[:, None]), axis=1)
+            values: np.ndarray = np.nan_to_num(self.at(inner.ravel()), nan=np.inf).reshape(inner.shape)
             nearest = np.abs(inner - known[:, None]).argmin(1)
             number = np.where(np.isinf(values).all(1), nearest, values.argmin(1))
-            grid = np.hstack([left[:, None], inner, right[:, None]])
+            grid: np.ndarray = np.hstack([left[:, None], inner, right[:, None]])
             left, best, right = grid[rows, number], inner[rows, number], grid[rows, number + 2]
             edged = np.pad(values, ((0, 0), (1, 1)), constant_values=np.inf)
             kept = np.array([_least_between(row, k + 1) <= ceiling for row, k in zip(edged, number, strict=True)])

@@ -53,8 +53,9 @@ def _steep_at_an_end(problem: Functional) -> bool:
 
     Polygons grow steeper there on every mesh, though the infimum is attained.
     """
-    plain = isinstance(problem, Problem) and problem.n == problem.order == 1
-    if not plain or not all(isinstance(end, Fixed) for end in (problem.start, problem.end)):
+    if not (isinstance(problem, Problem) and problem.n == problem.order == 1):
+        return False
+    if not (isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)):
         return False
     with np.errstate(all="ignore"):
         return any(q < b for b, q in powers_at_ends(problem))

@@ -108,7 +108,7 @@ class Dop853Flow:
         dense: bool = False,
         leaving: tuple[int, ...] = (),
     ) -> Landing:
-        """:meth:`varcalc.integrators.protocol.Flow.ensemble`; each ``level`` adds as many steps as level 0 takes."""
+        """:meth:`varcalc.integrators.protocol.Flow.ensemble`; each ``level`` halves the steps."""
         landing, until = begun(states, start, until, self.stops is not None)
         if dense:
             landing.dense = [Pieces(float(s)) for s in landing.reached]
@@ -119,7 +119,7 @@ class Dop853Flow:
             if usual is None or not np.all(np.isfinite(ends)):
                 first = self.ensemble(states, constants, start=start, until=until, leaving=leaving)
                 usual, ends = first.steps, first.reached
-            longest = np.abs(ends - landing.reached) / ((1 + level) * usual + 1)
+            longest = np.abs(ends - landing.reached) / (2**level * usual + 1)
         for first in range(0, len(states), TOGETHER):
             rows = np.arange(first, min(first + TOGETHER, len(states)))
             _Runs(self, landing, constants, until, longest, rows, tolerance, leaving).go()
@@ -148,10 +148,12 @@ class _Runs:
         rows: np.ndarray, tolerance: float, leaving: tuple[int, ...],
     ) -> None:  # fmt: skip
         self.flow, self.landing, self.tolerance, self.rows = flow, landing, tolerance, rows
-        self.time, self.state, self.bound = landing.reached[rows], landing.states[rows], until[rows]
+        self.time: np.ndarray = landing.reached[rows]
+        self.bound: np.ndarray = until[rows]
+        self.state = landing.states[rows]
         self.constants, self.longest = np.ascontiguousarray(constants[rows]), longest[rows]
         self.way = np.where(self.bound < self.time, -1.0, 1.0)
-        self.live = np.ones(len(rows), dtype=bool)
+        self.live: np.ndarray = np.ones(len(rows), dtype=bool)
         self.refused = np.zeros(len(rows), dtype=bool)
         self.floor = tolerance * np.maximum(1.0, np.abs(self.state).max(axis=1, initial=0.0))[:, None]
         self.keeps = landing.dense is not None or flow.stops is not None
@@ -181,7 +183,7 @@ class _Runs:
         with np.errstate(all="ignore"):
             self.slope = self._slope(self.time, self.state).copy()
             self._end(~np.isfinite(self.slope).all(axis=1), NOT_FINITE)
-            self._end(self.live & (self.time == self.bound), COMPLETED)
+            self._end(self.live & np.asarray(self.time == self.bound), COMPLETED)
             self.step = self._first_steps()
             while self.live.any():
                 if len(self.rows) > SPARSE and 2 * np.count_nonzero(self.live) <= len(self.rows):
@@ -243,7 +245,7 @@ class _Runs:
         self.landing.steps[self.rows[taken]] += 1
         if shape is not None:
             self._record(*before, h[:, 0], shape, taken)
-        self._end(self.live & (self.time == self.bound), COMPLETED)
+        self._end(self.live & np.asarray(self.time == self.bound), COMPLETED)
         self._end(self.live & (self.landing.steps[self.rows] >= self.flow.engine.most_steps), TOO_MANY_STEPS)
 
     def _stages_of(self, h: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -104,13 +104,13 @@ class TaylorFlow:
         self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, level: int, usual: int | None, *,
         dense: bool,
     ) -> Run:  # fmt: skip
-        """One run; each ``level`` adds as many steps as level 0 takes, ``usual`` if that is known."""
-        longest = math.inf
+        """One run; each ``level`` halves the steps, ``usual`` if that is known."""
+        run, longest = None, math.inf
         if usual is None or not level:
             run = self._propagate(abscissae, state, constants, longest)
             usual = run.steps if run.completed else None
-        if level and usual is not None:
-            longest = abs(abscissae[-1] - abscissae[0]) / ((1 + level) * usual + 1)
+        if run is None or (level and usual is not None):
+            longest = abs(abscissae[-1] - abscissae[0]) / (2**level * (usual or 0) + 1)
             run = self._propagate(abscissae, state, constants, longest)
         if not dense or run.steps == 0:
             return run

@@ -32,8 +32,7 @@ from varcalc.problem.consistency import Place, check_places
 from varcalc.problem.functional import Functional
 from varcalc.problem.shape import check_slopes, curve_dimension, curve_point, dimension, inside, span_of
 from varcalc.symbolic.buffered import Pointwise
-from varcalc.symbolic.columns import FewOrMany
-from varcalc.symbolic.derivatives import Derivatives
+from varcalc.symbolic.columns import Derivatives, FewOrMany
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.tracing import Expression, trace
 

@@ -107,7 +107,7 @@ class ConformalEnergy:
         return tx * u[:, 0] + nx * distance, ty * u[:, 0] + ny * distance
 
     def _rows(self, u: np.ndarray) -> np.ndarray:
-        """n with its derivatives (Q, 13): the rows of :class:`varcalc.symbolic.derivatives.Derivatives`."""
+        """n with its derivatives (Q, 13): the rows of :class:`varcalc.symbolic.columns.Derivatives`."""
         x, y = self._offsets(u)
         if self._local is not None:
             return self._local(len(x), x[:, None], y[:, None], self.problem.parameter_values[None])

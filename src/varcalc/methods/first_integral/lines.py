@@ -72,8 +72,8 @@ class Measured:
     def take(self, k: int) -> Measured:
         """What curve ``k`` integrates to."""
         one = slice(k, k + 1)
-        legs = ([d[one] for d in part] for part in (self.dx, self.dl))
-        return Measured(self.x[one], self.action[one], self.levels[:, one], *legs, [f[:, one] for f in self.fields])
+        dx, dl = ([d[one] for d in part] for part in (self.dx, self.dl))
+        return Measured(self.x[one], self.action[one], self.levels[:, one], dx, dl, [f[:, one] for f in self.fields])
 
 
 class Lines(ABC, Generic[F]):

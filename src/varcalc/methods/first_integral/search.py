@@ -156,14 +156,19 @@ def _differences(
 ) -> tuple[np.ndarray, np.ndarray, Measured]:
     """The residual and its Jacobian by one-sided differences, on whichever side and scale they are numbers."""
     k = len(unknowns)
-    for scale in SHRINKING:
+    *larger, smallest = SHRINKING
+
+    def at(scale: float) -> tuple[np.ndarray, np.ndarray, Measured]:
         h = np.diag(scale * steps)
         rows, measured = miss(np.column_stack([unknowns, unknowns[:, None] + h, unknowns[:, None] - h]))
         forward, backward = rows[:, 1 : k + 1] - rows[:, :1], rows[:, :1] - rows[:, k + 1 :]
-        slopes = np.where(np.isfinite(forward).all(axis=0), forward, backward) / (scale * steps)
-        if np.isfinite(slopes).all():
-            break
-    return rows[:, 0], slopes, measured
+        return rows[:, 0], np.where(np.isfinite(forward).all(axis=0), forward, backward) / (scale * steps), measured
+
+    for scale in larger:
+        found = at(scale)
+        if np.isfinite(found[1]).all():
+            return found
+    return at(smallest)
 
 
 def refined(found: Joined, aim: Aim) -> Joined | None:
