@@ -182,8 +182,8 @@ class _Runs:
         """Carry all runs to their ends."""
         with np.errstate(all="ignore"):
             self.slope = self._slope(self.time, self.state).copy()
-            self._end(~np.isfinite(self.slope).all(axis=1), NOT_FINITE)
-            self._end(self.live & np.asarray(self.time == self.bound), COMPLETED)
+            self._end(np.asarray(~np.isfinite(self.slope).all(axis=1)), NOT_FINITE)
+            self._end(self.live & (self.time == self.bound), COMPLETED)
             self.step = self._first_steps()
             while self.live.any():
                 if len(self.rows) > SPARSE and 2 * np.count_nonzero(self.live) <= len(self.rows):
@@ -245,7 +245,7 @@ class _Runs:
         self.landing.steps[self.rows[taken]] += 1
         if shape is not None:
             self._record(*before, h[:, 0], shape, taken)
-        self._end(self.live & np.asarray(self.time == self.bound), COMPLETED)
+        self._end(self.live & (self.time == self.bound), COMPLETED)
         self._end(self.live & (self.landing.steps[self.rows] >= self.flow.engine.most_steps), TOO_MANY_STEPS)
 
     def _stages_of(self, h: np.ndarray, end: np.ndarray) -> np.ndarray:
