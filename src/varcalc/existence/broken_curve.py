@@ -200,13 +200,15 @@ class _Family:
         low, high = self.y.min() - REACH * self.size, self.y.max() + REACH * self.size
         levels = np.unique(np.concatenate([np.linspace(low, high, LEVELS), self._about(self.y)]))
         rough = ceiling + ROUGH * abs(ceiling) if math.isfinite(ceiling) else ceiling
-        values, places = self._lowest(levels, rough)
+        values = self._scanned(levels)
+        places = self._lowest(values, rough)
         last = len(levels) - 1
         edges = [(k, j) for k in places for j in (k - 1, k + 1) if 0 <= j <= last and math.isinf(values[j])]
         if edges:
             edged = self._about(np.array([self._edge(np.sort(levels[list(pair)])) for pair in edges]))
-            levels = np.unique(np.concatenate([levels, edged]))
-            values, places = self._lowest(levels, rough)
+            levels, order = np.unique(np.concatenate([levels, edged]), return_index=True)
+            values = np.concatenate([values, self._scanned(edged)])[order]
+            places = self._lowest(values, rough)
         places = self._narrowed(levels, places, rough)
         lowest = self._least(levels, places, ceiling) if len(places) else []
         found = [(value, level) for level in lowest if (value := self._sure(level, ceiling)) is not None]
@@ -219,12 +221,15 @@ class _Family:
         """Levels at which the value may have kinks (m,), and those next to them; (3 m,)."""
         return np.add.outer(kinks, self.size * np.array([-BESIDE, 0.0, BESIDE])).ravel()
 
-    def _lowest(self, levels: np.ndarray, ceiling: float) -> tuple[np.ndarray, np.ndarray]:
-        """The values at levels (m,), infinite where a jump costs nothing, and which of them may be locally least."""
-        values = np.nan_to_num(self.at(levels, _graded(0, SCAN_POINTS)), nan=np.inf)
+    def _scanned(self, levels: np.ndarray) -> np.ndarray:
+        """The values at levels (m,) in a first scan, infinite where a jump costs nothing."""
+        return np.nan_to_num(self.at(levels, _graded(0, SCAN_POINTS)), nan=np.inf)
+
+    def _lowest(self, values: np.ndarray, ceiling: float) -> np.ndarray:
+        """Which of the values at ascending levels (m,) may be locally least, as far as they fall below the ceiling."""
         edged = np.pad(values, 1, constant_values=np.inf)
         places = np.flatnonzero((values <= edged[:-2]) & (values <= edged[2:]) & np.isfinite(values))
-        return values, places[_least_between(edged, 1 + places) <= ceiling]
+        return places[_least_between(edged, 1 + places) <= ceiling]
 
     def _narrowed(self, levels: np.ndarray, places: np.ndarray, ceiling: float) -> np.ndarray:
         """Those of the ``places`` (m,) that a few closer looks at what lies about them cannot show to be above."""
@@ -234,9 +239,7 @@ class _Family:
             if not len(places):
                 break
             grid: np.ndarray = left[:, None] + (right - left)[:, None] * EVENLY_CLOSER
-            values: np.ndarray = np.nan_to_num(self.at(grid.ravel(), _graded(0, SCAN_POINTS)), nan=np.inf).reshape(
-                grid.shape
-            )
+            values: np.ndarray = self._scanned(grid.ravel()).reshape(grid.shape)
             number = np.clip(values.argmin(1), 1, len(EVENLY_CLOSER) - 2)
             rows = np.arange(len(places))
             least = [
