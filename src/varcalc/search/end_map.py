@@ -18,8 +18,8 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
+from varcalc.formulation.height import height
 from varcalc.integrators import Flow, Outcome, Run, Variational, compiled, for_many, variational
-from varcalc.methods.ritz.starts import size
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 
 STATIONS = 9
@@ -91,7 +91,7 @@ class EndMap:
     def ordinate(self) -> float:
         """The unit of ordinates."""
         ends = np.nan_to_num(np.abs([self.form.fixed_start[0, 0], self.form.fixed_end[0, 0]]))
-        return float(max(size(self.form), *ends))
+        return float(max(height(self.form), *ends))
 
     @property
     def unit(self) -> float:

@@ -15,8 +15,8 @@ from itertools import product
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
+from varcalc.formulation.height import height
 from varcalc.integrators import compiled, for_many
-from varcalc.methods.ritz.starts import size
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.shooting.initial_states import nus
 from varcalc.methods.shooting.newton import Ending, iterate
@@ -62,7 +62,7 @@ class Lattice:
     @cached_property
     def _segments(self) -> Segments:
         """One segment over the whole interval."""
-        unit = max(size(self.form), float(np.abs(self.form.fixed_start).max()))
+        unit = max(height(self.form), float(np.abs(self.form.fixed_start).max()))
         units = Scales(np.full(self.form.n, unit), np.ones(self.equations.integrals))
         flow = compiled(self.form.problem, for_many(), self.equations.system.system)
         return Segments(self.equations, flow, Work(), units, np.array([0.0, 1.0]), np.array([0.0]), {})

@@ -36,6 +36,7 @@ from varcalc.formulation.singular.detection import (
 from varcalc.formulation.singular.energy import energy_forms
 from varcalc.formulation.singular.graph import applies, factored_graph
 from varcalc.formulation.singular.powers import power_form
+from varcalc.formulation.singular.units import in_unit, restated
 from varcalc.problem.conditions import Fixed, Free, OnCurve
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
@@ -44,8 +45,10 @@ from varcalc.symbolic.derived import derived
 __all__ = ["Forms", "Infinite", "forms"]
 
 
-Makers = Sequence[Callable[[], Form | None]]
+Makers = Sequence[partial[Form | None]]
 """Functions that make the forms of one problem."""
+UNLIKE = 8.0
+"""Ratio, either way, of the unit of y that is natural and that of x, from which a problem is stated in the former."""
 
 
 class Forms(Sequence[Form | None]):
@@ -148,6 +151,11 @@ def _makers(problem: Functional) -> Makers:
     both_fixed = isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)
     if not (any(singular) or any(beyond) or both_fixed):
         return [direct]
+    if seen is not None and seen.unit is not None and not 1 / UNLIKE < seen.unit < UNLIKE:
+        assert isinstance(problem, Problem)
+        unit = seen.unit * (Survey(restated(problem, seen.unit)).unit or 1.0)  # what rounding left of it in the first
+        inner = _makers(restated(problem, unit))
+        return [direct if maker.func is _direct else partial(in_unit, problem, unit, maker) for maker in inner]
     metric = homogeneous(problem) if seen is None else seen.metric
     if metric is None:
         if not (isinstance(problem, Problem) and both_fixed):

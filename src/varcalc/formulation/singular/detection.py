@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -194,11 +195,24 @@ class Survey:
     @property
     def metric(self) -> Metric | None:
         """The quadratic form L^2 dx^2, if it is one; see :func:`riemannian`."""
-        return _fitted(self.problem, -self._across if self.problem.maximise else self._across)
+        return None if self._fit is None else _metric(self.problem, _is_conformal(self._fit))
+
+    @property
+    def unit(self) -> float | None:
+        """The slope at which a metric weighs both coordinates alike: one unit of y for one of x; None where none is."""
+        if self._fit is None:
+            return None
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = float(np.median(self._fit[0] / self._fit[2]))
+        return math.sqrt(ratio) if math.isfinite(ratio) and ratio > 0 else None
+
+    @cached_property
+    def _fit(self) -> np.ndarray | None:
+        return _fitted(-self._across if self.problem.maximise else self._across)
 
 
-def _fitted(problem: Problem, values: np.ndarray) -> Metric | None:
-    """The metric whose length L has the given ``values`` at the places of SURVEY; None where there is none."""
+def _fitted(values: np.ndarray) -> np.ndarray | None:
+    """The metrics a + b v + c v^2 (3, m) whose length L has the given ``values`` at SURVEY; None where there is none."""
     sampled = values[: -len(ACROSS)].reshape(-1, len(SLOPES))
     with np.errstate(over="ignore"):
         squares = sampled**2
@@ -208,7 +222,7 @@ def _fitted(problem: Problem, values: np.ndarray) -> Metric | None:
     fit = FIT @ squares.T
     if np.any(np.abs(POWERS @ fit - squares.T).max(0) > QUADRATIC * squares.max(1)):
         return None
-    return _metric(problem, _is_conformal(fit))
+    return fit
 
 
 def _metric(problem: Problem, conformal: bool) -> Metric:

@@ -14,7 +14,8 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.ritz.starts import AMPLITUDES, bent, scaled_ring, size
+from varcalc.formulation.height import height
+from varcalc.methods.ritz.starts import AMPLITUDES, bent, scaled_ring
 from varcalc.numerics.mesh import gauss
 
 SCAN = np.geomspace(0.01, 30.0, 36)
@@ -43,9 +44,9 @@ class StartingCurve:
 def starting_curves(form: Form) -> Iterator[StartingCurve]:
     """The baseline, then bent curves, those that meet a prescribed integral first."""
     if form.integrals:
-        yield from _levelled(form, size(form))
+        yield from _levelled(form, height(form))
     yield StartingCurve(form.baseline)
-    extent = size(form)
+    extent = height(form)
     for family in _sloped(form):
         yield StartingCurve(family(extent))
     for direction in form.bumps:
@@ -57,7 +58,7 @@ def function_sizes(form: Form) -> np.ndarray:
     """The largest absolute value of each function on the baseline, the problem's size for those that are zero; (n,)."""
     values = np.abs(form.baseline(np.linspace(*form.span, SAMPLES)))
     sizes = np.where(np.isfinite(values), values, 0.0).max(1)
-    return sizes if sizes.min() > 0.0 else np.where(sizes > 0.0, sizes, size(form))
+    return sizes if sizes.min() > 0.0 else np.where(sizes > 0.0, sizes, height(form))
 
 
 def resolving_vertices(

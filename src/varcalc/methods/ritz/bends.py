@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from varcalc.formulation.height import height
 from varcalc.methods.ritz.levelled import Levelled
-from varcalc.methods.ritz.starts import GAUSS_NEWTON, LADDER, MET, size
+from varcalc.methods.ritz.starts import GAUSS_NEWTON, LADDER, MET
 
 AMPLITUDES = LADDER[::3]
 """Heights of a bend, in units of the problem's size, between which it meets the level."""
@@ -68,7 +69,7 @@ def _mode(batch: Levelled, number: int) -> np.ndarray:
 
 def _by_arches(batch: Levelled, lines: np.ndarray) -> Bends:
     """Arches along every bump, each way, as high as the level asks for; where none is, as meets it best."""
-    arch = _mode(batch, 0) * size(batch.form)
+    arch = _mode(batch, 0) * height(batch.form)
     arches = np.concatenate([arch, -arch])
     heights = _heights(batch, lines, arches, AMPLITUDES)
     z = lines[:, None] + heights.amplitude[:, :, None] * arches
@@ -136,9 +137,9 @@ def _by_modes(batch: Levelled, lines: np.ndarray) -> Bends:
 
     Their sum of squares is brought to zero by Gauss and Newton's iteration in the amplitudes of the modes.
     """
-    K, m, height = len(lines), len(batch.levels), size(batch.form)
+    K, m, high = len(lines), len(batch.levels), height(batch.form)
     bubbles = min(m + 2, batch.degree - 1)
-    modes = np.concatenate([_mode(batch, k) for k in range(bubbles)]) * height
+    modes = np.concatenate([_mode(batch, k) for k in range(bubbles)]) * high
     R = len(modes)
     many = batch.restricted(np.repeat(np.arange(K), R))
     z = (lines[:, None] + modes).reshape(K * R, -1)

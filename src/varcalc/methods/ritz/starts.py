@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
+from varcalc.formulation.height import height
 from varcalc.methods.ritz.system import RitzSystem
-from varcalc.problem.problem import Curve
 
 AMPLITUDES = (0.3, -0.3, 1.0, -1.0, 0.1, -0.1, 3.0, -3.0)
 """Heights of a bent start in units of the problem's size."""
@@ -25,18 +25,6 @@ MET = 1e-3
 """Relative miss of a level that a start may have: Newton's iteration does the rest."""
 LADDER = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 40), np.geomspace(1.0, 30.0, 21)[1:]])
 """Amplitudes among which the isoperimetric level is sought."""
-
-
-def size(form: Form) -> float:
-    """A length of the size of the problem: the span of the baseline, or of the interval when that is flat."""
-    s = np.linspace(*form.span, 9)
-    line = form.baseline(s)
-    spread = float(np.ptp(line, axis=1).max())
-    scale = max(spread, float(np.abs(line).max()) * 1e-3)
-    problem_span = form.problem.span[1] - form.problem.span[0]
-    # the parameter of a curve has no unit of length, and s of a lifted form has none either
-    unlike = form.stated.is_lifted or isinstance(form.problem, Curve)
-    return scale if unlike and spread > 0.0 else max(scale, problem_span)
 
 
 def bent(form: Form, amplitude: float, direction: np.ndarray) -> Sampled:
@@ -67,7 +55,7 @@ def candidates(system: RitzSystem, guess: Sampled | None) -> Iterator[np.ndarray
     if form.pathwise:
         yield from _clear_of_bounds(system)
     yield _fit(system, form.baseline)
-    scale = size(form)
+    scale = height(form)
     for direction in form.bumps:
         for amplitude in AMPLITUDES:
             yield _fit(system, bent(form, amplitude * scale, direction))
@@ -92,7 +80,7 @@ def _clear_of_bounds(system: RitzSystem) -> Iterator[np.ndarray]:
         return
     function = ca.Function("bounds", form.symbols.all, [ca.vertcat(*(c.expression for c in bounds))])
     lower, upper = (np.array([[getattr(c, k)] for c in bounds]) for k in ("lower", "upper"))
-    scale = size(form)
+    scale = height(form)
     found: list[tuple[float, np.ndarray]] = []
     for direction in form.bumps:
         for sign in (1.0, -1.0):
@@ -112,7 +100,7 @@ def _meeting_all_levels(system: RitzSystem) -> Iterator[np.ndarray]:
     One bend cannot meet several levels. Their sum of squares is brought to
     zero by Gauss and Newton's iteration in the amplitudes of the modes.
     """
-    form, scale = system.form, size(system.form)
+    form, scale = system.form, height(system.form)
     count = len(system.levels)
     straight_on = _fit(system, form.baseline)
     modes = np.array([_mode(system, k, d) for k in range(1, count + 3) for d in form.bumps]) * scale
@@ -144,7 +132,7 @@ def _mode(system: RitzSystem, number: int, direction: np.ndarray) -> np.ndarray:
 def _meeting_levels(system: RitzSystem) -> Iterator[np.ndarray]:
     """Bend the baseline (or blow up the ring) until the first isoperimetric condition holds, each way."""
     form = system.form
-    scale = size(form)
+    scale = height(form)
     if form.periodic and form.baseline(np.array(form.span)).any() and form.n > 1:
         families = [lambda r: scaled_ring(form, r)]
     else:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.ritz.starts import size
+from varcalc.formulation.height import height
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.numerics.mesh import gauss
 
@@ -33,7 +33,7 @@ def scales(equations: EulerLagrangeFlow, curve: Sampled) -> Scales:
     values = curve(s)
     spread = np.ptp(values, axis=1)
     ordinates = np.where(spread > 0, spread, np.abs(values).max(axis=1))
-    largest = float(ordinates.max()) or size(form)
+    largest = float(ordinates.max()) or height(form)
     ordinates = np.where(ordinates > 1e-3 * largest, ordinates, largest)
     middle, slopes = s[1:-1], np.gradient(values, s, axis=1)[:, 1:-1]
     tower = [values[:, 1:-1], slopes] + [np.zeros_like(slopes)] * (2 * form.order - 2)

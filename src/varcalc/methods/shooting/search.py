@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.formulation import Sampled
+from varcalc.formulation.height import height
 from varcalc.integrators import Flow, Outcome
-from varcalc.methods.ritz.starts import LADDER, bent, scaled_ring, size
+from varcalc.methods.ritz.starts import LADDER, bent, scaled_ring
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.shooting.initial_states import (
     growth_rate,
@@ -127,7 +128,7 @@ class Search:
             yield True, guess
         if form.integrals:
             yield from ((True, curve) for curve in self._meeting_level())
-        scale, planned = size(form), 0 if self.count is not None else self._planned(form.baseline)
+        scale, planned = height(form), 0 if self.count is not None else self._planned(form.baseline)
         steep = planned > STEEP * FEWEST and planned > STEEP * min(map(self._planned, self._flat()))
         if steep:
             yield from ((False, curve) for curve in sorted(self._flat(), key=self._planned))
@@ -170,7 +171,7 @@ class Search:
     def _meeting_level(self) -> Iterator[Sampled]:
         """The baseline bent, or blown up, until the first isoperimetric condition holds; each way."""
         form = self.equations.form
-        scale = size(form)
+        scale = height(form)
         ring = form.periodic and form.n > 1 and bool(np.any(form.baseline(np.array(form.span))))
         ways = [None] if ring else [sign * d for d in form.bumps for sign in (1.0, -1.0)]
         for way in ways:
