@@ -212,7 +212,7 @@ class Survey:
 
 
 def _fitted(values: np.ndarray) -> np.ndarray | None:
-    """The metrics a + b v + c v^2 (3, m) whose length L has the given ``values`` at SURVEY; None where there is none."""
+    """The metrics a + b v + c v^2 (3, m) whose length L has these ``values`` at SURVEY; None where there is none."""
     sampled = values[: -len(ACROSS)].reshape(-1, len(SLOPES))
     with np.errstate(over="ignore"):
         squares = sampled**2
