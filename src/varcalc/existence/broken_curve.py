@@ -233,23 +233,24 @@ class _Family:
 
     def _narrowed(self, levels: np.ndarray, places: np.ndarray, ceiling: float) -> np.ndarray:
         """Those of the ``places`` (m,) that a few closer looks at what lies about them cannot show to be above."""
-        left: np.ndarray = levels[np.maximum(places - 1, 0)]
-        right: np.ndarray = levels[np.minimum(places + 1, len(levels) - 1)]
+        between = _Between(places, *_neighbours(levels, places))
         for _ in range(CLOSER if math.isfinite(ceiling) else 0):
-            if not len(places):
+            if not len(between.known):
                 break
-            grid: np.ndarray = left[:, None] + (right - left)[:, None] * EVENLY_CLOSER
-            values: np.ndarray = self._scanned(grid.ravel()).reshape(grid.shape)
-            number = np.clip(values.argmin(1), 1, len(EVENLY_CLOSER) - 2)
-            rows = np.arange(len(places))
-            least = [
-                _least_between(row, k) if row[k] <= row.min() else -np.inf
-                for row, k in zip(values, number, strict=True)
-            ]
-            left, right = grid[rows, number - 1], grid[rows, number + 1]
-            kept: np.ndarray = np.array(least) <= ceiling
-            places, left, right = places[kept], left[kept], right[kept]
-        return places
+            between = self._narrower(between, ceiling)
+        return between.known
+
+    def _narrower(self, at: _Between, ceiling: float) -> _Between:
+        """One closer look of :meth:`_narrowed`; ``known`` are the places."""
+        grid = at.left[:, None] + (at.right - at.left)[:, None] * EVENLY_CLOSER
+        values = self._scanned(grid.ravel()).reshape(grid.shape)
+        number = np.clip(values.argmin(1), 1, len(EVENLY_CLOSER) - 2)
+        rows = np.arange(len(grid))
+        least = [
+            _least_between(row, k) if row[k] <= row.min() else -np.inf for row, k in zip(values, number, strict=True)
+        ]
+        found = _Between(at.known, grid[rows, number - 1], grid[rows, number + 1])
+        return found.only(np.array(least) <= ceiling)
 
     def _sure(self, level: float, ceiling: float) -> float | None:
         """The value at a level by rules that resolve what a jump costs near its ends; None where two of them differ.
@@ -272,33 +273,49 @@ class _Family:
         no cost beyond), and goes on between the neighbours of the best. Where there is none that costs anything, it
         goes on toward the level that is known to be admissible.
         """
-        known: np.ndarray = levels[places]
-        rows: np.ndarray = np.arange(len(places))
-        left: np.ndarray = levels[np.maximum(places - 1, 0)]
-        right: np.ndarray = levels[np.minimum(places + 1, len(levels) - 1)]
-        best = known
+        between = _Between(levels[places], *_neighbours(levels, places))
         for _ in range(ROUNDS):
-            width: np.ndarray = (right - left)[:, None]
-            looked: np.ndarray = np.hstack([left[:, None] + width * EVENLY, best[:, None] + width * CLOSELY])
-            inner: np.ndarray = np.sort(np.clip(looked, left[:, None], right[:, None]), axis=1)
-            values: np.ndarray = np.nan_to_num(self.at(inner.ravel()), nan=np.inf).reshape(inner.shape)
-            nearest = np.abs(inner - known[:, None]).argmin(1)
-            number = np.where(np.isinf(values).all(1), nearest, values.argmin(1))
-            grid: np.ndarray = np.hstack([left[:, None], inner, right[:, None]])
-            left, best, right = grid[rows, number], inner[rows, number], grid[rows, number + 2]
-            edged = np.pad(values, ((0, 0), (1, 1)), constant_values=np.inf)
-            kept = np.array([_least_between(row, k + 1) <= ceiling for row, k in zip(edged, number, strict=True)])
-            if not kept.all():
-                known, left, best, right, values = known[kept], left[kept], best[kept], right[kept], values[kept]
-                rows = rows[: len(known)]
-                if not len(known):
-                    return []
-            if np.all((right - left <= self.narrow) | (np.ptp(values, axis=1) <= FLAT * np.abs(values).min(1))):
+            between, values = self._closer(between, ceiling)
+            if not len(between.known):
+                return []
+            flat = np.ptp(values, axis=1) <= FLAT * np.abs(values).min(1)
+            if np.all((between.right - between.left <= self.narrow) | flat):
                 break
-        tried = np.array([known, left, best, right])
-        values = np.nan_to_num(self.at(tried.ravel()), nan=np.inf).reshape(tried.shape)
-        least = values <= values.min(0) + 10 * FLAT * np.abs(values.min(0))
-        return [float(v) for v in tried[least.argmax(0), rows]]
+        tried = np.array([between.known, between.left, between.best, between.right])
+        found = np.nan_to_num(self.at(tried.ravel()), nan=np.inf).reshape(tried.shape)
+        least = found <= found.min(0) + 10 * FLAT * np.abs(found.min(0))
+        return [float(v) for v in tried[least.argmax(0), np.arange(tried.shape[1])]]
+
+    def _closer(self, at: _Between, ceiling: float) -> tuple[_Between, np.ndarray]:
+        """One round of :meth:`_least`: the searches that go on (m,), and the values that each saw (m, looks)."""
+        left, right = at.left[:, None], at.right[:, None]
+        looked = np.hstack([left + (right - left) * EVENLY, at.best[:, None] + (right - left) * CLOSELY])
+        inner = np.sort(np.clip(looked, left, right), axis=1)
+        values = np.nan_to_num(self.at(inner.ravel()), nan=np.inf).reshape(inner.shape)
+        nearest = np.abs(inner - at.known[:, None]).argmin(1)
+        number = np.where(np.isinf(values).all(1), nearest, values.argmin(1))
+        grid, rows = np.hstack([left, inner, right]), np.arange(len(inner))
+        edged = np.pad(values, ((0, 0), (1, 1)), constant_values=np.inf)
+        kept = np.array([_least_between(row, k + 1) <= ceiling for row, k in zip(edged, number, strict=True)])
+        found = _Between(at.known, grid[rows, number], grid[rows, number + 2], inner[rows, number])
+        return found.only(kept), values[kept]
+
+
+class _Between:
+    """Searches (m,) for levels of least value: ``known`` to be admissible, the ``best`` so far and its neighbours."""
+
+    def __init__(self, known: np.ndarray, left: np.ndarray, right: np.ndarray, best: np.ndarray | None = None) -> None:
+        self.known, self.left, self.right = known, left, right
+        self.best = known if best is None else best
+
+    def only(self, kept: np.ndarray) -> _Between:
+        """Those of them that are ``kept``."""
+        return _Between(self.known[kept], self.left[kept], self.right[kept], self.best[kept])
+
+
+def _neighbours(levels: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The levels below and above those at ``places`` (m,)."""
+    return levels[np.maximum(places - 1, 0)], levels[np.minimum(places + 1, len(levels) - 1)]
 
 
 def _least_between(values: np.ndarray, at: Any) -> Any:
