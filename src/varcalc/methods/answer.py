@@ -24,6 +24,8 @@ TURNED = 30.0
 """Factor by which a backward speed must exceed the relative error of the curve to be believed."""
 APPROACH = (2e-2, 2e-3)
 """Relative distances from a singular end between which the growth of the slope is judged."""
+ASTRAY, ASTRAY_SHARE = 2e-2, 30.0
+"""Relative error of the curve, and the same by the square root of the tolerance, with which no value counts."""
 INVERSION_STEPS = 60
 """Bisections that bring any bracket to round-off."""
 ALIKE_PLACES = 7
@@ -392,6 +394,11 @@ def _turns_back(extremal: Extremal, curve_error: float) -> bool:
         speed = lifted(extremal, composite_gauss(extremal.vertices, 16)[0])[2]
     span = extremal.form.problem.span
     return bool(speed.min() < -(1e-9 + TURNED * curve_error / (span[1] - span[0])) * np.abs(speed).max())
+
+
+def astray(error: float, size: float, tol: float) -> bool:
+    """Whether the ``error`` of a curve of a ``size`` belies its value: it does not settle, and none may attain that."""
+    return error > max(ASTRAY, ASTRAY_SHARE * tol**0.5) * max(size, 1e-300)
 
 
 def answer(

@@ -113,6 +113,8 @@ class _RootSearch:
                 improved = self.refinement.improve(level, self.tol)
                 if improved is not None:
                     return self.report(improved)
+                if self.refinement.adrift:  # other starting curves would only lead there again
+                    return self.failure()
         return self.failure()
 
     def failure(self) -> Solution:
@@ -122,6 +124,7 @@ class _RootSearch:
             f"collocation found no stationary curve in {len(reasons)} attempts ({reason}); there may be none "
             "between these ends, or it lies far from every starting curve: give guess=, or try Ritz"
         )
+        message = self.refinement.adrift or message
         stats = Stats(self.built, time.perf_counter() - self.started - self.built, self.refinement.iterations)
         return no_answer(self.problem, self.method, Status.NOT_CONVERGED, message, stats=stats)
 

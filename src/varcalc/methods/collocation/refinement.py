@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.methods.answer import answer
+from varcalc.methods.answer import answer, astray
 from varcalc.methods.collocation.error import Assessment, Root, assess
 from varcalc.methods.collocation.newton import Sizes, stationary
 from varcalc.methods.collocation.system import CollocationSystem, Residual, collocation_space
@@ -27,6 +27,8 @@ MOST_UNKNOWNS = 6000
 MOST_ON_THE_WAY = 1000
 """The same for the stations of a continuation: where one needs more, the path leads to no extremal."""
 ROUNDS = 60
+PATIENCE = 2
+"""Refinements after which a curve that does not settle, though the value does, is given up."""
 STALLED = 0.3
 """An error that falls by less than this factor in two successive refinements has met round-off."""
 NOISE = 1e-11
@@ -77,6 +79,8 @@ class Refinement:
     adaptive: bool
     iterations: int = 0
     reasons: list[str] = field(default_factory=list)
+    adrift: str = ""
+    """What was seen of a root whose value settles though its curve does not; empty where all of them do."""
 
     def newton(self, system: CollocationSystem, z: np.ndarray, residual: Residual | None = None) -> Root | None:
         """The root that Newton's iteration reaches from ``z``; None, with the reason noted, when it reaches none."""
@@ -113,11 +117,18 @@ class Refinement:
         """Refine a root, with at most so many unknowns, until its error meets ``tol``; a kept mesh is only assessed."""
         history: History = []
         best: Improved | None = None
-        stalls = 0
+        stalls = adrift = 0
         for root, assessment in self.levels(level, partial(_pays, history, tol), ROUNDS, most):
             error, target = assessment.value_error, tol * max(1.0, abs(assessment.value))
-            if assessment.trusted and (error <= target or not self.adaptive):
+            met = assessment.trusted and (error <= target or not self.adaptive)
+            if met and not (self.adaptive and self._astray(root, assessment, tol)):
                 return Improved(root, assessment, Status.SOLVED)
+            adrift = adrift + 1 if met else 0
+            if adrift > PATIENCE:
+                self.adrift = (
+                    f"the value settles near {root.system.form.sign * assessment.value:.6g}, but the curve does not"
+                )
+                return self._failed(self.adrift)
             if not self.adaptive:
                 return self._failed("the mesh is too coarse to tell whether its root stands for an extremal")
             stalls = stalls + 1 if best and error > STALLED * best.assessment.value_error else 0
@@ -131,6 +142,12 @@ class Refinement:
                 if hopeless:
                     return self._failed(HIDDEN)
         return best if best is not None and best.rounded else None
+
+    def _astray(self, level: Root, assessment: Assessment, tol: float) -> bool:
+        """Whether the curve does not settle, though the value does: then no curve may attain it."""
+        space = level.system.space
+        ordinates = space.at_quadrature(level.state.coefficients, space.degree, 0)[0]
+        return astray(assessment.curve_error, float(np.abs(ordinates).max()), tol)
 
     def _climbed(self, assessment: Assessment) -> Root | None:
         """The root of a higher degree, near the curve that the error estimate corrected."""
