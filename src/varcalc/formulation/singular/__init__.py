@@ -33,7 +33,7 @@ from varcalc.formulation.singular.detection import (
     homogeneous,
     singular_ends,
 )
-from varcalc.formulation.singular.energy import energy_forms
+from varcalc.formulation.singular.energy import Energy, energy_forms
 from varcalc.formulation.singular.graph import applies, factored_graph
 from varcalc.formulation.singular.powers import power_form
 from varcalc.formulation.singular.units import in_unit, restated
@@ -45,7 +45,7 @@ from varcalc.symbolic.derived import derived
 __all__ = ["Forms", "Infinite", "forms"]
 
 
-Makers = Sequence[partial[Form | None]]
+Makers = Sequence[partial[Form] | partial[Form | None]]
 """Functions that make the forms of one problem."""
 UNLIKE = 8.0
 """Ratio, either way, of the unit of y that is natural and that of x, from which a problem is stated in the former."""
@@ -67,7 +67,8 @@ class Forms(Sequence[Form | None]):
     def singular(self) -> bool:
         """Whether an end is singular in any of the forms; one that is told not to have any is not made for this."""
         for index, maker in enumerate(self._makers):
-            told = isinstance(maker, partial) and maker.keywords.get("singular") == (False, False)
+            energy = maker.args[0] if maker.args else None
+            told = isinstance(energy, Energy) and not any(energy.singular)
             form = None if told else self[index]
             if form is not None and any(form.singular):
                 return True

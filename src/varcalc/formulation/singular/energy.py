@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -45,7 +45,7 @@ UNIT = np.array([[0.0, 1.0]])
 
 def energy_forms(
     problem: Functional, metric: Metric, singular: tuple[bool, bool], blowups: dict[bool, Blowup | None]
-) -> list[Callable[[], Form]]:
+) -> list[partial[Form]]:
     """Makers of the energy of the metric: with the ends' powers as factors, and in coordinates that carry them.
 
     ``blowups`` are those of the ``singular`` ends, and of ends with a singular line just beyond them, at the start
@@ -57,162 +57,156 @@ def energy_forms(
     if chart is None or (free and np.all(chart.normal != 0.0)):
         return []
     if chart.power == 1.0:
-        return [
-            partial(
-                _energy_form, problem, metric, chart, singular=(False, False), graded=(False, False), factored=False
-            )
-        ]
+        return [partial(Energy.form, Energy(problem, metric, chart, (False, False), (False, False), factored=False))]
     # where the line lies beyond an end, the extremal has no power of s to take out there
     ways = (True, False) if chart.height is None and not beyond else (False,)
     graded = (True in blowups, False in blowups)
     lines = {at_start: line for at_start, line in blowups.items() if line is not None}
     return [
-        partial(_movable, problem, metric, chart, lines, singular=singular, graded=graded, factored=way) for way in ways
+        partial(Energy.movable, Energy(problem, metric, chart, singular, graded, factored=way), lines) for way in ways
     ]
 
 
-def _movable(problem: Functional, metric: Metric, chart: Chart, lines: dict[bool, Blowup], **how: Any) -> Form:
-    """:func:`_energy_form`, with how it serves where its parameters move the other end than the singular one."""
-    form = _energy_form(problem, metric, chart, **how)
-    if not isinstance(problem, Problem) or form.ends is not None or sum(how["singular"]) != 1 or len(lines) != 1:
-        return form
-
-    def placed(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        points = ends_at(problem, values)
-        own = chart.coordinates(points.reshape(-1, 2).T).T.reshape(-1, 2, 2)
-        ends = own[:, 0], own[:, 1]
-        if how["factored"]:
-            ends = factors_at(ends, how["singular"])
-        return np.repeat(UNIT, len(points), axis=0), *ends
-
-    def moved(other: Functional) -> Form:
-        _, start, end = placed(other.parameter_values[None])
-        curves = _curves(other, chart, **how)
-        return replace(form, problem=other, elsewhere=None, fixed_start=start, fixed_end=end, **curves)
-
-    def unchanged(values: np.ndarray) -> np.ndarray:
-        return alike(problem, values, lines, metric.conformal)
-
-    return replace(form, elsewhere=Elsewhere(placed, moved, unchanged))
-
-
-def _stated(
-    problem: Functional,
-    metric: Metric,
-    chart: Chart,
-    line: tuple[float, float],
-    singular: tuple[bool, bool],
-    factored: bool,
-) -> tuple[StatedLater, Cache]:
-    """What an energy form says, and what is built from it: once for all parameter values at which it is the same.
-
-    It is stated in symbols, the parameters among them; only the chart, the kind of the metric and, with
-    ``factored``, the coordinates xi of the ends (``line``: start, end) are found from numbers.
-    """
-    needed = () if not factored else line if all(singular) else (line[0] if singular[0] else line[1],)
-    kept = _energy_forms(problem)
-    key = (metric.conformal, chart.key, singular, needed)
-    if key not in kept:
-        make = partial(_expressions, problem, metric, chart, line, singular, factored)
-        kept[key] = StatedLater(2, make), Cache()
-    return kept[key]
-
-
 @derived
-def _energy_forms(problem: Functional) -> dict[tuple[Any, ...], tuple[StatedLater, Cache]]:
+def _stated_energies(problem: Functional) -> dict[tuple[Any, ...], tuple[StatedLater, Cache]]:
     """The statements of energy forms, each with what is derived from it, by what decides them."""
     return {}
 
 
-def _expressions(
-    problem: Functional,
-    metric: Metric,
-    chart: Chart,
-    line: tuple[float, float],
-    singular: tuple[bool, bool],
-    factored: bool,
-) -> Stated:
-    """The energy, the length and the point of the plane with its velocity, in the chart's coordinates."""
-    s = problem.symbols
-    symbols = replace(Symbols.make(s.kind, 2, 1, 0, len(problem.unknowns)), parameters=s.parameters)
-    q = chart.point(with_factors(symbols, line, chart.growth, singular) if factored else symbols.y)
-    velocity = ca.jtimes(q, symbols.y, symbols.dy) + ca.jacobian(q, symbols.x)
-    square = metric.square(q, velocity, symbols.unknowns)
-    if chart.origin.any():  # else there is no constant that could cancel against another
-        square = gathered(square, symbols)
-    # constant speed in tau ~ s^grade: the energy in tau, stated in s
-    integrand = square / grading(symbols.x, chart.grade, singular)
-    lifted = (q[0], q[1], velocity[0], velocity[1])
-    if not isinstance(problem, Problem):
-        lifted = (symbols.x, q, s.kind(1), velocity)
-    return Stated(symbols, integrand, ca.sqrt(square), lifted)
-
-
-def _energy_form(
-    problem: Functional,
-    metric: Metric,
-    chart: Chart,
-    *,
-    singular: tuple[bool, bool],
-    graded: tuple[bool, bool],
-    factored: bool,
-) -> Form:
-    """Minimise the energy of the metric in (tangential, regularised normal) coordinates.
+@dataclass(frozen=True)
+class Energy:
+    """The energy of a metric in (tangential, regularised normal) coordinates.
 
     The first curve is ``graded`` toward ends next to a singular line. With
     ``factored`` the unknown functions are what remains when the known powers
-    of s are taken out; they are free at singular ends.
+    of s are taken out; they are free at ``singular`` ends.
     """
-    guess = _guessed(problem, chart)
-    line = float(guess[0][0]), float(guess[1][0])
-    stated, cache = _stated(problem, metric, chart, line, singular, factored)
-    fixed = tuple(chart.coordinates(np.array(end_points(problem)).T).T)
-    if factored:
-        fixed = factored_ends(fixed, guess, singular)
-    sliding = _sliding(problem, stated)
-    return Form(
-        problem=problem,
-        stated=stated,
-        sign=-1.0 if problem.maximise else 1.0,
-        span=(0.0, 1.0),
-        integrals=(),
-        pathwise=(),
-        fixed_start=fixed[0][None, :],
-        fixed_end=fixed[1][None, :],
-        **_curves(problem, chart, singular=singular, graded=graded, factored=factored),
-        ends=sliding,
-        periodic=False,
-        knots=(),
-        waypoints=(),
-        unknown_guess=problem.unknown_guesses,
-        bumps=np.array([[0.0, 1.0]]),
-        note="energy" + (", regularised" if chart.power != 1.0 else "") + (", factored" if factored else ""),
-        energetic=True,
-        least_degree=math.ceil(chart.growth) + 1 if any(singular) and not factored else 1,
-        singular=singular,
-        weak_only=factored,
-        # w and -w are one place: from a line beyond the ends a curve might reach the mirror image of its end
-        one_sided=() if chart.power == 1.0 or chart.height is not None else (1,),
-        # expressions for the ends that slide are made with the form
-        cache=cache if sliding is None else Cache(),
-        numbers=_numbers(problem, metric, chart, line, singular, factored),
-    )
 
+    problem: Functional
+    metric: Metric
+    chart: Chart
+    singular: tuple[bool, bool]
+    graded: tuple[bool, bool]
+    factored: bool
 
-def _curves(
-    problem: Functional, chart: Chart, *, singular: tuple[bool, bool], graded: tuple[bool, bool], factored: bool
-) -> dict[str, Any]:
-    """The first curve of an energy form, and how it takes a person's: made when they are asked for."""
+    def movable(self, lines: dict[bool, Blowup]) -> Form:
+        """:meth:`form`, with how it serves where its parameters move the other end than the singular one."""
+        form, problem, chart = self.form(), self.problem, self.chart
+        if not isinstance(problem, Problem) or form.ends is not None or sum(self.singular) != 1 or len(lines) != 1:
+            return form
 
-    def baseline(s: np.ndarray) -> np.ndarray:
+        def placed(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            points = ends_at(problem, values)
+            own = chart.coordinates(points.reshape(-1, 2).T).T.reshape(-1, 2, 2)
+            ends = own[:, 0], own[:, 1]
+            if self.factored:
+                ends = factors_at(ends, self.singular)
+            return np.repeat(UNIT, len(points), axis=0), *ends
+
+        def moved(other: Functional) -> Form:
+            _, start, end = placed(other.parameter_values[None])
+            curves = replace(self, problem=other).curves()
+            return replace(form, problem=other, elsewhere=None, fixed_start=start, fixed_end=end, **curves)
+
+        def unchanged(values: np.ndarray) -> np.ndarray:
+            return alike(problem, values, lines, self.metric.conformal)
+
+        return replace(form, elsewhere=Elsewhere(placed, moved, unchanged))
+
+    def _stated(self, line: tuple[float, float]) -> tuple[StatedLater, Cache]:
+        """What the form says, and what is built from it: once for all parameter values at which it is the same.
+
+        It is stated in symbols, the parameters among them; only the chart, the kind of the metric and, with
+        ``factored``, the coordinates xi of the ends (``line``: start, end) are found from numbers.
+        """
+        needed: tuple[float, ...] = ()
+        if self.factored:
+            needed = line if all(self.singular) else (line[0] if self.singular[0] else line[1],)
+        kept = _stated_energies(self.problem)
+        key = (self.metric.conformal, self.chart.key, self.singular, needed)
+        if key not in kept:
+            kept[key] = StatedLater(2, partial(self._expressions, line)), Cache()
+        return kept[key]
+
+    def _expressions(self, line: tuple[float, float]) -> Stated:
+        """The energy, the length and the point of the plane with its velocity, in the chart's coordinates."""
+        s, chart = self.problem.symbols, self.chart
+        symbols = replace(Symbols.make(s.kind, 2, 1, 0, len(self.problem.unknowns)), parameters=s.parameters)
+        q = chart.point(with_factors(symbols, line, chart.growth, self.singular) if self.factored else symbols.y)
+        velocity = ca.jtimes(q, symbols.y, symbols.dy) + ca.jacobian(q, symbols.x)
+        square = self.metric.square(q, velocity, symbols.unknowns)
+        if chart.origin.any():  # else there is no constant that could cancel against another
+            square = gathered(square, symbols)
+        # constant speed in tau ~ s^grade: the energy in tau, stated in s
+        integrand = square / grading(symbols.x, chart.grade, self.singular)
+        lifted = (q[0], q[1], velocity[0], velocity[1])
+        if not isinstance(self.problem, Problem):
+            lifted = (symbols.x, q, s.kind(1), velocity)
+        return Stated(symbols, integrand, ca.sqrt(square), lifted)
+
+    def form(self) -> Form:
+        """The form to be minimised."""
+        problem, chart, factored = self.problem, self.chart, self.factored
         guess = _guessed(problem, chart)
-        return (factored_line(guess, singular) if factored else graded_line(*guess, chart.growth, graded))(s)
+        line = float(guess[0][0]), float(guess[1][0])
+        stated, cache = self._stated(line)
+        fixed = tuple(chart.coordinates(np.array(end_points(problem)).T).T)
+        if factored:
+            fixed = factored_ends(fixed, guess, self.singular)
+        sliding = _sliding(problem, stated)
+        return Form(
+            problem=problem, stated=stated, sign=-1.0 if problem.maximise else 1.0, span=(0.0, 1.0),
+            integrals=(), pathwise=(), fixed_start=fixed[0][None, :], fixed_end=fixed[1][None, :], **self.curves(),
+            ends=sliding, periodic=False, knots=(), waypoints=(), unknown_guess=problem.unknown_guesses,
+            bumps=np.array([[0.0, 1.0]]),
+            note="energy" + (", regularised" if chart.power != 1.0 else "") + (", factored" if factored else ""),
+            energetic=True,
+            least_degree=math.ceil(chart.growth) + 1 if any(self.singular) and not factored else 1,
+            singular=self.singular,
+            weak_only=factored,
+            # w and -w are one place: from a line beyond the ends a curve might reach the mirror image of its end
+            one_sided=() if chart.power == 1.0 or chart.height is not None else (1,),
+            # expressions for the ends that slide are made with the form
+            cache=cache if sliding is None else Cache(),
+            numbers=self._numbers(line),
+        )  # fmt: skip
 
-    def pull(curve: Sampled) -> Sampled:
-        known = singular if factored else (False, False)
-        return _energy_pull(problem, chart, _guessed(problem, chart), known)(curve)
+    def curves(self) -> dict[str, Any]:
+        """The first curve of the form, and how it takes the user's: made when they are asked for."""
+        problem, chart = self.problem, self.chart
 
-    return {"baseline": baseline, "pull": pull}
+        def baseline(s: np.ndarray) -> np.ndarray:
+            guess = _guessed(problem, chart)
+            if self.factored:
+                return factored_line(guess, self.singular)(s)
+            return graded_line(*guess, chart.growth, self.graded)(s)
+
+        def pull(curve: Sampled) -> Sampled:
+            known = self.singular if self.factored else (False, False)
+            return _energy_pull(problem, chart, _guessed(problem, chart), known)(curve)
+
+        return {"baseline": baseline, "pull": pull}
+
+    def _numbers(self, line: tuple[float, float]) -> ConformalNumbers | None:
+        """The energy as numbers, for a conformal metric next to one line along which a coordinate is constant.
+
+        Where that constant is not zero, it has to be gathered with those of L, which takes a formula for L, and a
+        number that no parameter moves (:mod:`varcalc.formulation.singular.offsets`).
+        """
+        problem, chart = self.problem, self.chart
+        conformal = isinstance(problem, Problem) and self.metric.conformal and not problem.unknowns
+        if not conformal or sum(self.singular) != 1:
+            return None
+        across = int(np.argmax(np.abs(chart.normal)))
+        if chart.height is not None or chart.normal[1 - across] != 0.0:
+            return None
+        shifted = chart.origin[across] != 0.0
+        if shifted and (problem.end_parameters or problem.symbols.kind is not ca.SX):
+            return None
+        return ConformalNumbers(
+            chart.origin, chart.normal, chart.power, chart.growth, chart.grade, line, self.singular, self.factored,
+            shifted,
+        )  # fmt: skip
 
 
 def _guessed(problem: Functional, chart: Chart) -> tuple[np.ndarray, np.ndarray]:
@@ -230,32 +224,6 @@ def _guessed(problem: Functional, chart: Chart) -> tuple[np.ndarray, np.ndarray]
         if unknown[1] and found[k][1] == 0.0:
             found[k][1] = extent(problem) ** (1.0 / chart.power)
     return found[0], found[1]
-
-
-def _numbers(
-    problem: Functional,
-    metric: Metric,
-    chart: Chart,
-    line: tuple[float, float],
-    singular: tuple[bool, bool],
-    factored: bool,
-) -> ConformalNumbers | None:
-    """The energy as numbers, for a conformal metric next to one line along which a coordinate is constant.
-
-    Where that constant is not zero, it has to be gathered with those of L, which takes a formula for L, and a number
-    that no parameter moves (:mod:`varcalc.formulation.singular.offsets`).
-    """
-    if not (isinstance(problem, Problem) and metric.conformal and not problem.unknowns and sum(singular) == 1):
-        return None
-    across = int(np.argmax(np.abs(chart.normal)))
-    if chart.height is not None or chart.normal[1 - across] != 0.0:
-        return None
-    shifted = chart.origin[across] != 0.0
-    if shifted and (problem.end_parameters or problem.symbols.kind is not ca.SX):
-        return None
-    return ConformalNumbers(
-        chart.origin, chart.normal, chart.power, chart.growth, chart.grade, line, singular, factored, shifted
-    )
 
 
 def _sliding(problem: Functional, stated: StatedLater) -> EndConditions | None:
