@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from varcalc import optics
-from varcalc.optics import caravan, ways
+from varcalc.optics import values
 
 HEADINGS = np.random.default_rng(1).normal(size=(130, 3))
 SCENE = optics.Scene(optics.luneburg())
@@ -14,15 +14,14 @@ SCENE = optics.Scene(optics.luneburg())
 def test_parts_make_the_whole(monkeypatch, points):
     path = np.linspace(0.1, 2.0, 130)
     whole = SCENE.trace(points, HEADINGS, optical_path=path, with_spreading=True)
-    for module in (caravan, ways):
-        monkeypatch.setattr(module, "CHUNK", 50)
+    monkeypatch.setattr(values, "CHUNK", 50)
     parts = SCENE.trace(points, HEADINGS, optical_path=path, with_spreading=True)
     for name in ("points", "directions", "optical_path", "status", "spreading"):
         np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=1e-14, atol=1e-15)
 
 
 def test_a_bad_source_is_found_wherever_it_is(monkeypatch):
-    monkeypatch.setattr(ways, "CHUNK", 50)
+    monkeypatch.setattr(values, "CHUNK", 50)
     points = np.zeros((130, 3))
     points[101] = 2.0
     with pytest.raises(ValueError, match=r"index is nan at the source \(2.0, 2.0, 2.0\)"):

@@ -7,13 +7,13 @@ import pytest
 from varcalc import optics
 from varcalc.optics.cells import P, R
 from varcalc.optics.fan import Bounds, Fan
-from varcalc.optics.march import March
+from varcalc.optics.sequential import Propagator
 
 PARABOLIC = optics.Stratified(lambda y: ca.sqrt(1 - 2 * y))
 
 
 def fan(medium, source=(0.0, 0.0), middle=(0.4, 0.2), surfaces=()):
-    march = March((medium,) * (len(surfaces) + 1), surfaces, None, 2)
+    march = Propagator((medium,) * (len(surfaces) + 1), surfaces, None, 2)
     bounds = Bounds(np.array([4.0]), np.array([4.0]), np.array([middle]), np.array([0.3]), np.array([0.5]))
     return Fan(march, np.array([source]), bounds)
 
@@ -67,7 +67,7 @@ def test_the_ends_of_cells_are_nearly_wavefronts():
 
 def test_a_direction_that_parts_rays_is_closed_in_on():
     surface = optics.Plane((0.0, 0.0), (0.0, 1.0))
-    march = March((optics.Uniform(1.5), optics.Uniform(1.0)), (surface,), None, 2)
+    march = Propagator((optics.Uniform(1.5), optics.Uniform(1.0)), (surface,), None, 2)
     bounds = Bounds(np.array([20.0]), np.array([20.0]), np.array([[1.0, -1.0]]), np.array([0.1]), np.array([1.0]))
     cells = Fan(march, np.array([[0.0, 1.0]]), bounds).cells()
     critical = 1.5 * np.pi + np.arcsin(1 / 1.5)

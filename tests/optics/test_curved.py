@@ -69,7 +69,7 @@ def test_what_is_refused():
         plane.by_index_gradient((0.0, 0.0), (0, 0), 1.0)
     with pytest.raises(ValueError, match="3 rows of 3 entries, not 2 of 2"):
         plane.by_conformal_metric((0.0, 0.0, 0.0), (1, 0, 0), 1.0)
-    with pytest.raises(ValueError, match="there are 2 and 3 points and directions"):
+    with pytest.raises(ValueError, match="there are 2 points and 3 directions"):
         plane.by_conformal_metric(np.zeros((2, 2)), np.ones((3, 2)), 1.0)
     with pytest.raises(ValueError, match="optical_path must not be negative"):
         plane.by_conformal_metric((0.0, 0.0), (1, 0), -1.0)

@@ -60,7 +60,7 @@ def test_what_is_refused():
     plasma = optics.DispersionRelation(lambda x, k: ca.sqrt(ca.sumsqr(k) - x[0]))
     with pytest.raises(ValueError, match=r"omega or its derivative by k is not a number at x = \[2\.0, 0\.0\]"):
         plasma.trace((2, 0), (1, 0), 1.0)
-    with pytest.raises(ValueError, match="there are 2 and 3 points and wavevectors"):
+    with pytest.raises(ValueError, match="there are 2 points and 3 wavevectors"):
         plasma.trace(np.zeros((2, 2)), np.ones((3, 2)), 1.0)
     with pytest.raises(ValueError, match="time must not be negative"):
         plasma.trace((0, 0), (1, 0), -1.0)

@@ -15,7 +15,8 @@ import numpy as np
 from varcalc.optics.cells import PATH, Cells
 from varcalc.optics.fan import FIRST_ANGLES, Fan
 from varcalc.optics.misses import Misses, Seeds, misses, seeds
-from varcalc.optics.polish import MET, TOUCHING, Aims, Meeting, as_they_are, flattest, gathered, joined, met
+from varcalc.optics.polish import MET, TOUCHING, Aims, Meeting, as_they_are, flattest, met
+from varcalc.optics.rows import Rows
 
 DEEPEST = 24
 """Halvings of a cell."""
@@ -38,7 +39,7 @@ SAME = 1e-9
 
 
 @dataclass(frozen=True)
-class Pairs:
+class Pairs(Rows):
     """k pairs: the number of each one's source, the ``target`` (k, 2), the largest optical path and the scene's size.
 
     ``size`` (k,) is the distance of the two points.
@@ -48,9 +49,6 @@ class Pairs:
     target: np.ndarray
     within: np.ndarray
     size: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.source)
 
 
 @dataclass(frozen=True)
@@ -91,7 +89,7 @@ class Search:
             cells, cell, pair = self._round(cells, cell, pair)
         continua = self._continua()
         parts = [(continua, np.ones(len(continua.miss), dtype=bool)), *self._polished(continua)]
-        meeting, touching = gathered([found for found, _ in parts]), np.concatenate([t for _, t in parts])
+        meeting, touching = Meeting.joined([found for found, _ in parts]), np.concatenate([t for _, t in parts])
         return self._told(meeting, touching, len(continua.miss))
 
     def _first(self, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
@@ -191,7 +189,7 @@ class Search:
 
     def _continua(self) -> Meeting:
         """One ray of each continuum: all of its rays have the same optical path, since it is stationary."""
-        met = gathered(self.flat)
+        met = Meeting.joined(self.flat)
         met = met.take(np.lexsort((met.state[:, PATH], met.aims.pair)))
         path = met.state[:, PATH]
         other = (np.diff(met.aims.pair) > 0) | (np.diff(path) > ALIKE * path[1:])
@@ -222,14 +220,14 @@ class Search:
         """The rays that meet their points, from all seeds, but for those of the ``continua``."""
         if not self.crossings:
             return []
-        aims, folds = joined(self.crossings), joined(self.folds)
+        aims, folds = Aims.joined(self.crossings), Aims.joined(self.folds)
         flat, bend = flattest(self.fan, folds)
         touches = np.abs(flat.miss) <= TOUCHING * folds.size
         with np.errstate(all="ignore"):
             half = np.sqrt(-2 * flat.miss / bend)
         two = np.flatnonzero(~touches & np.isfinite(half))
         sides = [_beside(flat.take(two), sign * half[two]) for sign in (-1, 1)]
-        meeting, lost = met(self.fan, joined([aims, *sides]))
+        meeting, lost = met(self.fan, Aims.joined([aims, *sides]))
         np.add.at(self.unresolved, lost, 1)
         touching = flat.take(np.flatnonzero(touches))
         touching, meeting = _beside_continua(touching, continua), _beside_continua(meeting, continua)

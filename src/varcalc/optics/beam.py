@@ -15,6 +15,7 @@ from enum import IntEnum
 import numpy as np
 
 from varcalc.optics.media import Field
+from varcalc.optics.rows import Rows
 from varcalc.optics.surfaces import Geometry
 
 
@@ -47,7 +48,7 @@ MESSAGES = {
 
 
 @dataclass(frozen=True)
-class Beam:
+class Beam(Rows):
     """m rays in d dimensions, with k deviations each: ``position`` and ``momentum`` (m, d), ``optical_path`` (m,).
 
     ``moved`` and ``turned`` (m, k, d) are the deviations of position and momentum.
@@ -69,13 +70,6 @@ class Beam:
         """The number k of neighbours."""
         return self.moved.shape[1]
 
-    def __len__(self) -> int:
-        return len(self.position)
-
-    def take(self, rows: np.ndarray) -> Beam:
-        """The rays of ``rows``."""
-        return Beam(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
-
     def known(self, where: np.ndarray) -> Beam:
         """The rays ``where`` (m,) is true; in place of the others not a number."""
         columns = (getattr(self, name) for name in self.__dataclass_fields__)
@@ -85,6 +79,19 @@ class Beam:
         """Write ``other`` over the rays of ``rows``, in place."""
         for name in self.__dataclass_fields__:
             getattr(self, name)[rows] = getattr(other, name)
+
+
+def packed(beam: Beam) -> np.ndarray:
+    """The states (m, N) of :func:`varcalc.optics.ray_equations.ray_system` for the rays of ``beam``."""
+    pairs = np.concatenate([beam.moved, beam.turned], axis=2).reshape(len(beam), 2 * beam.deviations * beam.dimension)
+    return np.column_stack([beam.position, beam.momentum, beam.optical_path, pairs])
+
+
+def unpacked(states: np.ndarray, dimension: int) -> Beam:
+    """The rays of the states (m, N)."""
+    d = dimension
+    pairs = states[:, 2 * d + 1 :].reshape(len(states), states.shape[1] // (2 * d) - 1, 2 * d)
+    return Beam(states[:, :d], states[:, d : 2 * d], states[:, 2 * d], pairs[:, :, :d], pairs[:, :, d:])
 
 
 NOTHING = -1
@@ -171,4 +178,38 @@ def at_surface(beam: Beam, geometry: Geometry, before: Field, after: Field, *, m
 def spreading(beam: Beam) -> np.ndarray:
     """|dr⊥/dθ| in the plane, |dA/dΩ| in space (m,), from d - 1 neighbours' distances across the ray."""
     tangent = beam.momentum / np.linalg.norm(beam.momentum, axis=1)[:, None]
-    return np.abs(np.linalg.det(np.concatenate([beam.moved, tangent[:, None, :]], axis=1)))
+    return np.abs(_area(beam.moved, tangent))
+
+
+def caustics_between(before: Beam, after: Beam) -> np.ndarray:
+    """How many conjugate points (m,) the rays pass from ``before``, exclusive, to ``after``, inclusive.
+
+    The area between a ray and its neighbours vanishes at one, with its sign: in the plane that says all. In space
+    two of them may lie close together or in one place, and the sign comes back. What counts is how many
+    eigenvalues are not positive of the map that takes the deviations across the ray before to those after: near the
+    identity for rays that turn little from the one to the other, it is counted from trace and determinant. The
+    count is the KMAH index of the stretch (Maslov's; Arnold, "Mathematical Methods of Classical Mechanics", app. 11).
+    Rays from a point have not passed one yet.
+    """
+    ahead = [beam.momentum / np.linalg.norm(beam.momentum, axis=1)[:, None] for beam in (before, after)]
+    a, b = before.moved, after.moved
+    if before.dimension == 3:
+        a, b = (_across(moved, tangent) for moved, tangent in zip((a, b), ahead, strict=True))
+    start, end = (np.sign(_area(moved, tangent)) for moved, tangent in zip((a, b), ahead, strict=True))
+    if before.dimension == 2:
+        return ((start != 0) & (start * end <= 0)).astype(int)
+    changed = (np.stack([b[:, 0], a[:, 1]], axis=1), np.stack([a[:, 0], b[:, 1]], axis=1))
+    mixed = np.sign(sum(_area(moved, ahead[0]) for moved in changed))
+    both, trace = start * end, mixed * start
+    count = np.where(both < 0, 1, np.where(trace > 0, both == 0, 2 * (both >= 0)))
+    return np.where(start == 0, mixed * end < 0, count).astype(int)  # from a line focus: the other neighbour's
+
+
+def _across(moved: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+    """The part of deviations (m, d - 1, d) that is across rays with unit tangents (m, d)."""
+    return moved - np.sum(moved * tangent[:, None, :], axis=2)[:, :, None] * tangent[:, None, :]
+
+
+def _area(moved: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+    """The area (m,), with sign, between deviations (m, d - 1, d) across rays with unit tangents (m, d)."""
+    return np.linalg.det(np.concatenate([moved, tangent[:, None, :]], axis=1))

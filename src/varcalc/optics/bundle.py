@@ -1,13 +1,20 @@
-"""What a trace gives back."""
+"""Bundles of rays of any size: some of them are carried at a time."""
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.optics.beam import RayStatus
+from varcalc.optics import values
+from varcalc.optics.beam import RayStatus, launched, spreading
+from varcalc.optics.sequential import Propagator
+
+LONG = 1 << 20
+"""More rays than this are long work."""
 
 
 @dataclass(frozen=True)
@@ -46,3 +53,49 @@ class Bundle:
     def __str__(self) -> str:
         counts = Counter(RayStatus(int(code)) for code in self.status)
         return "\n".join(f"{counts[status]} rays: {status.message}" for status in RayStatus if counts[status])
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Where m rays start, along which unit vectors (both (m, d)), and how far they are to go.
+
+    ``index`` is that at the start, ``limit`` the optical path (both (m,)); ``on_stop`` (m,) marks rays that start
+    on the surface at which they are to stop.
+    """
+
+    points: np.ndarray
+    directions: np.ndarray
+    index: np.ndarray
+    limit: np.ndarray
+    on_stop: np.ndarray
+
+
+def traced(propagator: Propagator, starts: Starts, *, with_spreading: bool, progress: bool | None) -> Bundle:
+    """The ends of all rays; with a bar for long work on a terminal, or as ``progress`` says."""
+    m, d = starts.points.shape
+    bundle = Bundle(
+        np.empty((m, d)), np.empty((m, d)), np.empty(m), np.empty(m, np.int8),
+        np.empty(m) if with_spreading else None, propagator.name,
+    )  # fmt: skip
+    parts = [slice(first, min(first + values.CHUNK, m)) for first in range(0, m, values.CHUNK)]
+    shown = (m > LONG and sys.stderr.isatty()) if progress is None else progress
+    for part in _watched(parts, m) if shown else parts:
+        beam = launched(starts.points[part], starts.directions[part], starts.index[part], neighbours=with_spreading)
+        end, status = propagator.ends(beam, starts.limit[part], starts.on_stop[part])
+        bundle.points[part], bundle.optical_path[part], bundle.status[part] = end.position, end.optical_path, status
+        bundle.directions[part] = end.momentum / np.linalg.norm(end.momentum, axis=1)[:, None]
+        if bundle.spreading is not None:
+            bundle.spreading[part] = spreading(end)
+    return bundle
+
+
+def _watched(parts: Iterable[slice], total: int) -> Iterator[slice]:
+    """``parts``, with a bar on standard error while they are worked through."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True)) as bar:
+        task = bar.add_task("rays", total=total)
+        for part in parts:
+            yield part
+            bar.advance(task, part.stop - part.start)

@@ -16,8 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from varcalc.optics.rows import Rows
+
 R, P, PATH, MOVED, TURNED = slice(0, 2), slice(2, 4), 4, slice(5, 7), slice(7, 9)
-"""Columns of a state in the plane with one neighbour, as :func:`varcalc.optics.system.packed` has them."""
+"""Columns of a state in the plane with one neighbour, as :func:`varcalc.optics.beam.packed` has them."""
 
 
 SLANTED = 0.6
@@ -25,7 +27,7 @@ SLANTED = 0.6
 
 
 @dataclass(frozen=True)
-class Cells:
+class Cells(Rows):
     """q cells; axes [side, end] are the ray of the smaller and larger angle, the smaller and larger σ.
 
     Attributes
@@ -59,12 +61,11 @@ class Cells:
     error: np.ndarray
     depth: np.ndarray
 
-    def __len__(self) -> int:
-        return len(self.source)
-
-    def take(self, rows: np.ndarray) -> Cells:
-        """The cells of ``rows``."""
-        return Cells(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+    @classmethod
+    def none(cls) -> Cells:
+        """No cells."""
+        shapes = ((), (2,), (2, 2), (2, 2, 9), (2, 2, 2), (2, 2), (), (), ())
+        return cls(*(np.zeros((0, *shape), dtype=int if k in (0, 8) else float) for k, shape in enumerate(shapes)))
 
     @property
     def whole(self) -> np.ndarray:
@@ -107,14 +108,6 @@ class Cells:
         return low, high
 
 
-def joined(parts: list[Cells]) -> Cells:
-    """All cells of ``parts``, one after the other."""
-    if not parts:
-        shapes = ((), (2,), (2, 2), (2, 2, 9), (2, 2, 2), (2, 2), (), (), ())
-        return Cells(*(np.zeros((0, *shape), dtype=int if k in (0, 8) else float) for k, shape in enumerate(shapes)))
-    return Cells(*(np.concatenate([getattr(part, name) for part in parts]) for name in Cells.__dataclass_fields__))
-
-
 def between(width: np.ndarray, sigma: np.ndarray, delay: np.ndarray) -> np.ndarray:
     """σ (q, ends) where a ray half way between two comes to the ends of a cell.
 
@@ -148,7 +141,7 @@ def parted(cells: Cells, sigma: np.ndarray, state: np.ndarray, pull: np.ndarray)
                 parents.append(rows)
     parent = np.concatenate(parents)
     order = np.argsort(parent, kind="stable")
-    return joined(parts).take(order), parent[order]
+    return Cells.joined(parts).take(order), parent[order]
 
 
 def _delays(cells: Cells) -> np.ndarray:

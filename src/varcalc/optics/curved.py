@@ -22,8 +22,8 @@ import numpy as np
 
 from varcalc.optics.beam import RayStatus
 from varcalc.optics.bundle import Bundle
-from varcalc.optics.flights import flown, how_far
-from varcalc.optics.values import matched, rows
+from varcalc.optics.flights import flown
+from varcalc.optics.values import how_far, matched, rows
 from varcalc.symbolic import tracing
 from varcalc.symbolic.instructions import Vectorised
 
@@ -110,7 +110,7 @@ class CurvedMedium:
         """Starts (m, d), directions (m, d) of unit length in g, the index (m,) and the optical paths (m,), checked."""
         start = rows("points", points)
         heading = rows("directions", directions, start.shape[1])
-        start, heading = matched("points and directions", start, heading)
+        start, heading = matched("points", start, "directions", heading)
         index, squared = self._measured(start, heading)
         for name, values in (("index", index), ("squared length of the direction in the metric", squared)):
             bad = ~((values > 0) & np.isfinite(values))
@@ -134,7 +134,7 @@ class CurvedMedium:
         q, v = ca.SX.sym("q", d), ca.SX.sym("v", d)
         results = [ca.SX(self._index(q)), ca.SX(ca.dot(v, self._metric(q) @ v))]
         function = Vectorised(ca.Function("measured", [q, v], [ca.densify(result) for result in results]))
-        index, squared = (np.broadcast_to(values, len(points)) for values in function(list(points.T), list(vectors.T)))
+        index, squared = function.table(points, vectors).T
         return index, squared
 
     def _index(self, q: Expression) -> Expression:

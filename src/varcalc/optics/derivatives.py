@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.numerics.mesh import gauss
-from varcalc.optics.legs import Leg
+from varcalc.optics.leg import Leg
 from varcalc.optics.media import Medium
 from varcalc.optics.surfaces import Surface
 from varcalc.optics.tabulated import Tabulated
@@ -58,10 +58,8 @@ def _index_rates(medium: Medium, dimension: int) -> Callable[[np.ndarray], np.nd
     symbols = ca.SX.sym("p", len(medium.parameters))
     named = {name: symbols[i] for i, name in enumerate(medium.parameters)}
     rates = ca.gradient(medium.parametric_index(position, named) ** 2, symbols) / 2
-    call = Vectorised(ca.Function("rates", [position, symbols], [ca.densify(rates)]))
-    values = list(medium.parameters.values())
-    last = values if len(values) > 1 else values[0]
-    return lambda points: np.column_stack(np.broadcast_arrays(*call(list(points.T), last), points[:, 0])[:-1])
+    rates = ca.substitute(ca.densify(rates), symbols, ca.DM(list(medium.parameters.values())))
+    return Vectorised(ca.Function("rates", [position], [rates])).table
 
 
 def _integral(leg: Leg, rates: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:

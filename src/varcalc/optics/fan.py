@@ -14,11 +14,10 @@ from functools import cached_property
 
 import numpy as np
 
-from varcalc.optics.beam import Beam, RayStatus, launched
-from varcalc.optics.cells import MOVED, PATH, Cells, P, R, between, joined, parted
-from varcalc.optics.march import March
-from varcalc.optics.strides import stride, to_front
-from varcalc.optics.system import packed, unpacked
+from varcalc.optics.beam import Beam, RayStatus, launched, packed, unpacked
+from varcalc.optics.cells import MOVED, PATH, Cells, P, R, between, parted
+from varcalc.optics.media import Field
+from varcalc.optics.sequential import Propagator, stride
 
 FIRST_ANGLES = 64
 """Rays of a source to begin with."""
@@ -32,6 +31,10 @@ SLACK = 0.25
 """Of n² at the source: how far the ends of cells are off wavefronts, which are crowded where n = 0."""
 ROOM = 1.0
 """A cell holds no point that is so many times its size away from all of its corners."""
+LEAST, MOST = 0.1, 4.0
+"""By how much less and more than it should a ray may go in order to keep step with the others."""
+NEWTON = 6
+"""Newton's steps."""
 MOST_STEPS = 400
 """Steps of one ray."""
 
@@ -54,9 +57,9 @@ class Bounds:
 
 @dataclass
 class Fan:
-    """Rays of ``sources`` (n, 2) through the scene ``march``; remembers how many were looked at and their ends."""
+    """Rays of ``sources`` (n, 2) through the scene ``propagator``; remembers how many were looked at and their ends."""
 
-    march: March
+    propagator: Propagator
     sources: np.ndarray
     bounds: Bounds
     looked_at: int = 0
@@ -75,12 +78,12 @@ class Fan:
         """The rays (m,) at ``angles`` where they come into the last medium; not a number where they do not."""
         start = self.sources[source]
         headings = np.column_stack([np.cos(angles), np.sin(angles)])
-        beam = launched(start, headings, self.march.fields[0].index(start), neighbours=True)
+        beam = launched(start, headings, self.propagator.fields[0].index(start), neighbours=True)
         self.looked_at += len(angles)
-        if not self.march.surfaces:
+        if not self.propagator.surfaces:
             self.entered += len(angles)
             return beam
-        beam, status, alive = self.march.to_last_medium(beam, self.bounds.path[source])
+        beam, status, alive = self.propagator.into_last_medium(beam, self.bounds.path[source])
         self.ends.update(RayStatus(int(code)) for code in status[~alive])
         self.entered += int(np.sum(alive))
         states = packed(beam)
@@ -100,7 +103,7 @@ class Fan:
         ends, grown = np.full_like(states, np.nan), np.zeros(len(states))
         rows = np.flatnonzero(np.isfinite(states[:, PATH]) & np.isfinite(path))
         if len(rows):
-            beam, grown[rows] = self.march.models[-1].onward(unpacked(states[rows], 2), sigma[rows], path[rows])
+            beam, grown[rows] = self.propagator.models[-1].onward(unpacked(states[rows], 2), sigma[rows], path[rows])
             ends[rows] = packed(beam)
         return unpacked(ends, 2), grown
 
@@ -108,7 +111,7 @@ class Fan:
         """The first cells of all sources."""
         source, angles, entry = self._first_rays()
         parts = [self._between(rays) for rays in self._steps(source, angles, entry)]
-        return joined(parts)
+        return Cells.joined([Cells.none(), *parts])
 
     def parted(self, cells: Cells) -> tuple[Cells, np.ndarray]:
         """The parts of the cells, which know of their errors by a look into the middle, and which cell each is of."""
@@ -142,7 +145,7 @@ class Fan:
     def _pull(self, states: np.ndarray) -> np.ndarray:
         """dp/dσ (..., 2) of states (..., 9) in the last medium."""
         with np.errstate(all="ignore"):
-            _, gradient, _ = self.march.fields[-1](states[..., R].reshape(-1, 2))
+            _, gradient, _ = self.propagator.fields[-1](states[..., R].reshape(-1, 2))
         return gradient.reshape(*states.shape[:-1], 2) / 2
 
     def _first_rays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -151,7 +154,7 @@ class Fan:
         angles = np.linspace(0.0, 2 * np.pi, FIRST_ANGLES + 1) + 1e-3  # off the axes of the scene
         source, angles = np.repeat(np.arange(n), len(angles)), np.tile(angles, n)
         entry = packed(self.entries(source, angles))
-        for _ in range(CUTS if self.march.surfaces else 0):
+        for _ in range(CUTS if self.propagator.surfaces else 0):
             alive = np.isfinite(entry[:, PATH])
             parted = np.flatnonzero((alive[1:] != alive[:-1]) & (source[1:] == source[:-1]))
             parted = parted[angles[parted + 1] - angles[parted] > 4 * np.spacing(2 * np.pi)]
@@ -198,7 +201,7 @@ class Fan:
         """
         ends, path = self.bounds, states[:, PATH]
         apart = np.linalg.norm(self.sources - ends.middle, axis=1) + ends.reach
-        apart *= self.march.fields[0].index(self.sources)
+        apart *= self.propagator.fields[0].index(self.sources)
         with np.errstate(invalid="ignore"):
             may = np.maximum(path, 2 * path - apart[source]) < ends.path[source]
         self.left_early[source[may]] = True
@@ -249,12 +252,12 @@ class Fan:
         """How far in σ (m,) each ray goes, so that all of a source come to one wavefront, about, and turn little."""
         away = np.linalg.norm(states[:, R] - self.bounds.middle[source], axis=1) - self.bounds.reach[source]
         length = STRIDE * np.maximum(self.bounds.size[source], away)
-        beam, last = unpacked(states, 2), self.march.fields[-1]
+        beam, last = unpacked(states, 2), self.propagator.fields[-1]
         slack = self._slack[source]
         ahead = states[:, PATH] + slack * sigma
         gain = stride(beam, last, length) * (np.sum(states[:, P] ** 2, axis=1) + slack)
         front = _medians(source, ahead + gain, gain > 0)[source]
-        return to_front(beam, last, front - ahead, gain, slack)
+        return _to_front(beam, last, front - ahead, gain, slack)
 
     def _delay(self, source: np.ndarray, states: np.ndarray) -> np.ndarray:
         """The derivatives of σ by the launching angle along the fronts through ``states`` (q, ..., 9)."""
@@ -265,7 +268,7 @@ class Fan:
     @cached_property
     def _slack(self) -> np.ndarray:
         """What is added to n² (n,) in ∫ n² dσ, that its level lines be smooth also where n = 0."""
-        return SLACK * self.march.fields[0].index(self.sources) ** 2
+        return SLACK * self.propagator.fields[0].index(self.sources) ** 2
 
 
 @dataclass(frozen=True)
@@ -291,3 +294,23 @@ def _medians(source: np.ndarray, values: np.ndarray, counted: np.ndarray) -> np.
     some = count > 0
     medians[some] = values[rows[(np.cumsum(count) - count + count // 2)[some]]]
     return medians
+
+
+def _to_front(beam: Beam, field: Field, path: np.ndarray, usual: np.ndarray, slack: np.ndarray) -> np.ndarray:
+    """σ (m,) over which ∫ (n² + slack) dσ grows by about ``path`` (m,), at least by a share of ``usual``.
+
+    By the Taylor polynomial of the third degree; dS/dσ = n², the square of the momentum.
+    """
+    _, gradient, hessian = field(beam.position)
+    p, pull = beam.momentum, gradient / 2
+    path = np.clip(path, LEAST * usual, MOST * usual)
+    first, second = np.sum(p**2, axis=1) + slack, np.sum(p * pull, axis=1)
+    third = (np.sum(pull**2, axis=1) + np.einsum("mi,mij,mj->m", p, hessian, p) / 2) / 3
+    with np.errstate(all="ignore"):
+        sigma = path / first
+        for _ in range(NEWTON):
+            off = sigma * (first + sigma * (second + sigma * third)) - path
+            slope = first + sigma * (2 * second + 3 * sigma * third)
+            new = sigma - off / slope
+            sigma = np.where((slope > 0) & (new > 0), new, sigma / 2)
+    return np.where(np.isfinite(sigma), sigma, 0.0)

@@ -8,7 +8,6 @@ import numpy as np
 from varcalc import integrators
 from varcalc.integrators import OUTCOMES, Outcome
 from varcalc.optics.beam import RayStatus
-from varcalc.optics.values import numbers
 
 ENDED = {
     Outcome.COMPLETED: RayStatus.ARRIVED,
@@ -24,16 +23,6 @@ def flown(rates: ca.SX, state: ca.SX, states: np.ndarray, until: np.ndarray) -> 
     Those that have not arrived keep the last state that is known.
     """
     system = ca.Function("rays", [ca.SX.sym("s"), state, ca.SX.sym("c", 0)], [ca.densify(rates)])
-    landing = integrators.for_many().compile(system).ensemble(states, np.zeros((len(states), 0)), until=until)
+    landing = integrators.for_many().compile(system).ensemble(states, np.zeros((len(states), 0)), until=np.array(until))
     status = np.array([int(ENDED[OUTCOMES[code]]) for code in landing.outcomes], dtype=np.int8)
     return landing.states, status
-
-
-def how_far(name: str, given: float | np.ndarray, count: int) -> np.ndarray:
-    """Ends (count,) of the parameter, not negative, from one number or one for each; ValueError naming ``name``."""
-    until = numbers(name, given)
-    if until.shape not in ((), (count,)):
-        raise ValueError(f"{name} must be one number or one for each of the {count} rays, not of shape {until.shape}")
-    if np.any(until < 0):
-        raise ValueError(f"{name} must not be negative; turn the directions round to go back")
-    return np.array(np.broadcast_to(until, (count,)))

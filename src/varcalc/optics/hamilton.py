@@ -12,13 +12,12 @@ import numpy as np
 
 from varcalc import integrators
 from varcalc.integrators import OUTCOMES, Engine, Flow, Landing, Outcome
-from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
-from varcalc.optics.layered import Expression, LayeredSwarm, RayFlow, compile_rays
-from varcalc.optics.legs import Leg, hamilton_leg
-from varcalc.optics.media import Field, Medium
+from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus, packed, unpacked
+from varcalc.optics.leg import Leg, hamilton_leg
+from varcalc.optics.media import Medium
 from varcalc.optics.model import Carrier, Model
+from varcalc.optics.ray_equations import Expression, LayeredSwarm, RayFlow, compile_rays, ray_system
 from varcalc.optics.surfaces import Geometry
-from varcalc.optics.system import packed, ray_system, unpacked
 from varcalc.optics.tabulated import Tabulated
 from varcalc.symbolic.instructions import Vectorised
 
@@ -36,6 +35,7 @@ MEANING = np.array([int(ENDED.get(code, RayStatus.SINGULAR)) for code in range(l
 """The status for each outcome of a run."""
 
 COMPLETED = OUTCOMES.index(Outcome.COMPLETED)
+SINGULAR = int(RayStatus.SINGULAR)
 _ONE_AT_A_TIME = Lock()
 """Threads that need the same system wait for the one that builds it."""
 
@@ -63,7 +63,6 @@ class HamiltonRays:
     _swarms: dict[tuple[int, bool], RayFlow] = field(default_factory=dict, repr=False)
     _free: dict[tuple[int, bool], RayFlow] = field(default_factory=dict, repr=False)
     _fleets: dict[int, Flow] = field(default_factory=dict, repr=False)
-    _flow: Flow | None = field(init=False, default=None, repr=False)
 
     name = "Hamilton's ray equations"
 
@@ -92,8 +91,7 @@ class HamiltonRays:
             for number in self._strangers(states, struck, rows):
                 again = rows[(struck[rows] == number) & ~self._belong(states[rows], number)]
                 waiting[number] = np.concatenate([waiting.get(number, again[:0]), again])
-        carried = unpacked(states, self.dimension)
-        return Arrival(carried, struck, self._checked(carried, status))
+        return Arrival(unpacked(states, self.dimension), struck, np.where(self._sound(states), status, SINGULAR))
 
     @cached_property
     def _steady(self) -> bool:
@@ -115,19 +113,14 @@ class HamiltonRays:
         """The size of the scene seen from ``points``: their distances from the origin and from the surfaces."""
         away = [np.abs(points).max(initial=0.0)]
         for surface in self.surfaces:
-            with np.errstate(all="ignore"):
-                distance = np.abs(surface.level(points)) / np.linalg.norm(surface.gradient(points), axis=1)
+            distance = surface.distance(points)
             away.append(distance[np.isfinite(distance)].max(initial=0.0))
         return float(max(away)) or 1.0
 
     def leg(self, beam: Beam, path: float) -> Leg:
         """See :meth:`varcalc.optics.model.Carrier.leg`."""
-        here = Field(self.medium, self.dimension)
-        if self._flow is None:
-            system = ray_system(self.medium, self.dimension, self.dimension - 1)
-            self._flow = self.engine.compile(system)
         pieces = self.pieces(beam, path) or [(0.0, np.zeros(0), packed(beam)[0])]
-        return hamilton_leg(pieces, self._flow, self.dimension, lambda r: here(r)[1] / 2, self.sigma(beam, path))
+        return hamilton_leg(pieces, self._fleet(self.dimension - 1), self.dimension, self.sigma(beam, path))
 
     def sigma(self, beam: Beam, path: float) -> float:
         """σ at which the one ray of ``beam`` has the optical path ``path``, whatever surfaces stand there."""
@@ -144,7 +137,7 @@ class HamiltonRays:
         if not isinstance(self.medium, Tabulated):
             landing = self._fleet(beam.deviations).ensemble(packed(beam), np.zeros((len(beam), 0)), until=sigma)
             there = (landing.outcomes == COMPLETED) & (landing.reached == sigma)
-            return self._sound(np.where(there[:, None], landing.states, np.nan)), sigma
+            return self._known(np.where(there[:, None], landing.states, np.nan)), sigma
         states, grown = packed(beam), np.zeros(len(beam))
         ahead = np.flatnonzero(path > beam.optical_path)
         if len(ahead):
@@ -152,16 +145,19 @@ class HamiltonRays:
             there = (landing.outcomes == OUTCOMES.index(Outcome.STOPPED)) & (landing.stopped_by == 0)
             states[ahead] = np.where(there[:, None], landing.states, np.nan)
             grown[ahead] = landing.reached
-        return self._sound(states), grown
+        return self._known(states), grown
 
-    def _sound(self, states: np.ndarray) -> Beam:
-        """The rays of ``states``, in place not a number where |p| = n no longer holds."""
+    def _sound(self, states: np.ndarray) -> np.ndarray:
+        """True (m,) for rays of which |p| = n still holds."""
         d = self.dimension
         with np.errstate(all="ignore"):
             squared = self._squared(states[:, :d])
-            sound = np.abs(np.sum(states[:, d : 2 * d] ** 2, axis=1) - squared) <= BROKEN * np.abs(squared)
-        states[~sound] = np.nan
-        return unpacked(states, d)
+            return np.abs(np.sum(states[:, d : 2 * d] ** 2, axis=1) - squared) <= BROKEN * np.abs(squared)
+
+    def _known(self, states: np.ndarray) -> Beam:
+        """The rays of ``states``, in place not a number where |p| = n no longer holds."""
+        states[~self._sound(states)] = np.nan
+        return unpacked(states, self.dimension)
 
     def _fleet(self, neighbours: int) -> Flow:
         """The compiled system for runs to known σ."""
@@ -182,7 +178,7 @@ class HamiltonRays:
         """n² (m,) at points (m, d)."""
         position = ca.SX.sym("r", self.dimension)
         call = Vectorised(ca.Function("squared", [position], [ca.densify(self.medium.squared_index(position))]))
-        return lambda points: call(list(points.T))[0]
+        return lambda points: call.table(points)[:, 0]
 
     def _told(self, landing: Landing, limited: bool) -> tuple[np.ndarray, np.ndarray]:
         """What a landing says: the surfaces struck, and the status of each ray."""
@@ -201,13 +197,6 @@ class HamiltonRays:
 
     def _belong(self, states: np.ndarray, number: int) -> np.ndarray:
         return self.surfaces[number].belongs(states[:, : self.dimension])
-
-    def _checked(self, beam: Beam, status: np.ndarray) -> np.ndarray:
-        """The status, SINGULAR where |p| = n no longer holds."""
-        with np.errstate(all="ignore"):
-            squared = self._squared(beam.position)
-            sound = np.abs(np.sum(beam.momentum**2, axis=1) - squared) <= BROKEN * np.abs(squared)
-        return np.where(sound, status, int(RayStatus.SINGULAR))
 
     def swarm(self, neighbours: int, limited: bool) -> RayFlow:
         """The compiled system; its last stop is the limit of the optical path, or a sphere far away."""

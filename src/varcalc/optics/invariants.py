@@ -21,7 +21,7 @@ from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import TAU, reached
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.hamilton import HamiltonRays
-from varcalc.optics.legs import Leg
+from varcalc.optics.leg import Leg
 from varcalc.optics.media import Field, Medium, Radial, Stratified
 from varcalc.optics.model import Carrier, DoesNotApply, Model, Question
 from varcalc.optics.profile import SIGMA, Profile
@@ -176,7 +176,6 @@ class InvariantRays:
         if len(others) or end.status[0] != RayStatus.ARRIVED:
             return self._others.leg(beam, path)
         length = float(free.sigma[0])
-        field_here = Field(self.medium, self.dimension)
 
         def at(sigma: np.ndarray) -> Beam:
             many = beam.take(np.zeros(len(sigma), dtype=int))
@@ -185,7 +184,7 @@ class InvariantRays:
             carried.put(np.flatnonzero(sigma == 0), many.take(np.flatnonzero(sigma == 0)))  # not to round-off only
             return carried
 
-        return Leg(at, lambda r: field_here(r)[1] / 2, length)
+        return Leg(at, length)
 
     def _profile(self, beam: Beam) -> Profile:
         """The profile of the medium, its unit of length near the first ray's radius, for a centre."""

@@ -9,16 +9,16 @@ Astrodynamics", sect. 4.5 and 4.6).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from varcalc.numerics.roots import first_ahead, growing, quadratic
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
-from varcalc.optics.legs import Leg
+from varcalc.optics.leg import Leg
 from varcalc.optics.media import Medium
 from varcalc.optics.model import Carrier, DoesNotApply, Model
 from varcalc.optics.surfaces import Geometry
@@ -34,8 +34,6 @@ PLACES = 12
 ROUND_OFF = 1e-12
 NEAR = 4 * float(np.finfo(float).eps)
 """A step of so much of σ is the last."""
-ROUNDS = 100
-"""Steps of a bracketed Newton iteration."""
 
 
 def is_linear(medium: Medium, dimension: int) -> bool:
@@ -54,26 +52,23 @@ def ratio(medium: Medium, geometry: Geometry) -> float | None:
     d = geometry.dimension
     if not ca.SX(geometry.surface.belongs(ca.SX.sym("r", d))).is_constant():
         return None
-    call = _levels(medium, geometry)
     generator = np.random.default_rng(0)
-    _, first, _, third = call(generator.normal(size=(PLACES, d)), generator.normal(size=(PLACES, d)))
+    places = generator.normal(size=(2, PLACES, d))
+    _, first, _, third = _levels(medium, geometry).table(*places).T
     if not np.all(np.isfinite(first)) or not np.all(np.isfinite(third)):
         return None
     found = float(first @ third / (first @ first)) if np.any(first) else 0.0
     return found if np.all(np.abs(third - found * first) <= ROUND_OFF * (np.abs(third) + np.abs(first))) else None
 
 
-def _levels(medium: Medium, geometry: Geometry) -> Callable[[np.ndarray, np.ndarray], list[np.ndarray]]:
-    """The level and its first three derivatives by σ (m,) along the rays at positions and momenta (m, d)."""
+def _levels(medium: Medium, geometry: Geometry) -> Vectorised:
+    """The level and its first three derivatives by σ along the rays at positions and momenta."""
     r, p = ca.SX.sym("r", geometry.dimension), ca.SX.sym("p", geometry.dimension)
     pull = ca.gradient(medium.squared_index(r), r) / 2
     levels = [ca.SX(geometry.surface.level(r))]
     for _ in range(3):
         levels.append(ca.densify(ca.jtimes(levels[-1], r, p) + ca.jtimes(levels[-1], p, pull)))
-    call = Vectorised(ca.Function("levels", [r, p], levels))
-    return lambda points, momenta: [
-        np.broadcast_to(column, len(points)) for column in call(list(points.T), list(momenta.T))
-    ]
+    return Vectorised(ca.Function("levels", [r, p], levels))
 
 
 @dataclass(frozen=True)
@@ -171,13 +166,11 @@ class LinearRays:
     def leg(self, beam: Beam, path: float) -> Leg:
         """See :meth:`varcalc.optics.model.Carrier.leg`."""
         length = _Paths(self, beam).reaching(path - beam.optical_path, np.zeros(1, dtype=int))
-        curvatures, directions, pull = self.principal
-        stiffness = (directions * curvatures) @ directions.T
 
         def at(sigma: np.ndarray) -> Beam:
             return _Paths(self, beam.take(np.zeros(len(sigma), dtype=int))).at(sigma)
 
-        return Leg(at, lambda r: r @ stiffness + pull, float(length[0]))
+        return Leg(at, float(length[0]))
 
     @cached_property
     def principal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -192,24 +185,18 @@ class LinearRays:
         return values, directions, pull
 
     @cached_property
-    def _known(self) -> list[tuple[float, Callable[..., Any]]]:
+    def _known(self) -> list[tuple[float, Vectorised]]:
         """The ratio of each surface, and its levels along rays."""
         return [(ratio(self.medium, s) or 0.0, _levels(self.medium, s)) for s in self.surfaces]
 
     def _distance(self, beam: Beam, number: int, leaving: bool) -> np.ndarray:
         """σ (m,) at which each ray first meets surface ``number``; infinite where it does not."""
         turning, levels = self._known[number]
-        level, slope, bend, _ = levels(beam.position, beam.momentum)
+        level, slope, bend, _ = levels.table(beam.position, beam.momentum).T
         with np.errstate(all="ignore"):
-            if leaving:  # one zero is the start itself
-                candidates = np.stack([-2 * slope / bend])
-            else:
-                leading = bend / 2 - turning * level / 4
-                q = -(slope + np.copysign(np.sqrt(slope**2 - 4 * leading * level), slope)) / 2
-                candidates = np.stack([q / leading, level / q])
-            sigma = _parameter(candidates, turning)
-        met = np.isfinite(sigma) & (sigma > 0)
-        return np.where(met, sigma, np.inf).min(axis=0)
+            # one zero is the start itself, where rays leave the surface
+            both = np.stack([-2 * slope / bend]) if leaving else quadratic(level, slope, bend / 2 - turning * level / 4)
+            return first_ahead(_parameter(both, turning))
 
 
 def _parameter(tangent: np.ndarray, turning: float) -> np.ndarray:
@@ -262,23 +249,11 @@ class _Paths:
         return total, rate
 
     def reaching(self, length: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """σ (k,) at which the ``rows`` have gone the optical path ``length`` (m,), which never shrinks.
+        """σ (k,) at which the ``rows`` have gone the optical path ``length`` (m,), which never shrinks."""
+        wanted = length[rows]
 
-        Newton's iteration, with bisection where it would leave the bracket.
-        """
-        found = np.maximum(length[rows] / np.sum(self.momentum[rows] ** 2, axis=1), 0.0)
-        low, high, left = np.zeros(len(rows)), np.full(len(rows), np.inf), np.arange(len(rows))
-        for _ in range(ROUNDS):
-            sigma, wanted = found[left], length[rows[left]]
-            with np.errstate(all="ignore"):
-                path, rate = self.path(sigma, rows[left])
-                before = path < wanted
-                low[left], high[left] = np.where(before, sigma, low[left]), np.where(before, high[left], sigma)
-                newton = sigma + (wanted - path) / rate
-                inside = (newton >= low[left]) & (newton <= high[left]) & (newton <= 2 * sigma)
-                middle = np.where(np.isfinite(high[left]), (low[left] + high[left]) / 2, 2 * sigma)
-            found[left] = np.where(inside, newton, middle)
-            left = left[np.abs(found[left] - sigma) > NEAR * sigma]
-            if len(left) == 0:
-                break
-        return found
+        def beyond(sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            path, rate = self.path(sigma, rows)
+            return path - wanted, rate
+
+        return growing(beyond, np.maximum(wanted / np.sum(self.momentum[rows] ** 2, axis=1), 0.0), NEAR)

@@ -312,7 +312,7 @@ class Field:
 
     medium: Medium
     dimension: int
-    _call: Callable[..., list[Any]] = field(init=False, repr=False, compare=False)
+    _call: Vectorised = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         position = ca.SX.sym("r", self.dimension)
@@ -322,18 +322,11 @@ class Field:
         function = ca.Function("field", [position], [ca.densify(result) for result in results])
         object.__setattr__(self, "_call", Vectorised(function))
 
-    def _table(self, points: np.ndarray) -> np.ndarray:
-        columns = self._call(list(points.T))
-        table = np.empty((len(points), len(columns)))
-        for k, column in enumerate(columns):
-            table[:, k] = column
-        return table
-
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """n² (m,), its gradient (m, d) and its Hessian matrix (m, d, d) at points (m, d)."""
-        table, d = self._table(points), self.dimension
+        table, d = self._call.table(points), self.dimension
         return table[:, 0], table[:, 1 : 1 + d], table[:, 1 + d : -1].reshape(-1, d, d)
 
     def index(self, points: np.ndarray) -> np.ndarray:
         """n (m,) at points (m, d); not a number where it is not real."""
-        return self._table(points)[:, -1]
+        return self._call.table(points)[:, -1]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from varcalc.numerics.roots import quadratic
 from varcalc.optics.cells import MOVED, TURNED, Cells, P, R
 
 ALIKE = np.cos(0.5)
@@ -128,10 +129,7 @@ class Seeds:
 def seeds(found: Misses, sideways: np.ndarray) -> tuple[Seeds, np.ndarray]:
     """What to begin Newton's iteration from, and True (k,) for pairs with two small extrema, which are to be parted."""
     c = found.cubic
-    with np.errstate(all="ignore"):
-        root = np.sqrt(c[:, 2] ** 2 - 3 * c[:, 1] * c[:, 3])
-        q = -(c[:, 2] + np.where(c[:, 2] < 0, -root, root))
-        turning = np.sort(np.stack([q / (3 * c[:, 3]), c[:, 1] / q], axis=1), axis=1)
+    turning = np.sort(quadratic(c[:, 1], 2 * c[:, 2], 3 * c[:, 3]).T, axis=1)
     low, high = -MARGIN, 1 + MARGIN
     within = (turning > low) & (turning < high)
     stops = np.column_stack([np.full(len(c), low), np.where(within, turning, high), np.full(len(c), high)])

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from varcalc.optics.beam import NOTHING, Arrival, Beam
-from varcalc.optics.legs import Leg
+from varcalc.optics.leg import Leg
 from varcalc.optics.media import Medium
 from varcalc.optics.ray import Ray, Rays
 from varcalc.optics.surfaces import Geometry, Surface

@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 
 from varcalc.optics.beam import RayStatus
-from varcalc.optics.flights import flown, how_far
-from varcalc.optics.values import matched, rows
+from varcalc.optics.flights import flown
+from varcalc.optics.values import how_far, matched, rows
 from varcalc.symbolic import tracing
 from varcalc.symbolic.instructions import Vectorised
 
@@ -129,8 +129,7 @@ class DispersionRelation:
             omega = self._traced(position, wavevector)
             results = [omega, ca.densify(ca.gradient(omega, wavevector))]
             self._calls[d] = Vectorised(ca.Function("omega", [position, wavevector], results))
-        columns = self._calls[d](list(x.T), list(k.T))
-        return np.column_stack([np.broadcast_to(column, len(x)) for column in columns])
+        return self._calls[d].table(x, k)
 
     def _traced(self, x: Expression, k: Expression) -> Expression:
         hint = "it is called with two columns, position and wavevector"
@@ -141,4 +140,4 @@ def _paired(points: Any, wavevectors: Any) -> tuple[np.ndarray, np.ndarray]:
     """Points and wavevectors (m, d), as many of the one as of the other."""
     x = rows("points", points)
     k = rows("wavevectors", wavevectors, x.shape[1])
-    return matched("points and wavevectors", x, k)
+    return matched("points", x, "wavevectors", k)

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from varcalc.numerics.roots import first_ahead, growing, quadratic
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
-from varcalc.optics.legs import Leg
-from varcalc.optics.media import Field, Medium
+from varcalc.optics.leg import Leg
+from varcalc.optics.media import Medium
 from varcalc.optics.model import Carrier, DoesNotApply, Model
 from varcalc.optics.surfaces import Geometry, Plane
 from varcalc.optics.tabulated import Tabulated
@@ -24,8 +25,6 @@ LAYERS = 100_000
 """Layers gone through by one ray."""
 TIE = 1e-14
 """A surface and a height of the table so close together, relative to σ, are met as one: the surface counts."""
-ROUNDS = 80
-"""Steps of Newton's iteration."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,6 @@ class ParabolicRays:
         last = pieces[-1]
         length = last.start + float(self._to_path(last.beam, last.pull, np.array([path]))[0])
         starts = np.array([piece.start for piece in pieces])
-        here = Field(self.table, self.dimension)
 
         def at(sigma: np.ndarray) -> Beam:
             number = np.maximum(np.searchsorted(starts, sigma, side="right") - 1, 0)
@@ -87,7 +85,7 @@ class ParabolicRays:
                 out.put(rows, self._moved(many, np.repeat(pieces[k].pull, len(rows)), sigma[rows] - starts[k]))
             return out
 
-        return Leg(at, lambda r: here(r)[1] / 2, length, tuple(starts[1:].tolist()))
+        return Leg(at, length, tuple(starts[1:].tolist()))
 
     def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:  # noqa: ARG002
         """See :meth:`varcalc.optics.model.Carrier.onward`."""
@@ -148,26 +146,17 @@ class ParabolicRays:
         return _first_root(level, slope, pull * geometry.gradient(beam.position)[:, -1], leaving)
 
     def _to_path(self, beam: Beam, pull: np.ndarray, limit: np.ndarray) -> np.ndarray:
-        """σ (m,) at which the optical path is ``limit``: Newton's iteration for a cubic that never falls."""
+        """σ (m,) at which the optical path is ``limit``: the zero of a cubic that never falls."""
         wanted = limit - beam.optical_path
         finite = np.isfinite(wanted)
         wanted = np.where(finite, wanted, 1.0)
         squared, climb = np.sum(beam.momentum**2, axis=1), beam.momentum[:, -1]
-        low, high = np.zeros(len(beam)), wanted / squared
-        with np.errstate(all="ignore"):
-            for _ in range(ROUNDS):
-                high = np.where(_path(squared, climb, pull, high) < wanted, 2 * high, high)
-            sigma = np.minimum(wanted / squared, high)
-            for _ in range(ROUNDS):
-                miss = _path(squared, climb, pull, sigma) - wanted
-                low, high = np.where(miss < 0, sigma, low), np.where(miss >= 0, sigma, high)
-                new = sigma - miss / (squared + 2 * pull * (climb * sigma + pull * sigma**2 / 2))
-                new = np.where((new >= low) & (new <= high), new, (low + high) / 2)
-                done = np.abs(new - sigma) <= 4 * np.finfo(float).eps * np.abs(sigma)
-                sigma = new
-                if np.all(done):
-                    break
-        return np.where(finite, sigma, np.inf)
+
+        def beyond(sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            rate = squared + 2 * pull * (climb * sigma + pull * sigma**2 / 2)
+            return _path(squared, climb, pull, sigma) - wanted, rate
+
+        return np.where(finite, growing(beyond, wanted / squared, 4 * np.finfo(float).eps), np.inf)
 
     def _moved(self, beam: Beam, pull: np.ndarray, sigma: np.ndarray) -> Beam:
         """The rays after ``sigma`` (m,) in their layers."""
@@ -184,13 +173,9 @@ class ParabolicRays:
     ) -> np.ndarray:
         """Put ``rows``, which have come to the heights ``to``, into the next layers, in place; those that go on."""
         beam.position[rows, -1] = np.asarray(self.table.heights)[to]
-        climb = beam.momentum[rows, -1]
-        following = np.where(climb > 0, to, np.where(climb < 0, to - 1, layer[rows]))  # one that only touches stays
-        inside = (following >= 0) & (following < self.table.layers)
+        following, inside, kick = self.table.crossed(layer[rows], to, beam.momentum[rows, -1])
         status[rows[~inside]] = int(RayStatus.OUTSIDE)
-        rows, to, following, climb = rows[inside], to[inside], following[inside], climb[inside]
-        gain = (self.table.coefficients[following, 1] - self.table.coefficients[layer[rows], 1]) / 2
-        kick = np.divide(gain, climb, out=np.zeros(len(rows)), where=climb != 0)
+        rows, to, following, kick = rows[inside], to[inside], following[inside], kick[inside]
         beam.turned[rows, :, -1] += kick[:, None] * beam.moved[rows, :, -1]
         layer[rows], knot[rows] = following, to
         return rows
@@ -204,9 +189,5 @@ def _path(squared: np.ndarray, climb: np.ndarray, pull: np.ndarray, sigma: np.nd
 def _first_root(constant: np.ndarray, slope: np.ndarray, bend: np.ndarray, starts_there: np.ndarray) -> np.ndarray:
     """The least positive zero (m,) of constant + slope σ + bend σ²/2, without cancellation; infinite where none is."""
     with np.errstate(all="ignore"):
-        root = np.sqrt(slope**2 - 2 * constant * bend)
-        q = -(slope + np.where(slope < 0, -root, root))
-        both = np.stack([q / bend, 2 * constant / q])
         again = np.stack([-2 * slope / bend, np.full_like(slope, np.inf)])
-    roots = np.where(starts_there, again, both)
-    return np.where(np.isfinite(roots) & (roots > 0), roots, np.inf).min(axis=0)
+    return first_ahead(np.where(starts_there, again, quadratic(constant, slope, bend / 2)))

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from varcalc.optics.beam import packed
 from varcalc.optics.cells import MOVED, PATH, P, R
 from varcalc.optics.fan import Fan
-from varcalc.optics.system import packed
+from varcalc.optics.rows import Rows
 
 MET = 4e-14
 """A ray that comes this close to the point, relative to the scene, meets it."""
@@ -33,7 +34,7 @@ APPROACHES = 2
 
 
 @dataclass(frozen=True)
-class Aims:
+class Aims(Rows):
     """k rays that nearly meet their ``target`` (k, 2).
 
     Attributes
@@ -57,33 +58,22 @@ class Aims:
     width: np.ndarray
     size: np.ndarray
 
-    def __len__(self) -> int:
-        return len(self.angle)
-
-    def take(self, rows: np.ndarray) -> Aims:
-        """The aims of ``rows``."""
-        return Aims(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
-
     def at(self, angle: np.ndarray, sigma: np.ndarray, path: np.ndarray) -> Aims:
         """The same with other angles, σ and optical paths."""
         return Aims(self.source, self.pair, self.target, angle, sigma, path, self.width, self.size)
 
 
 @dataclass(frozen=True)
-class Meeting:
+class Meeting(Rows):
     """Rays (k) with the states (k, 9) in which they come closest to their targets, and how far they are off across."""
 
     aims: Aims
     state: np.ndarray
     miss: np.ndarray
 
-    def take(self, rows: np.ndarray) -> Meeting:
-        """The meetings of ``rows``."""
-        return Meeting(self.aims.take(rows), self.state[rows], self.miss[rows])
-
 
 @dataclass(frozen=True)
-class _Look:
+class _Look(Rows):
     """One look at aims: the states there, the misses across and along the rays, and the neighbours' distances."""
 
     aims: Aims
@@ -91,9 +81,6 @@ class _Look:
     miss: np.ndarray
     along: np.ndarray
     spread: np.ndarray
-
-    def take(self, rows: np.ndarray) -> _Look:
-        return _Look(self.aims.take(rows), self.state[rows], self.miss[rows], self.along[rows], self.spread[rows])
 
     @property
     def distance(self) -> np.ndarray:
@@ -165,26 +152,13 @@ def met(fan: Fan, aims: Aims) -> tuple[Meeting, np.ndarray]:
         look, best, begun, share = look.take(left), best.take(left), begun[left], np.where(there, 1.0, share / 4)[left]
     looks = [*done, best]
     lost = np.concatenate([one.aims.pair[~one.met] for one in looks])
-    return gathered([one.take(np.flatnonzero(one.met)).meeting() for one in looks]), lost
+    return Meeting.joined([one.take(np.flatnonzero(one.met)).meeting() for one in looks]), lost
 
 
 def _either(first: np.ndarray, one: _Look, other: _Look) -> _Look:
     """The looks of ``one`` where ``first`` (k,) is true, otherwise those of the ``other``."""
     order = np.where(first, np.arange(len(first)), len(first) + np.arange(len(first)))
-    names = "state", "miss", "along", "spread"
-    columns = (np.concatenate([getattr(one, name), getattr(other, name)])[order] for name in names)
-    return _Look(joined([one.aims, other.aims]).take(order), *columns)
-
-
-def joined(parts: list[Aims]) -> Aims:
-    """All aims of ``parts``, one of them at least, one after the other."""
-    return Aims(*(np.concatenate([getattr(part, name) for part in parts]) for name in Aims.__dataclass_fields__))
-
-
-def gathered(parts: list[Meeting]) -> Meeting:
-    """All meetings of ``parts``, one of them at least, one after the other."""
-    states, misses = (np.concatenate([getattr(part, name) for part in parts]) for name in ("state", "miss"))
-    return Meeting(joined([part.aims for part in parts]), states, misses)
+    return _Look.joined([one, other]).take(order)
 
 
 def as_they_are(fan: Fan, aims: Aims, close: float) -> tuple[Meeting, np.ndarray]:

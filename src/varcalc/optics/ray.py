@@ -11,7 +11,7 @@ import numpy as np
 
 from varcalc.optics.beam import RayStatus
 from varcalc.optics.derivatives import path_derivatives
-from varcalc.optics.legs import Leg
+from varcalc.optics.leg import Leg
 from varcalc.optics.media import Medium
 from varcalc.optics.surfaces import Surface
 from varcalc.optics.tubes import RayTube

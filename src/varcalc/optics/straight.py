@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from varcalc.numerics.roots import first_ahead, quadratic
 from varcalc.optics.beam import NOTHING, Arrival, Beam, RayStatus
-from varcalc.optics.legs import Leg, moved_on, straight_leg
+from varcalc.optics.leg import Leg, moved_on, straight_leg
 from varcalc.optics.media import Field, Medium
 from varcalc.optics.model import Carrier, DoesNotApply, Model
 from varcalc.optics.surfaces import Geometry
@@ -88,25 +89,20 @@ def _first_of_two(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
     """The smaller positive zero of a quadratic level that belongs to the surface, without cancellation."""
     constant, slope, bend = geometry.along(beam.position, beam.momentum)
     with np.errstate(all="ignore"):
-        if leaving:  # one zero is the start itself
-            candidates = np.stack([-2 * slope / bend])
-        else:
-            root = np.sqrt(slope**2 - 2 * constant * bend)
-            q = -(slope + np.where(slope < 0, -root, root))
-            candidates = np.stack([q / bend, 2 * constant / q])
+        # one zero is the start itself, where rays leave the surface
+        candidates = np.stack([-2 * slope / bend]) if leaving else quadratic(constant, slope, bend / 2)
         met = np.isfinite(candidates) & (candidates > 0)
         for row, valid in zip(candidates, met, strict=True):
             where = np.flatnonzero(valid)
             valid[where] = geometry.belongs(beam.position[where] + row[where, None] * beam.momentum[where])
-    return np.where(met, candidates, np.inf).min(axis=0)
+    return first_ahead(np.where(met, candidates, np.inf))
 
 
 def _first_of_many(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
     """The first change of sign of a general level along each ray, bisected."""
     m, d = beam.position.shape
     level, slope, _ = geometry.along(beam.position, beam.momentum)
-    with np.errstate(all="ignore"):
-        away = np.abs(level / np.linalg.norm(geometry.gradient(beam.position), axis=1))
+    away = geometry.distance(beam.position)
     size = np.linalg.norm(beam.position, axis=1)
     unit = (np.where(np.isfinite(away), away, 0.0) + np.where(size > 0, size, 1.0)) / np.linalg.norm(
         beam.momentum, axis=1

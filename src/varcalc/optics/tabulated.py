@@ -153,6 +153,23 @@ class Tabulated(Medium):
         stuck = away & ~edge & (climb == 0) & (not self.smooth)
         return layer, on, stuck, away & edge & (climb == 0)
 
+    def crossed(
+        self, layer: np.ndarray, knot: np.ndarray, climb: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where rays (m,) that come to heights of the table, ``knot`` (m,), from the layers ``layer`` (m,) go on.
+
+        The layers that follow, those that only touch a height staying in theirs; True for rays that stay in the
+        table; and by how much the momentum of a neighbour upwards changes for each unit of length that it is
+        above: n² may have a kink there, which it comes to at another σ than the ray.
+        """
+        knots = np.asarray(self.heights)
+        following = np.where(climb > 0, knot, np.where(climb < 0, knot - 1, layer))
+        inside = (following >= 0) & (following < self.layers)
+        beyond = np.clip(following, 0, self.layers - 1)
+        slopes = [self.slope(k, knots[knot] - knots[k]) for k in (layer, beyond)]
+        kick = np.divide((slopes[1] - slopes[0]) / 2, climb, out=np.zeros(len(climb)), where=climb != 0)
+        return following, inside, kick
+
     def layer_of(self, heights: np.ndarray, climbing: np.ndarray) -> np.ndarray:
         """The layers (m,) that rays at ``heights`` (m,) are in, or come into where they are between two."""
         knots = np.asarray(self.heights)

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from varcalc.optics.beam import Beam, RayStatus, spreading
-from varcalc.optics.legs import Leg
+from varcalc.optics.leg import Leg
 
 ROUNDS = 8
 """Newton's steps from a sampled σ to one at a given optical path."""

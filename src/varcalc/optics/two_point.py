@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.optics import sphere
 from varcalc.optics.arrivals import Arrivals, Pairs, Search
-from varcalc.optics.beam import RayStatus, frames, launched, spreading
+from varcalc.optics.beam import RayStatus, launched, spreading
 from varcalc.optics.fan import Bounds, Fan
-from varcalc.optics.march import March
 from varcalc.optics.plane import Section
 from varcalc.optics.ray import Ray, Rays
-from varcalc.optics.space import Approaches, last_leg
-from varcalc.optics.tracks import followed
-from varcalc.optics.turns import conjugate_points
+from varcalc.optics.rows import Rows
+from varcalc.optics.sequential import Propagator
+from varcalc.optics.space import DIRECTIONS, Approaches, search
 
 FLAT = 1e-9
 """A spreading so small beside that of a uniform medium is that of a conjugate point."""
@@ -25,30 +23,23 @@ EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
-class Ends:
+class Ends(Rows):
     """k pairs of points: sources and targets (k, d), and ``within`` (k,), the largest optical paths of their rays."""
 
     sources: np.ndarray
     targets: np.ndarray
     within: np.ndarray
 
-    def __len__(self) -> int:
-        return len(self.sources)
-
-    def take(self, rows: Sequence[int] | np.ndarray) -> Ends:
-        """The pairs of ``rows``."""
-        return Ends(self.sources[rows], self.targets[rows], self.within[rows])
-
 
 @dataclass
 class TwoPoint:
     """The rays between points of one scene; what is compiled is kept.
 
-    ``march`` is the scene in the plane of the search, ``full`` the scene itself; in the plane they are the same.
+    ``propagator`` is the scene in the plane of the search, ``full`` the scene itself; in the plane they are the same.
     """
 
-    march: March
-    full: March
+    propagator: Propagator
+    full: Propagator
 
     def found(self, ends: Ends, sections: Sequence[Section]) -> tuple[list[Rays], np.ndarray]:
         """All rays of each pair; without ``sections`` that hold them, over the sphere of directions.
@@ -70,7 +61,7 @@ class TwoPoint:
         far = np.maximum(ends.within / self._largest_index(ends), 2 * distance)
         origins, source = np.unique(flat[0], axis=0, return_inverse=True)
         source = source.ravel()
-        fan = Fan(self.march, origins, _bounds(source, flat[1], ends.within, far, distance))
+        fan = Fan(self.propagator, origins, _bounds(source, flat[1], ends.within, far, distance))
         found = Search(fan, Pairs(source, flat[1], ends.within, distance)).run()
         rays = self._rays(ends, sections, found)
         searched = f"all directions of the plane ({fan.looked_at} looked at, %d narrow cells left unresolved), "
@@ -93,7 +84,7 @@ class TwoPoint:
         axes = np.array([section.axes for section in sections])[aims.pair]
         heading = np.einsum("ma,mad->md", np.column_stack([np.cos(aims.angle), np.sin(aims.angle)]), axes)
         path = found.meeting.state[:, 4]
-        built = self.built(ends.take(aims.pair), heading, path, found.touching, [sections[k] for k in aims.pair])
+        built = self.built(ends.take(aims.pair), heading, path, found.touching)
         rays: list[list[Ray]] = [[] for _ in range(len(ends))]
         for k, (ray, _) in zip(aims.pair, built, strict=True):
             if ray is not None:
@@ -101,29 +92,24 @@ class TwoPoint:
         return rays
 
     def built(
-        self, ends: Ends, headings: np.ndarray, path: np.ndarray, touching: np.ndarray, sections: Sequence[Section]
+        self, ends: Ends, headings: np.ndarray, path: np.ndarray, touching: np.ndarray
     ) -> list[tuple[Ray | None, float]]:
         """The rays that leave the sources along unit ``headings`` (k, d), to the optical paths ``path`` (k,).
 
-        ``touching`` (k,) says that a ray is known to touch a caustic at its target. ``sections`` are the planes that
-        hold the rays; without them conjugate points are looked for along each ray. With every ray comes how far from
+        ``touching`` (k,) says that a ray is known to touch a caustic at its target. With every ray comes how far from
         its target it ends, relative to the distance of the pair; there is no ray where surfaces are not met in the
         order of the scene.
         """
         if len(headings) == 0:
             return []
-        across = _across(headings, sections)
         index = self.full.fields[0].index(ends.sources)
-        beam = launched(ends.sources, headings, index, neighbours=False)
-        beam = replace(beam, moved=np.zeros_like(across), turned=index[:, None, None] * across)
-        if sections:
-            count, end, clear = conjugate_points(self.full, beam, path, across, touching)
-        else:
-            count, (end, clear) = np.zeros(len(beam), dtype=int), self.full.to_path(beam, path)
+        beam = launched(ends.sources, headings, index, neighbours=True)
+        passages, end, clear = self.full.through_all(beam, path)
         d, momentum = beam.dimension, np.linalg.norm(end.momentum, axis=1)
         away = ends.targets - end.position
         along, spread = np.sum(end.momentum * away, axis=1), spreading(end)
         flat = touching | (spread <= FLAT * (path / index**2) ** (d - 1))
+        count = self.full.conjugate_points(passages, path, flat)
         with np.errstate(divide="ignore"):
             squared = np.where(flat, 0.0, np.sum(away**2, axis=1) * index**2 / spread)  # the path is stationary
         error = np.abs(along) + squared + 16 * EPS * path
@@ -141,11 +127,11 @@ class TwoPoint:
                 degenerate=bool(flat[k]),
                 tangents=(headings[k], end.momentum[k] / momentum[k]),
                 model=name,
-                way=lambda k=k: followed(self.full, beam.take(np.array([k])), float(path[k]))[0],
+                way=lambda k=k: self.full.followed(beam.take(np.array([k])), float(path[k]))[0],
                 media=self.full.media,
                 surfaces=self.full.surfaces,
             )
-            rays.append((ray if sections else replace(ray, index=len(ray.conjugate_points)), float(miss[k])))
+            rays.append((ray, float(miss[k])))
         return rays
 
     def over_the_sphere(self, a: np.ndarray, b: np.ndarray, within: float) -> Rays:
@@ -153,24 +139,15 @@ class TwoPoint:
         distance = float(np.linalg.norm(b - a))
         one = Ends(a[None], b[None], np.array([within]))
         far = max(within / float(self._largest_index(one)[0]), 2 * distance)
-        fan = Approaches(self.full, last_leg(self.full), a, b, within, far)
-        found = sphere.search(fan.minima, b, distance)
+        fan = Approaches(self.full, a, b, within, far)
+        found = search(fan.minima, b, distance)
         every = np.zeros(len(found.paths), dtype=int)
-        built = self.built(one.take(every), found.directions, found.paths, every > 0, [])
+        built = self.built(one.take(every), found.directions, found.paths, every > 0)
         searched = (
-            f"{sphere.DIRECTIONS} directions of space, and Newton's iteration from the best ({found.looked_at} rays), "
+            f"{DIRECTIONS} directions of space, and Newton's iteration from the best ({found.looked_at} rays), "
             f"optical paths up to {within:.6g}, no farther than {far:.6g} from B"
         )
         return _told([ray for ray, _ in built if ray is not None], fan.ends, fan.entered, searched)
-
-
-def _across(headings: np.ndarray, sections: Sequence[Section]) -> np.ndarray:
-    """The unit vectors (k, d - 1, d) across ``headings`` (k, d), the first of them in the planes of the rays."""
-    if headings.shape[1] == 2 or not sections:
-        return frames(headings)
-    normals = np.array([np.cross(*section.axes) for section in sections])
-    in_plane = np.cross(normals, headings)
-    return np.stack([in_plane, np.cross(headings, in_plane)], axis=1)
 
 
 def _bounds(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+CHUNK = 1 << 16
+"""Rays carried, or points looked at, together: beside the results, that bounds the memory."""
 DIMENSIONS = (2, 3)
 """Plane and space."""
 
@@ -58,11 +61,26 @@ def unit_rows(name: str, given: Any, dimension: int | None = None) -> np.ndarray
     return array / lengths[:, None]
 
 
-def matched(names: str, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Copies (m, d) of both, where a single row of one serves for all of the other; ``names`` are theirs."""
+def matched(first_name: str, first: np.ndarray, name: str, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Views (m, d) of both, where a single row of one serves for all of the other; ValueError naming them."""
     if len(first) != len(second) and 1 not in (len(first), len(second)):
-        raise ValueError(f"there are {len(first)} and {len(second)} {names}; give as many of both, or one")
+        raise ValueError(f"there are {len(first)} {first_name} and {len(second)} {name}; give as many of both, or one")
     m = len(second) if len(first) == 1 else len(first)
-    return np.array(np.broadcast_to(first, (m, first.shape[1]))), np.array(
-        np.broadcast_to(second, (m, second.shape[1]))
-    )
+    return np.broadcast_to(first, (m, first.shape[1])), np.broadcast_to(second, (m, second.shape[1]))
+
+
+def how_far(name: str, given: Any, count: int) -> np.ndarray:
+    """How far (count,) each ray goes, from one number or one for each; ValueError naming ``name``."""
+    until = numbers(name, given)
+    if until.shape not in ((), (count,)):
+        raise ValueError(f"{name} must be one number or one for each of the {count} rays, not of shape {until.shape}")
+    if np.any(until < 0):
+        raise ValueError(f"{name} must not be negative; turn the directions round to go back")
+    return np.broadcast_to(until, (count,))
+
+
+def by_chunks(function: Callable[[np.ndarray], np.ndarray], points: np.ndarray) -> np.ndarray:
+    """``function`` (m,) of points (m, d), so many at a time; of one that is there m times, once."""
+    if points.strides[0] == 0:
+        return np.broadcast_to(function(points[:1]), len(points))
+    return np.concatenate([function(points[k : k + CHUNK]) for k in range(0, len(points), CHUNK)] or [np.zeros(0)])

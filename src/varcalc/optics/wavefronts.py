@@ -17,11 +17,10 @@ from typing import Any
 import numpy as np
 
 from varcalc.optics.beam import RayStatus
-from varcalc.optics.march import March
 from varcalc.optics.media import Field
 from varcalc.optics.scene import Scene
+from varcalc.optics.sequential import Propagator
 from varcalc.optics.sources import Source
-from varcalc.optics.tracks import followed
 from varcalc.optics.tubes import RayTube
 
 
@@ -205,7 +204,7 @@ def ray_tubes(scene: Scene, source: Source, rays: Any, optical_path: float) -> l
     if not 0 < optical_path < np.inf:
         raise ValueError(f"optical_path must be a positive number, not {optical_path!r}")
     dimension = points.shape[1]
-    march = March(scene.media, scene.surfaces, None, dimension)
+    propagator = Propagator(scene.media, scene.surfaces, None, dimension)
     beam = source.beam(Field(scene.media[0], dimension), points, directions)
-    rays_followed = [followed(march, beam.take(np.array([row])), float(optical_path)) for row in range(len(beam))]
-    return [RayTube(status, legs) for legs, _, status in rays_followed]
+    rays_followed = (propagator.followed(beam.take(np.array([row])), float(optical_path)) for row in range(len(beam)))
+    return [RayTube(status, legs) for legs, status in rays_followed]

@@ -1,26 +1,90 @@
-"""Rays through a table, layer by layer: every height of it ends a run, and the next begins with the next cubic."""
+"""Hamilton's ray equations as the integrators take a system, in one medium or in a table layer by layer.
+
+dr/dσ = p, dp/dσ = ∇n²/2, dS/dσ = n², of the Hamiltonian (|p|² - n²)/2 = 0
+(Born and Wolf, sect. 3.2; Brizard, "An Introduction to Lagrangian Mechanics",
+sect. 3.3): for many media polynomials. The deviations of neighbours obey
+δr' = δp, δp' = H δr/2 with H the Hessian matrix of n² (the ray deviation
+equation, Brizard sect. 1.4.3). In a table every height ends a run, and the
+next begins with the next layer's cubic.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from varcalc.integrators import NONE, OUTCOMES, Engine, Flow, Landing, Outcome
-from varcalc.optics.media import Medium
-from varcalc.optics.system import force_of, ray_rates
-from varcalc.optics.tabulated import Tabulated
+from varcalc.optics.media import Expression, Medium
+from varcalc.optics.tabulated import Tabulated, cubic
 
-Expression = Any
-"""A CasADi SX expression."""
 STOPPED = OUTCOMES.index(Outcome.STOPPED)
 NOT_FINITE = OUTCOMES.index(Outcome.NOT_FINITE)
 TOO_MANY = OUTCOMES.index(Outcome.TOO_MANY_STEPS)
 CROSSINGS = 100_000
 """Heights of the table crossed by one ray."""
+
+
+@dataclass(frozen=True)
+class Force:
+    """n² (a scalar), ∇n²/2 (d,) and the latter's derivative along a deviation, as expressions of a position."""
+
+    squared: Expression
+    pull: Expression
+    along: Callable[[Expression], Expression]
+
+
+def force(squared: Expression, position: Expression) -> Force:
+    """The force of any n², an expression of the symbols ``position``."""
+    pull = ca.gradient(squared, position) / 2
+    return Force(squared, pull, lambda moved: ca.jtimes(pull, position, moved))
+
+
+def force_through(function: ca.Function, u: Expression, position: Expression) -> Force:
+    """The force of n² = F(u), by the chain rule; ∇u and u's second derivatives are simple."""
+    symbol = ca.SX.sym("u")
+    squared = function(symbol)
+    half = ca.gradient(squared, symbol) / 2
+    orders = ca.Function("orders", [symbol], [squared, half, ca.gradient(half, symbol)])
+    squared, half, bend = orders(u)
+    slope = ca.gradient(u, position)
+    hessian = ca.jacobian(slope, position)
+
+    def along(moved: Expression) -> Expression:
+        return half * (hessian @ moved) + (bend * ca.dot(slope, moved)) * slope
+
+    return Force(squared, half * slope, along)
+
+
+def ray_rates(force: Force, state: Expression, dimension: int) -> Expression:
+    """Hamilton's ray equations: of r, p, S, then δr and δp of each neighbour."""
+    d = dimension
+    rates = [state[d : 2 * d], force.pull, force.squared]
+    for first in range(2 * d + 1, state.numel(), 2 * d):
+        rates += [state[first + d : first + 2 * d], force.along(state[first : first + d])]
+    return ca.cse(ca.densify(ca.vertcat(*rates)))
+
+
+def force_of(medium: Medium, position: Expression, constants: Expression) -> Force:
+    """The force of ``medium``; of one layer of a table, whose ``constants`` are given."""
+    if isinstance(medium, Tabulated):
+        return force(cubic(position[position.numel() - 1], constants), position)
+    known = medium.through(position)
+    return force(medium.squared_index(position), position) if known is None else force_through(*known, position)
+
+
+def ray_system(medium: Medium, dimension: int, neighbours: int) -> ca.Function:
+    """Hamilton's ray equations with ``neighbours`` deviations, as the engines take a system.
+
+    The state is r, p, S, then δr and δp of each neighbour. There are no
+    constants, but for those of one layer where the medium is a table.
+    """
+    s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * dimension + 1 + 2 * dimension * neighbours)
+    constants = ca.SX.sym("c", 6 if isinstance(medium, Tabulated) else 0)
+    here = force_of(medium, state[:dimension], constants)
+    return ca.Function("rays", [s, state, constants], [ray_rates(here, state, dimension)])
 
 
 def compile_rays(
@@ -97,27 +161,19 @@ class LayeredSwarm:
             if len(alive) == 0:
                 return
 
-    def _kick(self, states: np.ndarray, rows: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
-        """Turn the neighbours of ``rows`` that come to a kink of n² at another σ than the ray, in place."""
-        d, knots = self.dimension, np.asarray(self.table.heights)
-        height, climb = states[rows, d - 1], states[rows, 2 * d - 1]
-        slopes = [self.table.slope(layer, height - knots[layer]) for layer in (before, after)]
-        kick = np.divide((slopes[1] - slopes[0]) / 2, climb, out=np.zeros(len(rows)), where=climb != 0)
-        for first in range(2 * d + 1, states.shape[1], 2 * d):
-            states[rows, first + 2 * d - 1] += kick * states[rows, first + d - 1]
-
     def _handed_on(self, ends: Landing, layer: np.ndarray, start: np.ndarray, alive: np.ndarray) -> np.ndarray:
         """Put the rays that have come to a height into the next layer; those of ``alive`` that go on."""
         at = alive[(ends.outcomes[alive] == STOPPED) & (ends.stopped_by[alive] >= self.stops)]
         knot = layer[at] + (ends.stopped_by[at] - self.stops)
-        climbing = ends.states[at, 2 * self.dimension - 1] > 0
-        ends.states[at, self.dimension - 1] = np.asarray(self.table.heights)[knot]
-        following = np.where(climbing, knot, knot - 1)
-        inside = (following >= 0) & (following < self.table.layers)
-        self._kick(ends.states, at[inside], layer[at[inside]], following[inside])
+        d = self.dimension
+        ends.states[at, d - 1] = np.asarray(self.table.heights)[knot]
+        following, inside, kick = self.table.crossed(layer[at], knot, ends.states[at, 2 * d - 1])
+        for first in range(2 * d + 1, ends.states.shape[1], 2 * d):
+            turned, moved = first + 2 * d - 1, first + d - 1
+            ends.states[at[inside], turned] += kick[inside] * ends.states[at[inside], moved]
         ends.stopped_by[at[~inside]] = self.stops
         layer[at[inside]] = following[inside]
-        start[at] = np.where(climbing, self.stops, self.stops + 1)
+        start[at] = self.stops + knot - following
         return at[inside]
 
 

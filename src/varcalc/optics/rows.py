@@ -1,0 +1,29 @@
+"""Tables of arrays: a dataclass each of whose fields has one row an item."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any, Self
+
+import numpy as np
+
+
+class Rows:
+    """A dataclass of arrays (m, ...), or of other such tables, that have as many rows each."""
+
+    __dataclass_fields__: Any
+
+    def __len__(self) -> int:
+        return len(getattr(self, fields(self)[0].name))
+
+    def take(self, rows: np.ndarray | slice) -> Self:
+        """The rows ``rows``: numbers, or a slice, which gives views."""
+        values = (getattr(self, field.name) for field in fields(self))
+        return type(self)(*(v.take(rows) if isinstance(v, Rows) else v[rows] for v in values))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """The rows of all ``parts``, one of them at least, one part after the other."""
+        columns = ([getattr(part, field.name) for part in parts] for field in fields(cls))
+        return cls(*(type(c[0]).joined(c) if isinstance(c[0], Rows) else np.concatenate(c) for c in columns))
