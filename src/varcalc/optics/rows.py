@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -12,15 +12,24 @@ import numpy as np
 class Rows:
     """A dataclass of arrays (m, ...), or of other such tables, that have as many rows each."""
 
-    __dataclass_fields__: Any
+    __dataclass_fields__: ClassVar[dict[str, Any]]
 
     def __len__(self) -> int:
         return len(getattr(self, fields(self)[0].name))
 
-    def take(self, rows: np.ndarray | slice) -> Self:
+    def take(self, rows: np.ndarray | Sequence[int] | slice) -> Self:
         """The rows ``rows``: numbers, or a slice, which gives views."""
         values = (getattr(self, field.name) for field in fields(self))
         return type(self)(*(v.take(rows) if isinstance(v, Rows) else v[rows] for v in values))
+
+    def put(self, rows: np.ndarray, other: Self) -> None:
+        """Write ``other`` over the ``rows``, in place."""
+        for field in fields(self):
+            mine, its = getattr(self, field.name), getattr(other, field.name)
+            if isinstance(mine, Rows):
+                mine.put(rows, its)
+            else:
+                mine[rows] = its
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.optics.bundle import Bundle, Starts, traced
-from varcalc.optics.media import Medium
-from varcalc.optics.model import Model
-from varcalc.optics.models import checked_model
-from varcalc.optics.pairs import PairSearch
-from varcalc.optics.ray import Rays
-from varcalc.optics.sequential import CompiledScene
+from varcalc.optics.arrivals.search import PairSearch
+from varcalc.optics.media.medium import Medium
+from varcalc.optics.models.choice import checked_model
+from varcalc.optics.models.model import Model
+from varcalc.optics.propagation.bundle import Bundle, Starts, traced
+from varcalc.optics.propagation.sequential import CompiledScene
+from varcalc.optics.rays.ray import Rays
 from varcalc.optics.surfaces import Surface, touched
-from varcalc.optics.values import how_far, matched, numbers, point, rows, unit_rows
+from varcalc.optics.validation import how_far, matched, numbers, point, rows, unit_rows
 from varcalc.problem.functional import named
 
 
@@ -153,14 +153,9 @@ class Scene:
         """
         if wavelength is not None:
             return self.at_wavelength(wavelength).trace(
-                points,
-                directions,
-                optical_path=optical_path,
-                until=until,
-                with_spreading=with_spreading,
-                model=model,
+                points, directions, optical_path=optical_path, until=until, with_spreading=with_spreading, model=model,
                 progress=progress,
-            )
+            )  # fmt: skip
         start, heading = self._sources(points, directions)
         if (optical_path is None) == (until is None):
             raise ValueError("give either optical_path= or until=, to say where the rays are to stop")

@@ -16,14 +16,14 @@ import casadi as ca
 import numpy as np
 
 from varcalc.optics.parameters import Parametrised
-from varcalc.optics.values import by_chunks, direction, numbers, point
+from varcalc.optics.validation import by_chunks, direction, numbers, point
 from varcalc.problem.functional import named
 from varcalc.symbolic import tracing
 from varcalc.symbolic.instructions import Vectorised
 
 Expression = Any
 """A CasADi SX expression."""
-ON = 1e-12
+ON_SURFACE = 1e-12
 """A point is on a surface when it is no farther from it than this share of the scene's size."""
 
 
@@ -97,7 +97,30 @@ class Sphere(Surface):
 
 
 @dataclass(frozen=True)
-class Conic(Surface):
+class _OfRevolution(Surface):
+    """What surfaces about an axis through their vertex have in common."""
+
+    vertex: Sequence[float]
+    axis: Sequence[float]
+    radius: float
+    conic: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertex", point("vertex", self.vertex))
+        object.__setattr__(self, "axis", direction("axis", self.axis))
+        _same_dimension(vertex=self.vertex, axis=self.axis)
+        if not (numbers("radius", self.radius).ndim == 0 and self.radius != 0):
+            raise ValueError(f"radius must be a number other than zero, not {self.radius!r}; for none take Plane")
+        numbers("conic", self.conic)
+
+    @property
+    def dimension(self) -> int:
+        """That of the vertex."""
+        return len(self.vertex)
+
+
+@dataclass(frozen=True)
+class Conic(_OfRevolution):
     """A conic of revolution: the sheet through its vertex, as far as it is a graph over the tangent plane there.
 
     Parameters
@@ -117,24 +140,7 @@ class Conic(Surface):
     Testing", appendix A).
     """
 
-    vertex: Sequence[float]
-    axis: Sequence[float]
-    radius: float
-    conic: float = 0.0
     mirror: bool = False
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "vertex", point("vertex", self.vertex))
-        object.__setattr__(self, "axis", direction("axis", self.axis))
-        _same_dimension(vertex=self.vertex, axis=self.axis)
-        if not (numbers("radius", self.radius).ndim == 0 and self.radius != 0):
-            raise ValueError(f"radius must be a number other than zero, not {self.radius!r}; for none take Plane")
-        numbers("conic", self.conic)
-
-    @property
-    def dimension(self) -> int:
-        """That of the vertex."""
-        return len(self.vertex)
 
     def level(self, position: Expression) -> Expression:
         """The conic's equation over 2 R."""
@@ -148,7 +154,7 @@ class Conic(Surface):
 
 
 @dataclass(frozen=True)
-class Asphere(Surface):
+class Asphere(_OfRevolution):
     """A conic with even powers added: z = c ρ²/(1 + sqrt(1 - (1 + k) c² ρ²)) + a₄ ρ⁴ + a₆ ρ⁶ + ...
 
     Parameters
@@ -159,26 +165,15 @@ class Asphere(Surface):
         a₄, a₆, ...; ISO 10110-12.
     """
 
-    vertex: Sequence[float]
-    axis: Sequence[float]
-    radius: float
-    conic: float = 0.0
     coefficients: Sequence[float] = ()
     mirror: bool = False
 
     def __post_init__(self) -> None:
-        base = Conic(self.vertex, self.axis, self.radius, self.conic)
-        object.__setattr__(self, "vertex", base.vertex)
-        object.__setattr__(self, "axis", base.axis)
+        super().__post_init__()
         coefficients = numbers("coefficients", self.coefficients)
         if coefficients.ndim != 1:
             raise ValueError(f"coefficients must be a sequence a4, a6, ..., not {self.coefficients!r}")
         object.__setattr__(self, "coefficients", tuple(float(a) for a in coefficients))
-
-    @property
-    def dimension(self) -> int:
-        """That of the vertex."""
-        return len(self.vertex)
 
     def level(self, position: Expression) -> Expression:
         """The sag at the distance of ``position`` from the axis, less its height."""
@@ -312,6 +307,6 @@ def touched(surface: Surface, points: np.ndarray) -> np.ndarray:
 
     def on(some: np.ndarray) -> np.ndarray:
         with np.errstate(invalid="ignore"):
-            return (geometry.distance(some) <= ON * extent) & geometry.belongs(some)
+            return (geometry.distance(some) <= ON_SURFACE * extent) & geometry.belongs(some)
 
     return by_chunks(on, points).astype(bool)
