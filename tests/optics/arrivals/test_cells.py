@@ -13,9 +13,9 @@ PARABOLIC = optics.Stratified(lambda y: ca.sqrt(1 - 2 * y))
 
 
 def fan(medium, source=(0.0, 0.0), middle=(0.4, 0.2), surfaces=()):
-    march = Propagator((medium,) * (len(surfaces) + 1), surfaces, None, 2)
+    propagator = Propagator((medium,) * (len(surfaces) + 1), surfaces, None, 2)
     bounds = Bounds(np.array([4.0]), np.array([4.0]), np.array([middle]), np.array([0.3]), np.array([0.5]))
-    return Fan(march, np.array([source]), bounds)
+    return Fan(propagator, np.array([source]), bounds)
 
 
 def parabola(angle, sigma):
@@ -67,9 +67,9 @@ def test_the_ends_of_cells_are_nearly_wavefronts():
 
 def test_a_direction_that_parts_rays_is_closed_in_on():
     surface = optics.Plane((0.0, 0.0), (0.0, 1.0))
-    march = Propagator((optics.Uniform(1.5), optics.Uniform(1.0)), (surface,), None, 2)
+    propagator = Propagator((optics.Uniform(1.5), optics.Uniform(1.0)), (surface,), None, 2)
     bounds = Bounds(np.array([20.0]), np.array([20.0]), np.array([[1.0, -1.0]]), np.array([0.1]), np.array([1.0]))
-    cells = Fan(march, np.array([[0.0, 1.0]]), bounds).cells()
+    cells = Fan(propagator, np.array([[0.0, 1.0]]), bounds).cells()
     critical = 1.5 * np.pi + np.arcsin(1 / 1.5)
     assert np.min(np.abs(np.mod(cells.angle, 2 * np.pi) - critical)) < 1e-13
     assert np.all(cells.state[..., P][np.isfinite(cells.state[..., P])] ** 2 <= 1.0 + 1e-12)

@@ -211,7 +211,8 @@ def caustics_between(before: Beam, after: Beam) -> np.ndarray:
     count is the KMAH index of the stretch (Maslov's; Arnold, "Mathematical Methods of Classical Mechanics", app. 11).
     Rays from a point have not passed one yet.
     """
-    ahead = [beam.momentum / np.linalg.norm(beam.momentum, axis=1)[:, None] for beam in (before, after)]
+    with np.errstate(invalid="ignore"):
+        ahead = [beam.momentum / np.linalg.norm(beam.momentum, axis=1)[:, None] for beam in (before, after)]
     a, b = before.moved, after.moved
     if before.dimension == 3:
         a, b = (_across(moved, tangent) for moved, tangent in zip((a, b), ahead, strict=True))
@@ -232,4 +233,5 @@ def _across(moved: np.ndarray, tangent: np.ndarray) -> np.ndarray:
 
 def _area(moved: np.ndarray, tangent: np.ndarray) -> np.ndarray:
     """The area (m,), with sign, between deviations (m, d - 1, d) across rays with unit tangents (m, d)."""
-    return np.linalg.det(np.concatenate([moved, tangent[:, None, :]], axis=1))
+    with np.errstate(invalid="ignore"):  # what is not known has no area
+        return np.linalg.det(np.concatenate([moved, tangent[:, None, :]], axis=1))
