@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -15,17 +14,17 @@ class Rows:
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     def __len__(self) -> int:
-        return len(getattr(self, fields(self)[0].name))
+        return len(getattr(self, next(iter(self.__dataclass_fields__))))
 
     def take(self, rows: np.ndarray | Sequence[int] | slice) -> Self:
         """The rows ``rows``: numbers, or a slice, which gives views."""
-        values = (getattr(self, field.name) for field in fields(self))
-        return type(self)(*(v.take(rows) if isinstance(v, Rows) else v[rows] for v in values))
+        values = [getattr(self, name) for name in self.__dataclass_fields__]
+        return type(self)(*[v.take(rows) if isinstance(v, Rows) else v[rows] for v in values])
 
     def put(self, rows: np.ndarray, other: Self) -> None:
         """Write ``other`` over the ``rows``, in place."""
-        for field in fields(self):
-            mine, its = getattr(self, field.name), getattr(other, field.name)
+        for name in self.__dataclass_fields__:
+            mine, its = getattr(self, name), getattr(other, name)
             if isinstance(mine, Rows):
                 mine.put(rows, its)
             else:
@@ -34,5 +33,5 @@ class Rows:
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """The rows of all ``parts``, one of them at least, one part after the other."""
-        columns = ([getattr(part, field.name) for part in parts] for field in fields(cls))
+        columns = ([getattr(part, name) for part in parts] for name in cls.__dataclass_fields__)
         return cls(*(type(c[0]).joined(c) if isinstance(c[0], Rows) else np.concatenate(c) for c in columns))

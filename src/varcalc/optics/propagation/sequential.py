@@ -141,7 +141,9 @@ class Propagator:
         rays = UnderWay.started(beam)
         for _ in self.passages(rays, limit, len(self.surfaces)):
             pass
-        return rays.beam, rays.status, np.isin(np.arange(len(beam)), rays.rows)
+        entered = np.zeros(len(beam), dtype=bool)
+        entered[rays.rows] = True
+        return rays.beam, rays.status, entered
 
     def followed(self, beam: Beam, path: float) -> tuple[list[Leg], RayStatus]:
         """The legs of one ray, with its neighbours, up to the optical path ``path``; and how it ended."""
@@ -230,11 +232,14 @@ class Propagator:
         shape, rows = self.shapes[number], rays.rows
         here = (rays.status[rows] == RayStatus.ARRIVED) & (rays.struck[rows] == shape) & (shape != self.stop)
         rows = rows[here]
-        rays.beam = rays.beam.take(np.arange(len(rays.beam)))  # what has been told of the passage stays as it is
         before, after = self.fields[number : number + 2]
         mirror = self.surfaces[number].mirror
         refracted, total = at_surface(rays.beam.take(rows), self.geometries[shape], before, after, mirror=mirror)
-        rays.beam.put(rows, refracted)
+        if len(rows) == len(rays.status):
+            rays.beam = refracted
+        else:
+            rays.beam = rays.beam.take(np.arange(len(rays.beam)))  # what was told of the passage stays as it is
+            rays.beam.put(rows, refracted)
         rays.status[rows[total]] = RayStatus.TOTAL_REFLECTION
         rays.rows, rays.leaving = rows[~total], np.full(len(rays.status), shape)
 
