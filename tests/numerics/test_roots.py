@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from varcalc.numerics.roots import bracketed_newton, edges, least, scanned_root
+from varcalc.numerics.roots import bracketed_newton, edges, first_ahead, growing, least, quadratic, scanned_root
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 3.0), (3.0, 0.0)])
@@ -58,3 +58,22 @@ def test_edges_are_neighbouring_numbers() -> None:
 
 def test_a_minimum_by_scans() -> None:
     assert least(lambda x: np.cosh(x - 0.7), -3.0, 5.0) == pytest.approx(0.7, abs=1e-7)
+
+
+@pytest.mark.parametrize(("near", "far"), [(1e-9, 1e9), (-1e-9, 1e9), (2.0, -3.0), (0.0, 5.0)])
+def test_zeros_of_a_quadratic_without_cancellation(near: float, far: float) -> None:
+    for scale in (1.0, -2.0):
+        zeros = quadratic(np.array(near * far * scale), np.array(-(near + far) * scale), np.array(scale))
+        np.testing.assert_allclose(np.sort(zeros), np.sort([near, far]), rtol=4e-16)
+
+
+def test_a_quadratic_without_zeros_and_one_that_is_a_straight_line() -> None:
+    zeros = quadratic(np.array([1.0, 1.0]), np.array([0.0, -2.0]), np.array([1.0, 0.0]))
+    assert np.all(np.isnan(zeros[:, 0]))
+    assert first_ahead(zeros).tolist() == [np.inf, 0.5]
+
+
+def test_where_growing_functions_vanish_however_far_from_the_guess() -> None:
+    roots = np.array([0.0, 1e-6, 1.0, 1e5])
+    found = growing(lambda x: (x**3 - roots**3, 3 * x**2), np.array([1.0, 1.0, 1e-3, 1.0]), 1e-15)
+    np.testing.assert_allclose(found, roots, rtol=1e-14, atol=1e-15)

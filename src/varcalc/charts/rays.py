@@ -9,10 +9,10 @@ from matplotlib.lines import Line2D
 
 from varcalc.charts.colours import INK
 from varcalc.charts.panels import plain
-from varcalc.optics.beam import RayStatus
-from varcalc.optics.range_chart import RangeChart
-from varcalc.optics.study import FLAT, Background, Seen, Track
-from varcalc.optics.wavefronts import Wavefront
+from varcalc.optics.rays.beam import RayStatus
+from varcalc.optics.results.range_chart import RangeChart
+from varcalc.optics.results.study import FLAT, Background, Seen, Track
+from varcalc.optics.results.wavefronts import Wavefront
 
 RAY, LOST, FRONT, CAUSTIC, ARRIVAL = "#0072b2", "#999999", "#009e73", "#d55e00", "#7a5195"
 SHADES = "Greys"

@@ -15,6 +15,7 @@ NEIGHBOURS = 3
 """Places on either side of a change of sign through which the inverse function is laid."""
 NEWTON_STEPS = 100
 SHARES = np.linspace(0.0, 1.0, 65)
+DOUBLINGS = 80
 NARROWING = 6
 CUTS = 257
 """Places of a scan that looks for an extremum: 128^-6 = 2e-13 of the first bracket after all."""
@@ -114,3 +115,38 @@ def bracketed_newton(
         if not np.any((moved > relative * np.abs(at) + absolute) & ~last):
             break
     return at, moved
+
+
+def growing(
+    function: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], guess: np.ndarray, relative: float
+) -> np.ndarray:
+    """Where functions that never fall, and are negative at 0, vanish: places in the shape of ``guess``, not negative.
+
+    ``function`` takes places to values and derivatives. The guess is doubled until it is beyond; Newton's steps,
+    kept inside the bracket, end where they are within ``relative`` of the place.
+    """
+    low, high = np.zeros(np.shape(guess)), np.maximum(guess, 0.0)
+    with np.errstate(all="ignore"):
+        for _ in range(DOUBLINGS):
+            short = function(high)[0] < 0
+            if not np.any(short):
+                break
+            low, high = np.where(short, high, low), np.where(short, 2 * high, high)
+
+        def falling(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            value, rate = function(at)
+            return -value, -rate
+
+        return bracketed_newton(falling, low, high, np.clip(guess, low, high), relative=relative)[0]
+
+
+def quadratic(constant: np.ndarray, slope: np.ndarray, bend: np.ndarray) -> np.ndarray:
+    """Both zeros (2, ...) of constant + slope x + bend x², without cancellation; not numbers where there are none."""
+    with np.errstate(all="ignore"):
+        q = -(slope + np.copysign(np.sqrt(slope**2 - 4 * constant * bend), slope)) / 2
+        return np.stack([q / bend, constant / q])
+
+
+def first_ahead(places: np.ndarray) -> np.ndarray:
+    """The least positive number of the first axis; infinite where there is none."""
+    return np.where(np.isfinite(places) & (places > 0), places, np.inf).min(axis=0)

@@ -1,13 +1,13 @@
-"""Variational optics: rays by Fermat's principle, through graded media, surfaces and mirrors."""
+"""Variational optics: rays by Fermat's principle, through graded media, surfaces and mirrors.
 
-from varcalc.optics.beam import RayStatus
-from varcalc.optics.bundle import Bundle
-from varcalc.optics.curved import CurvedMedium
-from varcalc.optics.dispersion import GLASSES, Cauchy, Dispersion, Sellmeier
-from varcalc.optics.fermat import Fermat
-from varcalc.optics.hamilton import Hamilton
-from varcalc.optics.invariants import Invariants
-from varcalc.optics.known import (
+Each folder imports only from those before it: ``media``, with ``parameters``, ``validation`` and ``surfaces``;
+``rays``; ``models``; ``propagation``; ``arrivals``; ``scene``, which asks the two; and
+``results``. ``ensembles`` stand beside them.
+"""
+
+from varcalc.optics.ensembles.curved import CurvedMedium
+from varcalc.optics.ensembles.wave_packets import DispersionRelation, WavePackets
+from varcalc.optics.media.catalogue import (
     eaton,
     exponential_atmosphere,
     fish_eye,
@@ -16,23 +16,28 @@ from varcalc.optics.known import (
     selfoc,
     standard_atmosphere,
 )
-from varcalc.optics.linear import Linear
-from varcalc.optics.maupertuis import maupertuis
-from varcalc.optics.media import Graded, Medium, Radial, Stratified, Uniform
-from varcalc.optics.model import DoesNotApply, Model
-from varcalc.optics.packets import DispersionRelation, WavePackets
-from varcalc.optics.parabolas import Parabolas
-from varcalc.optics.profiles import read_profile
-from varcalc.optics.range_chart import RangeChart, range_chart
-from varcalc.optics.ray import Ray, Rays
+from varcalc.optics.media.dispersion import GLASSES, Cauchy, Dispersion, Sellmeier
+from varcalc.optics.media.maupertuis import maupertuis
+from varcalc.optics.media.medium import Graded, Medium, Radial, Stratified, Uniform
+from varcalc.optics.media.profile_file import read_profile
+from varcalc.optics.media.tabulated import Tabulated
+from varcalc.optics.models.fermat import Fermat
+from varcalc.optics.models.hamilton import Hamilton
+from varcalc.optics.models.invariants import Invariants
+from varcalc.optics.models.linear import Linear
+from varcalc.optics.models.model import DoesNotApply, Model
+from varcalc.optics.models.parabolas import Parabolas
+from varcalc.optics.models.straight import Straight
+from varcalc.optics.propagation.bundle import Bundle
+from varcalc.optics.rays.beam import RayStatus
+from varcalc.optics.rays.ray import Ray, Rays
+from varcalc.optics.rays.sources import PlaneWave, PointSource, Source
+from varcalc.optics.rays.tube import Intensity, RayTube
+from varcalc.optics.results.range_chart import RangeChart, range_chart
+from varcalc.optics.results.study import Seen, Study
+from varcalc.optics.results.wavefronts import Caustic, Wavefront, caustic, ray_tube, wavefront
 from varcalc.optics.scene import Scene
-from varcalc.optics.sources import PlaneWave, PointSource, Source
-from varcalc.optics.straight import Straight
-from varcalc.optics.study import Seen, Study
 from varcalc.optics.surfaces import Asphere, Conic, Implicit, Plane, Sphere, Surface
-from varcalc.optics.tabulated import Tabulated
-from varcalc.optics.tubes import Intensity, RayTube
-from varcalc.optics.wavefronts import Caustic, Wavefront, caustic, ray_tube, wavefront
 
 __all__ = [
     "GLASSES",

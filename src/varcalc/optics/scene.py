@@ -7,16 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.optics.bundle import Bundle
-from varcalc.optics.caravan import Sources, carried
-from varcalc.optics.media import Medium
-from varcalc.optics.model import Model
-from varcalc.optics.models import checked_model
-from varcalc.optics.pairs import PairSearch
-from varcalc.optics.ray import Rays
-from varcalc.optics.surfaces import Surface
-from varcalc.optics.values import numbers, point, rows, unit_rows
-from varcalc.optics.ways import Ways, touched
+from varcalc.optics.arrivals.search import PairSearch
+from varcalc.optics.media.medium import Medium
+from varcalc.optics.models.choice import checked_model
+from varcalc.optics.models.model import Model
+from varcalc.optics.propagation.bundle import Bundle, Starts, traced
+from varcalc.optics.propagation.sequential import CompiledScene
+from varcalc.optics.rays.ray import Rays
+from varcalc.optics.surfaces import Surface, touched
+from varcalc.optics.validation import how_far, matched, numbers, point, rows, unit_rows
 from varcalc.problem.functional import named
 
 
@@ -77,8 +76,8 @@ class Scene:
                 "the scene has parts in the plane and parts in space; give all points 2 or all 3 coordinates"
             )
         self.dimension = dimensions.pop() if dimensions else None
-        self._ways = Ways(self.media, self.surfaces, self.dimension)
-        self._pairs = PairSearch(self._ways)
+        self._compiled = CompiledScene(self.media, self.surfaces, self.dimension)
+        self._pairs = PairSearch(self._compiled)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _scene, (self.media, self.surfaces, self.wavelength)
@@ -154,25 +153,21 @@ class Scene:
         """
         if wavelength is not None:
             return self.at_wavelength(wavelength).trace(
-                points,
-                directions,
-                optical_path=optical_path,
-                until=until,
-                with_spreading=with_spreading,
-                model=model,
+                points, directions, optical_path=optical_path, until=until, with_spreading=with_spreading, model=model,
                 progress=progress,
-            )
+            )  # fmt: skip
         start, heading = self._sources(points, directions)
         if (optical_path is None) == (until is None):
             raise ValueError("give either optical_path= or until=, to say where the rays are to stop")
         if until is not None and not isinstance(until, Surface):
             raise TypeError(f"until must be a surface such as Plane or Sphere, not {until!r}")
-        limit = _limits(optical_path, len(start))
-        index = self._ways.index_at_source(start)
-        march = self._ways.march(until, start.shape[1], checked_model(model))
+        unlimited = np.broadcast_to(np.inf, len(start))
+        limit = unlimited if optical_path is None else how_far("optical_path", optical_path, len(start))
+        index = self._compiled.index_at_source(start)
+        propagator = self._compiled.propagator(until, start.shape[1], checked_model(model))
         on_stop = np.zeros(len(start), bool) if until is None else touched(until, start)
-        sources = Sources(start, heading, index, limit, on_stop)
-        return carried(march, sources, with_spreading=with_spreading, progress=progress)
+        starts = Starts(start, heading, index, limit, on_stop)
+        return traced(propagator, starts, with_spreading=with_spreading, progress=progress)
 
     def rays(
         self, A: Any, B: Any, *, within: float | None = None, wavelength: float | None = None,
@@ -269,12 +264,7 @@ class Scene:
         """Points and unit directions, as many of the one as of the other, off every surface."""
         start = rows("points", points, self.dimension)
         heading = unit_rows("directions", directions, start.shape[1])
-        if len(start) != len(heading) and 1 not in (len(start), len(heading)):
-            raise ValueError(
-                f"there are {len(start)} points and {len(heading)} directions; give as many of both, or one"
-            )
-        m = len(heading) if len(start) == 1 else len(start)
-        start, heading = (np.broadcast_to(a, (m, start.shape[1])) for a in (start, heading))
+        start, heading = matched("points", start, "directions", heading)
         for number, surface in enumerate(self.surfaces):
             on = touched(surface, start)
             if np.any(on):
@@ -304,20 +294,6 @@ def _one_more(media: Sequence[Medium], surfaces: Sequence[Surface]) -> tuple[Med
         if surface.mirror and full[number] != full[number + 1]:
             raise ValueError(f"surface {number} is a mirror, so the medium after it must be that before it")
     return full
-
-
-def _limits(optical_path: Any, count: int) -> np.ndarray:
-    """The optical path (m,) at which each ray stops, infinite where none is given."""
-    if optical_path is None:
-        return np.full(count, np.inf)
-    limit = numbers("optical_path", optical_path)
-    if limit.shape not in ((), (count,)):
-        raise ValueError(
-            f"optical_path must be one number or one for each of the {count} rays, not of shape {limit.shape}"
-        )
-    if np.any(limit < 0):
-        raise ValueError("optical_path must not be negative; turn the directions round to go back")
-    return np.broadcast_to(limit, (count,))
 
 
 def _scene(media: Sequence[Medium], surfaces: Sequence[Surface], wavelength: float | None) -> Scene:

@@ -16,13 +16,15 @@ import casadi as ca
 import numpy as np
 
 from varcalc.optics.parameters import Parametrised
-from varcalc.optics.values import direction, numbers, point
+from varcalc.optics.validation import by_chunks, direction, numbers, point
 from varcalc.problem.functional import named
 from varcalc.symbolic import tracing
 from varcalc.symbolic.instructions import Vectorised
 
 Expression = Any
 """A CasADi SX expression."""
+ON_SURFACE = 1e-12
+"""A point is on a surface when it is no farther from it than this share of the scene's size."""
 
 
 class Surface(Parametrised, ABC):
@@ -95,7 +97,30 @@ class Sphere(Surface):
 
 
 @dataclass(frozen=True)
-class Conic(Surface):
+class _OfRevolution(Surface):
+    """What surfaces about an axis through their vertex have in common."""
+
+    vertex: Sequence[float]
+    axis: Sequence[float]
+    radius: float
+    conic: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertex", point("vertex", self.vertex))
+        object.__setattr__(self, "axis", direction("axis", self.axis))
+        _same_dimension(vertex=self.vertex, axis=self.axis)
+        if not (numbers("radius", self.radius).ndim == 0 and self.radius != 0):
+            raise ValueError(f"radius must be a number other than zero, not {self.radius!r}; for none take Plane")
+        numbers("conic", self.conic)
+
+    @property
+    def dimension(self) -> int:
+        """That of the vertex."""
+        return len(self.vertex)
+
+
+@dataclass(frozen=True)
+class Conic(_OfRevolution):
     """A conic of revolution: the sheet through its vertex, as far as it is a graph over the tangent plane there.
 
     Parameters
@@ -115,24 +140,7 @@ class Conic(Surface):
     Testing", appendix A).
     """
 
-    vertex: Sequence[float]
-    axis: Sequence[float]
-    radius: float
-    conic: float = 0.0
     mirror: bool = False
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "vertex", point("vertex", self.vertex))
-        object.__setattr__(self, "axis", direction("axis", self.axis))
-        _same_dimension(vertex=self.vertex, axis=self.axis)
-        if not (numbers("radius", self.radius).ndim == 0 and self.radius != 0):
-            raise ValueError(f"radius must be a number other than zero, not {self.radius!r}; for none take Plane")
-        numbers("conic", self.conic)
-
-    @property
-    def dimension(self) -> int:
-        """That of the vertex."""
-        return len(self.vertex)
 
     def level(self, position: Expression) -> Expression:
         """The conic's equation over 2 R."""
@@ -146,7 +154,7 @@ class Conic(Surface):
 
 
 @dataclass(frozen=True)
-class Asphere(Surface):
+class Asphere(_OfRevolution):
     """A conic with even powers added: z = c ρ²/(1 + sqrt(1 - (1 + k) c² ρ²)) + a₄ ρ⁴ + a₆ ρ⁶ + ...
 
     Parameters
@@ -157,26 +165,15 @@ class Asphere(Surface):
         a₄, a₆, ...; ISO 10110-12.
     """
 
-    vertex: Sequence[float]
-    axis: Sequence[float]
-    radius: float
-    conic: float = 0.0
     coefficients: Sequence[float] = ()
     mirror: bool = False
 
     def __post_init__(self) -> None:
-        base = Conic(self.vertex, self.axis, self.radius, self.conic)
-        object.__setattr__(self, "vertex", base.vertex)
-        object.__setattr__(self, "axis", base.axis)
+        super().__post_init__()
         coefficients = numbers("coefficients", self.coefficients)
         if coefficients.ndim != 1:
             raise ValueError(f"coefficients must be a sequence a4, a6, ..., not {self.coefficients!r}")
         object.__setattr__(self, "coefficients", tuple(float(a) for a in coefficients))
-
-    @property
-    def dimension(self) -> int:
-        """That of the vertex."""
-        return len(self.vertex)
 
     def level(self, position: Expression) -> Expression:
         """The sag at the distance of ``position`` from the axis, less its height."""
@@ -255,7 +252,7 @@ class Geometry:
     dimension: int
     quadric: bool = field(init=False)
     """True where the level is a polynomial of second degree along every straight line."""
-    _call: Callable[..., list[Any]] = field(init=False, repr=False, compare=False)
+    _call: Vectorised = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         position = ca.SX.sym("r", self.dimension)
@@ -267,39 +264,49 @@ class Geometry:
         function = ca.Function("surface", [position], [ca.densify(result) for result in results])
         object.__setattr__(self, "_call", Vectorised(function))
 
-    def _table(self, points: np.ndarray) -> np.ndarray:
-        columns = self._call(list(points.T))
-        table = np.empty((len(points), len(columns)))
-        for k, column in enumerate(columns):
-            table[:, k] = column
-        return table
-
     def level(self, points: np.ndarray) -> np.ndarray:
         """The level (m,) at points (m, d)."""
-        return self._table(points)[:, 1]
+        return self._call.table(points)[:, 1]
 
     def gradient(self, points: np.ndarray) -> np.ndarray:
         """Its gradient (m, d) at points (m, d)."""
-        return self._table(points)[:, 2 : 2 + self.dimension]
+        return self._call.table(points)[:, 2 : 2 + self.dimension]
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """The distance (m,) of points (m, d) from the surface, to first order; not a number where its level is none."""
+        with np.errstate(all="ignore"):
+            return np.abs(self.level(points)) / np.linalg.norm(self.gradient(points), axis=1)
 
     def along(self, points: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The level and its first two derivatives (m,) along the straight lines from points (m, d)."""
         d = self.dimension
-        table = self._table(points)
+        table = self._call.table(points)
         slope = np.sum(table[:, 2 : 2 + d] * directions, axis=1)
         bend = np.einsum("mi,mij,mj->m", directions, table[:, 2 + d :].reshape(-1, d, d), directions)
         return table[:, 1], slope, bend
 
     def belongs(self, points: np.ndarray) -> np.ndarray:
         """True (m,) where a zero of the level at the point belongs to the surface."""
-        return self._table(points)[:, 0] > 0
+        return self._call.table(points)[:, 0] > 0
 
     def normal(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The unit normal (m, d) and its derivative by position (m, d, d), tangential part."""
         d = self.dimension
-        table = self._table(points)
+        table = self._call.table(points)
         gradient, hessian = table[:, 2 : 2 + d], table[:, 2 + d :].reshape(-1, d, d)
         length = np.linalg.norm(gradient, axis=1)
         normal = gradient / length[:, None]
         tangential = np.eye(d) - normal[:, :, None] * normal[:, None, :]
         return normal, tangential @ hessian / length[:, None, None]
+
+
+def touched(surface: Surface, points: np.ndarray) -> np.ndarray:
+    """True (m,) for points on ``surface`` to round-off."""
+    geometry = Geometry(surface, points.shape[1])
+    extent = max(float(points.max(initial=0.0)), -float(points.min(initial=0.0))) or 1.0
+
+    def on(some: np.ndarray) -> np.ndarray:
+        with np.errstate(invalid="ignore"):
+            return (geometry.distance(some) <= ON_SURFACE * extent) & geometry.belongs(some)
+
+    return by_chunks(on, points).astype(bool)

@@ -11,7 +11,7 @@ import pkgutil
 from pathlib import Path
 from types import ModuleType
 
-from varcalc.optics.study import Study
+from varcalc.optics.results.study import Study
 from varcalc.study.user_file import SUFFIX, ProblemFileError, first_line, run_file
 
 CATALOGUE = "varcalc.problems.optics"

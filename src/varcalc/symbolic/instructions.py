@@ -193,6 +193,14 @@ class Vectorised:
     def __reduce__(self) -> tuple[Any, ...]:
         return Vectorised, (self._function,)
 
+    def table(self, *points: np.ndarray) -> np.ndarray:
+        """The results (m, k) at m points: one array (m, d) for each input, of d entries."""
+        columns = self(*(points.T[0] if points.shape[1] == 1 else list(points.T) for points in points))
+        table = np.empty((len(points[0]), len(columns)))
+        for k, column in enumerate(columns):
+            table[:, k] = column
+        return table
+
     def __call__(self, *arguments: Any) -> list[Any]:
         """The nonzeros of the results at the given arguments."""
         work: list[Any] = [None] * self._slots

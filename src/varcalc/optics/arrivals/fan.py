@@ -1,0 +1,316 @@
+"""The rays of one or more sources in a plane, as far as they may matter, laid out in cells.
+
+A fan begins with rays all round each source. Where one of two neighbours
+comes into the last medium and the other does not, the direction between them
+that parts the two is closed in on. Behind the last surface the rays go from
+wavefront to wavefront, in steps over which they turn little.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from varcalc.optics.arrivals.cells import MOVED, PATH, Cells, P, R, between, parted
+from varcalc.optics.media.medium import Field
+from varcalc.optics.propagation.sequential import Propagator, stride
+from varcalc.optics.rays.beam import Beam, RayStatus, launched, packed, unpacked
+
+FIRST_ANGLES = 64
+"""Rays of a source to begin with."""
+PARTS_OF_INTERVAL = 16
+"""Parts into which the interval around a parting direction is cut, again and again."""
+MOST_CUTS = 11
+"""How often; the last interval is as narrow as round-off."""
+STEP_SHARE = 0.25
+"""How far a ray goes in one step: of the size of the scene, or of the distance from it."""
+FRONT_SLACK = 0.25
+"""Of n² at the source: how far the ends of cells are off wavefronts, which are crowded where n = 0."""
+CELL_REACH = 1.0
+"""A cell holds no point that is so many times its size away from all of its corners."""
+LEAST_GAIN, MOST_GAIN = 0.1, 4.0
+"""By how much less and more than it should a ray may go in order to keep step with the others."""
+NEWTON_STEPS = 6
+"""Newton's steps."""
+MOST_STEPS = 400
+"""Steps of one ray."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """How far the rays of each of n sources are followed.
+
+    ``path`` (n,) is the largest optical path and ``far`` (n,) the largest
+    distance from ``middle`` (n, 2), the middle of the points to reach, which
+    lie within ``reach`` (n,) of it; ``size`` (n,) is that of the scene.
+    """
+
+    path: np.ndarray
+    far: np.ndarray
+    middle: np.ndarray
+    reach: np.ndarray
+    size: np.ndarray
+
+
+@dataclass
+class Fan:
+    """Rays of ``sources`` (n, 2) through the scene ``propagator``; remembers how many were looked at and their ends."""
+
+    propagator: Propagator
+    sources: np.ndarray
+    bounds: Bounds
+    looked_at: int = 0
+    ends: Counter[RayStatus] = field(default_factory=Counter)
+    entered: int = 0
+    left_early: np.ndarray = field(init=False)
+    """True (n,) for sources some of whose rays were left at the bounds though they may come back from beyond them."""
+    given_up: np.ndarray = field(init=False)
+    """How many rays of each source (n,) took more steps than are allowed."""
+
+    def __post_init__(self) -> None:
+        self.left_early = np.zeros(len(self.sources), dtype=bool)
+        self.given_up = np.zeros(len(self.sources), dtype=int)
+
+    def entries(self, source: np.ndarray, angles: np.ndarray) -> Beam:
+        """The rays (m,) at ``angles`` where they come into the last medium; not a number where they do not."""
+        start = self.sources[source]
+        headings = np.column_stack([np.cos(angles), np.sin(angles)])
+        beam = launched(start, headings, self.propagator.fields[0].index(start), neighbours=True)
+        self.looked_at += len(angles)
+        if not self.propagator.surfaces:
+            self.entered += len(angles)
+            return beam
+        beam, status, alive = self.propagator.into_last_medium(beam, self.bounds.path[source])
+        self.ends.update(RayStatus(int(code)) for code in status[~alive])
+        self.entered += int(np.sum(alive))
+        states = packed(beam)
+        states[~alive] = np.nan
+        return unpacked(states, 2)
+
+    def at(self, source: np.ndarray, angles: np.ndarray, sigma: np.ndarray, path: np.ndarray) -> Beam:
+        """The rays (m,) at ``angles``, ``sigma`` behind the last surface; ``path`` is their optical path there, about.
+
+        Not a number where a ray does not come so far.
+        """
+        entry = self.entries(source, angles)
+        return self.onward(packed(entry), sigma, path)[0]
+
+    def onward(self, states: np.ndarray, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:
+        """Carry ``states`` (m, 9) in the last medium: see :class:`Carrier`. What is none stays none."""
+        ends, grown = np.full_like(states, np.nan), np.zeros(len(states))
+        rows = np.flatnonzero(np.isfinite(states[:, PATH]) & np.isfinite(path))
+        if len(rows):
+            beam, grown[rows] = self.propagator.models[-1].onward(unpacked(states[rows], 2), sigma[rows], path[rows])
+            ends[rows] = packed(beam)
+        return unpacked(ends, 2), grown
+
+    def cells(self) -> Cells:
+        """The first cells of all sources."""
+        source, angles, entry = self._first_rays()
+        parts = [self._between(rays) for rays in self._steps(source, angles, entry)]
+        return Cells.joined([Cells.none(), *parts])
+
+    def parted(self, cells: Cells) -> tuple[Cells, np.ndarray]:
+        """The parts of the cells, which know of their errors by a look into the middle, and which cell each is of."""
+        q = len(cells)
+        state, sigma = np.empty((q, 3, 3, 9)), np.empty((q, 3, 3))
+        state[:, ::2, ::2], sigma[:, ::2, ::2] = cells.state, cells.sigma
+        middle = between(cells.angle[:, 1] - cells.angle[:, 0], cells.sigma, cells.delay)
+        middle = np.maximum(middle, 0.0)
+        middle[:, 1] = np.maximum(middle[:, 1], middle[:, 0])
+        first, last = cells.state[:, :, 0, PATH].T
+        path = (np.where(np.isfinite(first), first, last) + np.where(np.isfinite(last), last, first)) / 2
+        entry = packed(self.entries(cells.source, cells.angle.mean(axis=1)))
+        state[:, 1, 0], sigma[:, 1, 0] = self._moved(entry, middle[:, 0], path)
+        self._halve(state, sigma, 1, (middle[:, 1] - middle[:, 0]) / 2, (0, 1))
+        for side in (0, 2):
+            self._halve(state, sigma, side, (sigma[:, side, 2] - sigma[:, side, 0]) / 2, (0,))
+        return parted(cells, sigma, state, self._pull(state))
+
+    def _halve(self, state: np.ndarray, sigma: np.ndarray, side: int, half: np.ndarray, steps: tuple[int, ...]) -> None:
+        """Carry the rays at one ``side`` of cells half their lengths on, into the next place, once or twice."""
+        for k in steps:
+            begin = state[:, side, k]
+            path = begin[:, PATH] + half * np.sum(begin[:, P] ** 2, axis=1)
+            state[:, side, k + 1], grown = self._moved(begin, half, path)
+            sigma[:, side, k + 1] = sigma[:, side, k] + grown
+
+    def _moved(self, states: np.ndarray, sigma: np.ndarray, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        beam, grown = self.onward(states, sigma, path)
+        return packed(beam), grown
+
+    def _pull(self, states: np.ndarray) -> np.ndarray:
+        """dp/dσ (..., 2) of states (..., 9) in the last medium."""
+        with np.errstate(all="ignore"):
+            _, gradient, _ = self.propagator.fields[-1](states[..., R].reshape(-1, 2))
+        return gradient.reshape(*states.shape[:-1], 2) / 2
+
+    def _first_rays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Source, angle and entry (m, 9) of rays all round each source, ascending, the first once more at the end."""
+        n = len(self.sources)
+        angles = np.linspace(0.0, 2 * np.pi, FIRST_ANGLES + 1) + 1e-3  # off the axes of the scene
+        source, angles = np.repeat(np.arange(n), len(angles)), np.tile(angles, n)
+        entry = packed(self.entries(source, angles))
+        for _ in range(MOST_CUTS if self.propagator.surfaces else 0):
+            alive = np.isfinite(entry[:, PATH])
+            parted = np.flatnonzero((alive[1:] != alive[:-1]) & (source[1:] == source[:-1]))
+            parted = parted[angles[parted + 1] - angles[parted] > 4 * np.spacing(2 * np.pi)]
+            if len(parted) == 0:
+                break
+            share = np.arange(1, PARTS_OF_INTERVAL) / PARTS_OF_INTERVAL
+            new = (angles[parted, None] + share * (angles[parted + 1] - angles[parted])[:, None]).ravel()
+            of = np.repeat(source[parted], PARTS_OF_INTERVAL - 1)
+            source, angles = np.concatenate([source, of]), np.concatenate([angles, new])
+            entry = np.concatenate([entry, packed(self.entries(of, new))])
+            order = np.lexsort((angles, source))
+            source, angles, entry = source[order], angles[order], entry[order]
+        return source, angles, entry
+
+    def _steps(self, source: np.ndarray, angles: np.ndarray, entry: np.ndarray) -> list[_Stretch]:
+        """The rays step by step; each is carried on as long as it or a neighbour is within the bounds."""
+        sigma, states, rows = np.zeros(len(angles)), entry, np.arange(len(angles))
+        stretches = []
+        for _ in range(MOST_STEPS):
+            within = self._within(source[rows], states)
+            near = np.zeros(len(angles) + 2, dtype=bool)
+            near[rows + 1] = within
+            going = near[rows + 1] | near[rows] | near[rows + 2]
+            self._leave(source[rows[~going]], states[~going])
+            rows, sigma, states = rows[going], sigma[going], states[going]
+            if not np.any(within):
+                break
+            step = self._step(source[rows], sigma, states)
+            path = states[:, PATH] + step * np.sum(states[:, P] ** 2, axis=1)
+            after, grown = self._moved(states, step, path)
+            grown = np.where(np.isfinite(after[:, PATH]), grown, step)
+            stretches.append(_Stretch(source, angles, rows, sigma, states, sigma + grown, after))
+            sigma, states = sigma + grown, after
+        else:
+            within = self._within(source[rows], states)
+            np.add.at(self.given_up, source[rows[within]], 1)
+        return stretches
+
+    def _leave(self, source: np.ndarray, states: np.ndarray) -> None:
+        """Note which rays, of ``source`` (m,), are followed no farther though they may come back to a point.
+
+        By Fermat's principle the way back to the source is as long as the way there, and that to a point shorter by
+        no more than the two are apart.
+        """
+        ends, path = self.bounds, states[:, PATH]
+        apart = np.linalg.norm(self.sources - ends.middle, axis=1) + ends.reach
+        apart *= self.propagator.fields[0].index(self.sources)
+        with np.errstate(invalid="ignore"):
+            may = np.maximum(path, 2 * path - apart[source]) < ends.path[source]
+        self.left_early[source[may]] = True
+
+    def _between(self, rays: _Stretch) -> Cells:
+        """The cells between neighbours of a stretch."""
+        first = np.flatnonzero((np.diff(rays.rows) == 1) & (np.diff(rays.source[rays.rows]) == 0))
+        started = np.isfinite(rays.start[:, PATH])
+        first = first[started[first] | started[first + 1]]
+        first = first[self._may_matter(rays, first)]
+        pairs = np.stack([first, first + 1], axis=1)
+        state = np.stack([rays.start[pairs], rays.end[pairs]], axis=2)
+        source = rays.source[rays.rows[first]]
+        return Cells(
+            source,
+            rays.angles[rays.rows[pairs]],
+            np.stack([rays.before[pairs], rays.after[pairs]], axis=2),
+            state,
+            self._pull(state),
+            self._delay(source, state),
+            np.full(len(first), np.inf),
+            np.full(len(first), np.inf),
+            np.zeros(len(first), dtype=int),
+        )
+
+    def _may_matter(self, rays: _Stretch, first: np.ndarray) -> np.ndarray:
+        """True (k,) for cells between the rays ``first`` (k,) and the next which are not far from every point."""
+        source = rays.source[rays.rows[first]]
+        corners = np.stack([rays.start[first], rays.start[first + 1], rays.end[first], rays.end[first + 1]], axis=1)
+        width = rays.angles[rays.rows[first + 1]] - rays.angles[rays.rows[first]]
+        away = np.linalg.norm(corners[..., R] - self.bounds.middle[source, None], axis=2)
+        p, moved = corners[..., P], corners[..., MOVED]
+        across = width[:, None] * np.abs(p[..., 0] * moved[..., 1] - p[..., 1] * moved[..., 0])
+        across /= np.linalg.norm(p, axis=2)
+        along = np.linalg.norm(corners[:, 2:, R] - corners[:, :2, R], axis=2)
+        size = across.max(axis=1) + along.max(axis=1)
+        far = away.min(axis=1) > self.bounds.reach[source] + CELL_REACH * size
+        return ~far  # also where a corner is missing
+
+    def _within(self, source: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """True (m,) for rays that may still come to a point."""
+        away = np.linalg.norm(states[:, R] - self.bounds.middle[source], axis=1)
+        with np.errstate(invalid="ignore"):
+            inside = (states[:, PATH] < self.bounds.path[source]) & (away < self.bounds.far[source])
+        return inside & np.isfinite(away)
+
+    def _step(self, source: np.ndarray, sigma: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """How far in σ (m,) each ray goes, so that all of a source come to one wavefront, about, and turn little."""
+        away = np.linalg.norm(states[:, R] - self.bounds.middle[source], axis=1) - self.bounds.reach[source]
+        length = STEP_SHARE * np.maximum(self.bounds.size[source], away)
+        beam, last = unpacked(states, 2), self.propagator.fields[-1]
+        slack = self._slack[source]
+        ahead = states[:, PATH] + slack * sigma
+        gain = stride(beam, last, length) * (np.sum(states[:, P] ** 2, axis=1) + slack)
+        front = _medians(source, ahead + gain, gain > 0)[source]
+        return _to_front(beam, last, front - ahead, gain, slack)
+
+    def _delay(self, source: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """The derivatives of σ by the launching angle along the fronts through ``states`` (q, ..., 9)."""
+        p, moved = states[..., P], states[..., MOVED]
+        slack = self._slack[source].reshape(-1, *[1] * (states.ndim - 2))
+        return -np.sum(p * moved, axis=-1) / (np.sum(p**2, axis=-1) + slack)
+
+    @cached_property
+    def _slack(self) -> np.ndarray:
+        """What is added to n² (n,) in ∫ n² dσ, that its level lines be smooth also where n = 0."""
+        return FRONT_SLACK * self.propagator.fields[0].index(self.sources) ** 2
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """One step of the ``rows`` of all rays, which are ascending: σ and states before and after it."""
+
+    source: np.ndarray
+    angles: np.ndarray
+    rows: np.ndarray
+    before: np.ndarray
+    start: np.ndarray
+    after: np.ndarray
+    end: np.ndarray
+
+
+def _medians(source: np.ndarray, values: np.ndarray, counted: np.ndarray) -> np.ndarray:
+    """The middle one of each source's ``values`` (m,) that are ``counted``; zero where there is none."""
+    number = int(source.max(initial=-1)) + 1
+    rows = np.flatnonzero(counted)
+    rows = rows[np.lexsort((values[rows], source[rows]))]
+    count = np.bincount(source[rows], minlength=number)
+    medians = np.zeros(number)
+    some = count > 0
+    medians[some] = values[rows[(np.cumsum(count) - count + count // 2)[some]]]
+    return medians
+
+
+def _to_front(beam: Beam, field: Field, path: np.ndarray, usual: np.ndarray, slack: np.ndarray) -> np.ndarray:
+    """σ (m,) over which ∫ (n² + slack) dσ grows by about ``path`` (m,), at least by a share of ``usual``.
+
+    By the Taylor polynomial of the third degree; dS/dσ = n², the square of the momentum.
+    """
+    _, gradient, hessian = field(beam.position)
+    p, pull = beam.momentum, gradient / 2
+    path = np.clip(path, LEAST_GAIN * usual, MOST_GAIN * usual)
+    first, second = np.sum(p**2, axis=1) + slack, np.sum(p * pull, axis=1)
+    third = (np.sum(pull**2, axis=1) + np.einsum("mi,mij,mj->m", p, hessian, p) / 2) / 3
+    with np.errstate(all="ignore"):
+        sigma = path / first
+        for _ in range(NEWTON_STEPS):
+            off = sigma * (first + sigma * (second + sigma * third)) - path
+            slope = first + sigma * (2 * second + 3 * sigma * third)
+            new = sigma - off / slope
+            sigma = np.where((slope > 0) & (new > 0), new, sigma / 2)
+    return np.where(np.isfinite(sigma), sigma, 0.0)

@@ -1,0 +1,135 @@
+"""The index of a glass at a wavelength."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.optics.validation import numbers
+
+
+class Dispersion(ABC):
+    """A formula for the index of a material at a wavelength. A new one defines :meth:`index`."""
+
+    @abstractmethod
+    def index(self, wavelength: Any) -> Any:
+        """n at ``wavelength``, in micrometres in vacuum: a number, which is checked, or a symbol."""
+
+
+@dataclass(frozen=True)
+class Sellmeier(Dispersion):
+    """n² = 1 + Σ B λ²/(λ² - C), with λ the vacuum wavelength in micrometres and C in square micrometres.
+
+    Parameters
+    ----------
+    B, C : sequence of float
+        Strengths and squared resonance wavelengths, as glass catalogues print them.
+    range : tuple of float
+        The wavelengths the formula was fitted for.
+    source : str
+
+    Examples
+    --------
+    >>> from varcalc import optics
+    >>> round(optics.GLASSES["N-BK7"].index(0.5875618), 5)
+    1.5168
+    """
+
+    B: Sequence[float]
+    C: Sequence[float]
+    range: tuple[float, float] = (0.0, np.inf)
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        strengths, resonances = numbers("B", self.B), numbers("C", self.C)
+        if strengths.ndim != 1 or strengths.shape != resonances.shape:
+            raise ValueError(f"B and C must be as many numbers each, not {self.B!r} and {self.C!r}")
+
+    def index(self, wavelength: Any) -> Any:
+        """n at ``wavelength`` in micrometres; ValueError outside the range of the formula, and at a resonance.
+
+        Where ``wavelength`` is a symbol, so is n.
+        """
+        check_wavelength(wavelength, self.range)
+        squared = 1 + sum(b * wavelength**2 / (wavelength**2 - c) for b, c in zip(self.B, self.C, strict=True))
+        if isinstance(wavelength, ca.SX):
+            return ca.sqrt(squared)
+        if not squared > 0:
+            raise ValueError(
+                f"the formula gives n² = {squared:g} at {wavelength} micrometres: that is an absorption band"
+            )
+        return float(np.sqrt(squared))
+
+
+@dataclass(frozen=True)
+class Cauchy(Dispersion):
+    """n = A₀ + A₁/λ² + A₂/λ⁴ + ..., with λ the vacuum wavelength in micrometres.
+
+    Parameters
+    ----------
+    A : sequence of float
+        A₀, A₁, ...
+    range : tuple of float
+        The wavelengths the formula was fitted for.
+    source : str
+    """
+
+    A: Sequence[float]
+    range: tuple[float, float] = (0.0, np.inf)
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if numbers("A", self.A).ndim != 1:
+            raise ValueError(f"A must be a sequence of numbers, not {self.A!r}")
+
+    def index(self, wavelength: Any) -> Any:
+        """n at ``wavelength`` in micrometres; ValueError outside the range of the formula.
+
+        Where ``wavelength`` is a symbol, so is n.
+        """
+        check_wavelength(wavelength, self.range)
+        index = sum(a * wavelength ** (-2 * k) for k, a in enumerate(self.A))
+        return index if isinstance(wavelength, ca.SX) else float(index)
+
+
+def check_wavelength(wavelength: Any, between: tuple[float, float]) -> None:
+    """Raise ValueError for a number that does not lie in the range, in micrometres; symbols pass."""
+    if isinstance(wavelength, ca.SX):
+        return
+    if not between[0] <= wavelength <= between[1] or not wavelength > 0:
+        raise ValueError(f"wavelength must lie between {between[0]} and {between[1]} micrometres, not {wavelength}")
+
+
+SCHOTT = "Schott, optical glass data sheets (2017)"
+GLASSES = MappingProxyType(
+    {
+        "N-BK7": Sellmeier(
+            (1.03961212, 0.231792344, 1.01046945), (0.00600069867, 0.0200179144, 103.560653), (0.3, 2.5), SCHOTT
+        ),
+        "N-SF11": Sellmeier(
+            (1.73759695, 0.313747346, 1.89878101), (0.013188707, 0.0623068142, 155.23629), (0.37, 2.5), SCHOTT
+        ),
+        "N-F2": Sellmeier(
+            (1.39757037, 0.159201403, 1.2686543), (0.00995906143, 0.0546931752, 119.248346), (0.365, 2.5), SCHOTT
+        ),
+        "fused silica": Sellmeier(
+            (0.6961663, 0.4079426, 0.8974794),
+            (0.0684043**2, 0.1162414**2, 9.896161**2),
+            (0.21, 3.71),
+            "Malitson, J. Opt. Soc. Am. 55 (1965) 1205",
+        ),
+        "sapphire, ordinary": Sellmeier(
+            (1.4313493, 0.65054713, 5.3414021),
+            (0.0726631**2, 0.1193242**2, 18.028251**2),
+            (0.2, 5.0),
+            "Malitson and Dodge, J. Opt. Soc. Am. 62 (1972) 1405",
+        ),
+    }
+)
+"""A few standard materials by name."""

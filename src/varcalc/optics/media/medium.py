@@ -1,0 +1,332 @@
+"""Media: the refractive index as a function of position.
+
+Every medium answers with n² as a CasADi expression of the coordinates, which
+is what Hamilton's ray equations need, and often a polynomial where n is none.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any, Self
+
+import casadi as ca
+import numpy as np
+
+from varcalc.optics.media.dispersion import Dispersion
+from varcalc.optics.parameters import Parametrised
+from varcalc.optics.validation import point
+from varcalc.problem.functional import named
+from varcalc.symbolic import tracing
+from varcalc.symbolic.instructions import Vectorised
+
+Expression = Any
+"""A CasADi SX expression."""
+
+
+WAVELENGTH = "wavelength"
+"""The parameter that a scene's ``wavelength`` sets, in micrometres in vacuum."""
+
+
+class Medium(Parametrised, ABC):
+    """What fills a part of a scene. A new medium defines :meth:`index`."""
+
+    @abstractmethod
+    def index(self, position: Expression) -> Expression:
+        """n at ``position``, a column of 2 or 3 CasADi symbols."""
+
+    def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:  # noqa: ARG002  none, unless a medium says otherwise
+        """n at ``position`` for other values of the parameters, which may be symbols."""
+        return self.index(position)
+
+    def at_wavelength(self, wavelength: float) -> Self:
+        """The medium for light of ``wavelength``, in micrometres in vacuum; itself where it has no dispersion.
+
+        It has where ``wavelength`` is among its parameters.
+        """
+        return self.with_parameters({WAVELENGTH: wavelength}) if WAVELENGTH in self.parameters else self
+
+    def squared_index(self, position: Expression) -> Expression:
+        """n² at ``position``; simpler than n where that is a root."""
+        return squared(self.index(position))
+
+    def through(self, position: Expression) -> tuple[ca.Function, Expression] | None:  # noqa: ARG002  most have none
+        """A function F and an expression u of ``position`` with n² = F(u), where n² depends on one u alone.
+
+        Its derivatives are then cheaper by the chain rule.
+        """
+        return None
+
+    @property
+    def dimension(self) -> int | None:
+        """2 or 3 where the medium itself says so; None for a medium that fits both."""
+        return None
+
+    @property
+    def is_uniform(self) -> bool:
+        """True where rays are straight."""
+        return False
+
+
+def _declared() -> Any:
+    """The field ``parameters`` of a medium."""
+    return field(default_factory=dict, hash=False)
+
+
+@dataclass(frozen=True)
+class _Parametric(Medium):
+    """A medium whose ``n`` takes the parameters as its last argument ``p``, where there are any."""
+
+    def index(self, position: Expression) -> Expression:
+        """n at ``position``, for the present values of the parameters."""
+        return self.parametric_index(position, self.parameters)
+
+
+@dataclass(frozen=True)
+class Uniform(_Parametric):
+    """The same index everywhere.
+
+    Parameters
+    ----------
+    n : float, Dispersion or callable
+        The refractive index, positive; or the formula of a glass, for a scene with a ``wavelength``; or ``n(p)``, a
+        function of the parameters.
+    parameters : Mapping[str, float], optional
+        Names with values, that ``n`` finds in its last argument: ``p.name``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Where ``n`` is not a positive number.
+
+    Examples
+    --------
+    >>> from varcalc import optics
+    >>> glass = optics.Uniform(optics.GLASSES["N-BK7"])
+    >>> round(float(glass.at_wavelength(0.5875618).index(None)), 5)
+    1.5168
+    """
+
+    n: float | Dispersion | Callable[[Any], Expression]
+    parameters: Mapping[str, float] = _declared()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", named("parameters", self.parameters))
+        if isinstance(self.n, Dispersion) and not self.parameters:
+            return
+        if not isinstance(self.n, int | float | np.number | Dispersion | Callable) or isinstance(self.n, bool):
+            raise TypeError(f"n must be a number, not {self.n!r}; for an index that varies take Graded")
+        value = float(self.index(None))
+        if not 0 < value < np.inf:
+            raise ValueError(f"n must be a positive index, not {value}; a mirror is a surface with mirror=True")
+
+    def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:  # noqa: ARG002  the same everywhere
+        """n, the same everywhere."""
+        if isinstance(self.n, Dispersion):
+            if WAVELENGTH not in parameters:
+                raise ValueError(
+                    "a medium of the scene has dispersion; give wavelength=, in micrometres in vacuum, to the scene or "
+                    "to the call"
+                )
+            return ca.SX(self.n.index(parameters[WAVELENGTH]))
+        if callable(self.n):
+            return _traced("n", self.n, [], parameters)
+        return ca.SX(float(self.n))
+
+    def at_wavelength(self, wavelength: float) -> Self:
+        """The medium for light of ``wavelength``, in micrometres in vacuum; itself where it has no dispersion."""
+        if isinstance(self.n, Dispersion):
+            return replace(self, parameters={**self.parameters, WAVELENGTH: wavelength})
+        return super().at_wavelength(wavelength)
+
+    @property
+    def is_uniform(self) -> bool:
+        """True."""
+        return True
+
+
+@dataclass(frozen=True)
+class Stratified(_Parametric):
+    """An index that depends on the height, the last coordinate.
+
+    Parameters
+    ----------
+    n : callable
+        ``n(height)``, written with NumPy's or CasADi's functions, or ``n(height, p)`` where there are parameters;
+        called with symbols.
+    parameters : Mapping[str, float], optional
+        Names with values, that ``n`` finds in its last argument: ``p.name``.
+    """
+
+    functions = MappingProxyType({"n": (1,)})
+
+    n: Callable[..., Expression]
+    parameters: Mapping[str, float] = _declared()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", named("parameters", self.parameters))
+        _traced("n", self.n, [ca.SX.sym("height")], self.parameters)
+
+    def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:
+        """n at the height of ``position``."""
+        return _traced("n", self.n, [position[position.numel() - 1]], parameters)
+
+    def through(self, position: Expression) -> tuple[ca.Function, Expression]:
+        """n² as a function of the height."""
+        height = ca.SX.sym("height")
+        return ca.Function("squared", [height], [squared(_traced("n", self.n, [height], self.parameters))]), position[
+            position.numel() - 1
+        ]
+
+
+@dataclass(frozen=True)
+class Radial(_Parametric):
+    """An index that depends on the distance from a centre.
+
+    Parameters
+    ----------
+    n : callable
+        ``n(radius)``, written with NumPy's or CasADi's functions, or ``n(radius, p)`` where there are parameters;
+        called with symbols.
+    center : sequence of float, optional
+        2 or 3 coordinates; the origin when left out.
+    parameters : Mapping[str, float], optional
+        Names with values, that ``n`` finds in its last argument: ``p.name``.
+    """
+
+    functions = MappingProxyType({"n": (1,)})
+
+    n: Callable[..., Expression]
+    center: Sequence[float] | None = None
+    parameters: Mapping[str, float] = _declared()
+
+    def __post_init__(self) -> None:
+        if self.center is not None:
+            object.__setattr__(self, "center", point("center", self.center))
+        object.__setattr__(self, "parameters", named("parameters", self.parameters))
+        _traced("n", self.n, [ca.SX.sym("radius")], self.parameters)
+
+    @property
+    def dimension(self) -> int | None:
+        """That of the centre, where it is given."""
+        return None if self.center is None else len(self.center)
+
+    def middle(self, dimension: int) -> np.ndarray:
+        """The centre as an array."""
+        return np.zeros(dimension) if self.center is None else np.asarray(self.center, dtype=float)
+
+    def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:
+        """n at the distance of ``position`` from the centre; even powers of it are written without a root."""
+        return _traced("n", self.n, [ca.sqrt(self._squared_distance(position))], parameters)
+
+    def through(self, position: Expression) -> tuple[ca.Function, Expression]:
+        """n² as a function of the squared distance from the centre."""
+        u = ca.SX.sym("u")
+        return ca.Function(
+            "squared", [u], [squared(_traced("n", self.n, [ca.sqrt(u)], self.parameters))]
+        ), self._squared_distance(position)
+
+    def _squared_distance(self, position: Expression) -> Expression:
+        return ca.sumsqr(position - ca.DM(self.middle(position.numel())))
+
+
+@dataclass(frozen=True)
+class Graded(_Parametric):
+    """Any index.
+
+    Parameters
+    ----------
+    n : callable
+        ``n(x, y)`` in the plane, ``n(x, y, z)`` in space: as many arguments as points have coordinates, and ``p``
+        last where there are parameters; written with NumPy's or CasADi's functions, called with symbols.
+    parameters : Mapping[str, float], optional
+        Names with values, that ``n`` finds in its last argument: ``p.name``.
+    """
+
+    functions = MappingProxyType({"n": (2, 3)})
+
+    n: Callable[..., Expression]
+    parameters: Mapping[str, float] = _declared()
+
+    def __post_init__(self) -> None:
+        if not callable(self.n):
+            raise TypeError(f"n must be a function of the coordinates, not {self.n!r}; for a number take Uniform")
+        object.__setattr__(self, "parameters", named("parameters", self.parameters))
+
+    def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:
+        """n at ``position``."""
+        return _traced("n", self.n, [position[i] for i in range(position.numel())], parameters)
+
+
+def squared(value: Expression) -> Expression:
+    """The square of an SX scalar, without the roots among its factors."""
+    value = ca.SX(value)
+    if not _has_root(value):
+        return value**2
+    if value.is_op(ca.OP_SQRT):
+        return value.dep(0)
+    if value.is_op(ca.OP_NEG):
+        return squared(value.dep(0))
+    first, second = squared(value.dep(0)), squared(value.dep(1))
+    return first * second if value.is_op(ca.OP_MUL) else first / second
+
+
+def _has_root(value: Expression) -> bool:
+    """Whether one of the factors of an SX scalar is a square root."""
+    if value.is_constant() or value.is_symbolic():
+        return False
+    if value.is_op(ca.OP_NEG):
+        return _has_root(value.dep(0))
+    if value.is_op(ca.OP_MUL) or value.is_op(ca.OP_DIV):
+        return _has_root(value.dep(0)) or _has_root(value.dep(1))
+    return bool(value.is_op(ca.OP_SQRT))
+
+
+def _traced(
+    name: str, n: Callable[..., Expression], arguments: list[Expression], parameters: Mapping[str, Expression]
+) -> Expression:
+    """n(*arguments), or an error that names the argument and says what is wrong with it."""
+    hint = "it is called with as many coordinates as a point has, and with p last where there are parameters"
+    last = [tracing.Names(dict(parameters))] if parameters else []
+    try:
+        return tracing.trace(name, n, [*arguments, *last], ca.SX, hint)
+    except tracing.NotSymbolic as error:
+        raise ValueError(
+            f"{name} could not be evaluated with symbols: {error}; write comparisons with ca.if_else, "
+            "and give measured profiles as Tabulated"
+        ) from error
+
+
+@dataclass(frozen=True)
+class Field:
+    """n² of a medium and its derivatives, evaluated on arrays of points.
+
+    Parameters
+    ----------
+    medium : Medium
+    dimension : int
+        2 or 3.
+    """
+
+    medium: Medium
+    dimension: int
+    _call: Vectorised = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        position = ca.SX.sym("r", self.dimension)
+        squared = self.medium.squared_index(position)
+        gradient = ca.gradient(squared, position)
+        results = [squared, gradient, ca.jacobian(gradient, position), ca.SX(self.medium.index(position))]
+        function = ca.Function("field", [position], [ca.densify(result) for result in results])
+        object.__setattr__(self, "_call", Vectorised(function))
+
+    def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """n² (m,), its gradient (m, d) and its Hessian matrix (m, d, d) at points (m, d)."""
+        table, d = self._call.table(points), self.dimension
+        return table[:, 0], table[:, 1 : 1 + d], table[:, 1 + d : -1].reshape(-1, d, d)
+
+    def index(self, points: np.ndarray) -> np.ndarray:
+        """n (m,) at points (m, d); not a number where it is not real."""
+        return self._call.table(points)[:, -1]

@@ -1,0 +1,251 @@
+"""Rays in closed form, where n² is a polynomial of second degree: their equation r'' = ∇n²/2 is linear.
+
+In a principal direction of n², with κ half its second derivative there, the
+equation y'' = a + κ (y - y₀) is solved by y = y₀ + p F₁ + a F₂, where
+F₁ = sin(wσ)/w and F₂ = (1 - cos(wσ))/w² with w² = -κ, or their like for κ ≥ 0:
+Stumpff's functions (Battin, "An Introduction to the Mathematics and Methods of
+Astrodynamics", sect. 4.5 and 4.6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from varcalc.numerics.roots import first_ahead, growing, quadratic
+from varcalc.optics.media.medium import Medium
+from varcalc.optics.media.tabulated import Tabulated
+from varcalc.optics.models.model import Carrier, DoesNotApply, Model
+from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, first_met
+from varcalc.optics.rays.leg import Leg
+from varcalc.optics.surfaces import Geometry
+from varcalc.symbolic.instructions import Vectorised
+
+SERIES_UP_TO = 1.0
+"""Up to it Stumpff's third function is summed, since its closed form cancels."""
+SERIES_TERMS = 14
+"""Of that sum: the next is beyond round-off."""
+TEST_PLACES = 12
+"""Random places at which an identity between polynomials of second degree in each variable is put to the test."""
+IDENTITY = 1e-12
+LAST_STEP = 4 * float(np.finfo(float).eps)
+"""A step of so much of σ is the last."""
+
+
+def is_linear(medium: Medium, dimension: int) -> bool:
+    """Whether n² is a polynomial of second degree, told from its expression."""
+    if isinstance(medium, Tabulated):
+        return False
+    position = ca.SX.sym("r", dimension)
+    return not ca.depends_on(ca.hessian(medium.squared_index(position), position)[0], position)
+
+
+def ratio(medium: Medium, geometry: Geometry) -> float | None:
+    """λ with g''' = λ g' along every ray, g the level of the surface; None where there is none.
+
+    Where there is, g is a polynomial of second degree in tan(√-λ σ/2), and its first zero is written down.
+    """
+    d = geometry.dimension
+    if not ca.SX(geometry.surface.belongs(ca.SX.sym("r", d))).is_constant():
+        return None
+    generator = np.random.default_rng(0)
+    places = generator.normal(size=(2, TEST_PLACES, d))
+    _, first, _, third = _levels(medium, geometry).table(*places).T
+    if not np.all(np.isfinite(first)) or not np.all(np.isfinite(third)):
+        return None
+    found = float(first @ third / (first @ first)) if np.any(first) else 0.0
+    return found if np.all(np.abs(third - found * first) <= IDENTITY * (np.abs(third) + np.abs(first))) else None
+
+
+def _levels(medium: Medium, geometry: Geometry) -> Vectorised:
+    """The level and its first three derivatives by σ along the rays at positions and momenta."""
+    r, p = ca.SX.sym("r", geometry.dimension), ca.SX.sym("p", geometry.dimension)
+    pull = ca.gradient(medium.squared_index(r), r) / 2
+    levels = [ca.SX(geometry.surface.level(r))]
+    for _ in range(3):
+        levels.append(ca.densify(ca.jtimes(levels[-1], r, p) + ca.jtimes(levels[-1], p, pull)))
+    return Vectorised(ca.Function("levels", [r, p], levels))
+
+
+@dataclass(frozen=True)
+class Motions:
+    """F₀ = cos(wσ), F₁ and F₂ of one principal direction (m,), and the integrals of F₀² and F₁² from 0 to σ."""
+
+    zeroth: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    of_zeroth: np.ndarray
+    of_first: np.ndarray
+
+
+def motions(curvature: float, sigma: np.ndarray) -> Motions:
+    """Those of κ = ``curvature`` at ``sigma`` (m,), without cancellation."""
+    if curvature == 0:
+        return Motions(np.ones_like(sigma), sigma, sigma**2 / 2, sigma, sigma**3 / 3)
+    w = np.sqrt(abs(curvature))
+    sine, cosine = (np.sin, np.cos) if curvature < 0 else (np.sinh, np.cosh)
+    half, other = sine(w * sigma / 2), cosine(w * sigma / 2)
+    zeroth, first = 1 + 2 * np.sign(curvature) * half**2, 2 * half * other / w
+    x = -4 * curvature * sigma**2
+    with np.errstate(all="ignore"):
+        third = (1 - zeroth * first / sigma) / x
+    near = ~(np.abs(x) > SERIES_UP_TO)
+    if np.any(near):
+        third[near] = _third(x[near])
+    return Motions(zeroth, first, 2 * (half / w) ** 2, (sigma + zeroth * first) / 2, 2 * sigma**3 * third)
+
+
+def _third(x: np.ndarray) -> np.ndarray:
+    """Stumpff's c₃ = 1/3! - x/5! + x²/7! - ..."""
+    total = np.ones_like(x)
+    for k in range(SERIES_TERMS, 0, -1):
+        total = 1 - total * x / ((2 * k + 2) * (2 * k + 3))
+    return total / 6
+
+
+@dataclass(frozen=True)
+class Linear(Model):
+    """The linear ray equation in closed form: where n² is a polynomial of second degree.
+
+    It needs surfaces whose levels g keep a ratio of g''' and g' along all rays: planes along the principal directions
+    of n² or in which it is linear, spheres about its centre.
+    """
+
+    def carrier(self, medium: Medium, dimension: int, surfaces: Sequence[Geometry]) -> Carrier:
+        """See :meth:`Model.carrier`."""
+        if not is_linear(medium, dimension):
+            raise DoesNotApply(
+                "Linear needs n² to be a polynomial of second degree in the coordinates, which is not seen in that of "
+                f"{type(medium).__name__}; take Hamilton()"
+            )
+        for geometry in surfaces:
+            if ratio(medium, geometry) is None:
+                raise DoesNotApply(
+                    "Linear needs surfaces that rays meet at zeros known in closed form, such as planes along the "
+                    f"axes of n² and spheres about its centre, and {geometry.surface} is none; take Hamilton()"
+                )
+        return LinearRays(medium, dimension, surfaces)
+
+
+@dataclass
+class LinearRays:
+    """The model for a medium of that kind, with surfaces whose levels keep a constant :func:`ratio`."""
+
+    medium: Medium
+    dimension: int
+    surfaces: Sequence[Geometry]
+
+    name = "linear ray equation"
+
+    def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
+        """See :meth:`varcalc.optics.models.model.Carrier.advance`."""
+        far = [self._distance(beam, k, k == leaving) for k in range(len(self.surfaces))]
+        paths, end = _Paths(self, beam), np.full(len(beam), np.inf)
+        limited = np.flatnonzero(np.isfinite(limit))
+        if len(limited):
+            end[limited] = paths.reaching(limit - beam.optical_path, limited)
+        struck, sigma, status = first_met(far, end)
+        return Arrival(paths.at(sigma), struck, status)
+
+    def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:  # noqa: ARG002
+        """See :meth:`varcalc.optics.models.model.Carrier.onward`."""
+        return _Paths(self, beam).at(sigma), sigma
+
+    def leg(self, beam: Beam, path: float) -> Leg:
+        """See :meth:`varcalc.optics.models.model.Carrier.leg`."""
+        length = _Paths(self, beam).reaching(path - beam.optical_path, np.zeros(1, dtype=int))
+
+        def at(sigma: np.ndarray) -> Beam:
+            return _Paths(self, beam.take(np.zeros(len(sigma), dtype=int))).at(sigma)
+
+        return Leg(at, float(length[0]))
+
+    @cached_property
+    def principal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Half the second derivatives of n² (d,) in its principal directions, those as columns, and ∇n²/2 at 0."""
+        position = ca.SX.sym("r", self.dimension)
+        hessian, gradient = ca.hessian(self.medium.squared_index(position), position)
+        there = ca.Function("there", [position], [ca.densify(hessian), ca.densify(gradient)])(np.zeros(self.dimension))
+        matrix, pull = np.array(there[0]) / 2, np.array(there[1]).ravel() / 2
+        if not np.any(matrix - np.diag(np.diag(matrix))):
+            return np.diag(matrix), np.eye(self.dimension), pull  # as they stand: no rounding by turning
+        values, directions = np.linalg.eigh(matrix)
+        return values, directions, pull
+
+    @cached_property
+    def _known(self) -> list[tuple[float, Vectorised]]:
+        """The ratio of each surface, and its levels along rays."""
+        return [(ratio(self.medium, s) or 0.0, _levels(self.medium, s)) for s in self.surfaces]
+
+    def _distance(self, beam: Beam, number: int, leaving: bool) -> np.ndarray:
+        """σ (m,) at which each ray first meets surface ``number``; infinite where it does not."""
+        turning, levels = self._known[number]
+        level, slope, bend, _ = levels.table(beam.position, beam.momentum).T
+        with np.errstate(all="ignore"):
+            # one zero is the start itself, where rays leave the surface
+            both = np.stack([-2 * slope / bend]) if leaving else quadratic(level, slope, bend / 2 - turning * level / 4)
+            return first_ahead(_parameter(both, turning))
+
+
+def _parameter(tangent: np.ndarray, turning: float) -> np.ndarray:
+    """The first σ > 0 with tan(wσ/2)/(w/2) = ``tangent``, w² = -``turning``, or its like where that is positive."""
+    if turning == 0:
+        return tangent
+    w = np.sqrt(abs(turning))
+    if turning > 0:
+        return 2 / w * np.arctanh(w * tangent / 2)
+    sigma = 2 / w * np.arctan(w * tangent / 2)
+    return np.where(tangent < 0, sigma + 2 * np.pi / w, sigma)
+
+
+class _Paths:
+    """The rays of ``beam`` as functions of σ."""
+
+    def __init__(self, model: LinearRays, beam: Beam) -> None:
+        self.beam = beam
+        self.curvatures, self.directions, pull = model.principal
+        self.momentum = beam.momentum @ self.directions
+        self.position = beam.position @ self.directions
+        self.pull = self.position * self.curvatures + pull @ self.directions
+
+    def at(self, sigma: np.ndarray) -> Beam:
+        """The rays after ``sigma`` (m,)."""
+        beam, position, momentum = self.beam, self.position.copy(), np.empty_like(self.momentum)
+        moved, turned = beam.moved @ self.directions, beam.turned @ self.directions
+        path, known = beam.optical_path.copy(), self._motions(sigma)
+        for k, curvature in enumerate(self.curvatures):
+            f, p, a = known[curvature], self.momentum[:, k], self.pull[:, k]
+            position[:, k] += p * f.first + a * f.second
+            momentum[:, k] = p * f.zeroth + a * f.first
+            path += p**2 * f.of_zeroth + p * a * f.first**2 + a**2 * f.of_first
+            here, ahead = moved[:, :, k].copy(), turned[:, :, k].copy()
+            moved[:, :, k] = here * f.zeroth[:, None] + ahead * f.first[:, None]
+            turned[:, :, k] = ahead * f.zeroth[:, None] + curvature * here * f.first[:, None]
+        back = self.directions.T
+        return Beam(position @ back, momentum @ back, path, moved @ back, turned @ back)
+
+    def _motions(self, sigma: np.ndarray) -> dict[float, Motions]:
+        return {float(curvature): motions(float(curvature), sigma) for curvature in set(self.curvatures)}
+
+    def path(self, sigma: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The optical path ∫ |p|² dσ (k,) from the start to ``sigma`` (k,), and its derivative, of the ``rows``."""
+        total, rate, known = np.zeros(len(rows)), np.zeros(len(rows)), self._motions(sigma)
+        for k, curvature in enumerate(self.curvatures):
+            f, p, a = known[curvature], self.momentum[rows, k], self.pull[rows, k]
+            total += p**2 * f.of_zeroth + p * a * f.first**2 + a**2 * f.of_first
+            rate += (p * f.zeroth + a * f.first) ** 2
+        return total, rate
+
+    def reaching(self, length: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """σ (k,) at which the ``rows`` have gone the optical path ``length`` (m,), which never shrinks."""
+        wanted = length[rows]
+
+        def beyond(sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            path, rate = self.path(sigma, rows)
+            return path - wanted, rate
+
+        return growing(beyond, np.maximum(wanted / np.sum(self.momentum[rows] ** 2, axis=1), 0.0), LAST_STEP)

@@ -1,0 +1,180 @@
+"""Rays of layers and of centres as motions along one coordinate, and back.
+
+The plane of a ray is kept, the momentum along the layers or Bouguer's
+invariant too. Deviations go the same way: those in the plane change C and the
+start of the motion, the others are carried along in closed form.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.numerics.one_coordinate.motions import MotionPoint
+from varcalc.numerics.one_coordinate.quadrature import BY_C, TAU
+from varcalc.optics.media.medium import Radial
+from varcalc.optics.models.profile import PATH, Profile
+from varcalc.optics.rays.beam import Beam, frames
+
+LEAST_ANGULAR_MOMENTUM = 1e-140
+"""Of n r: a ray through the centre is the limit of rays past it."""
+
+
+@dataclass(frozen=True)
+class ReducedRays:
+    """m motions: ``u``, ``w`` = du/dτ (m,) at the start, ``C``, and the deviations (m, k) of u, w and C."""
+
+    u: np.ndarray
+    w: np.ndarray
+    C: np.ndarray
+    u_moved: np.ndarray
+    w_moved: np.ndarray
+    c_moved: np.ndarray
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Where motions have come: places, integrals (m, COUNT), and the deviations (m, k) of u, w and τ."""
+
+    place: MotionPoint
+    integrals: np.ndarray
+    u_moved: np.ndarray
+    w_moved: np.ndarray
+    tau_moved: np.ndarray
+
+
+class RayReduction(ABC):
+    """Rays at their starts, and their motions."""
+
+    beam: Beam
+    motions: ReducedRays
+
+    @abstractmethod
+    def carried(self, moved: Moved) -> Beam:
+        """The rays where their motions have come."""
+
+
+class InLayers(RayReduction):
+    """The height is u; the horizontal momentum is constant, whatever its direction (direction cosines, eq. 1.42)."""
+
+    def __init__(self, beam: Beam) -> None:
+        self.beam = beam
+        along = beam.momentum[:, :-1]
+        self.motions = ReducedRays(
+            beam.position[:, -1], beam.momentum[:, -1], np.sum(along**2, axis=1),
+            beam.moved[:, :, -1], beam.turned[:, :, -1],
+            2 * np.einsum("md,mkd->mk", along, beam.turned[:, :, :-1]),
+        )  # fmt: skip
+
+    def carried(self, moved: Moved) -> Beam:
+        """See :meth:`RayReduction.carried`."""
+        beam, tau = self.beam, moved.integrals[:, TAU]
+        along = beam.momentum[:, :-1]
+        shifted = beam.moved[:, :, :-1] + beam.turned[:, :, :-1] * tau[:, None, None]
+        shifted = shifted + along[:, None, :] * moved.tau_moved[:, :, None]
+        return Beam(
+            np.column_stack([beam.position[:, :-1] + along * tau[:, None], moved.place.u]),
+            np.column_stack([along, moved.place.w]),
+            beam.optical_path + moved.integrals[:, PATH],
+            np.concatenate([shifted, moved.u_moved[:, :, None]], axis=2),
+            np.concatenate([beam.turned[:, :, :-1], moved.w_moved[:, :, None]], axis=2),
+        )
+
+
+class AboutCentre(RayReduction):
+    """ln(r/r₀) is u; every ray has a plane of its own, in which φ = c τ is its angle from the start."""
+
+    def __init__(self, beam: Beam, centre: np.ndarray, unit: float) -> None:
+        self.beam, self.centre, self.unit = beam, centre, unit
+        offset = beam.position - centre
+        self.r = np.linalg.norm(offset, axis=1)
+        self.out = offset / self.r[:, None]
+        radial = np.sum(beam.momentum * self.out, axis=1)
+        across = beam.momentum - radial[:, None] * self.out
+        rising = np.linalg.norm(across, axis=1)
+        self.around = np.where(rising[:, None] > 0, across / np.where(rising > 0, rising, 1.0)[:, None], _any(self.out))
+        self.c = self.r * np.maximum(rising, LEAST_ANGULAR_MOMENTUM * np.linalg.norm(beam.momentum, axis=1))
+        parts = [_parts(vectors, self.out, self.around) for vectors in (beam.moved, beam.turned)]
+        (out, around, self.rest), (out_turned, around_turned, self.rest_turned) = parts
+        r, p_out, p_around = self.r[:, None], radial[:, None], rising[:, None]
+        self.angle_moved = around / r
+        self.c_moved = out * p_around - around * p_out + r * around_turned
+        self.motions = ReducedRays(
+            np.log(self.r / unit), self.r * radial, self.c**2, out / r,
+            out * p_out + around * p_around + r * out_turned, 2 * self.c[:, None] * self.c_moved,
+        )  # fmt: skip
+
+    def carried(self, moved: Moved) -> Beam:
+        """See :meth:`RayReduction.carried`."""
+        beam, tau, c = self.beam, moved.integrals[:, TAU], self.c
+        angle = c * tau
+        cos, sin = np.cos(angle), np.sin(angle)
+        out = cos[:, None] * self.out + sin[:, None] * self.around
+        around = cos[:, None] * self.around - sin[:, None] * self.out
+        r = self.unit * np.exp(moved.place.u)
+        p_out, p_around = moved.place.w / r, c / r
+        du = moved.u_moved
+        turn = self.angle_moved + self.c_moved * tau[:, None] + c[:, None] * moved.tau_moved
+        p_out_moved = (moved.w_moved - moved.place.w[:, None] * du) / r[:, None] - p_around[:, None] * turn
+        p_around_moved = (self.c_moved - c[:, None] * du) / r[:, None] + p_out[:, None] * turn
+        shifted = (r[:, None] * du)[:, :, None] * out[:, None, :] + (r[:, None] * turn)[:, :, None] * around[:, None, :]
+        turned = p_out_moved[:, :, None] * out[:, None, :] + p_around_moved[:, :, None] * around[:, None, :]
+        off, off_turned = self._off_plane(r, p_out, cos, sin)
+        return Beam(
+            self.centre + r[:, None] * out,
+            p_out[:, None] * out + p_around[:, None] * around,
+            beam.optical_path + moved.integrals[:, PATH],
+            shifted + off,
+            turned + off_turned,
+        )
+
+    def _off_plane(
+        self, r: np.ndarray, p_out: np.ndarray, cos: np.ndarray, sin: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Deviations (m, k, d) out of the plane of the ray: its plane is tilted."""
+        first = self.rest / self.r[:, None, None]
+        speed = self.rest_turned * self.r[:, None, None] - first * (self.motions.w[:, None, None])
+        sine = (sin / self.c)[:, None, None]
+        r, p_out, cos, c = (a[:, None, None] for a in (r, p_out, cos, self.c))
+        tilt = first * cos + speed * sine
+        return r * tilt, p_out * tilt + (speed * cos - first * c**2 * sine) / r
+
+
+def reduction(profile: Profile, beam: Beam) -> InLayers | AboutCentre:
+    """The rays of ``beam`` as motions in ``profile``."""
+    if isinstance(profile.medium, Radial):
+        return AboutCentre(beam, profile.medium.middle(beam.dimension), profile.unit)
+    return InLayers(beam)
+
+
+def _any(out: np.ndarray) -> np.ndarray:
+    """Unit vectors (m, d) at right angles to ``out``."""
+    return frames(out)[:, 0]
+
+
+def _parts(vectors: np.ndarray, out: np.ndarray, around: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Components (m, k) of ``vectors`` (m, k, d) along two directions, and the rest (m, k, d)."""
+    first, second = np.einsum("mkd,md->mk", vectors, out), np.einsum("mkd,md->mk", vectors, around)
+    rest = vectors - first[:, :, None] * out[:, None, :] - second[:, :, None] * around[:, None, :]
+    return first, second, rest
+
+
+def started_later(motions: ReducedRays, start: MotionPoint) -> np.ndarray:
+    """How much farther in q (m, k) the neighbours start, from their u or their w, whichever says it more precisely."""
+    by_u, by_w = start.w * start.rate, start.slope / 2 * start.rate
+    u_own, w_own = start.u_by_c * motions.c_moved, start.w_by_c * motions.c_moved
+    with np.errstate(all="ignore"):
+        u_worth = np.nan_to_num(np.abs(by_u) / (np.abs(motions.u_moved) + np.abs(u_own)), nan=0.0)
+        w_worth = np.nan_to_num(np.abs(by_w) / (np.abs(motions.w_moved) + np.abs(w_own)), nan=0.0)
+        from_u, from_w = (motions.u_moved - u_own) / by_u, (motions.w_moved - w_own) / by_w
+    return np.where(u_worth >= w_worth, from_u, from_w)
+
+
+def deviations(motions: ReducedRays, start: MotionPoint, end: MotionPoint, integrals: np.ndarray) -> Moved:
+    """The deviations at the end, at equal q: ``start`` and ``end`` hold arrays (m, 1)."""
+    c = motions.c_moved
+    tau = integrals[:, [BY_C]] * c - start.rate * started_later(motions, start)
+    place = MotionPoint(*(getattr(end, name)[:, 0] for name in MotionPoint.__dataclass_fields__))
+    return Moved(place, integrals, end.u_by_c * c, end.w_by_c * c, tau)

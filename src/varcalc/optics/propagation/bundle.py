@@ -1,0 +1,101 @@
+"""Bundles of rays of any size: some of them are carried at a time."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.optics import validation
+from varcalc.optics.propagation.sequential import Propagator
+from varcalc.optics.rays.beam import RayStatus, launched, spreading
+
+LONG_WORK = 1 << 20
+"""More rays than this are long work."""
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """The ends of m rays in d dimensions, one row a ray.
+
+    Attributes
+    ----------
+    points, directions : ndarray, shape (m, d)
+        Where each ray ended, and the unit vector it was heading along.
+    optical_path : ndarray, shape (m,)
+        ∫ n ds from the start, in units of length.
+    status : ndarray of int, shape (m,)
+        Members of :class:`RayStatus`; the numbers of a ray that did not arrive are those of the last place known.
+    spreading : ndarray, shape (m,), or None
+        ``|dr⊥/dθ|`` in the plane, ``|dA/dΩ|`` in space, where it was asked for.
+    model : str
+        The models that carried the rays.
+    """
+
+    points: np.ndarray
+    directions: np.ndarray
+    optical_path: np.ndarray
+    status: np.ndarray
+    spreading: np.ndarray | None
+    model: str
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def arrived(self) -> np.ndarray:
+        """True (m,) for the rays that ended where they were to end."""
+        return self.status == RayStatus.ARRIVED
+
+    def __str__(self) -> str:
+        counts = Counter(RayStatus(int(code)) for code in self.status)
+        return "\n".join(f"{counts[status]} rays: {status.message}" for status in RayStatus if counts[status])
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Where m rays start, along which unit vectors (both (m, d)), and how far they are to go.
+
+    ``index`` is that at the start, ``limit`` the optical path (both (m,)); ``on_stop`` (m,) marks rays that start
+    on the surface at which they are to stop.
+    """
+
+    points: np.ndarray
+    directions: np.ndarray
+    index: np.ndarray
+    limit: np.ndarray
+    on_stop: np.ndarray
+
+
+def traced(propagator: Propagator, starts: Starts, *, with_spreading: bool, progress: bool | None) -> Bundle:
+    """The ends of all rays; with a bar for long work on a terminal, or as ``progress`` says."""
+    m, d = starts.points.shape
+    bundle = Bundle(
+        np.empty((m, d)), np.empty((m, d)), np.empty(m), np.empty(m, np.int8),
+        np.empty(m) if with_spreading else None, propagator.name,
+    )  # fmt: skip
+    parts = [slice(first, min(first + validation.CHUNK, m)) for first in range(0, m, validation.CHUNK)]
+    shown = (m > LONG_WORK and sys.stderr.isatty()) if progress is None else progress
+    for part in _watched(parts, m) if shown else parts:
+        beam = launched(starts.points[part], starts.directions[part], starts.index[part], neighbours=with_spreading)
+        end, status = propagator.ends(beam, starts.limit[part], starts.on_stop[part])
+        bundle.points[part], bundle.optical_path[part], bundle.status[part] = end.position, end.optical_path, status
+        bundle.directions[part] = end.momentum / np.linalg.norm(end.momentum, axis=1)[:, None]
+        if bundle.spreading is not None:
+            bundle.spreading[part] = spreading(end)
+    return bundle
+
+
+def _watched(parts: Iterable[slice], total: int) -> Iterator[slice]:
+    """``parts``, with a bar on standard error while they are worked through."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True)) as bar:
+        task = bar.add_task("rays", total=total)
+        for part in parts:
+            yield part
+            bar.advance(task, part.stop - part.start)

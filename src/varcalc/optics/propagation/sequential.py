@@ -1,0 +1,296 @@
+"""Sequential propagation: rays from medium to medium, through the surfaces of a scene in their order.
+
+There is one loop, :meth:`Propagator.passages`. The ends of bundles, rays at the last medium, a single ray leg by leg
+and the number of conjugate points are what is read off it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from varcalc import integrators
+from varcalc.optics.media.medium import Field, Medium
+from varcalc.optics.models.choice import carrier
+from varcalc.optics.models.model import Carrier, Model
+from varcalc.optics.rays.beam import AT_END, NOTHING, Arrival, Beam, RayStatus, at_surface, caustics_between, moved_on
+from varcalc.optics.rays.leg import Leg
+from varcalc.optics.surfaces import Geometry, Surface
+from varcalc.optics.validation import by_chunks
+
+MOST_KEPT = 16
+"""Ends of bundles for which compiled systems are kept."""
+NOT_FOLLOWED = (RayStatus.SINGULAR, RayStatus.TOO_MANY_STEPS)
+"""Rays that end so cannot be followed a second time to where they ended."""
+STEP_TO_END = 1e-12
+"""Of the rest of a leg: a step so little shorter goes to its end."""
+STEP_TURN = 0.3
+"""How far a ray turns over one step, in radians, by order of magnitude."""
+MOST_COUNT_STEPS = 4000
+"""Steps along one leg on which conjugate points are counted."""
+
+
+@dataclass
+class UnderWay:
+    """m rays on their way: where they are, the surface each has ``struck`` last, and how it ended or goes on.
+
+    ``rows`` are those that come into the next medium, ``leaving`` (m,) the surfaces from which rays start.
+    """
+
+    beam: Beam
+    struck: np.ndarray
+    status: np.ndarray
+    leaving: np.ndarray
+    rows: np.ndarray
+
+    @classmethod
+    def started(cls, beam: Beam, leaving: np.ndarray | int = NOTHING) -> UnderWay:
+        """All rays of ``beam`` in the first medium."""
+        arrived = np.full(len(beam), int(RayStatus.ARRIVED))
+        nothing = np.full(len(beam), NOTHING)
+        return cls(beam, nothing, arrived, np.broadcast_to(leaving, len(beam)), np.arange(len(beam)))
+
+
+@dataclass(frozen=True)
+class MediumPassage:
+    """The rays ``rows`` (k,) of a bundle in medium ``number``: where they enter it, and where they leave it or end."""
+
+    number: int
+    rows: np.ndarray
+    entry: Beam
+    exit: Beam
+
+
+@dataclass
+class Propagator:
+    """Media and surfaces in the order in which rays meet them, and where rays may be stopped before.
+
+    Parameters
+    ----------
+    media : sequence of Medium
+        One more than there are surfaces.
+    surfaces : sequence of Surface
+        In the order in which rays meet them.
+    until : Surface or None
+        Where rays stop, wherever they are on their way.
+    dimension : int
+    model : Model or None
+        The one that carries the rays; the cheapest in each medium where it is None.
+    """
+
+    media: Sequence[Medium]
+    surfaces: Sequence[Surface]
+    until: Surface | None
+    dimension: int
+    model: Model | None = None
+    geometries: list[Geometry] = field(init=False)
+    fields: list[Field] = field(init=False)
+    models: list[Carrier] = field(init=False)
+    shapes: list[int] = field(init=False)
+    stop: int = field(init=False, default=NOTHING)
+
+    def __post_init__(self) -> None:
+        # A surface may stand in the scene more than once: what a ray meets is a shape.
+        shapes = list(dict.fromkeys(_shape(surface) for surface in self.surfaces))
+        self.shapes = [shapes.index(_shape(surface)) for surface in self.surfaces]
+        if self.until is not None:
+            shapes = list(dict.fromkeys([*shapes, _shape(self.until)]))
+            self.stop = shapes.index(_shape(self.until))
+        self.geometries = [Geometry(shape, self.dimension) for shape in shapes]
+        self.fields = [Field(medium, self.dimension) for medium in self.media]
+        self.models = [carrier(self.model, medium, self.dimension, self.geometries) for medium in self.media]
+
+    @property
+    def name(self) -> str:
+        """The models in use."""
+        return ", ".join(dict.fromkeys(model.name for model in self.models))
+
+    def passages(self, rays: UnderWay, limit: np.ndarray, media: int | None = None) -> Iterator[MediumPassage]:
+        """Carry ``rays``, in place, through the first ``media`` media, or all of them, and the surfaces behind them.
+
+        They end at the optical path ``limit`` (m,), where there is one, at ``until``, or where their status says.
+        """
+        for number in range(len(self.media) if media is None else media):
+            rows, every = rays.rows, len(rays.rows) == len(rays.status)
+            entry = rays.beam if every else rays.beam.take(rows)
+            arrival = self._through(number, entry, limit[rows], rays.leaving[rows])
+            if every:
+                rays.beam = arrival.beam
+            else:
+                rays.beam.put(rows, arrival.beam)
+            expected = self.shapes[number] if number < len(self.shapes) else NOTHING
+            strayed = (arrival.struck != NOTHING) & (arrival.struck != self.stop) & (arrival.struck != expected)
+            strayed &= arrival.status == RayStatus.ARRIVED
+            rays.struck[rows] = arrival.struck
+            rays.status[rows] = np.where(strayed, int(RayStatus.OUT_OF_ORDER), arrival.status)
+            if number < len(self.surfaces):
+                self._cross(rays, number)
+            yield MediumPassage(number, rows, entry, arrival.beam)
+
+    def ends(self, beam: Beam, limit: np.ndarray, starts_at_stop: np.ndarray) -> tuple[Beam, np.ndarray]:
+        """The ends of the rays and their status; ``starts_at_stop`` (m,) marks rays that start on ``until``."""
+        rays = UnderWay.started(beam, np.where(starts_at_stop, self.stop, NOTHING))
+        for _ in self.passages(rays, limit):
+            pass
+        return rays.beam, rays.status
+
+    def into_last_medium(self, beam: Beam, limit: np.ndarray) -> tuple[Beam, np.ndarray, np.ndarray]:
+        """The rays where they enter the last medium, their status, and True (m,) for those which do."""
+        rays = UnderWay.started(beam)
+        for _ in self.passages(rays, limit, len(self.surfaces)):
+            pass
+        entered = np.zeros(len(beam), dtype=bool)
+        entered[rays.rows] = True
+        return rays.beam, rays.status, entered
+
+    def followed(self, beam: Beam, path: float) -> tuple[list[Leg], RayStatus]:
+        """The legs of one ray, with its neighbours, up to the optical path ``path``; and how it ended."""
+        rays = UnderWay.started(beam)
+        legs = []
+        for passage in self.passages(rays, np.full(1, path)):
+            if rays.status[0] not in NOT_FOLLOWED:
+                model, end = self.models[passage.number], passage.exit.optical_path[0]
+                legs.append(model.leg(passage.entry, float(end)))
+            if len(rays.rows) == 0:
+                break
+        return legs, RayStatus(int(rays.status[0]))
+
+    def through_all(self, beam: Beam, path: np.ndarray) -> tuple[list[MediumPassage], Beam, np.ndarray]:
+        """The passages of rays to the optical paths ``path`` (m,) in the last medium, and their ends there.
+
+        Last comes True (m,) for those that come so far, by the surfaces of the scene in their order.
+        """
+        rays = UnderWay.started(beam)
+        passages = list(self.passages(rays, path))
+        clear = np.zeros(len(beam), dtype=bool)
+        clear[rays.rows] = (rays.status[rays.rows] == RayStatus.ARRIVED) & (rays.struck[rays.rows] == NOTHING)
+        return passages, rays.beam, clear
+
+    def conjugate_points(self, passages: Sequence[MediumPassage], path: np.ndarray, flat: np.ndarray) -> np.ndarray:
+        """The number (m,) of conjugate points of rays inside their ``passages`` to optical paths ``path`` (m,).
+
+        Where ``flat`` (m,) their ends are conjugate points themselves, which do not count.
+        """
+        count = np.zeros(len(path), dtype=int)
+        for passage in passages:
+            rows, end = passage.rows, passage.exit
+            if passage.number == len(self.models) - 1:
+                with np.errstate(all="ignore"):
+                    back = AT_END * path[rows] / np.sum(end.momentum**2, axis=1)
+                end = moved_on(end, np.where(flat[rows], -back, 0.0), 0.0)
+            count[rows] += self._caustics(passage.number, passage.entry, passage.exit.optical_path, end)
+        return count
+
+    def _caustics(self, number: int, beam: Beam, path: np.ndarray, end: Beam) -> np.ndarray:
+        """How many conjugate points (m,) rays pass from ``beam`` to ``end``, at the optical paths ``path`` (m,)."""
+        count, rows = np.zeros(len(beam), dtype=int), np.arange(len(beam))
+        for _ in range(MOST_COUNT_STEPS):
+            left = path[rows] - beam.optical_path
+            momentum = np.linalg.norm(beam.momentum, axis=1)
+            step = stride(beam, self.fields[number], left / np.maximum(momentum, np.finfo(float).tiny))
+            last = step * momentum**2 >= left * (1 - STEP_TO_END)
+            on = beam
+            if not np.all(last):
+                on = self.models[number].onward(beam, step, beam.optical_path + step * momentum**2)[0]
+                last |= ~(on.optical_path < path[rows])
+            if np.any(last):
+                on = on.take(np.arange(len(on)))
+                on.put(np.flatnonzero(last), end.take(rows[last]))
+            count[rows] += caustics_between(beam, on)
+            keep = np.flatnonzero(~last)
+            if len(keep) == 0:
+                break
+            rows, beam = rows[keep], on.take(keep)
+        return count
+
+    def _through(self, number: int, beam: Beam, limit: np.ndarray, leaving: np.ndarray) -> Arrival:
+        """Carry rays through medium ``number`` to the first surface, on all cores."""
+        surfaces = np.unique(leaving)
+        if len(surfaces) == 1:
+            return self._spread(number, beam, limit, int(surfaces[0]))
+        empty = np.zeros(len(beam), dtype=int)
+        whole = Arrival(beam.take(np.arange(len(beam))), empty, empty.copy())
+        for surface in surfaces:
+            rows = np.flatnonzero(leaving == surface)
+            whole.put(rows, self._spread(number, beam.take(rows), limit[rows], int(surface)))
+        return whole
+
+    def _spread(self, number: int, beam: Beam, limit: np.ndarray, leaving: int) -> Arrival:
+        """The same for rays that all start from the surface ``leaving``, or from none."""
+        parts: dict[int, Arrival] = {}
+
+        def carry(part: slice) -> None:
+            parts[part.start] = self.models[number].advance(beam.take(part), limit[part], leaving)
+
+        integrators.spread(carry, len(beam))
+        return parts[0] if len(parts) == 1 else Arrival.joined([parts[first] for first in sorted(parts)])
+
+    def _cross(self, rays: UnderWay, number: int) -> None:
+        """Refract or reflect the rays that have come to surface ``number``, in place; they alone go on."""
+        shape, rows = self.shapes[number], rays.rows
+        here = (rays.status[rows] == RayStatus.ARRIVED) & (rays.struck[rows] == shape) & (shape != self.stop)
+        rows = rows[here]
+        before, after = self.fields[number : number + 2]
+        mirror = self.surfaces[number].mirror
+        refracted, total = at_surface(rays.beam.take(rows), self.geometries[shape], before, after, mirror=mirror)
+        if len(rows) == len(rays.status):
+            rays.beam = refracted
+        else:
+            rays.beam = rays.beam.take(np.arange(len(rays.beam)))  # what was told of the passage stays as it is
+            rays.beam.put(rows, refracted)
+        rays.status[rows[total]] = RayStatus.TOTAL_REFLECTION
+        rays.rows, rays.leaving = rows[~total], np.full(len(rays.status), shape)
+
+
+def _shape(surface: Surface) -> Surface:
+    """The surface, whatever it does to light."""
+    return replace(surface, mirror=False) if surface.mirror else surface  # pyright: ignore[reportArgumentType]
+
+
+def stride(beam: Beam, field: Field, length: np.ndarray) -> np.ndarray:
+    """σ (m,) over which the rays turn little and go no farther than about ``length`` (m,); zero where none is known.
+
+    A ray whose momentum is all but spent turns quickly in space, not in momentum: there it is the pull that counts.
+    """
+    _, gradient, hessian = field(beam.position)
+    momentum, pull = np.linalg.norm(beam.momentum, axis=1), np.linalg.norm(gradient, axis=1) / 2
+    with np.errstate(all="ignore"):
+        turning = STEP_TURN * np.fmax(momentum / pull, np.sqrt(length / pull))
+        bending = STEP_TURN * 2 / np.sqrt(np.linalg.norm(hessian, axis=(1, 2)))
+        step = np.fmin(np.fmin(turning, bending), length / momentum)
+    return np.where(np.isfinite(step), step, 0.0)
+
+
+@dataclass
+class CompiledScene:
+    """The media and surfaces of a scene in ``dimension`` dimensions, or either number; what is compiled is kept."""
+
+    media: Sequence[Medium]
+    surfaces: Sequence[Surface]
+    dimension: int | None
+    _kept: dict[tuple[Surface | None, int, Model | None], Propagator] = field(
+        default_factory=dict, init=False, repr=False
+    )
+
+    def propagator(self, until: Surface | None, dimension: int, model: Model | None = None) -> Propagator:
+        """What carries rays through the scene; what has been compiled for it is kept, for a number of ends."""
+        key = until, dimension, model
+        if key not in self._kept:
+            if len(self._kept) >= MOST_KEPT:
+                self._kept.pop(next(iter(self._kept)))
+            self._kept[key] = Propagator(self.media, self.surfaces, until, dimension, model)
+        return self._kept[key]
+
+    def index_at_source(self, start: np.ndarray) -> np.ndarray:
+        """n (m,) where the rays start; ValueError where it is no positive number."""
+        index = by_chunks(self.propagator(None, start.shape[1]).fields[0].index, start)
+        bad = ~((index > 0) & np.isfinite(index))
+        if np.any(bad):
+            row = int(np.argmax(bad))
+            raise ValueError(
+                f"the index is {index[row]:g} at the source {tuple(start[row].tolist())}; rays start only "
+                "where the index is a positive number"
+            )
+        return index

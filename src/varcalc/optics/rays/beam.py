@@ -1,0 +1,237 @@
+"""Many rays at one moment of their way: the state that every model carries on.
+
+A ray is its position r and its momentum p = n dr/ds, with σ the parameter in
+which dr/dσ = p, dp/dσ = ∇n²/2 and dS/dσ = n² = |p|² (Born and Wolf,
+"Principles of Optics", sect. 3.2; Brizard, sect. 3.1.2). Along with it go the
+deviations of its neighbours, the columns δr and δp: the variational
+equations' solutions that begin with δr = 0 and δp across the ray.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+import numpy as np
+
+from varcalc.optics.media.medium import Field
+from varcalc.optics.rows import Rows
+from varcalc.optics.surfaces import Geometry
+
+
+class RayStatus(IntEnum):
+    """How one ray of a bundle ended; :attr:`message` says it in words."""
+
+    ARRIVED = 0
+    MISSED = 1
+    TOTAL_REFLECTION = 2
+    OUT_OF_ORDER = 3
+    SINGULAR = 4
+    OUTSIDE = 5
+    TOO_MANY_STEPS = 6
+
+    @property
+    def message(self) -> str:
+        """What happened to the ray."""
+        return MESSAGES[self]
+
+
+MESSAGES = {
+    RayStatus.ARRIVED: "the ray stopped where it was to stop",
+    RayStatus.MISSED: "the ray meets neither the surface it was to stop at nor any other",
+    RayStatus.TOTAL_REFLECTION: "total reflection: there is no refracted ray at the surface it has come to",
+    RayStatus.OUT_OF_ORDER: "the ray comes to a surface before one that stands earlier in the scene",
+    RayStatus.SINGULAR: "the index is not a positive number, or infinite, where the ray has come to",
+    RayStatus.OUTSIDE: "the ray has left the table of the medium",
+    RayStatus.TOO_MANY_STEPS: "the ray was followed for as many steps as are allowed, without an end",
+}
+
+
+@dataclass(frozen=True)
+class Beam(Rows):
+    """m rays in d dimensions, with k deviations each: ``position`` and ``momentum`` (m, d), ``optical_path`` (m,).
+
+    ``moved`` and ``turned`` (m, k, d) are the deviations of position and momentum.
+    """
+
+    position: np.ndarray
+    momentum: np.ndarray
+    optical_path: np.ndarray
+    moved: np.ndarray
+    turned: np.ndarray
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.position.shape[1]
+
+    @property
+    def deviations(self) -> int:
+        """The number k of neighbours."""
+        return self.moved.shape[1]
+
+    def known(self, where: np.ndarray) -> Beam:
+        """The rays ``where`` (m,) is true; in place of the others not a number."""
+        columns = (getattr(self, name) for name in self.__dataclass_fields__)
+        return Beam(*(np.where(where.reshape(-1, *[1] * (values.ndim - 1)), values, np.nan) for values in columns))
+
+
+def packed(beam: Beam) -> np.ndarray:
+    """The states (m, N) of :func:`varcalc.optics.models.ray_equations.ray_system` for the rays of ``beam``."""
+    pairs = np.concatenate([beam.moved, beam.turned], axis=2).reshape(len(beam), 2 * beam.deviations * beam.dimension)
+    return np.column_stack([beam.position, beam.momentum, beam.optical_path, pairs])
+
+
+def unpacked(states: np.ndarray, dimension: int) -> Beam:
+    """The rays of the states (m, N)."""
+    d = dimension
+    pairs = states[:, 2 * d + 1 :].reshape(len(states), states.shape[1] // (2 * d) - 1, 2 * d)
+    return Beam(states[:, :d], states[:, d : 2 * d], states[:, 2 * d], pairs[:, :, :d], pairs[:, :, d:])
+
+
+AT_END = 1e-5
+"""Of an optical path: conjugate points so close to the end of a ray on a caustic are the end itself."""
+NOTHING = -1
+"""In place of the number of a surface: none is met."""
+
+
+@dataclass(frozen=True)
+class Arrival(Rows):
+    """Rays carried on to the first thing they meet: ``struck`` (m,) is the number of the surface.
+
+    It is :data:`NOTHING` where the limit of the optical path came first, or
+    where ``status`` (m,) says that the ray came to neither.
+    """
+
+    beam: Beam
+    struck: np.ndarray
+    status: np.ndarray
+
+
+def first_met(surfaces: list[np.ndarray], end: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What rays come to first: the number of a surface (m,), or :data:`NOTHING`; σ there; and their status.
+
+    ``surfaces`` are the σ (m,) at which they meet each, ``end`` (m,) that of their limit, infinite where there is none.
+    """
+    far = np.stack([end, *surfaces])
+    first = np.argmin(far, axis=0)  # of several at once the limit, then the first surface
+    sigma = far[first, np.arange(len(end))]
+    missed = ~np.isfinite(sigma)
+    status = np.where(missed, int(RayStatus.MISSED), int(RayStatus.ARRIVED))
+    return np.where(missed | (first == 0), NOTHING, first - 1), np.where(missed, 0.0, sigma), status
+
+
+def launched(points: np.ndarray, directions: np.ndarray, index: np.ndarray, *, neighbours: bool) -> Beam:
+    """Rays at points (m, d) along unit ``directions`` (m, d), each with d - 1 neighbours at right angles or none.
+
+    The deviations are those for one radian of direction.
+    """
+    m, d = points.shape
+    across = frames(directions) if neighbours else np.zeros((m, 0, d))
+    return Beam(
+        position=np.array(points),
+        momentum=index[:, None] * directions,
+        optical_path=np.zeros(m),
+        moved=np.zeros_like(across),
+        turned=index[:, None, None] * across,
+    )
+
+
+def frames(directions: np.ndarray) -> np.ndarray:
+    """d - 1 unit vectors (m, d - 1, d) at right angles to each of the unit ``directions`` (m, d) and to each other."""
+    if directions.shape[1] == 2:
+        return np.stack([-directions[:, 1], directions[:, 0]], axis=1)[:, None, :]
+    smallest = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    first = np.cross(directions, smallest)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([first, np.cross(directions, first)], axis=1)
+
+
+def at_surface(beam: Beam, geometry: Geometry, before: Field, after: Field, *, mirror: bool) -> tuple[Beam, np.ndarray]:
+    """The rays of ``beam``, which are on the surface, refracted from one medium into the next or reflected.
+
+    Returns them with True (m,) for those which are totally reflected; those
+    are left as they came. In momenta: the tangential part stays, the normal
+    part becomes ±sqrt(n₂² - |tangential|²) (Snell's law; Born and Wolf,
+    sect. 3.2.2), for the deviations differentiated.
+    """
+    normal, curvature = geometry.normal(beam.position)
+    squared, gradient, _ = before(beam.position)
+    squared_after, gradient_after, _ = after(beam.position)
+    p = beam.momentum
+    into = np.sum(p * normal, axis=1)
+    lateness = -np.einsum("mkd,md->mk", beam.moved, normal) / into[:, None]
+    moved = beam.moved + lateness[:, :, None] * p[:, None, :]
+    turned = beam.turned + lateness[:, :, None] * gradient[:, None, :] / 2
+    tilt = np.einsum("mij,mkj->mki", curvature, moved)
+    into_change = np.einsum("mkd,md->mk", turned, normal) + np.einsum("mkd,md->mk", tilt, p)
+    if mirror:
+        out, out_change, total = -into, -into_change, np.zeros(len(p), dtype=bool)
+    else:
+        under = into**2 + squared_after - squared
+        total = ~(under > 0)
+        out = np.sign(into) * np.sqrt(np.where(total, 1.0, under))
+        steeper = np.einsum("mkd,md->mk", moved, gradient_after - gradient)
+        out_change = (2 * into[:, None] * into_change + steeper) / (2 * out[:, None])
+    gain, gain_change = (out - into)[:, None], (out_change - into_change)[:, :, None]
+    leaving = replace(
+        beam,
+        momentum=p + gain * normal,
+        moved=moved,
+        turned=turned + gain_change * normal[:, None, :] + gain[:, None] * tilt,
+    )
+    if np.any(total):
+        leaving.put(np.flatnonzero(total), beam.take(np.flatnonzero(total)))
+    return leaving, total
+
+
+def moved_on(beam: Beam, sigma: np.ndarray, squared_index: float) -> Beam:
+    """The rays after ``sigma`` (m,) on their straight lines."""
+    return replace(
+        beam,
+        position=beam.position + sigma[:, None] * beam.momentum,
+        optical_path=beam.optical_path + sigma * squared_index,
+        moved=beam.moved + sigma[:, None, None] * beam.turned,
+    )
+
+
+def spreading(beam: Beam) -> np.ndarray:
+    """|dr⊥/dθ| in the plane, |dA/dΩ| in space (m,), from d - 1 neighbours' distances across the ray."""
+    tangent = beam.momentum / np.linalg.norm(beam.momentum, axis=1)[:, None]
+    return np.abs(_area(beam.moved, tangent))
+
+
+def caustics_between(before: Beam, after: Beam) -> np.ndarray:
+    """How many conjugate points (m,) the rays pass from ``before``, exclusive, to ``after``, inclusive.
+
+    The area between a ray and its neighbours vanishes at one, with its sign: in the plane that says all. In space
+    two of them may lie close together or in one place, and the sign comes back. What counts is how many
+    eigenvalues are not positive of the map that takes the deviations across the ray before to those after: near the
+    identity for rays that turn little from the one to the other, it is counted from trace and determinant. The
+    count is the KMAH index of the stretch (Maslov's; Arnold, "Mathematical Methods of Classical Mechanics", app. 11).
+    Rays from a point have not passed one yet.
+    """
+    with np.errstate(invalid="ignore"):
+        ahead = [beam.momentum / np.linalg.norm(beam.momentum, axis=1)[:, None] for beam in (before, after)]
+    a, b = before.moved, after.moved
+    if before.dimension == 3:
+        a, b = (_across(moved, tangent) for moved, tangent in zip((a, b), ahead, strict=True))
+    start, end = (np.sign(_area(moved, tangent)) for moved, tangent in zip((a, b), ahead, strict=True))
+    if before.dimension == 2:
+        return ((start != 0) & (start * end <= 0)).astype(int)
+    changed = (np.stack([b[:, 0], a[:, 1]], axis=1), np.stack([a[:, 0], b[:, 1]], axis=1))
+    mixed = np.sign(sum(_area(moved, ahead[0]) for moved in changed))
+    both, trace = start * end, mixed * start
+    count = np.where(both < 0, 1, np.where(trace > 0, both == 0, 2 * (both >= 0)))
+    return np.where(start == 0, mixed * end < 0, count).astype(int)  # from a line focus: the other neighbour's
+
+
+def _across(moved: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+    """The part of deviations (m, d - 1, d) that is across rays with unit tangents (m, d)."""
+    return moved - np.sum(moved * tangent[:, None, :], axis=2)[:, :, None] * tangent[:, None, :]
+
+
+def _area(moved: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+    """The area (m,), with sign, between deviations (m, d - 1, d) across rays with unit tangents (m, d)."""
+    with np.errstate(invalid="ignore"):  # what is not known has no area
+        return np.linalg.det(np.concatenate([moved, tangent[:, None, :]], axis=1))

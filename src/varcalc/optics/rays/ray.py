@@ -1,0 +1,141 @@
+"""One ray between two points, and all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property, partial
+from typing import Any, overload
+
+import numpy as np
+
+from varcalc.optics.media.medium import Medium
+from varcalc.optics.rays.beam import AT_END, RayStatus
+from varcalc.optics.rays.derivatives import path_derivatives
+from varcalc.optics.rays.leg import Leg
+from varcalc.optics.rays.tube import RayTube
+from varcalc.optics.surfaces import Surface
+from varcalc.problem.conditions import finite
+
+SPEED_OF_LIGHT = 299_792_458.0
+"""In vacuum, in metres a second (SI)."""
+
+
+@dataclass(frozen=True)
+class Ray:
+    """A ray from A to B.
+
+    Attributes
+    ----------
+    optical_path : float
+        ∫ n ds from A to B, in units of length; see :meth:`travel_time`.
+    error : float
+        An estimate of the error of ``optical_path``.
+    index : int
+        The number of conjugate points between A and B, each as often as its multiplicity (the KMAH index): 0 for a
+        ray of locally least time.
+    spreading : float
+        ``|dr⊥/dθ|`` at B in the plane, ``|dA/dΩ|`` in space: the intensity of a source at A is in
+        inverse proportion to it.
+    degenerate : bool
+        True where B itself is conjugate to A, on a caustic: then the spreading is zero to round-off.
+    tangents : tuple of ndarray, shape (d,)
+        Unit vectors along the ray at A and at B.
+    model : str
+        The models that carried the ray.
+    """
+
+    optical_path: float
+    error: float
+    index: int
+    spreading: float
+    degenerate: bool
+    tangents: tuple[np.ndarray, np.ndarray]
+    model: str
+    way: Callable[[], Sequence[Leg]] = field(repr=False)
+    media: Sequence[Medium] = field(repr=False, default=())
+    surfaces: Sequence[Surface] = field(repr=False, default=())
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**{f.name: getattr(self, f.name) for f in fields(self)}, "way": partial(tuple, self.legs)}
+
+    @cached_property
+    def legs(self) -> Sequence[Leg]:
+        """The ray between surfaces, followed anew when it is first asked for."""
+        return self.way()
+
+    @cached_property
+    def conjugate_points(self) -> np.ndarray:
+        """Where neighbouring rays from A cross this one, shape (index, d), in the order in which they are met."""
+        last = self.optical_path * (1 - AT_END) if self.degenerate else np.inf
+        foci = [position for leg in self.legs for path, position in leg.foci() if path < last]
+        return np.array(foci).reshape(-1, len(self.tangents[0]))
+
+    @cached_property
+    def derivatives(self) -> dict[str, float]:
+        """The derivatives of ``optical_path`` in the parameters of the media and surfaces, by name; A and B stay.
+
+        Fermat's principle makes them one integral along the ray, ∂S/∂p = ∫ ∂n/∂p ds. A name that stands in several
+        media or surfaces is one parameter, which changes in all of them by the same amount.
+
+        Raises ArithmeticError where the index is not smooth along the ray.
+        """
+        return path_derivatives(self.legs, self.media, self.surfaces)
+
+    def travel_time(self, speed: float = SPEED_OF_LIGHT) -> float:
+        """The time from A to B: the optical path over the ``speed`` to which the index is referred.
+
+        That is the speed of light in vacuum, in metres a second; of sound, the speed where the index is 1. A medium
+        with dispersion is one wavelength's: the time is that of the phase.
+
+        Raises TypeError or ValueError for a speed that is not a positive number.
+        """
+        if not finite("speed", speed) > 0:
+            raise ValueError(f"speed must be a positive number, not {speed!r}")
+        return self.optical_path / speed
+
+    def point(self, s: float | np.ndarray) -> np.ndarray:
+        """The point of the ray at the optical path ``s`` from A, shape ``np.shape(s) + (d,)``.
+
+        Raises ValueError for ``s`` beyond the ends of the ray.
+        """
+        return self.tube.point(s)
+
+    @cached_property
+    def tube(self) -> RayTube:
+        """The ray with its neighbours from A: its spreading and intensity all along."""
+        return RayTube(RayStatus.ARRIVED, self.legs)
+
+
+@dataclass(frozen=True)
+class Rays(Sequence[Ray]):
+    """The rays from A to B, the shortest optical path first.
+
+    Attributes
+    ----------
+    reason : str
+        Why there is none, where there is none: shadow, total reflection, blocked, or an index that is not real at B.
+    searched : str
+        What was searched, in words.
+    continuum : bool
+        True where infinitely many rays join A and B, as from a point of a fish-eye to its image; one of them is
+        given for all.
+    unresolved : int
+        How many narrow parts of the search were given up: where it is not zero, there may be more rays.
+    """
+
+    found: tuple[Ray, ...]
+    reason: str
+    searched: str
+    continuum: bool = False
+    unresolved: int = 0
+
+    @overload
+    def __getitem__(self, key: int) -> Ray: ...
+    @overload
+    def __getitem__(self, key: slice) -> tuple[Ray, ...]: ...
+    def __getitem__(self, key: int | slice) -> Ray | tuple[Ray, ...]:
+        return self.found[key]
+
+    def __len__(self) -> int:
+        return len(self.found)

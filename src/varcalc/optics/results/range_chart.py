@@ -1,0 +1,118 @@
+"""The range chart: how far from a source its rays come to a height, against the angle at which they leave.
+
+Where the curve of a crossing passes the receiver's distance there is an
+arrival; where it turns round, a caustic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.optics.media.medium import Field
+from varcalc.optics.rays.ray import Rays
+from varcalc.optics.scene import Scene
+from varcalc.optics.surfaces import Plane
+from varcalc.optics.validation import point
+from varcalc.problem.conditions import whole
+
+DEFAULT_ANGLES = 720
+"""Angles looked at by default, half a degree apart."""
+OFF_AXIS = 1e-3
+"""Radians by which they are turned: a ray that leaves along the receiver's height touches it at once."""
+
+
+@dataclass(frozen=True)
+class RangeChart:
+    """Reach against launching angle.
+
+    Attributes
+    ----------
+    angles : ndarray, shape (m,)
+        Launching angles above the horizontal, in radians.
+    reach : ndarray, shape (m, k)
+        The first coordinate at the first, second, ... crossing of the receiver's height; not a number where there is
+        none.
+    momentum : ndarray, shape (m,)
+        p = n cos(angle), which is constant along rays through horizontal layers.
+    receiver : tuple of float
+    arrivals : Rays
+        Every ray to the receiver.
+    """
+
+    angles: np.ndarray
+    reach: np.ndarray
+    momentum: np.ndarray
+    receiver: tuple[float, float]
+    arrivals: Rays
+
+
+def range_chart(
+    scene: Scene,
+    source: Sequence[float],
+    receiver: Sequence[float],
+    *,
+    angles: np.ndarray | None = None,
+    crossings: int = 2,
+    within: float | None = None,
+) -> RangeChart:
+    """The range chart of a source in a medium of the plane without surfaces, with all arrivals at a receiver.
+
+    Parameters
+    ----------
+    scene : Scene
+        In the plane, of one medium; heights are the last coordinate.
+    source, receiver : sequence of two floats
+    angles : array_like, shape (m,), optional
+        Launching angles in radians, all round by default.
+    crossings : int
+        How many crossings of the receiver's height are followed.
+    within : float, optional
+        As for :meth:`Scene.rays`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a scene with surfaces or in space, and as :meth:`Scene.rays` does.
+
+    Examples
+    --------
+    A stone thrown at 45 degrees comes farthest, as does a ray where n² = 1 - 2y.
+
+    >>> import casadi as ca
+    >>> from varcalc import optics
+    >>> scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 - 2 * y)))
+    >>> chart = optics.range_chart(scene, (0, 0), (0.5, 0), angles=np.radians([15, 45, 75]), crossings=1)
+    >>> chart.reach.ravel().round(12)
+    array([0.5, 1. , 0.5])
+    """
+    start, target = np.array(point("source", source)), point("receiver", receiver)
+    if scene.surfaces or len(start) != 2 or scene.dimension == 3:
+        raise ValueError("a range chart is drawn of one medium in the plane; the scene has surfaces, or is in space")
+    whole("crossings", crossings)
+    tried = (
+        np.linspace(-np.pi, np.pi, DEFAULT_ANGLES, endpoint=False) + OFF_AXIS
+        if angles is None
+        else np.atleast_1d(np.asarray(angles, dtype=float))
+    )
+    points = np.tile(start, (len(tried), 1))
+    headings = np.column_stack([np.cos(tried), np.sin(tried)])
+    reach = np.full((len(tried), crossings), np.nan)
+    height, alive = Plane((0.0, target[1]), (0.0, 1.0)), np.arange(len(tried))
+    for number in range(crossings):
+        bundle = scene.trace(points[alive], headings[alive], until=height)
+        met = bundle.arrived
+        alive = alive[met]
+        if not len(alive):
+            break
+        points[alive], headings[alive] = bundle.points[met], bundle.directions[met]
+        reach[alive, number] = points[alive, 0]
+    return RangeChart(
+        angles=tried,
+        reach=reach,
+        momentum=float(Field(scene.media[0], 2).index(start[None])[0]) * np.cos(tried),
+        receiver=(target[0], target[1]),
+        arrivals=scene.rays(start, target, within=within),
+    )

@@ -1,0 +1,250 @@
+"""A study of a scene: the rays of a source with their wavefronts and caustic, and every ray to a receiver.
+
+A study is declared; :meth:`Study.run` carries it out and gives plain arrays, which pictures are drawn from.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from varcalc.optics.media.medium import Field
+from varcalc.optics.rays.beam import RayStatus
+from varcalc.optics.rays.ray import Ray, Rays
+from varcalc.optics.rays.sources import Source
+from varcalc.optics.results.wavefronts import Caustic, Wavefront, caustic_of, ray_tubes, wavefront
+from varcalc.optics.scene import Scene
+from varcalc.optics.surfaces import Geometry, Surface
+from varcalc.optics.validation import point
+from varcalc.problem.conditions import finite, whole
+
+SAMPLES = 240
+"""Points along a ray, evenly spaced in optical path."""
+GRID = 160
+"""Points of each side of the picture at which index and surfaces are looked at."""
+MARGIN = 0.06
+"""Of the extent of what is drawn, left free around it."""
+FLAT = 0.15
+"""Ratio of the sides below which each has a margin, and a scale, of its own."""
+FRONT_RAYS = 8
+"""Rays of a wavefront for each ray of the study that is drawn."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is to be seen of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    source : Source
+        A :class:`PointSource` or a :class:`PlaneWave`.
+    rays : int or array_like
+        Which rays of the source: see there.
+    optical_path : float
+        How far they are followed, in units of length.
+    receiver : sequence of float, optional
+        A point of the last medium: every ray from the source to it is sought. The source must be a point.
+    wavefronts : int
+        How many wavefronts are drawn, at equal steps of the optical path.
+    within : float, optional
+        The optical path up to which rays to the receiver are looked for; see :meth:`Scene.rays`.
+    title : str
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments that do not fit each other.
+    """
+
+    scene: Scene
+    source: Source
+    rays: Any
+    optical_path: float
+    receiver: Sequence[float] | None = None
+    wavefronts: int = 0
+    within: float | None = None
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.scene, Scene):
+            raise TypeError(f"Study.scene must be a Scene, not {self.scene!r}")
+        if not isinstance(self.source, Source):
+            raise TypeError(f"Study.source must be a PointSource or a PlaneWave, not {self.source!r}")
+        if not finite("Study.optical_path", self.optical_path) > 0:
+            raise ValueError(f"Study.optical_path must be a positive number, not {self.optical_path!r}")
+        if self.wavefronts:
+            whole("Study.wavefronts", self.wavefronts)
+        if self.receiver is not None:
+            point("Study.receiver", self.receiver)
+            if not hasattr(self.source, "point") or hasattr(self.source, "direction"):
+                raise ValueError("Study.receiver is reached from a point; give a PointSource, or no receiver")
+
+    def run(self) -> Seen:
+        """Carry the study out.
+
+        Raises
+        ------
+        ValueError
+            As :func:`wavefront` and :meth:`Scene.rays` do.
+        """
+        tubes = ray_tubes(self.scene, self.source, self.rays, self.optical_path)
+        tracks = tuple(_track(tube.point, tube.optical_path, tube.status) for tube in tubes if tube.legs)
+        arrivals = None
+        if self.receiver is not None:
+            arrivals = self.scene.rays(self.source.starts(1)[0][0], self.receiver, within=self.within)
+        return Seen(
+            study=self,
+            tracks=tracks,
+            caustic=caustic_of(tubes, self.source.dimension),
+            wavefronts=tuple(self._fronts()),
+            arrivals=arrivals,
+            arriving=tuple(_track(ray.point, ray.optical_path, RayStatus.ARRIVED) for ray in arrivals or ()),
+        )
+
+    def _fronts(self) -> list[Wavefront]:
+        rays = _denser(self.rays)
+        steps = self.optical_path * np.arange(1, self.wavefronts + 1) / self.wavefronts if self.wavefronts else []
+        return [wavefront(self.scene, self.source, rays, float(path)) for path in steps]
+
+
+@dataclass(frozen=True)
+class Track:
+    """A ray as it is drawn: points (k, d) in the order they are passed, and how it ended."""
+
+    points: np.ndarray
+    status: RayStatus
+
+
+@dataclass(frozen=True)
+class Background:
+    """What the rays go through, on a grid: first coordinates (w,), last coordinates (h,).
+
+    ``index`` (h, w) is None where there are several media; ``levels`` holds for each surface its level (h, w), zero
+    on it, and not a number where the surface does not reach.
+    """
+
+    across: np.ndarray
+    up: np.ndarray
+    index: np.ndarray | None
+    levels: tuple[np.ndarray, ...]
+    mirrors: tuple[bool, ...]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a study has found.
+
+    Attributes
+    ----------
+    study : Study
+    tracks, arriving : tuple of Track
+        The rays of the source, and those to the receiver.
+    caustic : Caustic
+    wavefronts : tuple of Wavefront
+    arrivals : Rays or None
+        Every ray to the receiver; None where there is no receiver.
+    """
+
+    study: Study
+    tracks: tuple[Track, ...]
+    caustic: Caustic
+    wavefronts: tuple[Wavefront, ...]
+    arrivals: Rays | None
+    arriving: tuple[Track, ...]
+
+    def background(self) -> Background:
+        """Index and surfaces where the rays are, in the plane of the first and the last coordinate."""
+        scene, d = self.study.scene, self.study.source.dimension
+        drawn = np.concatenate([track.points for track in (*self.tracks, *self.arriving)])
+        low, high = drawn.min(0)[[0, -1]], drawn.max(0)[[0, -1]]
+        extent = np.maximum(high - low, 1e-3 * float((high - low).max()) or 1.0)
+        room = MARGIN * np.where(extent.min() < FLAT * extent.max(), extent, extent.max())
+        across, up = (np.linspace(a, b, GRID) for a, b in zip(low - room, high + room, strict=True))
+        plane = np.zeros((len(up), len(across), d))
+        plane[:] = np.median(drawn, axis=0)
+        plane[..., 0], plane[..., -1] = np.meshgrid(across, up)
+        flat = plane.reshape(-1, d)
+        index = None
+        if len(scene.media) == 1:
+            index = Field(scene.media[0], d).index(flat).reshape(plane.shape[:2])
+        levels = tuple(_level(surface, flat).reshape(plane.shape[:2]) for surface in scene.surfaces)
+        return Background(across, up, index, levels, tuple(surface.mirror for surface in scene.surfaces))
+
+    def table(self) -> str:
+        """The rays to the receiver, and how the others ended, in plain text."""
+        counts = Counter(track.status for track in self.tracks)
+        ended = ", ".join(f"{count} {status.name.lower().replace('_', ' ')}" for status, count in counts.items())
+        path = self.study.optical_path
+        lines = [f"{len(self.tracks)} rays up to an optical path of {path:g}: {ended}"]
+        if len(self.caustic):
+            lines.append(f"{len(self.caustic)} conjugate points on them")
+        if self.arrivals is not None:
+            lines += ["", *_arrival_lines(self.arrivals, self.study.receiver)]
+        return "\n".join(lines)
+
+    def document(self) -> dict[str, Any]:
+        """The same as what JSON can hold."""
+        rays = [
+            {
+                "optical_path": ray.optical_path, "error": ray.error, "index": ray.index,
+                "spreading": ray.spreading, "degenerate": ray.degenerate, "model": ray.model,
+                "departure": ray.tangents[0].tolist(), "arrival": ray.tangents[1].tolist(),
+                "conjugate_points": ray.conjugate_points.tolist(),
+            }
+            for ray in self.arrivals or ()
+        ]  # fmt: skip
+        return {
+            "title": self.study.title,
+            "rays": Counter(track.status.name for track in self.tracks),
+            "caustic": self.caustic.points.tolist(),
+            "receiver": None if self.study.receiver is None else list(self.study.receiver),
+            "arrivals": rays,
+            "reason": "" if self.arrivals is None else self.arrivals.reason,
+            "searched": "" if self.arrivals is None else self.arrivals.searched,
+        }
+
+
+def _track(at: Any, path: float, status: RayStatus) -> Track:
+    """The points of a ray at equal steps of its optical path."""
+    return Track(at(np.linspace(0.0, path, SAMPLES)), status)
+
+
+def _denser(rays: Any) -> Any:
+    """More rays of the same kind, for wavefronts that are to look smooth: between those given, in their order."""
+    if isinstance(rays, int):
+        return FRONT_RAYS * rays
+    given = np.asarray(rays, dtype=float)
+    if len(given) < 2:
+        return rays
+    places = np.linspace(0, len(given) - 1, FRONT_RAYS * (len(given) - 1) + 1)
+    columns = given.reshape(len(given), -1).T
+    between = np.column_stack([np.interp(places, np.arange(len(given)), column) for column in columns])
+    return between.reshape(-1, *given.shape[1:])
+
+
+def _level(surface: Surface, points: np.ndarray) -> np.ndarray:
+    """The level of a surface at points (m, d); not a number where it does not reach."""
+    geometry = Geometry(surface, points.shape[1])
+    with np.errstate(all="ignore"):
+        level = np.asarray(geometry.level(points), dtype=float)
+        return np.where(geometry.belongs(points), level, np.nan)
+
+
+def _arrival_lines(arrivals: Rays, receiver: Sequence[float] | None) -> list[str]:
+    where = "(" + ", ".join(f"{x:g}" for x in receiver or ()) + ")"
+    if not len(arrivals):
+        return [f"no ray to {where}: {arrivals.reason}"]
+    lines = [f"{len(arrivals)} ray{'s' * (len(arrivals) > 1)} to {where}, of {arrivals.searched}", ""]
+    lines.append(f"{'optical path':>20}  {'error':>8}  {'caustics':>8}  {'spreading':>12}  direction")
+    return lines + [_arrival_line(ray) for ray in arrivals]
+
+
+def _arrival_line(ray: Ray) -> str:
+    ahead = ", ".join(f"{x:.6f}" for x in ray.tangents[0])
+    note = "  on a caustic" if ray.degenerate else ""
+    return f"{ray.optical_path:20.14g}  {ray.error:8.1e}  {ray.index:8d}  {ray.spreading:12.6g}  ({ahead}){note}"
