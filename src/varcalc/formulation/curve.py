@@ -97,10 +97,20 @@ def _gauge(symbols: Symbols) -> Expression:
 
 
 def _price(problem: Curve, baseline: Sampled, length: float) -> float:
-    """What a unit of length costs along the baseline: with it the gauge weighs as much as F in any units."""
-    values = _along(problem, [problem.integrand], baseline)
-    price = float(np.abs(values).mean()) / length
-    return price if math.isfinite(price) and price > 0.0 else 1.0
+    """What a unit of length costs along the baseline: with it the gauge weighs as much as F in any units.
+
+    Where F vanishes there, as an area does, it is what arches as high as the baseline is long cost at the most.
+    """
+    arches = [_arched(baseline, length * direction) for direction in np.eye(problem.n)]
+    for curves in ([baseline], arches):
+        price = max(float(np.abs(_along(problem, [problem.integrand], curve)).mean()) for curve in curves) / length
+        if math.isfinite(price) and price > 0.0:
+            return price
+    return 1.0
+
+
+def _arched(baseline: Sampled, height: np.ndarray) -> Sampled:
+    return lambda s: baseline(s) + height[:, None] * 4 * s * (1 - s)
 
 
 def _along(problem: Curve, expressions: list[Expression], curve: Sampled) -> np.ndarray:

@@ -11,14 +11,16 @@ from varcalc.problem.problem import Curve
 from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.derived import derived
 
-DOUBLINGS = np.arange(-40, 41)
+OCTAVES = 3
+"""Doublings of the height from one bend that is measured to the next."""
+DOUBLINGS = OCTAVES * np.arange(-13, 14)
 """Heights at which bends are measured, in units of the ends' distance: so many times doubled, or halved."""
-POINTS = 6
+POINTS = 4
 TURNED = 0.4
 """Change of the power of the height with which an integral grows, by which it has left its first one."""
 SEEN = 1e-9
-"""Part of an integral that a bend has to change before its growth is more than rounding."""
-WITHIN = 30.0
+"""Part of what is summed that a bend has to change before the growth of the sum is more than rounding."""
+WITHIN = 100.0
 """Ratio of the ends' distance and the height that the functional feels, either way, to which one unit serves both."""
 
 
@@ -26,12 +28,17 @@ def height(form: Form) -> float:
     """A length of the size of the problem's functions.
 
     It is the extent of the baseline, or of the interval where that is larger, as if both had one unit. Where they have
-    not, a bend so high is nothing to the functional, or all: then it is the height at which one of its integrals leaves
-    the power of the height with which it grows at first.
+    not, a bend so high is nothing to the functional, or all: then it is the nearest height at which one of its
+    integrals does not grow with a power of the height.
     """
     extent = _extent(form)
     felt = _felt(form, extent)
-    return felt if felt is not None and not 1 / WITHIN < extent / felt < WITHIN else extent
+    if felt is None:
+        return extent
+    low, high = felt
+    if extent > WITHIN * high:
+        return high
+    return low if WITHIN * extent < low else extent
 
 
 def _extent(form: Form) -> float:
@@ -44,43 +51,45 @@ def _extent(form: Form) -> float:
     return scale if unlike and spread > 0.0 else max(scale, form.problem.span[1] - form.problem.span[0])
 
 
-def _felt(form: Form, extent: float) -> float | None:
-    """The least height of a bend at which an integral changes its growth; None where each is one power throughout."""
+def _felt(form: Form, extent: float) -> tuple[float, float] | None:
+    """The heights between which integrals change the power with which they grow; None where each is one throughout."""
     nodes, weights = gauss(POINTS)
     a, b = form.span
     s, half = 0.5 * (a + b) + 0.5 * (b - a) * nodes, 0.5 * (b - a)
-    arch, slope = 1 - nodes**2, -2 * nodes / half
-    line = form.baseline(s)
-    rise = (form.baseline(s + 1e-6 * half) - form.baseline(s - 1e-6 * half)) / (2e-6 * half)
+    arch, slope, step = 1 - nodes**2, -2 * nodes / half, 0.05 * half
+    line, rise = form.baseline(s), (form.baseline(s + step) - form.baseline(s - step)) / (2 * step)
     heights = extent * 2.0 ** DOUBLINGS[:, None]
     signed = np.concatenate([np.zeros((1, 1)), heights, -heights])
-    least: float | None = None
+    found: list[int] = []
     for direction in form.bumps:
         y = line.T + (signed * arch)[:, :, None] * direction
         dy = rise.T + (signed * slope)[:, :, None] * direction
-        integrals = np.einsum("q,aqi->ia", weights, _values(form, s, y, dy))
-        for row in integrals:
-            for grown in (row[1 : len(heights) + 1], row[len(heights) + 1 :]):
-                found = _turn(grown, float(row[0]))
-                if found is not None and (least is None or heights[found, 0] < least):
-                    least = float(heights[found, 0])
-    return least
+        values = _values(form, s, y, dy)
+        integrals, sums = (np.einsum("q,aqi->ia", weights, v) for v in (values, np.abs(values)))
+        for row, summed in zip(integrals, sums, strict=True):
+            for side in (slice(1, len(heights) + 1), slice(len(heights) + 1, None)):
+                noise = SEEN * (summed[side] + np.nan_to_num(summed[0], posinf=0.0))
+                found += _turns(row[side], float(row[0]), noise)
+    return (float(heights[min(found), 0]), float(heights[max(found), 0])) if found else None
 
 
-def _turn(grown: np.ndarray, flat: float) -> int | None:
-    """Where an integral (A,) leaves the power with which it grows from ``flat`` at first; None where it never does."""
+def _turns(grown: np.ndarray, flat: float, noise: np.ndarray) -> list[int]:
+    """Where an integral (A,) leaves the power with which it grows from ``flat`` at first, and meets its last one.
+
+    Changes below the ``noise`` (A,) are made of rounding. Where the integral ends to be a number it has its last turn.
+    """
     change = grown - flat if np.isfinite(flat) else grown
-    known = np.isfinite(change) & (np.abs(change) > SEEN * (abs(flat) if np.isfinite(flat) else 0.0))
-    if not known.any() or not change[known].any():
-        return None
+    known = np.isfinite(change) & (np.abs(change) > noise)
+    if not known.any():
+        return []
     first = int(np.argmax(known))
     ends = np.flatnonzero(~known[first:])
     last = first + int(ends[0]) if len(ends) else len(change)
-    powers = np.diff(np.log2(np.abs(change[first:last])))
+    powers = np.diff(np.log2(np.abs(change[first:last]))) / OCTAVES
     left = np.flatnonzero(np.abs(powers - powers[0]) > TURNED) if len(powers) else []
-    if len(left):
-        return first + int(left[0])
-    return last - 1 if len(ends) else None
+    short = np.flatnonzero(np.abs(powers - powers[-1]) > TURNED) if len(powers) else []
+    turns = [first + int(left[0]), first + int(short[-1])] if len(left) and len(short) else []
+    return [*turns, last - 1] if len(ends) else turns
 
 
 def _values(form: Form, s: np.ndarray, y: np.ndarray, dy: np.ndarray) -> np.ndarray:

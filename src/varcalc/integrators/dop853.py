@@ -189,6 +189,7 @@ class _Runs:
                 if len(self.rows) > SPARSE and 2 * np.count_nonzero(self.live) <= len(self.rows):
                     self._rearrange()
                 self._advance()
+                self.landing.rounds += 1
 
     def _end(self, which: np.ndarray, code: int) -> None:
         if which.any():

@@ -1,7 +1,7 @@
 """Begin with the engine that costs nothing to start, and compile when that has paid for itself.
 
 Compiling a system for heyoka takes 60 to 600 ms (measured for systems of 3 to
-25 states), as much as DOP853 takes for some thousands of steps. Going over
+25 states), as much as DOP853 takes for some hundreds of steps. Going over
 after that many costs at most twice what the better of both would have.
 The number of steps decides, not the clock, so results are reproducible.
 """
@@ -20,8 +20,8 @@ from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.protocol import Flow, Landing, Run
 from varcalc.integrators.taylor import Taylor
 
-STEPS = 2500
-"""Steps of DOP853 that take as long as compiling for heyoka."""
+STEPS = 800
+"""Steps of DOP853, refused ones among them, that take as long as compiling for heyoka."""
 SIDE_BY_SIDE = 16
 """Runs that take their steps together with another, and with it as long as two that take them one after the other."""
 
@@ -98,5 +98,5 @@ class FlowOnDemand:
         landing = self._chosen().ensemble(
             states, constants, start=start, until=until, level=level, usual=usual, dense=dense, leaving=leaving
         )
-        self.taken += int(landing.steps.max(initial=0)) + int(landing.steps.sum()) // SIDE_BY_SIDE
+        self.taken += landing.rounds + int(landing.steps.sum()) // SIDE_BY_SIDE
         return landing

@@ -70,7 +70,8 @@ class Landing:
     :data:`OUTCOMES`, ``stopped_by`` (m,) the numbers of the stopping functions that were met, or
     :data:`NONE`, ``steps`` (m,) what each took. A run that failed keeps the last state that is
     known, never NaN. ``dense``, there only when asked for, has for each run a function from abscissae
-    (k,) between its start and its end to states (k, N).
+    (k,) between its start and its end to states (k, N). ``rounds`` counts the steps that runs took together, refused
+    ones among them, where they go side by side.
     """
 
     states: np.ndarray
@@ -79,6 +80,7 @@ class Landing:
     stopped_by: np.ndarray
     steps: np.ndarray
     dense: Sequence[Any] | None = None
+    rounds: int = 0
 
     @classmethod
     def at(cls, states: np.ndarray, start: np.ndarray | float = 0.0, outcome: int = COMPLETED) -> Landing:

@@ -13,7 +13,7 @@ problems", SIAM J. Numer. Anal. 15 (1978) 198.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -117,6 +117,8 @@ class RegularEnd:
     ordinates: np.ndarray
     curve: Sampled
     """Scaled ordinates (n, m) at t (m,)."""
+    found: dict[float, np.ndarray] = field(default_factory=dict, repr=False, compare=False)
+    """The Legendre coefficients of y'' of the arc found last, by its anchor: the next is looked for from there."""
 
     def passage(
         self, anchor: float, ordinates: np.ndarray, constants: np.ndarray, level: int, work: Work
@@ -125,8 +127,23 @@ class RegularEnd:
 
         What it costs is charged to ``work``.
         """
-        rates, last, before = None, None, None
         counts = STAGES[: COARSEST + level]
+        known = self.found.get(anchor)
+        passage = None
+        if known is not None:  # the arcs of one search are neighbours, and two numbers of points tell whether it is met
+            passage = self._climbed(counts[-2:], known, anchor, ordinates, constants, work)
+        if passage is None:
+            passage = self._climbed(counts, None, anchor, ordinates, constants, work)
+        if passage is not None:
+            self.found[anchor] = passage.rates
+        return passage
+
+    def _climbed(
+        self, counts: tuple[int, ...], rates: np.ndarray | None, anchor: float, ordinates: np.ndarray,
+        constants: np.ndarray, work: Work,
+    ) -> Passage | None:  # fmt: skip
+        """The arc by more and more points, from the ``rates`` of one nearby; None where the last two do not agree."""
+        last, before = None, None
         for count in counts:
             collocated = _Collocated(self, anchor, ordinates, constants, stages(count))
             first = self._guess(collocated) if rates is None else _prolonged(rates, collocated.stages)
