@@ -460,3 +460,15 @@ def test_parameter_values_with_other_charts_have_forms_of_their_own(exponent):
     assert known.status is fresh.status
     if fresh.status.ok:
         assert known.value == pytest.approx(fresh.value, rel=1e-12)
+
+
+@pytest.mark.parametrize("method", [None, vc.Collocation()], ids=["ladder", "Collocation"])
+@pytest.mark.parametrize("size", [1e-6, 1e3, 1e6])
+@pytest.mark.parametrize("across", [1, 5])
+def test_a_fall_has_no_size_of_its_own(across, size, method):
+    # times grow with the square root of all lengths
+    def fall(size):
+        return vc.Problem(lambda x, y, v: ca.sqrt((1 + v**2) / y), vc.Fixed(0, 0), vc.Fixed(across * size, size))
+
+    exact = vc.solve(fall(1.0), method, tol=1e-12).value
+    assert vc.solve(fall(size), method, tol=1e-12).value == pytest.approx(exact * size**0.5, rel=3e-12)

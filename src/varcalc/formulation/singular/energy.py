@@ -158,7 +158,7 @@ class Energy:
             problem=problem, stated=stated, sign=-1.0 if problem.maximise else 1.0, span=(0.0, 1.0),
             integrals=(), pathwise=(), fixed_start=fixed[0][None, :], fixed_end=fixed[1][None, :], **self.curves(),
             ends=sliding, periodic=False, knots=(), waypoints=(), unknown_guess=problem.unknown_guesses,
-            bumps=np.array([[0.0, 1.0]]),
+            bumps=np.array([[0.0, self._rise(guess)]]),
             note="energy" + (", regularised" if chart.power != 1.0 else "") + (", factored" if factored else ""),
             energetic=True,
             least_degree=math.ceil(chart.growth) + 1 if any(self.singular) and not factored else 1,
@@ -170,6 +170,13 @@ class Energy:
             cache=cache if sliding is None else Cache(),
             numbers=self._numbers(line),
         )  # fmt: skip
+
+    def _rise(self, guess: tuple[np.ndarray, np.ndarray]) -> float:
+        """How high w is where xi is as large as the problem: a power has a unit of its own."""
+        if self.chart.power == 1.0 and self.chart.height is None:
+            return 1.0
+        size = 1.0 if self.chart.height is not None else extent(self.problem) ** (1.0 / self.chart.power)
+        return size / (float(np.abs(guess[1] - guess[0]).max()) or size)
 
     def curves(self) -> dict[str, Any]:
         """The first curve of the form, and how it takes the user's: made when they are asked for."""
