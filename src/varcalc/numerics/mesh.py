@@ -142,6 +142,12 @@ def interpolation(smoothness: int, degree: int) -> np.ndarray:
     return table
 
 
+@lru_cache(maxsize=64)
+def _fitting(smoothness: int, degree: int) -> np.ndarray:
+    """From values at the Lobatto nodes to local coefficients: the inverse of :func:`interpolation`."""
+    return np.linalg.inv(interpolation(smoothness, degree))
+
+
 @lru_cache(maxsize=256)
 def basis_at_gauss(smoothness: int, degree: int, count: int, derivatives: int) -> np.ndarray:
     """:func:`basis` at the ``count`` Gauss points, kept for the life of the process."""
@@ -307,8 +313,7 @@ class Space:
         half = 0.5 * self.widths[:, None]
         at = self.vertices[:-1, None] + half * (1 + nodes)
         values = np.asarray(curve(at.ravel()), dtype=float).reshape(self.n, self.elements, -1)
-        table = interpolation(self.smoothness, self.degree)
-        local = np.linalg.solve(table, values.transpose(1, 2, 0)) / self.local_scale[:, :, None]
+        local = _fitting(self.smoothness, self.degree) @ values.transpose(1, 2, 0) / self.local_scale[:, :, None]
         flat = self.numbers.ravel()
         if self.elements == 1 and not self.periodic:
             out = np.empty(self.size)

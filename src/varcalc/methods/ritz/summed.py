@@ -15,6 +15,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.methods.ritz.assembly import OneElement
+from varcalc.methods.ritz.integrands import IntegrandFunctions
 from varcalc.methods.ritz.system import RitzSystem
 from varcalc.numerics.mesh import basis_at_gauss
 
@@ -39,7 +41,7 @@ def summed_up(system: RitzSystem, scale: np.ndarray, size: float) -> Summed:
     columns += [] if order == 2 else [ca.MX(0, count)]
     parameters = np.repeat(system.form.problem.parameter_values[:, None], count, axis=1)
     s = system.space.quadrature(system.count)[0].reshape(1, -1)
-    out = system.form.built["pointwise"].map(count)(s, *columns, parameters, ca.MX(0, count))
+    out = IntegrandFunctions.of(system.form).derivatives.map(count)(s, *columns, parameters, ca.MX(0, count))
     out = ca.mtimes(out, ca.diag(ca.DM(system.weights / size)))
     value = ca.sum2(out[0, :])
     blocks = ca.MX(_block_diagonal(count, k), ca.vec(out[1 + k :, :]))
@@ -63,8 +65,9 @@ def _block_diagonal(count: int, k: int) -> ca.Sparsity:
 
 def _to_points(system: RitzSystem) -> tuple[ca.DM, np.ndarray]:
     """From the free coefficients to (y, y', ..) at all points, one point after the other: matrix and fixed part."""
-    if system.single is not None:
-        return ca.DM(system.single.flat), system.single.offset.ravel()
+    if isinstance(system.assembly, OneElement):
+        scale = np.broadcast_to(system.scale, system.offset.shape).reshape(-1, 1)
+        return ca.DM(scale * system.assembly.flat), system.offset.ravel()
     space, n = system.space, system.n
     table = basis_at_gauss(space.smoothness, space.degree, system.count, system.order)
     pairs = [placement(system, table, d) for d in range(system.order + 1)]
