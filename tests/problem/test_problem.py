@@ -352,11 +352,11 @@ def test_other_parameter_values_share_what_is_built() -> None:
 
     given = vc.Problem(weighted, START, END, parameters={"k": 1.0, "m": 1.0})
     first = vc.solve(given, tol=1e-12)
-    functions = dict(given.built)
+    functions = dict(given.cache.products)
     other = given.with_parameters({"m": 4.0})
     again = vc.solve(other, tol=1e-12)
-    assert other.built is given.built
-    assert all(other.built[name] is function for name, function in functions.items())
+    assert other.cache is given.cache
+    assert all(other.cache.products[name] is function for name, function in functions.items())
     assert given.parameters == {"k": 1.0, "m": 1.0}
     assert other.parameters == {"k": 1.0, "m": 4.0}
     assert calls == [1]

@@ -23,6 +23,7 @@ from varcalc.problem.conditions import Fixed
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
+from varcalc.symbolic.derived import Cache
 
 MESHES = (16, 32, 64, 128)
 STEEPENING = 1.7
@@ -207,6 +208,6 @@ def _stretched(problem: Problem, power: int, at_start: bool) -> Form:
         span=(0.0, 1.0),
         baseline=straight((0.0, 1.0), ends[:, 0], ends[:, 1]),
         note=f"x ~ s^{power}",
-        built={},
+        cache=Cache(),
         numbers=None,
     )

@@ -17,6 +17,7 @@ from varcalc.problem.problem import Problem
 from varcalc.search import Extremals, by_slope_alone
 from varcalc.solution import Solution, Status, Verdict
 from varcalc.symbolic.buffered import Pointwise
+from varcalc.symbolic.derived import derived
 
 PLACES = 1001
 """Abscissae at which Legendre's condition is looked at; odd, so that the middle is one of them."""
@@ -51,19 +52,21 @@ def regular(problem: Functional) -> bool:
     """
     if not (isinstance(problem, Problem) and problem.n == problem.order == 1) or problem.constraints:
         return False
-    s = problem.symbols
-    if "legendre" not in problem.built:
-        second = ca.densify(ca.hessian(problem.integrand, s.dy)[0])
-        problem.built["legendre"] = Pointwise(ca.Function("legendre", s.all, [second]))
     a, b = problem.span
     x = np.linspace(a, b, PLACES)
     y = formulate(problem).baseline(x)
     numbers = problem.parameter_values[None], problem.unknown_guesses[None]
     slope = np.gradient(y[0], x)
-    values = problem.built["legendre"](PLACES, x[:, None], y.T, slope[:, None], np.zeros((1, 0)), *numbers)[:, 0]
+    values = _legendre(problem)(PLACES, x[:, None], y.T, slope[:, None], np.zeros((1, 0)), *numbers)[:, 0]
     inner = values[1:-1]
     sizes = np.abs(inner)
     return bool(np.isfinite(inner).all() and np.ptp(np.sign(inner)) == 0 and sizes.min() > VANISHING * np.median(sizes))
+
+
+@derived
+def _legendre(problem: Problem) -> Pointwise:
+    second = ca.densify(ca.hessian(problem.integrand, problem.symbols.dy)[0])
+    return Pointwise(ca.Function("legendre", problem.symbols.all, [second]))
 
 
 def none_found(problem: Functional, found: Extremals) -> str:

@@ -29,6 +29,7 @@ from varcalc.formulation.form import (
 )
 from varcalc.formulation.graph import graph_form
 from varcalc.problem.problem import Problem
+from varcalc.symbolic.derived import Cache
 from varcalc.symbolic.tracing import Expression
 
 SHORTEST = 1e-2
@@ -85,7 +86,7 @@ def broken_form(
         baseline=curve,
         corners=len(corners),
         note="corners at unknown abscissae",
-        built={},
+        cache=Cache(),
         numbers=None,
     )
 

@@ -21,6 +21,7 @@ from varcalc.formulation.form import (
 from varcalc.problem.conditions import At, Isoperimetric, OnSurface, Periodic, components
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import Curve
+from varcalc.symbolic.derived import Cache, derived
 from varcalc.symbolic.tracing import Expression, trace
 
 SAMPLES = 64
@@ -74,9 +75,14 @@ def curve_form(problem: Curve) -> Form:
         note="energy" if energetic else "gauge of constant speed",
         energetic=energetic,
         gauged=not energetic,
-        # the energy is in the problem's own symbols, wherever its ends are
-        built=problem.built.setdefault("energy", {}) if energetic and not equations else {},
+        cache=_energy_cache(problem) if energetic and not equations else Cache(),
     )
+
+
+@derived
+def _energy_cache(problem: Curve) -> Cache:
+    """What is derived from the energy, which is in the problem's own symbols, wherever its ends are."""
+    return Cache()
 
 
 def _gauge(symbols: Symbols) -> Expression:

@@ -13,6 +13,7 @@ from varcalc.formulation.numbers import Numbers
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric
 from varcalc.problem.functional import Functional, Symbols
 from varcalc.problem.problem import Problem
+from varcalc.symbolic.derived import Cache, derived
 from varcalc.symbolic.tracing import Expression
 
 Sampled = Callable[[np.ndarray], np.ndarray]
@@ -153,7 +154,7 @@ class Form:
     """Functions that stay positive: beyond zero they would describe the mirror image, another curve."""
     corners: int = 0
     """How many of the unknown numbers are abscissae of corners."""
-    built: dict[Any, Any] = field(default_factory=dict, repr=False)
+    cache: Cache = field(default_factory=Cache, repr=False)
     """What methods derive from the expressions; shared by copies for other parameter values."""
     elsewhere: Elsewhere | None = None
     """How the same expressions serve at other parameter values; None where they may not."""
@@ -184,11 +185,7 @@ class Form:
     @property
     def lift(self) -> ca.Function | None:
         """:attr:`lifted` as a function of (s, y, dy, unknowns, parameters)."""
-        if self.stated.is_lifted and "lift" not in self.built:
-            s = self.symbols
-            arguments = [s.x, s.y, s.dy, s.unknowns, s.parameters]
-            self.built["lift"] = ca.Function("lift", arguments, [ca.densify(s.kind(e)) for e in self.lifted or ()])
-        return self.built.get("lift")
+        return _lift(self) if self.stated.is_lifted else None
 
     @property
     def n(self) -> int:
@@ -214,6 +211,13 @@ class Form:
     def has_inequalities(self) -> bool:
         """True when an interior-point method is called for."""
         return bool(self.pathwise) or any(not c.equality for c in self.integrals)
+
+
+@derived
+def _lift(form: Form) -> ca.Function:
+    s = form.symbols
+    arguments = [s.x, s.y, s.dy, s.unknowns, s.parameters]
+    return ca.Function("lift", arguments, [ca.densify(s.kind(e)) for e in form.lifted or ()])
 
 
 def side_conditions(problem: Functional, rewrite: Callable[[Expression, bool], Expression]) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from varcalc.formulation.numbers import GraphNumbers
 from varcalc.problem.conditions import Fixed, OnCurve, Periodic, Through, components
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import FEW_FUNCTIONS, Problem
+from varcalc.symbolic.derived import Cache, derived
 from varcalc.symbolic.tracing import trace
 
 
@@ -53,9 +54,15 @@ def graph_form(problem: Problem) -> Form:
         bumps=np.eye(problem.n),
         pull=lambda curve: curve,
         # where ends are moved nothing else changes: the expressions are in the problem's own symbols
-        built=problem.built.setdefault("graph", {}) if ends is None else {},
+        cache=_graph_cache(problem) if ends is None else Cache(),
         numbers=GraphNumbers() if problem.order == 1 and problem.n <= FEW_FUNCTIONS and not problem.unknowns else None,
     )
+
+
+@derived
+def _graph_cache(problem: Problem) -> Cache:
+    """What is derived from the expressions of forms in the problem's own symbols, wherever its ends are."""
+    return Cache()
 
 
 def sliding_form(problem: Problem) -> Form:

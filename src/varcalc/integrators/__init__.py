@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import importlib.util
 
+import casadi as ca
+
 from varcalc.integrators.dop853 import Dop853
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.metered import Metered
@@ -17,6 +19,7 @@ from varcalc.integrators.taylor import Taylor
 from varcalc.integrators.threads import spread
 from varcalc.integrators.thrifty import Thrifty
 from varcalc.integrators.variational import Variational, variational
+from varcalc.symbolic.derived import Owner, derived
 
 __all__ = [
     "NONE",
@@ -35,10 +38,26 @@ __all__ = [
     "Thrifty",
     "Variational",
     "available",
+    "compiled",
     "default",
+    "flows",
     "spread",
     "variational",
 ]
+
+
+@derived
+def flows(owner: Owner) -> dict[tuple[Engine, str], Flow]:
+    """The systems compiled for a problem, for other parameter values and later solves."""
+    return {}
+
+
+def compiled(owner: Owner, engine: Engine, system: ca.Function) -> Flow:
+    """``system`` compiled by ``engine``, kept with the owner; :class:`CannotLower` as :meth:`Engine.compile` raises."""
+    kept, key = flows(owner), (engine, system.serialize())
+    if key not in kept:
+        kept[key] = engine.compile(system)
+    return kept[key]
 
 
 def available() -> tuple[Engine, ...]:

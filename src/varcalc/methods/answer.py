@@ -15,6 +15,7 @@ from varcalc.numerics.mesh import gauss
 from varcalc.problem.conditions import Isoperimetric, OnCurve
 from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, no_answer
+from varcalc.symbolic.derived import derived
 
 TURNED = 30.0
 """Factor by which a backward speed must exceed the relative error of the curve to be believed."""
@@ -118,11 +119,16 @@ def end_cost(extremal: Extremal) -> float:
     form = extremal.form
     if form.ends is None:
         return 0.0
-    function = ca.Function(
-        "ends", [form.ends.start, form.ends.end, form.symbols.parameters, form.symbols.unknowns], [form.ends.cost]
-    )
     first, last = (extremal.evaluate(np.array([s]), 0)[:, 0] for s in form.span)
-    return float(function(first, last, form.problem.parameter_values, extremal.unknowns))
+    return float(end_cost_function(form)(first, last, form.problem.parameter_values, extremal.unknowns))
+
+
+@derived
+def end_cost_function(form: Form) -> ca.Function:
+    """The cost of the ends of a form that has any, as a function of (start, end, parameters, unknowns)."""
+    assert form.ends is not None
+    e, s = form.ends, form.symbols
+    return ca.Function("cost", [e.start, e.end, s.parameters, s.unknowns], [e.cost])
 
 
 def functional_value(extremal: Extremal, count: int) -> float:
@@ -133,11 +139,10 @@ def functional_value(extremal: Extremal, count: int) -> float:
     return form.sign * (float(weights @ values) + end_cost(extremal))
 
 
+@derived
 def functional(form: Form) -> ca.Function:
     """The reported functional's integrand as a function of ``symbols.all``."""
-    if "functional" not in form.built:
-        form.built["functional"] = ca.Function("functional", form.symbols.all, [form.functional])
-    return form.built["functional"]
+    return ca.Function("functional", form.symbols.all, [form.functional])
 
 
 def sensitivities(extremal: Extremal, count: int) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 from varcalc.problem.conditions import Isoperimetric, parameters_of
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
+from varcalc.symbolic.derived import derived
 
 
 def by_moved_ends(
@@ -57,16 +58,20 @@ def _covector(
 ) -> tuple[float, np.ndarray]:
     """dJ/dx and dJ/dy (n,) of an end at x that lies on the right."""
     s = problem.symbols
-    levels = [t.expression for t in problem.traced]
-    if "momenta" not in problem.built:
-        rows = [ca.vertcat(e, ca.gradient(e, s.dy)) for e in (problem.integrand, *levels)]
-        problem.built["momenta"] = ca.Function("momenta", s.all, [ca.densify(ca.horzcat(*rows))])
     place = np.array([x])
     y, dy = curve(place, 0)[:, 0], curve(place, 1)[:, 0]
     arguments = [x, y, dy, np.zeros(s.ddy.numel()), problem.parameter_values, unknowns[: len(problem.unknowns)]]
     weights = np.array([1.0, *(-float(m or 0.0) for m in multipliers)])
-    whole = np.asarray(problem.built["momenta"](*arguments)) @ weights
+    whole = np.asarray(_momenta(problem)(*arguments)) @ weights
     if not (np.isfinite(whole).all() and np.isfinite(dy).all()):
         return np.nan, _none(problem)
     momentum = whole[1:]
     return (float(whole[0] - momentum @ dy) if isinstance(problem, Problem) else np.nan), momentum
+
+
+@derived
+def _momenta(problem: Functional) -> ca.Function:
+    """The integrand and those of the levels, each with its derivatives in the slopes; one column each."""
+    s, levels = problem.symbols, [t.expression for t in problem.traced]
+    rows = [ca.vertcat(e, ca.gradient(e, s.dy)) for e in (problem.integrand, *levels)]
+    return ca.Function("momenta", s.all, [ca.densify(ca.horzcat(*rows))])

@@ -15,6 +15,7 @@ import numpy as np
 
 from varcalc.problem.conditions import Bound, Holonomic
 from varcalc.problem.functional import Functional, Traced
+from varcalc.symbolic.derived import derived
 
 OFF = 1e-9
 """Distance from a constraint that is no rounding, relative to how much the constraint varies over the problem."""
@@ -34,20 +35,16 @@ def check_places(problem: Functional, places: Sequence[Place]) -> None:
 
     What depends on slopes or on unknowns may still be met, and is not judged.
     """
-    positional = [(i, t) for i, t in enumerate(problem.traced) if _positional(problem, t)]
+    positional = _positional(problem)
     if not positional or not places:
         return
-    s = problem.symbols
-    if "positional" not in problem.built:
-        expressions = [ca.densify(t.expression) for _, t in positional]
-        problem.built["positional"] = ca.Function("positional", [s.x, s.y, s.parameters], [ca.vertcat(*expressions)])
     size = max(float(np.abs(p.y).max()) for p in places) or problem.span[1] - problem.span[0]
     steps = np.vstack([np.zeros(problem.n), size * np.eye(problem.n), -size * np.eye(problem.n)])
     for place in places:
         points = (place.y + steps).T
         parameters = np.repeat(problem.parameter_values[:, None], len(steps), axis=1)
-        values = np.asarray(problem.built["positional"](np.full((1, len(steps)), place.x), points, parameters))
-        for (_, traced), row in zip(positional, values, strict=True):
+        values = np.asarray(_conditions(problem)(np.full((1, len(steps)), place.x), points, parameters))
+        for traced, row in zip(positional, values, strict=True):
             for complaint in _complaints(traced, row):
                 index = problem.constraints.index(traced.constraint)
                 raise ValueError(
@@ -56,12 +53,22 @@ def check_places(problem: Functional, places: Sequence[Place]) -> None:
                 )
 
 
-def _positional(problem: Functional, traced: Traced) -> bool:
+def _positional(problem: Functional) -> list[Traced]:
+    """The pathwise constraints in which neither slopes nor unknowns occur."""
     s = problem.symbols
     others = [v for v in (s.dy, s.ddy, s.unknowns) if v.numel()]
-    return isinstance(traced.constraint, Holonomic | Bound) and not any(
-        ca.depends_on(traced.expression, v) for v in others
-    )
+    return [
+        t
+        for t in problem.traced
+        if isinstance(t.constraint, Holonomic | Bound) and not any(ca.depends_on(t.expression, v) for v in others)
+    ]
+
+
+@derived
+def _conditions(problem: Functional) -> ca.Function:
+    s = problem.symbols
+    expressions = [ca.densify(t.expression) for t in _positional(problem)]
+    return ca.Function("positional", [s.x, s.y, s.parameters], [ca.vertcat(*expressions)])
 
 
 def _complaints(traced: Traced, values: np.ndarray) -> Iterator[str]:

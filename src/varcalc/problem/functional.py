@@ -24,6 +24,7 @@ from varcalc.problem.conditions import (
     sequence,
     truth,
 )
+from varcalc.symbolic.derived import Cache
 from varcalc.symbolic.tracing import Expression, Names, NotSymbolic, trace
 
 
@@ -87,7 +88,7 @@ class Functional:
 
     ``n`` is the number of unknown functions, ``scalar`` tells that they are
     handed over and returned as numbers rather than columns, ``integrand`` is
-    the traced Lagrangian in ``symbols``; ``built`` keeps what methods derive
+    the traced Lagrangian in ``symbols``; ``cache`` keeps what methods derive
     from them, shared by copies with other parameter values. ``templates`` are the
     ends as they were given, parameters among their coordinates.
     """
@@ -130,7 +131,7 @@ class Functional:
         self.maximise = truth("maximise", maximise)
         self.name = _checked_name(name) or _own_name(lagrangian)
         self.constraints = self._checked_constraints(constraints)
-        self.built: dict[str, Any] = {}
+        self.cache = Cache()
         try:
             self._trace(ca.SX)
         except NotSymbolic:

@@ -34,6 +34,7 @@ from varcalc.problem.shape import check_slopes, curve_dimension, curve_point, di
 from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.columns import FewOrMany
 from varcalc.symbolic.derivatives import Derivatives
+from varcalc.symbolic.derived import derived
 from varcalc.symbolic.tracing import Expression, trace
 
 SAME = 1e-12
@@ -208,10 +209,8 @@ class Problem(Functional):
 
         ``parameters`` (m, number of them) are other values of the parameters than the problem's own.
         """
-        if "L" not in self.built:
-            self.built["L"] = FewOrMany(ca.Function("L", self.symbols.all, [self.integrand]), MANY)
         numbers = self.parameter_values[None] if parameters is None else parameters, self.unknown_guesses[None]
-        return self.built["L"](len(x), x[:, None], y.T, dy.T, self._level, *numbers)[:, 0]
+        return _integrand(self)(len(x), x[:, None], y.T, dy.T, self._level, *numbers)[:, 0]
 
     def integrand_derivatives(
         self, x: np.ndarray, y: np.ndarray, dy: np.ndarray, parameters: np.ndarray | None = None
@@ -222,15 +221,7 @@ class Problem(Functional):
         the cost of stating what is asked as an expression of its own.
         """
         numbers = self.parameter_values[None] if parameters is None else parameters, self.unknown_guesses[None]
-        return Derivatives(self._derivatives(len(x), x[:, None], y.T, dy.T, self._level, *numbers))
-
-    @property
-    def _derivatives(self) -> Pointwise:
-        if "derivatives" not in self.built:
-            hessian, gradient = ca.hessian(self.integrand, self.symbols.variables)
-            function = ca.Function("derivatives", self.symbols.all, [self.integrand, gradient, hessian])
-            self.built["derivatives"] = Pointwise(function, FEW)
-        return self.built["derivatives"]
+        return Derivatives(_derivatives(self)(len(x), x[:, None], y.T, dy.T, self._level, *numbers))
 
     @property
     def linear(self) -> bool:
@@ -238,7 +229,7 @@ class Problem(Functional):
         if self.n > FEW_FUNCTIONS:
             return not ca.hessian(self.integrand, self.symbols.dy)[0].nnz()
         k = 1 + 2 * self.n
-        return not self._derivatives.occupied[1 + k :].reshape(k, k)[1 + self.n :, 1 + self.n :].any()
+        return not _derivatives(self).occupied[1 + k :].reshape(k, k)[1 + self.n :, 1 + self.n :].any()
 
 
 class Curve(Functional):
@@ -315,12 +306,8 @@ class Curve(Functional):
 
         ``parameters`` (m, number of them) are other values of the parameters than the problem's own.
         """
-        if "F" not in self.built:
-            s = self.symbols
-            function = ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [self.integrand])
-            self.built["F"] = FewOrMany(function)
         numbers = self.parameter_values[None] if parameters is None else parameters, self.unknown_guesses[None]
-        return self.built["F"](q.shape[1], q.T, dq.T, *numbers)[:, 0]
+        return _homogeneous(self)(q.shape[1], q.T, dq.T, *numbers)[:, 0]
 
     def _check_homogeneous(self, label: str, expression: Expression) -> None:
         """Compare F(q, 3 dq) with 3 F(q, dq) at points near the ends, in several directions."""
@@ -347,6 +334,23 @@ class Curve(Functional):
                 )
         if tried == 0:
             raise ValueError(f"{label} is not a number anywhere near the ends; check them against its domain")
+
+
+@derived
+def _integrand(problem: Problem) -> FewOrMany:
+    return FewOrMany(ca.Function("L", problem.symbols.all, [problem.integrand]), MANY)
+
+
+@derived
+def _derivatives(problem: Problem) -> Pointwise:
+    hessian, gradient = ca.hessian(problem.integrand, problem.symbols.variables)
+    return Pointwise(ca.Function("derivatives", problem.symbols.all, [problem.integrand, gradient, hessian]), FEW)
+
+
+@derived
+def _homogeneous(problem: Curve) -> FewOrMany:
+    s = problem.symbols
+    return FewOrMany(ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [problem.integrand]))
 
 
 @lru_cache(maxsize=16)

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.integrators import CannotLower, Flow, Outcome, Run, Variational, available, variational
+from varcalc.integrators import CannotLower, Flow, Outcome, Run, Variational, available, compiled, variational
 from varcalc.integrators.dop853 import Dop853Flow
 from varcalc.methods.ritz.starts import size
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
@@ -112,14 +112,11 @@ class EndMap:
     @cached_property
     def _flow(self) -> Flow:
         system = self._system.system
-        kept = self.form.problem.built.setdefault("flows", {})
         for engine in available():
             limited: Any = engine
             limited = replace(limited, most_steps=MOST_STEPS)
-            key = (limited, system.serialize())
             with suppress(CannotLower):
-                kept[key] = kept[key] if key in kept else limited.compile(system)
-                return kept[key]
+                return compiled(self.form.problem, limited, system)
         raise ImportError("no engine is installed that could take the system; install scipy")
 
     @property

@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.integrators import CannotLower, Flow, Metered, available
+from varcalc.integrators import CannotLower, Flow, Metered, available, compiled
 from varcalc.methods.ritz.starts import size
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.shooting.initial_states import nus
@@ -70,12 +70,9 @@ class Lattice:
 
     def _flow(self) -> Flow | None:
         system = self.equations.system.system
-        kept = self.form.problem.built.setdefault("flows", {})
         for engine in available():
-            key = (engine, system.serialize())
             with suppress(CannotLower):
-                kept[key] = kept[key] if key in kept else engine.compile(system)
-                return kept[key]
+                return compiled(self.form.problem, engine, system)
         return None
 
     def slopes(self) -> Iterator[np.ndarray]:

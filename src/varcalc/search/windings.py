@@ -15,6 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.integrators import flows
 from varcalc.problem.conditions import At, Fixed, components, finite, is_vector
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve
@@ -99,5 +100,5 @@ def _moved(problem: Functional, offset: np.ndarray, turns: tuple[int, ...]) -> F
     other.templates = (other.start, other.end)
     other.name = f"{problem.name}, winding {', '.join(f'{k:+d}' for k in turns)}"
     # compiled flows do not know the ends; all else that is kept does
-    other.built = {"flows": problem.built.setdefault("flows", {})}
+    other.cache = problem.cache.only(flows)
     return other

@@ -26,6 +26,7 @@ from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution
+from varcalc.symbolic.derived import derived
 from varcalc.verify.weierstrass import PLACES, convinced, vouched
 
 REMEMBERED = 256
@@ -111,7 +112,7 @@ class Neighbours:
     def add(self, known: Solution) -> None:
         """Take a solution among those to begin from, if it is one of the same form on one element."""
         extremal = known.extremal
-        kin = isinstance(extremal, Extremal) and extremal.form.built is self.form.built
+        kin = isinstance(extremal, Extremal) and extremal.form.cache is self.form.cache
         if kin and known.status.ok and extremal.coefficients is not None:
             self._remember(known.problem.parameter_values, known.stats.degree, extremal.coefficients)
 
@@ -162,9 +163,9 @@ class Neighbours:
 
         To build the function that measures it costs as much as finding the forms of some values for themselves.
         """
-        built = self.form.built
-        built["values measured"] = built.get("values measured", 0) + len(values)
-        if built["values measured"] > FOR_THEMSELVES:
+        measured = _measured(self.form)
+        measured.values += len(values)
+        if measured.values > FOR_THEMSELVES:
             return self.elsewhere.alike(values)
         return np.array([self._stated_alike(v) for v in values])
 
@@ -175,7 +176,7 @@ class Neighbours:
             first = forms(problem.with_parameters(dict(zip(problem.parameters, map(float, values), strict=True))))[0]
         except (Infinite, ValueError):  # a functional that is infinite, ends where none can be
             return False
-        return first is not None and first.built is self.form.built
+        return first is not None and first.cache is self.form.cache
 
     def _nearest(self, values: np.ndarray) -> list[int]:
         """The number of the nearest solution, each parameter measured by the range it takes."""
@@ -235,11 +236,26 @@ def _first_of(form: Form, family: Family) -> Form | None:
     It is asked once of forms that share their expressions: where singular ends are what they are at one value, the
     first form is the same.
     """
-    if "first" not in form.built:
-        first = forms(form.problem)[0]
-        form.built["first"] = first if first is not None and first.built is form.built else None
-    first = form.built["first"]
+    first = _first(form)
     return first if first is not None and family.applies(first) else None
+
+
+@dataclass
+class _Measured:
+    """At how many values a form has been asked for."""
+
+    values: int = 0
+
+
+@derived
+def _measured(form: Form) -> _Measured:
+    return _Measured()
+
+
+@derived
+def _first(form: Form) -> Form | None:
+    first = forms(form.problem)[0]
+    return first if first is not None and first.cache is form.cache else None
 
 
 def _one_start(method: Any) -> Any:

@@ -14,6 +14,7 @@ from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution, Status, VariationalError
 from varcalc.solve.ladder import solve
 from varcalc.study.reference import Exact, as_exact
+from varcalc.symbolic.derived import Cache
 from varcalc.tables import monospaced
 
 if TYPE_CHECKING:
@@ -202,7 +203,7 @@ def _row(problem: Problem | Curve, method: Any, exact: Exact | None, tol: float,
 def cold(problem: Problem | Curve) -> Problem | Curve:
     """The same problem with nothing built yet, so that no method's build time is paid by another."""
     other = copy.copy(problem)
-    other.built = {}
+    other.cache = Cache()
     return other
 
 

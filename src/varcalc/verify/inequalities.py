@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.methods.answer import Extremal, composite_gauss, sample
+from varcalc.symbolic.derived import Cache
 from varcalc.verify.setting import Setting
 
 TOUCH = 1e-7
@@ -59,5 +60,5 @@ def without_inequalities(extremal: Extremal) -> Extremal:
             continue
         lambdas.append(float(multiplier))
     # what is derived from the form holds for its own conditions only
-    bare = replace(form, integrals=tuple(kept), pathwise=pathwise, built={})
+    bare = replace(form, integrals=tuple(kept), pathwise=pathwise, cache=Cache())
     return replace(extremal, form=bare, lambdas=np.array(lambdas))

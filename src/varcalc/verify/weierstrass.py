@@ -22,6 +22,7 @@ from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution, Status, Verdict
 from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.columns import FewOrMany
+from varcalc.symbolic.derived import derived
 from varcalc.verify.setting import Setting
 from varcalc.verify.verification import Excess
 
@@ -90,15 +91,9 @@ def convinced(problem: Problem, x: np.ndarray, y: np.ndarray, slopes: np.ndarray
     slope tried there may have a negative excess, and L must be convex in each component of their own.
     """
     sign, (count, places, n) = -1.0 if problem.maximise else 1.0, y.shape
-    if "slopes at points" not in problem.built:
-        hessian, slope = ca.hessian(problem.integrand, problem.symbols.dy)
-        own = ca.densify(ca.vertcat(problem.integrand, slope, ca.diag(ca.densify(hessian))))
-        problem.built["slopes at points"] = FewOrMany(ca.Function("slopes", problem.symbols.all, [own]))
     repeated, blank = np.repeat(parameters, places, axis=0), np.zeros((1, 0))
     points = (x.reshape(-1, 1), y.reshape(-1, n))
-    rows = sign * problem.built["slopes at points"](
-        count * places, *points, slopes.reshape(-1, n), blank, repeated, blank
-    )
+    rows = sign * _in_the_slopes(problem)(count * places, *points, slopes.reshape(-1, n), blank, repeated, blank)
     own, slope, curvature = rows[:, :1], rows[:, 1 : 1 + n], rows[:, 1 + n :]
     good = np.all(np.isfinite(rows), axis=1) & np.all(curvature > 0, axis=1)
     v = slopes.reshape(-1, n)
@@ -339,6 +334,14 @@ class _Fan:
         return bool((np.where(np.isfinite(self.curvature), self.curvature, 0.0) < 0).any())
 
 
+@derived
+def _in_the_slopes(problem: Problem) -> FewOrMany:
+    """L with its first and second derivatives in each component of the slope."""
+    hessian, slope = ca.hessian(problem.integrand, problem.symbols.dy)
+    own = ca.densify(ca.vertcat(problem.integrand, slope, ca.diag(ca.densify(hessian))))
+    return FewOrMany(ca.Function("slopes", problem.symbols.all, [own]))
+
+
 def _is_level(constraint: object) -> bool:
     return isinstance(constraint, Isoperimetric)
 
@@ -355,24 +358,22 @@ class _Functions:
     quadratic: bool
 
 
+@derived
 def _functions(problem: Functional) -> _Functions:
     """The functions of a problem, kept with it.
 
     Only what a direction needs is differentiated: the Hessian has as many entries as there are pairs of functions.
     """
-    if "slopes" not in problem.built:
-        s = problem.symbols
-        levels = [t.expression for t in problem.traced if _is_level(t.constraint)]
-        bounds = [t.expression for t in problem.traced if isinstance(t.constraint, Bound)]
-        direction = s.kind.sym("direction", problem.n)
-        rows = []
-        for expression in (problem.integrand, *levels, *bounds):
-            slope = ca.jtimes(expression, s.dy, direction)
-            rows += [expression, slope, ca.jtimes(slope, s.dy, direction)]
-        function = ca.Function("slopes", [*s.all, direction], [ca.densify(ca.vertcat(*rows))])
-        quadratic = not ca.depends_on(ca.vertcat(*rows[2::3]), s.dy)
-        problem.built["slopes"] = _Functions(Pointwise(function), quadratic)
-    return problem.built["slopes"]
+    s = problem.symbols
+    levels = [t.expression for t in problem.traced if _is_level(t.constraint)]
+    bounds = [t.expression for t in problem.traced if isinstance(t.constraint, Bound)]
+    direction = s.kind.sym("direction", problem.n)
+    rows = []
+    for expression in (problem.integrand, *levels, *bounds):
+        slope = ca.jtimes(expression, s.dy, direction)
+        rows += [expression, slope, ca.jtimes(slope, s.dy, direction)]
+    function = ca.Function("slopes", [*s.all, direction], [ca.densify(ca.vertcat(*rows))])
+    return _Functions(Pointwise(function), quadratic=not ca.depends_on(ca.vertcat(*rows[2::3]), s.dy))
 
 
 def _corners(solution: Solution) -> np.ndarray:

@@ -445,7 +445,7 @@ def test_a_form_is_made_once_for_all_parameter_values_with_its_chart():
     fall = vc.Problem(travel_time, vc.Fixed(0, 0), vc.Fixed(1, 1), parameters={"g": 9.81})
     moon = fall.with_parameters({"g": 1.62})
     assert forms(moon)[0].problem is moon
-    assert forms(moon)[0].built is forms(fall)[0].built
+    assert forms(moon)[0].cache is forms(fall)[0].cache
 
 
 @pytest.mark.parametrize("exponent", [0.25, 0.5, 0.0, -1.0])

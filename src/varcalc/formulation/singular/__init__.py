@@ -39,6 +39,7 @@ from varcalc.formulation.singular.powers import power_form
 from varcalc.problem.conditions import Fixed, Free, OnCurve
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
+from varcalc.symbolic.derived import derived
 
 __all__ = ["Forms", "Infinite", "forms"]
 
@@ -84,21 +85,25 @@ def forms(problem: Functional) -> Forms:
     Raises :class:`Infinite` when a singular end makes the functional infinite.
     """
     # singular ends are found from numbers, so other parameter values may have other forms
-    kept = problem.built.setdefault("forms", {})
-    values = tuple(problem.parameters.values())
-    if values not in kept:
-        kept[values] = (_makers(problem), {})
-    makers, made = kept[values]
+    makers, made = _forms_at(problem, tuple(problem.parameters.values()))
     return Forms(makers, problem, made)
+
+
+@derived
+def _forms_at(problem: Functional, values: tuple[float, ...]) -> tuple[Makers, dict[int, Form | None]]:
+    """What makes the forms at the ``values`` of the parameters, and the forms made by now."""
+    return _makers(problem), {}
 
 
 def _direct(problem: Functional) -> Form:
     """The direct form, the same for all values of the parameters that move no end."""
     moved = tuple(problem.parameters[name] for name in sorted(problem.end_parameters))
-    kept = problem.built.setdefault("direct", {})
-    if moved not in kept:
-        kept[moved] = _formulated(problem)
-    return kept[moved]
+    return _direct_at(problem, moved)
+
+
+@derived
+def _direct_at(problem: Functional, moved: tuple[float, ...]) -> Form:
+    return _formulated(problem)
 
 
 def _formulated(problem: Functional) -> Form:

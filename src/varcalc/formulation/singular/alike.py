@@ -36,6 +36,7 @@ from varcalc.problem.conditions import parameters_of
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import NUDGE, Curve, Problem
 from varcalc.symbolic.buffered import Pointwise
+from varcalc.symbolic.derived import derived
 from varcalc.symbolic.tracing import Expression
 
 AROUND = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
@@ -53,13 +54,16 @@ WRITTEN_OUT = 3
 
 def ends_at(problem: Functional, values: np.ndarray) -> np.ndarray:
     """The ends of ``problem`` at ``values`` (K, m) of its parameters: (K, 2, coordinates), NaN where free."""
-    if "ends" not in problem.built:
-        problem.built["ends"] = np.array(end_points(problem))[None], _moved(problem)
-    own, moved = problem.built["ends"]
+    own, moved = _own_ends(problem)
     points = np.repeat(own, len(values), axis=0)
     for end, parameter, place in moved:
         points[:, end, place] = values[:, parameter]
     return points
+
+
+@derived
+def _own_ends(problem: Functional) -> tuple[np.ndarray, list[tuple[int, int, int]]]:
+    return np.array(end_points(problem))[None], _moved(problem)
 
 
 def _moved(problem: Functional) -> list[tuple[int, int, int]]:
@@ -115,15 +119,22 @@ def alike(problem: Problem, values: np.ndarray, lines: dict[bool, Blowup], confo
     ``lines`` are the singular lines through its ends, at the start (True) and the end, ``conformal`` tells the kind
     of its metric where there are any.
     """
-    kept = problem.built.setdefault("alike", {})
+    kept = _measurements(problem)
     line_keys = ((at_start, x.origin.tobytes(), x.normal.tobytes(), x.power) for at_start, x in lines.items())
     key, size = (*line_keys, conformal), 1 if len(values) < MANY else MANY
     if key not in kept:
-        kept[key] = _Measurement(problem, lines, conformal).function()
-    if (key, size) not in kept:
-        kept[key, size] = Pointwise(kept[key], size)
+        kept[key] = _Measurement(problem, lines, conformal).function(), {}
+    function, calls = kept[key]
+    if size not in calls:
+        calls[size] = Pointwise(function, size)
     ends = ends_at(problem, values).reshape(len(values), -1)
-    return kept[key, size](len(values), ends, values)[:, 0] == 1.0
+    return calls[size](len(values), ends, values)[:, 0] == 1.0
+
+
+@derived
+def _measurements(problem: Problem) -> dict[tuple[Any, ...], tuple[ca.Function, dict[int, Pointwise]]]:
+    """What has been measured of a problem by its singular lines and its metric, in calls of so many values each."""
+    return {}
 
 
 class _Measurement:

@@ -15,6 +15,7 @@ from varcalc.problem.conditions import At, Fixed, Free, components
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import FEW_FUNCTIONS, Curve, Problem
 from varcalc.symbolic.buffered import Pointwise
+from varcalc.symbolic.derived import derived
 from varcalc.symbolic.tracing import Expression
 
 PROBE = (1e-7, 1e-9)
@@ -374,18 +375,22 @@ def traced_metric(problem: Functional, points: np.ndarray, parameters: np.ndarra
 
 def _first_derivatives(problem: Functional, points: np.ndarray, numbers: np.ndarray) -> np.ndarray:
     """The integrand and its gradient in the place, at points (d, m) in two directions; (2 m, 1 + d)."""
-    s, count = problem.symbols, points.shape[1]
-    if "metric" not in problem.built:
-        position = ca.vertcat(s.x, s.y) if isinstance(problem, Problem) else s.y
-        rows = ca.vertcat(problem.integrand, ca.gradient(problem.integrand, position))
-        problem.built["metric"] = Pointwise(ca.Function("metric", s.all, [ca.densify(rows)]))
+    count = points.shape[1]
     if isinstance(problem, Problem):
         slopes = np.tile(np.repeat(ASLANT, count)[:, None], (1, problem.n))
         place = [np.tile(points[:1].T, (2, 1)), np.tile(points[1:].T, (2, 1)), slopes]
     else:
         directions = np.vstack([np.ones(2), ASLANT]).T
         place = [np.zeros((1, 1)), np.tile(points.T, (2, 1)), np.repeat(directions, count, axis=0)]
-    return problem.built["metric"](2 * count, *place, np.zeros((1, 0)), numbers, problem.unknown_guesses[None])
+    return _with_gradient(problem)(2 * count, *place, np.zeros((1, 0)), numbers, problem.unknown_guesses[None])
+
+
+@derived
+def _with_gradient(problem: Functional) -> Pointwise:
+    s = problem.symbols
+    position = ca.vertcat(s.x, s.y) if isinstance(problem, Problem) else s.y
+    rows = ca.vertcat(problem.integrand, ca.gradient(problem.integrand, position))
+    return Pointwise(ca.Function("metric", s.all, [ca.densify(rows)]))
 
 
 def rational(value: float, denominator: int = LARGEST_DENOMINATOR) -> float:

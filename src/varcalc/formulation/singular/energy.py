@@ -36,6 +36,7 @@ from varcalc.formulation.singular.offsets import gathered
 from varcalc.problem.conditions import Free, OnCurve, OnSurface
 from varcalc.problem.functional import Functional, Symbols
 from varcalc.problem.problem import Problem
+from varcalc.symbolic.derived import Cache, derived
 from varcalc.symbolic.tracing import trace
 
 UNIT = np.array([[0.0, 1.0]])
@@ -102,19 +103,25 @@ def _stated(
     line: tuple[float, float],
     singular: tuple[bool, bool],
     factored: bool,
-) -> tuple[StatedLater, dict[Any, Any]]:
+) -> tuple[StatedLater, Cache]:
     """What an energy form says, and what is built from it: once for all parameter values at which it is the same.
 
     It is stated in symbols, the parameters among them; only the chart, the kind of the metric and, with
     ``factored``, the coordinates xi of the ends (``line``: start, end) are found from numbers.
     """
     needed = () if not factored else line if all(singular) else (line[0] if singular[0] else line[1],)
-    kept = problem.built.setdefault("energy forms", {})
+    kept = _energy_forms(problem)
     key = (metric.conformal, chart.key, singular, needed)
     if key not in kept:
         make = partial(_expressions, problem, metric, chart, line, singular, factored)
-        kept[key] = StatedLater(2, make), {}
+        kept[key] = StatedLater(2, make), Cache()
     return kept[key]
+
+
+@derived
+def _energy_forms(problem: Functional) -> dict[tuple[Any, ...], tuple[StatedLater, Cache]]:
+    """The statements of energy forms, each with what is derived from it, by what decides them."""
+    return {}
 
 
 def _expressions(
@@ -158,7 +165,7 @@ def _energy_form(
     """
     guess = _guessed(problem, chart)
     line = float(guess[0][0]), float(guess[1][0])
-    stated, built = _stated(problem, metric, chart, line, singular, factored)
+    stated, cache = _stated(problem, metric, chart, line, singular, factored)
     fixed = tuple(chart.coordinates(np.array(end_points(problem)).T).T)
     if factored:
         fixed = factored_ends(fixed, guess, singular)
@@ -187,7 +194,7 @@ def _energy_form(
         # w and -w are one place: from a line beyond the ends a curve might reach the mirror image of its end
         one_sided=() if chart.power == 1.0 or chart.height is not None else (1,),
         # expressions for the ends that slide are made with the form
-        built=built if sliding is None else {},
+        cache=cache if sliding is None else Cache(),
         numbers=_numbers(problem, metric, chart, line, singular, factored),
     )
 

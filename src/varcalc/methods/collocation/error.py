@@ -16,10 +16,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form
+from varcalc.methods.answer import end_cost_function
 from varcalc.methods.collocation.newton import Scales, factorised, measure
 from varcalc.methods.collocation.stationarity import stationarity
 from varcalc.methods.collocation.system import CollocationSystem, Residual, State, collocation_space
@@ -172,12 +172,9 @@ def end_cost(form: Form, space: Space, state: State) -> float:
     """The cost of the ends of a curve, in the sense that is minimised."""
     if form.ends is None or form.problem.end_cost is None:
         return 0.0
-    if "end cost" not in form.built:
-        e, s = form.ends, form.symbols
-        form.built["end cost"] = ca.Function("cost", [e.start, e.end, s.parameters, s.unknowns], [e.cost])
     m = space.smoothness
     first, last = state.coefficients[space.numbers[0, 0]], state.coefficients[space.numbers[-1, m]]
-    return float(form.built["end cost"](first, last, form.problem.parameter_values, state.unknowns))
+    return float(end_cost_function(form)(first, last, form.problem.parameter_values, state.unknowns))
 
 
 def curve_distance(system: CollocationSystem, old: State, new: State) -> float:

@@ -24,6 +24,7 @@ from varcalc.numerics.damped_newton import CONVERGED
 from varcalc.numerics.mesh import Space, basis_at_gauss, gauss
 from varcalc.solution import ErrorEstimate, Solution, Stats
 from varcalc.symbolic.columns import FewOrMany
+from varcalc.symbolic.derived import derived
 
 DEGREES = (10, 16, 25, 39)
 """Degrees that are climbed; each is followed by the one in which its error is told."""
@@ -41,6 +42,11 @@ def applies(form: Form) -> bool:
     plain = bare and form.ends is None and not form.periodic and not len(form.unknown_guess)
     fixed = not (np.isnan(form.fixed_start).any() or np.isnan(form.fixed_end).any())
     return form.order == 1 and form.n == 1 and plain and fixed and not any(form.singular) and not form.stated.is_lifted
+
+
+@derived
+def _interior(form: Form) -> FewOrMany:
+    return FewOrMany(stationarity(form).interior)
 
 
 class Batch:
@@ -96,14 +102,11 @@ class Batch:
         """What :class:`.stationarity.Stationarity` has of the interior, (K, points, rows)."""
         count = count or self.points
         towers = self.derivatives(z, count, SMOOTHNESS + 1)
-        built = self.form.built
-        if "interior at points" not in built:
-            built["interior at points"] = FewOrMany(stationarity(self.form).interior)
         blank, total = np.zeros((1, 0)), len(z) * count
         columns = [towers[:, d].reshape(total, self.n) for d in range(SMOOTHNESS + 1)]
         parameters = np.repeat(self.places.parameters, count, axis=0)
         x = self.abscissae(count).reshape(-1, 1)
-        out = built["interior at points"](total, x, *columns, parameters, blank, blank, blank)
+        out = _interior(self.form)(total, x, *columns, parameters, blank, blank, blank)
         return out.reshape(len(z), count, -1)
 
     def rows(self, at: np.ndarray) -> np.ndarray:

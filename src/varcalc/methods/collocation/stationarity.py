@@ -21,6 +21,7 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.symbolic.buffered import BufferedCall
+from varcalc.symbolic.derived import derived
 from varcalc.symbolic.tracing import Expression
 
 REMEMBERED = 16
@@ -118,18 +119,13 @@ class MappedCall:
         return self._output.copy()
 
 
-def stationarity(form: Form) -> Stationarity:
-    """The conditions of a form, built once and kept with it."""
-    if "stationarity" not in form.built:
-        form.built["stationarity"] = _build(form)
-    return form.built["stationarity"]
-
-
 def _dense(*expressions: Expression) -> Expression:
     return ca.densify(ca.vertcat(*expressions))
 
 
-def _build(form: Form) -> Stationarity:
+@derived
+def stationarity(form: Form) -> Stationarity:
+    """The conditions of a form, built once and kept with it."""
     symbols, kind = form.symbols, form.symbols.kind
     caps = _caps(form)
     equations = 0 if form.ends is None else form.ends.equations.numel()

@@ -22,6 +22,7 @@ from varcalc.formulation import Form, Sampled
 from varcalc.methods.collocation.boundary import NOTHING, Boundary, BoundaryValues, Triplets
 from varcalc.methods.collocation.stationarity import REMEMBERED, stationarity
 from varcalc.numerics.mesh import Space, basis_at_gauss, gauss
+from varcalc.symbolic.derived import derived
 
 
 def collocation_space(form: Form, vertices: np.ndarray, degree: int) -> Space:
@@ -151,13 +152,18 @@ class _Scheme:
 
 def _scheme(form: Form, space: Space) -> _Scheme:
     """The scheme on a space, kept with the form for other parameter values and later solves."""
-    kept = form.built.setdefault("schemes", {})
+    kept = _schemes(form)
     key = (space.degree, space.vertices.tobytes())
     if key not in kept:
         while len(kept) >= REMEMBERED:
             del kept[next(iter(kept))]
         kept[key] = _Scheme.of(space)
     return kept[key]
+
+
+@derived
+def _schemes(form: Form) -> dict[tuple[int, bytes], _Scheme]:
+    return {}
 
 
 class CollocationSystem:

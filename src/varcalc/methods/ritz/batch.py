@@ -8,6 +8,7 @@ same for all values up to the length of the interval.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Self
@@ -18,10 +19,11 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.methods.ritz.newton import ARMIJO, CONVERGED, NEARLY_SINGULAR, SHRINK, lowest_eigenvalue
 from varcalc.methods.ritz.system import quadrature_points
+from varcalc.methods.ritz.integrands import integrands, pointwise, reported
 from varcalc.numerics.mesh import Space, basis_at_gauss, gauss
-from varcalc.problem.lagrangian import Lagrangian
 from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.columns import FewOrMany
+from varcalc.symbolic.derived import derived
 
 ITERATIONS = 12
 """Newton steps after which a value is left to a solve of its own: it begins close to a solution."""
@@ -220,24 +222,15 @@ class Batch:
         """By how much a step of the unknowns changes them."""
         return (step @ self.flat.T).reshape(len(step), self.count, 2 * self.n) * self.scale
 
-    def _called(self, name: str, variables: np.ndarray) -> np.ndarray:
+    def _called(self, make: Callable[[Form], ca.Function], variables: np.ndarray) -> np.ndarray:
         points = self.x.size
         rows = variables.reshape(points, -1)
         blank = np.zeros((1, 0))
         parameters = np.repeat(self.places.parameters, self.count, axis=0)
-        out = self._function(name)(
+        out = _at_points(self.form, make, FEW if self.x.size <= CHUNK else CHUNK)(
             points, self.x.reshape(-1, 1), rows[:, : self.n], rows[:, self.n :], blank, parameters, blank
         )
         return out.reshape(*self.x.shape, -1)
-
-    def _function(self, name: str) -> Pointwise | FewOrMany:
-        """A kept function of points, in pieces of the size of one curve or of many."""
-        chunk = FEW if self.x.size <= CHUNK else CHUNK
-        built, key = self.form.built, (name, chunk)
-        if key not in built:
-            prepare(self.form)
-            built[key] = Pointwise(built[name], chunk) if chunk < CHUNK else FewOrMany(built[name], chunk)
-        return built[key]
 
     def evaluate(self, z: np.ndarray, multipliers: np.ndarray | None = None) -> Evaluated:  # noqa: ARG002  no levels
         """The functionals and their derivatives; inf or NaN outside the domain.
@@ -245,7 +238,7 @@ class Batch:
         ``multipliers`` (K, m) are those of the levels; see :class:`varcalc.methods.ritz.levelled.Levelled`.
         """
         k, variables = 2 * self.n, self.variables(z)
-        out = self._called("pointwise", variables)
+        out = self._called(pointwise, variables)
         value = (self.weights * out[:, :, 0]).sum(1)
         scale = (self.weights * np.abs(out[:, :, 0])).sum(1)
         if self.form.one_sided:
@@ -260,7 +253,7 @@ class Batch:
 
     def checked(self, z: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # noqa: ARG002
         """What is minimised alone, and whether the levels are met; (K,) each."""
-        value = (self.weights * self._called("integrand", self.variables(z))[:, :, 0]).sum(1)
+        value = (self.weights * self._called(integrands, self.variables(z))[:, :, 0]).sum(1)
         return value, np.ones(len(z), dtype=bool)
 
     def newton(self, at: Evaluated) -> Steps:
@@ -304,19 +297,21 @@ class Batch:
 
     def reported(self, variables: np.ndarray) -> np.ndarray:
         """The reported integrand and, where the form is lifted, x, y, dx/ds, dy/ds; (K, Q, rows)."""
-        return self._called("reported", variables)
+        return self._called(reported, variables)
 
 
 def prepare(form: Form) -> None:
     """Build the functions that batches of a form call; they are kept with it."""
-    s = form.symbols
-    if "pointwise" not in form.built:
-        form.built["pointwise"] = Lagrangian(s, form.integrand).pointwise([c.expression for c in form.integrals])
-    if "integrand" not in form.built:
-        form.built["integrand"] = ca.Function("integrand", s.all, [ca.densify(form.integrand)])
-    if "reported" not in form.built and not form.plainly_reported:
-        outputs = [form.functional, *(form.lifted or ())]
-        form.built["reported"] = ca.Function("reported", s.all, [ca.densify(ca.vertcat(*outputs))])
+    pointwise(form)
+    integrands(form)
+    if not form.plainly_reported:
+        reported(form)
+
+
+@derived
+def _at_points(form: Form, make: Callable[[Form], ca.Function], chunk: int) -> Pointwise | FewOrMany:
+    """A function of the form at points, in pieces of the size of one curve or of many."""
+    return Pointwise(make(form), chunk) if chunk < CHUNK else FewOrMany(make(form), chunk)
 
 
 def least_eigenvalue(blocks: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ import numpy as np
 
 from varcalc.formulation import Reported
 from varcalc.methods.answer import sample
-from varcalc.methods.ritz.integrands import IntegrandFunctions, NumericIntegrand
+from varcalc.methods.ritz.integrands import NumericIntegrand, reported_with_levels
 from varcalc.methods.ritz.newton import Step, newton_step
 from varcalc.methods.ritz.quadrature import shortfall
 from varcalc.methods.ritz.rungs import Rung, Rungs
@@ -227,7 +227,7 @@ def settled(rungs: Rungs, found: Estimate) -> Estimate | str:
         arguments = sample(rungs.extremal(system, found.z), s)
         if isinstance(system.source, NumericIntegrand):
             return NumericIntegrand(form, s).reported(np.vstack(arguments[1:3]).T).integrand
-        values = np.asarray(IntegrandFunctions.of(form).summed(*arguments))
+        values = np.asarray(reported_with_levels(form)(*arguments))
         return values[0] + found.miss[: len(system.levels)] @ values[1:]
 
     samples = found.integrand.reshape(system.space.elements, -1)

@@ -20,7 +20,9 @@ from varcalc.methods.ritz.family import Answer, Reports, reports_of, short_of
 from varcalc.methods.ritz.level import Level
 from varcalc.methods.ritz.newton import ARMIJO, CONVERGED
 from varcalc.methods.ritz.rungs import DEGREES
+from varcalc.methods.ritz.integrands import reported
 from varcalc.symbolic.buffered import BufferedCall
+from varcalc.symbolic.derived import derived
 
 
 class One:
@@ -44,9 +46,7 @@ class One:
         ladder = DEGREES[form.order][:-1]
         if degree not in ladder[:-1] or form.integrals:
             return None
-        if ("one", degree) not in form.built:
-            form.built["one", degree] = cls(form, degree, ladder[ladder.index(degree) + 1])
-        return form.built["one", degree]
+        return _one(form, degree, ladder[ladder.index(degree) + 1])
 
     def solved(
         self, span: np.ndarray, fixed: np.ndarray, parameters: np.ndarray, start: np.ndarray, tol: float
@@ -126,11 +126,16 @@ class One:
         )  # fmt: skip
 
 
+@derived
+def _one(form: Form, degree: int, richer: int) -> One:
+    return One(form, degree, richer)
+
+
 class _Reported:
     """What is reported of the curve of a level and of one it is moved to, in one call."""
 
     def __init__(self, level: Level) -> None:
-        function, count, n = level.form.built["reported"], level.basis.count, level.n
+        function, count, n = reported(level.form), level.basis.count, level.n
         self.level = level
         self.x, self.parameters = np.zeros((2, count, 1)), np.zeros((2, count, level.parameters.shape[1]))
         self.y, self.dy = np.zeros((2, count, n)), np.zeros((2, count, n))

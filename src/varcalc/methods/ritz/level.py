@@ -10,6 +10,7 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.methods.ritz.batch import SEVERAL, Basis, prepare
+from varcalc.methods.ritz.integrands import pointwise
 from varcalc.numerics.mesh import gauss
 from varcalc.symbolic.buffered import BufferedCall
 
@@ -32,7 +33,7 @@ class Level:
         self.out = np.zeros((count, 1 + 2 * n + 4 * n * n))
         blank = np.zeros((count, 0))
         inputs = [self.x, self.variables[0], self.variables[1], blank, self.parameters, blank]
-        self._call = BufferedCall(form.built["pointwise"].map(count), inputs, self.out)
+        self._call = BufferedCall(pointwise(form).map(count), inputs, self.out)
         self._values = self.out[:, 0]
         self._gradients = self.out[:, 1 : 1 + 2 * n]
         self.hessians = self.out[:, 1 + 2 * n :].reshape(count, 2 * n, 2 * n)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form
@@ -32,7 +31,9 @@ from varcalc.methods.ritz.newton import (
     SHRINK,
     lowest_eigenvalue,
 )
+from varcalc.methods.ritz.integrands import integrands, pointwise
 from varcalc.symbolic.buffered import Pointwise
+from varcalc.symbolic.derived import derived
 
 ITERATIONS = 20
 """Newton steps after which a value is left to a solve of its own: a bend is further from a minimum than a neighbour."""
@@ -124,7 +125,7 @@ class Levelled(Batch):
     def evaluate(self, z: np.ndarray, multipliers: np.ndarray | None = None) -> LevelledEvaluated:
         """The functionals, the levels and their derivatives; by default with least-squares multipliers."""
         k, m, variables = 2 * self.n, len(self.levels), self.variables(z)
-        out = self._called("pointwise", variables).reshape(*self.x.shape, 1 + m, -1)
+        out = self._called(pointwise, variables).reshape(*self.x.shape, 1 + m, -1)
         integrands, across = out[:, :, :, 0], self.weights[:, None, :]
         values, summed = (across @ integrands)[:, 0], (across @ np.abs(integrands))[:, 0]
         rows = out[:, :, :, 1 : 1 + k] * self.first[:, :, None]
@@ -161,18 +162,9 @@ class Levelled(Batch):
         parameters = self.places.parameters
         if parameters.shape[1] and len(parameters) > 1:
             parameters = np.repeat(parameters, shape[1] * shape[2], axis=0)
-        out = self._integrands(len(rows), x, rows[:, : self.n], rows[:, self.n :], blank, parameters, blank)
+        out = _integrands(self.form)(len(rows), x, rows[:, : self.n], rows[:, self.n :], blank, parameters, blank)
         sums = (self.weights[:, None, None] @ out.reshape(*shape[:3], -1))[:, :, 0]
         return sums[:, :, 0], sums[:, :, 1:] - self.levels
-
-    @property
-    def _integrands(self) -> Pointwise:
-        """Those of the functional and the levels, as a kept function of points."""
-        built, form = self.form.built, self.form
-        if "integrands" not in built:
-            rows = ca.vertcat(form.integrand, *(c.expression for c in form.integrals))
-            built["integrands"] = Pointwise(ca.Function("integrands", form.symbols.all, [ca.densify(rows)]), MANY)
-        return built["integrands"]
 
     def _weights(self, at: Evaluated) -> np.ndarray:
         """That of a batch, by the mean of its absolute value where the Legendre condition fails somewhere."""
@@ -325,3 +317,9 @@ def _least_squares(gradient: np.ndarray, levels: np.ndarray) -> np.ndarray:
         for k in np.flatnonzero(sound):
             found[k] = np.linalg.lstsq(levels[k].T, -gradient[k], rcond=None)[0]
     return found
+
+
+@derived
+def _integrands(form: Form) -> Pointwise:
+    """Those of the functional and the levels at points."""
+    return Pointwise(integrands(form), MANY)

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.methods.ritz.assembly import OneElement
-from varcalc.methods.ritz.integrands import IntegrandFunctions
+from varcalc.methods.ritz.integrands import pointwise
 from varcalc.methods.ritz.system import RitzSystem
 from varcalc.numerics.mesh import basis_at_gauss
 
@@ -41,7 +41,7 @@ def summed_up(system: RitzSystem, scale: np.ndarray, size: float) -> Summed:
     columns += [] if order == 2 else [ca.MX(0, count)]
     parameters = np.repeat(system.form.problem.parameter_values[:, None], count, axis=1)
     s = system.space.quadrature(system.count)[0].reshape(1, -1)
-    out = IntegrandFunctions.of(system.form).derivatives.map(count)(s, *columns, parameters, ca.MX(0, count))
+    out = pointwise(system.form).map(count)(s, *columns, parameters, ca.MX(0, count))
     out = ca.mtimes(out, ca.diag(ca.DM(system.weights / size)))
     value = ca.sum2(out[0, :])
     blocks = ca.MX(_block_diagonal(count, k), ca.vec(out[1 + k :, :]))

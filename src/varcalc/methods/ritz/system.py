@@ -21,7 +21,7 @@ import numpy as np
 
 from varcalc.formulation import Form, Reported
 from varcalc.methods.ritz.assembly import Elements, assembly
-from varcalc.methods.ritz.integrands import CompiledIntegrands, IntegrandFunctions, Integrands, NumericIntegrand
+from varcalc.methods.ritz.integrands import CompiledIntegrands, Integrands, NumericIntegrand, at_ends
 from varcalc.numerics.mesh import Space
 
 
@@ -365,7 +365,7 @@ class RitzSystem:
         first, last = (
             np.array([c[self.space.vertex_number(v, 0, a)] for a in range(self.n)]) for v in (0, self.space.elements)
         )
-        out: Any = IntegrandFunctions.of(form).ends(first, last, self.unknowns(z), form.problem.parameter_values)
+        out: Any = at_ends(form)(first, last, self.unknowns(z), form.problem.parameter_values)
         found = [np.asarray(o) for o in out]
         # by how much each equation changes when its variables change by the size of the largest
         reach = np.abs(np.concatenate([first, last, self.unknowns(z)])).max(initial=0.0)

@@ -24,6 +24,7 @@ from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.buffered import Pointwise
+from varcalc.symbolic.derived import derived
 
 SAMPLES = 2001
 TOUCHING = 1e-4
@@ -138,8 +139,12 @@ def _along(
     form: Form, condition: SideCondition, curve: Callable[[np.ndarray], np.ndarray] | Sampled, x: np.ndarray
 ) -> np.ndarray:
     """A bound's function along a curve at x (m,)."""
-    key = ("bound", condition.index)
-    if key not in form.built:
-        form.built[key] = Pointwise(ca.Function("bound", form.symbols.all, [ca.densify(condition.expression)]))
     blank, numbers = np.zeros((1, 1)), (form.problem.parameter_values[None], form.unknown_guess[None])
-    return form.built[key](len(x), x[:, None], curve(x).T, blank, np.zeros((1, 0)), *numbers)[:, 0]
+    return _bound(form, condition.index)(len(x), x[:, None], curve(x).T, blank, np.zeros((1, 0)), *numbers)[:, 0]
+
+
+@derived
+def _bound(form: Form, index: int) -> Pointwise:
+    """The function of the pathwise condition that constraint ``index`` is."""
+    condition = next(c for c in form.pathwise if c.index == index)
+    return Pointwise(ca.Function("bound", form.symbols.all, [ca.densify(condition.expression)]))

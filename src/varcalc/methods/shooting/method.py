@@ -18,14 +18,13 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.integrators import CannotLower, Engine, Flow, Metered, default
+from varcalc.integrators import CannotLower, Engine, Metered, compiled, default
 from varcalc.methods.answer import answer
 from varcalc.methods.shooting.flow import EulerLagrangeFlow
 from varcalc.methods.shooting.search import NoneFound, Search, describe
 from varcalc.methods.shooting.segments import Failure
 from varcalc.methods.shooting.shot_extremal import Finished, finish
 from varcalc.problem.conditions import whole
-from varcalc.problem.functional import Functional
 from varcalc.solution import Solution, Stats, Status, no_answer
 
 SLOPES = (0.1, -0.1, 1.0, -1.0, 10.0, -10.0)
@@ -72,7 +71,7 @@ class Shooting:
         equations = EulerLagrangeFlow(form)
         try:
             engine = self.engine or default()
-            flow = _compiled(problem, engine, equations)
+            flow = compiled(problem, engine, equations.system.system)
         except CannotLower as refusal:
             return no_answer(problem, self, Status.REFUSED, str(refusal))
         built = time.perf_counter()
@@ -150,16 +149,6 @@ def _infinite_end(form: Form) -> bool:
         if not np.isfinite(values).any():
             return True
     return False
-
-
-def _compiled(problem: Functional, engine: Engine, equations: EulerLagrangeFlow) -> Flow:
-    """The compiled system, kept with the problem for other parameter values and later solves."""
-    system = equations.system.system
-    kept = problem.built.setdefault("flows", {})
-    key = (engine, system.serialize())
-    if key not in kept:
-        kept[key] = engine.compile(system)
-    return kept[key]
 
 
 def _imprecise(finished: Finished, relative: float, tol: float, segments: int | None) -> str:
