@@ -142,12 +142,6 @@ def interpolation(smoothness: int, degree: int) -> np.ndarray:
     return table
 
 
-@lru_cache(maxsize=64)
-def _fitting(smoothness: int, degree: int) -> np.ndarray:
-    """From values at the Lobatto nodes to local coefficients: the inverse of :func:`interpolation`."""
-    return np.linalg.inv(interpolation(smoothness, degree))
-
-
 @lru_cache(maxsize=256)
 def basis_at_gauss(smoothness: int, degree: int, count: int, derivatives: int) -> np.ndarray:
     """:func:`basis` at the ``count`` Gauss points, kept for the life of the process."""
@@ -249,8 +243,8 @@ class Space:
         return scale
 
     def local(self, coefficients: np.ndarray) -> np.ndarray:
-        """Coefficients by element, scaled to the local basis; shape (elements, degree + 1, n)."""
-        return coefficients[self.numbers] * self._local_scale[:, :, None]
+        """Coefficients by element, scaled to the local basis; shape (.., elements, degree + 1, n)."""
+        return coefficients[..., self.numbers] * self._local_scale[:, :, None]
 
     @property
     def local_scale(self) -> np.ndarray:
@@ -264,7 +258,7 @@ class Space:
         return self.vertices[:-1, None] + half * (1 + nodes), half * weights
 
     def at_quadrature(self, coefficients: np.ndarray, count: int, derivatives: int) -> list[np.ndarray]:
-        """The functions and their derivatives at the Gauss points, each (elements, count, n)."""
+        """The functions and their derivatives at the Gauss points, each (.., elements, count, n)."""
         table = basis_at_gauss(self.smoothness, self.degree, count, derivatives)
         local = self.local(coefficients)
         return [(table[d] @ local) * (2.0 / self.widths[:, None, None]) ** d for d in range(derivatives + 1)]
@@ -313,7 +307,8 @@ class Space:
         half = 0.5 * self.widths[:, None]
         at = self.vertices[:-1, None] + half * (1 + nodes)
         values = np.asarray(curve(at.ravel()), dtype=float).reshape(self.n, self.elements, -1)
-        local = _fitting(self.smoothness, self.degree) @ values.transpose(1, 2, 0) / self.local_scale[:, :, None]
+        table = interpolation(self.smoothness, self.degree)
+        local = np.linalg.solve(table, values.transpose(1, 2, 0)) / self.local_scale[:, :, None]
         flat = self.numbers.ravel()
         if self.elements == 1 and not self.periodic:
             out = np.empty(self.size)
@@ -322,9 +317,9 @@ class Space:
         return np.bincount(flat, local.ravel(), self.size) / np.bincount(flat, minlength=self.size)
 
     def prolonged(self, coefficients: np.ndarray, richer: Space) -> np.ndarray:
-        """The same functions in a space of higher degree on the same mesh."""
-        out = np.zeros(richer.size)
-        out[richer.numbers[:, : self.degree + 1]] = coefficients[self.numbers]
+        """The same functions in a space of higher degree on the same mesh; coefficients (.., size)."""
+        out = np.zeros((*coefficients.shape[:-1], richer.size))
+        out[..., richer.numbers[:, : self.degree + 1]] = coefficients[..., self.numbers]
         return out
 
     def split(self, coefficients: np.ndarray, marked: np.ndarray) -> tuple[Space, np.ndarray]:

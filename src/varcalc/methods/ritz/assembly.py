@@ -150,7 +150,7 @@ class Elements:
     def matrices(self, blocks: np.ndarray) -> np.ndarray:
         """The matrix (N, N) of the unknowns for second derivatives (points, k, k)."""
         local, border, corner = self.parts(blocks)
-        size, free = self.space.size, len(self.free)
+        size = self.space.size
         flat = self.numbers[:, :, None] * size + self.numbers[:, None, :]
         full = np.bincount(flat.ravel(), local.ravel(), size * size).reshape(size, size)
         return np.block([[full[np.ix_(self.free, self.free)], border[self.free]], [border[self.free].T, corner]])

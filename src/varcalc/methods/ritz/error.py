@@ -193,9 +193,7 @@ def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, fo
     return bool(displacement(there, beyond) <= CONTRACTION * displacement(here, there))
 
 
-def moves_as_it_gains(
-    system: RitzSystem, at: Evaluation, change: np.ndarray, moved: np.ndarray, decrement: Any
-) -> Any:
+def moves_as_it_gains(system: RitzSystem, at: Evaluation, change: np.ndarray, moved: np.ndarray, decrement: Any) -> Any:
     """Whether a step is so short that it may be round-off, or lowers the functional by what its size asks for."""
     size = 0.5 * system.squared(at, change, moved)
     return (size <= UNMOVED**2 * at.scale) | (decrement >= SOFT * size)

@@ -54,6 +54,7 @@ class NumericIntegrand:
         return (transform @ variables[:, :, None])[:, :, 0] + offset
 
     def derivatives(self, variables: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """See :class:`Integrands`, as of the other methods."""
         value, gradient, hessian = self._at.derivatives(self._own(variables))
         transform = self._at.transform
         if transform is not None:
@@ -62,9 +63,11 @@ class NumericIntegrand:
         return value[:, None], gradient[:, None], hessian[:, None]
 
     def values(self, variables: np.ndarray) -> np.ndarray:
+        """The integrands alone."""
         return self._at.derivatives(self._own(variables))[0][:, None]
 
     def reported(self, variables: np.ndarray) -> Reported:
+        """What is reported of the curves."""
         return self._at.reported(self._own(variables))
 
 
@@ -90,14 +93,17 @@ class CompiledIntegrands:
         return out.reshape(*points, -1)
 
     def derivatives(self, variables: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """See :class:`Integrands`, as of the other methods."""
         out, k = self._called(pointwise, variables), self.k
         out = out.reshape(*out.shape[:-1], self.count, -1)
         return out[..., 0], out[..., 1 : 1 + k], out[..., 1 + k :].reshape(*out.shape[:-1], k, k)
 
     def values(self, variables: np.ndarray) -> np.ndarray:
+        """The integrands alone."""
         return self._called(integrands, variables)
 
     def reported(self, variables: np.ndarray) -> Reported:
+        """What is reported of the curves."""
         out, n = self._called(reported, variables), self.form.n
         if not self.form.stated.is_lifted:
             y, dy = variables[..., :n], variables[..., n : 2 * n]

@@ -218,9 +218,7 @@ class _Climb:
         if size * self.tol >= found.error > self.tol * 10 * own:  # it may be small by cancellation: a minimum of zero
             own = max(own, found.system.quadratic_size(found.at))
         target = self.tol * (size if self.rungs.constrained else min(size, 10 * own))
-        return (
-            found.error <= max(target, found.floor) and not self.astray(found) and self.curve_is_good(rung, found)
-        )
+        return found.error <= max(target, found.floor) and not self.astray(found) and self.curve_is_good(rung, found)
 
     def astray(self, found: Estimate) -> bool:
         """Whether the curve does not settle, though the value may: then no curve attains it."""
@@ -285,9 +283,10 @@ class _Climb:
             self.built, solve_time, self.rungs.iterations, rung.system.size, space.elements, space.degree
         )  # fmt: skip
         curve = max(found.curve, 4e-16 * found.size)
+        extremal = self.rungs.extremal_of(rung, found.speed, self.along(found))
         return answer(
-            self.rungs.extremal_of(rung, found.speed, self.along(found)), self.method, self.form.sign * found.value, ErrorEstimate(error, curve),
-            space.vertices, stats, status, message, rule=found.system.count,
+            extremal, self.method, self.form.sign * found.value, ErrorEstimate(error, curve), space.vertices, stats,
+            status, message, rule=found.system.count,
         )  # fmt: skip
 
     def along(self, found: Estimate) -> Along | None:

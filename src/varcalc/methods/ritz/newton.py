@@ -245,12 +245,7 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
         decrement = _decrement(system, at, step, largest)
         late = iteration > EXPECTED
         if decrement <= CONVERGED or (late and _is_round_off(system, at, step, decrement)):
-            if not len(at.conditions):  # the quadratic model is as good as another evaluation
-                return Outcome(z + step.change, multipliers, at.value - step.decrement, iteration, "")
-            last = system.evaluate(z + step.change)
-            if _finite(last):
-                z, at = z + step.change, last
-            return Outcome(z, multipliers, at.value, iteration, _unmet(system, at))
+            return _ended(system, z, at, step, iteration)
         following = _search(system, z, at, step, guarded)
         if following is None:
             reason = _unmet(system, at) if decrement <= STAGNATED else "no step along the Newton direction descends"
@@ -261,6 +256,16 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
         elif at.value < -RUNAWAY * largest:
             return Outcome(z, multipliers, at.value, iteration, "the functional appears to have no lower bound")
     return Outcome(z, multipliers, at.value, newton.iterations, f"no convergence within {newton.iterations} iterations")
+
+
+def _ended(system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, iteration: int) -> Outcome:
+    """The end of an iteration one full step from ``z``."""
+    if not len(at.conditions):  # the quadratic model is as good as another evaluation
+        return Outcome(z + step.change, step.multipliers, at.value - step.decrement, iteration, "")
+    last = system.evaluate(z + step.change)
+    if _finite(last):
+        z, at = z + step.change, last
+    return Outcome(z, step.multipliers, at.value, iteration, _unmet(system, at))
 
 
 def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float) -> float:

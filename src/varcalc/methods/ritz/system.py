@@ -218,10 +218,10 @@ class RitzSystem:
             gradient = self.assembly.gradient(slopes[..., 0, :] * self.first)
             rows = [self.assembly.gradient(slopes[..., 1 + j, :] * self.first) for j in range(len(self.levels))]
             legendre = least_eigenvalue(hessians[..., 0, self.top, self.top])
-        value = self._one_sided(values[..., 0], variables)
+        value = self._one_sided(values[..., 0][()], variables)
         jacobian = np.stack(rows, axis=-2) if rows else np.empty((*gradient.shape[:-1], 0, self.size))
         at = Evaluation(
-            value, sizes[..., 0], values[..., 1:] - self.levels, gradient, jacobian, legendre, variables,
+            value, sizes[..., 0][()], values[..., 1:] - self.levels, gradient, jacobian, legendre, variables,
             integrands, slopes, hessians, sizes[..., 1:],
         )  # fmt: skip
         if self.form.ends is not None:
@@ -231,7 +231,7 @@ class RitzSystem:
     def _one_sided(self, value: Any, variables: np.ndarray) -> Any:
         """The value, infinite where a function that is positive is negative somewhere."""
         for a in self.form.one_sided:
-            value = np.where(variables[..., a].min(-1) < 0, np.inf, value)
+            value = np.where(variables[..., a].min(-1) < 0, np.inf, value)[()]
         return value
 
     def measured(self, z: np.ndarray) -> tuple[Any, np.ndarray]:
@@ -406,4 +406,4 @@ def least_eigenvalue(blocks: np.ndarray) -> Any:
         least = np.linalg.eigvalsh(np.where(finite[..., None, None], blocks, 0.0))[..., 0]
         least = np.where(finite, least, -np.inf)
     least = least.min(-1)
-    return np.where(np.isfinite(least), least, -np.inf)
+    return np.where(np.isfinite(least), least, -np.inf)[()]
