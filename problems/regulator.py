@@ -6,7 +6,9 @@ The Euler-Lagrange equation is y'' = y. With the end free the slope vanishes
 there: y = cosh(T - x)/cosh(T), J = tanh(T)/2. With the end cost s y(T)^2/2 it is
 -s y: y = (cosh(T - x) + s sinh(T - x))/(cosh(T) + s sinh(T)). With eps v^2 for
 v^2, brought to zero, y = sinh(k (1 - x))/sinh(k), k = eps^(-1/2): a boundary layer,
-through which an initial-value problem would lose log10(sinh k) digits.
+through which an initial-value problem would lose log10(sinh k) digits. Held to a
+signal, (y - sin(w x))^2 for y^2, with w a multiple of 2 pi and y = 0 at both ends:
+y = a sin(w x), a = 1/(1 + eps w^2), J = (1 - a)/4.
 
 Source: Bryson and Ho, "Applied Optimal Control", sect. 5.2; Ascher, Mattheij
 and Russell, "Numerical Solution of Boundary Value Problems", on singular perturbations.
@@ -15,12 +17,17 @@ and Russell, "Numerical Solution of Boundary Value Problems", on singular pertur
 import math
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 import varcalc as vc
+from varcalc.problems import _inapplicable
 
 SOURCE = 'Bryson and Ho, "Applied Optimal Control", sect. 5.2'
 DURATION, PENALTY, THICKNESS = 1.0, 2.0, 1e-2
+PERIODS = 10
+SHARE = 1 / (1 + (2 * math.pi * PERIODS * THICKNESS) ** 2)
+"""Of the signal's amplitude, what is followed."""
 
 
 def cost(x, y, dy):
@@ -29,6 +36,10 @@ def cost(x, y, dy):
 
 def stiff_cost(x, y, dy, p):
     return (y**2 + p.eps * dy**2) / 2
+
+
+def tracking_cost(x, y, dy, p):
+    return ((y - ca.sin(2 * ca.pi * PERIODS * x)) ** 2 + p.eps * dy**2) / 2
 
 
 def penalty(x0, y0, x1, y1):
@@ -48,6 +59,13 @@ def least_cost(s: float) -> float:
 def layer(x: Any) -> np.ndarray:
     x = np.asarray(x, dtype=float)
     return np.exp(-x / THICKNESS) * np.expm1(-2 * (1 - x) / THICKNESS) / math.expm1(-2 / THICKNESS)
+
+
+def followed(x: Any) -> np.ndarray:
+    # sin(w x) by the distance from the nearest half period, which keeps all digits
+    halves = 2 * PERIODS * np.asarray(x, dtype=float)
+    nearest = np.round(halves)
+    return SHARE * np.where(nearest % 2, -1.0, 1.0) * np.sin(math.pi * (halves - nearest))
 
 
 references = (
@@ -71,5 +89,13 @@ references = (
         exact=vc.Exact(THICKNESS / math.tanh(1 / THICKNESS) / 2, layer, "hyperbolic sine"),
         source='Ascher, Mattheij and Russell, "Numerical Solution of Boundary Value Problems"',
         statement="A rate so cheap that the quantity drops to zero in a boundary layer.",
+    ),
+    vc.Reference(
+        name="regulator/signal",
+        problem=vc.Problem(tracking_cost, vc.Fixed(0, 0), vc.Fixed(1, 0), parameters={"eps": THICKNESS**2}),
+        exact=vc.Exact((1 - SHARE) / 4, followed, "sine"),
+        source=SOURCE,
+        statement="Following a signal of ten periods, the rate being paid for.",
+        inapplicable=_inapplicable.NOT_IGNORABLE,
     ),
 )

@@ -37,4 +37,5 @@ references = (
     film((-0.5, 1), (0.5, 1), "", "A soap film between equal rings, one radius apart."),
     film((0, 1), (0.8, 1.5), "/unequal", "A soap film between rings of different radius."),
     film((-0.6, 1), (0.6, 1), "/local", "A soap film that is a local minimum: two discs have less area."),
+    film((-0.6627, 1), (0.6627, 1), "/fold", "A soap film that is about to burst: near the fold of both catenaries."),
 )

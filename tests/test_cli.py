@@ -208,39 +208,46 @@ def test_the_list_is_wrapped_for_a_person_only(call, monkeypatch):
     assert lines[-1].startswith("varcalc run NAME")
 
 
-@pytest.fixture
-def stored(call, tmp_path):
-    path = tmp_path / "measured.json"
-    done = call("chart", "soap_film", "--tol", "1e-3", "--tol", "1e-9", "--repeats", "1", "--store", path)
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    """One problem measured and drawn, for all tests of charts."""
+    folder = tmp_path_factory.mktemp("chart")
+    path, picture, claims = folder / "measured.json", folder / "picture.png", folder / "claims.svg"
+    arguments = ["--tol", "1e-3", "--tol", "1e-9", "--repeats", "1", "--store", path, "-o", picture, "--claims", claims]
+    done = CliRunner().invoke(main, ["chart", "soap_film", *map(str, arguments)])
     assert done.exit_code == 0, done.output
+    assert all(p.stat().st_size > 5000 for p in (picture, claims))
     return path
 
 
 def test_chart_measures_and_prints_every_method(call, stored):
     done = call("chart", stored)
     assert done.exit_code == 0, done.output
-    for method in ("Ritz", "Ritz(optimiser=Ipopt())", "Collocation", "Shooting", "FirstIntegral", "ladder"):
+    for method in ("Ritz", "Ritz(optimiser=Ipopt())", "Collocation", "Shooting", "FirstIntegral", "ladder", "SciPyBvp"):
         assert sum(f" {method} " in line for line in done.output.splitlines()) == 2
+    for curve in ("Ritz(degree=2, refine=False)", "Collocation(refine=False)", "Ritz(refine=False, optimiser=Ipopt())"):
+        assert sum(f" {curve} " in line for line in done.output.splitlines()) >= 5
 
 
 def test_a_stored_file_is_drawn_again_without_measuring(call, stored, tmp_path, monkeypatch):
-    monkeypatch.setattr("varcalc.cli.measuring.routes_for", lambda problem: pytest.fail("measured again"))
-    pictures = tmp_path / "picture.png", tmp_path / "claims.svg"
-    done = call("chart", stored, "-o", pictures[0], "--claims", pictures[1])
+    monkeypatch.setattr("varcalc.cli.measuring._lines", lambda *_: pytest.fail("measured again"))
+    picture = tmp_path / "picture.png"
+    done = call("chart", stored, "-o", picture)
     assert done.exit_code == 0, done.output
-    assert all(p.stat().st_size > 5000 for p in pictures)
+    assert picture.stat().st_size > 5000
 
 
 def test_chart_prints_one_json_document(call, stored):
     document = json.loads(call("chart", stored, stored, "--json").stdout)
-    assert len(document["records"]) == 2 * 12
+    assert sum(r["knob"] == "tol" for r in document["records"]) == 2 * 14
+    assert {r["knob"] for r in document["records"]} == {"tol", "h", "p", "integrator"}
     assert document["about"]["varcalc"]
 
 
 def test_a_chart_of_a_wrong_closed_form_fails(call, write):
     done = call("chart", write(SHORTEST + "exact = 5.1\n"), "--tol", "1e-6", "--repeats", "1")
     assert done.exit_code == 1
-    assert "mine by Ritz at 1e-06 is wrong by more than it claims" in done.stderr
+    assert "mine by Ritz at tol = 1e-06 is wrong by more than it claims" in done.stderr
 
 
 def test_no_picture_of_errors_without_a_closed_form(call, write, tmp_path):
@@ -280,7 +287,6 @@ def test_a_sweep_with_failures_fails(call, write):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["chart"], "Missing argument"),
         (["chart", "nowhere"], "'nowhere' is no problem of the catalogue"),
         (["chart", "nowhere.json"], "nowhere.json could not be read"),
         (["chart", "brachistochrone", "--store", "no/such/folder/a.json"], "does not exist; make it first"),

@@ -1,12 +1,15 @@
 """A Solution answers where its curve is known, and nowhere else."""
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 
 import varcalc as vc
+from varcalc.solution import ErrorEstimate, defined
 
 
 def line(first: float, last: float) -> vc.Solution:
@@ -58,3 +61,22 @@ def test_the_shape_of_the_abscissae_is_kept() -> None:
     assert isinstance(solution.y(0.5), float)
     assert solution.y(np.full((2, 3), 0.5)).shape == (2, 3)
     assert solution.y([]).shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "ordinates"),
+    [
+        ({"value": math.inf}, 1.0),
+        ({"value": math.nan}, 1.0),
+        ({"error": ErrorEstimate(math.inf, 0.0)}, 1.0),
+        ({"error": ErrorEstimate(0.0, math.nan)}, 1.0),
+        ({}, math.nan),
+    ],
+)
+def test_what_is_not_a_number_is_no_answer(wrong: dict[str, Any], ordinates: float) -> None:
+    solution = line(0, 1)
+    assert defined(solution, np.ones((1, 2))) is solution
+    refused = defined(replace(solution, **wrong), np.array([[0.0, ordinates]]))
+    assert refused.status is vc.Status.NOT_CONVERGED
+    assert "number" in refused.message or "error" in refused.message
+    assert refused.curve is None

@@ -27,8 +27,9 @@ from varcalc.solve.grid import Paired
 from varcalc.solve.ladder import solve
 from varcalc.solve.sweep import Sweep, SweepPoint, sweep
 from varcalc.study.compare import Comparison, compare
+from varcalc.study.records import Record, WorkPrecision
 from varcalc.study.reference import Exact, Reference
-from varcalc.study.work_precision import Record, WorkPrecision, work_precision
+from varcalc.study.work_precision import work_precision
 from varcalc.verify import Finding, Verification, verify
 
 if TYPE_CHECKING:

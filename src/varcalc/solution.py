@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -164,6 +165,25 @@ class VariationalError(Exception):
 
 class InfeasibleError(VariationalError, ValueError):
     """No curve meets the ends and constraints."""
+
+
+def defined(solution: Solution, ordinates: np.ndarray) -> Solution:
+    """The solution; no answer where its value, a claimed error or the ``ordinates`` at its nodes are no numbers.
+
+    A method may come to rest on a curve that runs along a line where L is infinite.
+    """
+    error = solution.error
+    if not solution.status.ok:
+        return solution
+    if not math.isfinite(solution.value):
+        reason = "the functional is not a number along the curve found: L is infinite or undefined somewhere on it"
+    elif not (math.isfinite(error.value) and math.isfinite(error.curve)):
+        reason = "no error can be told of the curve found: L is infinite or undefined close to it"
+    elif not np.isfinite(ordinates).all():
+        reason = "the curve found is not a number at all of its nodes"
+    else:
+        return solution
+    return no_answer(solution.problem, solution.method, Status.NOT_CONVERGED, reason, stats=solution.stats)
 
 
 def no_answer(

@@ -6,7 +6,8 @@ import pytest
 from varcalc.charts import claims_picture, cold_picture, work_precision_picture
 from varcalc.charts.colours import COLOURS, colours_by_label
 from varcalc.charts.work_precision import BRIEFEST, FLOOR
-from varcalc.study.work_precision import Record
+from varcalc.study.records import Record
+from varcalc.study.routes import Knob
 
 
 def record(method="Ritz", setting=1e-6, error=1e-7, claimed=2e-7, **options):
@@ -24,34 +25,76 @@ def points(panel, colour, marker="o"):
     return [tuple(p) for line in lines for p in zip(line.get_xdata(), line.get_ydata(), strict=True)]
 
 
+def times(figure):
+    """The panels of times, three a problem; those of convergence and claims come before them."""
+    return [panel for i, panel in enumerate(figure.axes) if i % 5 >= 2]
+
+
+def along_h(errors, unknowns=(4, 8, 16), **options):
+    return [
+        record("Ritz(degree=1)", 1 / n, e, knob=Knob.ELEMENT, curve="h, degree 1", route="Ritz", unknowns=n, **options)
+        for n, e in zip(unknowns, errors, strict=True)
+    ]
+
+
 def test_a_point_a_tolerance_at_its_time_and_relative_error():
     records = [record(error=-1e-3, setting=1e-2, size=10.0), record(error=1e-9, setting=1e-8, solve_ms=7.0)]
-    panels = work_precision_picture(records).axes
+    panels = times(work_precision_picture(records))
     assert points(panels[0], COLOURS["Ritz"][0]) == [(1.0, 1e-4), (1.0, 1e-9)]
     assert points(panels[1], COLOURS["Ritz"][0]) == [(2.0, 1e-4), (7.0, 1e-9)]
     assert points(panels[2], COLOURS["Ritz"][0]) == [(0.5, 1e-4), (0.5, 1e-9)]
-    assert [p.get_title(loc="left") for p in panels] == ["build", "solve", "re-solve, everything built"]
+    names = [p.get_xlabel().partition(",")[0] for p in panels]
+    assert names == ["build", "solve", "re-solve"]
     assert all(p.get_xscale() == p.get_yscale() == "log" for p in panels)
 
 
 def test_a_failure_is_drawn_at_the_top_edge_at_the_time_it_took():
-    panels = work_precision_picture([record(), failed(solve_ms=40.0)]).axes
+    panels = times(work_precision_picture([record(), failed(solve_ms=40.0)]))
     assert points(panels[1], COLOURS["Shooting"][0], "x") == [(40.0, panels[1].get_ylim()[1])]
     assert points(panels[2], COLOURS["Shooting"][0], "x") == []
 
 
-def test_every_problem_has_its_row_and_every_method_its_line():
+def test_an_option_that_is_turned_is_a_line_over_the_unknowns_with_its_order():
+    (convergence, *_) = work_precision_picture(along_h([1e-4, 1e-4 / 16, 1e-4 / 256])).axes
+    assert points(convergence, COLOURS["Ritz"][0]) == [(4, 1e-4), (8, 1e-4 / 16), (16, 1e-4 / 256)]
+    assert [t.get_text() for t in convergence.texts] == ["$h^{4.0}$"]
+
+
+def test_values_below_the_closed_form_are_hollow_and_what_never_rises_says_so():
+    naive = along_h([-0.1, -0.09, -0.089], claimed=None)
+    (convergence, *_) = work_precision_picture([record(), *naive]).axes
+    hollow = [line for line in convergence.get_lines() if line.get_markerfacecolor() == "white"]
+    assert [tuple(p) for line in hollow for p in line.get_xydata()] == [(4, 0.1), (8, 0.09), (16, 0.089)]
+    assert [t.get_text() for t in convergence.texts] == ["below the minimum, and not converging to it"]
+
+
+def test_a_curve_ends_at_its_first_point_at_round_off():
+    (convergence, *_) = work_precision_picture(along_h([1e-9, 3e-16, 2e-16])).axes
+    assert points(convergence, COLOURS["Ritz"][0]) == [(4, 1e-9), (8, 3e-16)]
+
+
+def test_the_ladder_is_a_star():
+    panels = times(work_precision_picture([record(), record("ladder", solve_ms=1.5)]))
+    assert points(panels[1], COLOURS["NoneType"][0], "*") == [(1.5, 1e-7)]
+
+
+def test_claims_lie_beside_the_convergence_of_their_problem():
+    (_, claims, *_) = work_precision_picture([record(error=-3e-7, claimed=5e-7, size=10.0)]).axes
+    assert points(claims, COLOURS["Ritz"][0]) == [pytest.approx((3e-8, 5e-8))]
+
+
+def test_every_problem_has_its_panels_and_every_method_its_colour():
     records = [record(m, problem=p) for p in "ab" for m in ("Ritz", "Ritz(degree=4)", "ladder", "a peer")]
     figure = work_precision_picture(records)
-    assert len(figure.axes) == 6
-    assert [figure.axes[i].get_ylabel().split("\n")[0] for i in (0, 3)] == ["a", "b"]
+    assert len(figure.axes) == 10
+    assert [figure.axes[i].get_title(loc="left") for i in (0, 5)] == ["a", "b"]
     (legend,) = figure.legends
-    assert [t.get_text() for t in legend.get_texts()] == ["Ritz", "Ritz(degree=4)", "ladder", "a peer"]
-    assert len({line.get_color() for line in legend.get_lines()}) == 4
+    names = [t.get_text() for t in legend.get_texts()][:4]
+    assert names == ["Ritz", "Ritz(degree=4)", "ladder's choice", "a peer"]
 
 
 def test_what_is_zero_has_a_place_on_a_logarithmic_axis():
-    (first, *_) = work_precision_picture([record(error=0.0, build_ms=0.0)]).axes
+    (first, *_) = times(work_precision_picture([record(error=0.0, build_ms=0.0)]))
     assert points(first, COLOURS["Ritz"][0]) == [(BRIEFEST, FLOOR)]
     assert first.get_xlim()[0] <= BRIEFEST
 
@@ -84,7 +127,7 @@ def test_claims_without_answers_are_refused():
 
 def test_failures_alone_are_drawn():
     panels = work_precision_picture([failed()]).axes
-    assert np.isfinite(panels[0].get_ylim()).all()
+    assert all(np.isfinite(p.get_ylim()).all() for p in panels)
 
 
 def test_only_the_fastest_way_to_an_accuracy_is_joined():

@@ -76,6 +76,12 @@ def test_boundary_layer(prove):
     prove(REFERENCES["regulator/layer"], (lambda x: (x, mp.sinh(k * (1 - x)) / mp.sinh(k)), ZERO, ONE))
 
 
+def test_followed_signal(prove):
+    w, eps = 20 * mp.pi, mp.mpf(REFERENCES["regulator/signal"].problem.parameters["eps"])
+    share = 1 / (1 + eps * w**2)
+    prove(REFERENCES["regulator/signal"], (lambda x: (x, share * mp.sin(w * x)), ZERO, ONE))
+
+
 def test_elastic_support(prove):
     T = mp.mpf(2)
 

@@ -10,12 +10,16 @@ REFERENCES = {r.name.partition("/")[2]: r for r in soap_film.references}
 
 @pytest.mark.parametrize(
     ("case", "a", "neck", "value"),
-    [("", 0.5, 0.848337938094979, 0.953624106702003), ("local", 0.6, 0.745071089852171, None)],
+    [
+        ("", 0.5, 0.848337938094979, 0.953624106702003),
+        ("local", 0.6, 0.745071089852171, None),
+        ("fold", 0.6627, 0.5573, None),
+    ],
 )
 def test_equal_rings(prove, case, a, neck, value):
     c = mp.findroot(lambda c: c * mp.cosh(mp.mpf(a) / c) - 1, neck)
     area = prove(REFERENCES[case], (lambda x: (x, c * mp.cosh(x / c)), -mp.mpf(a), mp.mpf(a)))
-    assert float(c) == pytest.approx(neck, rel=1e-14)
+    assert float(c) == pytest.approx(neck, rel=1e-14 if case != "fold" else 1e-2)
     if value is not None:
         assert float(area) == pytest.approx(value, rel=1e-14)
 

@@ -8,8 +8,10 @@ import casadi as ca
 import pytest
 
 import varcalc as vc
+from varcalc.study.records import Record, measured_order
 from varcalc.study.reference import load
-from varcalc.study.work_precision import TOLERANCES, Record
+from varcalc.study.routes import Knob, Route, mesh_dials
+from varcalc.study.work_precision import TOLERANCES, convergence, naively
 
 
 def arc_length(x, y, dy):
@@ -160,6 +162,50 @@ def test_a_file_of_something_else_is_refused(tmp_path, text, message):
 def test_what_cannot_be_measured_is_refused(arguments, options, error, message):
     with pytest.raises(error, match=message):
         vc.work_precision(*arguments, **options)
+
+
+def along_h(errors, lengths):
+    return [
+        Record("a", "m", h, "solved", value_error=e, claimed_error=abs(e), knob=Knob.ELEMENT)
+        for h, e in zip(lengths, errors, strict=True)
+    ]
+
+
+def test_the_order_is_the_slope_of_the_resolved_part():
+    lengths = [1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125]
+    errors = [
+        0.3,
+        *(h**6 for h in lengths[1:4]),
+        3e-16,
+        1e-16,
+    ]  # far from convergence, then sixth order, then round-off
+    assert measured_order(along_h(errors, lengths)) == pytest.approx(6.0)
+    assert measured_order(along_h(errors[:2], lengths[:2])) is None
+    assert measured_order(along_h([0.1, 0.09, 0.5], lengths[:3])) is None
+
+
+def test_each_dial_of_a_route_is_measured_from_coarse_to_fine():
+    ritz = vc.Ritz()
+    route = Route(ritz, direct=True, dials=mesh_dials(ritz, (1, 2), (2, 4, 8, 16), (2, 4)))
+    records = convergence(film(), route, repeats=1).records
+    by_curve = {name: [r for r in records if r.curve == name] for name in dict.fromkeys(r.curve for r in records)}
+    assert {name: len(rs) for name, rs in by_curve.items()} == {"h, degree 1": 4, "h, degree 2": 4, "p, one element": 2}
+    assert {r.route for r in records} == {"Ritz"}
+    assert by_curve["h, degree 2"][0].method == "Ritz(degree=2, refine=False)"
+    assert [r.turned for r in by_curve["h, degree 2"]] == ["h = 1/2", "h = 1/4", "h = 1/8", "h = 1/16"]
+    assert [r.turned for r in by_curve["p, one element"]] == ["p = 2", "p = 4"]
+    # a stationary value converges twice as fast as its curve
+    assert measured_order(by_curve["h, degree 1"]) == pytest.approx(2, abs=0.1)
+    assert measured_order(by_curve["h, degree 2"]) == pytest.approx(4, abs=0.2)
+    assert all(r.value_error > 0 and r.resolve_ms > 0 for r in records)
+
+
+def test_a_naive_rule_at_a_singular_end_lies_below_the_minimum_with_every_sign_of_success():
+    (reference, *_) = load("brachistochrone")
+    records = naively(reference).records
+    assert all(r.ok and r.claimed_error is None and not r.astray for r in records)
+    assert all(r.value_error < -0.06 for r in records)
+    assert naively(film()).records == ()  # where L is finite at the ends it teaches nothing
 
 
 def test_the_table_names_every_row_and_the_reasons():

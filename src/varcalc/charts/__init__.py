@@ -7,7 +7,8 @@ of matplotlib is changed.
 
 from varcalc.charts.comparison import comparison_picture
 from varcalc.charts.rays import range_picture, rays_picture
-from varcalc.charts.work_precision import claims_picture, cold_picture, work_precision_picture
+from varcalc.charts.spread import work_precision_picture
+from varcalc.charts.work_precision import claims_picture, cold_picture
 
 __all__ = [
     "claims_picture",

@@ -23,43 +23,6 @@ LEAST_TOP = 1e-1
 WIDTH = 10.5
 ROW = 3.4
 HEADING = 1.3
-NARROWEST = 10.0
-"""Least ratio of the ends of an axis of times."""
-
-TIMES: tuple[tuple[str, Callable[[Record], float | None]], ...] = (
-    ("build", lambda r: r.build_ms),
-    ("solve", lambda r: r.solve_ms),
-    ("re-solve, everything built", lambda r: r.resolve_ms),
-)
-"""The columns of the picture: what each is called, and its time in a record."""
-
-
-def work_precision_picture(records: Sequence[Record], *, title: str = "Error against time") -> Figure:
-    """The error of the value against the time it took: a row a problem, a line a method, a point a tolerance.
-
-    The columns are the times to build, to solve, and to solve again with
-    everything built; all axes are logarithmic, errors relative to
-    max(1, abs(value)), dotted where double precision ends. A solve that found no
-    answer is a cross at the upper edge, at the time it took to say so. Raises ValueError when there is nothing to
-    draw, or errors are not known because there was no closed form.
-    """
-    drawn = _drawable(records)
-    problems, colours = list(dict.fromkeys(r.problem for r in drawn)), colours_by_label(_methods(drawn))
-    figure, rows = _figure(problems, len(TIMES), title, colours, crosses=not all(r.ok for r in drawn))
-    top = _top(drawn)
-    for problem, panels in zip(problems, rows, strict=True):
-        of_problem = [r for r in drawn if r.problem == problem]
-        for panel, (name, time) in zip(panels, TIMES, strict=True):
-            for method, colour in colours.items():
-                _draw_line(panel, [r for r in of_problem if r.method == method], time, colour, top)
-            if panels is rows[0]:
-                panel.set_title(name, fontsize=10, color=INK, loc="left")
-            _finish(panel, top)
-        panels[0].set_ylabel(f"{problem}\nrelative error of the value", color=INK)
-        panels[0].set_xlim(*_time_limits(of_problem))
-    for panel in rows[-1]:
-        panel.set_xlabel("milliseconds", color=INK)
-    return figure
 
 
 def cold_picture(records: Sequence[Record], *, title: str = "Error against the time to build and solve") -> Figure:
@@ -69,18 +32,18 @@ def cold_picture(records: Sequence[Record], *, title: str = "Error against the t
     and no better than another is a point beside the line. Raises ValueError as
     :func:`work_precision_picture` does.
     """
-    drawn = _drawable(records)
+    drawn = drawable(records)
     problems, colours = list(dict.fromkeys(r.problem for r in drawn)), colours_by_label(_methods(drawn))
     columns = min(3, len(problems))
     names = [problems[i : i + columns] for i in range(0, len(problems), columns)]
     figure, rows = _figure(["" for _ in names], columns, title, colours, crosses=not all(r.ok for r in drawn))
-    top = _top(drawn)
+    top = top_edge(drawn)
     for row, panels in zip(names, rows, strict=True):
         for panel, problem in zip(panels, row, strict=False):
             of_problem = [r for r in drawn if r.problem == problem]
             for method, colour in colours.items():
                 _draw_line(panel, [r for r in of_problem if r.method == method], _whole, colour, top, fastest=True)
-            _finish(panel, top)
+            finish(panel, top)
             panel.set_title(problem, fontsize=10, color=INK, loc="left")
             panel.tick_params(labelbottom=True)
         for panel in panels[len(row) :]:
@@ -104,14 +67,14 @@ def claims_picture(records: Sequence[Record], *, title: str = "Claimed against d
     the round-off that a comparison allows. Raises ValueError as
     :func:`work_precision_picture` does.
     """
-    drawn = [r for r in _drawable(records) if r.ok]
+    drawn = [r for r in drawable(records) if r.ok]
     if not drawn:
         raise ValueError("no method found an answer, so there is no claim to draw; see the reasons in the records")
     problems, colours = list(dict.fromkeys(r.problem for r in drawn)), colours_by_label(_methods(drawn))
     columns = min(3, len(problems))
     names = [problems[i : i + columns] for i in range(0, len(problems), columns)]
     figure, rows = _figure(["" for _ in names], columns, title, colours, crosses=False)
-    low, high = FLOOR / 2, _top(drawn)
+    low, high = FLOOR / 2, top_edge(drawn)
     for row, panels in zip(names, rows, strict=True):
         for panel, problem in zip(panels, row, strict=False):
             _draw_claims(panel, [r for r in drawn if r.problem == problem], colours, low, high)
@@ -124,14 +87,14 @@ def claims_picture(records: Sequence[Record], *, title: str = "Claimed against d
     return figure
 
 
-def _finish(panel: Axes, top: float) -> None:
+def finish(panel: Axes, top: float) -> None:
     """The axis of errors, and the line where double precision ends."""
     panel.axhline(np.finfo(float).eps, color=INK, linewidth=0.8, linestyle=(0, (2, 3)), zorder=1.5)
     panel.set_yscale("log")
     panel.set_ylim(FLOOR / 2, top)
 
 
-def _drawable(records: Sequence[Record]) -> list[Record]:
+def drawable(records: Sequence[Record]) -> list[Record]:
     """The records that have a place in a picture: methods that apply, errors that are known."""
     drawn = [r for r in records if r.status != "not applicable"]
     if not drawn:
@@ -149,16 +112,18 @@ def _methods(records: Sequence[Record]) -> list[str]:
     return list(dict.fromkeys(r.method for r in records))
 
 
-def _top(records: Sequence[Record]) -> float:
+def top_edge(records: Sequence[Record]) -> float:
     """The upper edge of the errors."""
-    return max(LEAST_TOP, *(10 * max(_delivered(r), _claimed(r)) for r in records if r.ok), 0.0)
+    return max(LEAST_TOP, *(10 * max(delivered_error(r), claimed_error(r)) for r in records if r.ok), 0.0)
 
 
-def _delivered(record: Record) -> float:
+def delivered_error(record: Record) -> float:
+    """The error of the value that a record is drawn at."""
     return max(abs(record.value_error or 0.0) / record.size, FLOOR)
 
 
-def _claimed(record: Record) -> float:
+def claimed_error(record: Record) -> float:
+    """The claim that a record is drawn at."""
     return max((record.claimed_error or 0.0) / record.size, FLOOR)
 
 
@@ -197,8 +162,8 @@ def _draw_line(
     """The points of one method in the order of its tolerances, joined as long as it answers."""
     ordered = sorted((r for r in records if time(r) is not None), key=lambda r: -r.setting)
     at = np.array([max(time(r) or 0.0, BRIEFEST) for r in ordered])
-    errors = np.array([_delivered(r) if r.ok else np.nan for r in ordered])
-    joined = _front(at, errors) if fastest else np.arange(len(at))
+    errors = np.array([delivered_error(r) if r.ok else np.nan for r in ordered])
+    joined = front(at, errors) if fastest else np.arange(len(at))
     panel.plot(at[joined], errors[joined], color=colour, linewidth=1.2, alpha=0.7, zorder=2)
     panel.plot(at, errors, "o", color=colour, markersize=4.5, markeredgecolor="white", markeredgewidth=0.5, zorder=3)
     failed = at[np.isnan(errors)]
@@ -206,18 +171,11 @@ def _draw_line(
     crosses[0].set_in_layout(False)
 
 
-def _front(at: np.ndarray, errors: np.ndarray) -> np.ndarray:
+def front(at: np.ndarray, errors: np.ndarray) -> np.ndarray:
     """The points that no other beats in both time and error, the slowest last."""
     known = [i for i in np.argsort(at, kind="stable") if np.isfinite(errors[i])]
     best = np.minimum.accumulate(errors[known]) if known else np.empty(0)
     return np.array([i for n, i in enumerate(known) if n == 0 or errors[i] < best[n - 1]], dtype=int)
-
-
-def _time_limits(records: Sequence[Record]) -> tuple[float, float]:
-    """Powers of ten around all times of one problem."""
-    times = [max(t, BRIEFEST) for r in records for _, time in TIMES if (t := time(r)) is not None]
-    low, high = 10 ** np.floor(np.log10(min(times))), 10 ** np.ceil(np.log10(max(times)))
-    return float(low), float(max(high, NARROWEST * low))
 
 
 def _draw_claims(panel: Axes, records: Sequence[Record], colours: dict[str, str], low: float, high: float) -> None:
@@ -228,7 +186,7 @@ def _draw_claims(panel: Axes, records: Sequence[Record], colours: dict[str, str]
     panel.plot(edge, edge, color=INK, linewidth=0.8, linestyle=(0, (2, 3)), zorder=1.5)
     for method, colour in colours.items():
         own = sorted((r for r in records if r.method == method), key=lambda r: -r.setting)
-        delivered, claimed = [_delivered(r) for r in own], [_claimed(r) for r in own]
+        delivered, claimed = [delivered_error(r) for r in own], [claimed_error(r) for r in own]
         panel.plot(delivered, claimed, color=colour, linewidth=0.8, alpha=0.4, zorder=2)
         panel.plot(
             delivered, claimed, "o", color=colour, markersize=5, markeredgecolor="white", markeredgewidth=0.5, zorder=3

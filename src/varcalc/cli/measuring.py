@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext, redirect_stdout
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -19,7 +19,6 @@ from varcalc.cli.options import (
     JsonCommand,
     loaded,
     picture_option,
-    routes_for,
     save,
     save_figure,
     store_option,
@@ -29,26 +28,30 @@ from varcalc.cli.options import (
 if TYPE_CHECKING:
     from varcalc.problem.problem import Curve, Problem
     from varcalc.solve.sweep import Sweep
+    from varcalc.study.records import WorkPrecision
     from varcalc.study.reference import Reference
-    from varcalc.study.work_precision import WorkPrecision
 
 STORED = ".json"
 """The suffix of a file of measurements."""
+HARD = ("brachistochrone", "regulator/layer", "soap_film/fold", "regulator/signal")
+"""The problems that are charted when none is named."""
+TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
+"""The tolerances at which a chart is measured when none is given."""
 
 
 @click.command(cls=JsonCommand)
-@click.argument("names", nargs=-1, required=True, metavar="NAME...")
+@click.argument("names", nargs=-1, metavar="[NAME]...")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 @picture_option("-o", "--output", text=PICTURE_TEXT)
 @picture_option("--claims", text="Write a picture of claimed against delivered errors here.")
 @store_option("Write the measurements here (JSON); the file can be given as NAME later.")
 @click.option(
     "--tol", "tolerances", type=click.FloatRange(0, min_open=True), multiple=True,
-    help="A tolerance to measure at; may be given several times.  [default: 1e-2, 1e-3, ... 1e-14]",
+    help="A tolerance to measure at; may be given several times.  [default: 1e-3, 1e-6, 1e-9, 1e-12]",
 )  # fmt: skip
 @click.option(
-    "--repeats", type=click.IntRange(1), default=5, show_default=True,
-    help="Solves of which a time is the median, beside one that is not counted.",
+    "--repeats", type=click.IntRange(1), default=3, show_default=True,
+    help="Solves of which a time is the median; slow ones are fewer.",
 )  # fmt: skip
 def chart(
     names: tuple[str, ...],
@@ -60,6 +63,10 @@ def chart(
     repeats: int,
 ) -> None:
     """Measure speed against accuracy by every method, and draw it.
+
+    Each method is measured at the tolerances, and as its own options turn from coarse to fine: elements, degree,
+    the integrator's tolerance. Without NAME four hard problems are taken: a singular end, a boundary layer, the
+    neighbourhood of a fold, many oscillations.
 
     NAME is a reference problem, one case of it, a Python file of your own (see `varcalc run`), or a .json file that
     --store wrote, which is drawn again and not measured.
@@ -78,31 +85,41 @@ def chart(
         if path is not None:
             save_figure(partial(draw, measured.records), path)
     for record in measured.astray:
-        click.echo(
-            f"{record.problem} by {record.method} at {record.setting:g} is wrong by more than it claims", err=True
-        )
+        click.echo(f"{record.problem} by {record.method} at {record.turned} is wrong by more than it claims", err=True)
     if measured.astray or not any(r.ok for r in measured.records):
         raise SystemExit(DISAGREE)
 
 
 def _gathered(names: Sequence[str], tolerances: Sequence[float], repeats: int) -> WorkPrecision:
     """The measurements in stored files, and new ones of everything else, in the order of the names."""
-    from varcalc.study.work_precision import TOLERANCES, WorkPrecision, about, work_precision
+    from varcalc.study.records import WorkPrecision, about
 
     parts: list[WorkPrecision] = []
-    for name in names:
+    for name in names or HARD:
         if name.endswith(STORED):
             parts.append(_stored(Path(name)))
             continue
         reference = loaded(name)[0]
-        routes = with_progress(routes_for(reference.problem), reference.name)
-        parts += [work_precision([reference], [m], tolerances or TOLERANCES, repeats=repeats) for m in routes]
+        lines = _lines(reference, tolerances or TOLERANCES, repeats)
+        parts += [measure() for measure in with_progress(lines, reference.name)]
     known = [part.about for part in parts if part.about != parts[0].about]
     return WorkPrecision(tuple(r for part in parts for r in part.records), about() if known else parts[0].about)
 
 
+def _lines(reference: Reference, tolerances: Sequence[float], repeats: int) -> list[Callable[[], WorkPrecision]]:
+    """What is measured of a problem, in parts between which progress is shown."""
+    from varcalc.study.routes import methods_for, peers, routes
+    from varcalc.study.work_precision import BRIEFLY, convergence, naively, work_precision
+
+    problem = reference.problem
+    methods = [*methods_for(problem), *(peer.method for peer in peers())]
+    driven = [partial(work_precision, [reference], [m], tolerances, repeats=repeats, seconds=BRIEFLY) for m in methods]
+    turned = [partial(convergence, reference, r, repeats=repeats) for r in routes(problem)]
+    return [*turned, partial(naively, reference), *driven]
+
+
 def _stored(path: Path) -> WorkPrecision:
-    from varcalc.study.work_precision import WorkPrecision
+    from varcalc.study.records import WorkPrecision
 
     try:
         return WorkPrecision.load(path)

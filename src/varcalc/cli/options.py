@@ -13,7 +13,6 @@ import click
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from varcalc.problem.problem import Curve, Problem
     from varcalc.study.reference import Reference
 
 PICTURES = (".png", ".pdf", ".svg")
@@ -89,25 +88,14 @@ def loaded(name_or_file: str) -> tuple[Reference, ...]:
         raise click.UsageError(str(error)) from error
 
 
-def routes_for(problem: Problem | Curve) -> list[Any]:
-    """Every method, and last the ladder, which chooses for itself; Ritz once where it always goes to IPOPT."""
-    from varcalc import Collocation, FirstIntegral, Ipopt, Isoperimetric, Ritz, Shooting, Through
-
-    prescribed = all(
-        isinstance(c, Through) or (isinstance(c, Isoperimetric) and c.equality) for c in problem.constraints
-    )
-    newton = [Ritz()] if prescribed else []
-    return [*newton, Ritz(optimiser=Ipopt()), Collocation(), Shooting(), FirstIntegral(), None]
-
-
-def with_progress(routes: Sequence[Any], name: str) -> Iterable[Any]:
-    """``routes``, with a bar on standard error while they are worked through, if a person is watching."""
+def with_progress(steps: Sequence[Any], name: str) -> Iterable[Any]:
+    """``steps``, with a bar on standard error while they are worked through, if somebody is watching."""
     if not sys.stderr.isatty():
-        return routes
+        return steps
     from rich.console import Console
     from rich.progress import track
 
-    return track(routes, description=name, console=Console(stderr=True), transient=True)
+    return track(steps, description=name, console=Console(stderr=True), transient=True)
 
 
 def save_figure(draw: Callable[[], Figure], path: Path) -> None:

@@ -18,7 +18,6 @@ from varcalc.cli.options import (
     JsonCommand,
     loaded,
     picture_option,
-    routes_for,
     save_figure,
     with_progress,
 )
@@ -74,11 +73,12 @@ def run(name_or_file: str, as_json: bool, output: Path | None, tol: float) -> No
     to solve: a wrong option, or a file that does not work.
     """
     from varcalc.study.compare import compare
+    from varcalc.study.routes import methods_for
 
     # what a person's own file prints must not end up in the JSON document
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
         reference = loaded(name_or_file)[0]
-        routes = with_progress(routes_for(reference.problem), reference.name)
+        routes = with_progress(methods_for(reference.problem), reference.name)
         comparison = compare(reference.problem, routes, reference.exact, tol=tol, inapplicable=reference.inapplicable)
     if as_json:
         click.echo(json.dumps(_document(reference, comparison), indent=2, allow_nan=False))

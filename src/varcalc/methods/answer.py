@@ -14,7 +14,7 @@ from varcalc.methods.moved_ends import by_moved_ends
 from varcalc.numerics.mesh import gauss
 from varcalc.problem.conditions import Isoperimetric, OnCurve
 from varcalc.problem.problem import Problem
-from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, no_answer
+from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, defined, no_answer
 from varcalc.symbolic.derived import derived
 
 TURNED = 30.0
@@ -339,7 +339,7 @@ def answer(
             "state the problem as a Curve",
             Verdict.NOT_ATTAINED, stats,
         )  # fmt: skip
-    return Solution(
+    found = Solution(
         problem=problem,
         method=method,
         status=status,
@@ -354,3 +354,5 @@ def answer(
         message=message,
         extremal=extremal,
     )
+    known = extremal.coefficients
+    return defined(found, extremal.evaluate(nodes, 0) if known is None else known)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.methods.collocation.error import Level, fine_value
+from varcalc.methods.collocation.error import Root, end_cost
 from varcalc.methods.collocation.system import CollocationSystem, collocation_space
 from varcalc.numerics.mesh import Space
 
@@ -39,7 +39,7 @@ ROUNDING = 4 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
-class Family:
+class ParameterFamily:
     """A form in dependence of its parameter ``name``, measured in ``unit``."""
 
     form: Form
@@ -77,7 +77,7 @@ class Fold:
 class Follower:
     """Steps along a branch of a family; ``sizes`` (n,) are the least units of its functions."""
 
-    def __init__(self, family: Family, sizes: np.ndarray) -> None:
+    def __init__(self, family: ParameterFamily, sizes: np.ndarray) -> None:
         self.family, self.sizes = family, sizes
         self._values: tuple[Space, np.ndarray] | None = None
 
@@ -187,8 +187,10 @@ class Follower:
         here = self._fold(point, length)
         while here is not None:
             form = self.family.form_at(here.parameter)
-            curve = CollocationSystem(form, here.space).unpack(here.z)
-            value = form.sign * fine_value(here.space, curve, form, 2 * here.space.degree + 4)
+            system = CollocationSystem(form, here.space)
+            curve = system.unpack(here.z)
+            rule = 2 * here.space.degree + 4
+            value = form.sign * (system.fine_value(curve, rule) + end_cost(form, here.space, curve))
             error = math.inf if best is None else abs(here.parameter - best.parameter)
             if best is not None and error >= best.error:
                 break
@@ -199,10 +201,10 @@ class Follower:
             here = self._fold(self.moved(here, richer), BESIDE)
         return None if best is None else replace(best, error=best.error + ROUNDING * abs(best.parameter))
 
-    def level(self, point: Point) -> Level:
+    def level(self, point: Point) -> Root:
         """A point as a root of the conditions for its parameter."""
         system = self.family.system(point.space, point.parameter)
-        return Level(system, point.z, system.evaluate(point.z))
+        return Root(system, point.z, system.evaluate(point.z))
 
 
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -10,12 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.methods.collocation.answer import answered
-from varcalc.methods.collocation.error import Level, assess
+from varcalc.methods.collocation.error import Root
 from varcalc.methods.collocation.method import Collocation, first_unknowns, first_vertices
-from varcalc.methods.collocation.newton import Scales, stationary
+from varcalc.methods.collocation.newton import Sizes
 from varcalc.methods.collocation.refinement import Refinement
-from varcalc.methods.collocation.starting_curves import Start, function_sizes, starting_curves
+from varcalc.methods.collocation.starting_curves import StartingCurve, function_sizes, starting_curves
 from varcalc.methods.collocation.system import CollocationSystem, collocation_space
 from varcalc.numerics.mesh import Space
 from varcalc.search.deflation import deflated_newton, is_singular
@@ -37,9 +36,9 @@ MOST_ROOTS = 16
 """Roots sought on one mesh."""
 
 
-def scales_of(form: Form) -> Scales:
+def scales_of(form: Form) -> Sizes:
     """The sizes in which corrections of a form's curves are measured."""
-    return Scales(function_sizes(form), np.abs(form.unknown_guess))
+    return Sizes(function_sizes(form), np.abs(form.unknown_guess))
 
 
 def finer(tol: float) -> float:
@@ -55,21 +54,19 @@ def as_asked(solution: Solution, tol: float) -> Solution:
     return solution
 
 
-def refined(form: Form, level: Level, tol: float) -> tuple[Solution, Space] | None:
+def refined(level: Root, tol: float) -> tuple[Solution, Space] | None:
     """The Solution that a root stands for and the mesh it took; None when no extremal is near the root."""
     started = time.perf_counter()
-    refinement = Refinement(scales_of(form), adaptive=True)
+    refinement = Refinement(scales_of(level.system.form), adaptive=True)
     improved = refinement.improve(level, finer(tol)) if persists(level) else None
     if improved is None:
         return None
     final, seconds = improved.level.system, time.perf_counter() - started
     stats = Stats(0.0, seconds, refinement.iterations, final.size, final.space.elements, final.space.degree)
-    message = improved.status.value if improved.status is Status.ROUND_OFF else ""
-    solution = answered(form, Collocation(), improved.level, improved.assessment, improved.status, message, stats)
-    return as_asked(solution, tol), final.space
+    return as_asked(improved.solution(Collocation(), stats), tol), final.space
 
 
-def persists(level: Level) -> bool:
+def persists(level: Root) -> bool:
     """True when a root has a counterpart in richer spaces that there is evidence of an extremal near.
 
     A coarse mesh has roots that are accidents of its own, and refining one for a long time costs far more than
@@ -77,27 +74,23 @@ def persists(level: Level) -> bool:
     """
     if is_singular(level.system, level.z):
         return True  # along the direction left open a correction may be anything
-    before = math.inf
-    for _ in range(CLIMBS):
-        assessment = assess(level, scales_of(level.system.form))
-        if assessment is None or assessment.trusted:
-            return assessment is not None
-        if assessment.correction > FALLING * before:
+    before, climbed = math.inf, 0
+    refinement = Refinement(scales_of(level.system.form), adaptive=True)
+    for _, assessment in refinement.levels(level, lambda *_: True, CLIMBS, level.system.size):
+        if assessment.trusted:
+            return True
+        if assessment.correction.length > FALLING * before:
             return False
-        before = assessment.correction
-        outcome = stationary(assessment.system, assessment.z, scales_of(level.system.form))
-        if not outcome.converged:
-            return False
-        level = Level(assessment.system, outcome.z, outcome.residual)
-    return True
+        before, climbed = assessment.correction.length, climbed + 1
+    return climbed == CLIMBS
 
 
-def starts(form: Form) -> Iterator[Start]:
+def starts(form: Form) -> Iterator[StartingCurve]:
     """Starting curves, each with its gentle version as another."""
     for start in starting_curves(form):
         yield start
         if start.gentle is not None:
-            yield Start(start.gentle)
+            yield StartingCurve(start.gentle)
 
 
 def deflated(form: Form, tol: float) -> list[Solution]:
@@ -111,7 +104,7 @@ def deflated(form: Form, tol: float) -> list[Solution]:
         at_least = max(degree, form.least_degree)
         system = CollocationSystem(form, collocation_space(form, first_vertices(form, elements), at_least))
         for z in roots(system, scales_of(form)):
-            found_again = refined(form, Level(system, z, system.evaluate(z)), tol)
+            found_again = refined(Root(system, z, system.evaluate(z)), tol)
             if found_again is None or not found_again[0].status.ok:
                 continue
             solution = found_again[0]
@@ -131,7 +124,7 @@ def degenerate(solution: Solution) -> Solution:
     return replace(solution, verdict=Verdict.DEGENERATE, error=error)
 
 
-def roots(system: CollocationSystem, scales: Scales) -> list[np.ndarray]:
+def roots(system: CollocationSystem, scales: Sizes) -> list[np.ndarray]:
     """Roots of one system from every starting curve, the known ones deflated until nothing new comes."""
     known: list[np.ndarray] = []
     for start in starts(system.form):

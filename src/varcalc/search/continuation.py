@@ -9,7 +9,7 @@ import numpy as np
 
 from varcalc.formulation import formulate
 from varcalc.methods.arguments import check_arguments
-from varcalc.methods.collocation.error import Level
+from varcalc.methods.collocation.error import Root
 from varcalc.methods.collocation.method import Collocation, first_unknowns, first_vertices
 from varcalc.methods.collocation.newton import stationary
 from varcalc.methods.collocation.refinement import Refinement
@@ -17,7 +17,7 @@ from varcalc.methods.collocation.starting_curves import function_sizes, resolvin
 from varcalc.methods.collocation.system import CollocationSystem, collocation_space
 from varcalc.numerics.mesh import Space
 from varcalc.problem.conditions import finite
-from varcalc.search.arclength import Family, Fold, Follower, Point
+from varcalc.search.arclength import Fold, Follower, ParameterFamily, Point
 from varcalc.search.collected import finer, refined, scales_of
 from varcalc.solution import Solution
 
@@ -101,11 +101,11 @@ def continue_branch(solution: Solution, name: str, *, until: float, tol: float =
         raise ValueError(f"until must differ from the value that {name} has, {until}")
     with np.errstate(all="ignore"):  # trial curves leave the Lagrangian's domain; what is no number is rejected
         level = _first(solution, tol)
-        family = Family(level.system.form, name, abs(until - problem.parameters[name]))
+        family = ParameterFamily(level.system.form, name, abs(until - problem.parameters[name]))
         return _Walk(family, until, tol).run(level)
 
 
-def _first(solution: Solution, tol: float) -> Level:
+def _first(solution: Solution, tol: float) -> Root:
     """The solution found again by collocation."""
     curve = solution.curve
     if curve is None:
@@ -132,13 +132,13 @@ def _first(solution: Solution, tol: float) -> Level:
 class _Walk:
     """One branch as far as it has been followed."""
 
-    family: Family
+    family: ParameterFamily
     until: float
     tol: float
     solutions: list[Solution] = field(default_factory=list)
     folds: list[Fold] = field(default_factory=list)
 
-    def run(self, level: Level) -> Branch:
+    def run(self, level: Root) -> Branch:
         self.follower = Follower(self.family, function_sizes(self.family.form))
         self.start = self.family.form.problem.parameters[self.family.name]
         point = self._departure(level)
@@ -150,7 +150,7 @@ class _Walk:
             np.array(errors), np.array(values), ended,
         )  # fmt: skip
 
-    def _departure(self, level: Level) -> Point:
+    def _departure(self, level: Root) -> Point:
         """The first point, with the tangent that takes the parameter towards ``until``."""
         sign = math.copysign(1.0, self.until - self.start)
         return self.follower.departure(level.system.space, level.z, self.start, sign)
@@ -197,7 +197,7 @@ class _Walk:
         system = self.family.system(point.space, edge)
         outcome = stationary(system, z, scales_of(system.form))
         if outcome.converged:
-            self._solution(Level(system, outcome.z, outcome.residual))
+            self._solution(Root(system, outcome.z, outcome.residual))
 
     def _keep(self, point: Point) -> Point:
         """Note the extremal at a point, unless it is too near a fold; the point on a mesh that resolves it."""
@@ -206,9 +206,9 @@ class _Walk:
         space = self._solution(self.follower.level(point))
         return point if space is None or space is point.space else self.follower.moved(point, space)
 
-    def _solution(self, level: Level) -> Space | None:
+    def _solution(self, level: Root) -> Space | None:
         """Refine a level and keep it; the mesh it took, None when it could not be refined."""
-        found = refined(level.system.form, level, self.tol)
+        found = refined(level, self.tol)
         if found is None or not found[0].status.ok:
             return None
         self.solutions.append(found[0])

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from varcalc.methods.collocation.newton import SPARSE_FROM, Scales, factorised, measure, stationary
+from varcalc.methods.collocation.newton import SPARSE_FROM, Sizes, factorised, measure, stationary
 from varcalc.methods.collocation.system import CollocationSystem
 
 ITERATIONS = 50
@@ -30,7 +30,7 @@ SAME = 1e-6
 
 
 def deflated_newton(
-    system: CollocationSystem, z: np.ndarray, known: Sequence[np.ndarray], scales: Scales
+    system: CollocationSystem, z: np.ndarray, known: Sequence[np.ndarray], scales: Sizes
 ) -> np.ndarray | None:
     """A root of ``system`` other than the ``known`` ones, from ``z``; None when none is reached."""
     for _ in range(ITERATIONS):
@@ -65,9 +65,7 @@ def _factor(z: np.ndarray, step: np.ndarray, known: Sequence[np.ndarray], weight
     return 1.0 / (1.0 - slope) if slope != 1.0 else 1.0
 
 
-def _settled(
-    system: CollocationSystem, z: np.ndarray, known: Sequence[np.ndarray], scales: Scales
-) -> np.ndarray | None:
+def _settled(system: CollocationSystem, z: np.ndarray, known: Sequence[np.ndarray], scales: Sizes) -> np.ndarray | None:
     """The root that the ordinary iteration ends at, unless it is a known one."""
     outcome = stationary(system, z, scales)
     if not outcome.converged or is_known(outcome.z, known, scales.weights(system)):

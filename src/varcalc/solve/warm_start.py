@@ -81,9 +81,9 @@ def _family(method: Any) -> Family | None:
 
     if method != Collocation():
         return None
-    from varcalc.methods.collocation import family
+    from varcalc.methods.collocation import batched
 
-    return family
+    return batched
 
 
 class Neighbours:

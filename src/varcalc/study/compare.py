@@ -14,6 +14,7 @@ from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution, Status, VariationalError
 from varcalc.solve.ladder import solve
 from varcalc.study.reference import Exact, as_exact
+from varcalc.study.routes import methods_for
 from varcalc.symbolic.derived import Cache
 from varcalc.tables import monospaced
 
@@ -143,7 +144,7 @@ class Comparison:
 
 def compare(
     problem: Problem | Curve,
-    methods: Iterable[Any],
+    methods: Iterable[Any] | None = None,
     exact: Exact | float | None = None,
     *,
     tol: float = 1e-10,
@@ -151,8 +152,9 @@ def compare(
 ) -> Comparison:
     """Solve ``problem`` by each of ``methods`` and hold the answers against each other.
 
-    ``methods`` are method objects; None stands for the ladder, which chooses
-    for itself. They are taken one at a time, so a generator may report
+    ``methods`` are method objects; None among them stands for the ladder, which
+    chooses for itself. By default they are all that are offered for the
+    problem (:func:`varcalc.study.routes.methods_for`). They are taken one at a time, so a generator may report
     progress. ``exact`` is the closed form, a number or an :class:`Exact`.
     ``inapplicable`` maps method classes to the reason why they do not apply;
     such a method is not tried and its row holds the reason. A method that
@@ -163,6 +165,8 @@ def compare(
     """
     if not isinstance(problem, Problem | Curve):
         raise TypeError(f"problem must be a Problem or a Curve, not {problem!r}")
+    if methods is None:
+        methods = methods_for(problem)
     if not isinstance(methods, Iterable):
         raise TypeError(f"methods must be a sequence, not {methods!r}; write methods=[...]")
     closed_form = as_exact(exact)

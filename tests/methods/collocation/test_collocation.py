@@ -25,6 +25,7 @@ from varcalc.problem.conditions import (
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Status
+from varcalc.symbolic.derived import Cache
 
 FOLD = 0.662743419349182
 """Half the widest distance of two rings that a soap film spans: t / cosh t with t tanh t = 1."""
@@ -419,7 +420,7 @@ def test_regularised_brachistochrone(tol):
     square = (dx**2 + 4 * w**2 * dw**2) / (2 * g * w**2)
     form = replace(
         formulate(problem), stated=Stated(symbols, square, ca.sqrt(square), (x, w**2, dx, 2 * w * dw)),
-        span=(0.0, 1.0), fixed_start=np.zeros((1, 2)), fixed_end=np.ones((1, 2)), numbers=None, built={},
+        span=(0.0, 1.0), fixed_start=np.zeros((1, 2)), fixed_end=np.ones((1, 2)), numbers=None, cache=Cache(),
         baseline=lambda s: np.vstack([s**3, s]), bumps=np.eye(2), energetic=True, singular=(True, False),
     )  # fmt: skip
     angle = root(lambda t: (t - math.sin(t)) / (1 - math.cos(t)) - 1, 1.0, 6.0)
@@ -590,3 +591,12 @@ def test_at_resonance_nothing_is_called_an_extremal():
             Fixed(n * math.pi / w, end),
         )
         assert not Collocation().solve(formulate(problem), tol=1e-6, guess=None).status.ok
+
+
+def test_no_answer_along_a_line_where_the_functional_is_infinite():
+    """Between points of the rim of the half-sphere the shortest curve is the rim, where its chart breaks down."""
+    rim = Curve(lambda q, dq: ca.norm_2(dq) / ca.sqrt(1 - ca.sumsqr(q)), At((1, 0)), At((0, 1)))
+    found = Collocation(elements=1, degree=16, refine=False).solve(formulate(rim), tol=1e-8, guess=None)
+    assert not found.status.ok
+    found = Collocation(degree=20).solve(formulate(rim), tol=1e-8, guess=lambda s: np.array([1 - s, s]))
+    assert not found.status.ok or math.isfinite(found.value + found.error.value)

@@ -20,8 +20,7 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.methods.answer import end_cost_function
-from varcalc.methods.collocation.newton import Scales, factorised, measure
-from varcalc.methods.collocation.stationarity import stationarity
+from varcalc.methods.collocation.newton import Sizes, Solve, factorised, measure
 from varcalc.methods.collocation.system import CollocationSystem, Residual, State, collocation_space
 from varcalc.numerics.mesh import Space
 
@@ -39,9 +38,12 @@ EPSILON = float(np.finfo(float).eps)
 ROUNDING = 4.0
 """Round-off of a sum, in units of its absolute terms and of the machine's precision."""
 
+Length = Callable[[np.ndarray], Any]
+"""The length of a correction relative to the unknowns."""
+
 
 @dataclass(frozen=True)
-class Level:
+class Root:
     """A root of the collocated conditions: the system, the unknowns, the residual there."""
 
     system: CollocationSystem
@@ -52,6 +54,32 @@ class Level:
     def state(self) -> State:
         """The curve with its numbers and multipliers."""
         return self.system.unpack(self.z)
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Newton's step in a richer space, the simplified one after it, the residual between, and how long the two are.
+
+    Lengths are relative. At K places everything has K along its first axis.
+    """
+
+    step: np.ndarray
+    after: Residual
+    simplified: np.ndarray
+    length: Any
+    following: Any
+
+    @classmethod
+    def of(cls, z: np.ndarray, step: np.ndarray, system: CollocationSystem, solve: Solve, length: Length) -> Correction:
+        """The correction of ``z`` by ``step``; ``solve`` is the inverse of the Jacobian at ``z``."""
+        after = system.evaluate(z + step)
+        simplified = -solve(after.rows)
+        return cls(step, after, simplified, length(step), length(simplified))
+
+    @property
+    def trusted(self) -> Any:
+        """True when there is evidence of an extremal near the curve."""
+        return (self.length <= NEGLIGIBLE) | (self.following <= CONTRACTION * self.length)
 
 
 @dataclass(frozen=True)
@@ -67,17 +95,21 @@ class Assessment:
     value_error: float
     value_floor: float
     curve_error: float
-    correction: float
-    contraction: float
+    correction: Correction
     shares: Callable[[], np.ndarray]
     system: CollocationSystem
     z: np.ndarray
-    settled: bool
 
     @property
     def trusted(self) -> bool:
         """True when there is evidence of an extremal near the curve."""
-        return self.correction <= NEGLIGIBLE or self.contraction <= CONTRACTION
+        return self.correction.trusted
+
+    @property
+    def settled(self) -> bool:
+        """True when the corrected curve is a root of the richer space already."""
+        following = self.correction.following
+        return following * following <= SETTLED * self.correction.length
 
     @property
     def indicators(self) -> np.ndarray:
@@ -90,8 +122,8 @@ def richer_degree(degree: int) -> int:
     return math.ceil(1.5 * degree) + 1
 
 
-def assess(level: Level, scales: Scales) -> Assessment | None:
-    """The errors of a level; None when the richer conditions are not numbers near it."""
+def assess(level: Root, scales: Sizes) -> Assessment | None:
+    """The errors of a root; None when its functional, or the richer conditions near it, are not numbers."""
     base = level.system
     form, degree = base.form, base.space.degree
     following = richer_degree(degree) if base.space.elements <= 2 else degree + 4
@@ -106,31 +138,31 @@ def assess(level: Level, scales: Scales) -> Assessment | None:
     solve = solve or factorised(system, before, weights)
     if solve is None or step is None:
         return None
-    after = system.evaluate(z + step)
-    correction = measure(weights, step)
-    if not (after.finite and math.isfinite(correction)):
+    correction = Correction.of(z, step, system, solve, lambda change: measure(weights, change))
+    if not (correction.after.finite and math.isfinite(correction.length)):
         return None
-    simplified = -solve(after.rows)
-    value = fine_value(base.space, level.state, form, 2 * degree + 4)
     old, new = system.unpack(z), system.unpack(z + step)
+    cost = end_cost(form, system.space, old)
+    value = base.fine_value(level.state, 2 * degree + 4) + end_cost(form, base.space, level.state)
     floor = rounding(system, before, new.levels * (0.5 / abs(value) if form.energetic and value else 1.0))
-    cost, coarse = end_cost(form, system.space, old), before.value
-    change = after.value - coarse + end_cost(form, system.space, new) - cost
-    unresolved = value - coarse - cost
-    smaller = measure(weights, simplified)
-    contraction = smaller / max(correction, 1e-300)
+    if not math.isfinite(value):
+        return None
+    fine = correction.after.value + end_cost(form, system.space, new)
     return Assessment(
         value=value,
-        value_error=SAFETY * (abs(change) + abs(unresolved)) + floor,
+        value_error=value_error(value, before.value + cost, fine, floor),
         value_floor=floor,
-        curve_error=curve_distance(system, old, new),
+        curve_error=float(curve_distance(system, old, new)),
         correction=correction,
-        contraction=contraction,
         shares=lambda: _indicators(system, before, z, step),
         system=system,
-        z=z + step + simplified,
-        settled=contraction * smaller <= SETTLED,
-    )  # fmt: skip
+        z=z + step + correction.simplified,
+    )
+
+
+def value_error(value: Any, coarse: Any, fine: Any, floor: Any) -> Any:
+    """The error of a ``value``: what correcting the curve changes by the coarse rule, and what that rule misses."""
+    return SAFETY * (abs(fine - coarse) + abs(value - coarse)) + floor
 
 
 def _shifting(system: CollocationSystem, before: Residual, weights: np.ndarray) -> np.ndarray | None:
@@ -148,7 +180,7 @@ def _shifting(system: CollocationSystem, before: Residual, weights: np.ndarray) 
     return step if left <= UNMET * np.abs(before.rows / unit).max() else None
 
 
-def rounding(system: CollocationSystem, at: Residual, multipliers: np.ndarray) -> float:
+def rounding(system: CollocationSystem, at: Residual, multipliers: np.ndarray) -> Any:
     """Round-off of the value: of its own sum, and of each prescribed integral, a miss of which costs its multiplier."""
     if system.plain:
         return ROUNDING * EPSILON * at.size
@@ -156,16 +188,6 @@ def rounding(system: CollocationSystem, at: Residual, multipliers: np.ndarray) -
     terms = np.abs(at.interior[:, first : first + system.counts.levels])
     sums = system.weights.ravel() @ terms + np.abs(system.levels)
     return ROUNDING * EPSILON * (at.size + float(np.abs(multipliers) @ sums))
-
-
-def fine_value(space: Space, state: State, form: Form, count: int) -> float:
-    """The functional on a curve with ``count`` Gauss points an element, end cost included."""
-    conditions = stationarity(form)
-    s, weights = space.quadrature(count)
-    tower = space.at_quadrature(state.coefficients, count, 2 * form.order)
-    numbers = (form.problem.parameter_values, state.unknowns, state.levels)
-    values = conditions.at(s.reshape(-1, 1), np.array(tower), numbers)[:, 0]
-    return float(weights.ravel() @ values) + end_cost(form, space, state)
 
 
 def end_cost(form: Form, space: Space, state: State) -> float:
@@ -177,10 +199,10 @@ def end_cost(form: Form, space: Space, state: State) -> float:
     return float(end_cost_function(form)(first, last, form.problem.parameter_values, state.unknowns))
 
 
-def curve_distance(system: CollocationSystem, old: State, new: State) -> float:
-    """The largest distance of ordinates at the same abscissa of the person's, to first order."""
+def curve_distance(system: CollocationSystem, old: State, new: State) -> Any:
+    """The largest distance of ordinates at the same abscissa of the user's, to first order; (K,) at K places."""
     count = system.points + 3
-    (y0, d0), (y1, d1) = (system.space.at_quadrature(state.coefficients, count, 1) for state in (old, new))
+    (y0, d0), (y1, d1) = (system.sampled(state.coefficients, count, 1) for state in (old, new))
     change = y1 - y0
     form = system.form
     if form.lift is not None:
@@ -194,7 +216,8 @@ def curve_distance(system: CollocationSystem, old: State, new: State) -> float:
         with np.errstate(divide="ignore", invalid="ignore"):
             change = q1 - q0 - dq / dx * (x1 - x0)
         change = change[np.isfinite(change)]
-    return float(np.abs(change).max(initial=0.0)) + ROUNDING * EPSILON * float(np.abs(y0).max(initial=0.0))
+    axes = None if system.places is None else (1, 2)
+    return np.abs(change).max(axes, initial=0.0) + ROUNDING * EPSILON * np.abs(y0).max(axes, initial=0.0)
 
 
 def _indicators(system: CollocationSystem, residual: Residual, z: np.ndarray, step: np.ndarray) -> np.ndarray:

@@ -17,12 +17,16 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.collocation.answer import answered
-from varcalc.methods.collocation.error import Level
+from varcalc.methods.collocation.error import Root
 from varcalc.methods.collocation.layers import LAYERED_DEGREE, layered_vertices
-from varcalc.methods.collocation.newton import Scales, index, start_multipliers
+from varcalc.methods.collocation.newton import Sizes, index, start_multipliers
 from varcalc.methods.collocation.refinement import Improved, Refinement
-from varcalc.methods.collocation.starting_curves import Start, function_sizes, resolving_vertices, starting_curves
+from varcalc.methods.collocation.starting_curves import (
+    StartingCurve,
+    function_sizes,
+    resolving_vertices,
+    starting_curves,
+)
 from varcalc.methods.collocation.system import CollocationSystem, Residual, collocation_space
 from varcalc.problem.conditions import truth, whole
 from varcalc.problem.functional import Functional
@@ -71,8 +75,8 @@ class Collocation:
         reason = self.inapplicable(form)
         if reason:
             return no_answer(problem, self, Status.REFUSED, reason)
-        scales = Scales(function_sizes(form), np.abs(form.unknown_guess))
-        search = _Search(self, problem, form, tol, started, Refinement(scales, self.refine))
+        scales = Sizes(function_sizes(form), np.abs(form.unknown_guess))
+        search = _RootSearch(self, problem, form, tol, started, Refinement(scales, self.refine))
         with np.errstate(all="ignore"):  # trial curves leave the Lagrangian's domain; what is no number is rejected
             return search.run(guess)
 
@@ -90,7 +94,7 @@ class Collocation:
 
 
 @dataclass
-class _Search:
+class _RootSearch:
     """One solve: from starting curves to roots, and from roots to an answer."""
 
     method: Collocation
@@ -123,7 +127,7 @@ class _Search:
 
     # roots
 
-    def attempts(self, guess: Sampled | None) -> Iterator[list[Level]]:
+    def attempts(self, guess: Sampled | None) -> Iterator[list[Root]]:
         """Lists of roots, each the lowest value first, the cheapest attempts before the others."""
         for vertices, degree in self.meshes():
             system = CollocationSystem(self.form, collocation_space(self.form, vertices, degree))
@@ -150,7 +154,7 @@ class _Search:
             return None
         return CollocationSystem(self.form, collocation_space(self.form, vertices, LAYERED_DEGREE))
 
-    def from_guess(self, system: CollocationSystem, guess: Sampled) -> list[Level]:
+    def from_guess(self, system: CollocationSystem, guess: Sampled) -> list[Root]:
         """The root that a given curve leads to, on a mesh that resolves it."""
         if self.method.refine:
             space = system.space
@@ -158,9 +162,9 @@ class _Search:
             system = CollocationSystem(self.form, collocation_space(self.form, vertices, space.degree))
         return self.root_of(system, guess)
 
-    def root_of(self, system: CollocationSystem, guess: Sampled) -> list[Level]:
+    def root_of(self, system: CollocationSystem, guess: Sampled) -> list[Root]:
         """The root that a given curve leads to, on the mesh of a system."""
-        level = self.root(system, Start(guess))
+        level = self.root(system, StartingCurve(guess))
         return [] if level is None else [level]
 
     def meshes(self) -> Iterator[tuple[np.ndarray, int]]:
@@ -178,7 +182,7 @@ class _Search:
             if elements > method.elements:
                 yield first_vertices(self.form, elements), degrees[0]
 
-    def roots(self, system: CollocationSystem) -> list[Level]:
+    def roots(self, system: CollocationSystem) -> list[Root]:
         """Roots on one mesh.
 
         The first one does when it is a minimum as far as a coarse mesh can
@@ -198,7 +202,7 @@ class _Search:
         """True for a closed curve that may be shifted along itself, whose index a coarse mesh does not tell."""
         return self.form.periodic and not ca.depends_on(self.form.integrand, self.form.symbols.x)
 
-    def root(self, system: CollocationSystem, start: Start) -> Level | None:
+    def root(self, system: CollocationSystem, start: StartingCurve) -> Root | None:
         """The root that one starting curve leads to, along with its prescribed integrals if need be."""
         known = self.baseline
         if known is not None and known[0] is system and start.curve is self.form.baseline:
@@ -214,7 +218,7 @@ class _Search:
         path = levels_path(self.form, base)
         return self.refinement.continued(self.refinement.newton(CollocationSystem(path(0.0), system.space), z), path)
 
-    def from_nearer_ends(self) -> list[Level]:
+    def from_nearer_ends(self) -> list[Root]:
         """The root reached by moving the ends apart from near their mean, where the extremal is all but straight."""
         form = self.form
         if form.periodic or form.waypoints or any(form.singular) or form.ends is not None:
@@ -233,14 +237,14 @@ class _Search:
 
     def report(self, improved: Improved) -> Solution:
         level, assessment, status = improved.level, improved.assessment, improved.status
-        message = status.value if status is Status.ROUND_OFF else ""
+        message = ""
         if status is Status.SOLVED and assessment.value_error > self.tol * max(1.0, abs(assessment.value)):
             message = f"the mesh given was kept; its error exceeds the tolerance {self.tol:g}"
         stats = Stats(
             self.built, time.perf_counter() - self.started - self.built, self.refinement.iterations, level.system.size,
             level.system.space.elements, level.system.space.degree,
         )  # fmt: skip
-        return answered(self.form, self.method, level, assessment, status, message, stats)
+        return improved.solution(self.method, stats, message)
 
 
 def first_unknowns(system: CollocationSystem, curve: Sampled) -> np.ndarray:

@@ -23,7 +23,7 @@ Solve = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass
-class Scales:
+class Sizes:
     """The sizes in which corrections are measured: one for each unknown function and number.
 
     In one iteration they only ever grow, so that a curve on its way to zero keeps its unit.
@@ -64,7 +64,7 @@ class Scales:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Iterated:
     """Where an iteration ended; ``reason`` is empty when it converged."""
 
     z: np.ndarray
@@ -201,7 +201,7 @@ class _Conditions:
     Lagrangian's domain.
     """
 
-    def __init__(self, system: CollocationSystem, scales: Scales, first: Residual) -> None:
+    def __init__(self, system: CollocationSystem, scales: Sizes, first: Residual) -> None:
         # a copy: an iteration that runs away must not blow up the unit of those that follow
         self.system, self.scales = system, replace(scales)
         self._measure: Callable[[np.ndarray], float] | None = None
@@ -240,14 +240,14 @@ REASONS = {
 }
 
 
-def stationary(system: CollocationSystem, z: np.ndarray, scales: Scales, residual: Residual | None = None) -> Outcome:
+def stationary(system: CollocationSystem, z: np.ndarray, scales: Sizes, residual: Residual | None = None) -> Iterated:
     """Iterate from ``z``, where the residual may be known, to a root of the system."""
     residual = system.evaluate(z) if residual is None else residual
     if not residual.finite:
-        return Outcome(z, residual, 0, "the Euler-Lagrange equation is not a number on the starting curve")
+        return Iterated(z, residual, 0, "the Euler-Lagrange equation is not a number on the starting curve")
     with np.errstate(all="ignore"):  # trial curves may lie far off; what is no number is rejected
         result = damped_newton(_Conditions(system, scales, residual), z, residual, ITERATIONS)
-    return Outcome(result.z, result.at, result.iterations, REASONS[result.ending])
+    return Iterated(result.z, result.at, result.iterations, REASONS[result.ending])
 
 
 def index(system: CollocationSystem, z: np.ndarray, residual: Residual) -> int:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.methods.collocation.error import Assessment, Level, assess
-from varcalc.methods.collocation.newton import Scales, stationary
+from varcalc.methods.answer import answer
+from varcalc.methods.collocation.error import Assessment, Root, assess
+from varcalc.methods.collocation.newton import Sizes, stationary
 from varcalc.methods.collocation.system import CollocationSystem, Residual, collocation_space
-from varcalc.solution import Status
+from varcalc.solution import ErrorEstimate, Solution, Stats, Status
 
 HIGHEST_DEGREE = {1: 40, 2: 30}
 """Degree beyond which elements are bisected instead, by the order of the functional."""
@@ -42,9 +45,25 @@ History = list[tuple[int, float]]
 class Improved:
     """A root as far as it was refined, its errors, and whether they meet the tolerance."""
 
-    level: Level
+    level: Root
     assessment: Assessment
     status: Status
+
+    def solution(self, method: Any, stats: Stats, message: str = "") -> Solution:
+        """The answer of ``method``, in the user's coordinates and with the user's sign."""
+        system, a = self.level.system, self.assessment
+        form, space = system.form, system.space
+        # multipliers of an energy J^2 become those of J by the chain rule
+        extremal = system.extremal(self.level.state, 0.5 / abs(a.value) if form.energetic else 1.0)
+        errors, rule = ErrorEstimate(a.value_error, a.curve_error), 2 * space.degree + 4
+        message = message or (self.status.value if self.status is Status.ROUND_OFF else "")
+        return answer(extremal, method, form.sign * a.value, errors, space.vertices, stats, self.status, message, rule)
+
+    @property
+    def rounded(self) -> bool:
+        """True when all that is left of the error is round-off."""
+        a = self.assessment
+        return a.trusted and a.value_error <= max(2.0 * a.value_floor, NOISE * abs(a.value))
 
 
 @dataclass
@@ -54,67 +73,72 @@ class Refinement:
     With ``adaptive`` false every mesh is kept as it is.
     """
 
-    scales: Scales
+    scales: Sizes
     adaptive: bool
     iterations: int = 0
     reasons: list[str] = field(default_factory=list)
 
-    def newton(self, system: CollocationSystem, z: np.ndarray, residual: Residual | None = None) -> Level | None:
+    def newton(self, system: CollocationSystem, z: np.ndarray, residual: Residual | None = None) -> Root | None:
         """The root that Newton's iteration reaches from ``z``; None, with the reason noted, when it reaches none."""
         outcome = stationary(system, z, self.scales, residual)
         self.iterations += outcome.iterations
         if not outcome.converged:
             return self._failed(outcome.reason)
-        return Level(system, outcome.z, outcome.residual)
+        return Root(system, outcome.z, outcome.residual)
 
     def _failed(self, reason: str) -> None:
         self.reasons.append(reason)
 
-    def improve(self, level: Level, tol: float, most: int = MOST_UNKNOWNS) -> Improved | None:
+    def levels(
+        self, level: Root, climbs: Callable[[Root, Assessment], bool], rounds: int, most: int
+    ) -> Iterator[tuple[Root, Assessment]]:
+        """A root and those on richer and richer meshes, each with its errors, for as long as one leads to the next.
+
+        ``climbs`` tells of a root with its errors whether the next has a higher degree. Otherwise the elements that
+        carry the error are bisected, up to ``most`` unknowns.
+        """
+        for _ in range(rounds):
+            assessment = assess(level, self.scales)
+            if assessment is None:
+                return self._failed("the linearised conditions are singular in a richer space")
+            yield level, assessment
+            climbing = climbs(level, assessment)
+            following = self._climbed(assessment) if climbing else self._bisected(level, assessment, most)
+            if following is None:
+                return None
+            level = following
+        return self._failed(f"the tolerance was not met after {rounds} refinements")
+
+    def improve(self, level: Root, tol: float, most: int = MOST_UNKNOWNS) -> Improved | None:
         """Refine a root, with at most so many unknowns, until its error meets ``tol``; a kept mesh is only assessed."""
         history: History = []
         best: Improved | None = None
         stalls = 0
-        for _ in range(ROUNDS):
-            assessment = assess(level, self.scales)
-            if assessment is None:
-                return self._rounded(best, "the linearised conditions are singular in a richer space")
-            target = tol * max(1.0, abs(assessment.value))
-            if assessment.trusted and (assessment.value_error <= target or not self.adaptive):
-                return Improved(level, assessment, Status.SOLVED)
+        for root, assessment in self.levels(level, partial(_pays, history, tol), ROUNDS, most):
+            error, target = assessment.value_error, tol * max(1.0, abs(assessment.value))
+            if assessment.trusted and (error <= target or not self.adaptive):
+                return Improved(root, assessment, Status.SOLVED)
             if not self.adaptive:
                 return self._failed("the mesh is too coarse to tell whether its root stands for an extremal")
-            error = assessment.value_error
             stalls = stalls + 1 if best and error > STALLED * best.assessment.value_error else 0
             if best is None or error < best.assessment.value_error:
-                best = Improved(level, assessment, Status.ROUND_OFF)
+                best = Improved(root, assessment, Status.ROUND_OFF)
             if stalls >= 2 or error <= 2.0 * assessment.value_floor:
                 # finer meshes would only show more of it
                 hopeless = stalls >= 2 and error <= NOISE * abs(assessment.value)
-                rounded = self._rounded(best, HIDDEN if hopeless else "")
-                if rounded is not None or hopeless:
-                    return rounded
-            following = self.richer(level, assessment, history, target, most)
-            if following is None:
-                return self._rounded(best, "")
-            level = following
-        return self._rounded(best, f"the tolerance {tol:g} was not met after {ROUNDS} refinements")
+                if best.rounded:
+                    return best
+                if hopeless:
+                    return self._failed(HIDDEN)
+        return best if best is not None and best.rounded else None
 
-    def _rounded(self, best: Improved | None, reason: str) -> Improved | None:
-        """The best root when all that is left is round-off; None, with the reason noted, when more is."""
-        if best is not None and best.assessment.trusted:
-            a = best.assessment
-            if a.value_error <= max(2.0 * a.value_floor, NOISE * abs(a.value)):
-                return best
-        return self._failed(reason) if reason else None
+    def _climbed(self, assessment: Assessment) -> Root | None:
+        """The root of a higher degree, near the curve that the error estimate corrected."""
+        return self.settled(assessment) or self.newton(assessment.system, assessment.z)
 
-    def richer(self, level: Level, assessment: Assessment, history: History, target: float, most: int) -> Level | None:
-        """Climb the degree while that pays, else bisect where the error is."""
+    def _bisected(self, level: Root, assessment: Assessment, most: int) -> Root | None:
+        """The root on the mesh whose elements with the largest errors are halved."""
         space, form = level.system.space, level.system.form
-        history.append((space.degree, assessment.value_error))
-        if climbs(history, target, space.elements, assessment.system.space.degree, HIGHEST_DEGREE[form.order]):
-            return self.settled(assessment) or self.newton(assessment.system, assessment.z)
-        history.clear()
         marked = assessment.indicators >= SHARE * assessment.indicators.max()
         middles = 0.5 * (space.vertices[1:] + space.vertices[:-1])
         vertices = np.sort(np.concatenate([space.vertices, middles[marked]]))
@@ -123,14 +147,14 @@ class Refinement:
             return self._failed(f"{system.size} unknowns would be needed")
         return self.newton(system, system.pack(level.system.transferred(level.state, system)))
 
-    def settled(self, assessment: Assessment) -> Level | None:
+    def settled(self, assessment: Assessment) -> Root | None:
         """The corrected curve of an error estimate, where it is a root of the richer space already."""
         if not assessment.settled:
             return None
         residual = assessment.system.evaluate(assessment.z)
-        return Level(assessment.system, assessment.z, residual) if residual.finite else None
+        return Root(assessment.system, assessment.z, residual) if residual.finite else None
 
-    def continued(self, start: Level | None, form_at: Callable[[float], Form]) -> Level | None:
+    def continued(self, start: Root | None, form_at: Callable[[float], Form]) -> Root | None:
         """Follow a root from ``form_at(0)`` to ``form_at(1)``, refining the mesh on the way.
 
         The root wanted may not exist on the mesh the path begins with.
@@ -148,6 +172,17 @@ class Refinement:
             else:
                 level, reached, stride = trial, following, 1.5 * stride
         return level if reached == 1.0 else None
+
+
+def _pays(history: History, tol: float, level: Root, assessment: Assessment) -> bool:
+    """Whether to climb the degree, by the ``history`` of this mesh, to which the level is added."""
+    space, form = level.system.space, level.system.form
+    history.append((space.degree, assessment.value_error))
+    target = tol * max(1.0, abs(assessment.value))
+    if climbs(history, target, space.elements, assessment.system.space.degree, HIGHEST_DEGREE[form.order]):
+        return True
+    history.clear()
+    return False
 
 
 def climbs(history: History, target: float, elements: int, following: int, highest: int) -> bool:

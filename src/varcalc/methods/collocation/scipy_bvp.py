@@ -17,9 +17,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.collocation.answer import answered
-from varcalc.methods.collocation.error import Assessment, Level, assess
-from varcalc.methods.collocation.newton import Scales
+from varcalc.methods.collocation.error import Assessment, Root, assess
+from varcalc.methods.collocation.newton import Sizes
+from varcalc.methods.collocation.refinement import Improved
 from varcalc.methods.collocation.starting_curves import function_sizes, starting_curves
 from varcalc.methods.collocation.stationarity import Stationarity, stationarity
 from varcalc.methods.collocation.system import CollocationSystem, State, collocation_space
@@ -68,11 +68,11 @@ class SciPyBvp:
                 built, time.perf_counter() - started - built, boundary.calls, level.system.size,
                 space.elements, space.degree,
             )  # fmt: skip
-            return answered(form, self, level, assessment, Status.SOLVED, "", stats)
+            return Improved(level, assessment, Status.SOLVED).solution(self, stats)
         stats = Stats(built, time.perf_counter() - started - built, boundary.calls)
         return no_answer(problem, self, Status.NOT_CONVERGED, last, stats=stats)
 
-    def _refined(self, boundary: BoundaryValueProblem, curve: Sampled, tol: float) -> tuple[Level, Assessment] | str:
+    def _refined(self, boundary: BoundaryValueProblem, curve: Sampled, tol: float) -> tuple[Root, Assessment] | str:
         """The curve for the loosest residual that meets ``tol``, or why there is none."""
         nodes = np.linspace(*boundary.form.span, FIRST_NODES)
         tower = boundary.first_tower(curve, nodes)
@@ -114,7 +114,7 @@ class BoundaryValueProblem:
     def __init__(self, form: Form) -> None:
         self.form = form
         self.conditions: Stationarity = stationarity(form)
-        self.scales = Scales(function_sizes(form), np.zeros(0))
+        self.scales = Sizes(function_sizes(form), np.zeros(0))
         self.parameters = form.problem.parameter_values
         self.calls = 0
         lagrangian = Lagrangian(form.symbols, form.integrand)
@@ -178,7 +178,7 @@ class BoundaryValueProblem:
                 self.rate, self.conditions_at, nodes, tower, fun_jac=self.jacobian, tol=residual, max_nodes=most
             )
 
-    def level(self, nodes: np.ndarray, tower: np.ndarray) -> Level:
+    def level(self, nodes: np.ndarray, tower: np.ndarray) -> Root:
         """SciPy's piecewise polynomial as a state of a collocation system on its mesh, not a root of it."""
         space = collocation_space(self.form, nodes, 4 * self.form.order - 1)
         system = CollocationSystem(self.form, space)
@@ -189,4 +189,4 @@ class BoundaryValueProblem:
         coefficients[space.numbers[:, m : 2 * m]] = values[:, :, 1:].transpose(2, 0, 1)
         nothing = np.zeros(0)
         z = system.pack(State(coefficients, nothing, nothing, nothing, nothing))
-        return Level(system, z, system.evaluate(z))
+        return Root(system, z, system.evaluate(z))

@@ -29,28 +29,28 @@ ROUNDING = 1e-13
 """Relative variation of a guess that is round-off."""
 BISECTIONS = 14
 
-Family = Callable[[float], Sampled]
+Bending = Callable[[float], Sampled]
 
 
 @dataclass(frozen=True)
-class Start:
+class StartingCurve:
     """A curve to start from; ``gentle`` is a weaker version, from which its prescribed integral can be approached."""
 
     curve: Sampled
     gentle: Sampled | None = None
 
 
-def starting_curves(form: Form) -> Iterator[Start]:
+def starting_curves(form: Form) -> Iterator[StartingCurve]:
     """The baseline, then bent curves, those that meet a prescribed integral first."""
     if form.integrals:
         yield from _levelled(form, size(form))
-    yield Start(form.baseline)
+    yield StartingCurve(form.baseline)
     extent = size(form)
     for family in _sloped(form):
-        yield Start(family(extent))
+        yield StartingCurve(family(extent))
     for direction in form.bumps:
         for amplitude in AMPLITUDES:
-            yield Start(bent(form, amplitude * extent, np.asarray(direction)))
+            yield StartingCurve(bent(form, amplitude * extent, np.asarray(direction)))
 
 
 def function_sizes(form: Form) -> np.ndarray:
@@ -81,12 +81,12 @@ def resolving_vertices(
     return vertices
 
 
-def _sloped(form: Form) -> list[Family]:
+def _sloped(form: Form) -> list[Bending]:
     """Where a component is free at an end: curves that run along it and bulge across it, each way."""
     if form.periodic or form.n == 1:
         return []
     free = np.isnan(form.fixed_end[0]) - 1.0 * np.isnan(form.fixed_start[0])
-    families: list[Family] = []
+    families: list[Bending] = []
     for along in np.flatnonzero(free):
         for across in np.flatnonzero(free == 0):
             for run, rise in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)):
@@ -107,10 +107,10 @@ def _arc(form: Form, run: np.ndarray, rise: np.ndarray) -> Sampled:
     return curve
 
 
-def _levelled(form: Form, extent: float) -> Iterator[Start]:
+def _levelled(form: Form, extent: float) -> Iterator[StartingCurve]:
     """Bent (or, when closed, blown up) baselines on which the first prescribed integral has its level."""
     integral = _integral(form)
-    families: list[Family] = _sloped(form)
+    families: list[Bending] = _sloped(form)
     if form.periodic and form.n > 1:
         families.append(lambda r: scaled_ring(form, r))
     else:
@@ -122,7 +122,7 @@ def _levelled(form: Form, extent: float) -> Iterator[Start]:
         for k in np.flatnonzero(misses[:-1] * misses[1:] <= 0.0)[:1]:
             share = misses[k] / (misses[k] - misses[k + 1]) if misses[k] != misses[k + 1] else 0.0
             height = float(heights[k] + share * (heights[k + 1] - heights[k]))
-            yield Start(family(height), family(GENTLE * height))
+            yield StartingCurve(family(height), family(GENTLE * height))
 
 
 def _integral(form: Form) -> Callable[[Sampled], float]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -21,6 +22,7 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.symbolic.buffered import BufferedCall
+from varcalc.symbolic.columns import FewOrMany
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.tracing import Expression
 
@@ -89,6 +91,16 @@ class Stationarity:
                 del self.mapped[next(iter(self.mapped))]
             self.mapped[count] = MappedCall(self.interior, count)
         return self.mapped[count](x, tower, numbers, forces)
+
+    def at_many(self, x: np.ndarray, tower: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """:meth:`at` many points with ``parameters`` of their own, (m, parameters), where nothing else is unknown."""
+        blank = np.zeros((1, 0))
+        return self.many(len(x), x, *tower.reshape(len(tower), len(x), -1), parameters, blank, blank, blank)
+
+    @cached_property
+    def many(self) -> FewOrMany:
+        """The function of the interior for many points."""
+        return FewOrMany(self.interior)
 
 
 class MappedCall:

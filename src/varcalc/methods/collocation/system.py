@@ -11,18 +11,22 @@ further rows; multipliers are further unknowns.
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
+from varcalc.methods.answer import Extremal
 from varcalc.methods.collocation.boundary import NOTHING, Boundary, BoundaryValues, Triplets
-from varcalc.methods.collocation.stationarity import REMEMBERED, stationarity
-from varcalc.numerics.mesh import Space, basis_at_gauss, gauss
-from varcalc.symbolic.derived import derived
+from varcalc.methods.collocation.scheme import numbered, one_element, scheme_on
+from varcalc.methods.collocation.stationarity import stationarity
+from varcalc.methods.ritz.batch import Places
+from varcalc.numerics.mesh import Space, gauss
 
 
 def collocation_space(form: Form, vertices: np.ndarray, degree: int) -> Space:
@@ -34,6 +38,8 @@ def collocation_space(form: Form, vertices: np.ndarray, degree: int) -> Space:
 @dataclass(frozen=True)
 class State:
     """A curve with its numbers: coefficients, unknown numbers and every multiplier.
+
+    Of a system at K places ``coefficients`` are those of K curves, (K, size).
 
     ``levels`` belong to the isoperimetric conditions, ``ends`` to the
     conditions on the end points, ``forces`` of shape (elements, points, paths)
@@ -49,7 +55,10 @@ class State:
 
 @dataclass(frozen=True)
 class Residual:
-    """The conditions of a ``system`` at one state: ``rows`` vanish on extremals."""
+    """The conditions of a ``system`` at one state: ``rows`` vanish on extremals.
+
+    Of a system at K places all that is told here has K along its first axis.
+    """
 
     system: CollocationSystem
     rows: np.ndarray
@@ -57,20 +66,22 @@ class Residual:
     boundary: BoundaryValues
 
     @cached_property
-    def finite(self) -> bool:
+    def finite(self) -> Any:
         """True when every condition is a number."""
+        if self.system.places is not None:
+            return np.isfinite(self.interior.reshape(len(self.rows), -1).sum(1))
         known = math.isfinite(np.add.reduce(self.interior, axis=None))
         return known and (self.system.plain or bool(np.isfinite(self.rows).all()))
 
     @property
-    def value(self) -> float:
+    def value(self) -> Any:
         """The functional by the rule of the collocation points."""
-        return float(self.system.flat_weights @ self.interior[:, 0])
+        return self.system.integral(self.interior[:, 0])
 
     @property
-    def size(self) -> float:
+    def size(self) -> Any:
         """The integral of its absolute value."""
-        return float(self.system.flat_weights @ np.abs(self.interior[:, 0]))
+        return self.system.integral(np.abs(self.interior[:, 0]))
 
     @cached_property
     def legendre(self) -> float:
@@ -78,101 +89,18 @@ class Residual:
         return self.system.least_curvature(self.interior)
 
 
-@dataclass(frozen=True)
-class Numbering:
-    """The unknowns among the coefficients of a space: which are ``free``, and the ``column`` of each, -1 where fixed.
-
-    ``functions`` are the numbers of the functions that the free ones belong to, ``plain`` the places of the Jacobian
-    of the interior's equations: row, column, and which of all entries belong to free coefficients.
-    """
-
-    free: np.ndarray
-    column: np.ndarray
-    functions: np.ndarray
-    plain: tuple[np.ndarray, np.ndarray, np.ndarray]
-
-    @cached_property
-    def local(self) -> np.ndarray:
-        """On one element: the places, among its coefficients, of the free ones in their order."""
-        rows, columns, kept = self.plain
-        return kept[rows == 0][np.argsort(columns[rows == 0])]
-
-    @cached_property
-    def band(self) -> tuple[int, int, np.ndarray]:
-        """Diagonals below and above that of the Jacobian, and where each of its rows begins among the entries."""
-        rows, columns, _ = self.plain
-        apart = rows - columns
-        return int(apart.max()), int(-apart.min()), np.flatnonzero(np.diff(rows, prepend=-1))
-
-
-@lru_cache(maxsize=64)
-def one_element(degree: int, n: int, smoothness: int, fixed: bytes) -> Numbering:
-    """:func:`_numbering` on one element."""
-    numbers = Space(np.array([0.0, 1.0]), degree, n, smoothness).numbers
-    return _numbering(numbers, np.frombuffer(fixed, dtype=bool), degree + 1 - smoothness)
-
-
-def _numbering(numbers: np.ndarray, fixed: np.ndarray, points: int) -> Numbering:
-    E, P, n = numbers.shape
-    free = np.flatnonzero(~fixed)
-    column = np.full(len(fixed), -1)
-    column[free] = np.arange(len(free))
-    functions = np.zeros(len(fixed), dtype=int)
-    functions[numbers] = np.arange(n)
-    rows = np.arange(E * points * n).reshape(E, points, n, 1, 1)
-    shape = (E, points, n, P, n)
-    columns = np.broadcast_to(column[numbers][:, None, None], shape).ravel()
-    kept = np.flatnonzero(columns >= 0)
-    plain = np.broadcast_to(rows, shape).ravel()[kept], columns[kept], kept
-    return Numbering(free, column, functions[free], plain)
-
-
-@dataclass(frozen=True)
-class _Scheme:
-    """A space with what a collocation on it needs whatever the problem.
-
-    ``derive`` takes the coefficients of an element to derivatives, (elements, points, derivatives, degree + 1).
-    """
-
-    space: Space
-    x: np.ndarray
-    weights: np.ndarray
-    derive: np.ndarray
-
-    @classmethod
-    def of(cls, space: Space) -> _Scheme:
-        m = space.smoothness
-        points = space.degree + 1 - m
-        x, weights = space.quadrature(points)
-        table = basis_at_gauss(m, space.degree, points, m).transpose(1, 0, 2)
-        slope = (2.0 / space.widths)[:, None] ** np.arange(m + 1)
-        derive = table * (slope[:, None, :, None] * space.local_scale[:, None, None, :])
-        return cls(space, x.reshape(-1, 1), weights, derive)
-
-
-def _scheme(form: Form, space: Space) -> _Scheme:
-    """The scheme on a space, kept with the form for other parameter values and later solves."""
-    kept = _schemes(form)
-    key = (space.degree, space.vertices.tobytes())
-    if key not in kept:
-        while len(kept) >= REMEMBERED:
-            del kept[next(iter(kept))]
-        kept[key] = _Scheme.of(space)
-    return kept[key]
-
-
-@derived
-def _schemes(form: Form) -> dict[tuple[int, bytes], _Scheme]:
-    return {}
-
-
 class CollocationSystem:
-    """A form collocated on ``space``; the unknowns are one vector z."""
+    """A form collocated on ``space``; the unknowns are one vector z.
+
+    The system :meth:`at` K ``places`` holds K curves on one element, of a form of which nothing is asked but the
+    Euler-Lagrange equation between fixed ends: z, residuals and Jacobians have K along their first axis. They take
+    the place of the elements, so that the arithmetic is the same.
+    """
 
     def __init__(self, form: Form, space: Space) -> None:
-        scheme = _scheme(form, space)
+        scheme = scheme_on(form, space)
         self.form, self.space, self.weights = form, scheme.space, scheme.weights
-        self._x, self._derive = scheme.x, scheme.derive
+        self._x, self.derive = scheme.x, scheme.derive
         self.flat_weights = self.weights.ravel()
         self.conditions = stationarity(form)
         self.counts = c = self.conditions.counts
@@ -182,9 +110,35 @@ class CollocationSystem:
         self._row_count = c.functions + c.paths + c.levels + c.numbers
         self._column_count = c.tower + c.numbers + c.levels + c.paths
         self._parameters = form.problem.parameter_values
+        self.places: Places | None = None
+        self.stretch = np.ones((1, 1))
         self._where: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._fix()
         self._number()
+
+    def at(self, places: Places) -> CollocationSystem:
+        """The same equations at K places, where first-order curves between fixed ends run."""
+        other, width = copy.copy(self), float(self.space.widths[0])
+        other.places = places
+        other.fixed = np.zeros((len(places.spans), self.space.size))
+        other.fixed[:, self.at_vertices[0, 0]], other.fixed[:, self.at_vertices[0, 1]] = places.start, places.end
+        widths = places.spans[:, 1] - places.spans[:, 0]
+        stretch = width / (widths[:1] if np.ptp(widths) == 0.0 else widths)
+        other.stretch = stretch[:, None] ** np.arange(self.smoothness + 1)
+        other.derive = self.derive * other.stretch[:, None, :, None]
+        other.weights = self.weights * (widths / width)[:, None]
+        return other
+
+    def restricted(self, rows: np.ndarray) -> CollocationSystem:
+        """The system at some of its places."""
+        assert self.places is not None
+        if rows.dtype == bool and rows.all():
+            return self
+        other = copy.copy(self)
+        other.places, other.fixed, other.weights = self.places[rows], self.fixed[rows], self.weights[rows]
+        if len(self.stretch) > 1:
+            other.stretch, other.derive = self.stretch[rows], self.derive[rows]
+        return other
 
     # unknowns
 
@@ -205,7 +159,7 @@ class CollocationSystem:
         if space.elements == 1:
             places = one_element(space.degree, space.n, m, fixed.tobytes())
         else:
-            places = _numbering(space.numbers, fixed, self.points)
+            places = numbered(space.numbers, fixed, self.points)
         self._numbering, self.free, self.place = places, places.free, places.column
 
     def _number(self) -> None:
@@ -245,7 +199,7 @@ class CollocationSystem:
 
     def pack(self, state: State) -> np.ndarray:
         """A state as one vector."""
-        free = state.coefficients[self.free]
+        free = state.coefficients[..., self.free]
         if self.size == len(self.free):
             return free
         return np.concatenate([free, state.unknowns, state.levels, state.ends, state.forces.ravel()])
@@ -255,7 +209,7 @@ class CollocationSystem:
         c, cols = self.counts, self._columns
         coefficients = self.fixed.copy()
         if self.plain:
-            coefficients[self.free] = z
+            coefficients[..., self.free] = z
             return State(coefficients, *self._nothing)
         coefficients[self.free] = z[cols[0]]
         forces = z[cols[4]].reshape(self.space.elements, self.points, c.paths)
@@ -271,12 +225,17 @@ class CollocationSystem:
     def evaluate(self, z: np.ndarray) -> Residual:
         """The residual of every condition; entries are inf or NaN outside the domain."""
         state, c, n = self.unpack(z), self.counts, self.counts.functions
-        tower = self._derive @ state.coefficients[self.space.numbers][:, None]
-        numbers = (self._parameters, state.unknowns, state.levels)
-        out = self.conditions.at(self._x, tower.transpose(2, 0, 1, 3), numbers, state.forces)
+        space, coefficients = self.space, state.coefficients
+        local = coefficients[space.numbers] if self.places is None else coefficients[:, space.numbers[0]]
+        tower = (self.derive @ local[:, None]).transpose(2, 0, 1, 3)
+        if self.places is None:
+            out = self.conditions.at(self._x, tower, (self._parameters, state.unknowns, state.levels), state.forces)
+        else:
+            out = self.conditions.at_many(self._abscissae(self.points), tower, self._repeated(self.points))
         pointwise = out[:, 1 : 1 + self._row_count]
         if self.plain:
-            return Residual(self, pointwise.ravel(), out, NOTHING)
+            rows = pointwise.ravel() if self.places is None else pointwise.reshape(len(z), -1)
+            return Residual(self, rows, out, NOTHING)
         with np.errstate(invalid="ignore", over="ignore"):
             integrals = self.flat_weights @ pointwise[:, n + c.paths :]
         beside = self.boundary.evaluate(state.coefficients, state.unknowns, state.levels, state.ends)
@@ -294,6 +253,46 @@ class CollocationSystem:
             rows[first : first + c.numbers] += ends[0][2 * n : 2 * n + c.numbers]
         return Residual(self, rows, out, beside)
 
+    def _abscissae(self, count: int) -> np.ndarray:
+        """The Gauss points at all places, so many at each, as a column."""
+        assert self.places is not None
+        left, right = self.places.spans[:, :1], self.places.spans[:, 1:]
+        return (left + 0.5 * (right - left) * (1 + gauss(count)[0])).reshape(-1, 1)
+
+    def _repeated(self, count: int) -> np.ndarray:
+        """The parameters at so many points of each place, one row a point."""
+        assert self.places is not None
+        return np.repeat(self.places.parameters, count, axis=0)
+
+    def sampled(self, coefficients: np.ndarray, count: int, derivatives: int) -> list[np.ndarray]:
+        """The curve and its derivatives at Gauss points: (elements, count, n), (K, count, n) at K places."""
+        found = self.space.at_quadrature(coefficients, count, derivatives)
+        if self.places is None:
+            return found
+        return [v[:, 0] * self.stretch[:, d, None, None] for d, v in enumerate(found)]
+
+    def along(self, coefficients: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Abscissae, (K, count), ordinates and slopes of the curves at K places, (K, count, n)."""
+        y, slopes = self.sampled(coefficients, count, 1)
+        return self._abscissae(count).reshape(-1, count), y, slopes
+
+    def integral(self, densities: np.ndarray) -> Any:
+        """The integral of what is known at all collocation points."""
+        if self.places is None:
+            return float(self.flat_weights @ densities)
+        return (self.weights * densities.reshape(self.weights.shape)).sum(1)
+
+    def fine_value(self, state: State, count: int) -> Any:
+        """The functional, without the cost of the ends, by ``count`` Gauss points an element."""
+        tower = np.array(self.sampled(state.coefficients, count, self.smoothness))
+        nodes, weights = self.space.quadrature(count)
+        if self.places is None:
+            numbers = (self._parameters, state.unknowns, state.levels)
+            return float(weights.ravel() @ self.conditions.at(nodes.reshape(-1, 1), tower, numbers)[:, 0])
+        values = self.conditions.at_many(self._abscissae(count), tower, self._repeated(count))[:, 0]
+        shares = self.weights.sum(1) / weights.sum()
+        return shares * (values.reshape(-1, count) @ weights[0])
+
     def integrals(self, residual: Residual) -> np.ndarray:
         """By how much the prescribed integrals exceed their levels."""
         return residual.rows[self.first_integral : self.first_integral + self.counts.levels]
@@ -301,7 +300,7 @@ class CollocationSystem:
     def pointwise_jacobian(self, residual: Residual) -> np.ndarray:
         """Pointwise Jacobian, shape (elements, points, rows, columns)."""
         flat = residual.interior[:, 1 + self._row_count :]
-        shaped = flat.reshape(self.space.elements, self.points, self._column_count, self._row_count)
+        shaped = flat.reshape(*self.weights.shape, self._column_count, self._row_count)
         return shaped.transpose(0, 1, 3, 2)
 
     def least_curvature(self, interior: np.ndarray) -> float:
@@ -343,7 +342,8 @@ class CollocationSystem:
     def dense(self, residual: Residual) -> np.ndarray:
         """The Jacobian of the residual as an array."""
         if self.plain and self.space.elements == 1:
-            return self._curve_values(residual).reshape(self.size, -1)[:, self._numbering.local]
+            shape = residual.rows.shape
+            return self._curve_values(residual).reshape(*shape, -1)[..., self._numbering.local]
         rows, columns, values = self.triplets(residual)
         if self.plain:
             matrix = np.zeros((self.size, self.size))
@@ -386,11 +386,11 @@ class CollocationSystem:
         """
         n, space = self.counts.functions, self.space
         coefficients = self.unpack(z).coefficients
-        size = np.abs(self._derive[:, :, 0] @ coefficients[space.numbers]).max((0, 1))
+        size = np.abs(self.derive[:, :, 0] @ coefficients[space.numbers]).max((0, 1))
         size = np.where(size > 0, size, size.max() or 1.0)
         rows = np.arange(space.elements * self.points * n).reshape(space.elements, self.points, 1, n)
         columns = self.place[space.numbers][:, None]
-        values = self._derive[:, :, 0][..., None] / size**2
+        values = self.derive[:, :, 0][..., None] / size**2
         shape = np.broadcast_shapes(rows.shape, columns.shape, values.shape)
         rows, columns, values = (np.broadcast_to(v, shape).ravel() for v in (rows, columns, values))
         kept = columns >= 0
@@ -401,9 +401,9 @@ class CollocationSystem:
         c, n = self.counts, self.counts.functions
         blocks = self.pointwise_jacobian(residual)[:, :, : n + c.paths, : c.tower]
         if n == 1:
-            return (blocks @ self._derive)[..., None]
+            return (blocks @ self.derive)[..., None]
         towers = blocks.reshape(*blocks.shape[:3], -1, n).swapaxes(-1, -2)
-        return (towers @ self._derive[:, :, None]).swapaxes(-1, -2)
+        return (towers @ self.derive[:, :, None]).swapaxes(-1, -2)
 
     def _interior_values(self, residual: Residual) -> list[np.ndarray]:
         """The values that belong to the places of :meth:`_pattern`."""
@@ -413,7 +413,7 @@ class CollocationSystem:
         curve, integral = self._curve_values(residual), np.zeros(0)
         if weighted.shape[2]:
             for d in range(self.smoothness + 1):
-                term = np.einsum("eqra,eqi->eria", weighted[:, :, :, d * n : (d + 1) * n], self._derive[:, :, d])
+                term = np.einsum("eqra,eqi->eria", weighted[:, :, :, d * n : (d + 1) * n], self.derive[:, :, d])
                 integral = term if d == 0 else integral + term
         N = c.numbers + c.levels
         values = [
@@ -447,9 +447,22 @@ class CollocationSystem:
             forces = np.stack(values, axis=-1).reshape(target.space.elements, target.points, -1)
         return State(coefficients, state.unknowns, state.levels, state.ends, forces)
 
-    def force(self, state: State, path: int) -> Sampled:
-        """The multiplier of a pathwise condition as a function of s: on each element the interpolant."""
-        values, vertices = state.forces[:, :, path], self.space.vertices
+    def extremal(self, state: State, factor: float = 1.0) -> Extremal:
+        """The curve as an Extremal, the multipliers of pathwise conditions times ``factor``."""
+        space = self.space
+        return Extremal(
+            form=self.form,
+            evaluate=lambda s, k: space.evaluate(state.coefficients, s, k),
+            unknowns=state.unknowns.copy(),
+            vertices=space.vertices,
+            lambdas=state.levels.copy(),
+            path={c.index: self.force(state, k, factor) for k, c in enumerate(self.form.pathwise)},
+            coefficients=state.coefficients if space.elements == 1 else None,
+        )
+
+    def force(self, state: State, path: int, factor: float = 1.0) -> Sampled:
+        """The multiplier of a pathwise condition, times ``factor``, as a function of s: the interpolants."""
+        values, vertices = factor * state.forces[:, :, path], self.space.vertices
         nodes = gauss(self.points)[0]
         inverse = np.linalg.inv(np.polynomial.legendre.legvander(nodes, self.points - 1))
         coefficients = values @ inverse.T

@@ -22,7 +22,7 @@ from varcalc.problem.conditions import Fixed, Isoperimetric, OnCurve, Periodic, 
 from varcalc.problem.functional import Functional
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.problem import Problem
-from varcalc.solution import ErrorEstimate, Solution, Stats, Status, no_answer
+from varcalc.solution import ErrorEstimate, Solution, Stats, Status, defined, no_answer
 
 ACCEPTABLE = 1e-6
 """Relative error of the value up to which an answer short of the tolerance still counts as one."""
@@ -189,7 +189,7 @@ def _solution(problem: Problem, method: FirstIntegral, best: Reduced, tol: float
     if not best.value_error <= max(allowed, ACCEPTABLE * max(1.0, abs(best.value))) or not math.isfinite(best.value):
         status = Status.NOT_CONVERGED
         message = f"the quadrature left an error of {best.value_error:.1e}; use Ritz or Collocation"
-    return Solution(
+    found = Solution(
         problem=problem,
         method=method,
         status=status,
@@ -202,3 +202,4 @@ def _solution(problem: Problem, method: FirstIntegral, best: Reduced, tol: float
         stats=replace(stats, unknowns=1 + len(best.multipliers), elements=best.points),
         message=message,
     )
+    return defined(found, best.curve(best.nodes, 0))

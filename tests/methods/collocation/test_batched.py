@@ -8,7 +8,8 @@ import pytest
 
 import varcalc as vc
 from varcalc.formulation import formulate
-from varcalc.methods.collocation import family
+from varcalc.methods.collocation import batched
+from varcalc.methods.collocation.system import collocation_space
 from varcalc.methods.ritz.batch import Places
 from varcalc.problems import bratu
 from varcalc.problems._curves import Catenary
@@ -38,9 +39,8 @@ def upper_state(rate):
     """The coefficients of the hotter of the two states, the unstable one, on one polynomial."""
     found = max(vc.extremals(reaction(rate)), key=lambda s: s.y(0.5))
     form = formulate(reaction(rate))
-    batch = family.Batch(form, 16, at_rates([rate]))
-    space = vc.methods.boundary_value.system.collocation_space(form, np.array([0.0, 1.0]), 16)
-    return space.fit(lambda x: found.y(x)[None]), batch
+    space = collocation_space(form, np.array([0.0, 1.0]), 16)
+    return space.fit(lambda x: found.y(x)[None]), form
 
 
 @pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-12])
@@ -82,29 +82,29 @@ def test_a_solution_begun_from_another():
 
 
 def test_a_saddle_is_left_alone():
-    coefficients, batch = upper_state(2.0)
+    coefficients, form = upper_state(2.0)
     places = at_rates([2.0])
-    answers = family.solved(batch.form, places, np.array([16]), [coefficients], 1e-6, near=True)
+    answers = batched.solved(form, places, np.array([16]), [coefficients], 1e-6, near=True)
     assert not answers.stands.any()
 
 
 def test_a_climb():
     form = formulate(reaction())
     rates = np.linspace(3.3, 3.5, 5)
-    degrees, lines = family.straight_starts(form, at_rates(rates))
+    degrees, lines = batched.straight_starts(form, at_rates(rates))
     with np.errstate(all="ignore"):
-        answers = family.solved(form, at_rates(rates), degrees, lines, 1e-12, near=False)
+        answers = batched.solved(form, at_rates(rates), degrees, lines, 1e-12, near=False)
     exact = [bratu.reaction(rate, "", "").exact.value for rate in rates]
     assert answers.stands.all()
-    assert answers.degree.min() > family.DEGREES[0]
+    assert answers.degree.min() > batched.DEGREES[0]
     assert answers.value == pytest.approx(exact, abs=1e-12)
 
 
 def test_straight_lines():
     form = formulate(film())
     places = Places(np.array([[-1.0, 3.0]]), np.array([[2.0]]), np.array([[5.0]]), np.zeros((1, 3)))
-    degrees, lines = family.straight_starts(form, places)
-    x, y, slopes = family.sampled(form, places, degrees[0], np.array(lines))
+    degrees, lines = batched.straight_starts(form, places)
+    x, y, slopes = batched.sampled(form, places, degrees[0], np.array(lines))
     assert y[0, :, 0] == pytest.approx(2 + 0.75 * (x[0] + 1))
     assert slopes == pytest.approx(np.full(slopes.shape, 0.75))
 
@@ -119,7 +119,7 @@ def test_straight_lines():
     ],
 )
 def test_where_it_does_not_apply(problem):
-    assert not family.applies(formulate(problem))
+    assert not batched.applies(formulate(problem))
 
 
 def test_oscillations_beyond_the_first_conjugate_point_are_left_alone():
@@ -128,10 +128,10 @@ def test_oscillations_beyond_the_first_conjugate_point_are_left_alone():
         lambda x, y, dy, p: (dy**2 - p.k * y**2) / 2, vc.Fixed(0, 0), vc.Fixed(1, 1), parameters={"k": 1.0}
     )
     rates = np.array([1.0, 4.0, 9.0, 9.8, 10.2, 16.0])
-    degrees, lines = family.straight_starts(formulate(swing), at_rates(rates))
+    degrees, lines = batched.straight_starts(formulate(swing), at_rates(rates))
     places = Places(np.tile([0.0, 1.0], (6, 1)), np.zeros((6, 1)), np.ones((6, 1)), rates[:, None])
-    degrees, lines = family.straight_starts(formulate(swing), places)
-    answers = family.solved(formulate(swing), places, degrees, lines, 1e-9, near=False)
+    degrees, lines = batched.straight_starts(formulate(swing), places)
+    answers = batched.solved(formulate(swing), places, degrees, lines, 1e-9, near=False)
     assert answers.stands.tolist() == [True, True, True, True, False, False]
     exact = [math.sqrt(k) / math.tan(math.sqrt(k)) / 2 for k in rates[:4]]
     assert answers.value[:4] == pytest.approx(exact, abs=1e-9)
@@ -145,4 +145,4 @@ def test_no_luck_next_to_the_fold():
     starts = [known.coefficients] * len(beyond)
     degrees = np.full(len(beyond), len(known.coefficients) - 1)
     with np.errstate(all="ignore"):
-        assert not family.solved(form, at_rates(beyond), degrees, starts, 1e-9, near=True).stands.any()
+        assert not batched.solved(form, at_rates(beyond), degrees, starts, 1e-9, near=True).stands.any()

@@ -1,0 +1,191 @@
+"""What measurements of speed and accuracy are kept as: a row of numbers and words each, and where they were made.
+
+The axes are ragged (a method that does not apply has no row), so that an array
+with named axes would be half empty; a JSON document is what every tool reads.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from varcalc.solution import Status
+from varcalc.study.compare import EXACT_FLOOR, EXACT_MARGIN
+from varcalc.study.routes import Knob
+from varcalc.tables import monospaced
+
+FORMAT = 1
+"""Number of the layout of a stored file."""
+ANSWERED = tuple(s.name.lower().replace("_", " ") for s in Status if s.ok)
+"""The statuses of answers that stand, as records hold them."""
+FEWEST = 3
+"""Points through which a slope is drawn, at the least."""
+STEADY = 0.2
+"""Relative difference of two slopes of a curve up to which it is a straight line."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """One method on one problem at one setting.
+
+    ``setting`` is the value of ``knob``: the tolerance asked for, or what else
+    was turned (:class:`varcalc.study.routes.Knob`), which ``curve`` says in
+    words; ``route`` is the method that it belongs to, by its default options
+    (``method`` where nothing is said). Times are milliseconds of processor
+    time, which other programs do not lengthen, medians of the repeats:
+    ``build_ms`` the share that the method says it spent on building its
+    functions, ``solve_ms`` the rest of the call (the problem's traced
+    Lagrangian being given), ``resolve_ms`` that of a call with everything
+    built, begun from the last curve, one parameter
+    moved by a thousandth where there are any. ``value_error`` is signed, value
+    minus closed form, ``curve_error`` the largest distance from the exact
+    curve at equal abscissae; both are absolute, as is ``claimed_error``, and
+    ``size`` is what a tolerance is relative to, max(1, abs(value)). What is
+    not known is None. ``reason`` says why there is no answer.
+    """
+
+    problem: str
+    method: str
+    setting: float
+    status: str
+    build_ms: float | None = None
+    solve_ms: float | None = None
+    resolve_ms: float | None = None
+    unknowns: int | None = None
+    iterations: int | None = None
+    value_error: float | None = None
+    curve_error: float | None = None
+    claimed_error: float | None = None
+    size: float = 1.0
+    reason: str = ""
+    knob: str = Knob.TOLERANCE
+    curve: str = ""
+    route: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "route", self.route or self.method)
+
+    @property
+    def ok(self) -> bool:
+        """True for an answer that stands, or is given out for one by what claims no error."""
+        return self.status in ANSWERED
+
+    @property
+    def turned(self) -> str:
+        """The setting in words, such as ``h = 1/8``."""
+        if self.knob == Knob.ELEMENT:
+            return f"h = 1/{1 / self.setting:.0f}"
+        return f"{self.knob} = {self.setting:.0f}" if self.knob == Knob.DEGREE else f"{self.knob} = {self.setting:.0e}"
+
+    @property
+    def astray(self) -> bool:
+        """True for an answer further from the closed form than ten times its claimed error, and than round-off."""
+        if self.value_error is None or self.claimed_error is None:
+            return False
+        return abs(self.value_error) > max(EXACT_MARGIN * self.claimed_error, EXACT_FLOOR * self.size)
+
+
+@dataclass(frozen=True)
+class WorkPrecision:
+    """What :func:`work_precision` measured: ``records``, and ``about``, where and by what."""
+
+    records: tuple[Record, ...]
+    about: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def astray(self) -> tuple[Record, ...]:
+        """The answers that lie further from the closed form than their claims allow; see :attr:`Record.astray`."""
+        return tuple(r for r in self.records if r.astray)
+
+    def table(self) -> str:
+        """The records as text for a monospaced page, errors relative to max(1, abs(value)), with reasons beneath."""
+        rows = [
+            (
+                r.problem, r.method, r.turned, r.status, _shown(r.value_error, r.size, "+.1e"),
+                _shown(r.curve_error, 1.0, ".1e"), _shown(r.claimed_error, r.size, ".1e"),
+                _shown(r.build_ms, 1.0, ".2f"), _shown(r.solve_ms, 1.0, ".2f"), _shown(r.resolve_ms, 1.0, ".2f"),
+                "" if r.unknowns is None else str(r.unknowns),
+            )
+            for r in self.records
+        ]  # fmt: skip
+        words = ("problem", "method", "setting", "status")
+        numbers = ("error", "curve", "claimed", "build ms", "solve ms", "re-solve ms", "unknowns")
+        reasons = dict.fromkeys(f"{r.problem}, {r.method}: {r.reason}" for r in self.records if r.reason)
+        return "\n".join([*monospaced(words, numbers, rows), "", *reasons]).rstrip()
+
+    def document(self) -> dict[str, Any]:
+        """The measurements as plain numbers, strings, lists and dicts, ready for JSON."""
+        return {"format": FORMAT, "about": dict(self.about), "records": [asdict(r) for r in self.records]}
+
+    def save(self, path: str | Path) -> None:
+        """Write :meth:`document` as JSON. Raises OSError where that is not possible."""
+        Path(path).write_text(json.dumps(self.document(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """The measurements in a file that :meth:`save` wrote; ValueError when it is none, OSError without a file."""
+        try:
+            document = json.loads(Path(path).read_text(encoding="utf-8"))
+        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+            raise ValueError(f"{path} holds no JSON ({error}); give a file that WorkPrecision.save wrote") from error
+        if not isinstance(document, dict) or document.get("format") != FORMAT:
+            raise ValueError(f"{path} holds no measurements of format {FORMAT}; measure again, and save")
+        known = {f.name for f in fields(Record)}
+        try:
+            return cls(tuple(Record(**row) for row in document["records"]), document["about"])
+        except (KeyError, TypeError) as error:
+            raise ValueError(
+                f"{path} is damaged ({error}); its records must have the fields {sorted(known)}"
+            ) from error
+
+
+def measured_order(records: Iterable[Record]) -> float | None:
+    """The order of convergence in h: the slope of log(error) against log(h) by least squares, None where none shows.
+
+    It is taken over the resolved part of the records: from the finest one whose
+    error is above round-off towards coarser ones, as long as the slope from one
+    to the next stays as it is.
+    """
+    resolved = [
+        (math.log(r.setting), math.log(abs(r.value_error)))
+        for r in sorted(records, key=lambda r: r.setting)
+        if r.ok and r.knob == Knob.ELEMENT and r.value_error is not None and abs(r.value_error) > EXACT_FLOOR * r.size
+    ]
+    if len(resolved) < FEWEST:
+        return None
+    h, error = np.array(resolved).T
+    slopes = np.diff(error) / np.diff(h)
+    steady = np.abs(slopes - slopes[0]) <= STEADY * abs(slopes[0])
+    count = len(h) if steady.all() else 1 + int(np.argmin(steady))
+    return float(np.polyfit(h[:count], error[:count], 1)[0]) if count >= FEWEST else None
+
+
+def about() -> dict[str, str]:
+    """The machine and the versions that measurements were made with."""
+    return {
+        "python": platform.python_version(),
+        "processor": _processor(),
+        **{name: version(name) for name in ("varcalc", "casadi", "numpy", "scipy")},
+    }
+
+
+def _shown(value: float | None, unit: float, form: str) -> str:
+    return "" if value is None else format(value / unit, form)
+
+
+def _processor() -> str:
+    """The name of the processor, as far as the system tells it."""
+    listed = Path("/proc/cpuinfo")
+    if listed.is_file():
+        for line in listed.read_text(encoding="utf-8", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()

@@ -1,0 +1,101 @@
+"""What docs/extending.md adds from outside is found by the contract suite, the command line and the charts."""
+
+import importlib.util
+import json
+import re
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import varcalc as vc
+from varcalc.cli import main
+from varcalc.study.routes import methods_for, routes
+
+ROOT = Path(__file__).parents[1]
+BLOCKS = re.findall(
+    r"^```python\n(.*?)^```$", (ROOT / "docs" / "extending.md").read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+)
+
+
+def install(folder, monkeypatch, target):
+    """What a package's installation leaves: its module, and the entry point in its metadata."""
+    (folder / "straight.py").write_text(BLOCKS[0], encoding="utf-8")
+    metadata = folder / "straight-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: straight\nVersion: 1.0\n", encoding="utf-8")
+    (metadata / "entry_points.txt").write_text(f"[varcalc.methods]\nstraight = {target}\n", encoding="utf-8")
+    monkeypatch.syspath_prepend(str(folder))
+
+
+@pytest.fixture
+def straight(tmp_path, monkeypatch):
+    """The method of the page, installed as another package would be."""
+    install(tmp_path, monkeypatch, "straight:route")
+    yield
+    sys.modules.pop("straight", None)
+
+
+def contract_suite():
+    path = ROOT / "tests" / "contract" / "test_methods.py"
+    spec = importlib.util.spec_from_file_location("contract_with_another_method", path)
+    suite = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(suite)
+    return suite
+
+
+def test_without_it_there_are_the_packages_own():
+    assert [r.name for r in routes()] == ["Ritz", "Ritz(optimiser=Ipopt())", "Collocation", "Shooting", "FirstIntegral"]
+
+
+@pytest.mark.usefixtures("straight")
+def test_the_contract_suite_has_it_and_holds_it_to_the_closed_forms():
+    suite = contract_suite()
+    assert "Straight" in suite.ROUTES
+    assert "Straight" in suite.DIRECT
+    offered = [r for r in suite.REFERENCES.values() if suite.given(r, "Straight")]
+    assert offered
+    for reference in offered:
+        for tol in suite.TOLERANCES:
+            suite.check(reference, vc.solve(reference.problem, suite.METHODS["Straight"], tol=tol), "Straight", tol)
+
+
+@pytest.mark.usefixtures("straight")
+def test_comparisons_offer_it_where_it_applies():
+    line = vc.Problem(lambda x, y, dy: dy**2, vc.Fixed(0, 0), vc.Fixed(1, 2))
+    assert "Straight" in [type(m).__name__ for m in methods_for(line)]
+    bent = vc.Problem(lambda x, y, dy: dy**2 + y**2, vc.Fixed(0, 0), vc.Fixed(1, 2))
+    assert "Straight" not in [type(m).__name__ for m in methods_for(bent)]
+
+
+@pytest.mark.usefixtures("straight")
+def test_the_command_line_runs_and_draws_it(tmp_path):
+    file, picture = tmp_path / "mine.py", tmp_path / "mine.png"
+    text = "import varcalc as vc\nproblem = vc.Problem(lambda x, y, dy: dy**2, vc.Fixed(0, 0), vc.Fixed(1, 2))\n"
+    file.write_text(text + "exact = vc.Exact(4.0, lambda x: 2 * x)\n", encoding="utf-8")
+    done = CliRunner().invoke(main, ["run", str(file), "--json", "-o", str(picture)])
+    assert done.exit_code == 0, done.output
+    document = json.loads(done.stdout)
+    assert document["agree"] is True
+    (row,) = [row for row in document["rows"] if row["method"] == "Straight"]
+    assert row["value"] == pytest.approx(4.0, rel=1e-15)
+    assert picture.stat().st_size > 5000
+
+
+@pytest.mark.usefixtures("straight")
+def test_charts_have_a_place_for_it():
+    from varcalc.charts import work_precision_picture
+
+    line = vc.Problem(lambda x, y, dy: dy**2, vc.Fixed(0, 0), vc.Fixed(1, 2), name="line")
+    methods = [m for m in methods_for(line) if type(m).__name__ in ("Ritz", "Straight")]
+    measured = vc.work_precision([line], methods, [1e-6], exact=[4.0], repeats=1)
+    names = [t.get_text() for t in work_precision_picture(measured.records).legends[0].get_texts()]
+    assert "Straight" in names
+
+
+def test_an_entry_point_of_something_else_is_refused(tmp_path, monkeypatch):
+    install(tmp_path, monkeypatch, "straight:Straight")
+    with pytest.raises(TypeError, match=r"straight = straight:Straight of varcalc\.methods must name"):
+        routes()
+    sys.modules.pop("straight", None)
