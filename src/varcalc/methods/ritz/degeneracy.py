@@ -50,8 +50,6 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
     curve, which the second variation feels squared. Richer spaces are asked for as
     long as they lower a soft eigenvalue.
     """
-    if step.compliance < COMPLIANT:
-        return None
     threshold = min(max(ZERO, curve**2), LOOSEST)
     previous, z = math.inf, z + step.change
     following: Step | None = step

@@ -19,7 +19,7 @@ from varcalc.methods.answer import Along, answer
 from varcalc.methods.ritz import family
 from varcalc.methods.ritz.batch import Places, prepare
 from varcalc.methods.ritz.bends import ways
-from varcalc.methods.ritz.degeneracy import degenerate
+from varcalc.methods.ritz.degeneracy import COMPLIANT, degenerate
 from varcalc.methods.ritz.error import ASTRAY, ASTRAY_SHARE, CURVE, Estimate, estimate, settled
 from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.levelled import Levelled
@@ -94,7 +94,7 @@ class Ritz:
         at_once = self._at_once(form, tol, guess)
         if at_once is not None:
             return at_once
-        if self.refine and touchable(form):
+        if self.refine and form.pathwise and touchable(form):
             solution = self._through_contacts(form, tol, guess)
             if solution is not None:
                 return solution
@@ -108,7 +108,7 @@ class Ritz:
 
     def _at_once(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
         """The answer that the first starting curve leads to without any difficulty; None where there is one."""
-        if not (self.plain and family.applies(form) and form.integrals):
+        if not (form.integrals and self.plain and family.applies(form)):
             return None
         started = time.perf_counter()
         lowest = max(form.least_degree, 1)
@@ -301,7 +301,8 @@ class _Climb:
     def alone(self, rung: Rung, found: Estimate) -> Solution:
         """The answer, refused where the minimum is one of a continuum."""
         solution, step = self.report(rung, found, ""), found.step
-        if step is None or not step.definite:
+        # where no load moves the curve far, no mode is soft
+        if step is None or not step.definite or step.compliance < COMPLIANT:
             return solution
         why = degenerate(self.rungs, found.system, found.z, step, found.curve / found.size)
         if why is None:

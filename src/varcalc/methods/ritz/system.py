@@ -162,11 +162,11 @@ class RitzSystem:
         """The system of some of the values, which may be repeated."""
         if self.places is None or (rows.dtype == bool and rows.all()):
             return self
-        other = object.__new__(type(self))
-        other.__dict__ = self.__dict__ | {"places": self.places[rows]}
+        other, places = object.__new__(type(self)), self.places[rows]
+        other.__dict__ = self.__dict__ | {"places": places}
         for name in ("fixed", "x", "weights", "lengths", "scale", "offset", "first", "second"):
             setattr(other, name, getattr(self, name)[rows])
-        other.source = CompiledIntegrands(self.form, other.x, other.places.parameters[:, None])
+        other.source = CompiledIntegrands(self.form, other.x, places.parameters[:, None])
         return other
 
     # unknowns <-> coefficients
@@ -406,4 +406,5 @@ def least_eigenvalue(blocks: np.ndarray) -> Any:
         least = np.linalg.eigvalsh(np.where(finite[..., None, None], blocks, 0.0))[..., 0]
         least = np.where(finite, least, -np.inf)
     least = least.min(-1)
-    return np.where(np.isfinite(least), least, -np.inf)[()]
+    found: Any = np.where(np.isfinite(least), least, -np.inf)
+    return found[()]
