@@ -88,7 +88,7 @@ def approached(problem: Functional) -> Approach | None:
         if isinstance(rung, str):
             return None
         slopes, middles = _slopes(rung)
-        rows.append((elements, form.sign * rung.at.value, slopes.max()))
+        rows.append((elements, form.sign * rung.value, slopes.max()))
         where = float(middles[np.argmax(slopes)])
     elements, values, steepest = np.array(rows).T
     return Approach(elements.astype(int), values, steepest, where, problem.maximise)

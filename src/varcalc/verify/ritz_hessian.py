@@ -32,7 +32,7 @@ def index_by_ritz(extremal: Extremal) -> Index:
     """The index as the number of negative eigenvalues of the Hessian on the conditions' null space."""
     form = extremal.form
     space = ritz_space(extremal)
-    system = RitzSystem(form, space, space.degree + space.degree // 2 + 2)
+    system = RitzSystem(form, space)
     coefficients = space.fit(lambda s: extremal.evaluate(s, 0))
     z = system.pack(coefficients, extremal.unknowns)
     with np.errstate(all="ignore"):
@@ -75,7 +75,7 @@ def _metric(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> np.n
         for a in range(d * n, (d + 1) * n):
             block[:, a, a] = weight * length ** (2.0 * (d - system.order))
     corner = system.metric_blocks(at)[1]
-    return system.dense(system.local_matrices(block), np.zeros((system.space.size, system.extra)), corner)
+    return system.assembled(block, corner)
 
 
 def ritz_space(extremal: Extremal) -> Space:
@@ -119,9 +119,8 @@ def _pathwise(extremal: Extremal, system: RitzSystem) -> tuple[np.ndarray, np.nd
     D = form.order + 1
     blocks = np.zeros((len(s), D * form.n, D * form.n))
     blocks[:, : 2 * form.n, : 2 * form.n] = hessians * system.weights[:, None, None]
-    local = system.local_matrices(blocks)
     extra = system.extra
-    whole = system.dense(local, np.zeros((space.size, extra)), np.zeros((extra, extra)))
+    whole = system.assembled(blocks, np.zeros((extra, extra)))
     nodes = lobatto(space.degree)
     places = space.vertices[:-1, None] + 0.5 * space.widths[:, None] * (1 + nodes)
     gradients, _ = _pathwise_values(extremal, form, places.ravel())
@@ -177,4 +176,4 @@ def _pathwise_gradient(extremal: Extremal, system: RitzSystem) -> np.ndarray:
     rows = np.einsum("jm,mjk->mk", forces, gradients)
     padded = np.zeros((len(s), system.k))
     padded[:, : 2 * form.n] = rows
-    return system.assembled_gradient(padded)
+    return system.assembly.gradient(padded * system.first)

@@ -33,8 +33,8 @@ def bands(system: RitzSystem, local: np.ndarray) -> np.ndarray:
 
 
 def solvable(system: RitzSystem) -> bool:
-    """Whether the banded route applies: no wrap-around, no cost or equation that couples the ends."""
-    return not system.space.periodic and system.form.ends is None
+    """Whether the banded route applies: several elements, no wrap-around, no cost or equation that couples the ends."""
+    return system.space.elements > 1 and not system.space.periodic and system.form.ends is None
 
 
 def banded_step(
@@ -43,7 +43,7 @@ def banded_step(
     """Change of the unknowns, new multipliers, predicted decrease and shift; None when no shift makes it convex."""
     import scipy.linalg
 
-    local, border, corner = system.hessian_parts(at, multipliers)
+    local, border, corner = system.parts(system.combined(at, multipliers))
     free, extra, count = len(system.free), system.extra, len(at.conditions)
     matrix = bands(system, local)
     metric, metric_corner = _metric_bands(system, at)
@@ -75,4 +75,6 @@ def banded_step(
 
 def _metric_bands(system: RitzSystem, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
     blocks, corner = system.metric_blocks(at)
-    return bands(system, system.local_matrices(blocks)), corner
+    whole = np.zeros((*blocks.shape[:-2], system.k, system.k))
+    whole[:, : blocks.shape[1], : blocks.shape[2]] = blocks
+    return bands(system, system.parts(whole)[0]), corner

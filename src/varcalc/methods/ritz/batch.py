@@ -17,9 +17,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form
+from varcalc.methods.ritz.integrands import integrands, pointwise, reported
 from varcalc.methods.ritz.newton import ARMIJO, CONVERGED, NEARLY_SINGULAR, SHRINK, lowest_eigenvalue
-from varcalc.methods.ritz.rungs import quadrature_points
-from varcalc.methods.ritz.system import integrands, pointwise, reported
+from varcalc.methods.ritz.system import quadrature_points
 from varcalc.numerics.mesh import Space, basis_at_gauss, gauss
 from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.columns import FewOrMany

@@ -50,8 +50,6 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
     curve, which the second variation feels squared. Richer spaces are asked for as
     long as they lower a soft eigenvalue.
     """
-    if step.compliance < COMPLIANT:
-        return None
     threshold = min(max(ZERO, curve**2), LOOSEST)
     previous, z = math.inf, z + step.change
     following: Step | None = step
@@ -87,7 +85,7 @@ def _soft_modes(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> t
     """
     at = system.evaluate(z)
     nothing = np.zeros(0), np.zeros((system.size, 0))
-    if not np.isfinite(at.pointwise).all() or at.legendre <= 0.0:
+    if not np.isfinite(at.hessians).all() or at.legendre <= 0.0:
         return nothing
     hessian, leading, null = system.hessian(at, multipliers), leading_term(system, at, z), np.eye(system.size)
     if len(at.conditions):
@@ -115,8 +113,8 @@ def leading_term(system: RitzSystem, at: Evaluation, z: np.ndarray) -> np.ndarra
 
     An unknown number is measured by the change of itself that would cost the whole functional.
     """
-    n, D, k = system.n, system.order + 1, system.k
-    hessians = at.pointwise[:, 1 + k : 1 + k + k * k].reshape(-1, k, k)
+    n, D = system.n, system.order + 1
+    hessians = at.hessians[:, 0]
     top = slice(system.order * n, D * n)
     leading = hessians[:, top, top] * system.weights[:, None, None]
     length = system.space.vertices[-1] - system.space.vertices[0]
@@ -126,7 +124,7 @@ def leading_term(system: RitzSystem, at: Evaluation, z: np.ndarray) -> np.ndarra
         blocks[:, rows, rows] = leading * length ** (2.0 * (d - system.order))
     own = np.abs(np.einsum("q,qaa->a", system.weights, hessians[:, D * n :, D * n :]))
     corner = np.diag(np.maximum(own, at.scale / _sizes_of_numbers(system, z) ** 2))
-    return system.dense(system.local_matrices(blocks), np.zeros((system.space.size, system.extra)), corner)
+    return system.assembled(blocks, corner)
 
 
 def _sizes_of_numbers(system: RitzSystem, z: np.ndarray) -> np.ndarray:
@@ -231,5 +229,5 @@ def _invariant(system: RitzSystem, z: np.ndarray, at: Evaluation, motions: list[
     there = system.evaluate(system.pack(moved, system.unknowns(z) + numbers * (TURN / largest)))
     sizes = np.ones(len(at.conditions))
     sizes[: len(system.levels)] = np.maximum(np.abs(system.levels), 1e-300)
-    same = abs(there.value - at.value) <= UNMOVED * at.scale + CANCELLED * system.quadratic_size(z)
+    same = abs(there.value - at.value) <= UNMOVED * at.scale + CANCELLED * system.quadratic_size(at)
     return bool(same and np.all(np.abs(there.conditions - at.conditions) <= UNMOVED * sizes))

@@ -10,17 +10,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
-import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Form
-from varcalc.methods.answer import end_cost, sample
+from varcalc.formulation import Reported
+from varcalc.methods.answer import sample
+from varcalc.methods.ritz.integrands import NumericIntegrand, reported_with_levels
 from varcalc.methods.ritz.newton import Step, newton_step
 from varcalc.methods.ritz.quadrature import shortfall
 from varcalc.methods.ritz.rungs import Rung, Rungs
-from varcalc.methods.ritz.system import Evaluation, Reported, RitzSystem
-from varcalc.symbolic.derived import derived
+from varcalc.methods.ritz.system import Evaluation, RitzSystem
 
 SAFETY = 1.5
 """The correction leaves out what lies beyond the richer space."""
@@ -46,18 +46,80 @@ SHARED = 0.1
 """Share of the last error that two spaces on one mesh may have in common, where a curve touches a bound."""
 
 
+@dataclass(frozen=True)
+class Correction:
+    """What the Newton step in a richer space says of a curve, or of K curves: then each entry has a first axis more.
+
+    ``value`` is the reported functional in the sense that is minimised, ``error`` and ``curve`` its error and the
+    curve's, ``scale`` the size of what was summed, ``floor`` the round-off that leaves in the value.
+    ``integrand`` (Q,) is what was summed for the value at the Gauss points, ``miss`` what a unit by
+    which each condition is missed costs, ``moved`` (Q, k) by how much the step changes the curve and its slopes.
+    ``here`` and ``there`` are what is reported of the curve and of the one it is mended to.
+    """
+
+    value: Any
+    error: Any
+    curve: Any
+    scale: Any
+    floor: Any
+    integrand: np.ndarray
+    miss: np.ndarray
+    moved: np.ndarray
+    here: Reported
+    there: Reported
+
+
+def correction(
+    system: RitzSystem, z: np.ndarray, at: Evaluation, change: np.ndarray, miss: np.ndarray, decrement: Any, own: Any
+) -> Correction:
+    """The correction of the curve ``z`` by ``change``, which has the multipliers ``miss``; its value was ``own``.
+
+    The finer rule sees the side conditions missed: to first order that costs the multiplier times the miss.
+    """
+    form, moved = system.form, system.moved(change)
+    here, there = system.reported(at), system.reported(at, moved)
+    if form.same_functional:
+        value, scale = at.value + (miss * at.conditions).sum(-1), at.scale
+        error = np.abs(decrement) + np.abs(value - own)
+    else:
+        value = _total(system, z, here)
+        error = np.abs(value - _total(system, z + change, there))
+        if form.energetic:  # the energy is the square of the value
+            miss = miss * np.where(value > 0, 0.5 / np.where(value > 0, value, 1.0), 1.0)[..., None]
+        value = value + (miss * at.conditions).sum(-1)
+        scale = np.abs(value)
+    levels = miss[..., : len(system.levels)]
+    # a prescribed integral is summed like the value, and what it misses costs its multiplier
+    floor = ROUND_OFF * (scale + np.abs(levels) @ np.abs(system.levels))
+    integrand = here.integrand
+    if len(system.levels):
+        integrand = integrand + (at.integrands[..., 1:] * levels[..., None, :]).sum(-1)
+    curve = SAFETY * displacement(here, there)
+    return Correction(value, SAFETY * error, curve, scale, floor, integrand, miss, moved, here, there)
+
+
+def _total(system: RitzSystem, z: np.ndarray, reported: Reported) -> Any:
+    """The reported functional, in the sense that is minimised, by the system's own rule."""
+    return (system.weights * reported.integrand).sum(-1) + system.end_cost(z)
+
+
+def displacement(here: Reported, there: Reported) -> Any:
+    """Largest distance between two curves: of ordinates at the same abscissa, in the user's coordinates."""
+    move = there.y - here.y
+    if there.x is not here.x:
+        forward = here.dx[..., None] != 0
+        slope = np.where(forward, here.dy / np.where(forward, here.dx[..., None], 1.0), 0.0)
+        move = np.where(forward, move - slope * (there.x - here.x)[..., None], 0.0)
+    return np.abs(move).max((-2, -1), initial=0.0)
+
+
 @dataclass
 class Estimate:
-    """Errors of a rung.
+    """Errors of a rung, see :class:`Correction`.
 
-    ``value`` is the reported functional in the sense that is minimised,
-    ``error`` and ``curve`` its error and the curve's, ``scale`` the size of
-    what was summed, ``floor`` the round-off that leaves in the value;
-    ``system`` the richer space with the rung's curve ``z``
+    ``system`` is the richer space, with the rung's curve ``z``, its evaluation ``at``
     and the correction ``step`` there (None when it was solved instead);
-    ``shares`` each element's part in the correction. ``integrand`` is what was
-    summed for ``value`` at the Gauss points, ``miss`` what a unit by which each
-    level is missed costs.
+    ``shares`` each element's part in the correction, ``size`` the largest ordinate, ``speed`` dx/ds at the points.
     """
 
     value: float
@@ -67,10 +129,13 @@ class Estimate:
     floor: float
     system: RitzSystem
     z: np.ndarray
+    at: Evaluation
     step: Step | None
     shares: np.ndarray
     integrand: np.ndarray
     miss: np.ndarray
+    size: float
+    speed: np.ndarray
 
 
 def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
@@ -79,36 +144,33 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
     if rungs.constrained:
         return _by_solving(rungs, rung, system, z, previous)
     at = system.evaluate(z)
-    if not math.isfinite(at.value):
-        return "the functional is not a number on the trial curve by a finer rule"
     step = newton_step(system, at, rung.multipliers)
     if step is None:
         return "the Newton step in the richer space is not defined (degenerate Hessian)"
-    # the finer rule sees the side conditions missed: to first order that costs the multiplier times the miss
-    miss = step.multipliers
-    moved = z + step.change
-    here, there = system.reported(z), system.reported(moved)
-    sound = step.definite and _contracts(system, z, step, at)
-    error = abs(step.decrement) if sound else math.inf
-    if rungs.form.same_functional:
-        value, scale = at.value + float(miss @ at.conditions), at.scale
-        error += abs(value - rung.at.value)
-    else:
-        value = functional_at(rungs, system, z, here)
-        error = abs(value - functional_at(rungs, system, moved, there)) if sound else math.inf
-        if rungs.form.energetic and value > 0:  # the energy is the square of the value
-            miss = miss * (0.5 / value)
-        value += float(miss @ at.conditions)
-        scale = abs(value)
-    # a prescribed integral is summed like the value, and what it misses costs its multiplier
-    floor = ROUND_OFF * (scale + float(np.abs(miss[: len(system.levels)]) @ np.abs(system.levels)))
-    curve, shares = displacement(here, there), _shares(rungs, system, step.change)
-    integrand = _with_levels(system, here, at, miss)
-    return Estimate(value, SAFETY * error, SAFETY * curve, scale, floor, system, z, step, shares, integrand, miss)
+    found = correction(system, z, at, step.change, step.multipliers, step.decrement, rung.value)
+    sound = step.definite and _contracts(system, z, step, at, found)
+    return _estimate(rungs, system, z, at, step, step.change, found, float(found.error) if sound else math.inf)
 
 
-def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation) -> bool:
-    """Whether there is a minimum near ``z``, as far as a second Newton step can tell.
+def _estimate(
+    rungs: Rungs,
+    system: RitzSystem,
+    z: np.ndarray,
+    at: Evaluation,
+    step: Step | None,
+    change: np.ndarray,
+    found: Correction,
+    error: float,
+) -> Estimate:
+    size = max(float(np.abs(at.variables[:, : system.n]).max()), 1e-300)
+    return Estimate(
+        float(found.value), error, float(found.curve), float(found.scale), float(found.floor), system, z, at, step,
+        _shares(rungs, system, change), found.integrand, found.miss, size, found.here.dx,
+    )  # fmt: skip
+
+
+def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, found: Correction) -> bool:
+    """Whether there is a minimum near a curve, as far as a second Newton step can tell.
 
     A step that lowers the functional by far less than its own size in the metric
     would have it goes along a soft mode. Where two extremals have just merged and
@@ -118,17 +180,23 @@ def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation) ->
     """
     if 0.0 < step.compliance < COMPLIANT or system.size > LARGEST:
         return True
-    size = 0.5 * float(step.change @ system.metric(at) @ step.change)
-    if size <= UNMOVED**2 * at.scale or step.decrement >= SOFT * size:
+    if bool(moves_as_it_gains(system, at, step.change, found.moved, step.decrement)):
         return True
-    following = newton_step(system, system.evaluate(z + step.change), step.multipliers)
-    here, there = (system.reported(y) for y in (z, z + step.change))
+    here, there = found.here, found.there
     if displacement(here, there) <= SLIGHT * float(np.abs(here.y).max(initial=0.0)):
         return True  # next to a fold the two extremals are further apart than that
+    again = system.evaluate(z + step.change)
+    following = newton_step(system, again, step.multipliers)
     if following is None or not following.definite:
         return False
-    beyond = system.reported(z + step.change + following.change)
-    return displacement(there, beyond) <= CONTRACTION * displacement(here, there)
+    beyond = system.reported(again, system.moved(following.change))
+    return bool(displacement(there, beyond) <= CONTRACTION * displacement(here, there))
+
+
+def moves_as_it_gains(system: RitzSystem, at: Evaluation, change: np.ndarray, moved: np.ndarray, decrement: Any) -> Any:
+    """Whether a step is so short that it may be round-off, or lowers the functional by what its size asks for."""
+    size = 0.5 * system.squared(at, change, moved)
+    return (size <= UNMOVED**2 * at.scale) | (decrement >= SOFT * size)
 
 
 def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, previous: float) -> Estimate | str:
@@ -136,27 +204,14 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     richer = rungs.optimise(system, z, rung.multipliers)
     if isinstance(richer, str):
         return richer
-    error = abs(richer.at.value - system.evaluate(z).value) + abs(richer.at.value - rung.at.value)
+    at = system.evaluate(richer.z)
+    found = correction(system, richer.z, at, z - richer.z, richer.multipliers, 0.0, richer.value)
+    error = abs(richer.value - system.evaluate(z).value) + abs(richer.value - rung.value)
     if math.isfinite(previous) and (rungs.inequalities or not rungs.form.corners):
         error = max(error, SHARED * previous)
-    here, there = system.reported(z), system.reported(richer.z)
-    value = richer.at.value if rungs.form.same_functional else functional_at(rungs, system, richer.z, there)
-    curve = displacement(here, there)
-    shares = _shares(rungs, system, richer.z - z)
-    miss = richer.multipliers
-    if rungs.form.energetic and value > 0:
-        miss = miss * (0.5 / value)
-    integrand = _with_levels(system, there, richer.at, miss)
-    return Estimate(
-        value, SAFETY * error, SAFETY * curve, richer.at.scale, ROUND_OFF * richer.at.scale, system, richer.z, None,
-        shares, integrand, miss,
-    )  # fmt: skip
-
-
-def _with_levels(system: RitzSystem, reported: Reported, at: Evaluation, miss: np.ndarray) -> np.ndarray:
-    """The reported integrand with those of the levels, each times what a unit of it costs."""
-    count = len(system.levels)
-    return reported.integrand + system.integrands(at)[:, 1:] @ miss[:count] if count else reported.integrand
+    value = richer.value if rungs.form.same_functional else _total(system, richer.z, found.here)
+    found = replace(found, value=value, scale=at.scale, floor=ROUND_OFF * at.scale)
+    return _estimate(rungs, system, richer.z, at, None, richer.z - z, found, SAFETY * float(error))
 
 
 def settled(rungs: Rungs, found: Estimate) -> Estimate | str:
@@ -167,7 +222,10 @@ def settled(rungs: Rungs, found: Estimate) -> Estimate | str:
     form, system = rungs.form, found.system
 
     def sampled(s: np.ndarray) -> np.ndarray:
-        values = np.asarray(_reported_with_levels(form)(*sample(rungs.extremal(system, found.z), s)))
+        arguments = sample(rungs.extremal(system, found.z), s)
+        if isinstance(system.source, NumericIntegrand):
+            return NumericIntegrand(form, s).reported(np.vstack(arguments[1:3]).T).integrand
+        values = np.asarray(reported_with_levels(form)(*arguments))
         return values[0] + found.miss[: len(system.levels)] @ values[1:]
 
     samples = found.integrand.reshape(system.space.elements, -1)
@@ -175,27 +233,6 @@ def settled(rungs: Rungs, found: Estimate) -> Estimate | str:
     if not math.isfinite(change):
         return "the functional is not a number on the trial curve between the points of its rule"
     return found if change == 0.0 else replace(found, value=found.value + change, error=found.error + abs(change))
-
-
-@derived
-def _reported_with_levels(form: Form) -> ca.Function:
-    integrands = ca.vertcat(form.functional, *(c.expression for c in form.integrals if c.equality))
-    return ca.Function("settled", form.symbols.all, [ca.densify(integrands)])
-
-
-def functional_at(rungs: Rungs, system: RitzSystem, z: np.ndarray, reported: Reported) -> float:
-    """The reported functional, in the sense that is minimised, by the system's own rule."""
-    total = float(system.weights @ reported.integrand)
-    return total if rungs.form.ends is None else total + end_cost(rungs.extremal(system, z))
-
-
-def displacement(here: Reported, there: Reported) -> float:
-    """Largest distance between two curves: of ordinates at the same abscissa, in the person's coordinates."""
-    move = there.y - here.y
-    if here.x is not None and here.dx is not None and here.dy is not None and there.x is not None:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            move = (move - here.dy / here.dx * (there.x - here.x))[:, here.dx != 0]
-    return float(np.abs(move).max(initial=0.0))
 
 
 def _shares(rungs: Rungs, system: RitzSystem, change: np.ndarray) -> np.ndarray:

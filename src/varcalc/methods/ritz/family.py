@@ -24,7 +24,8 @@ from varcalc.methods.ritz.degeneracy import SOFT as SOFT_MODE
 from varcalc.methods.ritz.error import ASTRAY, ASTRAY_SHARE, CURVE, ROUND_OFF, SAFETY, SOFT, UNMOVED
 from varcalc.methods.ritz.levelled import Levelled
 from varcalc.methods.ritz.quadrature import RESOLVED, missed
-from varcalc.methods.ritz.rungs import DEGREES, quadrature_points
+from varcalc.methods.ritz.rungs import DEGREES
+from varcalc.methods.ritz.system import quadrature_points
 from varcalc.numerics.mesh import Space
 from varcalc.solution import ErrorEstimate, Solution, Stats
 

@@ -17,10 +17,10 @@ from varcalc.methods.ritz.batch import ITERATIONS
 from varcalc.methods.ritz.degeneracy import SOFT as SOFT_MODE
 from varcalc.methods.ritz.error import ROUND_OFF, SOFT, UNMOVED
 from varcalc.methods.ritz.family import Answer, Reports, reports_of, short_of
+from varcalc.methods.ritz.integrands import reported
 from varcalc.methods.ritz.level import Level
 from varcalc.methods.ritz.newton import ARMIJO, CONVERGED
 from varcalc.methods.ritz.rungs import DEGREES
-from varcalc.methods.ritz.system import reported
 from varcalc.symbolic.buffered import BufferedCall
 from varcalc.symbolic.derived import derived
 

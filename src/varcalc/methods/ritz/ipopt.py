@@ -89,7 +89,7 @@ def optimise(
     ``("integral", index)``).
     """
     if not system.size:  # everything is fixed by the ends: there is nothing to optimise
-        return Outcome(z, multipliers, system.evaluate(z), 0, ""), {}
+        return Outcome(z, multipliers, system.evaluate(z).value, 0, ""), {}
     scale = _scales(system, z)
     size = system.evaluate(z).scale
     size = size if np.isfinite(size) and size > 0 else 1.0
@@ -131,7 +131,7 @@ def optimise(
     status = str(stats["return_status"])
     good = np.isfinite(at.value) and (status in GOOD or (status in FINISHED and _stationary(stats)))
     reason = "" if good else f"IPOPT stopped with {status}"
-    return Outcome(found, equalities, at, int(stats["iter_count"]), reason), others
+    return Outcome(found, equalities, at.value, int(stats["iter_count"]), reason), others
 
 
 def _only_minimised(system: RitzSystem) -> bool:

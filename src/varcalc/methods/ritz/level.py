@@ -10,7 +10,7 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.methods.ritz.batch import SEVERAL, Basis, prepare
-from varcalc.methods.ritz.system import pointwise
+from varcalc.methods.ritz.integrands import pointwise
 from varcalc.numerics.mesh import gauss
 from varcalc.symbolic.buffered import BufferedCall
 

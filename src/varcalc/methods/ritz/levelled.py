@@ -23,6 +23,7 @@ from varcalc.methods.ritz.batch import (
     positive,
     solutions,
 )
+from varcalc.methods.ritz.integrands import integrands, pointwise
 from varcalc.methods.ritz.newton import (
     ARMIJO,
     CONVERGED,
@@ -31,7 +32,6 @@ from varcalc.methods.ritz.newton import (
     SHRINK,
     lowest_eigenvalue,
 )
-from varcalc.methods.ritz.system import integrands, pointwise
 from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.derived import derived
 

@@ -15,15 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.answer import answer
-from varcalc.methods.ritz import family, single
+from varcalc.methods.answer import Along, answer
+from varcalc.methods.ritz import family
 from varcalc.methods.ritz.batch import Places, prepare
 from varcalc.methods.ritz.bends import ways
-from varcalc.methods.ritz.degeneracy import degenerate
+from varcalc.methods.ritz.degeneracy import COMPLIANT, degenerate
 from varcalc.methods.ritz.error import ASTRAY, ASTRAY_SHARE, CURVE, Estimate, estimate, settled
 from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.levelled import Levelled
-from varcalc.methods.ritz.newton import Newton
+from varcalc.methods.ritz.newton import Newton, load
 from varcalc.methods.ritz.rungs import DEGREES, NOWHERE, Rung, Rungs
 from varcalc.methods.ritz.system import RitzSystem
 from varcalc.methods.ritz.touching import touchable, touching
@@ -90,10 +90,11 @@ class Ritz:
         if self.degree is not None and self.degree < least:
             reason = f"degree={self.degree} is too low for a functional of order {form.order}; give at least {least}"
             return no_answer(form.problem, self, Status.REFUSED, reason)
+        load()
         at_once = self._at_once(form, tol, guess)
         if at_once is not None:
             return at_once
-        if self.refine and touchable(form):
+        if self.refine and form.pathwise and touchable(form):
             solution = self._through_contacts(form, tol, guess)
             if solution is not None:
                 return solution
@@ -107,17 +108,9 @@ class Ritz:
 
     def _at_once(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
         """The answer that the first starting curve leads to without any difficulty; None where there is one."""
-        if not (self.plain and family.applies(form)):
+        if not (form.integrals and self.plain and family.applies(form)):
             return None
-        numerical = form.numbers is not None and not form.integrals
-        if numerical:
-            single.load()
         started = time.perf_counter()
-        if numerical:
-            with np.errstate(all="ignore"):
-                found = single.solved(form, tol, guess)
-            if found is not None:
-                return single.solution(form, self, found, time.perf_counter() - started)
         lowest = max(form.least_degree, 1)
         degree = min(d for d in DEGREES[form.order] if d >= lowest)
         space = Space(np.array(form.span), degree, form.n, form.order)
@@ -223,16 +216,13 @@ class _Climb:
         # a small functional is solved to its own size, but not where a comparison of two solves is all there is
         own = found.scale
         if size * self.tol >= found.error > self.tol * 10 * own:  # it may be small by cancellation: a minimum of zero
-            own = max(own, found.system.quadratic_size(found.z))
+            own = max(own, found.system.quadratic_size(found.at))
         target = self.tol * (size if self.rungs.constrained else min(size, 10 * own))
-        return (
-            found.error <= max(target, found.floor) and not self.astray(rung, found) and self.curve_is_good(rung, found)
-        )
+        return found.error <= max(target, found.floor) and not self.astray(found) and self.curve_is_good(rung, found)
 
-    def astray(self, rung: Rung, found: Estimate) -> bool:
+    def astray(self, found: Estimate) -> bool:
         """Whether the curve does not settle, though the value may: then no curve attains it."""
-        size = max(float(np.abs(rung.system.ordinates(rung.z)).max()), 1e-300)
-        return found.curve > max(ASTRAY, ASTRAY_SHARE * math.sqrt(self.tol)) * size
+        return found.curve > max(ASTRAY, ASTRAY_SHARE * math.sqrt(self.tol)) * found.size
 
     def curve_is_good(self, rung: Rung, found: Estimate) -> bool:
         """Whether the curve is as good as the value's tolerance promises, as far as the degree alone can make it.
@@ -241,9 +231,8 @@ class _Climb:
         curve is not left worse than that when one more rung would mend it.
         """
         space = rung.system.space
-        size = max(float(np.abs(rung.system.ordinates(rung.z)).max()), 1e-300)
         climbing = space.degree < DEGREES[self.form.order][-2] and space.elements == 1
-        return not climbing or found.curve <= max(CURVE * math.sqrt(self.tol), 1e-14) * size
+        return not climbing or found.curve <= max(CURVE * math.sqrt(self.tol), 1e-14) * found.size
 
     def next_rung(self, rung: Rung, found: Estimate, previous: float) -> Rung | str:
         """Climb the degree while that pays, else bisect where the error is."""
@@ -261,9 +250,9 @@ class _Climb:
         else:
             # a shifted step may leap into another basin; only a true Newton step is taken whole
             whole = found.step is not None and found.step.definite
+            step = found.step.change if whole and found.step is not None else np.zeros_like(found.z)
             system = found.system
-            start = found.z + found.step.change if whole and found.step is not None else found.z
-            following = self.rungs.improve(system, start, found.z, rung.multipliers)
+            following = self.rungs.improve(system, step, found.z, found.at, rung.multipliers)
         if isinstance(following, str) and system.space.degree <= RESTART_DEGREE and system.space.elements == 1:
             # what was a minimum in the poorer space led nowhere: look again from the starting curves
             return self.rungs.start(system.space, None)
@@ -286,26 +275,36 @@ class _Climb:
         space: Space = rung.system.space
         error = found.error + found.floor
         status, message = self.verdict(error, found.floor, found.value, reason)
-        if self.method.refine and status.ok and self.astray(rung, found):
+        if self.method.refine and status.ok and self.astray(found):
             status = Status.NOT_CONVERGED
             message = f"the value settles near {self.form.sign * found.value:.6g}, but the curve does not: {reason}"
         solve_time = time.perf_counter() - self.started - self.built
         stats = Stats(
             self.built, solve_time, self.rungs.iterations, rung.system.size, space.elements, space.degree
         )  # fmt: skip
-        curve = max(found.curve, 4e-16 * float(np.abs(rung.system.ordinates(rung.z)).max()))
+        curve = max(found.curve, 4e-16 * found.size)
+        extremal = self.rungs.extremal_of(rung, found.speed, self.along(found))
         return answer(
-            self.rungs.extremal_of(rung), self.method, self.form.sign * found.value, ErrorEstimate(error, curve),
-            space.vertices, stats, status, message, rule=found.system.count,
+            extremal, self.method, self.form.sign * found.value, ErrorEstimate(error, curve), space.vertices, stats,
+            status, message, rule=found.system.count,
         )  # fmt: skip
+
+    def along(self, found: Estimate) -> Along | None:
+        """What was evaluated along a graph in the user's own coordinates; None for other curves."""
+        system, at, n = found.system, found.at, self.form.n
+        if not self.form.plainly_reported or system.extra or system.order > 1:
+            return None
+        top = slice(n, 2 * n)
+        y, dy = at.variables[:, :n].T, at.variables[:, top].T
+        return Along(system.x, y, dy, at.integrands[:, 0], at.slopes[:, 0, top].T, at.hessians[:, 0, top, top])
 
     def alone(self, rung: Rung, found: Estimate) -> Solution:
         """The answer, refused where the minimum is one of a continuum."""
         solution, step = self.report(rung, found, ""), found.step
-        if step is None or not step.definite:
+        # where no load moves the curve far, no mode is soft
+        if step is None or not step.definite or step.compliance < COMPLIANT:
             return solution
-        size = max(float(np.abs(rung.system.ordinates(rung.z)).max()), 1e-300)
-        why = degenerate(self.rungs, found.system, found.z, step, found.curve / size)
+        why = degenerate(self.rungs, found.system, found.z, step, found.curve / found.size)
         if why is None:
             return solution
         return replace(solution, status=Status.REFUSED, verdict=why[0], message=why[1])

@@ -11,8 +11,10 @@ singularity to where the functional has no lower bound.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -43,6 +45,12 @@ SETTLING = 5
 """Iterations in which the size of the functional is learnt."""
 DAMPING = 1e-6
 """Shift that keeps a step along a symmetry from being made of round-off."""
+FEASIBLE = 1e-6
+"""Relative miss of a condition at which a step may be the last one."""
+MET = 1e-10
+"""Relative miss of a condition that is none."""
+PENALTY = 1e-3
+"""Least weight of a condition's miss in the merit function, in units of the functional by the condition."""
 INEFFECTIVE = 1e-14
 """Relative derivative of a level, by what is summed to it, that is made of round-off."""
 NEARLY_SINGULAR = 1e-9
@@ -89,16 +97,17 @@ class Outcome:
 
     z: np.ndarray
     multipliers: np.ndarray
-    evaluation: Evaluation
+    value: float
     iterations: int
     reason: str
 
 
 def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
     """The (shifted, when need be) Newton step from an evaluation; None when there is none."""
-    if not (np.isfinite(at.pointwise).all() and np.isfinite(at.gradient).all() and np.isfinite(at.jacobian).all()):
+    # a sum is a number where all of its terms are
+    if not math.isfinite(at.hessians.sum() + at.gradient.sum() + at.jacobian.sum()):
         return None
-    if _ineffective(system, at):
+    if len(system.levels) and not effective(system, at):
         return None
     if system.size > DENSE and solvable(system):
         found = banded_step(system, at, multipliers)
@@ -112,15 +121,14 @@ def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
         return None
 
 
-def _ineffective(system: RitzSystem, at: Evaluation) -> bool:
-    """Whether no change of the curve changes some level but by round-off: its integrand is a total derivative."""
-    count, k, n = len(system.levels), system.k, system.n
-    if not count:
-        return False
-    rows = system.weights @ np.abs(at.pointwise[:, 1 + k + k**2 :])
-    slopes = (2.0 / system.space.widths.min()) ** (np.arange(k) // n)
-    sizes = rows.reshape(count, 1 + k + k**2)[:, 1 : 1 + k] @ np.where(np.arange(k) < k - system.extra, slopes, 1.0)
-    return bool((np.abs(at.jacobian[:count]).max(1, initial=0.0) <= INEFFECTIVE * sizes).any())
+def effective(system: RitzSystem, at: Evaluation) -> Any:
+    """Whether some change of the curve changes each level by more than round-off.
+
+    None does where a level's integrand is a total derivative.
+    """
+    count = len(system.levels)
+    sizes = (np.abs(at.slopes[..., 1:, :]) * system.first[..., None, :]).sum((-3, -1))
+    return np.all(np.abs(at.jacobian[..., :count, :]).max(-1, initial=0.0) > INEFFECTIVE * sizes, axis=-1)
 
 
 def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
@@ -166,24 +174,38 @@ def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
 
 def _solved(matrix: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, float] | None:
     """The Newton step and the compliance of a positive matrix; None of any other."""
-    load = generic_load(len(matrix))
-    try:
-        np.linalg.cholesky(matrix)
-        both = np.linalg.solve(matrix, np.column_stack([-slope, load]))
-    except np.linalg.LinAlgError:
+    if not len(matrix):
+        return slope, 0.0
+    load, length = generic_load(len(matrix))
+    _, both, failed = _dposv()(matrix, np.array([-slope, load]).T)
+    if failed:
         return None
-    return both[:, 0], relative_compliance(both[:, 1], load, np.diag(matrix))
+    answer = both[:, 1]
+    compliance = math.sqrt(answer @ answer) * np.abs(matrix.diagonal()).max(initial=0.0) / length
+    return both[:, 0], float(compliance)
+
+
+@lru_cache(maxsize=1)
+def _dposv() -> Callable[..., Any]:
+    """LAPACK's own solution by Cholesky's factors: NumPy's two calls cost ten times as much on a small matrix."""
+    from scipy.linalg.lapack import dposv  # loaded by the first solve, not with the package
+
+    return dposv
+
+
+def load() -> None:
+    """Load what takes a tenth of a second once in a process, and is no part of a solve."""
+    _dposv()
 
 
 @lru_cache(maxsize=64)
-def generic_load(count: int) -> np.ndarray:
-    """A vector with a part in every direction: the fractional parts of multiples of the golden ratio, about zero."""
-    return np.arange(1, count + 1) * (0.5 * (1 + math.sqrt(5))) % 1.0 - 0.5
+def generic_load(count: int) -> tuple[np.ndarray, float]:
+    """A vector with a part in every direction, and its length.
 
-
-def relative_compliance(answer: np.ndarray, load: np.ndarray, diagonal: np.ndarray) -> float:
-    """The length of ``answer`` = H^-1 ``load`` in units of the least it could be."""
-    return float(np.linalg.norm(answer) * np.abs(diagonal).max(initial=0.0) / max(np.linalg.norm(load), 1e-300))
+    Its entries are the fractional parts of multiples of the golden ratio, about zero.
+    """
+    parts = np.arange(1, count + 1) * (0.5 * (1 + math.sqrt(5))) % 1.0 - 0.5
+    return parts, max(float(np.linalg.norm(parts)), 1e-300)
 
 
 def first_multipliers(at: Evaluation) -> np.ndarray:
@@ -210,7 +232,7 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
     """Iterate from ``z`` to a minimum of the discretised functional."""
     at = system.evaluate(z)
     if not _finite(at):
-        return Outcome(z, multipliers, at, 0, NO_NUMBER)
+        return Outcome(z, multipliers, at.value, 0, NO_NUMBER)
     if len(multipliers) and not multipliers.any():
         multipliers = first_multipliers(at)
     guarded = at.legendre > 0.0 and len(at.conditions) == 0
@@ -218,25 +240,32 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
     for iteration in range(1, newton.iterations + 1):
         step = newton_step(system, at, multipliers)
         if step is None:
-            return Outcome(z, multipliers, at, iteration, "the Newton step is not defined (degenerate Hessian)")
+            return Outcome(z, multipliers, at.value, iteration, "the Newton step is not defined (degenerate Hessian)")
         multipliers = step.multipliers
         decrement = _decrement(system, at, step, largest)
-        decrement = 0.0 if iteration > EXPECTED and _is_round_off(system, z, step, decrement) else decrement
-        if decrement <= CONVERGED:
-            last = system.evaluate(z + step.change)
-            if _finite(last):
-                z, at = z + step.change, last
-            return Outcome(z, multipliers, at, iteration, _unmet(system, at))
+        late = iteration > EXPECTED
+        if decrement <= CONVERGED or (late and _is_round_off(system, at, step, decrement)):
+            return _ended(system, z, at, step, iteration)
         following = _search(system, z, at, step, guarded)
         if following is None:
             reason = _unmet(system, at) if decrement <= STAGNATED else "no step along the Newton direction descends"
-            return Outcome(z, multipliers, at, iteration, reason)
+            return Outcome(z, multipliers, at.value, iteration, reason)
         z, at = following
         if iteration <= SETTLING:
             largest = max(largest, at.scale)
         elif at.value < -RUNAWAY * largest:
-            return Outcome(z, multipliers, at, iteration, "the functional appears to have no lower bound")
-    return Outcome(z, multipliers, at, newton.iterations, f"no convergence within {newton.iterations} iterations")
+            return Outcome(z, multipliers, at.value, iteration, "the functional appears to have no lower bound")
+    return Outcome(z, multipliers, at.value, newton.iterations, f"no convergence within {newton.iterations} iterations")
+
+
+def _ended(system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, iteration: int) -> Outcome:
+    """The end of an iteration one full step from ``z``."""
+    if not len(at.conditions):  # the quadratic model is as good as another evaluation
+        return Outcome(z + step.change, step.multipliers, at.value - step.decrement, iteration, "")
+    last = system.evaluate(z + step.change)
+    if _finite(last):
+        z, at = z + step.change, last
+    return Outcome(z, step.multipliers, at.value, iteration, _unmet(system, at))
 
 
 def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float) -> float:
@@ -247,33 +276,28 @@ def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float) -
     """
     if not (step.definite and _feasible(system, at)):
         return math.inf
-    scale = max(at.scale, VANISHING * largest) + float(np.abs(step.multipliers) @ np.abs(system_levels(system, at)))
+    scale = max(at.scale, VANISHING * largest)
+    if len(at.conditions):
+        scale += float(np.abs(step.multipliers) @ system.sizes(at))
     return step.decrement / scale if scale > 0 else 0.0
 
 
-def _is_round_off(system: RitzSystem, z: np.ndarray, step: Step, decrement: float) -> bool:
+def _is_round_off(system: RitzSystem, at: Evaluation, step: Step, decrement: float) -> bool:
     """Whether a step gains no more than the round-off of the curve costs: the end where the minimum is zero."""
-    return math.isfinite(decrement) and step.decrement <= SQUARED_ROUND_OFF * system.quadratic_size(z)
-
-
-def system_levels(system: RitzSystem, at: Evaluation) -> np.ndarray:
-    """The size of each condition: its level or what is summed to meet it, and that of each equation of the ends."""
-    summed = system.weights @ np.abs(at.pointwise[:, :: 1 + system.k + system.k**2])
-    levels = np.maximum(np.maximum(np.abs(system.levels), summed[1:]), 1e-300)
-    return levels if at.ends is None else np.concatenate([levels, at.ends[-1]])
+    return math.isfinite(decrement) and step.decrement <= SQUARED_ROUND_OFF * system.quadratic_size(at)
 
 
 def _finite(at: Evaluation) -> bool:
-    return math.isfinite(at.value) and bool(np.isfinite(at.conditions).all() and np.isfinite(at.gradient).all())
+    return math.isfinite(at.value + at.gradient.sum() + at.conditions.sum())
 
 
 def _feasible(system: RitzSystem, at: Evaluation) -> bool:
-    return bool(np.all(np.abs(at.conditions) <= 1e-6 * np.maximum(system_levels(system, at), 1e-300)))
+    return not len(at.conditions) or bool(np.all(np.abs(at.conditions) <= FEASIBLE * system.sizes(at)))
 
 
 def _unmet(system: RitzSystem, at: Evaluation) -> str:
     """Why a converged iterate is no answer after all: a condition that stays short of its level."""
-    if np.all(np.abs(at.conditions) <= 1e-10 * np.maximum(system_levels(system, at), 1e-300)):
+    if not len(at.conditions) or np.all(np.abs(at.conditions) <= MET * system.sizes(at)):
         return ""
     return f"the side conditions are missed by {float(np.abs(at.conditions).max()):.2g}"
 
@@ -287,15 +311,17 @@ def _search(
     function may not forgive however good the step (Maratos; Nocedal and Wright, sect. 18.3): it is then
     corrected to second order once.
     """
-    weights = 2.0 * np.abs(step.multipliers) + 1e-3 * at.scale / np.maximum(system_levels(system, at), 1e-300)
-    merit = at.value + float(weights @ np.abs(at.conditions))
-    fall = float(at.gradient @ step.change) - float(weights @ np.abs(at.conditions))
-    noise = 1e-14 * (at.scale + abs(merit))
+    weights, penalty = np.zeros(0), 0.0
+    if len(at.conditions):
+        weights = 2.0 * np.abs(step.multipliers) + PENALTY * at.scale / system.sizes(at)
+        penalty = float(weights @ np.abs(at.conditions))
+    merit, fall = at.value + penalty, float(at.gradient @ step.change) - penalty
+    noise, penalised = 1e-14 * (at.scale + abs(merit)), bool(len(weights))
 
     def descends(trial: Evaluation, length: float) -> bool:
         if not _finite(trial) or (guarded and trial.legendre <= 0.0):
             return False
-        value = trial.value + float(weights @ np.abs(trial.conditions))
+        value = trial.value + (float(weights @ np.abs(trial.conditions)) if penalised else 0.0)
         return value <= merit + ARMIJO * length * min(fall, 0.0) + noise
 
     length = 1.0

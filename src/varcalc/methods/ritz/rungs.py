@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.answer import Extremal
+from varcalc.methods.answer import Along, Extremal
 from varcalc.methods.ritz.ipopt import Ipopt, optimise
 from varcalc.methods.ritz.newton import NO_NUMBER, Newton, minimise
 from varcalc.methods.ritz.starts import candidates
@@ -27,11 +27,6 @@ MOST_ITERATIONS = 600
 """Iterations in all after which a solve is given up."""
 
 
-def quadrature_points(degree: int) -> int:
-    """Gauss points an element: half as many again as the degree, exact for cubes of the slope."""
-    return degree + degree // 2 + 2
-
-
 @dataclass
 class Rung:
     """A minimum in one space. ``path`` holds the multipliers of pathwise conditions by their index."""
@@ -39,7 +34,7 @@ class Rung:
     system: RitzSystem
     z: np.ndarray
     multipliers: np.ndarray
-    at: Evaluation
+    value: float
     path: dict[int, Callable[[np.ndarray], np.ndarray]] = field(default_factory=dict)
     levels: dict[int, float] = field(default_factory=dict)
     """Multipliers of integral inequalities by their index."""
@@ -82,7 +77,7 @@ class Rungs:
 
     def system(self, space: Space) -> RitzSystem:
         """The form discretised on a space."""
-        return RitzSystem(self.form, space, quadrature_points(space.degree))
+        return RitzSystem(self.form, space)
 
     def prolonged(self, system: RitzSystem, z: np.ndarray) -> tuple[RitzSystem, np.ndarray]:
         """The next richer space on the same mesh, and the curve of ``z`` in it."""
@@ -106,7 +101,7 @@ class Rungs:
             return outcome.reason
         along = {k: v for k, v in path.items() if isinstance(k, int)}
         levels = {k[1]: v for k, v in path.items() if isinstance(k, tuple)}
-        return Rung(system, outcome.z, outcome.multipliers, outcome.evaluation, along, levels)
+        return Rung(system, outcome.z, outcome.multipliers, outcome.value, along, levels)
 
     def start(self, space: Space, guess: Sampled | None) -> Rung | str:
         """The lowest of the minima in ``space`` that the first starting curves lead to."""
@@ -123,7 +118,7 @@ class Rungs:
                 reasons.append(rung)
             else:
                 found += 1
-                best = rung if best is None or rung.at.value < best.at.value else best
+                best = rung if best is None or rung.value < best.value else best
             if found >= wanted or tried >= self.starts:
                 break
         if best is not None:
@@ -132,19 +127,22 @@ class Rungs:
             return NOWHERE
         return f"no starting curve led to a minimum: {max(set(reasons), key=reasons.count)}"
 
-    def improve(self, system: RitzSystem, z: np.ndarray, fallback: np.ndarray, multipliers: np.ndarray) -> Rung | str:
-        """A minimum near ``z``, or near ``fallback`` when that fails or leads above it."""
-        outcome = self.optimise(system, z, multipliers)
-        if fallback is not z and (isinstance(outcome, str) or self._higher(outcome, fallback)):
-            outcome = self.optimise(system, fallback, multipliers)
-        return outcome
+    def improve(
+        self, system: RitzSystem, step: np.ndarray, fallback: np.ndarray, before: Evaluation, multipliers: np.ndarray
+    ) -> Rung | str:
+        """A minimum a ``step`` from ``fallback``, or near that itself when this fails or leads above it.
 
-    def _higher(self, rung: Rung, z: np.ndarray) -> bool:
-        """Whether a rung lies above the curve it was to improve on, in an unconstrained problem."""
-        if len(rung.at.conditions):
-            return False
-        before = rung.system.evaluate(z)
-        return rung.at.value > before.value + 1e-9 * before.scale
+        ``before`` is the evaluation there; what is higher counts in an unconstrained problem only.
+        """
+        outcome = self.optimise(system, fallback + step, multipliers)
+        if not step.any():
+            return outcome
+        higher = (
+            not isinstance(outcome, str)
+            and not len(before.conditions)
+            and outcome.value > before.value + 1e-9 * before.scale
+        )
+        return self.optimise(system, fallback, multipliers) if isinstance(outcome, str) or higher else outcome
 
     # the curve of a rung
 
@@ -161,12 +159,16 @@ class Rungs:
             coefficients=coefficients if space.elements == 1 else None,
         )
 
-    def extremal_of(self, rung: Rung) -> Extremal:
-        """The curve of a rung with its multipliers; those of an energy J^2 become those of J by the chain rule."""
+    def extremal_of(self, rung: Rung, speed: np.ndarray, along: Along | None) -> Extremal:
+        """The curve of a rung with its multipliers; those of an energy J^2 become those of J by the chain rule.
+
+        ``speed`` is dx/ds at some points, ``along`` what was evaluated along the curve.
+        """
         bare = self.extremal(rung.system, rung.z)
         equalities = iter(rung.multipliers[: len(rung.system.levels)])
         lambdas = [next(equalities) if c.equality else rung.levels.get(c.index, 0.0) for c in self.form.integrals]
-        factor = 0.5 / math.sqrt(rung.at.value) if self.form.energetic and rung.at.value > 0 else 1.0
+        factor = 0.5 / math.sqrt(rung.value) if self.form.energetic and rung.value > 0 else 1.0
         path = {k: lambda s, mu=mu: factor * mu(s) for k, mu in rung.path.items()}
-        speed = rung.system.reported(rung.z).dx if self.form.energetic else None
-        return replace(bare, lambdas=np.array(lambdas), path=path, speed=speed)
+        return replace(
+            bare, lambdas=np.array(lambdas), path=path, speed=speed if self.form.energetic else None, along=along
+        )

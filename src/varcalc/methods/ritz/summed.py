@@ -15,7 +15,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.ritz.system import RitzSystem, pointwise
+from varcalc.methods.ritz.assembly import OneElement
+from varcalc.methods.ritz.integrands import pointwise
+from varcalc.methods.ritz.system import RitzSystem
 from varcalc.numerics.mesh import basis_at_gauss
 
 
@@ -63,8 +65,9 @@ def _block_diagonal(count: int, k: int) -> ca.Sparsity:
 
 def _to_points(system: RitzSystem) -> tuple[ca.DM, np.ndarray]:
     """From the free coefficients to (y, y', ..) at all points, one point after the other: matrix and fixed part."""
-    if system.single is not None:
-        return ca.DM(system.single.flat), system.single.offset.ravel()
+    if isinstance(system.assembly, OneElement):
+        scale = np.broadcast_to(system.scale, system.offset.shape).reshape(-1, 1)
+        return ca.DM(scale * system.assembly.flat), system.offset.ravel()
     space, n = system.space, system.n
     table = basis_at_gauss(space.smoothness, space.degree, system.count, system.order)
     pairs = [placement(system, table, d) for d in range(system.order + 1)]
