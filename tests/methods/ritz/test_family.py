@@ -7,7 +7,7 @@ import pytest
 import varcalc as vc
 from varcalc.formulation.singular import forms
 from varcalc.methods.ritz import family
-from varcalc.methods.ritz.batch import Places
+from varcalc.methods.ritz.system import Places
 from varcalc.numerics.mesh import Space
 
 ALONE = vc.Ritz(optimiser=vc.Newton(iterations=101))

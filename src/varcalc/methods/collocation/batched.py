@@ -16,11 +16,12 @@ from varcalc.formulation import Form
 from varcalc.methods.answer import Extremal, answer
 from varcalc.methods.collocation.error import Correction, curve_distance, richer_degree, rounding, value_error
 from varcalc.methods.collocation.system import CollocationSystem, Residual, collocation_space
-from varcalc.methods.ritz.batch import Places, positive, solutions
 from varcalc.methods.ritz.degeneracy import SOFT
 from varcalc.methods.ritz.family import Answer, Answers
+from varcalc.methods.ritz.system import Places
 from varcalc.numerics.damped_newton import CONVERGED
 from varcalc.numerics.mesh import basis_at_gauss, gauss
+from varcalc.numerics.stacked import positive, solutions
 from varcalc.solution import ErrorEstimate, Solution, Stats
 from varcalc.symbolic.derived import derived
 

@@ -113,16 +113,10 @@ def leading_term(system: RitzSystem, at: Evaluation, z: np.ndarray) -> np.ndarra
 
     An unknown number is measured by the change of itself that would cost the whole functional.
     """
-    n, D = system.n, system.order + 1
+    rest = (system.order + 1) * system.n
     hessians = at.hessians[:, 0]
-    top = slice(system.order * n, D * n)
-    leading = hessians[:, top, top] * system.weights[:, None, None]
-    length = system.space.vertices[-1] - system.space.vertices[0]
-    blocks = np.zeros((len(leading), D * n, D * n))
-    for d in range(D):
-        rows = slice(d * n, (d + 1) * n)
-        blocks[:, rows, rows] = leading * length ** (2.0 * (d - system.order))
-    own = np.abs(np.einsum("q,qaa->a", system.weights, hessians[:, D * n :, D * n :]))
+    blocks = system.leading(hessians * system.weights[:, None, None])[:, :rest, :rest]
+    own = np.abs(np.einsum("q,qaa->a", system.weights, hessians[:, rest:, rest:]))
     corner = np.diag(np.maximum(own, at.scale / _sizes_of_numbers(system, z) ** 2))
     return system.assembled(blocks, corner)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,7 @@ class Correction:
     """What the Newton step in a richer space says of a curve, or of K curves: then each entry has a first axis more.
 
     ``value`` is the reported functional in the sense that is minimised, ``error`` and ``curve`` its error and the
-    curve's, ``scale`` the size of what was summed, ``floor`` the round-off that leaves in the value.
+    curve's, ``scale`` the size of what was summed, in which a prescribed integral counts with its multiplier.
     ``integrand`` (Q,) is what was summed for the value at the Gauss points, ``miss`` what a unit by
     which each condition is missed costs, ``moved`` (Q, k) by how much the step changes the curve and its slopes.
     ``here`` and ``there`` are what is reported of the curve and of the one it is mended to.
@@ -61,12 +62,16 @@ class Correction:
     error: Any
     curve: Any
     scale: Any
-    floor: Any
     integrand: np.ndarray
     miss: np.ndarray
     moved: np.ndarray
     here: Reported
     there: Reported
+
+    @property
+    def floor(self) -> Any:
+        """The round-off that summing leaves in the value."""
+        return ROUND_OFF * self.scale
 
 
 def correction(
@@ -88,14 +93,13 @@ def correction(
             miss = miss * np.where(value > 0, 0.5 / np.where(value > 0, value, 1.0), 1.0)[..., None]
         value = value + (miss * at.conditions).sum(-1)
         scale = np.abs(value)
-    levels = miss[..., : len(system.levels)]
-    # a prescribed integral is summed like the value, and what it misses costs its multiplier
-    floor = ROUND_OFF * (scale + np.abs(levels) @ np.abs(system.levels))
     integrand = here.integrand
-    if len(system.levels):
+    if len(system.levels):  # a prescribed integral is summed like the value, and what it misses costs its multiplier
+        levels = miss[..., : len(system.levels)]
+        scale = scale + np.abs(levels) @ np.abs(system.levels)
         integrand = integrand + (at.integrands[..., 1:] * levels[..., None, :]).sum(-1)
     curve = SAFETY * displacement(here, there)
-    return Correction(value, SAFETY * error, curve, scale, floor, integrand, miss, moved, here, there)
+    return Correction(value, SAFETY * error, curve, scale, integrand, miss, moved, here, there)
 
 
 def _total(system: RitzSystem, z: np.ndarray, reported: Reported) -> Any:
@@ -113,29 +117,24 @@ def displacement(here: Reported, there: Reported) -> Any:
     return np.abs(move).max((-2, -1), initial=0.0)
 
 
-@dataclass
-class Estimate:
-    """Errors of a rung, see :class:`Correction`.
+@dataclass(frozen=True)
+class Estimate(Correction):
+    """The errors of a rung.
 
     ``system`` is the richer space, with the rung's curve ``z``, its evaluation ``at``
-    and the correction ``step`` there (None when it was solved instead);
-    ``shares`` each element's part in the correction, ``size`` the largest ordinate, ``speed`` dx/ds at the points.
+    and the Newton ``step`` there (None when it was solved instead); ``shares`` each element's part in the correction.
     """
 
-    value: float
-    error: float
-    curve: float
-    scale: float
-    floor: float
     system: RitzSystem
     z: np.ndarray
     at: Evaluation
     step: Step | None
     shares: np.ndarray
-    integrand: np.ndarray
-    miss: np.ndarray
-    size: float
-    speed: np.ndarray
+
+    @cached_property
+    def size(self) -> float:
+        """The largest ordinate."""
+        return max(float(np.abs(self.at.variables[:, : self.system.n]).max()), 1e-300)
 
 
 def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
@@ -148,25 +147,9 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
     if step is None:
         return "the Newton step in the richer space is not defined (degenerate Hessian)"
     found = correction(system, z, at, step.change, step.multipliers, step.decrement, rung.value)
-    sound = step.definite and _contracts(system, z, step, at, found)
-    return _estimate(rungs, system, z, at, step, step.change, found, float(found.error) if sound else math.inf)
-
-
-def _estimate(
-    rungs: Rungs,
-    system: RitzSystem,
-    z: np.ndarray,
-    at: Evaluation,
-    step: Step | None,
-    change: np.ndarray,
-    found: Correction,
-    error: float,
-) -> Estimate:
-    size = max(float(np.abs(at.variables[:, : system.n]).max()), 1e-300)
-    return Estimate(
-        float(found.value), error, float(found.curve), float(found.scale), float(found.floor), system, z, at, step,
-        _shares(rungs, system, change), found.integrand, found.miss, size, found.here.dx,
-    )  # fmt: skip
+    if not (step.definite and _contracts(system, z, step, at, found)):
+        found = replace(found, error=math.inf)
+    return Estimate(**vars(found), system=system, z=z, at=at, step=step, shares=_shares(rungs, system, step.change))
 
 
 def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, found: Correction) -> bool:
@@ -210,8 +193,9 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     if math.isfinite(previous) and (rungs.inequalities or not rungs.form.corners):
         error = max(error, SHARED * previous)
     value = richer.value if rungs.form.same_functional else _total(system, richer.z, found.here)
-    found = replace(found, value=value, scale=at.scale, floor=ROUND_OFF * at.scale)
-    return _estimate(rungs, system, richer.z, at, None, richer.z - z, found, SAFETY * float(error))
+    found = replace(found, value=value, error=SAFETY * float(error), scale=at.scale)
+    shares = _shares(rungs, system, richer.z - z)
+    return Estimate(**vars(found), system=system, z=richer.z, at=at, step=None, shares=shares)
 
 
 def settled(rungs: Rungs, found: Estimate) -> Estimate | str:

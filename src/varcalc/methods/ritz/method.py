@@ -16,13 +16,9 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.methods.answer import Along, answer
-from varcalc.methods.ritz import family
-from varcalc.methods.ritz.batch import Places, prepare
-from varcalc.methods.ritz.bends import ways
 from varcalc.methods.ritz.degeneracy import COMPLIANT, degenerate
 from varcalc.methods.ritz.error import ASTRAY, ASTRAY_SHARE, CURVE, Estimate, estimate, settled
 from varcalc.methods.ritz.ipopt import Ipopt
-from varcalc.methods.ritz.levelled import Levelled
 from varcalc.methods.ritz.newton import Newton, load
 from varcalc.methods.ritz.rungs import DEGREES, NOWHERE, Rung, Rungs
 from varcalc.methods.ritz.system import RitzSystem
@@ -51,8 +47,6 @@ LOCAL = 0.25
 MOST_UNKNOWNS = 4000
 WORTHLESS = 1e-3
 """Relative round-off at which a value is no answer."""
-WAYS = 2
-"""Starting curves from which a level is approached, where nothing tells that one of them suffices."""
 RESTART_DEGREE = 24
 """Degree up to which a solve begins again from the starting curves."""
 
@@ -91,9 +85,6 @@ class Ritz:
             reason = f"degree={self.degree} is too low for a functional of order {form.order}; give at least {least}"
             return no_answer(form.problem, self, Status.REFUSED, reason)
         load()
-        at_once = self._at_once(form, tol, guess)
-        if at_once is not None:
-            return at_once
         if self.refine and form.pathwise and touchable(form):
             solution = self._through_contacts(form, tol, guess)
             if solution is not None:
@@ -106,38 +97,10 @@ class Ritz:
         newton = self.optimiser is None or self.optimiser == Newton()
         return newton and self.refine and self.degree is None and self.elements == 1
 
-    def _at_once(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
-        """The answer that the first starting curve leads to without any difficulty; None where there is one."""
-        if not (form.integrals and self.plain and family.applies(form)):
-            return None
-        started = time.perf_counter()
-        lowest = max(form.least_degree, 1)
-        degree = min(d for d in DEGREES[form.order] if d >= lowest)
-        space = Space(np.array(form.span), degree, form.n, form.order)
-        places = Places(
-            np.array([form.span]), form.fixed_start, form.fixed_end, form.problem.parameter_values[None]
-        )  # fmt: skip
-        prepare(form)
-        built = time.perf_counter()
-        with np.errstate(all="ignore"):
-            start = self._starts(form, space, places, guess)
-            answers = family.solved(form, places, np.array([degree]), [start], tol, near=False) if len(start) else None
-        if answers is None or not answers.stands[0]:
-            return None
-        return family.solution(form, self, answers[0], time.perf_counter() - built, built - started)
-
-    def _starts(self, form: Form, space: Space, places: Places, guess: Sampled | None) -> np.ndarray:
-        """The coefficients of the first starting curve, or of several where a level is met in more than one way."""
-        line = space.fit(form.baseline if guess is None else guess)
-        if not form.integrals:
-            return line
-        batch = Levelled(form, space.degree, places)
-        given = [] if guess is None else [line]
-        straight = line if guess is None else space.fit(form.baseline)
-        most = min(WAYS, self.starts) - len(given)
-        found = ways(batch, batch.of_degree(straight[None], space.degree)[0], most) if most else np.empty((0, 0))
-        bent = [batch.coefficients(z[None])[0] for z in found]
-        return np.array(given + bent)
+    def continued(self, form: Form, degree: int, coefficients: np.ndarray, tol: float) -> Solution | None:
+        """The answer next to the curve that ``coefficients`` give on one element; None where it is in doubt."""
+        load()
+        return _Climb(self, form, tol).continued(degree, coefficients)
 
     def _through_contacts(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
         """The answer with the ends of contact among the unknowns; None where that leads to none that counts."""
@@ -198,6 +161,17 @@ class _Climb:
         if isinstance(sure, str) or refuted:
             sure = replace(best[1], error=math.inf)
         return self.report(best[0], sure, rung)
+
+    def continued(self, degree: int, coefficients: np.ndarray) -> Solution | None:
+        """The answer next to a known curve, without a climb; None where it is in doubt."""
+        rungs = self.rungs
+        system = rungs.system(rungs.space(np.array(self.form.span), degree))
+        rung = rungs.near(system, coefficients[system.free])
+        found = None if rung is None else estimate(rungs, rung, math.inf)
+        if rung is None or found is None or isinstance(found, str) or not self.is_met(rung, found):
+            return None
+        sure = settled(rungs, found)
+        return None if isinstance(sure, str) or not self.is_met(rung, sure) else self.alone(rung, sure)
 
     def first_rung(self, guess: Sampled | None) -> Rung | str:
         """A minimum in the first space, or in the next ones: a coarse space may hold none where a richer one does."""
@@ -273,26 +247,26 @@ class _Climb:
         if self.rungs.constrained:  # the richer problem has been solved: give that answer
             rung = replace(rung, system=found.system, z=found.z)
         space: Space = rung.system.space
-        error = found.error + found.floor
-        status, message = self.verdict(error, found.floor, found.value, reason)
+        value, error = float(found.value), float(found.error + found.floor)
+        status, message = self.verdict(error, found.floor, value, reason)
         if self.method.refine and status.ok and self.astray(found):
             status = Status.NOT_CONVERGED
-            message = f"the value settles near {self.form.sign * found.value:.6g}, but the curve does not: {reason}"
+            message = f"the value settles near {self.form.sign * value:.6g}, but the curve does not: {reason}"
         solve_time = time.perf_counter() - self.started - self.built
         stats = Stats(
             self.built, solve_time, self.rungs.iterations, rung.system.size, space.elements, space.degree
         )  # fmt: skip
-        curve = max(found.curve, 4e-16 * found.size)
-        extremal = self.rungs.extremal_of(rung, found.speed, self.along(found))
+        curve = max(float(found.curve), 4e-16 * found.size)
+        extremal = self.rungs.extremal_of(rung, found.here.dx, self.along(found))
         return answer(
-            extremal, self.method, self.form.sign * found.value, ErrorEstimate(error, curve), space.vertices, stats,
+            extremal, self.method, self.form.sign * value, ErrorEstimate(error, curve), space.vertices, stats,
             status, message, rule=found.system.count,
         )  # fmt: skip
 
     def along(self, found: Estimate) -> Along | None:
-        """What was evaluated along a graph in the user's own coordinates; None for other curves."""
+        """What was evaluated along a smooth graph in the user's own coordinates; None for other curves."""
         system, at, n = found.system, found.at, self.form.n
-        if not self.form.plainly_reported or system.extra or system.order > 1:
+        if not self.form.plainly_reported or system.extra or system.order > 1 or system.space.elements > 1:
             return None
         top = slice(n, 2 * n)
         y, dy = at.variables[:, :n].T, at.variables[:, top].T

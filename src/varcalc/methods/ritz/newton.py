@@ -20,6 +20,7 @@ import numpy as np
 
 from varcalc.methods.ritz.banded import banded_step, solvable
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
+from varcalc.numerics.stacked import applied, positive, solutions
 
 STAGNATED = 1e-9
 """Relative Newton decrement below which a search that finds no descent has met round-off."""
@@ -57,6 +58,12 @@ NEARLY_SINGULAR = 1e-9
 """Generalised eigenvalues below this are symmetries (zero modes), not curvature."""
 ROUND_OFF = 1e-14
 """The same where the factorisation went through: a small eigenvalue may be true, and its step needed whole."""
+SHIFT = -1.5
+"""Multiple of the lowest eigenvalue by which a Hessian is shifted that is not positive."""
+DEPENDENT = 1e-13
+"""Share of the largest gradient of a condition by which another has to differ from it."""
+MANY_ITERATIONS, HALVINGS = 20, 6
+"""Newton steps, and halvings of one, after which one value of many is left to a solve of its own."""
 SINGULAR = 1e8
 """Compliance from which a positive matrix may be so by round-off alone, unless the leading term vanishes somewhere."""
 
@@ -93,13 +100,14 @@ class Step:
 
 @dataclass
 class Outcome:
-    """Where an iteration ended. ``reason`` is empty when it converged to a minimum."""
+    """Where an iteration ended. ``reason`` is empty when it converged to a minimum, ``direct`` tells of whole steps."""
 
     z: np.ndarray
     multipliers: np.ndarray
     value: float
     iterations: int
     reason: str
+    direct: bool = False
 
 
 def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
@@ -131,44 +139,73 @@ def effective(system: RitzSystem, at: Evaluation) -> Any:
     return np.all(np.abs(at.jacobian[..., :count, :]).max(-1, initial=0.0) > INEFFECTIVE * sizes, axis=-1)
 
 
+class NullSpace:
+    """The directions that keep conditions with a Jacobian (.., m, N) to first order; all of them where m is 0."""
+
+    def __init__(self, jacobian: np.ndarray) -> None:
+        self.count = m = jacobian.shape[-2]
+        if m:
+            q, r = np.linalg.qr(jacobian.swapaxes(-1, -2), mode="complete")
+            self._across, self.basis, self._r = q[..., :m], q[..., m:], r[..., :m, :]
+
+    @property
+    def independent(self) -> Any:
+        """Whether no condition's gradient is a combination of the others'."""
+        sizes = np.abs(np.diagonal(self._r, axis1=-2, axis2=-1)) if self.count else np.ones(1)
+        return sizes.min(-1) > DEPENDENT * sizes.max(-1)
+
+    def reduced(self, matrices: np.ndarray) -> np.ndarray:
+        """Quadratic forms (.., N, N) on these directions."""
+        return self.basis.swapaxes(-1, -2) @ matrices @ self.basis if self.count else matrices
+
+    def along(self, gradients: np.ndarray) -> np.ndarray:
+        """Linear forms (.., N) on these directions."""
+        return applied(self.basis.swapaxes(-1, -2), gradients) if self.count else gradients
+
+    def step(self, tangents: np.ndarray, normal: Any) -> np.ndarray:
+        """The step along these directions and across them."""
+        return normal + applied(self.basis, tangents) if self.count else tangents
+
+    def back(self, conditions: np.ndarray) -> Any:
+        """The least step that makes up for missing the conditions by so much."""
+        return -applied(self._across, solutions(self._r.swapaxes(-1, -2), conditions)) if self.count else 0.0
+
+    def multipliers(self, slopes: np.ndarray) -> np.ndarray:
+        """The multipliers that cancel slopes (.., N) across."""
+        if not self.count:
+            return np.zeros((*slopes.shape[:-1], 0))
+        return -solutions(self._r, applied(self._across.swapaxes(-1, -2), slopes))
+
+
 def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
     """The step by null-space reduction and dense factorisation."""
-    hessian = system.hessian(at, multipliers)
-    count = len(at.conditions)
-    null: np.ndarray | None = None
-    normal, q, r = np.zeros(system.size), np.zeros((0, 0)), np.zeros((0, 0))
-    if count:
-        q, r = np.linalg.qr(at.jacobian.T, mode="complete")
-        r = r[:count]
-        if np.abs(np.diag(r)).min(initial=math.inf) <= 1e-13 * np.abs(np.diag(r)).max(initial=0.0):
-            return None
-        null = q[:, count:]
-        normal = q[:, :count] @ np.linalg.solve(r.T, -at.conditions)
-    gradient = at.gradient + hessian @ normal if count else at.gradient
-    slope = gradient if null is None else null.T @ gradient
-    reduced = hessian if null is None else null.T @ hessian @ null
-    solved, shift = _solved(reduced, slope), 0.0
+    hessian, null = system.hessian(at, multipliers), NullSpace(at.jacobian)
+    if null.count and not null.independent:
+        return None
+    normal, reduced = null.back(at.conditions), null.reduced(hessian)
+    gradient = at.gradient + hessian @ normal if null.count else at.gradient
+    solved, shift = _solved(reduced, null.along(gradient)), 0.0
     if solved is None or (solved[1] > SINGULAR and at.legendre > 0.0):
         metric = system.metric(at)
-        flat = metric if null is None else null.T @ metric @ null
+        flat = null.reduced(metric)
         lowest = lowest_eigenvalue(reduced, flat)
         if not math.isfinite(lowest):
             return None
         zero_mode = abs(lowest) < (NEARLY_SINGULAR if solved is None else ROUND_OFF)
         if zero_mode or lowest < 0:
-            shift = DAMPING if zero_mode else -1.5 * lowest
+            shift = DAMPING if zero_mode else SHIFT * lowest
             hessian, reduced = hessian + shift * metric, reduced + shift * flat
-            gradient = at.gradient + hessian @ normal
-            solved = _solved(reduced, gradient if null is None else null.T @ gradient)
+            gradient = at.gradient + hessian @ normal if null.count else at.gradient
+            solved = _solved(reduced, null.along(gradient))
         if solved is None:
             return None
         if zero_mode:  # the curvature across it is positive; only the step along it was held
             solved, shift = (solved[0], math.inf), 0.0
     tangent, compliance = solved
-    if null is None:
+    if not null.count:
         return Step(tangent, np.zeros(0), -0.5 * float(tangent @ at.gradient), shift, compliance)
-    change = normal + null @ tangent
-    new = np.linalg.solve(r, -(q[:, :count].T @ (at.gradient + hessian @ change)))
+    change = null.step(tangent, normal)
+    new = null.multipliers(at.gradient + hessian @ change)
     return Step(change, new, 0.5 * float(tangent @ reduced @ tangent), shift, compliance)
 
 
@@ -212,10 +249,16 @@ def first_multipliers(at: Evaluation) -> np.ndarray:
     """Least-squares multipliers: those that make the gradient of the Lagrangian function smallest.
 
     With none at all an isoperimetric problem may look concave, the convexity
-    being in the constraint.
+    being in the constraint. They are 0 where they would be no numbers.
     """
-    found = np.linalg.lstsq(at.jacobian.T, -at.gradient, rcond=None)[0]
-    return found if np.isfinite(found).all() else np.zeros(len(at.conditions))
+    J = at.jacobian
+    if J.shape[-2] == 1:
+        squares = (J**2).sum(-1)
+        found = -(J * at.gradient[..., None, :]).sum(-1) / np.where(squares > 0, squares, 1.0)
+    else:
+        finite = np.isfinite(J).all((-1, -2))[..., None, None]
+        found = -applied(np.linalg.pinv(np.where(finite, J, 0.0).swapaxes(-1, -2)), at.gradient)
+    return np.where(np.isfinite(found).all(-1, keepdims=True), found, 0.0)
 
 
 def lowest_eigenvalue(matrix: np.ndarray, metric: np.ndarray) -> float:
@@ -236,7 +279,7 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
     if len(multipliers) and not multipliers.any():
         multipliers = first_multipliers(at)
     guarded = at.legendre > 0.0 and len(at.conditions) == 0
-    largest = at.scale
+    largest, direct = at.scale, True
     for iteration in range(1, newton.iterations + 1):
         step = newton_step(system, at, multipliers)
         if step is None:
@@ -245,12 +288,13 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
         decrement = _decrement(system, at, step, largest)
         late = iteration > EXPECTED
         if decrement <= CONVERGED or (late and _is_round_off(system, at, step, decrement)):
-            return _ended(system, z, at, step, iteration)
+            return _ended(system, z, at, step, iteration, direct=direct)
         following = _search(system, z, at, step, guarded)
         if following is None:
             reason = _unmet(system, at) if decrement <= STAGNATED else "no step along the Newton direction descends"
             return Outcome(z, multipliers, at.value, iteration, reason)
-        z, at = following
+        z, at, whole = following
+        direct = direct and whole and step.definite
         if iteration <= SETTLING:
             largest = max(largest, at.scale)
         elif at.value < -RUNAWAY * largest:
@@ -258,14 +302,14 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
     return Outcome(z, multipliers, at.value, newton.iterations, f"no convergence within {newton.iterations} iterations")
 
 
-def _ended(system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, iteration: int) -> Outcome:
+def _ended(system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, iteration: int, *, direct: bool) -> Outcome:
     """The end of an iteration one full step from ``z``."""
     if not len(at.conditions):  # the quadratic model is as good as another evaluation
-        return Outcome(z + step.change, step.multipliers, at.value - step.decrement, iteration, "")
+        return Outcome(z + step.change, step.multipliers, at.value - step.decrement, iteration, "", direct)
     last = system.evaluate(z + step.change)
     if _finite(last):
         z, at = z + step.change, last
-    return Outcome(z, step.multipliers, at.value, iteration, _unmet(system, at))
+    return Outcome(z, step.multipliers, at.value, iteration, _unmet(system, at), direct)
 
 
 def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float) -> float:
@@ -274,7 +318,7 @@ def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float) -
     A functional whose minimum is zero loses its own scale on the way; what it
     began with (``largest``) then is the measure.
     """
-    if not (step.definite and _feasible(system, at)):
+    if not step.definite or (len(at.conditions) and missed(system, at, FEASIBLE)):
         return math.inf
     scale = max(at.scale, VANISHING * largest)
     if len(at.conditions):
@@ -291,21 +335,24 @@ def _finite(at: Evaluation) -> bool:
     return math.isfinite(at.value + at.gradient.sum() + at.conditions.sum())
 
 
-def _feasible(system: RitzSystem, at: Evaluation) -> bool:
-    return not len(at.conditions) or bool(np.all(np.abs(at.conditions) <= FEASIBLE * system.sizes(at)))
+def missed(system: RitzSystem, at: Evaluation, share: float) -> Any:
+    """Whether some condition is missed by more than a share of its size."""
+    return (np.abs(at.conditions) > share * system.sizes(at)).any(-1)
 
 
 def _unmet(system: RitzSystem, at: Evaluation) -> str:
     """Why a converged iterate is no answer after all: a condition that stays short of its level."""
-    if not len(at.conditions) or np.all(np.abs(at.conditions) <= MET * system.sizes(at)):
+    if not len(at.conditions) or not missed(system, at, MET):
         return ""
     return f"the side conditions are missed by {float(np.abs(at.conditions).max()):.2g}"
 
 
 def _search(
     system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, guarded: bool
-) -> tuple[np.ndarray, Evaluation] | None:
+) -> tuple[np.ndarray, Evaluation, bool] | None:
     """Backtrack on the l1 merit function; trial curves outside the domain or the guard are rejected.
+
+    The curve, what is there, and whether the step was taken whole.
 
     A full step along curved conditions leaves them by its square, which the merit
     function may not forgive however good the step (Maratos; Nocedal and Wright, sect. 18.3): it is then
@@ -329,11 +376,161 @@ def _search(
         moved = z + length * step.change
         trial = system.evaluate(moved)
         if descends(trial, length):
-            return moved, trial
+            return moved, trial, length == 1.0
         if length == 1.0 and len(at.conditions) and _finite(trial):
-            moved = moved - np.linalg.lstsq(at.jacobian, trial.conditions, rcond=None)[0]
+            moved = moved + NullSpace(at.jacobian).back(trial.conditions)
             trial = system.evaluate(moved)
             if descends(trial, length):
-                return moved, trial
+                return moved, trial, True
         length *= SHRINK
     return None
+
+
+# many values at once: the same iteration, in which those that are done or given up are left out
+
+
+@dataclass
+class Steps:
+    """Newton steps (K, N), the multipliers (K, m) that come with them, and what the functionals fall by (K,)."""
+
+    change: np.ndarray
+    multipliers: np.ndarray
+    decrement: np.ndarray
+
+    def __getitem__(self, rows: np.ndarray) -> Steps:
+        return Steps(self.change[rows], self.multipliers[rows], self.decrement[rows])
+
+
+@dataclass
+class Minima:
+    """Where the iterations of ``K`` values ended: each entry has a first axis for them; ``found`` tells which count."""
+
+    z: np.ndarray
+    multipliers: np.ndarray
+    value: np.ndarray
+    found: np.ndarray
+    iterations: int = 0
+
+    def __getitem__(self, rows: np.ndarray) -> Minima:
+        return Minima(self.z[rows], self.multipliers[rows], self.value[rows], self.found[rows], self.iterations)
+
+
+def quadratic_steps(at: Evaluation, null: NullSpace, hessians: np.ndarray, reduced: np.ndarray) -> Steps:
+    """The steps of the quadratic models under the linearised conditions; ``reduced`` are the Hessians along those."""
+    normal = null.back(at.conditions)
+    slope = at.gradient + applied(hessians, normal) if null.count else at.gradient
+    tangent = -solutions(reduced, null.along(slope))
+    change = null.step(tangent, normal)
+    multipliers = null.multipliers(at.gradient + applied(hessians, change)) if null.count else at.conditions
+    return Steps(change, multipliers, 0.5 * (tangent * applied(reduced, tangent)).sum(-1))
+
+
+def sound(system: RitzSystem, at: Evaluation) -> np.ndarray:
+    """Where everything is a number, and Legendre's condition holds or every level can be changed; (K,) of bool."""
+    found = np.isfinite(at.value) & np.isfinite(at.gradient).all(-1)
+    if not len(system.levels):
+        return found & (at.legendre > 0.0)
+    return found & np.isfinite(at.conditions).all(-1) & np.isfinite(at.jacobian).all((-1, -2)) & effective(system, at)
+
+
+def minima(system: RitzSystem, z: np.ndarray, *, shifting: bool) -> Minima:
+    """Newton's guarded iteration from ``z`` (K, N) for the values that ``system`` stands for.
+
+    Where a Hessian is not positive it is shifted, or, without ``shifting``, the value is given up; so is one where no
+    step descends.
+    """
+    rows, count = np.arange(len(z)), len(system.levels)
+    ended = Minima(z.copy(), np.zeros((len(z), count)), np.full(len(z), np.inf), np.zeros(len(z), dtype=bool))
+    at = system.evaluate(z)
+    multipliers, kept = first_multipliers(at) if count else at.conditions, sound(system, at)
+    while ended.iterations < MANY_ITERATIONS:
+        if not kept.all():
+            rows, system, at, multipliers = rows[kept], system.restricted(kept), at[kept], multipliers[kept]
+        if not len(rows):
+            break
+        ended.iterations += 1
+        null, hessians = NullSpace(at.jacobian), system.hessian(at, multipliers)
+        reduced = null.reduced(hessians)
+        kept = definite = positive(reduced)
+        if not kept.all():
+            if not shifting:
+                continue
+            hessians = _shifted(system, at, null, hessians, definite)
+            reduced = null.reduced(hessians)
+        steps = quadratic_steps(at, null, hessians, reduced)
+        scale = at.scale
+        if count:
+            scale = scale + (np.abs(steps.multipliers) * system.sizes(at)).sum(-1)
+            definite = definite & ~missed(system, at, FEASIBLE)
+        last = definite & (steps.decrement <= CONVERGED * scale)
+        if last.any():
+            _end(ended, rows[last], system.restricted(last), at[last], steps[last])
+            rows, system, at, steps = rows[~last], system.restricted(~last), at[~last], steps[~last]
+            if not len(rows):
+                break
+        kept, ended.z[rows], at = _searched(system, ended.z[rows], at, steps)
+        multipliers = steps.multipliers
+    return ended
+
+
+def _end(ended: Minima, rows: np.ndarray, system: RitzSystem, at: Evaluation, steps: Steps) -> None:
+    """The end of some of the iterations one full step from where they are."""
+    ended.z[rows] += steps.change
+    ended.multipliers[rows] = steps.multipliers
+    if not len(system.levels):  # the quadratic model is as good as another evaluation
+        ended.value[rows], ended.found[rows] = at.value - steps.decrement, True
+        return
+    last = system.evaluate(ended.z[rows])
+    ended.value[rows], ended.found[rows] = last.value, np.isfinite(last.value) & ~missed(system, last, MET)
+
+
+def _shifted(
+    system: RitzSystem, at: Evaluation, null: NullSpace, hessians: np.ndarray, definite: np.ndarray
+) -> np.ndarray:
+    """The Hessians with those made positive that are not so along the conditions."""
+    bad, out = np.flatnonzero(~definite), hessians.copy()
+    metrics = system.restricted(bad).metric(at[bad])
+    reduced, flat = null.reduced(hessians)[bad], NullSpace(at.jacobian[bad]).reduced(metrics)
+    for k, own, norm, metric in zip(bad, reduced, flat, metrics, strict=True):
+        lowest = lowest_eigenvalue(own, norm)
+        # along a symmetry, or where there is no metric, nothing tells how far to go
+        out[k] += (SHIFT * lowest if lowest < -NEARLY_SINGULAR else np.nan) * metric
+    return out
+
+
+def _searched(
+    system: RitzSystem, z: np.ndarray, at: Evaluation, steps: Steps
+) -> tuple[np.ndarray, np.ndarray, Evaluation]:
+    """:func:`_search` for many values: where the merit function falls, the curves there and what is there."""
+    weights, penalty = at.conditions, np.zeros(len(z))
+    if len(system.levels):
+        weights = 2.0 * np.abs(steps.multipliers) + PENALTY * at.scale[:, None] / system.sizes(at)
+        penalty = (weights * np.abs(at.conditions)).sum(-1)
+    merit, fall = at.value + penalty, (steps.change * at.gradient).sum(-1) - penalty
+    noise = 1e-14 * (at.scale + np.abs(merit))
+
+    def descends(part: RitzSystem, trial: Evaluation, rows: np.ndarray, length: float) -> np.ndarray:
+        value = trial.value + (weights[rows] * np.abs(trial.conditions)).sum(-1)
+        enough = value <= merit[rows] + ARMIJO * length * np.minimum(fall[rows], 0.0) + noise[rows]
+        return sound(part, trial) & enough
+
+    moved = z + steps.change
+    trial = system.evaluate(moved)
+    found, length, correcting = descends(system, trial, np.arange(len(z)), 1.0), 1.0, len(system.levels) > 0
+    for _ in range(HALVINGS + correcting):
+        left = np.flatnonzero(~found)
+        if not len(left):
+            break
+        if correcting:
+            shorter = moved[left] + NullSpace(at.jacobian[left]).back(trial.conditions[left])
+        else:
+            length *= SHRINK
+            shorter = z[left] + length * steps.change[left]
+        correcting = False
+        part = system.restricted(left)
+        there = part.evaluate(shorter)
+        good = descends(part, there, left, length)
+        moved[left[good]] = shorter[good]
+        trial.enter(left[good], there[good])
+        found[left[good]] = True
+    return found, moved, trial

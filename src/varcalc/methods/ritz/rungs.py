@@ -13,7 +13,7 @@ from varcalc.formulation import Form, Sampled
 from varcalc.methods.answer import Along, Extremal
 from varcalc.methods.ritz.ipopt import Ipopt, optimise
 from varcalc.methods.ritz.newton import NO_NUMBER, Newton, minimise
-from varcalc.methods.ritz.starts import candidates
+from varcalc.methods.ritz.starts import COMPARED, candidates, meeting_levels
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.mesh import Space
 
@@ -23,6 +23,8 @@ NOWHERE = (
     "the Lagrangian is not a number on any of the starting curves tried; "
     "check its domain between the ends, or give guess= a curve on which it is one"
 )
+NEAR = 12
+"""Newton steps that lead to a minimum from one nearby."""
 MOST_ITERATIONS = 600
 """Iterations in all after which a solve is given up."""
 
@@ -103,6 +105,14 @@ class Rungs:
         levels = {k[1]: v for k, v in path.items() if isinstance(k, tuple)}
         return Rung(system, outcome.z, outcome.multipliers, outcome.value, along, levels)
 
+    def near(self, system: RitzSystem, z: np.ndarray) -> Rung | None:
+        """The minimum that whole Newton steps from ``z`` lead to; None where they lead to none."""
+        outcome = minimise(system, z, np.zeros(0), Newton(NEAR))
+        if outcome.reason or not outcome.direct:
+            return None
+        self.iterations += outcome.iterations
+        return Rung(system, outcome.z, outcome.multipliers, outcome.value)
+
     def start(self, space: Space, guess: Sampled | None) -> Rung | str:
         """The lowest of the minima in ``space`` that the first starting curves lead to."""
         system = self.system(space)
@@ -110,9 +120,10 @@ class Rungs:
         best: Rung | None = None
         reasons: list[str] = []
         # a level is met by bending either way: both are tried, and the lower one taken
-        wanted = 2 if system.levels.size else 1
+        bent, wanted = meeting_levels(system) if system.levels.size else ([], 1)
+        wanted += guess is not None and wanted < COMPARED and len(bent) > 0
         found = 0
-        for tried, z in enumerate(candidates(system, guess), start=1):
+        for tried, z in enumerate(candidates(system, guess, bent), start=1):
             rung = self.optimise(system, z, np.zeros(conditions))
             if isinstance(rung, str):
                 reasons.append(rung)

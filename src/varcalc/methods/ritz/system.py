@@ -209,6 +209,13 @@ class RitzSystem:
 
     def evaluate(self, z: np.ndarray) -> Evaluation:
         """Everything but the Hessian's assembly; entries are inf or NaN outside the domain."""
+        at = self.integrated(z)
+        if self.form.ends is not None:
+            self._add_ends(at, z)
+        return at
+
+    def integrated(self, z: np.ndarray) -> Evaluation:
+        """The same without the cost and the equations of the ends."""
         variables = self.variables(z)
         integrands, slopes, hessians = self.source.derivatives(variables)
         weights = self.weights[..., None, :]
@@ -220,13 +227,10 @@ class RitzSystem:
             legendre = least_eigenvalue(hessians[..., 0, self.top, self.top])
         value = self._one_sided(values[..., 0][()], variables)
         jacobian = np.stack(rows, axis=-2) if rows else np.empty((*gradient.shape[:-1], 0, self.size))
-        at = Evaluation(
+        return Evaluation(
             value, sizes[..., 0][()], values[..., 1:] - self.levels, gradient, jacobian, legendre, variables,
             integrands, slopes, hessians, sizes[..., 1:],
         )  # fmt: skip
-        if self.form.ends is not None:
-            self._add_ends(at, z)
-        return at
 
     def _one_sided(self, value: Any, variables: np.ndarray) -> Any:
         """The value, infinite where a function that is positive is negative somewhere."""
@@ -235,11 +239,14 @@ class RitzSystem:
         return value
 
     def measured(self, z: np.ndarray) -> tuple[Any, np.ndarray]:
-        """The functional and the integrals less their levels (.., levels), and no more."""
+        """The functional of curves ``z`` (K, N) and the integrals less their levels (K, levels), and no more."""
         variables = self.variables(z)
         with np.errstate(invalid="ignore", over="ignore"):
             values = (self.weights[..., None, :] @ self.source.values(variables))[..., 0, :]
-        return self._one_sided(values[..., 0], variables), values[..., 1:] - self.levels
+        value = self._one_sided(values[..., 0], variables)
+        if self.form.ends is not None:
+            value = value + np.array([self.end_cost(own) for own in z])
+        return value, values[..., 1:] - self.levels
 
     def sizes(self, at: Evaluation) -> np.ndarray:
         """The size of each condition: its level or what is summed to meet it, and that of each equation of the ends."""
@@ -298,6 +305,15 @@ class RitzSystem:
         """Dense Hessian of the Lagrangian function in the free unknowns."""
         full = self.assembly.matrices(self._lagrangian(at, multipliers) * self.second)
         return full if at.ends is None else full + self._end_hessian(at, multipliers)
+
+    def leading(self, curvature: np.ndarray) -> np.ndarray:
+        """The leading term of a (weighted) pointwise form: that of the highest slope, on the interval's length of y."""
+        out, n = np.zeros_like(curvature), self.n
+        lengths = np.asarray(self.lengths)[..., None, None, None]
+        for d in range(self.order + 1):
+            rows = slice(d * n, (d + 1) * n)
+            out[..., rows, rows] = curvature[..., self.top, self.top] * lengths ** (2.0 * (d - self.order))
+        return out
 
     def metric_blocks(self, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
         """A positive pointwise (weighted) quadratic form, and a diagonal for the unknown numbers.
