@@ -8,7 +8,6 @@ person's own variables, and the rest is the chain rule.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -63,13 +62,6 @@ class GraphNumbers:
         return _GraphAtPoints(problem, s)
 
 
-@lru_cache(maxsize=32)
-def _own(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Where the derivatives in (y, y') stand in a row of those in (x, y, y'): the gradient, and the Hessian."""
-    k = 1 + 2 * n
-    return np.arange(2, 1 + k), (1 + k + np.arange(k * k)).reshape(k, k)[1:, 1:].copy()
-
-
 class _GraphAtPoints:
     transform: np.ndarray | None = None
     offset: np.ndarray | None = None
@@ -80,9 +72,8 @@ class _GraphAtPoints:
 
     def derivatives(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         rows = self.problem.integrand_derivatives(self.s, u[:, : self.n].T, u[:, self.n :].T).rows
-        gradient, hessian = _own(self.n)
-        rows = rows if self.sign > 0 else -rows
-        return rows[:, 0], rows[:, gradient], rows[:, hessian]
+        rows, k = rows if self.sign > 0 else -rows, 1 + 2 * self.n
+        return rows[:, 0], rows[:, 2 : 1 + k], rows[:, 1 + k :].reshape(-1, k, k)[:, 1:, 1:]
 
     def reported(self, u: np.ndarray) -> Reported:
         y, dy = u[:, : self.n], u[:, self.n :]

@@ -155,8 +155,9 @@ class Neighbours:
             return None
         if self.family is direct and not self.form.integrals:
             known = self.known[self._nearest(values)[0]]
+            form = self.elsewhere.form(problem)
             with np.errstate(all="ignore"):
-                found = self.method.continued(self.elsewhere.form(problem), known.degree, known.coefficients, self.tol)
+                found = self.method.continued(form, known.degree, known.coefficients, self.tol)
             if found is not None and found.status.ok:
                 return self._confirmed(found)
         answers = self.solved(values)

@@ -88,7 +88,8 @@ def _movable(problem: Functional, metric: Metric, chart: Chart, lines: dict[bool
     def moved(other: Functional) -> Form:
         _, start, end = placed(other.parameter_values[None])
         curves = _curves(other, chart, **how)
-        return replace(form, problem=other, elsewhere=None, fixed_start=start, fixed_end=end, **curves)
+        # where one solution follows another, the expressions, differentiated once, are cheaper than numbers
+        return replace(form, problem=other, elsewhere=None, numbers=None, fixed_start=start, fixed_end=end, **curves)
 
     def unchanged(values: np.ndarray) -> np.ndarray:
         return alike(problem, values, lines, metric.conformal)

@@ -156,10 +156,8 @@ class Elements:
         return np.block([[full[np.ix_(self.free, self.free)], border[self.free]], [border[self.free].T, corner]])
 
 
-def assembly(space: Space, order: int, count: int, free: np.ndarray, extra: int) -> OneElement | Elements:
-    """What takes the unknowns of a space to points and back."""
+def assembly(space: Space, order: int, count: int, held: np.ndarray, extra: int) -> OneElement | Elements:
+    """What takes the unknowns of a space to points and back, where the coefficients of the numbers ``held`` are."""
     if space.elements > 1 or space.periodic:
-        return Elements(space, order, count, free, extra)
-    held = np.ones(space.size, dtype=bool)
-    held[free] = False
-    return _one_element(space.n, space.degree, order, count, tuple(np.flatnonzero(held).tolist()), extra)
+        return Elements(space, order, count, np.delete(np.arange(space.size), held), extra)
+    return _one_element(space.n, space.degree, order, count, tuple(held.tolist()), extra)

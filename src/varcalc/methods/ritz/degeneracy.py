@@ -16,9 +16,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.ritz.newton import Step, newton_step
+from varcalc.methods.ritz.newton import NullSpace, Step, newton_step
 from varcalc.methods.ritz.rungs import Rungs
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
+from varcalc.numerics.stacked import positive
 from varcalc.solution import Verdict
 
 ZERO = 1e-9
@@ -43,13 +44,19 @@ TURN = 0.5
 """Size of the motion tried: an angle, or a shift in units of the curve's size."""
 
 
-def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curve: float) -> tuple[Verdict, str] | None:
+def degenerate(
+    rungs: Rungs, system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, curve: float
+) -> tuple[Verdict, str] | None:
     """Why the minimum at ``z`` does not stand alone; None when it does, up to rigid motions.
 
-    ``step`` is the Newton step from there, ``curve`` the relative error of the
+    ``step`` is the Newton step from there, where the functional is ``at``, ``curve`` the relative error of the
     curve, which the second variation feels squared. Richer spaces are asked for as
     long as they lower a soft eigenvalue.
     """
+    if at.legendre > 0.0 and step.reduced is not None:  # most often this spares the eigenvalues
+        leading = NullSpace(at.jacobian).reduced(leading_term(system, at, z))
+        if positive((step.reduced - SOFT * leading)[None])[0]:
+            return None
     threshold = min(max(ZERO, curve**2), LOOSEST)
     previous, z = math.inf, z + step.change
     following: Step | None = step
@@ -87,25 +94,16 @@ def _soft_modes(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> t
     nothing = np.zeros(0), np.zeros((system.size, 0))
     if not np.isfinite(at.hessians).all() or at.legendre <= 0.0:
         return nothing
-    hessian, leading, null = system.hessian(at, multipliers), leading_term(system, at, z), np.eye(system.size)
-    if len(at.conditions):
-        null = np.linalg.qr(at.jacobian.T, mode="complete")[0][:, len(at.conditions) :]
-        hessian, leading = null.T @ hessian @ null, null.T @ leading @ null
-    if _positive(hessian - SOFT * leading) or not _positive(leading):  # the first spares the eigenvalues
+    null = NullSpace(at.jacobian)
+    hessian, leading = (null.reduced(m) for m in (system.hessian(at, multipliers), leading_term(system, at, z)))
+    if not positive(leading[None])[0]:
         return nothing
     factor = np.linalg.cholesky(leading)
     half = np.linalg.solve(factor, hessian)
     eigenvalues, vectors = np.linalg.eigh(np.linalg.solve(factor, half.T))
     soft = eigenvalues < SOFT
-    return eigenvalues[soft], null @ np.linalg.solve(factor.T, vectors[:, soft])
-
-
-def _positive(matrix: np.ndarray) -> bool:
-    try:
-        np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        return False
-    return True
+    modes = np.linalg.solve(factor.T, vectors[:, soft])
+    return eigenvalues[soft], null.basis @ modes if null.count else modes
 
 
 def leading_term(system: RitzSystem, at: Evaluation, z: np.ndarray) -> np.ndarray:

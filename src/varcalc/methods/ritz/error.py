@@ -163,17 +163,17 @@ def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, fo
     """
     if 0.0 < step.compliance < COMPLIANT or system.size > LARGEST:
         return True
+    there, moved = found.there, found.curve / SAFETY
+    if moved <= SLIGHT * float(np.abs(found.here.y).max(initial=0.0)):
+        return True  # next to a fold the two extremals are further apart than that
     if bool(moves_as_it_gains(system, at, step.change, found.moved, step.decrement)):
         return True
-    here, there = found.here, found.there
-    if displacement(here, there) <= SLIGHT * float(np.abs(here.y).max(initial=0.0)):
-        return True  # next to a fold the two extremals are further apart than that
     again = system.evaluate(z + step.change)
     following = newton_step(system, again, step.multipliers)
     if following is None or not following.definite:
         return False
     beyond = system.reported(again, system.moved(following.change))
-    return bool(displacement(there, beyond) <= CONTRACTION * displacement(here, there))
+    return bool(displacement(there, beyond) <= CONTRACTION * moved)
 
 
 def moves_as_it_gains(system: RitzSystem, at: Evaluation, change: np.ndarray, moved: np.ndarray, decrement: Any) -> Any:
@@ -222,6 +222,8 @@ def settled(rungs: Rungs, found: Estimate) -> Estimate | str:
 def _shares(rungs: Rungs, system: RitzSystem, change: np.ndarray) -> np.ndarray:
     """How much each element contributes to the correction: squares of its bubbles, weighed as their energy."""
     space = system.space
+    if space.elements == 1:
+        return np.ones(1)
     full = np.zeros(space.size)
     full[system.free] = change[: len(system.free)]
     local = full[space.numbers[:, 2 * space.smoothness :]]

@@ -10,7 +10,6 @@ any of that is in doubt has no answer here; it is left to a solve of its own.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -22,7 +21,7 @@ from varcalc.methods.ritz.degeneracy import SOFT as SOFT_MODE
 from varcalc.methods.ritz.error import ASTRAY, ASTRAY_SHARE, CURVE, SOFT, UNMOVED, Correction, correction
 from varcalc.methods.ritz.newton import Minima, NullSpace, minima, quadratic_steps, sound
 from varcalc.methods.ritz.quadrature import RESOLVED, missed
-from varcalc.methods.ritz.rungs import DEGREES
+from varcalc.methods.ritz.rungs import DEGREES, on_one_element
 from varcalc.methods.ritz.starts import bends
 from varcalc.methods.ritz.system import Places, RitzSystem, least_eigenvalue, quadrature_points
 from varcalc.numerics.mesh import Space
@@ -99,18 +98,13 @@ def applies(form: Form) -> bool:
 
 def system_at(form: Form, degree: int, places: Places) -> RitzSystem:
     """The functional of a form on polynomials of a degree, at many places."""
-    return RitzSystem(form, _space(form.span, degree, form.n), places=places)
-
-
-@lru_cache(maxsize=64)
-def _space(span: tuple[float, float], degree: int, n: int) -> Space:
-    return Space(np.array(span), degree, n)
+    return RitzSystem(form, on_one_element(*form.span, degree, form.n), places=places)
 
 
 def straight_starts(form: Form, places: Places) -> tuple[np.ndarray, list[np.ndarray]]:
     """The first degree (K,) and the coefficients of straight lines between the ends; what is free at both is zero."""
     degree = next(d for d in DEGREES[form.order] if d >= form.least_degree)
-    return np.full(len(places.start), degree), list(_lines(_space(form.span, degree, form.n), places))
+    return np.full(len(places.start), degree), list(_lines(on_one_element(*form.span, degree, form.n), places))
 
 
 def _lines(space: Space, places: Places) -> np.ndarray:
@@ -173,7 +167,9 @@ def _with_bends(form: Form, places: Places, degrees: np.ndarray, starts: list[np
 
 def _continued(form: Form, coefficients: np.ndarray, degree: int, richer: int) -> np.ndarray:
     """The coefficients of the same curves in a space of higher degree."""
-    return _space(form.span, degree, form.n).prolonged(coefficients, _space(form.span, richer, form.n))
+    return on_one_element(*form.span, degree, form.n).prolonged(
+        coefficients, on_one_element(*form.span, richer, form.n)
+    )
 
 
 def _minima(here: RitzSystem, starts: list[np.ndarray], *, shifting: bool) -> Minima:
@@ -200,7 +196,7 @@ def sampled(
 def solution(form: Form, method: Any, found: Answer, seconds: float) -> Solution:
     """An answer as the Solution by ``method`` of the form's problem; it took ``seconds``."""
     vertices = np.array(form.span)
-    evaluate = _space(form.span, found.degree, form.n).curve(found.coefficients)
+    evaluate = on_one_element(*form.span, found.degree, form.n).curve(found.coefficients)
     extremal = Extremal(form, evaluate, np.zeros(0), vertices, found.multipliers, {}, SEEN_FORWARD, found.coefficients)
     fixed = np.logical_not(np.isnan([form.fixed_start[0], form.fixed_end[0]]))
     stats = Stats(0.0, seconds, found.iterations, found.coefficients.size - int(fixed.sum()), 1, found.degree)

@@ -88,7 +88,7 @@ class CompiledIntegrands:
             parameters = np.broadcast_to(parameters, (*points, width)).reshape(len(rows), width) if width else BLANK
         second = rows[:, 2 * n : 3 * n] if self.form.order == 2 else BLANK
         unknowns = rows[:, (self.form.order + 1) * n :]
-        function = _at_points(self.form, make, len(rows) <= CHUNK)
+        function = _at_points(self.form, make, len(rows) if len(rows) <= FEW else CHUNK)
         out = function(len(rows), s.reshape(-1, 1), rows[:, :n], rows[:, n : 2 * n], second, parameters, unknowns)
         return out.reshape(*points, -1)
 
@@ -152,6 +152,6 @@ def at_ends(form: Form) -> ca.Function:
 
 
 @derived
-def _at_points(form: Form, make: Callable[[Form], ca.Function], few: bool) -> Pointwise | FewOrMany:
-    """A function of the form at points, in pieces of the size of one curve or of several."""
-    return Pointwise(make(form), FEW) if few else FewOrMany(make(form), CHUNK)
+def _at_points(form: Form, make: Callable[[Form], ca.Function], chunk: int) -> Pointwise | FewOrMany:
+    """A function of the form at points, in pieces of so many: as many as there are, of one curve of a low degree."""
+    return Pointwise(make(form), chunk) if chunk <= FEW else FewOrMany(make(form), chunk)

@@ -278,7 +278,7 @@ class _Climb:
         # where no load moves the curve far, no mode is soft
         if step is None or not step.definite or step.compliance < COMPLIANT:
             return solution
-        why = degenerate(self.rungs, found.system, found.z, step, found.curve / found.size)
+        why = degenerate(self.rungs, found.system, found.z, found.at, step, found.curve / found.size)
         if why is None:
             return solution
         return replace(solution, status=Status.REFUSED, verdict=why[0], message=why[1])

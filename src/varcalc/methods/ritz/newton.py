@@ -91,6 +91,8 @@ class Step:
     decrement: float
     shift: float
     compliance: float
+    reduced: np.ndarray | None = None
+    """The Hessian along the conditions, as it was factored."""
 
     @property
     def definite(self) -> bool:
@@ -113,7 +115,7 @@ class Outcome:
 def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
     """The (shifted, when need be) Newton step from an evaluation; None when there is none."""
     # a sum is a number where all of its terms are
-    if not math.isfinite(at.hessians.sum() + at.gradient.sum() + at.jacobian.sum()):
+    if not math.isfinite(at.hessians.sum() + at.gradient.sum() + (at.jacobian.sum() if len(at.conditions) else 0.0)):
         return None
     if len(system.levels) and not effective(system, at):
         return None
@@ -203,10 +205,10 @@ def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
             solved, shift = (solved[0], math.inf), 0.0
     tangent, compliance = solved
     if not null.count:
-        return Step(tangent, np.zeros(0), -0.5 * float(tangent @ at.gradient), shift, compliance)
+        return Step(tangent, np.zeros(0), -0.5 * float(tangent @ at.gradient), shift, compliance, reduced)
     change = null.step(tangent, normal)
     new = null.multipliers(at.gradient + hessian @ change)
-    return Step(change, new, 0.5 * float(tangent @ reduced @ tangent), shift, compliance)
+    return Step(change, new, 0.5 * float(tangent @ reduced @ tangent), shift, compliance, reduced)
 
 
 def _solved(matrix: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, float] | None:
@@ -332,7 +334,7 @@ def _is_round_off(system: RitzSystem, at: Evaluation, step: Step, decrement: flo
 
 
 def _finite(at: Evaluation) -> bool:
-    return math.isfinite(at.value + at.gradient.sum() + at.conditions.sum())
+    return math.isfinite(at.value + at.gradient.sum() + (at.conditions.sum() if len(at.conditions) else 0.0))
 
 
 def missed(system: RitzSystem, at: Evaluation, share: float) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,12 @@ class Rung:
     """Multipliers of integral inequalities by their index."""
 
 
+@lru_cache(maxsize=64)
+def on_one_element(start: float, end: float, degree: int, n: int, smoothness: int = 1) -> Space:
+    """The polynomials of a degree, kept for the life of the process with what is numbered in them."""
+    return Space(np.array([start, end]), degree, n, smoothness)
+
+
 class Rungs:
     """Solves one form in one space after another, and counts the iterations."""
 
@@ -57,10 +64,11 @@ class Rungs:
 
     def first_space(self, elements: int, degree: int | None) -> Space:
         """The first mesh: equal elements and the form's knots."""
-        a, b = self.form.span
-        vertices = np.unique(np.concatenate([np.linspace(a, b, elements + 1), self.form.knots]))
-        close = np.diff(vertices) < 1e-12 * (b - a)
-        vertices = vertices[np.concatenate([[True], ~close])]
+        (a, b), vertices = self.form.span, np.array(self.form.span)
+        if elements > 1 or self.form.knots:
+            vertices = np.unique(np.concatenate([np.linspace(a, b, elements + 1), self.form.knots]))
+            close = np.diff(vertices) < 1e-12 * (b - a)
+            vertices = vertices[np.concatenate([[True], ~close])]
         lowest = 2 * self.form.order - 1
         least = max(self.form.least_degree, lowest)
         first = min(d for d in DEGREES[self.form.order] if d >= least) if degree is None else max(degree, lowest)
@@ -68,6 +76,8 @@ class Rungs:
 
     def space(self, vertices: np.ndarray, degree: int) -> Space:
         """The form's functions on a mesh."""
+        if len(vertices) == 2 and not self.form.periodic:
+            return on_one_element(*vertices.tolist(), degree, self.form.n, self.form.order)
         return Space(vertices, degree, self.form.n, self.form.order, self.form.periodic)
 
     def richer(self, degree: int) -> int:

@@ -66,8 +66,7 @@ def _block_diagonal(count: int, k: int) -> ca.Sparsity:
 def _to_points(system: RitzSystem) -> tuple[ca.DM, np.ndarray]:
     """From the free coefficients to (y, y', ..) at all points, one point after the other: matrix and fixed part."""
     if isinstance(system.assembly, OneElement):
-        scale = np.broadcast_to(system.scale, system.offset.shape).reshape(-1, 1)
-        return ca.DM(scale * system.assembly.flat), system.offset.ravel()
+        return ca.DM(system.scale.reshape(-1, 1) * system.assembly.flat), system.offset.ravel()
     space, n = system.space, system.n
     table = basis_at_gauss(space.smoothness, space.degree, system.count, system.order)
     pairs = [placement(system, table, d) for d in range(system.order + 1)]

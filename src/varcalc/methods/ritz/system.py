@@ -13,6 +13,7 @@ more leading axes than the system; every curve they stand for is evaluated.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Self
@@ -22,7 +23,7 @@ import numpy as np
 from varcalc.formulation import Form, Reported
 from varcalc.methods.ritz.assembly import Elements, assembly
 from varcalc.methods.ritz.integrands import CompiledIntegrands, Integrands, NumericIntegrand, at_ends
-from varcalc.numerics.mesh import Space
+from varcalc.numerics.mesh import Space, gauss
 
 
 def quadrature_points(degree: int) -> int:
@@ -100,54 +101,42 @@ class RitzSystem:
         self.levels = np.array([c.lower for c in self.equalities])
         self.k = (self.order + 1) * self.n + self.extra
         self.top = slice(self.order * self.n, (self.order + 1) * self.n)
-        self._fix()
-        self.assembly = assembly(space, self.order, self.count, self.free, self.extra)
-        self._place()
+        self.fixed, held = self._held()
+        self.assembly = assembly(space, self.order, self.count, held, self.extra)
+        self.free, self.size = self.assembly.free, len(self.assembly.free) + self.extra
+        self.x, self.weights, self.lengths, self.scale, self.first, self.second = self._placed()
+        self.offset = self.assembly.fixed(self.fixed) * self.scale
         self.source = self._source()
 
-    def _fix(self) -> None:
-        """Which coefficients are free, and the values of the others."""
+    def _held(self) -> tuple[np.ndarray, np.ndarray]:
+        """The coefficients, zero where they are free, and the numbers of those that the ends or waypoints hold."""
         form, space, m = self.form, self.space, self.space.smoothness
-        marks = [(space.numbers[0], form.fixed_start), (space.numbers[-1, m:], form.fixed_end)]
+        powers = space.vertex_scale ** np.arange(m)[:, None] if m > 1 else 1.0
+        start, end = form.fixed_start, form.fixed_end
+        marks = [(space.numbers[0, : len(start)], start), (space.numbers[-1, m : m + len(end)], end)]
         for at, demanded in form.waypoints:
             vertex = int(np.argmin(np.abs(space.vertices - at)))
-            marks.append((space.numbers[vertex - 1, m:], np.array([[np.nan if v is None else v for v in demanded]])))
-        numbers = np.concatenate([own[: len(values)].ravel() for own, values in marks])
-        powers = space.vertex_scale ** np.arange(m)[:, None]
-        values = np.concatenate([(values * powers[: len(values)]).ravel() for _, values in marks])
-        given = ~np.isnan(values)
-        self.fixed, free = np.zeros(space.size), np.ones(space.size, dtype=bool)
-        self.fixed[numbers[given]], free[numbers[given]] = values[given], False
-        self.free = np.flatnonzero(free)
-        self.size = len(self.free) + self.extra
+            value = np.array([[np.nan if v is None else v for v in demanded]])
+            marks.append((space.numbers[vertex - 1, m : m + 1], value))
+        values = np.concatenate([(v * powers[: len(v)] if m > 1 else v).ravel() for _, v in marks])
+        numbers, given = np.concatenate([own.ravel() for own, _ in marks]), ~np.isnan(values)
+        fixed, held = np.zeros(space.size), numbers[given]
+        fixed[held] = values[given]
         if self.places is not None:
-            self.fixed = np.zeros((len(self.places.spans), space.size))
-            first, second = space.numbers[0, :2]
-            self.fixed[:, first], self.fixed[:, second] = map(np.nan_to_num, self.places.ends)
+            fixed = np.zeros((len(self.places.spans), space.size))
+            for vertex, own in zip(space.numbers[0], self.places.ends, strict=False):
+                fixed[:, vertex] = np.nan_to_num(own)
+        return fixed, held
 
-    def _place(self) -> None:
-        """Abscissae and weights (.., points), and the ``scale`` (.., points or 1, k) of derivatives on [-1, 1]."""
-        space = self.space
-        if self.places is None:
-            x, weights = space.quadrature(self.count)
-            self.x, self.weights = x.reshape(-1), weights.reshape(-1)
-            self.lengths: Any = space.vertices[-1] - space.vertices[0]
-            rates = 2.0 / space.widths[:, None]
-        else:
-            reference = Space(np.array([-1.0, 1.0]), 1)
-            nodes, weights = (v.ravel() for v in reference.quadrature(self.count))
-            spans = self.places.spans
-            self.lengths = spans[:, 1] - spans[:, 0]
-            self.x = spans[:, :1] + 0.5 * self.lengths[:, None] * (1 + nodes)
-            self.weights = 0.5 * self.lengths[:, None] * weights
-            rates = 2.0 / self.lengths[:, None]
-        scale = rates ** _powers(self.order, self.n, self.extra)
-        if space.elements > 1:
-            scale = np.repeat(scale, self.count, axis=0)
-        self.scale = scale if self.places is None else scale[:, None]
-        self.offset = self.assembly.fixed(self.fixed) * self.scale
-        self.first = self.weights[..., None] * self.scale
-        self.second = self.first[..., None] * self.scale[..., None, :]
+    def _placed(self) -> tuple[Any, ...]:
+        """Abscissae, weights, lengths and factors of derivatives: see :func:`_rule`."""
+        powers, space = (self.order, self.n, self.extra), self.space
+        if self.places is not None:
+            return _rule(self.places.spans[..., None], self.count, *powers)
+        if space.elements == 1:
+            return _rule_of_one(*space.vertices.tolist(), self.count, *powers)
+        ends = np.stack([space.vertices[:-1], space.vertices[1:]])
+        return _rule(ends, self.count, *powers)
 
     def _source(self) -> Integrands:
         form = self.form
@@ -218,19 +207,21 @@ class RitzSystem:
         """The same without the cost and the equations of the ends."""
         variables = self.variables(z)
         integrands, slopes, hessians = self.source.derivatives(variables)
-        weights = self.weights[..., None, :]
         with np.errstate(invalid="ignore", over="ignore"):
-            values = (weights @ integrands)[..., 0, :]
-            sizes = (weights @ np.abs(integrands))[..., 0, :]
+            values, sizes = self._sums(integrands), self._sums(np.abs(integrands))
             gradient = self.assembly.gradient(slopes[..., 0, :] * self.first)
             rows = [self.assembly.gradient(slopes[..., 1 + j, :] * self.first) for j in range(len(self.levels))]
             legendre = least_eigenvalue(hessians[..., 0, self.top, self.top])
-        value = self._one_sided(values[..., 0][()], variables)
+        value = self._one_sided(values[..., 0], variables)
         jacobian = np.stack(rows, axis=-2) if rows else np.empty((*gradient.shape[:-1], 0, self.size))
         return Evaluation(
-            value, sizes[..., 0][()], values[..., 1:] - self.levels, gradient, jacobian, legendre, variables,
+            value, sizes[..., 0], values[..., 1:] - self.levels, gradient, jacobian, legendre, variables,
             integrands, slopes, hessians, sizes[..., 1:],
         )  # fmt: skip
+
+    def _sums(self, values: np.ndarray) -> np.ndarray:
+        """The integrals of functions given at the points, (.., points, functions)."""
+        return self.weights @ values if self.places is None else (self.weights[:, None] @ values)[:, 0]
 
     def _one_sided(self, value: Any, variables: np.ndarray) -> Any:
         """The value, infinite where a function that is positive is negative somewhere."""
@@ -242,7 +233,7 @@ class RitzSystem:
         """The functional of curves ``z`` (K, N) and the integrals less their levels (K, levels), and no more."""
         variables = self.variables(z)
         with np.errstate(invalid="ignore", over="ignore"):
-            values = (self.weights[..., None, :] @ self.source.values(variables))[..., 0, :]
+            values = self._sums(self.source.values(variables))
         value = self._one_sided(values[..., 0], variables)
         if self.form.ends is not None:
             value = value + np.array([self.end_cost(own) for own in z])
@@ -329,13 +320,13 @@ class RitzSystem:
         n, D = self.n, self.order + 1
         diagonal = np.einsum("...aa->...a", at.hessians[..., 0, :, :])
         weight = np.abs(diagonal[..., self.order * n : D * n])
-        mean = (self.weights[..., None, :] @ weight)[..., 0, :] / self.weights.sum(-1)[..., None]
+        mean = self._sums(weight) / self.weights.sum(-1)[..., None]
         largest = mean.max(-1, keepdims=True)
         mean = np.where(mean > 0, mean, np.where(largest > 0, largest, 1.0))
         falls = np.asarray(at.legendre <= 0.0)[..., None, None]
         weight = np.where(falls, mean[..., None, :], weight) * self.weights[..., None]
         lengths = np.asarray(self.lengths)[..., None, None]
-        corner = np.abs((self.weights[..., None, :] @ diagonal[..., D * n :])[..., 0, :])
+        corner = np.abs(self._sums(diagonal[..., D * n :]))
         shares = [weight * lengths ** (2.0 * (d - self.order)) for d in range(D)]
         return np.concatenate(shares, axis=-1), np.maximum(corner, 1e-12)
 
@@ -403,10 +394,27 @@ class RitzSystem:
         return out
 
 
+def _rule(spans: np.ndarray, count: int, order: int, n: int, extra: int) -> tuple[Any, ...]:
+    """The Gauss rule of ``count`` points on each of the elements, which ``spans`` (.., 2, elements) begin and end.
+
+    Abscissae and weights (.., points), the length of the whole, the factors (.., points, k) from derivatives on
+    [-1, 1] to those of the variables, and the weights with one and with two of these.
+    """
+    nodes, weights = gauss(count)
+    lead, widths = spans.shape[:-2], spans[..., 1, :] - spans[..., 0, :]
+    half = 0.5 * widths[..., None]
+    x = (spans[..., 0, :, None] + half * (1 + nodes)).reshape(*lead, -1)
+    powers = np.concatenate([np.repeat(np.arange(order + 1.0), n), np.zeros(extra)])
+    scale = np.repeat((1.0 / half) ** powers, count, axis=-2)
+    weights = (half * weights).reshape(*lead, -1)
+    first = weights[..., None] * scale
+    return x, weights, widths.sum(-1), scale, first, first[..., None] * scale[..., None, :]
+
+
 @lru_cache(maxsize=64)
-def _powers(order: int, n: int, extra: int) -> np.ndarray:
-    """The order of the derivative that each variable is."""
-    return np.concatenate([np.repeat(np.arange(order + 1.0), n), np.zeros(extra)])
+def _rule_of_one(start: float, end: float, count: int, order: int, n: int, extra: int) -> tuple[Any, ...]:
+    """:func:`_rule` on one element, kept for the life of the process."""
+    return _rule(np.array([[start], [end]]), count, order, n, extra)
 
 
 def least_eigenvalue(blocks: np.ndarray) -> Any:
@@ -422,5 +430,6 @@ def least_eigenvalue(blocks: np.ndarray) -> Any:
         least = np.linalg.eigvalsh(np.where(finite[..., None, None], blocks, 0.0))[..., 0]
         least = np.where(finite, least, -np.inf)
     least = least.min(-1)
-    found: Any = np.where(np.isfinite(least), least, -np.inf)
-    return found[()]
+    if not least.ndim:
+        return least if math.isfinite(least) else -math.inf
+    return np.where(np.isfinite(least), least, -np.inf)
