@@ -17,8 +17,8 @@ from typing import TypeGuard
 import numpy as np
 
 from varcalc.formulation import Form, Stated, extended, formulate, rewriter, straight
+from varcalc.methods.ritz.method import Rung, Rungs
 from varcalc.methods.ritz.newton import Newton
-from varcalc.methods.ritz.rungs import Rung, Rungs
 from varcalc.problem.conditions import Fixed
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem

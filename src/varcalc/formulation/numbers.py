@@ -53,29 +53,3 @@ class Numbers(Protocol):
     def on(self, problem: Problem, s: np.ndarray) -> AtPoints:
         """The integrand at points s (Q,), at the parameter values of ``problem``."""
         ...
-
-
-class GraphNumbers:
-    """A graph in the person's own variables."""
-
-    def on(self, problem: Problem, s: np.ndarray) -> AtPoints:  # noqa: D102
-        return _GraphAtPoints(problem, s)
-
-
-class _GraphAtPoints:
-    transform: np.ndarray | None = None
-    offset: np.ndarray | None = None
-
-    def __init__(self, problem: Problem, s: np.ndarray) -> None:
-        self.problem, self.s, self.n = problem, s, problem.n
-        self.sign = -1.0 if problem.maximise else 1.0
-
-    def derivatives(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        rows = self.problem.integrand_derivatives(self.s, u[:, : self.n].T, u[:, self.n :].T).rows
-        rows, k = rows if self.sign > 0 else -rows, 1 + 2 * self.n
-        return rows[:, 0], rows[:, 2 : 1 + k], rows[:, 1 + k :].reshape(-1, k, k)[:, 1:, 1:]
-
-    def reported(self, u: np.ndarray) -> Reported:
-        y, dy = u[:, : self.n], u[:, self.n :]
-        values = self.sign * self.problem.integrand_values(self.s, y.T, dy.T)
-        return Reported(values, self.s, y, np.ones_like(self.s), dy)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from varcalc.methods.ritz.assembly import SEVERAL, assembly
+from varcalc.methods.ritz.system import SEVERAL, assembly
 from varcalc.numerics.mesh import Space
 
 

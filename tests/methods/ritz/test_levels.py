@@ -9,7 +9,7 @@ import varcalc as vc
 from varcalc.formulation.singular import forms
 from varcalc.methods.ritz import family
 from varcalc.methods.ritz import method as ritz
-from varcalc.methods.ritz.starts import bends, fitted, meeting_levels
+from varcalc.methods.ritz.starts import bends, meeting_levels
 from varcalc.methods.ritz.system import Places, RitzSystem
 from varcalc.numerics.mesh import Space
 from varcalc.problems._curves import Catenary
@@ -156,7 +156,7 @@ def test_no_saddle_is_an_answer():
 def on_one_element(problem, degree=6):
     form = forms(problem)[0]
     system = RitzSystem(form, Space(np.array(form.span), degree, form.n))
-    return system, fitted(system, form.baseline)
+    return system, system.fitted(form.baseline)
 
 
 @pytest.mark.parametrize("problem", [chain(), chain(1.3, 0.8), sphere(1.0)])

@@ -20,7 +20,7 @@ import pytest
 
 import varcalc as vc
 from varcalc.formulation import formulate
-from varcalc.methods.ritz.banded import banded_step
+from varcalc.methods.ritz.elements import banded_step
 from varcalc.methods.ritz.newton import _dense_step, newton_step
 from varcalc.methods.ritz.system import RitzSystem, quadrature_points
 from varcalc.numerics.mesh import Space

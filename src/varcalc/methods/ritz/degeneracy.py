@@ -12,26 +12,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from varcalc.methods.ritz.error import SOFT_MODE
 from varcalc.methods.ritz.newton import NullSpace, Step, newton_step
-from varcalc.methods.ritz.rungs import Rungs
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.stacked import positive
 from varcalc.solution import Verdict
+
+if TYPE_CHECKING:
+    from varcalc.methods.ritz.method import Rungs
 
 ZERO = 1e-9
 """Eigenvalues of the second variation, in units of its leading term, that are none."""
 LOOSEST = 1e-6
 """The same where the curve is known poorly."""
-SOFT = 1e-3
-"""Eigenvalues that a richer space may lower to zero; those of a space lie above the true ones."""
 SETTLED = 0.9
 """Share of an eigenvalue that a richer space leaves when it is resolved."""
-COMPLIANT = 1e3
-"""Compliance of a Newton step below which no mode is soft."""
 LARGEST = 800
 """Unknowns up to which eigenvalues are computed."""
 IN_SPAN = 1e-3
@@ -44,19 +44,13 @@ TURN = 0.5
 """Size of the motion tried: an angle, or a shift in units of the curve's size."""
 
 
-def degenerate(
-    rungs: Rungs, system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, curve: float
-) -> tuple[Verdict, str] | None:
+def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curve: float) -> tuple[Verdict, str] | None:
     """Why the minimum at ``z`` does not stand alone; None when it does, up to rigid motions.
 
-    ``step`` is the Newton step from there, where the functional is ``at``, ``curve`` the relative error of the
+    ``step`` is the Newton step from there, ``curve`` the relative error of the
     curve, which the second variation feels squared. Richer spaces are asked for as
     long as they lower a soft eigenvalue.
     """
-    if at.legendre > 0.0 and step.reduced is not None:  # most often this spares the eigenvalues
-        leading = NullSpace(at.jacobian).reduced(leading_term(system, at, z))
-        if positive((step.reduced - SOFT * leading)[None])[0]:
-            return None
     threshold = min(max(ZERO, curve**2), LOOSEST)
     previous, z = math.inf, z + step.change
     following: Step | None = step
@@ -86,7 +80,7 @@ def _sentence(count: int, lowest: float) -> tuple[Verdict, str]:
 
 
 def _soft_modes(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues of the second variation below SOFT, and their modes, of length one in the leading term.
+    """Eigenvalues of the second variation below SOFT_MODE, and their modes, of length one in the leading term.
 
     None are found where the leading term is not positive all along: then it measures nothing.
     """
@@ -95,38 +89,15 @@ def _soft_modes(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> t
     if not np.isfinite(at.hessians).all() or at.legendre <= 0.0:
         return nothing
     null = NullSpace(at.jacobian)
-    hessian, leading = (null.reduced(m) for m in (system.hessian(at, multipliers), leading_term(system, at, z)))
+    hessian, leading = (null.reduced(m) for m in (system.hessian(at, multipliers), system.leading_term(at, z)))
     if not positive(leading[None])[0]:
         return nothing
     factor = np.linalg.cholesky(leading)
     half = np.linalg.solve(factor, hessian)
     eigenvalues, vectors = np.linalg.eigh(np.linalg.solve(factor, half.T))
-    soft = eigenvalues < SOFT
+    soft = eigenvalues < SOFT_MODE
     modes = np.linalg.solve(factor.T, vectors[:, soft])
     return eigenvalues[soft], null.basis @ modes if null.count else modes
-
-
-def leading_term(system: RitzSystem, at: Evaluation, z: np.ndarray) -> np.ndarray:
-    """The Gram matrix of L_vv in the highest slope at every point, with that of y on the interval's length.
-
-    An unknown number is measured by the change of itself that would cost the whole functional.
-    """
-    rest = (system.order + 1) * system.n
-    hessians = at.hessians[:, 0]
-    blocks = system.leading(hessians * system.weights[:, None, None])[:, :rest, :rest]
-    own = np.abs(np.einsum("q,qaa->a", system.weights, hessians[:, rest:, rest:]))
-    corner = np.diag(np.maximum(own, at.scale / _sizes_of_numbers(system, z) ** 2))
-    return system.assembled(blocks, corner)
-
-
-def _sizes_of_numbers(system: RitzSystem, z: np.ndarray) -> np.ndarray:
-    """A size for each unknown number: its own or its guess, for a sliding abscissa that of the interval."""
-    form = system.form
-    sizes = np.maximum(np.abs(system.unknowns(z)), np.abs(form.unknown_guess))
-    sliding = slice(len(form.problem.unknowns), system.extra - form.gauged)
-    if sizes[sliding].size:
-        sizes[sliding] = form.problem.span[1] - form.problem.span[0]
-    return np.where(sizes > 0, sizes, 1.0)
 
 
 # rigid motions
@@ -148,7 +119,7 @@ def _are_rigid_motions(system: RitzSystem, z: np.ndarray, modes: np.ndarray) -> 
         return False
     at = system.evaluate(z)
     span = np.column_stack([m.velocity for m in motions])
-    root = np.linalg.cholesky(leading_term(system, at, z)).T
+    root = np.linalg.cholesky(system.leading_term(at, z)).T
     shares = np.linalg.lstsq(root @ span, root @ modes, rcond=1e-10)[0]
     left = np.linalg.norm(root @ (modes - span @ shares), axis=0)  # the modes are of length one
     return bool(np.all(left <= IN_SPAN)) and all(_invariant(system, z, at, motions, share) for share in shares.T)

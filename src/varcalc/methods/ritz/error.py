@@ -4,24 +4,34 @@ The Newton correction there is the estimate: the functional is stationary, so
 half its squared length in the Hessian is what the value is too high by, to
 leading order (Ciarlet, "The Finite Element Method for Elliptic Problems",
 sect. 2.4, for the quadratic case).
+
+By how much a composite Gauss rule misses an integral is told from its own samples, which give the Legendre coefficients
+of the integrand on each element; the rule of Q points integrates a polynomial of degree 2 Q - 1 exactly, so what the
+coefficients will have fallen to at 2 Q is what it misses (Trefethen, "Is Gauss quadrature better than
+Clenshaw-Curtis?", SIAM Review 50, 2008, sect. 4). Only panels where that is more than round-off are bisected.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from varcalc.formulation import Reported
 from varcalc.methods.answer import sample
 from varcalc.methods.ritz.integrands import NumericIntegrand, reported_with_levels
-from varcalc.methods.ritz.newton import Step, newton_step
-from varcalc.methods.ritz.quadrature import shortfall
-from varcalc.methods.ritz.rungs import Rung, Rungs
+from varcalc.methods.ritz.newton import NullSpace, Step, newton_step
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
+from varcalc.numerics.mesh import gauss
+from varcalc.numerics.stacked import positive
+
+if TYPE_CHECKING:
+    from varcalc.methods.ritz.method import Rung, Rungs
 
 SAFETY = 1.5
 """The correction leaves out what lies beyond the richer space."""
@@ -33,8 +43,10 @@ ROUND_OFF = 4e-16
 """Round-off of the value relative to the sum of the absolute contributions."""
 SOFT = 1e-2
 """Decrease of the functional, by the size of the step in the metric, that tells of a soft mode."""
-COMPLIANT = 1e2
-"""Compliance of a step below which no mode is as soft; the banded solver does not tell it, and gives 0."""
+SOFT_MODE = 1e-3
+"""Eigenvalues of the second variation, in units of its leading term, that a richer space may lower to zero."""
+COMPLIANT, SUSPECT = 1e2, 1e3
+"""Compliances of a step below which it does not go along a soft mode, and no mode is soft; 0 where it is not told."""
 LARGEST = 800
 """Unknowns up to which the metric is computed."""
 UNMOVED = 1e-7
@@ -43,6 +55,12 @@ SLIGHT = 3e-6
 """Relative move of the curve that no merging of extremals explains: they are apart by the root of what is missing."""
 CONTRACTION = 0.1
 """Largest ratio of successive Newton steps that counts as evidence of a minimum."""
+RESOLVED = 1e-14
+"""Share of the integral of the absolute value that one panel may miss; samples carry round-off of a tenth of it."""
+MOST_ROUNDS = 40
+"""Bisections that bring a panel with a kink inside to round-off."""
+MOST_PANELS = 4000
+"""Panels bisected at once beyond which an integrand is noise."""
 SHARED = 0.1
 """Share of the last error that two spaces on one mesh may have in common, where a curve touches a bound."""
 
@@ -130,6 +148,18 @@ class Estimate(Correction):
     at: Evaluation
     step: Step | None
     shares: np.ndarray
+
+    @property
+    def suspect(self) -> bool:
+        """Whether some mode of the second variation may cost next to nothing."""
+        step, at, system = self.step, self.at, self.system
+        # where no load moves the curve far, none does
+        if step is None or not step.definite or step.compliance < SUSPECT:
+            return False
+        if step.reduced is None or not at.legendre > 0.0:
+            return True
+        leading = NullSpace(at.jacobian).reduced(system.leading_term(at, self.z))
+        return not positive((step.reduced - SOFT_MODE * leading)[None])[0]
 
     @cached_property
     def size(self) -> float:
@@ -228,3 +258,56 @@ def _shares(rungs: Rungs, system: RitzSystem, change: np.ndarray) -> np.ndarray:
     full[system.free] = change[: len(system.free)]
     local = full[space.numbers[:, 2 * space.smoothness :]]
     return (local**2).sum((1, 2)) * (2.0 / space.widths) ** (2 * rungs.form.order - 1)
+
+
+# quadrature
+
+
+@lru_cache(maxsize=64)
+def _transform(count: int) -> np.ndarray:
+    """The matrix from samples at the Gauss points to Legendre coefficients, the upper half of them; (count, rows)."""
+    nodes, weights = gauss(count)
+    degrees = np.arange(count // 2, count)
+    rows = legendre.legvander(nodes, count - 1)[:, count // 2 :] * weights[:, None] * (degrees + 0.5)
+    rows.setflags(write=False)
+    return rows
+
+
+def missed(samples: np.ndarray) -> np.ndarray:
+    """What the rule misses of the mean over each panel, from ``samples`` (panels, points); shape (panels,).
+
+    The coefficients of the last quarter, taken on to twice the number of
+    points at the rate at which they fell from the quarter before.
+    """
+    count = samples.shape[1]
+    coefficients = np.abs(samples @ _transform(count))
+    middle = coefficients.shape[1] // 2
+    before, last = coefficients[:, :middle].max(1), coefficients[:, middle:].max(1)
+    rate = np.minimum(last / np.maximum(before, 1e-300), 1.0)
+    return last * rate**4
+
+
+def shortfall(
+    sampled: Callable[[np.ndarray], np.ndarray], vertices: np.ndarray, samples: np.ndarray, scale: float
+) -> float:
+    """The integral less its composite Gauss sum on ``vertices``.
+
+    ``samples`` (elements, points) are the integrand's values in the sum,
+    ``sampled`` gives others at abscissae (m,), and ``scale`` is the integral
+    of its absolute value. Zero, and ``sampled`` is not called, where the rule
+    was fine enough.
+    """
+    left, half = vertices[:-1], 0.5 * np.diff(vertices)
+    nodes, weights = gauss(samples.shape[1])
+    found = 0.0
+    for _ in range(MOST_ROUNDS):
+        poor = missed(samples) * half > RESOLVED * scale
+        if not poor.any() or poor.sum() > MOST_PANELS:
+            break
+        found -= float(half[poor] @ (samples[poor] @ weights))
+        half = np.repeat(0.5 * half[poor], 2)
+        left = np.repeat(left[poor], 2)
+        left[1::2] += 2 * half[1::2]
+        samples = sampled((left[:, None] + half[:, None] * (1 + nodes)).ravel()).reshape(len(left), -1)
+        found += float(half @ (samples @ weights))
+    return found

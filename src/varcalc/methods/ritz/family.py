@@ -17,14 +17,23 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.methods.answer import SEEN_FORWARD, TURNED, Extremal, answer
-from varcalc.methods.ritz.degeneracy import SOFT as SOFT_MODE
-from varcalc.methods.ritz.error import ASTRAY, ASTRAY_SHARE, CURVE, SOFT, UNMOVED, Correction, correction
+from varcalc.methods.ritz.error import (
+    ASTRAY,
+    ASTRAY_SHARE,
+    CURVE,
+    RESOLVED,
+    SOFT,
+    SOFT_MODE,
+    UNMOVED,
+    Correction,
+    correction,
+    missed,
+)
+from varcalc.methods.ritz.method import DEGREES
 from varcalc.methods.ritz.newton import Minima, NullSpace, minima, quadratic_steps, sound
-from varcalc.methods.ritz.quadrature import RESOLVED, missed
-from varcalc.methods.ritz.rungs import DEGREES, on_one_element
 from varcalc.methods.ritz.starts import bends
 from varcalc.methods.ritz.system import Places, RitzSystem, least_eigenvalue, quadrature_points
-from varcalc.numerics.mesh import Space
+from varcalc.numerics.mesh import Space, on_one_element
 from varcalc.numerics.stacked import positive
 from varcalc.solution import ErrorEstimate, Solution, Stats
 

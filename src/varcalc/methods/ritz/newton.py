@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.methods.ritz.banded import banded_step, solvable
+from varcalc.methods.ritz.elements import banded_step, solvable
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.stacked import applied, positive, solutions
 

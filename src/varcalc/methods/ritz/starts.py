@@ -12,7 +12,7 @@ between.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
@@ -69,36 +69,15 @@ def scaled_ring(form: Form, radius: float) -> Sampled:
     return lambda s: radius * form.baseline(s)
 
 
-def candidates(system: RitzSystem, guess: Sampled | None, on_levels: Sequence[np.ndarray] = ()) -> Iterator[np.ndarray]:
-    """Unknown vectors to start from, the most promising first; ``on_levels`` are those that meet the levels."""
-    form = system.form
-    if guess is not None:
-        yield fitted(system, guess)
-    yield from on_levels
-    if form.pathwise:
-        yield from _clear_of_bounds(system)
-    yield fitted(system, form.baseline)
-    scale = size(form)
-    for direction in form.bumps:
+def bent_anyhow(system: RitzSystem) -> Iterator[np.ndarray]:
+    """The unknowns of curves bent by amplitudes of the size of the problem."""
+    scale = size(system.form)
+    for direction in system.form.bumps:
         for amplitude in AMPLITUDES:
-            yield fitted(system, bent(form, amplitude * scale, direction))
+            yield system.fitted(bent(system.form, amplitude * scale, direction))
 
 
-def fitted(system: RitzSystem, curve: Sampled) -> np.ndarray:
-    """The unknowns of a curve."""
-    return _gauged(system, system.pack(system.space.fit(curve), system.form.unknown_guess))
-
-
-def _gauged(system: RitzSystem, z: np.ndarray) -> np.ndarray:
-    """Unknowns (.., N) in which the speed of the curve, where it is one of them, is that of the curve."""
-    if system.form.gauged:
-        velocity = system.variables(z)[..., system.n : 2 * system.n]
-        speed = np.sqrt((velocity**2).sum(-1).mean(-1))
-        z[..., -1] = np.where(speed > 0, speed, z[..., -1])
-    return z
-
-
-def _clear_of_bounds(system: RitzSystem) -> Iterator[np.ndarray]:
+def clear_of_bounds(system: RitzSystem) -> Iterator[np.ndarray]:
     """The least bent curves that keep every inequality, each way; the baseline itself when it does."""
     form = system.form
     bounds = [c for c in form.pathwise if not c.equality]
@@ -111,7 +90,7 @@ def _clear_of_bounds(system: RitzSystem) -> Iterator[np.ndarray]:
     for direction in form.bumps:
         for sign in (1.0, -1.0):
             for amplitude in LADDER:
-                z = fitted(system, bent(form, float(amplitude) * scale, sign * direction))
+                z = system.fitted(bent(form, float(amplitude) * scale, sign * direction))
                 values = np.asarray(function(*system.arguments(z)))
                 if np.all((values >= lower) & (values <= upper)):
                     found.append((system.evaluate(z).value, z))
@@ -146,7 +125,7 @@ def meeting_levels(system: RitzSystem) -> tuple[list[np.ndarray], int]:
 
     One that leads down to the lowest, along bends in between that meet the level too, need not be.
     """
-    line = fitted(system, system.form.baseline)[None]
+    line = system.fitted(system.form.baseline)[None]
     found = bends(system, line)
     kept = np.isfinite(found.values[0])
     curves, values = list(found.unknowns[0, kept]), found.values[0, kept]
@@ -186,7 +165,7 @@ def _by_arches(system: RitzSystem, lines: np.ndarray) -> Bends:
         arches = np.concatenate([arch, -arch])
     heights = _heights(system, lines, arches, HEIGHTS)
     z = lines[:, None] + heights.amplitude[:, :, None] * arches
-    return Bends(_gauged(system, z), heights.value)
+    return Bends(system.gauged(z), heights.value)
 
 
 @dataclass(frozen=True)
@@ -206,7 +185,7 @@ def _heights(system: RitzSystem, lines: np.ndarray, directions: np.ndarray, ampl
     K, R, A = len(lines), len(directions), len(amplitudes)
     curves = (amplitudes[:, None, None] * directions).transpose(1, 0, 2).reshape(R * A, -1)
     z = (lines[:, None] + curves).reshape(K * R * A, -1)
-    values, misses = _at_each(system, K, R * A).measured(_gauged(system, z))
+    values, misses = _at_each(system, K, R * A).measured(system.gauged(z))
     value, miss = values.reshape(K, R, A), misses[:, 0].reshape(K, R, A)
     sound = np.isfinite(value) & np.isfinite(miss)
     value, miss = np.where(sound, value, np.inf), np.where(sound, miss, np.inf)
@@ -260,7 +239,7 @@ def _by_modes(system: RitzSystem, lines: np.ndarray) -> Bends:
     modes = np.concatenate([_mode(system, k) for k in range(m + 2)]) * size(system.form)
     R = len(modes)
     many = _at_each(system, K, R)
-    z = _gauged(system, (lines[:, None] + modes).reshape(K * R, -1))
+    z = system.gauged((lines[:, None] + modes).reshape(K * R, -1))
     values, rows = np.full(K * R, np.inf), np.arange(K * R)
     for _ in range(GAUSS_NEWTON):
         at = many.integrated(z[rows])
@@ -272,5 +251,5 @@ def _by_modes(system: RitzSystem, lines: np.ndarray) -> Bends:
             break
         rows, many, at = rows[on], many.restricted(on), at[on]
         inverse = np.linalg.pinv(at.jacobian @ modes.T, rcond=1e-6)
-        z[rows] = _gauged(system, z[rows] - applied(inverse, at.conditions) @ modes)
+        z[rows] = system.gauged(z[rows] - applied(inverse, at.conditions) @ modes)
     return Bends(z.reshape(K, R, -1), values.reshape(K, R))

@@ -4,7 +4,7 @@ The unknowns are the free coefficients of the curve followed by the unknown
 numbers of the form; the side conditions are the isoperimetric equalities
 followed by the equations of the ends. The integrands' own derivatives at the
 Gauss points (:mod:`.integrands`) between the matrices that take the unknowns
-there (:mod:`.assembly`) are those of the functional.
+there (:class:`OneElement`, :class:`.Elements`) are those of the functional.
 
 A system may stand for ``K`` values of the parameters, which move the ends or
 change the integrand: then the arrays have one more axis, the first, for them. Unknowns may have
@@ -20,15 +20,87 @@ from typing import Any, Self
 
 import numpy as np
 
-from varcalc.formulation import Form, Reported
-from varcalc.methods.ritz.assembly import Elements, assembly
+from varcalc.formulation import Form, Reported, Sampled
+from varcalc.methods.ritz.elements import Elements
 from varcalc.methods.ritz.integrands import CompiledIntegrands, Integrands, NumericIntegrand, at_ends
-from varcalc.numerics.mesh import Space, gauss
+from varcalc.numerics.mesh import Space, basis_at_gauss, gauss
+
+SEVERAL = 4
+"""Functions beyond which a matrix is assembled by pairs of them."""
 
 
 def quadrature_points(degree: int) -> int:
     """Gauss points an element: half as many again as the degree, exact for cubes of the slope."""
     return degree + degree // 2 + 2
+
+
+class OneElement:
+    """One polynomial a function: ``matrix`` (Q, k, N) takes N free unknowns to k variables at Q points of [-1, 1].
+
+    The variables are the functions, their derivatives up to ``order``, and ``extra`` unknown numbers, which are the
+    last of the unknowns. On [-1, 1] all of it is the same for every length. ``free`` and ``held`` number the
+    coefficients that may move, and those that the ends fix.
+    """
+
+    def __init__(self, n: int, degree: int, order: int, count: int, held: np.ndarray, extra: int) -> None:
+        space = Space(np.array([-1.0, 1.0]), degree, n, order)
+        self.numbers, self.held, self.free = space.numbers[0], held, np.delete(np.arange(space.size), held)
+        self.n, self.count, self.order, self.k = n, count, order, (order + 1) * n + extra
+        table = basis_at_gauss(order, degree, count, order) * space.local_scale[0]
+        columns = np.zeros((count, self.k - extra, space.size))
+        for d in range(order + 1):
+            for a in range(n):  # all else is zero: of many functions almost everything
+                columns[:, d * n + a, self.numbers[:, a]] = table[d]
+        self.matrix = np.zeros((count, self.k, len(self.free) + extra))
+        self.matrix[:, : self.k - extra, : len(self.free)] = columns[:, :, self.free]
+        self.matrix[:, self.k - extra :, len(self.free) :] = np.eye(extra)
+        self.flat = self.matrix.reshape(count * self.k, -1)
+        known = np.zeros((count, self.k, len(held)))
+        known[:, : self.k - extra] = columns[:, :, held]
+        self.known = known.reshape(count * self.k, -1)
+        self._pairs = None
+        if n > SEVERAL and not extra:
+            self._pairs = np.einsum("dqi,eqj->ijqde", table, table).reshape((degree + 1) ** 2, -1)
+            self._order = np.argsort(self.numbers.ravel())[self.free]
+
+    def fixed(self, coefficients: np.ndarray) -> np.ndarray:
+        """What the coefficients (..., size) that are held add to the variables, (..., Q, k)."""
+        held = coefficients[..., self.held]
+        return (held @ self.known.T).reshape(*held.shape[:-1], self.count, self.k)
+
+    def variables(self, z: np.ndarray) -> np.ndarray:
+        """What unknowns (..., N) add to the variables, (..., Q, k)."""
+        return (z @ self.flat.T).reshape(*z.shape[:-1], self.count, self.k)
+
+    def gradient(self, rows: np.ndarray) -> np.ndarray:
+        """Sums over the points of derivatives by the variables (..., Q, k) as derivatives by the unknowns, (..., N)."""
+        return rows.reshape(*rows.shape[:-2], -1) @ self.flat
+
+    def matrices(self, blocks: np.ndarray) -> np.ndarray:
+        """The same for second derivatives (..., Q, k, k), which are matrices (..., N, N) of the unknowns.
+
+        Each function has the same polynomials, so that the entries of all pairs of many functions are one product of
+        what two polynomials contribute at a point: quadratic in their number, not cubic.
+        """
+        lead = blocks.shape[:-3]
+        if self._pairs is None:
+            return self.flat.T @ (blocks @ self.matrix).reshape(*lead, *self.flat.shape)
+        n, depth, size = self.n, self.order + 1, len(self.numbers)
+        rows = blocks.reshape(*lead, self.count, depth, n, depth, n).swapaxes(-3, -2).reshape(*lead, -1, n * n)
+        whole = (self._pairs @ rows).reshape(*lead, size, size, n, n).swapaxes(-3, -2)
+        return whole.reshape(*lead, size * n, size * n)[..., self._order[:, None], self._order]
+
+
+@lru_cache(maxsize=256)
+def _one_element(n: int, degree: int, order: int, count: int, held: tuple[int, ...], extra: int) -> OneElement:
+    return OneElement(n, degree, order, count, np.array(held, dtype=int), extra)
+
+
+def assembly(space: Space, order: int, count: int, held: np.ndarray, extra: int) -> OneElement | Elements:
+    """What takes the unknowns of a space to points and back, where the coefficients of the numbers ``held`` are."""
+    if space.elements > 1 or space.periodic:
+        return Elements(space, order, count, np.delete(np.arange(space.size), held), extra)
+    return _one_element(space.n, space.degree, order, count, tuple(held.tolist()), extra)
 
 
 @dataclass(frozen=True)
@@ -170,6 +242,18 @@ class RitzSystem:
         c[..., self.free] = z[..., : len(self.free)]
         return c
 
+    def fitted(self, curve: Sampled) -> np.ndarray:
+        """The unknowns of a curve."""
+        return self.gauged(self.pack(self.space.fit(curve), self.form.unknown_guess))
+
+    def gauged(self, z: np.ndarray) -> np.ndarray:
+        """Unknowns (.., N) in which the speed of the curve, where it is one of them, is that of the curve."""
+        if self.form.gauged:
+            velocity = self.variables(z)[..., self.n : 2 * self.n]
+            speed = np.sqrt((velocity**2).sum(-1).mean(-1))
+            z[..., -1] = np.where(speed > 0, speed, z[..., -1])
+        return z
+
     def unknowns(self, z: np.ndarray) -> np.ndarray:
         """The unknown numbers of the form in ``z``."""
         return z[..., len(self.free) :]
@@ -305,6 +389,29 @@ class RitzSystem:
             rows = slice(d * n, (d + 1) * n)
             out[..., rows, rows] = curvature[..., self.top, self.top] * lengths ** (2.0 * (d - self.order))
         return out
+
+    def leading_term(self, at: Evaluation, z: np.ndarray) -> np.ndarray:
+        """The Gram matrix of the leading term of L, in which an unknown number is measured by what it costs.
+
+        Its unit is the change that would cost the whole functional.
+        """
+        rest = (self.order + 1) * self.n
+        hessians = at.hessians[..., 0, :, :]
+        blocks = self.leading(hessians * self.weights[..., None, None])
+        if not self.extra:
+            return self.assembled(blocks)
+        own = np.abs(np.einsum("q,qaa->a", self.weights, hessians[:, rest:, rest:]))
+        corner = np.diag(np.maximum(own, at.scale / self._sizes_of_numbers(z) ** 2))
+        return self.assembled(blocks[:, :rest, :rest], corner)
+
+    def _sizes_of_numbers(self, z: np.ndarray) -> np.ndarray:
+        """A size for each unknown number: its own or its guess, for a sliding abscissa that of the interval."""
+        form = self.form
+        sizes = np.maximum(np.abs(self.unknowns(z)), np.abs(form.unknown_guess))
+        sliding = slice(len(form.problem.unknowns), self.extra - form.gauged)
+        if sizes[sliding].size:
+            sizes[sliding] = form.problem.span[1] - form.problem.span[0]
+        return np.where(sizes > 0, sizes, 1.0)
 
     def metric_blocks(self, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
         """A positive pointwise (weighted) quadratic form, and a diagonal for the unknown numbers.

@@ -1,80 +1,27 @@
-"""From the unknowns of a space to the variables at the Gauss points, and back from points to gradients and matrices.
+"""Several elements: from their unknowns to points and back, and Newton steps whose cost is linear in their number.
 
-Everything here is stated on elements that are mapped to [-1, 1], so that it is the same for every length of them. On
-one element all of it is one matrix times the unknowns, and arrays may have any leading axes.
+The coefficients are numbered along the mesh, so the Hessian is banded but for
+a border of the unknown numbers and the side conditions. It is factored by
+banded Cholesky and the border eliminated (bordered systems: Govaerts,
+"Numerical Methods for Bifurcations of Dynamical Equilibria", sect. 3.4); by
+Haynsworth's inertia formula the small Schur complement tells whether the
+Hessian is positive on the conditions' null space.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from varcalc.numerics.mesh import Space, basis_at_gauss
 
-SEVERAL = 4
-"""Functions beyond which a matrix is assembled by pairs of them."""
+if TYPE_CHECKING:
+    from varcalc.methods.ritz.system import Evaluation, RitzSystem
 
-
-class OneElement:
-    """One polynomial a function: ``matrix`` (Q, k, N) takes N free unknowns to k variables at Q points of [-1, 1].
-
-    The variables are the functions, their derivatives up to ``order``, and ``extra`` unknown numbers, which are the
-    last of the unknowns. ``free`` and ``held`` number the coefficients that may move, and those that the ends fix.
-    """
-
-    def __init__(self, n: int, degree: int, order: int, count: int, held: np.ndarray, extra: int) -> None:
-        space = Space(np.array([-1.0, 1.0]), degree, n, order)
-        self.numbers, self.held, self.free = space.numbers[0], held, np.delete(np.arange(space.size), held)
-        self.n, self.count, self.order, self.k = n, count, order, (order + 1) * n + extra
-        table = basis_at_gauss(order, degree, count, order) * space.local_scale[0]
-        columns = np.zeros((count, self.k - extra, space.size))
-        for d in range(order + 1):
-            for a in range(n):  # all else is zero: of many functions almost everything
-                columns[:, d * n + a, self.numbers[:, a]] = table[d]
-        self.matrix = np.zeros((count, self.k, len(self.free) + extra))
-        self.matrix[:, : self.k - extra, : len(self.free)] = columns[:, :, self.free]
-        self.matrix[:, self.k - extra :, len(self.free) :] = np.eye(extra)
-        self.flat = self.matrix.reshape(count * self.k, -1)
-        known = np.zeros((count, self.k, len(held)))
-        known[:, : self.k - extra] = columns[:, :, held]
-        self.known = known.reshape(count * self.k, -1)
-        self._pairs = None
-        if n > SEVERAL and not extra:
-            self._pairs = np.einsum("dqi,eqj->ijqde", table, table).reshape((degree + 1) ** 2, -1)
-            self._order = np.argsort(self.numbers.ravel())[self.free]
-
-    def fixed(self, coefficients: np.ndarray) -> np.ndarray:
-        """What the coefficients (..., size) that are held add to the variables, (..., Q, k)."""
-        held = coefficients[..., self.held]
-        return (held @ self.known.T).reshape(*held.shape[:-1], self.count, self.k)
-
-    def variables(self, z: np.ndarray) -> np.ndarray:
-        """What unknowns (..., N) add to the variables, (..., Q, k)."""
-        return (z @ self.flat.T).reshape(*z.shape[:-1], self.count, self.k)
-
-    def gradient(self, rows: np.ndarray) -> np.ndarray:
-        """Sums over the points of derivatives by the variables (..., Q, k) as derivatives by the unknowns, (..., N)."""
-        return rows.reshape(*rows.shape[:-2], -1) @ self.flat
-
-    def matrices(self, blocks: np.ndarray) -> np.ndarray:
-        """The same for second derivatives (..., Q, k, k), which are matrices (..., N, N) of the unknowns.
-
-        Each function has the same polynomials, so that the entries of all pairs of many functions are one product of
-        what two polynomials contribute at a point: quadratic in their number, not cubic.
-        """
-        lead = blocks.shape[:-3]
-        if self._pairs is None:
-            return self.flat.T @ (blocks @ self.matrix).reshape(*lead, *self.flat.shape)
-        n, depth, size = self.n, self.order + 1, len(self.numbers)
-        rows = blocks.reshape(*lead, self.count, depth, n, depth, n).swapaxes(-3, -2).reshape(*lead, -1, n * n)
-        whole = (self._pairs @ rows).reshape(*lead, size, size, n, n).swapaxes(-3, -2)
-        return whole.reshape(*lead, size * n, size * n)[..., self._order[:, None], self._order]
-
-
-@lru_cache(maxsize=256)
-def _one_element(n: int, degree: int, order: int, count: int, held: tuple[int, ...], extra: int) -> OneElement:
-    return OneElement(n, degree, order, count, np.array(held, dtype=int), extra)
+SHIFTS = (0.0, 1e-8, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
+"""Multiples of the metric added until the model is convex."""
 
 
 @lru_cache(maxsize=64)
@@ -90,7 +37,7 @@ def _products(smoothness: int, degree: int, count: int, order: int) -> np.ndarra
 
 
 class Elements:
-    """Several elements: the same as :class:`OneElement`, element by element."""
+    """The same as :class:`varcalc.methods.ritz.system.OneElement`, element by element."""
 
     def __init__(self, space: Space, order: int, count: int, free: np.ndarray, extra: int) -> None:
         self.space, self.order, self.count, self.free, self.extra = space, order, count, free, extra
@@ -118,7 +65,7 @@ class Elements:
         return np.concatenate(columns, axis=-1)
 
     def gradient(self, rows: np.ndarray) -> np.ndarray:
-        """See :meth:`OneElement.gradient`."""
+        """Sums of derivatives at the points as derivatives by the unknowns."""
         if rows.ndim > 2:
             return np.array([self.gradient(r) for r in rows])
         space, n = self.space, self.space.n
@@ -156,8 +103,66 @@ class Elements:
         return np.block([[full[np.ix_(self.free, self.free)], border[self.free]], [border[self.free].T, corner]])
 
 
-def assembly(space: Space, order: int, count: int, held: np.ndarray, extra: int) -> OneElement | Elements:
-    """What takes the unknowns of a space to points and back, where the coefficients of the numbers ``held`` are."""
-    if space.elements > 1 or space.periodic:
-        return Elements(space, order, count, np.delete(np.arange(space.size), held), extra)
-    return _one_element(space.n, space.degree, order, count, tuple(held.tolist()), extra)
+# banded steps
+
+
+def bands(system: RitzSystem, local: np.ndarray) -> np.ndarray:
+    """Element matrices as the lower bands of the matrix in the free coefficients; (width, free)."""
+    place = np.full(system.space.size, -1)
+    place[system.free] = np.arange(len(system.free))
+    numbers = place[system.space.numbers.reshape(system.space.elements, -1)]
+    rows = np.broadcast_to(numbers[:, :, None], local.shape)
+    columns = np.broadcast_to(numbers[:, None, :], local.shape)
+    keep = (rows >= columns) & (columns >= 0)
+    below, across = (rows - columns)[keep], columns[keep]
+    width, count = int(below.max()) + 1, len(system.free)
+    flat = np.bincount(below * count + across, local[keep], width * count)
+    return flat.reshape(width, count)
+
+
+def solvable(system: RitzSystem) -> bool:
+    """Whether the banded route applies: several elements, no wrap-around, no cost or equation that couples the ends."""
+    return system.space.elements > 1 and not system.space.periodic and system.form.ends is None
+
+
+def banded_step(
+    system: RitzSystem, at: Evaluation, multipliers: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float, float] | None:
+    """Change of the unknowns, new multipliers, predicted decrease and shift; None when no shift makes it convex."""
+    import scipy.linalg
+
+    local, border, corner = system.parts(system.combined(at, multipliers))
+    free, extra, count = len(system.free), system.extra, len(at.conditions)
+    matrix = bands(system, local)
+    metric, metric_corner = _metric_bands(system, at)
+    small = np.zeros((extra + count, extra + count))
+    small[:extra, extra:] = at.jacobian[:, free:].T
+    small[extra:, :extra] = at.jacobian[:, free:]
+    sides = np.column_stack([border[system.free], at.jacobian[:, :free].T])
+    right = np.column_stack([-at.gradient[:free], sides])
+    below = np.concatenate([-at.gradient[free:], -at.conditions])
+    for shift in SHIFTS:
+        try:
+            factor = scipy.linalg.cholesky_banded(matrix + shift * metric, lower=True, check_finite=False)
+        except np.linalg.LinAlgError:
+            continue
+        solved = scipy.linalg.cho_solve_banded((factor, True), right, check_finite=False)
+        small[:extra, :extra] = corner + shift * metric_corner
+        schur = small - sides.T @ solved[:, 1:]
+        eigenvalues = np.linalg.eigvalsh(schur) if len(schur) else np.zeros(0)
+        if (eigenvalues < 0).sum() != count or not np.isfinite(solved).all():
+            continue
+        tail = np.linalg.solve(schur, below - sides.T @ solved[:, 0]) if len(schur) else np.zeros(0)
+        change = np.concatenate([solved[:, 0] - solved[:, 1:] @ tail, tail[:extra]])
+        new = tail[extra:]
+        # half the squared length of the step in the Hessian, from the first row of the system
+        slope = at.gradient + new @ at.jacobian if count else at.gradient
+        return change, new, -0.5 * float(change @ slope), shift
+    return None
+
+
+def _metric_bands(system: RitzSystem, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
+    blocks, corner = system.metric_blocks(at)
+    whole = np.zeros((*blocks.shape[:-2], system.k, system.k))
+    whole[:, : blocks.shape[1], : blocks.shape[2]] = blocks
+    return bands(system, system.parts(whole)[0]), corner
