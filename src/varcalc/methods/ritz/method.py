@@ -147,8 +147,8 @@ class Rung:
 class Rungs:
     """Solves one form in one space after another, and counts the iterations."""
 
-    def __init__(self, form: Form, optimiser: Newton | Ipopt | None, starts: int) -> None:
-        self.form, self.starts = form, starts
+    def __init__(self, form: Form, optimiser: Newton | Ipopt | None, starts: int, tol: float = 0.0) -> None:
+        self.form, self.starts, self.tol = form, starts, tol
         self.optimiser = optimiser if optimiser is not None else Newton()
         # Newton's iteration knows no inequalities and no pathwise conditions
         self.constrained = form.has_inequalities
@@ -202,7 +202,7 @@ class Rungs:
         if isinstance(self.optimiser, Ipopt):
             outcome, path = optimise(system, z, multipliers, self.optimiser)
         else:
-            outcome = minimise(system, z, multipliers, self.optimiser)
+            outcome = minimise(system, z, multipliers, self.optimiser, self.tol)
         self.iterations += outcome.iterations
         if outcome.reason:
             return outcome.reason
@@ -212,7 +212,7 @@ class Rungs:
 
     def near(self, system: RitzSystem, z: np.ndarray) -> Rung | None:
         """The minimum that whole Newton steps from ``z`` lead to; None where they lead to none."""
-        outcome = minimise(system, z, np.zeros(0), Newton(NEAR))
+        outcome = minimise(system, z, np.zeros(0), Newton(NEAR), self.tol)
         if outcome.reason or not outcome.direct:
             return None
         self.iterations += outcome.iterations
@@ -308,7 +308,7 @@ class _Climb:
     def __init__(self, method: Ritz, form: Form, tol: float) -> None:
         self.method, self.form, self.tol = method, form, tol
         self.started = time.perf_counter()
-        self.rungs = Rungs(form, method.optimiser, method.starts)
+        self.rungs = Rungs(form, method.optimiser, method.starts, tol)
         self.split_degree = TOUCHING_DEGREE if self.rungs.inequalities else SPLIT_DEGREE
         self.built = 0.0
         self.slow = 0.0

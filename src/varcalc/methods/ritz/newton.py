@@ -26,6 +26,8 @@ STAGNATED = 1e-9
 """Relative Newton decrement below which a search that finds no descent has met round-off."""
 CONVERGED = 1e-11
 """Relative Newton decrement after which one full step leaves only round-off."""
+ENOUGH = 1e-3
+"""The same in units of the tolerance, where that is loose: the step leaves its square, and the error counts it."""
 ARMIJO = 1e-4
 SHRINK = 0.5
 SMALLEST_STEP = 1e-10
@@ -273,14 +275,16 @@ def lowest_eigenvalue(matrix: np.ndarray, metric: np.ndarray) -> float:
     return float(np.linalg.eigvalsh(np.linalg.solve(factor, half.T))[0])
 
 
-def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton: Newton) -> Outcome:
-    """Iterate from ``z`` to a minimum of the discretised functional."""
+def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton: Newton, tol: float = 0.0) -> Outcome:
+    """Iterate from ``z`` to a minimum of the discretised functional, good enough for a value to the tolerance."""
     at = system.evaluate(z)
     if not _finite(at):
         return Outcome(z, multipliers, at.value, 0, NO_NUMBER)
     if len(multipliers) and not multipliers.any():
         multipliers = first_multipliers(at)
     guarded = at.legendre > 0.0 and len(at.conditions) == 0
+    # conditions have to be met whatever the tolerance of the value
+    last = CONVERGED if len(at.conditions) else max(CONVERGED, ENOUGH * tol)
     largest, direct = at.scale, True
     for iteration in range(1, newton.iterations + 1):
         step = newton_step(system, at, multipliers)
@@ -289,7 +293,7 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
         multipliers = step.multipliers
         decrement = _decrement(system, at, step, largest)
         late = iteration > EXPECTED
-        if decrement <= CONVERGED or (late and _is_round_off(system, at, step, decrement)):
+        if decrement <= last or (late and _is_round_off(system, at, step, decrement)):
             return _ended(system, z, at, step, iteration, direct=direct)
         following = _search(system, z, at, step, guarded)
         if following is None:
@@ -435,7 +439,7 @@ def sound(system: RitzSystem, at: Evaluation) -> np.ndarray:
     return found & np.isfinite(at.conditions).all(-1) & np.isfinite(at.jacobian).all((-1, -2)) & effective(system, at)
 
 
-def minima(system: RitzSystem, z: np.ndarray, *, shifting: bool) -> Minima:
+def minima(system: RitzSystem, z: np.ndarray, tol: float, *, shifting: bool) -> Minima:
     """Newton's guarded iteration from ``z`` (K, N) for the values that ``system`` stands for.
 
     Where a Hessian is not positive it is shifted, or, without ``shifting``, the value is given up; so is one where no
@@ -464,7 +468,7 @@ def minima(system: RitzSystem, z: np.ndarray, *, shifting: bool) -> Minima:
         if count:
             scale = scale + (np.abs(steps.multipliers) * system.sizes(at)).sum(-1)
             definite = definite & ~missed(system, at, FEASIBLE)
-        last = definite & (steps.decrement <= CONVERGED * scale)
+        last = definite & (steps.decrement <= (CONVERGED if count else max(CONVERGED, ENOUGH * tol)) * scale)
         if last.any():
             _end(ended, rows[last], system.restricted(last), at[last], steps[last])
             rows, system, at, steps = rows[~last], system.restricted(~last), at[~last], steps[~last]
