@@ -26,7 +26,7 @@ STAGNATED = 1e-9
 """Relative Newton decrement below which a search that finds no descent has met round-off."""
 CONVERGED = 1e-11
 """Relative Newton decrement after which one full step leaves only round-off."""
-ENOUGH = 1e-3
+ENOUGH = 0.1
 """The same in units of the tolerance, where that is loose: the step leaves its square, and the error counts it."""
 ARMIJO = 1e-4
 SHRINK = 0.5
