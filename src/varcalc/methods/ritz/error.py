@@ -23,8 +23,6 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from varcalc.formulation import Reported
-from varcalc.methods.answer import sample
-from varcalc.methods.ritz.integrands import NumericIntegrand, reported_with_levels
 from varcalc.methods.ritz.newton import NullSpace, Step, newton_step
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.mesh import gauss
@@ -228,19 +226,18 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     return Estimate(**vars(found), system=system, z=richer.z, at=at, step=None, shares=shares)
 
 
-def settled(rungs: Rungs, found: Estimate) -> Estimate | str:
+def settled(found: Estimate) -> Estimate | str:
     """The estimate with its value by a rule that resolves the integrand of the trial curve.
 
     A value by a rule that does not may lie below the minimum.
     """
-    form, system = rungs.form, found.system
+    system, levels = found.system, found.miss[: len(found.system.levels)]
 
     def sampled(s: np.ndarray) -> np.ndarray:
-        arguments = sample(rungs.extremal(system, found.z), s)
-        if isinstance(system.source, NumericIntegrand):
-            return NumericIntegrand(form, s).reported(np.vstack(arguments[1:3]).T).integrand
-        values = np.asarray(reported_with_levels(form)(*arguments))
-        return values[0] + found.miss[: len(system.levels)] @ values[1:]
+        source, variables = system.integrands_at(s), system.along(found.z, s)
+        same = system.form.same_functional
+        values = source.values(variables)[:, 0] if same else source.reported(variables).integrand
+        return values + source.values(variables)[:, 1:] @ levels if len(levels) else values
 
     samples = found.integrand.reshape(system.space.elements, -1)
     change = shortfall(sampled, system.space.vertices, samples, found.scale)

@@ -30,11 +30,11 @@ from varcalc.methods.ritz.error import (
     missed,
 )
 from varcalc.methods.ritz.method import DEGREES
-from varcalc.methods.ritz.newton import Minima, NullSpace, minima, quadratic_steps, sound
+from varcalc.methods.ritz.newton import Minima, Model, minima, sound
 from varcalc.methods.ritz.starts import bends
 from varcalc.methods.ritz.system import Places, RitzSystem, least_eigenvalue, quadrature_points
 from varcalc.numerics.mesh import Space, on_one_element
-from varcalc.numerics.stacked import positive
+from varcalc.numerics.stacked import positive, solutions
 from varcalc.solution import ErrorEstimate, Solution, Stats
 
 BEYOND = 1.5
@@ -228,11 +228,10 @@ def _judged(
     curvature = there.combined(at, trial.multipliers)
     leading = there.leading(curvature)
     good = sound(there, at) & (least_eigenvalue(curvature[:, :, n:, n:]) > 0.0) & np.isfinite(curvature).all((1, 2, 3))
-    null = NullSpace(at.jacobian)
+    model = Model(at, there.hessian(at, trial.multipliers))
     # what is positive with a part of the leading term taken off has no soft mode, and is no saddle
-    good[good] = positive(null.reduced(there.assembled(curvature - SOFT_MODE * leading))[good])
-    hessians = there.hessian(at, trial.multipliers)
-    steps = quadratic_steps(at, null, hessians, null.reduced(hessians))
+    good[good] = positive(model.null.reduced(there.assembled(curvature - SOFT_MODE * leading))[good])
+    steps = model.step(-solutions(model.reduced, model.slope))
     found = correction(there, z, at, steps.change, steps.multipliers, steps.decrement, trial.value)
     size = 0.5 * there.squared(at, steps.change, found.moved)
     good &= (size <= UNMOVED**2 * at.scale) | (steps.decrement >= SOFT * size)

@@ -133,13 +133,6 @@ def reported(form: Form) -> ca.Function:
 
 
 @derived
-def reported_with_levels(form: Form) -> ca.Function:
-    """The reported functional's integrand and those of the levels."""
-    rows = [form.functional, *(c.expression for c in form.integrals if c.equality)]
-    return ca.Function("summed", form.symbols.all, [ca.densify(ca.vertcat(*rows))])
-
-
-@derived
 def at_ends(form: Form) -> ca.Function:
     """The cost of the ends and their equations, with derivatives in (start, end, unknowns)."""
     assert form.ends is not None

@@ -272,34 +272,21 @@ class Rungs:
         )
         return self.optimise(system, fallback, multipliers) if isinstance(outcome, str) or higher else outcome
 
-    # the curve of a rung
-
-    def extremal(self, system: RitzSystem, z: np.ndarray) -> Extremal:
-        """The curve of ``z`` without multipliers."""
-        space, coefficients = system.space, system.coefficients(z)
-        return Extremal(
-            form=self.form,
-            evaluate=space.curve(coefficients),
-            unknowns=system.unknowns(z).copy(),
-            vertices=space.vertices,
-            lambdas=np.zeros(len(self.form.integrals)),
-            path={},
-            coefficients=coefficients if space.elements == 1 else None,
-        )
-
-    def extremal_of(self, rung: Rung, speed: np.ndarray, along: Along | None) -> Extremal:
+    def extremal(self, rung: Rung, speed: np.ndarray, along: Along | None) -> Extremal:
         """The curve of a rung with its multipliers; those of an energy J^2 become those of J by the chain rule.
 
         ``speed`` is dx/ds at some points, ``along`` what was evaluated along the curve.
         """
-        bare = self.extremal(rung.system, rung.z)
-        equalities = iter(rung.multipliers[: len(rung.system.levels)])
-        lambdas = [next(equalities) if c.equality else rung.levels.get(c.index, 0.0) for c in self.form.integrals]
-        factor = 0.5 / math.sqrt(rung.value) if self.form.energetic and rung.value > 0 else 1.0
+        system, form, energetic = rung.system, self.form, self.form.energetic
+        coefficients, one = system.coefficients(rung.z), system.space.elements == 1
+        equalities = iter(rung.multipliers[: len(system.levels)])
+        lambdas = [next(equalities) if c.equality else rung.levels.get(c.index, 0.0) for c in form.integrals]
+        factor = 0.5 / math.sqrt(rung.value) if energetic and rung.value > 0 else 1.0
         path = {k: lambda s, mu=mu: factor * mu(s) for k, mu in rung.path.items()}
-        return replace(
-            bare, lambdas=np.array(lambdas), path=path, speed=speed if self.form.energetic else None, along=along
-        )
+        return Extremal(
+            form, system.space.curve(coefficients), system.unknowns(rung.z).copy(), system.space.vertices,
+            np.array(lambdas), path, speed if energetic else None, coefficients if one else None, along,
+        )  # fmt: skip
 
 
 class _Climb:
@@ -328,7 +315,7 @@ class _Climb:
             if best is None or found.error < best[1].error:
                 best = (rung, found)
             if not self.method.refine or self.is_met(rung, found):
-                sure = settled(self.rungs, found)
+                sure = settled(found)
                 if isinstance(sure, str):
                     rung = sure
                     break
@@ -339,7 +326,7 @@ class _Climb:
             stats = Stats(0.0, time.perf_counter() - self.started, self.rungs.iterations)
             status = Status.REFUSED if rung == NOWHERE else Status.NOT_CONVERGED
             return no_answer(self.form.problem, self.method, status, rung, stats=stats)
-        sure = settled(self.rungs, best[1])
+        sure = settled(best[1])
         # the last space, the richest, has the last word: where it holds no minimum, that of a poorer one was none
         if isinstance(sure, str) or refuted:
             sure = replace(best[1], error=math.inf)
@@ -353,7 +340,7 @@ class _Climb:
         found = None if rung is None else estimate(rungs, rung, math.inf)
         if rung is None or found is None or isinstance(found, str) or not self.is_met(rung, found):
             return None
-        sure = settled(rungs, found)
+        sure = settled(found)
         return None if isinstance(sure, str) or not self.is_met(rung, sure) else self.alone(rung, sure)
 
     def first_rung(self, guess: Sampled | None) -> Rung | str:
@@ -440,7 +427,7 @@ class _Climb:
             self.built, solve_time, self.rungs.iterations, rung.system.size, space.elements, space.degree
         )  # fmt: skip
         curve = max(float(found.curve), 4e-16 * found.size)
-        extremal = self.rungs.extremal_of(rung, found.here.dx, self.along(found))
+        extremal = self.rungs.extremal(rung, found.here.dx, self.along(found))
         return answer(
             extremal, self.method, self.form.sign * value, ErrorEstimate(error, curve), space.vertices, stats,
             status, message, rule=found.system.count,

@@ -85,21 +85,24 @@ class Step:
     the functional will fall by. ``shift`` is the multiple of the metric that
     was added; ``definite`` tells that none was needed. ``compliance`` is the
     answer to a generic load in units of what the stiffest direction gives: it
-    is large when a mode costs next to nothing.
+    is large when a mode costs next to nothing. ``reduced`` is the Hessian along the conditions, as it was factored.
+    Of many values the first three have a first axis for them, and the rest is not told.
     """
 
     change: np.ndarray
     multipliers: np.ndarray
-    decrement: float
-    shift: float
-    compliance: float
+    decrement: Any
+    shift: float = 0.0
+    compliance: float = 0.0
     reduced: np.ndarray | None = None
-    """The Hessian along the conditions, as it was factored."""
 
     @property
     def definite(self) -> bool:
         """True when the Hessian was positive on the conditions' null space."""
         return self.shift == 0.0
+
+    def __getitem__(self, rows: np.ndarray) -> Step:
+        return Step(self.change[rows], self.multipliers[rows], self.decrement[rows])
 
 
 @dataclass
@@ -124,7 +127,7 @@ def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
     if system.size > DENSE and solvable(system):
         found = banded_step(system, at, multipliers)
         if found is not None and (found[3] == 0.0 or len(at.conditions) == 0 or system.size > LARGEST_DENSE):
-            return Step(*found, compliance=0.0)
+            return Step(*found)
         if system.size > LARGEST_DENSE:
             return None
     try:
@@ -155,7 +158,9 @@ class NullSpace:
     @property
     def independent(self) -> Any:
         """Whether no condition's gradient is a combination of the others'."""
-        sizes = np.abs(np.diagonal(self._r, axis1=-2, axis2=-1)) if self.count else np.ones(1)
+        if not self.count:
+            return True
+        sizes = np.abs(np.diagonal(self._r, axis1=-2, axis2=-1))
         return sizes.min(-1) > DEPENDENT * sizes.max(-1)
 
     def reduced(self, matrices: np.ndarray) -> np.ndarray:
@@ -181,36 +186,51 @@ class NullSpace:
         return -solutions(self._r, applied(self._across.swapaxes(-1, -2), slopes))
 
 
+class Model:
+    """The quadratic model from an evaluation under the linearised conditions, of one value or of many.
+
+    ``reduced`` and ``slope`` are its Hessian and its gradient on the directions that keep the conditions.
+    """
+
+    def __init__(self, at: Evaluation, hessian: np.ndarray) -> None:
+        self._at, self._hessian, self.null = at, hessian, NullSpace(at.jacobian)
+        self._normal = self.null.back(at.conditions)
+        self.reduced = self.null.reduced(hessian)
+        self.slope = self.null.along(self._gradient(self._normal))
+
+    def _gradient(self, change: Any) -> np.ndarray:
+        return self._at.gradient + applied(self._hessian, change) if self.null.count else self._at.gradient
+
+    def step(self, tangent: np.ndarray, shift: float = 0.0, compliance: float = 0.0) -> Step:
+        """The step that goes by ``tangent`` along the conditions."""
+        change = self.null.step(tangent, self._normal)
+        multipliers = self.null.multipliers(self._gradient(change)) if self.null.count else self._at.conditions
+        decrement = -0.5 * (tangent * self.slope).sum(-1)
+        return Step(change, multipliers, decrement, shift, compliance, self.reduced)
+
+
 def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
     """The step by null-space reduction and dense factorisation."""
-    hessian, null = system.hessian(at, multipliers), NullSpace(at.jacobian)
-    if null.count and not null.independent:
+    hessian = system.hessian(at, multipliers)
+    model = Model(at, hessian)
+    if not model.null.independent:
         return None
-    normal, reduced = null.back(at.conditions), null.reduced(hessian)
-    gradient = at.gradient + hessian @ normal if null.count else at.gradient
-    solved, shift = _solved(reduced, null.along(gradient)), 0.0
+    solved, shift = _solved(model.reduced, model.slope), 0.0
     if solved is None or (solved[1] > SINGULAR and at.legendre > 0.0):
         metric = system.metric(at)
-        flat = null.reduced(metric)
-        lowest = lowest_eigenvalue(reduced, flat)
+        lowest = lowest_eigenvalue(model.reduced, model.null.reduced(metric))
         if not math.isfinite(lowest):
             return None
         zero_mode = abs(lowest) < (NEARLY_SINGULAR if solved is None else ROUND_OFF)
         if zero_mode or lowest < 0:
             shift = DAMPING if zero_mode else SHIFT * lowest
-            hessian, reduced = hessian + shift * metric, reduced + shift * flat
-            gradient = at.gradient + hessian @ normal if null.count else at.gradient
-            solved = _solved(reduced, null.along(gradient))
+            model = Model(at, hessian + shift * metric)
+            solved = _solved(model.reduced, model.slope)
         if solved is None:
             return None
         if zero_mode:  # the curvature across it is positive; only the step along it was held
             solved, shift = (solved[0], math.inf), 0.0
-    tangent, compliance = solved
-    if not null.count:
-        return Step(tangent, np.zeros(0), -0.5 * float(tangent @ at.gradient), shift, compliance, reduced)
-    change = null.step(tangent, normal)
-    new = null.multipliers(at.gradient + hessian @ change)
-    return Step(change, new, 0.5 * float(tangent @ reduced @ tangent), shift, compliance, reduced)
+    return model.step(solved[0], shift, solved[1])
 
 
 def _solved(matrix: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, float] | None:
@@ -260,8 +280,8 @@ def first_multipliers(at: Evaluation) -> np.ndarray:
         squares = (J**2).sum(-1)
         found = -(J * at.gradient[..., None, :]).sum(-1) / np.where(squares > 0, squares, 1.0)
     else:
-        finite = np.isfinite(J).all((-1, -2))[..., None, None]
-        found = -applied(np.linalg.pinv(np.where(finite, J, 0.0).swapaxes(-1, -2)), at.gradient)
+        finite: Any = np.isfinite(J).all((-1, -2))
+        found = -applied(np.linalg.pinv(np.where(finite[..., None, None], J, 0.0).swapaxes(-1, -2)), at.gradient)
     return np.where(np.isfinite(found).all(-1, keepdims=True), found, 0.0)
 
 
@@ -353,6 +373,27 @@ def _unmet(system: RitzSystem, at: Evaluation) -> str:
     return f"the side conditions are missed by {float(np.abs(at.conditions).max()):.2g}"
 
 
+class _Merit:
+    """The l1 merit function from an evaluation along a step: the functional, and what missing the conditions costs."""
+
+    def __init__(self, system: RitzSystem, at: Evaluation, step: Step) -> None:
+        self._count, penalty = at.conditions.shape[-1], 0.0
+        if self._count:
+            scale = np.asarray(at.scale)[..., None]
+            self._weights = 2.0 * np.abs(step.multipliers) + PENALTY * scale / system.sizes(at)
+            penalty = (self._weights * np.abs(at.conditions)).sum(-1)
+        self._here = at.value + penalty
+        self._slope = np.minimum((step.change * at.gradient).sum(-1) - penalty, 0.0)
+        self._noise = 1e-14 * (at.scale + np.abs(self._here))
+
+    def falls(self, trial: Evaluation, length: float, rows: Any = ()) -> Any:
+        """Whether it is lower at a ``trial`` on the way, of many values for some ``rows`` of them."""
+        value = trial.value
+        if self._count:
+            value = value + (self._weights[rows] * np.abs(trial.conditions)).sum(-1)
+        return value <= self._here[rows] + ARMIJO * length * self._slope[rows] + self._noise[rows]
+
+
 def _search(
     system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, guarded: bool
 ) -> tuple[np.ndarray, Evaluation, bool] | None:
@@ -364,18 +405,10 @@ def _search(
     function may not forgive however good the step (Maratos; Nocedal and Wright, sect. 18.3): it is then
     corrected to second order once.
     """
-    weights, penalty = np.zeros(0), 0.0
-    if len(at.conditions):
-        weights = 2.0 * np.abs(step.multipliers) + PENALTY * at.scale / system.sizes(at)
-        penalty = float(weights @ np.abs(at.conditions))
-    merit, fall = at.value + penalty, float(at.gradient @ step.change) - penalty
-    noise, penalised = 1e-14 * (at.scale + abs(merit)), bool(len(weights))
+    merit = _Merit(system, at, step)
 
     def descends(trial: Evaluation, length: float) -> bool:
-        if not _finite(trial) or (guarded and trial.legendre <= 0.0):
-            return False
-        value = trial.value + (float(weights @ np.abs(trial.conditions)) if penalised else 0.0)
-        return value <= merit + ARMIJO * length * min(fall, 0.0) + noise
+        return bool(_finite(trial) and not (guarded and trial.legendre <= 0.0) and merit.falls(trial, length))
 
     length = 1.0
     while length > SMALLEST_STEP:
@@ -396,18 +429,6 @@ def _search(
 
 
 @dataclass
-class Steps:
-    """Newton steps (K, N), the multipliers (K, m) that come with them, and what the functionals fall by (K,)."""
-
-    change: np.ndarray
-    multipliers: np.ndarray
-    decrement: np.ndarray
-
-    def __getitem__(self, rows: np.ndarray) -> Steps:
-        return Steps(self.change[rows], self.multipliers[rows], self.decrement[rows])
-
-
-@dataclass
 class Minima:
     """Where the iterations of ``K`` values ended: each entry has a first axis for them; ``found`` tells which count."""
 
@@ -419,16 +440,6 @@ class Minima:
 
     def __getitem__(self, rows: np.ndarray) -> Minima:
         return Minima(self.z[rows], self.multipliers[rows], self.value[rows], self.found[rows], self.iterations)
-
-
-def quadratic_steps(at: Evaluation, null: NullSpace, hessians: np.ndarray, reduced: np.ndarray) -> Steps:
-    """The steps of the quadratic models under the linearised conditions; ``reduced`` are the Hessians along those."""
-    normal = null.back(at.conditions)
-    slope = at.gradient + applied(hessians, normal) if null.count else at.gradient
-    tangent = -solutions(reduced, null.along(slope))
-    change = null.step(tangent, normal)
-    multipliers = null.multipliers(at.gradient + applied(hessians, change)) if null.count else at.conditions
-    return Steps(change, multipliers, 0.5 * (tangent * applied(reduced, tangent)).sum(-1))
 
 
 def sound(system: RitzSystem, at: Evaluation) -> np.ndarray:
@@ -455,15 +466,13 @@ def minima(system: RitzSystem, z: np.ndarray, tol: float, *, shifting: bool) -> 
         if not len(rows):
             break
         ended.iterations += 1
-        null, hessians = NullSpace(at.jacobian), system.hessian(at, multipliers)
-        reduced = null.reduced(hessians)
-        kept = definite = positive(reduced)
+        model = Model(at, system.hessian(at, multipliers))
+        kept = definite = positive(model.reduced)
         if not kept.all():
             if not shifting:
                 continue
-            hessians = _shifted(system, at, null, hessians, definite)
-            reduced = null.reduced(hessians)
-        steps = quadratic_steps(at, null, hessians, reduced)
+            model = _shifted(system, at, multipliers, model, definite)
+        steps = model.step(-solutions(model.reduced, model.slope))
         scale = at.scale
         if count:
             scale = scale + (np.abs(steps.multipliers) * system.sizes(at)).sum(-1)
@@ -479,7 +488,7 @@ def minima(system: RitzSystem, z: np.ndarray, tol: float, *, shifting: bool) -> 
     return ended
 
 
-def _end(ended: Minima, rows: np.ndarray, system: RitzSystem, at: Evaluation, steps: Steps) -> None:
+def _end(ended: Minima, rows: np.ndarray, system: RitzSystem, at: Evaluation, steps: Step) -> None:
     """The end of some of the iterations one full step from where they are."""
     ended.z[rows] += steps.change
     ended.multipliers[rows] = steps.multipliers
@@ -490,39 +499,25 @@ def _end(ended: Minima, rows: np.ndarray, system: RitzSystem, at: Evaluation, st
     ended.value[rows], ended.found[rows] = last.value, np.isfinite(last.value) & ~missed(system, last, MET)
 
 
-def _shifted(
-    system: RitzSystem, at: Evaluation, null: NullSpace, hessians: np.ndarray, definite: np.ndarray
-) -> np.ndarray:
-    """The Hessians with those made positive that are not so along the conditions."""
-    bad, out = np.flatnonzero(~definite), hessians.copy()
-    metrics = system.restricted(bad).metric(at[bad])
-    reduced, flat = null.reduced(hessians)[bad], NullSpace(at.jacobian[bad]).reduced(metrics)
-    for k, own, norm, metric in zip(bad, reduced, flat, metrics, strict=True):
-        lowest = lowest_eigenvalue(own, norm)
+def _shifted(system: RitzSystem, at: Evaluation, multipliers: np.ndarray, model: Model, definite: np.ndarray) -> Model:
+    """The model with the Hessians made positive that are not so along the conditions."""
+    hessians = system.hessian(at, multipliers)
+    for k in np.flatnonzero(~definite):
+        metric = system.restricted(np.array([k])).metric(at[np.array([k])])
+        lowest = lowest_eigenvalue(model.reduced[k], NullSpace(at.jacobian[k]).reduced(metric[0]))
         # along a symmetry, or where there is no metric, nothing tells how far to go
-        out[k] += (SHIFT * lowest if lowest < -NEARLY_SINGULAR else np.nan) * metric
-    return out
+        hessians[k] += (SHIFT * lowest if lowest < -NEARLY_SINGULAR else np.nan) * metric[0]
+    return Model(at, hessians)
 
 
 def _searched(
-    system: RitzSystem, z: np.ndarray, at: Evaluation, steps: Steps
+    system: RitzSystem, z: np.ndarray, at: Evaluation, steps: Step
 ) -> tuple[np.ndarray, np.ndarray, Evaluation]:
     """:func:`_search` for many values: where the merit function falls, the curves there and what is there."""
-    weights, penalty = at.conditions, np.zeros(len(z))
-    if len(system.levels):
-        weights = 2.0 * np.abs(steps.multipliers) + PENALTY * at.scale[:, None] / system.sizes(at)
-        penalty = (weights * np.abs(at.conditions)).sum(-1)
-    merit, fall = at.value + penalty, (steps.change * at.gradient).sum(-1) - penalty
-    noise = 1e-14 * (at.scale + np.abs(merit))
-
-    def descends(part: RitzSystem, trial: Evaluation, rows: np.ndarray, length: float) -> np.ndarray:
-        value = trial.value + (weights[rows] * np.abs(trial.conditions)).sum(-1)
-        enough = value <= merit[rows] + ARMIJO * length * np.minimum(fall[rows], 0.0) + noise[rows]
-        return sound(part, trial) & enough
-
-    moved = z + steps.change
+    merit, moved = _Merit(system, at, steps), z + steps.change
     trial = system.evaluate(moved)
-    found, length, correcting = descends(system, trial, np.arange(len(z)), 1.0), 1.0, len(system.levels) > 0
+    found = sound(system, trial) & merit.falls(trial, 1.0)
+    length, correcting = 1.0, len(system.levels) > 0
     for _ in range(HALVINGS + correcting):
         left = np.flatnonzero(~found)
         if not len(left):
@@ -532,10 +527,9 @@ def _searched(
         else:
             length *= SHRINK
             shorter = z[left] + length * steps.change[left]
-        correcting = False
-        part = system.restricted(left)
+        correcting, part = False, system.restricted(left)
         there = part.evaluate(shorter)
-        good = descends(part, there, left, length)
+        good = sound(part, there) & merit.falls(there, length, left)
         moved[left[good]] = shorter[good]
         trial.enter(left[good], there[good])
         found[left[good]] = True

@@ -178,12 +178,12 @@ class RitzSystem:
         self.free, self.size = self.assembly.free, len(self.assembly.free) + self.extra
         self.x, self.weights, self.lengths, self.scale, self.first, self.second = self._placed()
         self.offset = self.assembly.fixed(self.fixed) * self.scale
-        self.source = self._source()
+        self.source = self.integrands_at(self.x)
 
     def _held(self) -> tuple[np.ndarray, np.ndarray]:
         """The coefficients, zero where they are free, and the numbers of those that the ends or waypoints hold."""
         form, space, m = self.form, self.space, self.space.smoothness
-        powers = space.vertex_scale ** np.arange(m)[:, None] if m > 1 else 1.0
+        powers: Any = space.vertex_scale ** np.arange(m)[:, None] if m > 1 else 1.0
         start, end = form.fixed_start, form.fixed_end
         marks = [(space.numbers[0, : len(start)], start), (space.numbers[-1, m : m + len(end)], end)]
         for at, demanded in form.waypoints:
@@ -210,14 +210,15 @@ class RitzSystem:
         ends = np.stack([space.vertices[:-1], space.vertices[1:]])
         return _rule(ends, self.count, *powers)
 
-    def _source(self) -> Integrands:
+    def integrands_at(self, s: np.ndarray) -> Integrands:
+        """The integrands at abscissae (.., points)."""
         form = self.form
         if self.places is not None:
-            return CompiledIntegrands(form, self.x, self.places.parameters[:, None])
+            return CompiledIntegrands(form, s, self.places.parameters[:, None])
         # beyond one element what is built pays
         if form.numbers is not None and self.space.elements == 1 and not form.integrals:
-            return NumericIntegrand(form, self.x)
-        return CompiledIntegrands(form, self.x, form.problem.parameter_values[None])
+            return NumericIntegrand(form, s)
+        return CompiledIntegrands(form, s, form.problem.parameter_values[None])
 
     def restricted(self, rows: np.ndarray) -> RitzSystem:
         """The system of some of the values, which may be repeated."""
@@ -227,7 +228,7 @@ class RitzSystem:
         other.__dict__ = self.__dict__ | {"places": places}
         for name in ("fixed", "x", "weights", "lengths", "scale", "offset", "first", "second"):
             setattr(other, name, getattr(self, name)[rows])
-        other.source = CompiledIntegrands(self.form, other.x, places.parameters[:, None])
+        other.source = other.integrands_at(other.x)
         return other
 
     # unknowns <-> coefficients
@@ -261,6 +262,12 @@ class RitzSystem:
     def variables(self, z: np.ndarray) -> np.ndarray:
         """The curve, its slopes and the unknown numbers at the quadrature points, (.., points, k)."""
         return self.assembly.variables(z) * self.scale + self.offset
+
+    def along(self, z: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """The same at abscissae s (m,), (m, k)."""
+        coefficients, unknowns = self.coefficients(z), self.unknowns(z)
+        rows = [self.space.evaluate(coefficients, s, d) for d in range(self.order + 1)]
+        return np.vstack([*rows, np.repeat(unknowns[:, None], len(s), axis=1)]).T
 
     def moved(self, step: np.ndarray) -> np.ndarray:
         """By how much a step of the unknowns changes the variables."""
@@ -533,7 +540,7 @@ def least_eigenvalue(blocks: np.ndarray) -> Any:
         middle = 0.5 * (blocks[..., 0, 0] + blocks[..., 1, 1])
         least = middle - np.hypot(0.5 * (blocks[..., 0, 0] - blocks[..., 1, 1]), blocks[..., 0, 1])
     else:
-        finite = np.isfinite(blocks).all((-2, -1))
+        finite: Any = np.isfinite(blocks).all((-2, -1))
         least = np.linalg.eigvalsh(np.where(finite[..., None, None], blocks, 0.0))[..., 0]
         least = np.where(finite, least, -np.inf)
     least = least.min(-1)
