@@ -150,7 +150,7 @@ def solved(
         else:
             here = made[degree] if degree in made else system_at(form, degree, places)
             there = made[richer] = system_at(form, richer, places)
-        trial = _minima(here, [starts[row] for row in rows], tol, shifting=not near)
+        trial = _minima(here, [starts[row] for row in rows], shifting=not near)
         answers.iterations[rows] += trial.iterations
         found = trial.found
         if found.any():
@@ -181,11 +181,11 @@ def _continued(form: Form, coefficients: np.ndarray, degree: int, richer: int) -
     )
 
 
-def _minima(here: RitzSystem, starts: list[np.ndarray], tol: float, *, shifting: bool) -> Minima:
+def _minima(here: RitzSystem, starts: list[np.ndarray], *, shifting: bool) -> Minima:
     """The lowest minimum that the curves of each value lead to, found where all of them lead to one."""
     stacked = [np.atleast_2d(start) for start in starts]
     owner = np.repeat(np.arange(len(starts)), [len(start) for start in stacked])
-    trial = minima(here.restricted(owner), np.concatenate(stacked)[:, here.free], tol, shifting=shifting)
+    trial = minima(here.restricted(owner), np.concatenate(stacked)[:, here.free], shifting=shifting)
     if len(owner) == len(starts):
         return trial
     order = np.lexsort((np.where(trial.found, trial.value, np.inf), owner))

@@ -26,8 +26,12 @@ STAGNATED = 1e-9
 """Relative Newton decrement below which a search that finds no descent has met round-off."""
 CONVERGED = 1e-11
 """Relative Newton decrement after which one full step leaves only round-off."""
-ENOUGH = 0.1
-"""The same in units of the tolerance, where that is loose: the step leaves its square, and the error counts it."""
+NEARBY = 1e-5
+"""Relative Newton decrement beyond which no step is the last one, whatever the tolerance."""
+ENOUGH = 1e-2
+"""Share of the tolerance by which the quadratic model may be wrong about the last step: its decrement to the 3/2."""
+QUICK = 1e-2
+"""Share of the decrement before that tells of quadratic convergence: next to a fold an eighth is left each time."""
 ARMIJO = 1e-4
 SHRINK = 0.5
 SMALLEST_STEP = 1e-10
@@ -304,8 +308,8 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
         multipliers = first_multipliers(at)
     guarded = at.legendre > 0.0 and len(at.conditions) == 0
     # conditions have to be met whatever the tolerance of the value
-    last = CONVERGED if len(at.conditions) else max(CONVERGED, ENOUGH * tol)
-    largest, direct = at.scale, True
+    last = CONVERGED if len(at.conditions) else min(max(CONVERGED, (ENOUGH * tol) ** (2 / 3)), NEARBY)
+    largest, direct, before = at.scale, True, 0.0
     for iteration in range(1, newton.iterations + 1):
         step = newton_step(system, at, multipliers)
         if step is None:
@@ -313,13 +317,14 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
         multipliers = step.multipliers
         decrement = _decrement(system, at, step, largest)
         late = iteration > EXPECTED
-        if decrement <= last or (late and _is_round_off(system, at, step, decrement)):
+        quick = decrement <= min(last, QUICK * before)
+        if quick or decrement <= CONVERGED or (late and _is_round_off(system, at, step, decrement)):
             return _ended(system, z, at, step, iteration, direct=direct)
         following = _search(system, z, at, step, guarded)
         if following is None:
             reason = _unmet(system, at) if decrement <= STAGNATED else "no step along the Newton direction descends"
             return Outcome(z, multipliers, at.value, iteration, reason)
-        z, at, whole = following
+        (z, at, whole), before = following, decrement
         direct = direct and whole and step.definite
         if iteration <= SETTLING:
             largest = max(largest, at.scale)
@@ -450,7 +455,7 @@ def sound(system: RitzSystem, at: Evaluation) -> np.ndarray:
     return found & np.isfinite(at.conditions).all(-1) & np.isfinite(at.jacobian).all((-1, -2)) & effective(system, at)
 
 
-def minima(system: RitzSystem, z: np.ndarray, tol: float, *, shifting: bool) -> Minima:
+def minima(system: RitzSystem, z: np.ndarray, *, shifting: bool) -> Minima:
     """Newton's guarded iteration from ``z`` (K, N) for the values that ``system`` stands for.
 
     Where a Hessian is not positive it is shifted, or, without ``shifting``, the value is given up; so is one where no
@@ -477,7 +482,7 @@ def minima(system: RitzSystem, z: np.ndarray, tol: float, *, shifting: bool) -> 
         if count:
             scale = scale + (np.abs(steps.multipliers) * system.sizes(at)).sum(-1)
             definite = definite & ~missed(system, at, FEASIBLE)
-        last = definite & (steps.decrement <= (CONVERGED if count else max(CONVERGED, ENOUGH * tol)) * scale)
+        last = definite & (steps.decrement <= CONVERGED * scale)
         if last.any():
             _end(ended, rows[last], system.restricted(last), at[last], steps[last])
             rows, system, at, steps = rows[~last], system.restricted(~last), at[~last], steps[~last]
