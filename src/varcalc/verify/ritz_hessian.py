@@ -71,13 +71,12 @@ def _metric(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> np.n
     weight = np.abs(sizes).max(1)
     sizes = np.maximum(np.abs(sizes), FLAT * weight[:, None])
     length = system.space.vertices[-1] - system.space.vertices[0]
-    block = np.zeros((len(weight), D * n, D * n))
+    block = system.metric_blocks(at)
     block[:, top, top] = (axes * sizes[:, None]) @ axes.transpose(0, 2, 1)
     for d in range(system.order):
         for a in range(d * n, (d + 1) * n):
             block[:, a, a] = weight * length ** (2.0 * (d - system.order))
-    corner = system.metric_blocks(at)[1]
-    return system.assembled(block, corner)
+    return system.assembled(block)
 
 
 def ritz_space(extremal: Extremal) -> Space:
@@ -118,11 +117,9 @@ def _pathwise(extremal: Extremal, system: RitzSystem) -> tuple[np.ndarray, np.nd
     form, space = extremal.form, system.space
     s = space.quadrature(system.count)[0].ravel()
     _, hessians = _pathwise_values(extremal, form, s)
-    D = form.order + 1
-    blocks = np.zeros((len(s), D * form.n, D * form.n))
+    blocks = np.zeros((len(s), system.k, system.k))
     blocks[:, : 2 * form.n, : 2 * form.n] = hessians * system.weights[:, None, None]
-    extra = system.extra
-    whole = system.assembled(blocks, np.zeros((extra, extra)))
+    whole, extra = system.assembled(blocks), system.extra
     nodes = lobatto(space.degree)
     places = space.vertices[:-1, None] + 0.5 * space.widths[:, None] * (1 + nodes)
     gradients, _ = _pathwise_values(extremal, form, places.ravel())

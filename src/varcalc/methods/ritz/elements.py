@@ -133,8 +133,8 @@ def banded_step(
 
     local, border, corner = system.parts(system.combined(at, multipliers))
     free, extra, count = len(system.free), system.extra, len(at.conditions)
-    matrix = bands(system, local)
-    metric, metric_corner = _metric_bands(system, at)
+    metric, _, metric_corner = system.parts(system.metric_blocks(at))
+    matrix, metric = bands(system, local), bands(system, metric)
     small = np.zeros((extra + count, extra + count))
     small[:extra, extra:] = at.jacobian[:, free:].T
     small[extra:, :extra] = at.jacobian[:, free:]
@@ -159,10 +159,3 @@ def banded_step(
         slope = at.gradient + new @ at.jacobian if count else at.gradient
         return change, new, -0.5 * float(change @ slope), shift
     return None
-
-
-def _metric_bands(system: RitzSystem, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
-    blocks, corner = system.metric_blocks(at)
-    whole = np.zeros((*blocks.shape[:-2], system.k, system.k))
-    whole[:, : blocks.shape[1], : blocks.shape[2]] = blocks
-    return bands(system, system.parts(whole)[0]), corner

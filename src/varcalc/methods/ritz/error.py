@@ -194,7 +194,7 @@ def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, fo
     there, moved = found.there, found.curve / SAFETY
     if moved <= SLIGHT * float(np.abs(found.here.y).max(initial=0.0)):
         return True  # next to a fold the two extremals are further apart than that
-    if bool(moves_as_it_gains(system, at, step.change, found.moved, step.decrement)):
+    if bool(moves_as_it_gains(system, at, found.moved, step.decrement)):
         return True
     again = system.evaluate(z + step.change)
     following = newton_step(system, again, step.multipliers)
@@ -204,9 +204,9 @@ def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, fo
     return bool(displacement(there, beyond) <= CONTRACTION * moved)
 
 
-def moves_as_it_gains(system: RitzSystem, at: Evaluation, change: np.ndarray, moved: np.ndarray, decrement: Any) -> Any:
+def moves_as_it_gains(system: RitzSystem, at: Evaluation, moved: np.ndarray, decrement: Any) -> Any:
     """Whether a step is so short that it may be round-off, or lowers the functional by what its size asks for."""
-    size = 0.5 * system.squared(at, change, moved)
+    size = 0.5 * system.squared(at, moved)
     return (size <= UNMOVED**2 * at.scale) | (decrement >= SOFT * size)
 
 

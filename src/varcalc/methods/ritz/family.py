@@ -233,7 +233,7 @@ def _judged(
     good[good] = positive(model.null.reduced(there.assembled(curvature - SOFT_MODE * leading))[good])
     steps = model.step(-solutions(model.reduced, model.slope))
     found = correction(there, z, at, steps.change, steps.multipliers, steps.decrement, trial.value)
-    size = 0.5 * there.squared(at, steps.change, found.moved)
+    size = 0.5 * there.squared(at, found.moved)
     good &= (size <= UNMOVED**2 * at.scale) | (steps.decrement >= SOFT * size)
     largest = np.maximum(np.abs(at.variables[:, :, :n]).max((1, 2)), 1e-300)
     last = here.space.degree == DEGREES[form.order][-2]

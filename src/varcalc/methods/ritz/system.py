@@ -364,19 +364,9 @@ class RitzSystem:
         """Pointwise Hessian of integrand + sum lambda_j g_j, weighted; shape (.., points, k, k)."""
         return self._lagrangian(at, multipliers) * self.weights[..., None, None]
 
-    def assembled(self, blocks: np.ndarray, corner: np.ndarray | None = None) -> np.ndarray:
-        """The matrix (.., N, N) of pointwise (weighted) quadratic forms in the variables, (.., points, k, k).
-
-        With a ``corner`` the forms are in (y, y', ..) alone, and the corner is that of the unknown numbers.
-        """
-        if corner is not None and self.extra:
-            whole = np.zeros((*blocks.shape[:-2], self.k, self.k))
-            whole[..., : blocks.shape[-1], : blocks.shape[-1]] = blocks
-            blocks = whole
-        matrix = self.assembly.matrices(blocks * (self.scale[..., None] * self.scale[..., None, :]))
-        if corner is not None and self.extra:
-            matrix[..., -self.extra :, -self.extra :] += corner
-        return matrix
+    def assembled(self, blocks: np.ndarray) -> np.ndarray:
+        """The matrix (.., N, N) of pointwise (weighted) quadratic forms in the variables, (.., points, k, k)."""
+        return self.assembly.matrices(blocks * (self.scale[..., None] * self.scale[..., None, :]))
 
     def parts(self, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same on several elements: element matrices, border (coefficients, extra), corner."""
@@ -402,14 +392,18 @@ class RitzSystem:
 
         Its unit is the change that would cost the whole functional.
         """
-        rest = (self.order + 1) * self.n
         hessians = at.hessians[..., 0, :, :]
         blocks = self.leading(hessians * self.weights[..., None, None])
-        if not self.extra:
-            return self.assembled(blocks)
-        own = np.abs(np.einsum("q,qaa->a", self.weights, hessians[:, rest:, rest:]))
-        corner = np.diag(np.maximum(own, at.scale / self._sizes_of_numbers(z) ** 2))
-        return self.assembled(blocks[:, :rest, :rest], corner)
+        if self.extra:
+            numbers = np.arange(self.k - self.extra, self.k)
+            own = np.abs(self.weights @ hessians[:, numbers, numbers])
+            own = np.maximum(own, at.scale / self._sizes_of_numbers(z) ** 2)
+            blocks[:, numbers, numbers] = self._spread(own)
+        return self.assembled(blocks)
+
+    def _spread(self, diagonal: np.ndarray) -> np.ndarray:
+        """What belongs to the unknown numbers, (.., extra), in shares of the points, (.., points, extra)."""
+        return diagonal[..., None, :] * (self.weights / self.weights.sum(-1, keepdims=True))[..., None]
 
     def _sizes_of_numbers(self, z: np.ndarray) -> np.ndarray:
         """A size for each unknown number: its own or its guess, for a sliding abscissa that of the interval."""
@@ -420,40 +414,38 @@ class RitzSystem:
             sizes[sliding] = form.problem.span[1] - form.problem.span[0]
         return np.where(sizes > 0, sizes, 1.0)
 
-    def metric_blocks(self, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
-        """A positive pointwise (weighted) quadratic form, and a diagonal for the unknown numbers.
+    def metric_diagonal(self, at: Evaluation) -> np.ndarray:
+        """A positive pointwise (weighted) quadratic form in the variables, which is diagonal: (.., points, k).
 
         It shifts a Newton step: an H^1 (H^2) product in which each function is
         weighted by its own L_y'y', so that units drop out; by the mean of its
         absolute value where that is not positive all along.
         """
-        diagonal, corner = self._metric_diagonal(at)
-        return diagonal[..., None] * np.eye(diagonal.shape[-1]), corner[..., None] * np.eye(self.extra)
-
-    def _metric_diagonal(self, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
-        n, D = self.n, self.order + 1
+        rest = self.k - self.extra
         diagonal = np.einsum("...aa->...a", at.hessians[..., 0, :, :])
-        weight = np.abs(diagonal[..., self.order * n : D * n])
+        weight = np.abs(diagonal[..., self.top])
         mean = self._sums(weight) / self.weights.sum(-1)[..., None]
         largest = mean.max(-1, keepdims=True)
         mean = np.where(mean > 0, mean, np.where(largest > 0, largest, 1.0))
         falls = np.asarray(at.legendre <= 0.0)[..., None, None]
         weight = np.where(falls, mean[..., None, :], weight) * self.weights[..., None]
         lengths = np.asarray(self.lengths)[..., None, None]
-        corner = np.abs(self._sums(diagonal[..., D * n :]))
-        shares = [weight * lengths ** (2.0 * (d - self.order)) for d in range(D)]
-        return np.concatenate(shares, axis=-1), np.maximum(corner, 1e-12)
+        shares = [weight * lengths ** (2.0 * (d - self.order)) for d in range(self.order + 1)]
+        if self.extra:
+            shares.append(self._spread(np.maximum(np.abs(self._sums(diagonal[..., rest:])), 1e-12)))
+        return np.concatenate(shares, axis=-1)
+
+    def metric_blocks(self, at: Evaluation) -> np.ndarray:
+        """The same as blocks (.., points, k, k)."""
+        return self.metric_diagonal(at)[..., None] * np.eye(self.k)
 
     def metric(self, at: Evaluation) -> np.ndarray:
-        """:meth:`metric_blocks` as a dense matrix of the size of the Hessian."""
-        return self.assembled(*self.metric_blocks(at))
+        """The same as a dense matrix of the size of the Hessian."""
+        return self.assembled(self.metric_blocks(at))
 
-    def squared(self, at: Evaluation, step: np.ndarray, moved: np.ndarray) -> Any:
-        """The squared length in the metric of a step, which has ``moved`` the variables."""
-        diagonal, corner = self._metric_diagonal(at)
-        D = diagonal.shape[-1]
-        own = (diagonal * moved[..., :D] ** 2).sum((-2, -1))
-        return own + (corner * self.unknowns(step) ** 2).sum(-1) if self.extra else own
+    def squared(self, at: Evaluation, moved: np.ndarray) -> Any:
+        """The squared length in the metric of a step that has ``moved`` the variables."""
+        return (self.metric_diagonal(at) * moved**2).sum((-2, -1))
 
     # ends
 
