@@ -210,14 +210,6 @@ class Rungs:
         levels = {k[1]: v for k, v in path.items() if isinstance(k, tuple)}
         return Rung(system, outcome.z, outcome.multipliers, outcome.value, along, levels)
 
-    def near(self, system: RitzSystem, z: np.ndarray) -> Rung | None:
-        """The minimum that whole Newton steps from ``z`` lead to; None where they lead to none."""
-        outcome = minimise(system, z, np.zeros(0), Newton(NEAR), self.tol)
-        if outcome.reason or not outcome.direct:
-            return None
-        self.iterations += outcome.iterations
-        return Rung(system, outcome.z, outcome.multipliers, outcome.value)
-
     def start(self, space: Space, guess: Sampled | None) -> Rung | str:
         """The lowest of the minima in ``space`` that the first starting curves lead to."""
         system = self.system(space)
@@ -336,9 +328,13 @@ class _Climb:
         """The answer next to a known curve, without a climb; None where it is in doubt."""
         rungs = self.rungs
         system = rungs.system(rungs.space(np.array(self.form.span), degree))
-        rung = rungs.near(system, coefficients[system.free])
-        found = None if rung is None else estimate(rungs, rung, math.inf)
-        if rung is None or found is None or isinstance(found, str) or not self.is_met(rung, found):
+        outcome = minimise(system, coefficients[system.free], np.zeros(0), Newton(NEAR), self.tol)
+        if outcome.reason or not outcome.direct:
+            return None
+        rungs.iterations += outcome.iterations
+        rung = Rung(system, outcome.z, outcome.multipliers, outcome.value)
+        found = estimate(rungs, rung, math.inf)
+        if isinstance(found, str) or not self.is_met(rung, found):
             return None
         sure = settled(found)
         return None if isinstance(sure, str) or not self.is_met(rung, sure) else self.alone(rung, sure)

@@ -184,9 +184,7 @@ class NullSpace:
         return -applied(self._across, solutions(self._r.swapaxes(-1, -2), conditions)) if self.count else 0.0
 
     def multipliers(self, slopes: np.ndarray) -> np.ndarray:
-        """The multipliers that cancel slopes (.., N) across."""
-        if not self.count:
-            return np.zeros((*slopes.shape[:-1], 0))
+        """The multipliers that cancel slopes (.., N) across, where there are conditions."""
         return -solutions(self._r, applied(self._across.swapaxes(-1, -2), slopes))
 
 
@@ -430,7 +428,9 @@ def _search(
     return None
 
 
-# many values at once: the same iteration, in which those that are done or given up are left out
+# Many values at once: the same iteration, in which those that are done or given up are left out. What takes more than
+# that is left to a solve of its own, where zero modes, banded steps and reasons are asked for: one value counts calls,
+# and a mask of one costs as much as a step.
 
 
 @dataclass
