@@ -24,7 +24,7 @@ import pytest
 
 import varcalc as vc
 from varcalc.formulation import formulate
-from varcalc.methods.ritz.rungs import Rungs
+from varcalc.methods.ritz.method import Rungs
 from varcalc.problem.conditions import components
 from varcalc.study.reference import catalogue, load
 from varcalc.study.routes import routes

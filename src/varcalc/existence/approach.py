@@ -17,8 +17,8 @@ from typing import TypeGuard
 import numpy as np
 
 from varcalc.formulation import Form, Stated, extended, formulate, rewriter, straight
+from varcalc.methods.ritz.method import Rung, Rungs
 from varcalc.methods.ritz.newton import Newton
-from varcalc.methods.ritz.rungs import Rung, Rungs
 from varcalc.problem.conditions import Fixed
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -88,7 +88,7 @@ def approached(problem: Functional) -> Approach | None:
         if isinstance(rung, str):
             return None
         slopes, middles = _slopes(rung)
-        rows.append((elements, form.sign * rung.at.value, slopes.max()))
+        rows.append((elements, form.sign * rung.value, slopes.max()))
         where = float(middles[np.argmax(slopes)])
     elements, values, steepest = np.array(rows).T
     return Approach(elements.astype(int), values, steepest, where, problem.maximise)

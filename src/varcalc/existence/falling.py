@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.formulation import Form, formulate
+from varcalc.methods.ritz.method import Rungs
 from varcalc.methods.ritz.newton import Newton
-from varcalc.methods.ritz.rungs import Rungs
-from varcalc.methods.ritz.starts import candidates
 from varcalc.methods.ritz.system import RitzSystem
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -65,7 +64,7 @@ def falling(problem: Functional) -> Fall | None:
     rungs = Rungs(form, Newton(), 1)
     system = rungs.system(rungs.first_space(1, DEGREE))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        start = next((z for z in candidates(system, None) if np.isfinite(system.evaluate(z).value)), None)
+        start = next((z for z in rungs.candidates(system, None) if np.isfinite(system.evaluate(z).value)), None)
         if start is None or form.ends is not None:
             return None
         for direction in _directions(system, start):

@@ -28,7 +28,7 @@ from varcalc.formulation.form import (
     through,
 )
 from varcalc.formulation.graph import graph_form, on_curve, sliding_form
-from varcalc.formulation.numbers import AtPoints, GraphNumbers, Numbers, Reported
+from varcalc.formulation.numbers import AtPoints, Numbers, Reported
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 
@@ -38,7 +38,6 @@ __all__ = [
     "Elsewhere",
     "EndConditions",
     "Form",
-    "GraphNumbers",
     "Numbers",
     "Reported",
     "Sampled",

@@ -18,7 +18,7 @@ from varcalc.formulation.form import (
     straight,
     through,
 )
-from varcalc.formulation.numbers import GraphNumbers
+from varcalc.formulation.numbers import AtPoints, Reported
 from varcalc.problem.conditions import Fixed, OnCurve, Periodic, Through, components
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import FEW_FUNCTIONS, Problem
@@ -144,3 +144,29 @@ def _fixed_values(problem: Problem, end: Any) -> np.ndarray:
 
 def _waypoints(problem: Functional) -> tuple[tuple[float, tuple[float | None, ...]], ...]:
     return tuple(sorted(((float(c.x), components("y", c.y)) for c in problem.of_type(Through)), key=lambda w: w[0]))
+
+
+class GraphNumbers:
+    """A graph in the person's own variables."""
+
+    def on(self, problem: Problem, s: np.ndarray) -> AtPoints:  # noqa: D102
+        return _GraphAtPoints(problem, s)
+
+
+class _GraphAtPoints:
+    transform: np.ndarray | None = None
+    offset: np.ndarray | None = None
+
+    def __init__(self, problem: Problem, s: np.ndarray) -> None:
+        self.problem, self.s, self.n = problem, s, problem.n
+        self.sign = -1.0 if problem.maximise else 1.0
+
+    def derivatives(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        rows = self.problem.integrand_derivatives(self.s, u[:, : self.n].T, u[:, self.n :].T).rows
+        rows, k = rows if self.sign > 0 else -rows, 1 + 2 * self.n
+        return rows[:, 0], rows[:, 2 : 1 + k], rows[:, 1 + k :].reshape(-1, k, k)[:, 1:, 1:]
+
+    def reported(self, u: np.ndarray) -> Reported:
+        y, dy = u[:, : self.n], u[:, self.n :]
+        values = self.sign * self.problem.integrand_values(self.s, y.T, dy.T)
+        return Reported(values, self.s, y, np.ones_like(self.s), dy)

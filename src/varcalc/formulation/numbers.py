@@ -8,7 +8,6 @@ person's own variables, and the rest is the chain rule.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -54,37 +53,3 @@ class Numbers(Protocol):
     def on(self, problem: Problem, s: np.ndarray) -> AtPoints:
         """The integrand at points s (Q,), at the parameter values of ``problem``."""
         ...
-
-
-class GraphNumbers:
-    """A graph in the person's own variables."""
-
-    def on(self, problem: Problem, s: np.ndarray) -> AtPoints:  # noqa: D102
-        return _GraphAtPoints(problem, s)
-
-
-@lru_cache(maxsize=32)
-def _own(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Where the derivatives in (y, y') stand in a row of those in (x, y, y'): the gradient, and the Hessian."""
-    k = 1 + 2 * n
-    return np.arange(2, 1 + k), (1 + k + np.arange(k * k)).reshape(k, k)[1:, 1:].copy()
-
-
-class _GraphAtPoints:
-    transform: np.ndarray | None = None
-    offset: np.ndarray | None = None
-
-    def __init__(self, problem: Problem, s: np.ndarray) -> None:
-        self.problem, self.s, self.n = problem, s, problem.n
-        self.sign = -1.0 if problem.maximise else 1.0
-
-    def derivatives(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        rows = self.problem.integrand_derivatives(self.s, u[:, : self.n].T, u[:, self.n :].T).rows
-        gradient, hessian = _own(self.n)
-        rows = rows if self.sign > 0 else -rows
-        return rows[:, 0], rows[:, gradient], rows[:, hessian]
-
-    def reported(self, u: np.ndarray) -> Reported:
-        y, dy = u[:, : self.n], u[:, self.n :]
-        values = self.sign * self.problem.integrand_values(self.s, y.T, dy.T)
-        return Reported(values, self.s, y, np.ones_like(self.s), dy)

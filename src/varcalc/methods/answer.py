@@ -396,9 +396,9 @@ def _turns_back(extremal: Extremal, curve_error: float) -> bool:
     return bool(speed.min() < -(1e-9 + TURNED * curve_error / (span[1] - span[0])) * np.abs(speed).max())
 
 
-def astray(error: float, size: float, tol: float) -> bool:
-    """Whether the ``error`` of a curve of a ``size`` belies its value: it does not settle, and none may attain that."""
-    return error > max(ASTRAY, ASTRAY_SHARE * tol**0.5) * max(size, 1e-300)
+def unsettled(tol: float) -> float:
+    """The error of a curve, relative to its size, that belies its value: it does not settle, and none may attain it."""
+    return max(ASTRAY, ASTRAY_SHARE * tol**0.5)
 
 
 def answer(

@@ -364,6 +364,12 @@ class Space:
         return finer, out
 
 
+@lru_cache(maxsize=64)
+def on_one_element(start: float, end: float, degree: int, n: int, smoothness: int = 1) -> Space:
+    """The polynomials of a degree, kept for the life of the process with what is numbered in them."""
+    return Space(np.array([start, end]), degree, n, smoothness)
+
+
 @dataclass(frozen=True, eq=False)
 class SpaceCurve:
     """Piecewise polynomials as a curve: ``curve(x, k)`` is the k-th derivative at x (m,), shape (n, m)."""

@@ -19,10 +19,9 @@ from varcalc.formulation import Elsewhere, Form
 from varcalc.formulation.singular import Infinite, forms
 from varcalc.methods.answer import Extremal
 from varcalc.methods.ritz import family as direct
-from varcalc.methods.ritz.batch import Places
 from varcalc.methods.ritz.family import Answer, Answers
-from varcalc.methods.ritz.family_of_one import One
 from varcalc.methods.ritz.method import Ritz
+from varcalc.methods.ritz.system import Places
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution
@@ -149,20 +148,20 @@ class Neighbours:
             self._remember(values[row], int(answers.degree[row]), answers.coefficients[row])
         return answers
 
-    def solved_alone(self, values: np.ndarray) -> Answer | None:
-        """What is found at ``values`` (parameters,), from the nearest solution; None where it is in doubt."""
-        if not self._alike(values[None])[0]:
+    def solved_alone(self, problem: Functional) -> Solution | None:
+        """The solution of ``problem`` from the nearest one; None where it is in doubt."""
+        values, began = problem.parameter_values[None], time.perf_counter()
+        if not self._alike(values)[0]:
             return None
-        known = self.known[self._nearest(values[None])[0]]
-        one = One.of(self.form, known.degree) if self.family is direct else None
-        if one is not None:
-            spans, start, end = self.elsewhere.placed(values[None])
+        if self.family is direct and not self.form.integrals:
+            known = self.known[self._nearest(values)[0]]
+            form = self.elsewhere.form(problem)
             with np.errstate(all="ignore"):
-                found = one.solved(spans[0], np.append(start, end), values, known.coefficients, self.tol)
-            if found is not None:
-                return found
-        answers = self.solved(values[None])
-        return answers[0] if answers.stands[0] else None
+                found = self.method.continued(form, known.degree, known.coefficients, self.tol)
+            if found is not None and found.status.ok:
+                return self._confirmed(found)
+        answers = self.solved(values)
+        return self.solution(problem, answers[0], time.perf_counter() - began) if answers.stands[0] else None
 
     def _alike(self, values: np.ndarray) -> np.ndarray:
         """At which ``values`` (K, parameters) the problem has this form; (K,) of bool.
@@ -228,9 +227,11 @@ class Neighbours:
 
     def solution(self, problem: Functional, answer: Answer, seconds: float) -> Solution:
         """An answer as the Solution of ``problem``, held against curves with corners and jumps."""
-        form = self.elsewhere.form(problem)
-        found = self.family.solution(form, self.method, answer, seconds)
-        found = vouched(found, form)
+        return self._confirmed(self.family.solution(self.elsewhere.form(problem), self.method, answer, seconds))
+
+    def _confirmed(self, found: Solution) -> Solution:
+        assert found.extremal is not None
+        found = vouched(found, found.extremal.form)
         return with_rival(found) if found.status.ok and isinstance(self.method, Ritz) else found
 
 
@@ -265,15 +266,11 @@ def resolved(problem: Functional, method: Any, tol: float, known: Any) -> Soluti
     # how many starting curves are tried is no matter where one is at hand
     if not (_one_start(method) == _one_start(known.method) or (method is None and isinstance(known.method, Ritz))):
         return None
-    began = time.perf_counter()
     in_a_row = 1 if known.extremal is None else known.extremal.in_a_row + 1
     neighbours = Neighbours.of(known, tol, in_a_row)
     if neighbours is None:
         return None
-    answer = neighbours.solved_alone(problem.parameter_values)
-    if answer is None:
-        return None
-    found = neighbours.solution(problem, answer, time.perf_counter() - began)
-    if not found.status.ok or found.extremal is None:
+    found = neighbours.solved_alone(problem)
+    if found is None or not found.status.ok or found.extremal is None:
         return None
     return replace(found, extremal=replace(found.extremal, in_a_row=in_a_row))

@@ -10,7 +10,7 @@ import varcalc as vc
 from varcalc.formulation import formulate
 from varcalc.methods.collocation import batched
 from varcalc.methods.collocation.system import collocation_space
-from varcalc.methods.ritz.batch import Places
+from varcalc.methods.ritz.system import Places
 from varcalc.problems import bratu
 from varcalc.problems._curves import Catenary
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.methods.ritz.quadrature import shortfall
+from varcalc.methods.ritz.error import shortfall
 from varcalc.numerics.mesh import gauss
 
 

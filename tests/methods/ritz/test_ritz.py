@@ -20,10 +20,9 @@ import pytest
 
 import varcalc as vc
 from varcalc.formulation import formulate
-from varcalc.methods.ritz.banded import banded_step
+from varcalc.methods.ritz.elements import banded_step
 from varcalc.methods.ritz.newton import _dense_step, newton_step
-from varcalc.methods.ritz.rungs import quadrature_points
-from varcalc.methods.ritz.system import RitzSystem
+from varcalc.methods.ritz.system import RitzSystem, quadrature_points
 from varcalc.numerics.mesh import Space
 
 ROUND_OFF = 2e-14
@@ -277,7 +276,7 @@ PROBLEMS = {
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-@pytest.mark.parametrize(("elements", "degree"), [(1, 6), (7, 3), (20, 5)])
+@pytest.mark.parametrize(("elements", "degree"), [(7, 3), (20, 5)])
 def test_banded_and_dense_steps_agree(name, elements, degree):
     system = system_of(PROBLEMS[name](), elements, degree)
     at = system.evaluate(beside_the_baseline(system, 1e-4))

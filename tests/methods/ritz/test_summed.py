@@ -6,7 +6,7 @@ import pytest
 
 import varcalc as vc
 from varcalc.formulation import formulate
-from varcalc.methods.ritz.summed import summed_up
+from varcalc.methods.ritz.ipopt import summed_up
 from varcalc.methods.ritz.system import RitzSystem
 from varcalc.numerics.mesh import Space
 

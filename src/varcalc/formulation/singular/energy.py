@@ -106,7 +106,9 @@ class Energy:
         def moved(other: Functional) -> Form:
             _, start, end = placed(other.parameter_values[None])
             curves = replace(self, problem=other).curves()
-            return replace(form, problem=other, elsewhere=None, fixed_start=start, fixed_end=end, **curves)
+            placed_there = {"problem": other, "fixed_start": start, "fixed_end": end}
+            # where one solution follows another, the expressions, differentiated once, are cheaper than numbers
+            return replace(form, elsewhere=None, numbers=None, **placed_there, **curves)
 
         def unchanged(values: np.ndarray) -> np.ndarray:
             return alike(problem, values, lines, self.metric.conformal)

@@ -16,11 +16,12 @@ from varcalc.formulation import Form
 from varcalc.methods.answer import Extremal, answer
 from varcalc.methods.collocation.error import Correction, curve_distance, richer_degree, rounding, value_error
 from varcalc.methods.collocation.system import CollocationSystem, Residual, collocation_space
-from varcalc.methods.ritz.batch import Places, positive, solutions
-from varcalc.methods.ritz.degeneracy import SOFT
+from varcalc.methods.ritz.error import SOFT_MODE
 from varcalc.methods.ritz.family import Answer, Answers
+from varcalc.methods.ritz.system import Places
 from varcalc.numerics.damped_newton import CONVERGED
 from varcalc.numerics.mesh import basis_at_gauss, gauss
+from varcalc.numerics.stacked import positive, solutions
 from varcalc.solution import ErrorEstimate, Solution, Stats
 from varcalc.symbolic.derived import derived
 
@@ -182,8 +183,8 @@ def _positive(at: Residual) -> np.ndarray:
     good = np.isfinite(inertia).all(1) & np.isfinite(stiffness).all(1) & (inertia.min(1) > 0.0)
     table = basis_at_gauss(1, points, points, 1)[:, :, 2:]  # slopes that the rule tells apart
     # no soft mode: positive with a part of the leading term, which weighs h on the interval's length, taken off
-    first = (1.0 - SOFT) * inertia * (2.0 / widths) ** 2
-    zeroth = stiffness - SOFT * inertia / widths**2
+    first = (1.0 - SOFT_MODE) * inertia * (2.0 / widths) ** 2
+    zeroth = stiffness - SOFT_MODE * inertia / widths**2
     terms = [table[d].T @ ((gauss(points)[1] * w)[good][:, :, None] * table[d]) for d, w in ((1, first), (0, zeroth))]
     good[good] = positive(terms[0] + terms[1])
     return good

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.methods.answer import answer, astray
+from varcalc.methods.answer import answer, unsettled
 from varcalc.methods.collocation.error import Assessment, Root, assess
 from varcalc.methods.collocation.newton import Sizes, stationary
 from varcalc.methods.collocation.system import CollocationSystem, Residual, collocation_space
@@ -147,7 +147,7 @@ class Refinement:
         """Whether the curve does not settle, though the value does: then no curve may attain it."""
         space = level.system.space
         ordinates = space.at_quadrature(level.state.coefficients, space.degree, 0)[0]
-        return astray(assessment.curve_error, float(np.abs(ordinates).max()), tol)
+        return assessment.curve_error > unsettled(tol) * max(float(np.abs(ordinates).max()), 1e-300)
 
     def _climbed(self, assessment: Assessment) -> Root | None:
         """The root of a higher degree, near the curve that the error estimate corrected."""

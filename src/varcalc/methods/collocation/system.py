@@ -25,7 +25,7 @@ from varcalc.methods.answer import Extremal
 from varcalc.methods.collocation.boundary import NOTHING, Boundary, BoundaryValues, Triplets
 from varcalc.methods.collocation.scheme import numbered, one_element, scheme_on
 from varcalc.methods.collocation.stationarity import stationarity
-from varcalc.methods.ritz.batch import Places
+from varcalc.methods.ritz.system import Places
 from varcalc.numerics.mesh import Space, gauss
 
 

@@ -12,25 +12,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.ritz.newton import Step, newton_step
-from varcalc.methods.ritz.rungs import Rungs
+from varcalc.methods.ritz.error import SOFT_MODE
+from varcalc.methods.ritz.newton import NullSpace, Step, newton_step
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
+from varcalc.numerics.stacked import positive
 from varcalc.solution import Verdict
+
+if TYPE_CHECKING:
+    from varcalc.methods.ritz.method import Rungs
 
 ZERO = 1e-9
 """Eigenvalues of the second variation, in units of its leading term, that are none."""
 LOOSEST = 1e-6
 """The same where the curve is known poorly."""
-SOFT = 1e-3
-"""Eigenvalues that a richer space may lower to zero; those of a space lie above the true ones."""
 SETTLED = 0.9
 """Share of an eigenvalue that a richer space leaves when it is resolved."""
-COMPLIANT = 1e3
-"""Compliance of a Newton step below which no mode is soft."""
 LARGEST = 800
 """Unknowns up to which eigenvalues are computed."""
 IN_SPAN = 1e-3
@@ -50,8 +51,6 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
     curve, which the second variation feels squared. Richer spaces are asked for as
     long as they lower a soft eigenvalue.
     """
-    if step.compliance < COMPLIANT:
-        return None
     threshold = min(max(ZERO, curve**2), LOOSEST)
     previous, z = math.inf, z + step.change
     following: Step | None = step
@@ -81,62 +80,24 @@ def _sentence(count: int, lowest: float) -> tuple[Verdict, str]:
 
 
 def _soft_modes(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues of the second variation below SOFT, and their modes, of length one in the leading term.
+    """Eigenvalues of the second variation below SOFT_MODE, and their modes, of length one in the leading term.
 
     None are found where the leading term is not positive all along: then it measures nothing.
     """
     at = system.evaluate(z)
     nothing = np.zeros(0), np.zeros((system.size, 0))
-    if not np.isfinite(at.pointwise).all() or at.legendre <= 0.0:
+    if not np.isfinite(at.hessians).all() or at.legendre <= 0.0:
         return nothing
-    hessian, leading, null = system.hessian(at, multipliers), leading_term(system, at, z), np.eye(system.size)
-    if len(at.conditions):
-        null = np.linalg.qr(at.jacobian.T, mode="complete")[0][:, len(at.conditions) :]
-        hessian, leading = null.T @ hessian @ null, null.T @ leading @ null
-    if _positive(hessian - SOFT * leading) or not _positive(leading):  # the first spares the eigenvalues
+    null = NullSpace(at.jacobian)
+    hessian, leading = (null.reduced(m) for m in (system.hessian(at, multipliers), system.leading_term(at, z)))
+    if not positive(leading[None])[0]:
         return nothing
     factor = np.linalg.cholesky(leading)
     half = np.linalg.solve(factor, hessian)
     eigenvalues, vectors = np.linalg.eigh(np.linalg.solve(factor, half.T))
-    soft = eigenvalues < SOFT
-    return eigenvalues[soft], null @ np.linalg.solve(factor.T, vectors[:, soft])
-
-
-def _positive(matrix: np.ndarray) -> bool:
-    try:
-        np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        return False
-    return True
-
-
-def leading_term(system: RitzSystem, at: Evaluation, z: np.ndarray) -> np.ndarray:
-    """The Gram matrix of L_vv in the highest slope at every point, with that of y on the interval's length.
-
-    An unknown number is measured by the change of itself that would cost the whole functional.
-    """
-    n, D, k = system.n, system.order + 1, system.k
-    hessians = at.pointwise[:, 1 + k : 1 + k + k * k].reshape(-1, k, k)
-    top = slice(system.order * n, D * n)
-    leading = hessians[:, top, top] * system.weights[:, None, None]
-    length = system.space.vertices[-1] - system.space.vertices[0]
-    blocks = np.zeros((len(leading), D * n, D * n))
-    for d in range(D):
-        rows = slice(d * n, (d + 1) * n)
-        blocks[:, rows, rows] = leading * length ** (2.0 * (d - system.order))
-    own = np.abs(np.einsum("q,qaa->a", system.weights, hessians[:, D * n :, D * n :]))
-    corner = np.diag(np.maximum(own, at.scale / _sizes_of_numbers(system, z) ** 2))
-    return system.dense(system.local_matrices(blocks), np.zeros((system.space.size, system.extra)), corner)
-
-
-def _sizes_of_numbers(system: RitzSystem, z: np.ndarray) -> np.ndarray:
-    """A size for each unknown number: its own or its guess, for a sliding abscissa that of the interval."""
-    form = system.form
-    sizes = np.maximum(np.abs(system.unknowns(z)), np.abs(form.unknown_guess))
-    sliding = slice(len(form.problem.unknowns), system.extra - form.gauged)
-    if sizes[sliding].size:
-        sizes[sliding] = form.problem.span[1] - form.problem.span[0]
-    return np.where(sizes > 0, sizes, 1.0)
+    soft = eigenvalues < SOFT_MODE
+    modes = np.linalg.solve(factor.T, vectors[:, soft])
+    return eigenvalues[soft], null.basis @ modes if null.count else modes
 
 
 # rigid motions
@@ -158,7 +119,7 @@ def _are_rigid_motions(system: RitzSystem, z: np.ndarray, modes: np.ndarray) -> 
         return False
     at = system.evaluate(z)
     span = np.column_stack([m.velocity for m in motions])
-    root = np.linalg.cholesky(leading_term(system, at, z)).T
+    root = np.linalg.cholesky(system.leading_term(at, z)).T
     shares = np.linalg.lstsq(root @ span, root @ modes, rcond=1e-10)[0]
     left = np.linalg.norm(root @ (modes - span @ shares), axis=0)  # the modes are of length one
     return bool(np.all(left <= IN_SPAN)) and all(_invariant(system, z, at, motions, share) for share in shares.T)
@@ -231,5 +192,5 @@ def _invariant(system: RitzSystem, z: np.ndarray, at: Evaluation, motions: list[
     there = system.evaluate(system.pack(moved, system.unknowns(z) + numbers * (TURN / largest)))
     sizes = np.ones(len(at.conditions))
     sizes[: len(system.levels)] = np.maximum(np.abs(system.levels), 1e-300)
-    same = abs(there.value - at.value) <= UNMOVED * at.scale + CANCELLED * system.quadratic_size(z)
+    same = abs(there.value - at.value) <= UNMOVED * at.scale + CANCELLED * system.quadratic_size(at)
     return bool(same and np.all(np.abs(there.conditions - at.conditions) <= UNMOVED * sizes))

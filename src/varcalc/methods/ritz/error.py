@@ -4,36 +4,45 @@ The Newton correction there is the estimate: the functional is stationary, so
 half its squared length in the Hessian is what the value is too high by, to
 leading order (Ciarlet, "The Finite Element Method for Elliptic Problems",
 sect. 2.4, for the quadratic case).
+
+By how much a composite Gauss rule misses an integral is told from its own samples, which give the Legendre coefficients
+of the integrand on each element; the rule of Q points integrates a polynomial of degree 2 Q - 1 exactly, so what the
+coefficients will have fallen to at 2 Q is what it misses (Trefethen, "Is Gauss quadrature better than
+Clenshaw-Curtis?", SIAM Review 50, 2008, sect. 4). Only panels where that is more than round-off are bisected.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
+from numpy.polynomial import legendre
 
-from varcalc.formulation import Form
-from varcalc.methods.answer import end_cost, sample
-from varcalc.methods.ritz.newton import Step, newton_step
-from varcalc.methods.ritz.quadrature import shortfall
-from varcalc.methods.ritz.rungs import Rung, Rungs
-from varcalc.methods.ritz.system import Evaluation, Reported, RitzSystem
-from varcalc.symbolic.derived import derived
+from varcalc.formulation import Reported
+from varcalc.methods.ritz.newton import NullSpace, Step, newton_step
+from varcalc.methods.ritz.system import Evaluation, RitzSystem
+from varcalc.numerics.mesh import gauss
+from varcalc.numerics.stacked import positive
+
+if TYPE_CHECKING:
+    from varcalc.methods.ritz.method import Rung, Rungs
 
 SAFETY = 1.5
 """The correction leaves out what lies beyond the richer space."""
 CURVE = 3e-2
 """Relative error of the curve, in units of the square root of the value's tolerance, that ends the climb."""
-ASTRAY, ASTRAY_SHARE = 2e-2, 30.0
-"""Relative error of the curve, and the same by the square root of the tolerance, with which no value counts."""
 ROUND_OFF = 4e-16
 """Round-off of the value relative to the sum of the absolute contributions."""
 SOFT = 1e-2
 """Decrease of the functional, by the size of the step in the metric, that tells of a soft mode."""
-COMPLIANT = 1e2
-"""Compliance of a step below which no mode is as soft; the banded solver does not tell it, and gives 0."""
+SOFT_MODE = 1e-3
+"""Eigenvalues of the second variation, in units of its leading term, that a richer space may lower to zero."""
+COMPLIANT, SUSPECT = 1e2, 1e3
+"""Compliances of a step below which it does not go along a soft mode, and no mode is soft; 0 where it is not told."""
 LARGEST = 800
 """Unknowns up to which the metric is computed."""
 UNMOVED = 1e-7
@@ -42,35 +51,116 @@ SLIGHT = 3e-6
 """Relative move of the curve that no merging of extremals explains: they are apart by the root of what is missing."""
 CONTRACTION = 0.1
 """Largest ratio of successive Newton steps that counts as evidence of a minimum."""
+RESOLVED = 1e-14
+"""Share of the integral of the absolute value that one panel may miss; samples carry round-off of a tenth of it."""
+MOST_ROUNDS = 40
+"""Bisections that bring a panel with a kink inside to round-off."""
+MOST_PANELS = 4000
+"""Panels bisected at once beyond which an integrand is noise."""
 SHARED = 0.1
 """Share of the last error that two spaces on one mesh may have in common, where a curve touches a bound."""
 
 
-@dataclass
-class Estimate:
-    """Errors of a rung.
+@dataclass(frozen=True)
+class Correction:
+    """What the Newton step in a richer space says of a curve, or of K curves: then each entry has a first axis more.
 
-    ``value`` is the reported functional in the sense that is minimised,
-    ``error`` and ``curve`` its error and the curve's, ``scale`` the size of
-    what was summed, ``floor`` the round-off that leaves in the value;
-    ``system`` the richer space with the rung's curve ``z``
-    and the correction ``step`` there (None when it was solved instead);
-    ``shares`` each element's part in the correction. ``integrand`` is what was
-    summed for ``value`` at the Gauss points, ``miss`` what a unit by which each
-    level is missed costs.
+    ``value`` is the reported functional in the sense that is minimised, ``error`` and ``curve`` its error and the
+    curve's, ``scale`` the size of what was summed, in which a prescribed integral counts with its multiplier.
+    ``integrand`` (Q,) is what was summed for the value at the Gauss points, ``miss`` what a unit by
+    which each condition is missed costs, ``moved`` (Q, k) by how much the step changes the curve and its slopes.
+    ``here`` and ``there`` are what is reported of the curve and of the one it is mended to.
     """
 
-    value: float
-    error: float
-    curve: float
-    scale: float
-    floor: float
-    system: RitzSystem
-    z: np.ndarray
-    step: Step | None
-    shares: np.ndarray
+    value: Any
+    error: Any
+    curve: Any
+    scale: Any
     integrand: np.ndarray
     miss: np.ndarray
+    moved: np.ndarray
+    here: Reported
+    there: Reported
+
+    @property
+    def floor(self) -> Any:
+        """The round-off that summing leaves in the value."""
+        return ROUND_OFF * self.scale
+
+
+def correction(
+    system: RitzSystem, z: np.ndarray, at: Evaluation, change: np.ndarray, miss: np.ndarray, decrement: Any, own: Any
+) -> Correction:
+    """The correction of the curve ``z`` by ``change``, which has the multipliers ``miss``; its value was ``own``.
+
+    The finer rule sees the side conditions missed: to first order that costs the multiplier times the miss.
+    """
+    form, moved = system.form, system.moved(change)
+    here, there = system.reported(at), system.reported(at, moved)
+    if form.same_functional:
+        value, scale = at.value + (miss * at.conditions).sum(-1), at.scale
+        error = np.abs(decrement) + np.abs(value - own)
+    else:
+        value = _total(system, z, here)
+        error = np.abs(value - _total(system, z + change, there))
+        if form.energetic:  # the energy is the square of the value
+            miss = miss * np.where(value > 0, 0.5 / np.where(value > 0, value, 1.0), 1.0)[..., None]
+        value = value + (miss * at.conditions).sum(-1)
+        scale = np.abs(value)
+    integrand = here.integrand
+    if len(system.levels):  # a prescribed integral is summed like the value, and what it misses costs its multiplier
+        levels = miss[..., : len(system.levels)]
+        scale = scale + np.abs(levels) @ np.abs(system.levels)
+        integrand = integrand + (at.integrands[..., 1:] * levels[..., None, :]).sum(-1)
+    curve = SAFETY * displacement(here, there)
+    return Correction(value, SAFETY * error, curve, scale, integrand, miss, moved, here, there)
+
+
+def _total(system: RitzSystem, z: np.ndarray, reported: Reported) -> Any:
+    """The reported functional, in the sense that is minimised, by the system's own rule."""
+    return (system.weights * reported.integrand).sum(-1) + system.end_cost(z)
+
+
+def displacement(here: Reported, there: Reported) -> Any:
+    """Largest distance between two curves: of ordinates at the same abscissa, in the user's coordinates."""
+    move = there.y - here.y
+    if there.x is not here.x:
+        forward = here.dx[..., None] != 0
+        slope = np.where(forward, here.dy / np.where(forward, here.dx[..., None], 1.0), 0.0)
+        move = np.where(forward, move - slope * (there.x - here.x)[..., None], 0.0)
+    return np.abs(move).max((-2, -1), initial=0.0)
+
+
+@dataclass(frozen=True)
+class Estimate(Correction):
+    """The errors of a rung.
+
+    ``system`` is the richer space, with the rung's curve ``z``, its evaluation ``at``
+    and the Newton ``step`` there (None when it was solved instead); ``shares`` each element's part in the correction.
+    """
+
+    system: RitzSystem
+    z: np.ndarray
+    at: Evaluation
+    step: Step | None
+    shares: np.ndarray
+
+    @property
+    def suspect(self) -> bool:
+        """Whether some mode of the second variation may cost next to nothing."""
+        step, at, system = self.step, self.at, self.system
+        # where no load moves the curve far, none does
+        if step is None or not step.definite or step.compliance < SUSPECT:
+            return False
+        if step.reduced is None or not at.legendre > 0.0:
+            return True
+        leading = NullSpace(at.jacobian).reduced(system.leading_term(at, self.z))
+        return not positive((step.reduced - SOFT_MODE * leading)[None])[0]
+
+    @cached_property
+    def size(self) -> float:
+        """The largest ordinate."""
+        return max(float(np.abs(self.at.variables[:, : self.system.n]).max()), 1e-300)
 
 
 def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
@@ -79,36 +169,17 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
     if rungs.constrained:
         return _by_solving(rungs, rung, system, z, previous)
     at = system.evaluate(z)
-    if not math.isfinite(at.value):
-        return "the functional is not a number on the trial curve by a finer rule"
     step = newton_step(system, at, rung.multipliers)
     if step is None:
         return "the Newton step in the richer space is not defined (degenerate Hessian)"
-    # the finer rule sees the side conditions missed: to first order that costs the multiplier times the miss
-    miss = step.multipliers
-    moved = z + step.change
-    here, there = system.reported(z), system.reported(moved)
-    sound = step.definite and _contracts(system, z, step, at)
-    error = abs(step.decrement) if sound else math.inf
-    if rungs.form.same_functional:
-        value, scale = at.value + float(miss @ at.conditions), at.scale
-        error += abs(value - rung.at.value)
-    else:
-        value = functional_at(rungs, system, z, here)
-        error = abs(value - functional_at(rungs, system, moved, there)) if sound else math.inf
-        if rungs.form.energetic and value > 0:  # the energy is the square of the value
-            miss = miss * (0.5 / value)
-        value += float(miss @ at.conditions)
-        scale = abs(value)
-    # a prescribed integral is summed like the value, and what it misses costs its multiplier
-    floor = ROUND_OFF * (scale + float(np.abs(miss[: len(system.levels)]) @ np.abs(system.levels)))
-    curve, shares = displacement(here, there), _shares(rungs, system, step.change)
-    integrand = _with_levels(system, here, at, miss)
-    return Estimate(value, SAFETY * error, SAFETY * curve, scale, floor, system, z, step, shares, integrand, miss)
+    found = correction(system, z, at, step.change, step.multipliers, step.decrement, rung.value)
+    if not (step.definite and _contracts(system, z, step, at, found)):
+        found = replace(found, error=math.inf)
+    return Estimate(**vars(found), system=system, z=z, at=at, step=step, shares=_shares(rungs, system, step.change))
 
 
-def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation) -> bool:
-    """Whether there is a minimum near ``z``, as far as a second Newton step can tell.
+def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, found: Correction) -> bool:
+    """Whether there is a minimum near a curve, as far as a second Newton step can tell.
 
     A step that lowers the functional by far less than its own size in the metric
     would have it goes along a soft mode. Where two extremals have just merged and
@@ -118,17 +189,23 @@ def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation) ->
     """
     if 0.0 < step.compliance < COMPLIANT or system.size > LARGEST:
         return True
-    size = 0.5 * float(step.change @ system.metric(at) @ step.change)
-    if size <= UNMOVED**2 * at.scale or step.decrement >= SOFT * size:
-        return True
-    following = newton_step(system, system.evaluate(z + step.change), step.multipliers)
-    here, there = (system.reported(y) for y in (z, z + step.change))
-    if displacement(here, there) <= SLIGHT * float(np.abs(here.y).max(initial=0.0)):
+    there, moved = found.there, found.curve / SAFETY
+    if moved <= SLIGHT * float(np.abs(found.here.y).max(initial=0.0)):
         return True  # next to a fold the two extremals are further apart than that
+    if bool(moves_as_it_gains(system, at, found.moved, step.decrement)):
+        return True
+    again = system.evaluate(z + step.change)
+    following = newton_step(system, again, step.multipliers)
     if following is None or not following.definite:
         return False
-    beyond = system.reported(z + step.change + following.change)
-    return displacement(there, beyond) <= CONTRACTION * displacement(here, there)
+    beyond = system.reported(again, system.moved(following.change))
+    return bool(displacement(there, beyond) <= CONTRACTION * moved)
+
+
+def moves_as_it_gains(system: RitzSystem, at: Evaluation, moved: np.ndarray, decrement: Any) -> Any:
+    """Whether a step is so short that it may be round-off, or lowers the functional by what its size asks for."""
+    size = 0.5 * system.squared(at, moved)
+    return (size <= UNMOVED**2 * at.scale) | (decrement >= SOFT * size)
 
 
 def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, previous: float) -> Estimate | str:
@@ -136,39 +213,29 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     richer = rungs.optimise(system, z, rung.multipliers)
     if isinstance(richer, str):
         return richer
-    error = abs(richer.at.value - system.evaluate(z).value) + abs(richer.at.value - rung.at.value)
+    at = system.evaluate(richer.z)
+    found = correction(system, richer.z, at, z - richer.z, richer.multipliers, 0.0, richer.value)
+    error = abs(richer.value - system.evaluate(z).value) + abs(richer.value - rung.value)
     if math.isfinite(previous) and (rungs.inequalities or not rungs.form.corners):
         error = max(error, SHARED * previous)
-    here, there = system.reported(z), system.reported(richer.z)
-    value = richer.at.value if rungs.form.same_functional else functional_at(rungs, system, richer.z, there)
-    curve = displacement(here, there)
+    value = richer.value if rungs.form.same_functional else _total(system, richer.z, found.here)
+    found = replace(found, value=value, error=SAFETY * float(error), scale=at.scale)
     shares = _shares(rungs, system, richer.z - z)
-    miss = richer.multipliers
-    if rungs.form.energetic and value > 0:
-        miss = miss * (0.5 / value)
-    integrand = _with_levels(system, there, richer.at, miss)
-    return Estimate(
-        value, SAFETY * error, SAFETY * curve, richer.at.scale, ROUND_OFF * richer.at.scale, system, richer.z, None,
-        shares, integrand, miss,
-    )  # fmt: skip
+    return Estimate(**vars(found), system=system, z=richer.z, at=at, step=None, shares=shares)
 
 
-def _with_levels(system: RitzSystem, reported: Reported, at: Evaluation, miss: np.ndarray) -> np.ndarray:
-    """The reported integrand with those of the levels, each times what a unit of it costs."""
-    count = len(system.levels)
-    return reported.integrand + system.integrands(at)[:, 1:] @ miss[:count] if count else reported.integrand
-
-
-def settled(rungs: Rungs, found: Estimate) -> Estimate | str:
+def settled(found: Estimate) -> Estimate | str:
     """The estimate with its value by a rule that resolves the integrand of the trial curve.
 
     A value by a rule that does not may lie below the minimum.
     """
-    form, system = rungs.form, found.system
+    system, levels = found.system, found.miss[: len(found.system.levels)]
 
     def sampled(s: np.ndarray) -> np.ndarray:
-        values = np.asarray(_reported_with_levels(form)(*sample(rungs.extremal(system, found.z), s)))
-        return values[0] + found.miss[: len(system.levels)] @ values[1:]
+        source, variables = system.integrands_at(s), system.along(found.z, s)
+        same = system.form.same_functional
+        values = source.values(variables)[:, 0] if same else source.reported(variables).integrand
+        return values + source.values(variables)[:, 1:] @ levels if len(levels) else values
 
     samples = found.integrand.reshape(system.space.elements, -1)
     change = shortfall(sampled, system.space.vertices, samples, found.scale)
@@ -177,31 +244,65 @@ def settled(rungs: Rungs, found: Estimate) -> Estimate | str:
     return found if change == 0.0 else replace(found, value=found.value + change, error=found.error + abs(change))
 
 
-@derived
-def _reported_with_levels(form: Form) -> ca.Function:
-    integrands = ca.vertcat(form.functional, *(c.expression for c in form.integrals if c.equality))
-    return ca.Function("settled", form.symbols.all, [ca.densify(integrands)])
-
-
-def functional_at(rungs: Rungs, system: RitzSystem, z: np.ndarray, reported: Reported) -> float:
-    """The reported functional, in the sense that is minimised, by the system's own rule."""
-    total = float(system.weights @ reported.integrand)
-    return total if rungs.form.ends is None else total + end_cost(rungs.extremal(system, z))
-
-
-def displacement(here: Reported, there: Reported) -> float:
-    """Largest distance between two curves: of ordinates at the same abscissa, in the person's coordinates."""
-    move = there.y - here.y
-    if here.x is not None and here.dx is not None and here.dy is not None and there.x is not None:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            move = (move - here.dy / here.dx * (there.x - here.x))[:, here.dx != 0]
-    return float(np.abs(move).max(initial=0.0))
-
-
 def _shares(rungs: Rungs, system: RitzSystem, change: np.ndarray) -> np.ndarray:
     """How much each element contributes to the correction: squares of its bubbles, weighed as their energy."""
     space = system.space
+    if space.elements == 1:
+        return np.ones(1)
     full = np.zeros(space.size)
     full[system.free] = change[: len(system.free)]
     local = full[space.numbers[:, 2 * space.smoothness :]]
     return (local**2).sum((1, 2)) * (2.0 / space.widths) ** (2 * rungs.form.order - 1)
+
+
+# quadrature
+
+
+@lru_cache(maxsize=64)
+def _transform(count: int) -> np.ndarray:
+    """The matrix from samples at the Gauss points to Legendre coefficients, the upper half of them; (count, rows)."""
+    nodes, weights = gauss(count)
+    degrees = np.arange(count // 2, count)
+    rows = legendre.legvander(nodes, count - 1)[:, count // 2 :] * weights[:, None] * (degrees + 0.5)
+    rows.setflags(write=False)
+    return rows
+
+
+def missed(samples: np.ndarray) -> np.ndarray:
+    """What the rule misses of the mean over each panel, from ``samples`` (panels, points); shape (panels,).
+
+    The coefficients of the last quarter, taken on to twice the number of
+    points at the rate at which they fell from the quarter before.
+    """
+    count = samples.shape[1]
+    coefficients = np.abs(samples @ _transform(count))
+    middle = coefficients.shape[1] // 2
+    before, last = coefficients[:, :middle].max(1), coefficients[:, middle:].max(1)
+    rate = np.minimum(last / np.maximum(before, 1e-300), 1.0)
+    return last * rate**4
+
+
+def shortfall(
+    sampled: Callable[[np.ndarray], np.ndarray], vertices: np.ndarray, samples: np.ndarray, scale: float
+) -> float:
+    """The integral less its composite Gauss sum on ``vertices``.
+
+    ``samples`` (elements, points) are the integrand's values in the sum,
+    ``sampled`` gives others at abscissae (m,), and ``scale`` is the integral
+    of its absolute value. Zero, and ``sampled`` is not called, where the rule
+    was fine enough.
+    """
+    left, half = vertices[:-1], 0.5 * np.diff(vertices)
+    nodes, weights = gauss(samples.shape[1])
+    found = 0.0
+    for _ in range(MOST_ROUNDS):
+        poor = missed(samples) * half > RESOLVED * scale
+        if not poor.any() or poor.sum() > MOST_PANELS:
+            break
+        found -= float(half[poor] @ (samples[poor] @ weights))
+        half = np.repeat(0.5 * half[poor], 2)
+        left = np.repeat(left[poor], 2)
+        left[1::2] += 2 * half[1::2]
+        samples = sampled((left[:, None] + half[:, None] * (1 + nodes)).ravel()).reshape(len(left), -1)
+        found += float(half @ (samples @ weights))
+    return found

@@ -10,26 +10,34 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.answer import answer
-from varcalc.methods.ritz import family, single
-from varcalc.methods.ritz.batch import Places, prepare
-from varcalc.methods.ritz.bends import ways
+from varcalc.methods.answer import Along, Extremal, answer, unsettled
 from varcalc.methods.ritz.degeneracy import degenerate
-from varcalc.methods.ritz.error import ASTRAY, ASTRAY_SHARE, CURVE, Estimate, estimate, settled
-from varcalc.methods.ritz.ipopt import Ipopt
-from varcalc.methods.ritz.levelled import Levelled
-from varcalc.methods.ritz.newton import Newton
-from varcalc.methods.ritz.rungs import DEGREES, NOWHERE, Rung, Rungs
-from varcalc.methods.ritz.system import RitzSystem
+from varcalc.methods.ritz.error import CURVE, Estimate, estimate, settled
+from varcalc.methods.ritz.ipopt import Ipopt, optimise
+from varcalc.methods.ritz.newton import NO_NUMBER, Newton, load, minimise
+from varcalc.methods.ritz.starts import COMPARED, bent_anyhow, clear_of_bounds, meeting_levels
+from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.methods.ritz.touching import touchable, touching
-from varcalc.numerics.mesh import Space
+from varcalc.numerics.mesh import Space, on_one_element
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, no_answer
 
+DEGREES = {1: (6, 10, 16, 24, 36, 52), 2: (7, 11, 16, 24, 36)}
+"""The rungs of the degree, by the order of the Lagrangian."""
+NOWHERE = (
+    "the Lagrangian is not a number on any of the starting curves tried; "
+    "check its domain between the ends, or give guess= a curve on which it is one"
+)
+NEAR = 12
+"""Newton steps that lead to a minimum from one nearby."""
+MOST_ITERATIONS = 600
+"""Iterations in all after which a solve is given up."""
 SPLIT_DEGREE = 16
 """Degree kept while elements are bisected."""
 COARSE, COARSE_DEGREE = 16, 4
@@ -51,8 +59,6 @@ LOCAL = 0.25
 MOST_UNKNOWNS = 4000
 WORTHLESS = 1e-3
 """Relative round-off at which a value is no answer."""
-WAYS = 2
-"""Starting curves from which a level is approached, where nothing tells that one of them suffices."""
 RESTART_DEGREE = 24
 """Degree up to which a solve begins again from the starting curves."""
 
@@ -90,10 +96,8 @@ class Ritz:
         if self.degree is not None and self.degree < least:
             reason = f"degree={self.degree} is too low for a functional of order {form.order}; give at least {least}"
             return no_answer(form.problem, self, Status.REFUSED, reason)
-        at_once = self._at_once(form, tol, guess)
-        if at_once is not None:
-            return at_once
-        if self.refine and touchable(form):
+        load()
+        if self.refine and form.pathwise and touchable(form):
             solution = self._through_contacts(form, tol, guess)
             if solution is not None:
                 return solution
@@ -105,46 +109,10 @@ class Ritz:
         newton = self.optimiser is None or self.optimiser == Newton()
         return newton and self.refine and self.degree is None and self.elements == 1
 
-    def _at_once(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
-        """The answer that the first starting curve leads to without any difficulty; None where there is one."""
-        if not (self.plain and family.applies(form)):
-            return None
-        numerical = form.numbers is not None and not form.integrals
-        if numerical:
-            single.load()
-        started = time.perf_counter()
-        if numerical:
-            with np.errstate(all="ignore"):
-                found = single.solved(form, tol, guess)
-            if found is not None:
-                return single.solution(form, self, found, time.perf_counter() - started)
-        lowest = max(form.least_degree, 1)
-        degree = min(d for d in DEGREES[form.order] if d >= lowest)
-        space = Space(np.array(form.span), degree, form.n, form.order)
-        places = Places(
-            np.array([form.span]), form.fixed_start, form.fixed_end, form.problem.parameter_values[None]
-        )  # fmt: skip
-        prepare(form)
-        built = time.perf_counter()
-        with np.errstate(all="ignore"):
-            start = self._starts(form, space, places, guess)
-            answers = family.solved(form, places, np.array([degree]), [start], tol, near=False) if len(start) else None
-        if answers is None or not answers.stands[0]:
-            return None
-        return family.solution(form, self, answers[0], time.perf_counter() - built, built - started)
-
-    def _starts(self, form: Form, space: Space, places: Places, guess: Sampled | None) -> np.ndarray:
-        """The coefficients of the first starting curve, or of several where a level is met in more than one way."""
-        line = space.fit(form.baseline if guess is None else guess)
-        if not form.integrals:
-            return line
-        batch = Levelled(form, space.degree, places)
-        given = [] if guess is None else [line]
-        straight = line if guess is None else space.fit(form.baseline)
-        most = min(WAYS, self.starts) - len(given)
-        found = ways(batch, batch.of_degree(straight[None], space.degree)[0], most) if most else np.empty((0, 0))
-        bent = [batch.coefficients(z[None])[0] for z in found]
-        return np.array(given + bent)
+    def continued(self, form: Form, degree: int, coefficients: np.ndarray, tol: float) -> Solution | None:
+        """The answer next to the curve that ``coefficients`` give on one element; None where it is in doubt."""
+        load()
+        return _Climb(self, form, tol).continued(degree, coefficients)
 
     def _through_contacts(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
         """The answer with the ends of contact among the unknowns; None where that leads to none that counts."""
@@ -163,13 +131,163 @@ class Ritz:
         return found.plainly(replace(solution, method=self, stats=stats))
 
 
+@dataclass
+class Rung:
+    """A minimum in one space. ``path`` holds the multipliers of pathwise conditions by their index."""
+
+    system: RitzSystem
+    z: np.ndarray
+    multipliers: np.ndarray
+    value: float
+    path: dict[int, Callable[[np.ndarray], np.ndarray]] = field(default_factory=dict)
+    levels: dict[int, float] = field(default_factory=dict)
+    """Multipliers of integral inequalities by their index."""
+
+
+class Rungs:
+    """Solves one form in one space after another, and counts the iterations."""
+
+    def __init__(self, form: Form, optimiser: Newton | Ipopt | None, starts: int, tol: float = 0.0) -> None:
+        self.form, self.starts, self.tol = form, starts, tol
+        self.optimiser = optimiser if optimiser is not None else Newton()
+        # Newton's iteration knows no inequalities and no pathwise conditions
+        self.constrained = form.has_inequalities
+        if self.constrained and isinstance(self.optimiser, Newton):
+            self.optimiser = Ipopt()
+        self.inequalities = any(not c.equality for c in (*form.pathwise, *form.integrals))
+        self.iterations = 0
+
+    def first_space(self, elements: int, degree: int | None) -> Space:
+        """The first mesh: equal elements and the form's knots."""
+        (a, b), vertices = self.form.span, np.array(self.form.span)
+        if elements > 1 or self.form.knots:
+            vertices = np.unique(np.concatenate([np.linspace(a, b, elements + 1), self.form.knots]))
+            close = np.diff(vertices) < 1e-12 * (b - a)
+            vertices = vertices[np.concatenate([[True], ~close])]
+        lowest = 2 * self.form.order - 1
+        least = max(self.form.least_degree, lowest)
+        first = min(d for d in DEGREES[self.form.order] if d >= least) if degree is None else max(degree, lowest)
+        return self.space(vertices, first)
+
+    def space(self, vertices: np.ndarray, degree: int) -> Space:
+        """The form's functions on a mesh."""
+        if len(vertices) == 2 and not self.form.periodic:
+            return on_one_element(*vertices.tolist(), degree, self.form.n, self.form.order)
+        return Space(vertices, degree, self.form.n, self.form.order, self.form.periodic)
+
+    def richer(self, degree: int) -> int:
+        """The degree of the next rung: two more at least, as symmetry may leave nothing to gain by one more."""
+        if self.inequalities:
+            return degree + 4
+        above = [d for d in DEGREES[self.form.order] if d > degree + 1]
+        return above[0] if above else degree + max(4, degree // 3)
+
+    def system(self, space: Space) -> RitzSystem:
+        """The form discretised on a space."""
+        return RitzSystem(self.form, space)
+
+    def prolonged(self, system: RitzSystem, z: np.ndarray) -> tuple[RitzSystem, np.ndarray]:
+        """The next richer space on the same mesh, and the curve of ``z`` in it."""
+        space = system.space
+        richer = self.space(space.vertices, self.richer(space.degree))
+        coefficients = space.prolonged(system.coefficients(z), richer)
+        following = self.system(richer)
+        return following, following.pack(coefficients, system.unknowns(z))
+
+    def optimise(self, system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> Rung | str:
+        """A minimum near ``z``, or why there is none."""
+        if self.iterations > MOST_ITERATIONS:
+            return f"{self.iterations} iterations led to no minimum"
+        path: dict[Any, Any] = {}
+        if isinstance(self.optimiser, Ipopt):
+            outcome, path = optimise(system, z, multipliers, self.optimiser)
+        else:
+            outcome = minimise(system, z, multipliers, self.optimiser, self.tol)
+        self.iterations += outcome.iterations
+        if outcome.reason:
+            return outcome.reason
+        along = {k: v for k, v in path.items() if isinstance(k, int)}
+        levels = {k[1]: v for k, v in path.items() if isinstance(k, tuple)}
+        return Rung(system, outcome.z, outcome.multipliers, outcome.value, along, levels)
+
+    def start(self, space: Space, guess: Sampled | None) -> Rung | str:
+        """The lowest of the minima in ``space`` that the first starting curves lead to."""
+        system = self.system(space)
+        conditions = len(system.levels) + (0 if self.form.ends is None else int(self.form.ends.equations.numel()))
+        best: Rung | None = None
+        reasons: list[str] = []
+        # a level is met by bending either way: both are tried, and the lower one taken
+        bent, wanted = meeting_levels(system) if system.levels.size else ([], 1)
+        wanted += guess is not None and wanted < COMPARED and len(bent) > 0
+        found = 0
+        for tried, z in enumerate(self.candidates(system, guess, bent), start=1):
+            rung = self.optimise(system, z, np.zeros(conditions))
+            if isinstance(rung, str):
+                reasons.append(rung)
+            else:
+                found += 1
+                best = rung if best is None or rung.value < best.value else best
+            if found >= wanted or tried >= self.starts:
+                break
+        if best is not None:
+            return best
+        if all(reason == NO_NUMBER for reason in reasons):
+            return NOWHERE
+        return f"no starting curve led to a minimum: {max(set(reasons), key=reasons.count)}"
+
+    def candidates(
+        self, system: RitzSystem, guess: Sampled | None, on_levels: Sequence[np.ndarray] = ()
+    ) -> Iterator[np.ndarray]:
+        """Unknown vectors to start from, the most promising first; ``on_levels`` are those that meet the levels."""
+        if guess is not None:
+            yield system.fitted(guess)
+        yield from on_levels
+        if self.form.pathwise:
+            yield from clear_of_bounds(system)
+        yield system.fitted(self.form.baseline)
+        yield from bent_anyhow(system)
+
+    def improve(
+        self, system: RitzSystem, step: np.ndarray, fallback: np.ndarray, before: Evaluation, multipliers: np.ndarray
+    ) -> Rung | str:
+        """A minimum a ``step`` from ``fallback``, or near that itself when this fails or leads above it.
+
+        ``before`` is the evaluation there; what is higher counts in an unconstrained problem only.
+        """
+        outcome = self.optimise(system, fallback + step, multipliers)
+        if not step.any():
+            return outcome
+        higher = (
+            not isinstance(outcome, str)
+            and not len(before.conditions)
+            and outcome.value > before.value + 1e-9 * before.scale
+        )
+        return self.optimise(system, fallback, multipliers) if isinstance(outcome, str) or higher else outcome
+
+    def extremal(self, rung: Rung, speed: np.ndarray, along: Along | None) -> Extremal:
+        """The curve of a rung with its multipliers; those of an energy J^2 become those of J by the chain rule.
+
+        ``speed`` is dx/ds at some points, ``along`` what was evaluated along the curve.
+        """
+        system, form, energetic = rung.system, self.form, self.form.energetic
+        coefficients, one = system.coefficients(rung.z), system.space.elements == 1
+        equalities = iter(rung.multipliers[: len(system.levels)])
+        lambdas = [next(equalities) if c.equality else rung.levels.get(c.index, 0.0) for c in form.integrals]
+        factor = 0.5 / math.sqrt(rung.value) if energetic and rung.value > 0 else 1.0
+        path = {k: lambda s, mu=mu: factor * mu(s) for k, mu in rung.path.items()}
+        return Extremal(
+            form, system.space.curve(coefficients), system.unknowns(rung.z).copy(), system.space.vertices,
+            np.array(lambdas), path, speed if energetic else None, coefficients if one else None, along,
+        )  # fmt: skip
+
+
 class _Climb:
     """One solve: from a starting curve up the rungs to an answer."""
 
     def __init__(self, method: Ritz, form: Form, tol: float) -> None:
         self.method, self.form, self.tol = method, form, tol
         self.started = time.perf_counter()
-        self.rungs = Rungs(form, method.optimiser, method.starts)
+        self.rungs = Rungs(form, method.optimiser, method.starts, tol)
         self.split_degree = TOUCHING_DEGREE if self.rungs.inequalities else SPLIT_DEGREE
         self.built = 0.0
         self.slow = 0.0
@@ -189,7 +307,7 @@ class _Climb:
             if best is None or found.error < best[1].error:
                 best = (rung, found)
             if not self.method.refine or self.is_met(rung, found):
-                sure = settled(self.rungs, found)
+                sure = settled(found)
                 if isinstance(sure, str):
                     rung = sure
                     break
@@ -200,11 +318,26 @@ class _Climb:
             stats = Stats(0.0, time.perf_counter() - self.started, self.rungs.iterations)
             status = Status.REFUSED if rung == NOWHERE else Status.NOT_CONVERGED
             return no_answer(self.form.problem, self.method, status, rung, stats=stats)
-        sure = settled(self.rungs, best[1])
+        sure = settled(best[1])
         # the last space, the richest, has the last word: where it holds no minimum, that of a poorer one was none
         if isinstance(sure, str) or refuted:
             sure = replace(best[1], error=math.inf)
         return self.report(best[0], sure, rung)
+
+    def continued(self, degree: int, coefficients: np.ndarray) -> Solution | None:
+        """The answer next to a known curve, without a climb; None where it is in doubt."""
+        rungs = self.rungs
+        system = rungs.system(rungs.space(np.array(self.form.span), degree))
+        outcome = minimise(system, coefficients[system.free], np.zeros(0), Newton(NEAR), self.tol)
+        if outcome.reason or not outcome.direct:
+            return None
+        rungs.iterations += outcome.iterations
+        rung = Rung(system, outcome.z, outcome.multipliers, outcome.value)
+        found = estimate(rungs, rung, math.inf)
+        if isinstance(found, str) or not self.is_met(rung, found):
+            return None
+        sure = settled(found)
+        return None if isinstance(sure, str) or not self.is_met(rung, sure) else self.alone(rung, sure)
 
     def first_rung(self, guess: Sampled | None) -> Rung | str:
         """A minimum in the first space, or in the next ones: a coarse space may hold none where a richer one does."""
@@ -223,16 +356,13 @@ class _Climb:
         # a small functional is solved to its own size, but not where a comparison of two solves is all there is
         own = found.scale
         if size * self.tol >= found.error > self.tol * 10 * own:  # it may be small by cancellation: a minimum of zero
-            own = max(own, found.system.quadratic_size(found.z))
+            own = max(own, found.system.quadratic_size(found.at))
         target = self.tol * (size if self.rungs.constrained else min(size, 10 * own))
-        return (
-            found.error <= max(target, found.floor) and not self.astray(rung, found) and self.curve_is_good(rung, found)
-        )
+        return found.error <= max(target, found.floor) and not self.astray(found) and self.curve_is_good(rung, found)
 
-    def astray(self, rung: Rung, found: Estimate) -> bool:
+    def astray(self, found: Estimate) -> bool:
         """Whether the curve does not settle, though the value may: then no curve attains it."""
-        size = max(float(np.abs(rung.system.ordinates(rung.z)).max()), 1e-300)
-        return found.curve > max(ASTRAY, ASTRAY_SHARE * math.sqrt(self.tol)) * size
+        return found.curve > unsettled(self.tol) * found.size
 
     def curve_is_good(self, rung: Rung, found: Estimate) -> bool:
         """Whether the curve is as good as the value's tolerance promises, as far as the degree alone can make it.
@@ -241,9 +371,8 @@ class _Climb:
         curve is not left worse than that when one more rung would mend it.
         """
         space = rung.system.space
-        size = max(float(np.abs(rung.system.ordinates(rung.z)).max()), 1e-300)
         climbing = space.degree < DEGREES[self.form.order][-2] and space.elements == 1
-        return not climbing or found.curve <= max(CURVE * math.sqrt(self.tol), 1e-14) * size
+        return not climbing or found.curve <= max(CURVE * math.sqrt(self.tol), 1e-14) * found.size
 
     def next_rung(self, rung: Rung, found: Estimate, previous: float) -> Rung | str:
         """Climb the degree while that pays, else bisect where the error is."""
@@ -261,9 +390,9 @@ class _Climb:
         else:
             # a shifted step may leap into another basin; only a true Newton step is taken whole
             whole = found.step is not None and found.step.definite
+            step = found.step.change if whole and found.step is not None else np.zeros_like(found.z)
             system = found.system
-            start = found.z + found.step.change if whole and found.step is not None else found.z
-            following = self.rungs.improve(system, start, found.z, rung.multipliers)
+            following = self.rungs.improve(system, step, found.z, found.at, rung.multipliers)
         if isinstance(following, str) and system.space.degree <= RESTART_DEGREE and system.space.elements == 1:
             # what was a minimum in the poorer space led nowhere: look again from the starting curves
             return self.rungs.start(system.space, None)
@@ -284,28 +413,37 @@ class _Climb:
         if self.rungs.constrained:  # the richer problem has been solved: give that answer
             rung = replace(rung, system=found.system, z=found.z)
         space: Space = rung.system.space
-        error = found.error + found.floor
-        status, message = self.verdict(error, found.floor, found.value, reason)
-        if self.method.refine and status.ok and self.astray(rung, found):
+        value, error = float(found.value), float(found.error + found.floor)
+        status, message = self.verdict(error, found.floor, value, reason)
+        if self.method.refine and status.ok and self.astray(found):
             status = Status.NOT_CONVERGED
-            message = f"the value settles near {self.form.sign * found.value:.6g}, but the curve does not: {reason}"
+            message = f"the value settles near {self.form.sign * value:.6g}, but the curve does not: {reason}"
         solve_time = time.perf_counter() - self.started - self.built
         stats = Stats(
             self.built, solve_time, self.rungs.iterations, rung.system.size, space.elements, space.degree
         )  # fmt: skip
-        curve = max(found.curve, 4e-16 * float(np.abs(rung.system.ordinates(rung.z)).max()))
+        curve = max(float(found.curve), 4e-16 * found.size)
+        extremal = self.rungs.extremal(rung, found.here.dx, self.along(found))
         return answer(
-            self.rungs.extremal_of(rung), self.method, self.form.sign * found.value, ErrorEstimate(error, curve),
-            space.vertices, stats, status, message, rule=found.system.count,
+            extremal, self.method, self.form.sign * value, ErrorEstimate(error, curve), space.vertices, stats,
+            status, message, rule=found.system.count,
         )  # fmt: skip
+
+    def along(self, found: Estimate) -> Along | None:
+        """What was evaluated along a smooth graph in the user's own coordinates; None for other curves."""
+        system, at, n = found.system, found.at, self.form.n
+        if not self.form.plainly_reported or system.extra or system.order > 1 or system.space.elements > 1:
+            return None
+        top = slice(n, 2 * n)
+        y, dy = at.variables[:, :n].T, at.variables[:, top].T
+        return Along(system.x, y, dy, at.integrands[:, 0], at.slopes[:, 0, top].T, at.hessians[:, 0, top, top])
 
     def alone(self, rung: Rung, found: Estimate) -> Solution:
         """The answer, refused where the minimum is one of a continuum."""
-        solution, step = self.report(rung, found, ""), found.step
-        if step is None or not step.definite:
+        solution = self.report(rung, found, "")
+        if not found.suspect or found.step is None:
             return solution
-        size = max(float(np.abs(rung.system.ordinates(rung.z)).max()), 1e-300)
-        why = degenerate(self.rungs, found.system, found.z, step, found.curve / size)
+        why = degenerate(self.rungs, found.system, found.z, found.step, found.curve / found.size)
         if why is None:
             return solution
         return replace(solution, status=Status.REFUSED, verdict=why[0], message=why[1])

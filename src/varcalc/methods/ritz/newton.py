@@ -11,18 +11,27 @@ singularity to where the functional has no lower bound.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
-from varcalc.methods.ritz.banded import banded_step, solvable
+from varcalc.methods.ritz.elements import banded_step, solvable
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
+from varcalc.numerics.stacked import applied, positive, solutions
 
 STAGNATED = 1e-9
 """Relative Newton decrement below which a search that finds no descent has met round-off."""
 CONVERGED = 1e-11
 """Relative Newton decrement after which one full step leaves only round-off."""
+NEARBY = 1e-5
+"""Relative Newton decrement beyond which no step is the last one, whatever the tolerance."""
+ENOUGH = 1e-2
+"""Share of the tolerance by which the quadratic model may be wrong about the last step: its decrement to the 3/2."""
+QUICK = 1e-2
+"""Share of the decrement before that tells of quadratic convergence: next to a fold an eighth is left each time."""
 ARMIJO = 1e-4
 SHRINK = 0.5
 SMALLEST_STEP = 1e-10
@@ -43,12 +52,24 @@ SETTLING = 5
 """Iterations in which the size of the functional is learnt."""
 DAMPING = 1e-6
 """Shift that keeps a step along a symmetry from being made of round-off."""
+FEASIBLE = 1e-6
+"""Relative miss of a condition at which a step may be the last one."""
+MET = 1e-10
+"""Relative miss of a condition that is none."""
+PENALTY = 1e-3
+"""Least weight of a condition's miss in the merit function, in units of the functional by the condition."""
 INEFFECTIVE = 1e-14
 """Relative derivative of a level, by what is summed to it, that is made of round-off."""
 NEARLY_SINGULAR = 1e-9
 """Generalised eigenvalues below this are symmetries (zero modes), not curvature."""
 ROUND_OFF = 1e-14
 """The same where the factorisation went through: a small eigenvalue may be true, and its step needed whole."""
+SHIFT = -1.5
+"""Multiple of the lowest eigenvalue by which a Hessian is shifted that is not positive."""
+DEPENDENT = 1e-13
+"""Share of the largest gradient of a condition by which another has to differ from it."""
+MANY_ITERATIONS, HALVINGS = 20, 6
+"""Newton steps, and halvings of one, after which one value of many is left to a solve of its own."""
 SINGULAR = 1e8
 """Compliance from which a positive matrix may be so by round-off alone, unless the leading term vanishes somewhere."""
 
@@ -68,42 +89,49 @@ class Step:
     the functional will fall by. ``shift`` is the multiple of the metric that
     was added; ``definite`` tells that none was needed. ``compliance`` is the
     answer to a generic load in units of what the stiffest direction gives: it
-    is large when a mode costs next to nothing.
+    is large when a mode costs next to nothing. ``reduced`` is the Hessian along the conditions, as it was factored.
+    Of many values the first three have a first axis for them, and the rest is not told.
     """
 
     change: np.ndarray
     multipliers: np.ndarray
-    decrement: float
-    shift: float
-    compliance: float
+    decrement: Any
+    shift: float = 0.0
+    compliance: float = 0.0
+    reduced: np.ndarray | None = None
 
     @property
     def definite(self) -> bool:
         """True when the Hessian was positive on the conditions' null space."""
         return self.shift == 0.0
 
+    def __getitem__(self, rows: np.ndarray) -> Step:
+        return Step(self.change[rows], self.multipliers[rows], self.decrement[rows])
+
 
 @dataclass
 class Outcome:
-    """Where an iteration ended. ``reason`` is empty when it converged to a minimum."""
+    """Where an iteration ended. ``reason`` is empty when it converged to a minimum, ``direct`` tells of whole steps."""
 
     z: np.ndarray
     multipliers: np.ndarray
-    evaluation: Evaluation
+    value: float
     iterations: int
     reason: str
+    direct: bool = False
 
 
 def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
     """The (shifted, when need be) Newton step from an evaluation; None when there is none."""
-    if not (np.isfinite(at.pointwise).all() and np.isfinite(at.gradient).all() and np.isfinite(at.jacobian).all()):
+    # a sum is a number where all of its terms are
+    if not math.isfinite(at.hessians.sum() + at.gradient.sum() + (at.jacobian.sum() if len(at.conditions) else 0.0)):
         return None
-    if _ineffective(system, at):
+    if len(system.levels) and not effective(system, at):
         return None
     if system.size > DENSE and solvable(system):
         found = banded_step(system, at, multipliers)
         if found is not None and (found[3] == 0.0 or len(at.conditions) == 0 or system.size > LARGEST_DENSE):
-            return Step(*found, compliance=0.0)
+            return Step(*found)
         if system.size > LARGEST_DENSE:
             return None
     try:
@@ -112,88 +140,151 @@ def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
         return None
 
 
-def _ineffective(system: RitzSystem, at: Evaluation) -> bool:
-    """Whether no change of the curve changes some level but by round-off: its integrand is a total derivative."""
-    count, k, n = len(system.levels), system.k, system.n
-    if not count:
-        return False
-    rows = system.weights @ np.abs(at.pointwise[:, 1 + k + k**2 :])
-    slopes = (2.0 / system.space.widths.min()) ** (np.arange(k) // n)
-    sizes = rows.reshape(count, 1 + k + k**2)[:, 1 : 1 + k] @ np.where(np.arange(k) < k - system.extra, slopes, 1.0)
-    return bool((np.abs(at.jacobian[:count]).max(1, initial=0.0) <= INEFFECTIVE * sizes).any())
+def effective(system: RitzSystem, at: Evaluation) -> Any:
+    """Whether some change of the curve changes each level by more than round-off.
+
+    None does where a level's integrand is a total derivative.
+    """
+    count = len(system.levels)
+    sizes = (np.abs(at.slopes[..., 1:, :]) * system.first[..., None, :]).sum((-3, -1))
+    return np.all(np.abs(at.jacobian[..., :count, :]).max(-1, initial=0.0) > INEFFECTIVE * sizes, axis=-1)
+
+
+class NullSpace:
+    """The directions that keep conditions with a Jacobian (.., m, N) to first order; all of them where m is 0."""
+
+    def __init__(self, jacobian: np.ndarray) -> None:
+        self.count = m = jacobian.shape[-2]
+        if m:
+            q, r = np.linalg.qr(jacobian.swapaxes(-1, -2), mode="complete")
+            self._across, self.basis, self._r = q[..., :m], q[..., m:], r[..., :m, :]
+
+    @property
+    def independent(self) -> Any:
+        """Whether no condition's gradient is a combination of the others'."""
+        if not self.count:
+            return True
+        sizes = np.abs(np.diagonal(self._r, axis1=-2, axis2=-1))
+        return sizes.min(-1) > DEPENDENT * sizes.max(-1)
+
+    def reduced(self, matrices: np.ndarray) -> np.ndarray:
+        """Quadratic forms (.., N, N) on these directions."""
+        return self.basis.swapaxes(-1, -2) @ matrices @ self.basis if self.count else matrices
+
+    def along(self, gradients: np.ndarray) -> np.ndarray:
+        """Linear forms (.., N) on these directions."""
+        return applied(self.basis.swapaxes(-1, -2), gradients) if self.count else gradients
+
+    def step(self, tangents: np.ndarray, normal: Any) -> np.ndarray:
+        """The step along these directions and across them."""
+        return normal + applied(self.basis, tangents) if self.count else tangents
+
+    def back(self, conditions: np.ndarray) -> Any:
+        """The least step that makes up for missing the conditions by so much."""
+        return -applied(self._across, solutions(self._r.swapaxes(-1, -2), conditions)) if self.count else 0.0
+
+    def multipliers(self, slopes: np.ndarray) -> np.ndarray:
+        """The multipliers that cancel slopes (.., N) across, where there are conditions."""
+        return -solutions(self._r, applied(self._across.swapaxes(-1, -2), slopes))
+
+
+class Model:
+    """The quadratic model from an evaluation under the linearised conditions, of one value or of many.
+
+    ``reduced`` and ``slope`` are its Hessian and its gradient on the directions that keep the conditions.
+    """
+
+    def __init__(self, at: Evaluation, hessian: np.ndarray) -> None:
+        self._at, self._hessian, self.null = at, hessian, NullSpace(at.jacobian)
+        self._normal = self.null.back(at.conditions)
+        self.reduced = self.null.reduced(hessian)
+        self.slope = self.null.along(self._gradient(self._normal))
+
+    def _gradient(self, change: Any) -> np.ndarray:
+        return self._at.gradient + applied(self._hessian, change) if self.null.count else self._at.gradient
+
+    def step(self, tangent: np.ndarray, shift: float = 0.0, compliance: float = 0.0) -> Step:
+        """The step that goes by ``tangent`` along the conditions."""
+        change = self.null.step(tangent, self._normal)
+        multipliers = self.null.multipliers(self._gradient(change)) if self.null.count else self._at.conditions
+        decrement = -0.5 * (tangent * self.slope).sum(-1)
+        return Step(change, multipliers, decrement, shift, compliance, self.reduced)
 
 
 def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
     """The step by null-space reduction and dense factorisation."""
     hessian = system.hessian(at, multipliers)
-    count = len(at.conditions)
-    null: np.ndarray | None = None
-    normal, q, r = np.zeros(system.size), np.zeros((0, 0)), np.zeros((0, 0))
-    if count:
-        q, r = np.linalg.qr(at.jacobian.T, mode="complete")
-        r = r[:count]
-        if np.abs(np.diag(r)).min(initial=math.inf) <= 1e-13 * np.abs(np.diag(r)).max(initial=0.0):
-            return None
-        null = q[:, count:]
-        normal = q[:, :count] @ np.linalg.solve(r.T, -at.conditions)
-    gradient = at.gradient + hessian @ normal if count else at.gradient
-    slope = gradient if null is None else null.T @ gradient
-    reduced = hessian if null is None else null.T @ hessian @ null
-    solved, shift = _solved(reduced, slope), 0.0
+    model = Model(at, hessian)
+    if not model.null.independent:
+        return None
+    solved, shift = _solved(model.reduced, model.slope), 0.0
     if solved is None or (solved[1] > SINGULAR and at.legendre > 0.0):
         metric = system.metric(at)
-        flat = metric if null is None else null.T @ metric @ null
-        lowest = lowest_eigenvalue(reduced, flat)
+        lowest = lowest_eigenvalue(model.reduced, model.null.reduced(metric))
         if not math.isfinite(lowest):
             return None
         zero_mode = abs(lowest) < (NEARLY_SINGULAR if solved is None else ROUND_OFF)
         if zero_mode or lowest < 0:
-            shift = DAMPING if zero_mode else -1.5 * lowest
-            hessian, reduced = hessian + shift * metric, reduced + shift * flat
-            gradient = at.gradient + hessian @ normal
-            solved = _solved(reduced, gradient if null is None else null.T @ gradient)
+            shift = DAMPING if zero_mode else SHIFT * lowest
+            model = Model(at, hessian + shift * metric)
+            solved = _solved(model.reduced, model.slope)
         if solved is None:
             return None
         if zero_mode:  # the curvature across it is positive; only the step along it was held
             solved, shift = (solved[0], math.inf), 0.0
-    tangent, compliance = solved
-    if null is None:
-        return Step(tangent, np.zeros(0), -0.5 * float(tangent @ at.gradient), shift, compliance)
-    change = normal + null @ tangent
-    new = np.linalg.solve(r, -(q[:, :count].T @ (at.gradient + hessian @ change)))
-    return Step(change, new, 0.5 * float(tangent @ reduced @ tangent), shift, compliance)
+    return model.step(solved[0], shift, solved[1])
 
 
 def _solved(matrix: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, float] | None:
     """The Newton step and the compliance of a positive matrix; None of any other."""
-    load = generic_load(len(matrix))
-    try:
-        np.linalg.cholesky(matrix)
-        both = np.linalg.solve(matrix, np.column_stack([-slope, load]))
-    except np.linalg.LinAlgError:
+    if not len(matrix):
+        return slope, 0.0
+    load, length = generic_load(len(matrix))
+    _, both, failed = _dposv()(matrix, np.array([-slope, load]).T)
+    if failed:
         return None
-    return both[:, 0], relative_compliance(both[:, 1], load, np.diag(matrix))
+    answer = both[:, 1]
+    compliance = math.sqrt(answer @ answer) * np.abs(matrix.diagonal()).max(initial=0.0) / length
+    return both[:, 0], float(compliance)
+
+
+@lru_cache(maxsize=1)
+def _dposv() -> Callable[..., Any]:
+    """LAPACK's own solution by Cholesky's factors: NumPy's two calls cost ten times as much on a small matrix."""
+    from scipy.linalg.lapack import dposv  # loaded by the first solve, not with the package
+
+    return dposv
+
+
+def load() -> None:
+    """Load what takes a tenth of a second once in a process, and is no part of a solve."""
+    _dposv()
 
 
 @lru_cache(maxsize=64)
-def generic_load(count: int) -> np.ndarray:
-    """A vector with a part in every direction: the fractional parts of multiples of the golden ratio, about zero."""
-    return np.arange(1, count + 1) * (0.5 * (1 + math.sqrt(5))) % 1.0 - 0.5
+def generic_load(count: int) -> tuple[np.ndarray, float]:
+    """A vector with a part in every direction, and its length.
 
-
-def relative_compliance(answer: np.ndarray, load: np.ndarray, diagonal: np.ndarray) -> float:
-    """The length of ``answer`` = H^-1 ``load`` in units of the least it could be."""
-    return float(np.linalg.norm(answer) * np.abs(diagonal).max(initial=0.0) / max(np.linalg.norm(load), 1e-300))
+    Its entries are the fractional parts of multiples of the golden ratio, about zero.
+    """
+    parts = np.arange(1, count + 1) * (0.5 * (1 + math.sqrt(5))) % 1.0 - 0.5
+    return parts, max(float(np.linalg.norm(parts)), 1e-300)
 
 
 def first_multipliers(at: Evaluation) -> np.ndarray:
     """Least-squares multipliers: those that make the gradient of the Lagrangian function smallest.
 
     With none at all an isoperimetric problem may look concave, the convexity
-    being in the constraint.
+    being in the constraint. They are 0 where they would be no numbers.
     """
-    found = np.linalg.lstsq(at.jacobian.T, -at.gradient, rcond=None)[0]
-    return found if np.isfinite(found).all() else np.zeros(len(at.conditions))
+    J = at.jacobian
+    if J.shape[-2] == 1:
+        squares = (J**2).sum(-1)
+        found = -(J * at.gradient[..., None, :]).sum(-1) / np.where(squares > 0, squares, 1.0)
+    else:
+        finite: Any = np.isfinite(J).all((-1, -2))
+        found = -applied(np.linalg.pinv(np.where(finite[..., None, None], J, 0.0).swapaxes(-1, -2)), at.gradient)
+    return np.where(np.isfinite(found).all(-1, keepdims=True), found, 0.0)
 
 
 def lowest_eigenvalue(matrix: np.ndarray, metric: np.ndarray) -> float:
@@ -206,37 +297,48 @@ def lowest_eigenvalue(matrix: np.ndarray, metric: np.ndarray) -> float:
     return float(np.linalg.eigvalsh(np.linalg.solve(factor, half.T))[0])
 
 
-def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton: Newton) -> Outcome:
-    """Iterate from ``z`` to a minimum of the discretised functional."""
+def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton: Newton, tol: float = 0.0) -> Outcome:
+    """Iterate from ``z`` to a minimum of the discretised functional, good enough for a value to the tolerance."""
     at = system.evaluate(z)
     if not _finite(at):
-        return Outcome(z, multipliers, at, 0, NO_NUMBER)
+        return Outcome(z, multipliers, at.value, 0, NO_NUMBER)
     if len(multipliers) and not multipliers.any():
         multipliers = first_multipliers(at)
     guarded = at.legendre > 0.0 and len(at.conditions) == 0
-    largest = at.scale
+    # conditions have to be met whatever the tolerance of the value
+    last = CONVERGED if len(at.conditions) else min(max(CONVERGED, (ENOUGH * tol) ** (2 / 3)), NEARBY)
+    largest, direct, before = at.scale, True, 0.0
     for iteration in range(1, newton.iterations + 1):
         step = newton_step(system, at, multipliers)
         if step is None:
-            return Outcome(z, multipliers, at, iteration, "the Newton step is not defined (degenerate Hessian)")
+            return Outcome(z, multipliers, at.value, iteration, "the Newton step is not defined (degenerate Hessian)")
         multipliers = step.multipliers
         decrement = _decrement(system, at, step, largest)
-        decrement = 0.0 if iteration > EXPECTED and _is_round_off(system, z, step, decrement) else decrement
-        if decrement <= CONVERGED:
-            last = system.evaluate(z + step.change)
-            if _finite(last):
-                z, at = z + step.change, last
-            return Outcome(z, multipliers, at, iteration, _unmet(system, at))
+        late = iteration > EXPECTED
+        quick = decrement <= min(last, QUICK * before)
+        if quick or decrement <= CONVERGED or (late and _is_round_off(system, at, step, decrement)):
+            return _ended(system, z, at, step, iteration, direct=direct)
         following = _search(system, z, at, step, guarded)
         if following is None:
             reason = _unmet(system, at) if decrement <= STAGNATED else "no step along the Newton direction descends"
-            return Outcome(z, multipliers, at, iteration, reason)
-        z, at = following
+            return Outcome(z, multipliers, at.value, iteration, reason)
+        (z, at, whole), before = following, decrement
+        direct = direct and whole and step.definite
         if iteration <= SETTLING:
             largest = max(largest, at.scale)
         elif at.value < -RUNAWAY * largest:
-            return Outcome(z, multipliers, at, iteration, "the functional appears to have no lower bound")
-    return Outcome(z, multipliers, at, newton.iterations, f"no convergence within {newton.iterations} iterations")
+            return Outcome(z, multipliers, at.value, iteration, "the functional appears to have no lower bound")
+    return Outcome(z, multipliers, at.value, newton.iterations, f"no convergence within {newton.iterations} iterations")
+
+
+def _ended(system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, iteration: int, *, direct: bool) -> Outcome:
+    """The end of an iteration one full step from ``z``."""
+    if not len(at.conditions):  # the quadratic model is as good as another evaluation
+        return Outcome(z + step.change, step.multipliers, at.value - step.decrement, iteration, "", direct)
+    last = system.evaluate(z + step.change)
+    if _finite(last):
+        z, at = z + step.change, last
+    return Outcome(z, step.multipliers, at.value, iteration, _unmet(system, at), direct)
 
 
 def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float) -> float:
@@ -245,69 +347,195 @@ def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float) -
     A functional whose minimum is zero loses its own scale on the way; what it
     began with (``largest``) then is the measure.
     """
-    if not (step.definite and _feasible(system, at)):
+    if not step.definite or (len(at.conditions) and missed(system, at, FEASIBLE)):
         return math.inf
-    scale = max(at.scale, VANISHING * largest) + float(np.abs(step.multipliers) @ np.abs(system_levels(system, at)))
+    scale = max(at.scale, VANISHING * largest)
+    if len(at.conditions):
+        scale += float(np.abs(step.multipliers) @ system.sizes(at))
     return step.decrement / scale if scale > 0 else 0.0
 
 
-def _is_round_off(system: RitzSystem, z: np.ndarray, step: Step, decrement: float) -> bool:
+def _is_round_off(system: RitzSystem, at: Evaluation, step: Step, decrement: float) -> bool:
     """Whether a step gains no more than the round-off of the curve costs: the end where the minimum is zero."""
-    return math.isfinite(decrement) and step.decrement <= SQUARED_ROUND_OFF * system.quadratic_size(z)
-
-
-def system_levels(system: RitzSystem, at: Evaluation) -> np.ndarray:
-    """The size of each condition: its level or what is summed to meet it, and that of each equation of the ends."""
-    summed = system.weights @ np.abs(at.pointwise[:, :: 1 + system.k + system.k**2])
-    levels = np.maximum(np.maximum(np.abs(system.levels), summed[1:]), 1e-300)
-    return levels if at.ends is None else np.concatenate([levels, at.ends[-1]])
+    return math.isfinite(decrement) and step.decrement <= SQUARED_ROUND_OFF * system.quadratic_size(at)
 
 
 def _finite(at: Evaluation) -> bool:
-    return math.isfinite(at.value) and bool(np.isfinite(at.conditions).all() and np.isfinite(at.gradient).all())
+    return math.isfinite(at.value + at.gradient.sum() + (at.conditions.sum() if len(at.conditions) else 0.0))
 
 
-def _feasible(system: RitzSystem, at: Evaluation) -> bool:
-    return bool(np.all(np.abs(at.conditions) <= 1e-6 * np.maximum(system_levels(system, at), 1e-300)))
+def missed(system: RitzSystem, at: Evaluation, share: float) -> Any:
+    """Whether some condition is missed by more than a share of its size."""
+    return (np.abs(at.conditions) > share * system.sizes(at)).any(-1)
 
 
 def _unmet(system: RitzSystem, at: Evaluation) -> str:
     """Why a converged iterate is no answer after all: a condition that stays short of its level."""
-    if np.all(np.abs(at.conditions) <= 1e-10 * np.maximum(system_levels(system, at), 1e-300)):
+    if not len(at.conditions) or not missed(system, at, MET):
         return ""
     return f"the side conditions are missed by {float(np.abs(at.conditions).max()):.2g}"
 
 
+class _Merit:
+    """The l1 merit function from an evaluation along a step: the functional, and what missing the conditions costs."""
+
+    def __init__(self, system: RitzSystem, at: Evaluation, step: Step) -> None:
+        self._count, penalty = at.conditions.shape[-1], 0.0
+        if self._count:
+            scale = np.asarray(at.scale)[..., None]
+            self._weights = 2.0 * np.abs(step.multipliers) + PENALTY * scale / system.sizes(at)
+            penalty = (self._weights * np.abs(at.conditions)).sum(-1)
+        self._here = at.value + penalty
+        self._slope = np.minimum((step.change * at.gradient).sum(-1) - penalty, 0.0)
+        self._noise = 1e-14 * (at.scale + np.abs(self._here))
+
+    def falls(self, trial: Evaluation, length: float, rows: Any = ()) -> Any:
+        """Whether it is lower at a ``trial`` on the way, of many values for some ``rows`` of them."""
+        value = trial.value
+        if self._count:
+            value = value + (self._weights[rows] * np.abs(trial.conditions)).sum(-1)
+        return value <= self._here[rows] + ARMIJO * length * self._slope[rows] + self._noise[rows]
+
+
 def _search(
     system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, guarded: bool
-) -> tuple[np.ndarray, Evaluation] | None:
+) -> tuple[np.ndarray, Evaluation, bool] | None:
     """Backtrack on the l1 merit function; trial curves outside the domain or the guard are rejected.
+
+    The curve, what is there, and whether the step was taken whole.
 
     A full step along curved conditions leaves them by its square, which the merit
     function may not forgive however good the step (Maratos; Nocedal and Wright, sect. 18.3): it is then
     corrected to second order once.
     """
-    weights = 2.0 * np.abs(step.multipliers) + 1e-3 * at.scale / np.maximum(system_levels(system, at), 1e-300)
-    merit = at.value + float(weights @ np.abs(at.conditions))
-    fall = float(at.gradient @ step.change) - float(weights @ np.abs(at.conditions))
-    noise = 1e-14 * (at.scale + abs(merit))
+    merit = _Merit(system, at, step)
 
     def descends(trial: Evaluation, length: float) -> bool:
-        if not _finite(trial) or (guarded and trial.legendre <= 0.0):
-            return False
-        value = trial.value + float(weights @ np.abs(trial.conditions))
-        return value <= merit + ARMIJO * length * min(fall, 0.0) + noise
+        return bool(_finite(trial) and not (guarded and trial.legendre <= 0.0) and merit.falls(trial, length))
 
     length = 1.0
     while length > SMALLEST_STEP:
         moved = z + length * step.change
         trial = system.evaluate(moved)
         if descends(trial, length):
-            return moved, trial
+            return moved, trial, length == 1.0
         if length == 1.0 and len(at.conditions) and _finite(trial):
-            moved = moved - np.linalg.lstsq(at.jacobian, trial.conditions, rcond=None)[0]
+            moved = moved + NullSpace(at.jacobian).back(trial.conditions)
             trial = system.evaluate(moved)
             if descends(trial, length):
-                return moved, trial
+                return moved, trial, True
         length *= SHRINK
     return None
+
+
+# Many values at once: the same iteration, in which those that are done or given up are left out. What takes more than
+# that is left to a solve of its own, where zero modes, banded steps and reasons are asked for: one value counts calls,
+# and a mask of one costs as much as a step.
+
+
+@dataclass
+class Minima:
+    """Where the iterations of ``K`` values ended: each entry has a first axis for them; ``found`` tells which count."""
+
+    z: np.ndarray
+    multipliers: np.ndarray
+    value: np.ndarray
+    found: np.ndarray
+    iterations: int = 0
+
+    def __getitem__(self, rows: np.ndarray) -> Minima:
+        return Minima(self.z[rows], self.multipliers[rows], self.value[rows], self.found[rows], self.iterations)
+
+
+def sound(system: RitzSystem, at: Evaluation) -> np.ndarray:
+    """Where everything is a number, and Legendre's condition holds or every level can be changed; (K,) of bool."""
+    found = np.isfinite(at.value) & np.isfinite(at.gradient).all(-1)
+    if not len(system.levels):
+        return found & (at.legendre > 0.0)
+    return found & np.isfinite(at.conditions).all(-1) & np.isfinite(at.jacobian).all((-1, -2)) & effective(system, at)
+
+
+def minima(system: RitzSystem, z: np.ndarray, *, shifting: bool) -> Minima:
+    """Newton's guarded iteration from ``z`` (K, N) for the values that ``system`` stands for.
+
+    Where a Hessian is not positive it is shifted, or, without ``shifting``, the value is given up; so is one where no
+    step descends.
+    """
+    rows, count = np.arange(len(z)), len(system.levels)
+    ended = Minima(z.copy(), np.zeros((len(z), count)), np.full(len(z), np.inf), np.zeros(len(z), dtype=bool))
+    at = system.evaluate(z)
+    multipliers, kept = first_multipliers(at) if count else at.conditions, sound(system, at)
+    while ended.iterations < MANY_ITERATIONS:
+        if not kept.all():
+            rows, system, at, multipliers = rows[kept], system.restricted(kept), at[kept], multipliers[kept]
+        if not len(rows):
+            break
+        ended.iterations += 1
+        model = Model(at, system.hessian(at, multipliers))
+        kept = definite = positive(model.reduced)
+        if not kept.all():
+            if not shifting:
+                continue
+            model = _shifted(system, at, multipliers, model, definite)
+        steps = model.step(-solutions(model.reduced, model.slope))
+        scale = at.scale
+        if count:
+            scale = scale + (np.abs(steps.multipliers) * system.sizes(at)).sum(-1)
+            definite = definite & ~missed(system, at, FEASIBLE)
+        last = definite & (steps.decrement <= CONVERGED * scale)
+        if last.any():
+            _end(ended, rows[last], system.restricted(last), at[last], steps[last])
+            rows, system, at, steps = rows[~last], system.restricted(~last), at[~last], steps[~last]
+            if not len(rows):
+                break
+        kept, ended.z[rows], at = _searched(system, ended.z[rows], at, steps)
+        multipliers = steps.multipliers
+    return ended
+
+
+def _end(ended: Minima, rows: np.ndarray, system: RitzSystem, at: Evaluation, steps: Step) -> None:
+    """The end of some of the iterations one full step from where they are."""
+    ended.z[rows] += steps.change
+    ended.multipliers[rows] = steps.multipliers
+    if not len(system.levels):  # the quadratic model is as good as another evaluation
+        ended.value[rows], ended.found[rows] = at.value - steps.decrement, True
+        return
+    last = system.evaluate(ended.z[rows])
+    ended.value[rows], ended.found[rows] = last.value, np.isfinite(last.value) & ~missed(system, last, MET)
+
+
+def _shifted(system: RitzSystem, at: Evaluation, multipliers: np.ndarray, model: Model, definite: np.ndarray) -> Model:
+    """The model with the Hessians made positive that are not so along the conditions."""
+    hessians = system.hessian(at, multipliers)
+    for k in np.flatnonzero(~definite):
+        metric = system.restricted(np.array([k])).metric(at[np.array([k])])
+        lowest = lowest_eigenvalue(model.reduced[k], NullSpace(at.jacobian[k]).reduced(metric[0]))
+        # along a symmetry, or where there is no metric, nothing tells how far to go
+        hessians[k] += (SHIFT * lowest if lowest < -NEARLY_SINGULAR else np.nan) * metric[0]
+    return Model(at, hessians)
+
+
+def _searched(
+    system: RitzSystem, z: np.ndarray, at: Evaluation, steps: Step
+) -> tuple[np.ndarray, np.ndarray, Evaluation]:
+    """:func:`_search` for many values: where the merit function falls, the curves there and what is there."""
+    merit, moved = _Merit(system, at, steps), z + steps.change
+    trial = system.evaluate(moved)
+    found = sound(system, trial) & merit.falls(trial, 1.0)
+    length, correcting = 1.0, len(system.levels) > 0
+    for _ in range(HALVINGS + correcting):
+        left = np.flatnonzero(~found)
+        if not len(left):
+            break
+        if correcting:
+            shorter = moved[left] + NullSpace(at.jacobian[left]).back(trial.conditions[left])
+        else:
+            length *= SHRINK
+            shorter = z[left] + length * steps.change[left]
+        correcting, part = False, system.restricted(left)
+        there = part.evaluate(shorter)
+        good = sound(part, there) & merit.falls(there, length, left)
+        moved[left[good]] = shorter[good]
+        trial.enter(left[good], there[good])
+        found[left[good]] = True
+    return found, moved, trial

@@ -2,124 +2,234 @@
 
 The unknowns are the free coefficients of the curve followed by the unknown
 numbers of the form; the side conditions are the isoperimetric equalities
-followed by the equations of the ends. CasADi supplies only the pointwise
-derivatives of the integrands, all in one mapped call; the rest is a few
-matrix products.
+followed by the equations of the ends. The integrands' own derivatives at the
+Gauss points (:mod:`.integrands`) between the matrices that take the unknowns
+there (:class:`OneElement`, :class:`.Elements`) are those of the functional.
+
+A system may stand for ``K`` values of the parameters, which move the ends or
+change the integrand: then the arrays have one more axis, the first, for them. Unknowns may have
+more leading axes than the system; every curve they stand for is evaluated.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import Any
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, Self
 
-import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Form
-from varcalc.methods.ritz.element import OneElement
-from varcalc.numerics.mesh import Space, basis_at_gauss
-from varcalc.problem.lagrangian import Lagrangian
-from varcalc.symbolic.buffered import BufferedCall
-from varcalc.symbolic.derived import derived
+from varcalc.formulation import Form, Reported, Sampled
+from varcalc.methods.ritz.elements import Elements
+from varcalc.methods.ritz.integrands import CompiledIntegrands, Integrands, NumericIntegrand, at_ends
+from varcalc.numerics.mesh import Space, basis_at_gauss, gauss
+
+SEVERAL = 4
+"""Functions beyond which a matrix is assembled by pairs of them."""
 
 
-@lru_cache(maxsize=64)
-def _products(smoothness: int, degree: int, count: int, order: int) -> np.ndarray:
-    """Products of all pairs of local functions and derivatives at the Gauss points.
+def quadrature_points(degree: int) -> int:
+    """Gauss points an element: half as many again as the degree, exact for cubes of the slope."""
+    return degree + degree // 2 + 2
 
-    Shape (P^2, (order + 1)^2 count), the factor of a local matrix:
-    entry (i P + j, (d D + e) count + q) is B_d[q, i] B_e[q, j].
+
+class OneElement:
+    """One polynomial a function: ``matrix`` (Q, k, N) takes N free unknowns to k variables at Q points of [-1, 1].
+
+    The variables are the functions, their derivatives up to ``order``, and ``extra`` unknown numbers, which are the
+    last of the unknowns. On [-1, 1] all of it is the same for every length. ``free`` and ``held`` number the
+    coefficients that may move, and those that the ends fix.
     """
-    table = basis_at_gauss(smoothness, degree, count, order)
-    pairs = np.einsum("dqi,eqj->ijdeq", table, table)
-    return np.ascontiguousarray(pairs.reshape((degree + 1) ** 2, -1))
+
+    def __init__(self, n: int, degree: int, order: int, count: int, held: np.ndarray, extra: int) -> None:
+        space = Space(np.array([-1.0, 1.0]), degree, n, order)
+        self.numbers, self.held, self.free = space.numbers[0], held, np.delete(np.arange(space.size), held)
+        self.n, self.count, self.order, self.k = n, count, order, (order + 1) * n + extra
+        table = basis_at_gauss(order, degree, count, order) * space.local_scale[0]
+        columns = np.zeros((count, self.k - extra, space.size))
+        for d in range(order + 1):
+            for a in range(n):  # all else is zero: of many functions almost everything
+                columns[:, d * n + a, self.numbers[:, a]] = table[d]
+        self.matrix = np.zeros((count, self.k, len(self.free) + extra))
+        self.matrix[:, : self.k - extra, : len(self.free)] = columns[:, :, self.free]
+        self.matrix[:, self.k - extra :, len(self.free) :] = np.eye(extra)
+        self.flat = self.matrix.reshape(count * self.k, -1)
+        known = np.zeros((count, self.k, len(held)))
+        known[:, : self.k - extra] = columns[:, :, held]
+        self.known = known.reshape(count * self.k, -1)
+        self._pairs = None
+        if n > SEVERAL and not extra:
+            self._pairs = np.einsum("dqi,eqj->ijqde", table, table).reshape((degree + 1) ** 2, -1)
+            self._order = np.argsort(self.numbers.ravel())[self.free]
+
+    def fixed(self, coefficients: np.ndarray) -> np.ndarray:
+        """What the coefficients (..., size) that are held add to the variables, (..., Q, k)."""
+        held = coefficients[..., self.held]
+        return (held @ self.known.T).reshape(*held.shape[:-1], self.count, self.k)
+
+    def variables(self, z: np.ndarray) -> np.ndarray:
+        """What unknowns (..., N) add to the variables, (..., Q, k)."""
+        return (z @ self.flat.T).reshape(*z.shape[:-1], self.count, self.k)
+
+    def gradient(self, rows: np.ndarray) -> np.ndarray:
+        """Sums over the points of derivatives by the variables (..., Q, k) as derivatives by the unknowns, (..., N)."""
+        return rows.reshape(*rows.shape[:-2], -1) @ self.flat
+
+    def matrices(self, blocks: np.ndarray) -> np.ndarray:
+        """The same for second derivatives (..., Q, k, k), which are matrices (..., N, N) of the unknowns.
+
+        Each function has the same polynomials, so that the entries of all pairs of many functions are one product of
+        what two polynomials contribute at a point: quadratic in their number, not cubic.
+        """
+        lead = blocks.shape[:-3]
+        if self._pairs is None:
+            return self.flat.T @ (blocks @ self.matrix).reshape(*lead, *self.flat.shape)
+        n, depth, size = self.n, self.order + 1, len(self.numbers)
+        rows = blocks.reshape(*lead, self.count, depth, n, depth, n).swapaxes(-3, -2).reshape(*lead, -1, n * n)
+        whole = (self._pairs @ rows).reshape(*lead, size, size, n, n).swapaxes(-3, -2)
+        return whole.reshape(*lead, size * n, size * n)[..., self._order[:, None], self._order]
+
+
+@lru_cache(maxsize=256)
+def _one_element(n: int, degree: int, order: int, count: int, held: tuple[int, ...], extra: int) -> OneElement:
+    return OneElement(n, degree, order, count, np.array(held, dtype=int), extra)
+
+
+def assembly(space: Space, order: int, count: int, held: np.ndarray, extra: int) -> OneElement | Elements:
+    """What takes the unknowns of a space to points and back, where the coefficients of the numbers ``held`` are."""
+    if space.elements > 1 or space.periodic:
+        return Elements(space, order, count, np.delete(np.arange(space.size), held), extra)
+    return _one_element(space.n, space.degree, order, count, tuple(held.tolist()), extra)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the curves of ``K`` values run: ``spans`` (K, 2) in s, what is fixed at the ends (K, n), parameters."""
+
+    spans: np.ndarray
+    start: np.ndarray
+    end: np.ndarray
+    parameters: np.ndarray
+
+    @property
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """What is fixed at the start and at the end."""
+        return self.start, self.end
+
+    def __getitem__(self, rows: np.ndarray) -> Places:
+        return Places(self.spans[rows], self.start[rows], self.end[rows], self.parameters[rows])
 
 
 @dataclass
 class Evaluation:
-    """The discrete functional and its derivatives at one point.
+    """The discrete functional and its derivatives at one point, or at several: then all have more leading axes.
 
     ``value`` is what is minimised, ``scale`` the sum of the absolute
-    contributions (the size of round-off), ``conditions`` the side conditions,
+    contributions (the size of round-off), ``conditions`` (m,) the side conditions,
     zero on admissible curves, ``legendre`` the least eigenvalue of L_y'y' (of the highest slope) over
-    all points. ``gradient`` and ``jacobian`` are for the free unknowns.
+    all points. ``gradient`` (N,) and ``jacobian`` (m, N) are for the free unknowns. At the Q points ``variables``
+    (Q, k) are the curve and its slopes, ``integrands`` (Q, 1 + levels), ``slopes`` (Q, 1 + levels, k) and
+    ``hessians`` (Q, 1 + levels, k, k) what the integrands are there, ``summed`` (levels,) the integrals of the
+    absolute values of those of the levels.
     """
 
-    value: float
-    scale: float
+    value: Any
+    scale: Any
     conditions: np.ndarray
     gradient: np.ndarray
     jacobian: np.ndarray
-    legendre: float
-    pointwise: np.ndarray
-    ends: list[np.ndarray] | None
+    legendre: Any
+    variables: np.ndarray
+    integrands: np.ndarray
+    slopes: np.ndarray
+    hessians: np.ndarray
+    summed: np.ndarray
+    ends: list[np.ndarray] | None = None
 
+    def __getitem__(self, rows: np.ndarray) -> Self:
+        """Some of the evaluations along the first axis."""
+        return replace(self, **{name: v[rows] for name, v in vars(self).items() if name != "ends"})
 
-@dataclass
-class Reported:
-    """The reported integrand (m,), ordinates (n, m), and where they differ from the form's own: dy/ds, x, dx/ds."""
-
-    integrand: np.ndarray
-    y: np.ndarray
-    dy: np.ndarray | None = None
-    x: np.ndarray | None = None
-    dx: np.ndarray | None = None
+    def enter(self, rows: np.ndarray, other: Evaluation) -> None:
+        """Put other evaluations in the places of some."""
+        for name, values in vars(other).items():
+            if name != "ends":
+                getattr(self, name)[rows] = values
 
 
 class RitzSystem:
-    """A form discretised on ``space`` with ``count`` Gauss points an element."""
+    """A form discretised on ``space`` with ``count`` Gauss points an element; at ``places``, on one element, if given.
 
-    def __init__(self, form: Form, space: Space, count: int) -> None:
-        self.form, self.space, self.count = form, space, count
+    With places the space is that of one value, which may be any: each has an interval of its own.
+    """
+
+    def __init__(self, form: Form, space: Space, count: int | None = None, places: Places | None = None) -> None:
+        self.form, self.space, self.places = form, space, places
+        self.count = quadrature_points(space.degree) if count is None else count
         self.order, self.n = form.order, form.n
         self.extra = len(form.unknown_guess)
         self.equalities = [c for c in form.integrals if c.equality]
         self.levels = np.array([c.lower for c in self.equalities])
         self.k = (self.order + 1) * self.n + self.extra
-        self._fix()
-        self._wire()
+        self.top = slice(self.order * self.n, (self.order + 1) * self.n)
+        self.fixed, held = self._held()
+        self.assembly = assembly(space, self.order, self.count, held, self.extra)
+        self.free, self.size = self.assembly.free, len(self.assembly.free) + self.extra
+        self.x, self.weights, self.lengths, self.scale, self.first, self.second = self._placed()
+        self.offset = self.assembly.fixed(self.fixed) * self.scale
+        self.source = self.integrands_at(self.x)
 
-    def _fix(self) -> None:
-        """Which coefficients are free, and the values of the others."""
-        self.fixed = np.full(self.space.size, np.nan)
-        last = self.space.elements
-        marks: list[tuple[int, np.ndarray]] = [(0, self.form.fixed_start), (last, self.form.fixed_end)]
-        for at, demanded in self.form.waypoints:
-            vertex = int(np.argmin(np.abs(self.space.vertices - at)))
-            marks.append((vertex, np.array([[np.nan if v is None else v for v in demanded]])))
-        for vertex, values in marks:
-            for k in range(values.shape[0]):
-                for a in range(self.n):
-                    if not np.isnan(values[k, a]):
-                        number = self.space.vertex_number(vertex, k, a)
-                        self.fixed[number] = values[k, a] * self.space.vertex_scale**k
-        self.free = np.flatnonzero(np.isnan(self.fixed))
-        self.fixed = np.nan_to_num(self.fixed)
-        self.size = len(self.free) + self.extra
+    def _held(self) -> tuple[np.ndarray, np.ndarray]:
+        """The coefficients, zero where they are free, and the numbers of those that the ends or waypoints hold."""
+        form, space, m = self.form, self.space, self.space.smoothness
+        powers: Any = space.vertex_scale ** np.arange(m)[:, None] if m > 1 else 1.0
+        start, end = form.fixed_start, form.fixed_end
+        marks = [(space.numbers[0, : len(start)], start), (space.numbers[-1, m : m + len(end)], end)]
+        for at, demanded in form.waypoints:
+            vertex = int(np.argmin(np.abs(space.vertices - at)))
+            value = np.array([[np.nan if v is None else v for v in demanded]])
+            marks.append((space.numbers[vertex - 1, m : m + 1], value))
+        values = np.concatenate([(v * powers[: len(v)] if m > 1 else v).ravel() for _, v in marks])
+        numbers, given = np.concatenate([own.ravel() for own, _ in marks]), ~np.isnan(values)
+        fixed, held = np.zeros(space.size), numbers[given]
+        fixed[held] = values[given]
+        if self.places is not None:
+            fixed = np.zeros((len(self.places.spans), space.size))
+            for vertex, own in zip(space.numbers[0], self.places.ends, strict=False):
+                fixed[:, vertex] = np.nan_to_num(own)
+        return fixed, held
 
-    def _wire(self) -> None:
-        """The mapped pointwise function on buffers of its own, so that a call costs microseconds."""
-        points = self.space.elements * self.count
-        x, weights = self.space.quadrature(self.count)
-        self.weights = weights.ravel()
-        parameters = self.form.problem.parameter_values
-        acceleration = self.n if self.order == 2 else 0
-        self._arguments = [
-            np.ascontiguousarray(x.ravel()),
-            np.zeros((points, self.n)),
-            np.zeros((points, self.n)),
-            np.zeros((points, acceleration)),
-            np.tile(parameters, (points, 1)),
-            np.zeros((points, self.extra)),
-        ]
-        self._out = np.zeros((points, (1 + len(self.equalities)) * (1 + self.k + self.k**2)))
-        self._pointwise = BufferedCall(pointwise(self.form).map(points), self._arguments, self._out)
-        self.single: OneElement | None = None
-        if self.space.elements == 1 and not self.space.periodic:
-            self.single = OneElement(self.space, self.count, self.order, self.free, self.fixed, self.extra)
-        self._slope_scale = [(2.0 / self.space.widths[:, None, None]) ** d for d in range(self.order + 1)]
+    def _placed(self) -> tuple[Any, ...]:
+        """Abscissae, weights, lengths and factors of derivatives: see :func:`_rule`."""
+        powers, space = (self.order, self.n, self.extra), self.space
+        if self.places is not None:
+            return _rule(self.places.spans[..., None], self.count, *powers)
+        if space.elements == 1:
+            return _rule_of_one(*space.vertices.tolist(), self.count, *powers)
+        ends = np.stack([space.vertices[:-1], space.vertices[1:]])
+        return _rule(ends, self.count, *powers)
+
+    def integrands_at(self, s: np.ndarray) -> Integrands:
+        """The integrands at abscissae (.., points)."""
+        form = self.form
+        if self.places is not None:
+            return CompiledIntegrands(form, s, self.places.parameters[:, None])
+        # beyond one element what is built pays
+        if form.numbers is not None and self.space.elements == 1 and not form.integrals:
+            return NumericIntegrand(form, s)
+        return CompiledIntegrands(form, s, form.problem.parameter_values[None])
+
+    def restricted(self, rows: np.ndarray) -> RitzSystem:
+        """The system of some of the values, which may be repeated."""
+        if self.places is None or (rows.dtype == bool and rows.all()):
+            return self
+        other, places = object.__new__(type(self)), self.places[rows]
+        other.__dict__ = self.__dict__ | {"places": places}
+        for name in ("fixed", "x", "weights", "lengths", "scale", "offset", "first", "second"):
+            setattr(other, name, getattr(self, name)[rows])
+        other.source = other.integrands_at(other.x)
+        return other
 
     # unknowns <-> coefficients
 
@@ -129,233 +239,227 @@ class RitzSystem:
 
     def coefficients(self, z: np.ndarray) -> np.ndarray:
         """All coefficients, fixed ones included, of the unknowns ``z``."""
-        c = self.fixed.copy()
-        c[self.free] = z[: len(self.free)]
+        c = np.broadcast_to(self.fixed, (*z.shape[:-1], self.space.size)).copy()
+        c[..., self.free] = z[..., : len(self.free)]
         return c
+
+    def fitted(self, curve: Sampled) -> np.ndarray:
+        """The unknowns of a curve."""
+        return self.gauged(self.pack(self.space.fit(curve), self.form.unknown_guess))
+
+    def gauged(self, z: np.ndarray) -> np.ndarray:
+        """Unknowns (.., N) in which the speed of the curve, where it is one of them, is that of the curve."""
+        if self.form.gauged:
+            velocity = self.variables(z)[..., self.n : 2 * self.n]
+            speed = np.sqrt((velocity**2).sum(-1).mean(-1))
+            z[..., -1] = np.where(speed > 0, speed, z[..., -1])
+        return z
 
     def unknowns(self, z: np.ndarray) -> np.ndarray:
         """The unknown numbers of the form in ``z``."""
-        return z[len(self.free) :]
+        return z[..., len(self.free) :]
+
+    def variables(self, z: np.ndarray) -> np.ndarray:
+        """The curve, its slopes and the unknown numbers at the quadrature points, (.., points, k)."""
+        return self.assembly.variables(z) * self.scale + self.offset
+
+    def along(self, z: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """The same at abscissae s (m,), (m, k)."""
+        coefficients, unknowns = self.coefficients(z), self.unknowns(z)
+        rows = [self.space.evaluate(coefficients, s, d) for d in range(self.order + 1)]
+        return np.vstack([*rows, np.repeat(unknowns[:, None], len(s), axis=1)]).T
+
+    def moved(self, step: np.ndarray) -> np.ndarray:
+        """By how much a step of the unknowns changes the variables."""
+        return self.assembly.variables(step) * self.scale
 
     def ordinates(self, z: np.ndarray) -> np.ndarray:
         """The curve at the quadrature points, shape (points, n)."""
-        return self.space.at_quadrature(self.coefficients(z), self.count, 0)[0].reshape(-1, self.n)
-
-    # evaluation
-
-    def _fill(self, z: np.ndarray) -> None:
-        """Put the curve of ``z`` into the arguments of the pointwise functions."""
-        if self.single is not None:
-            values, n = self.single.values(z), self.n
-            for d in range(self.order + 1):
-                self._arguments[1 + d][:] = values[:, d * n : (d + 1) * n]
-            self._arguments[5][:] = values[:, (self.order + 1) * n :]
-            return
-        table = basis_at_gauss(self.space.smoothness, self.space.degree, self.count, self.order)
-        local = self.space.local(self.coefficients(z))
-        for d in range(self.order + 1):
-            self._arguments[1 + d][:] = (self._slope_scale[d] * (table[d] @ local)).reshape(-1, self.n)
-        if self.extra:
-            self._arguments[5][:] = self.unknowns(z)
+        return self.variables(z)[..., : self.n]
 
     def arguments(self, z: np.ndarray) -> list[np.ndarray]:
         """s, y, dy, ddy, parameters and unknowns at the quadrature points, one column a point."""
-        self._fill(z)
-        return [self._arguments[0][None, :], *(a.T.copy() for a in self._arguments[1:])]
+        rows, n, depth = self.variables(z).T, self.n, self.order + 1
+        blank = np.zeros((0, len(self.x)))
+        slopes = [rows[d * n : (d + 1) * n] for d in range(depth)] + [blank] * (3 - depth)
+        parameters = np.repeat(self.form.problem.parameter_values[:, None], len(self.x), axis=1)
+        return [self.x[None, :], *slopes, parameters, rows[depth * n :]]
 
-    def reported(self, z: np.ndarray) -> Reported:
-        """What is reported of a curve at the quadrature points, in the person's coordinates."""
-        self._fill(z)
-        form = self.form
-        out = self._reporter()
-        if form.lifted is None:
-            return Reported(out[:, 0], self._arguments[1].T.copy())
-        n = form.problem.n
-        return Reported(out[:, 0], out[:, 2 : 2 + n].T, out[:, 3 + n :].T, out[:, 1], out[:, 2 + n])
-
-    @cached_property
-    def _reporter(self) -> Callable[[], np.ndarray]:
-        """The reported functional and the lifted curve at the points last filled in."""
-        function, points = reported(self.form), len(self.weights)
-        out = np.zeros((points, function.size1_out(0)))
-        call = BufferedCall(function.map(points), self._arguments, out)
-
-        def run() -> np.ndarray:
-            call()
-            return out.copy()
-
-        return run
+    # evaluation
 
     def evaluate(self, z: np.ndarray) -> Evaluation:
         """Everything but the Hessian's assembly; entries are inf or NaN outside the domain."""
-        self._fill(z)
-        self._pointwise()
-        out = self._out.copy()
-        stride = 1 + self.k + self.k**2
-        with np.errstate(invalid="ignore", over="ignore"):
-            values = self.weights @ out[:, ::stride]
-            scale = float(self.weights @ np.abs(out[:, 0]))
-            rows = [
-                self.assembled_gradient(out[:, j * stride + 1 : j * stride + 1 + self.k]) for j in range(len(values))
-            ]
-        if self.form.one_sided and (self._arguments[1][:, self.form.one_sided] < 0).any():
-            values[0] = np.inf
-        conditions = values[1:] - self.levels
-        value, gradient, jacobian = float(values[0]), rows[0], np.array(rows[1:]).reshape(len(rows) - 1, self.size)
-        ends = None
+        at = self.integrated(z)
         if self.form.ends is not None:
-            ends = self._evaluate_ends(z)
-            value += float(ends[0][0, 0])
-            scale += abs(float(ends[0][0, 0]))
-            where = self._end_positions()
-            np.add.at(gradient, where[0], ends[1].ravel()[where[1]])
-            conditions = np.concatenate([conditions, ends[2].ravel()])
-            block = np.zeros((ends[2].size, self.size))
-            for r in range(ends[2].size):
-                np.add.at(block[r], where[0], ends[3][r][where[1]])
-            jacobian = np.vstack([jacobian, block])
-        return Evaluation(value, scale, conditions, gradient, jacobian, self._legendre(out), out, ends)
+            self._add_ends(at, z)
+        return at
 
-    def quadratic_size(self, z: np.ndarray) -> float:
+    def integrated(self, z: np.ndarray) -> Evaluation:
+        """The same without the cost and the equations of the ends."""
+        variables = self.variables(z)
+        integrands, slopes, hessians = self.source.derivatives(variables)
+        with np.errstate(invalid="ignore", over="ignore"):
+            values, sizes = self._sums(integrands), self._sums(np.abs(integrands))
+            gradient = self.assembly.gradient(slopes[..., 0, :] * self.first)
+            rows = [self.assembly.gradient(slopes[..., 1 + j, :] * self.first) for j in range(len(self.levels))]
+            legendre = least_eigenvalue(hessians[..., 0, self.top, self.top])
+        value = self._one_sided(values[..., 0], variables)
+        jacobian = np.stack(rows, axis=-2) if rows else np.empty((*gradient.shape[:-1], 0, self.size))
+        return Evaluation(
+            value, sizes[..., 0], values[..., 1:] - self.levels, gradient, jacobian, legendre, variables,
+            integrands, slopes, hessians, sizes[..., 1:],
+        )  # fmt: skip
+
+    def _sums(self, values: np.ndarray) -> np.ndarray:
+        """The integrals of functions given at the points, (.., points, functions)."""
+        return self.weights @ values if self.places is None else (self.weights[:, None] @ values)[:, 0]
+
+    def _one_sided(self, value: Any, variables: np.ndarray) -> Any:
+        """The value, infinite where a function that is positive is negative somewhere."""
+        for a in self.form.one_sided:
+            value = np.where(variables[..., a].min(-1) < 0, np.inf, value)[()]
+        return value
+
+    def measured(self, z: np.ndarray) -> tuple[Any, np.ndarray]:
+        """The functional of curves ``z`` (K, N) and the integrals less their levels (K, levels), and no more."""
+        variables = self.variables(z)
+        with np.errstate(invalid="ignore", over="ignore"):
+            values = self._sums(self.source.values(variables))
+        value = self._one_sided(values[..., 0], variables)
+        if self.form.ends is not None:
+            value = value + np.array([self.end_cost(own) for own in z])
+        return value, values[..., 1:] - self.levels
+
+    def sizes(self, at: Evaluation) -> np.ndarray:
+        """The size of each condition: its level or what is summed to meet it, and that of each equation of the ends."""
+        levels = np.maximum(np.maximum(np.abs(self.levels), at.summed), 1e-300)
+        return levels if at.ends is None else np.concatenate([levels, at.ends[-1]])
+
+    def quadratic_size(self, at: Evaluation) -> float:
         """The sum of the squares of y, its slopes and the unknown numbers, each times its own second derivative of L.
 
         A functional may be zero by cancellation of terms of this size, each with its round-off.
         """
-        k = self.k
-        pointwise = self.evaluate(z).pointwise
-        values = np.hstack([self._arguments[d] for d in (*range(1, self.order + 2), 5)])
-        diagonal = np.abs(pointwise[:, 1 + k : 1 + k + k * k : k + 1])
-        return float(self.weights @ (diagonal * values**2).sum(1))
+        diagonal = np.abs(at.hessians[:, 0].diagonal(0, 1, 2))
+        return float(self.weights @ (diagonal * at.variables**2).sum(1))
 
-    def integrands(self, evaluation: Evaluation) -> np.ndarray:
-        """The integrand and those of the levels at the quadrature points, shape (points, 1 + levels)."""
-        return evaluation.pointwise[:, :: 1 + self.k + self.k**2]
-
-    def assembled_gradient(self, rows: np.ndarray) -> np.ndarray:
-        """The gradient in the free unknowns of an integral, from that of its integrand in (y, y', .., unknowns)."""
-        weighted = rows * self.weights[:, None]
-        if self.single is not None:
-            return self.single.gradient(weighted)
-        elements, n = self.space.elements, self.n
-        table = basis_at_gauss(self.space.smoothness, self.space.degree, self.count, self.order)
-        total = np.zeros((elements, self.space.degree + 1, n))
-        for d in range(self.order + 1):
-            part = weighted[:, d * n : (d + 1) * n].reshape(elements, self.count, n)
-            total += self._slope_scale[d] * (table[d].T @ part)
-        total *= self.space.local_scale[:, :, None]
-        full = np.bincount(self.space.numbers.ravel(), total.ravel(), self.space.size)
-        return np.concatenate([full[self.free], weighted[:, (self.order + 1) * n :].sum(0)])
-
-    def _legendre(self, out: np.ndarray) -> float:
-        """Least eigenvalue of the Hessian of the integrand in the highest slope over all points."""
-        n, k = self.n, self.k
-        hessian = out[:, 1 + k : 1 + k + k * k].reshape(-1, k, k)
-        block = hessian[:, self.order * n : (self.order + 1) * n, self.order * n : (self.order + 1) * n]
-        if not np.isfinite(block).all():
-            return -np.inf
-        if n == 1:
-            return float(block.min())
-        if n == 2:  # closed form of the lesser eigenvalue; eigvalsh costs a hundred times more
-            half = 0.5 * (block[:, 0, 0] + block[:, 1, 1])
-            gap = np.hypot(0.5 * (block[:, 0, 0] - block[:, 1, 1]), block[:, 0, 1])
-            return float((half - gap).min())
-        return float(np.linalg.eigvalsh(block).min())
+    def reported(self, at: Evaluation, moved: np.ndarray | None = None) -> Reported:
+        """What is reported at the quadrature points of a curve, or of one whose variables are ``moved`` from there."""
+        if self.form.plainly_reported:
+            variables = at.variables if moved is None else at.variables + moved
+            y, dy = variables[..., : self.n], variables[..., self.n : 2 * self.n]
+            return Reported(at.integrands[..., 0], self.x, y, np.ones(1), dy)
+        return self.source.reported(at.variables if moved is None else at.variables + moved)
 
     # Hessian
 
-    def combined(self, evaluation: Evaluation, multipliers: np.ndarray) -> np.ndarray:
-        """Pointwise Hessian of integrand + sum lambda_j g_j, weighted; shape (points, k, k)."""
-        k, stride = self.k, 1 + self.k + self.k**2
-        out = evaluation.pointwise
-        total = out[:, 1 + k : stride].copy()
+    def _lagrangian(self, at: Evaluation, multipliers: np.ndarray) -> np.ndarray:
+        """Pointwise Hessian of integrand + sum lambda_j g_j; shape (.., points, k, k)."""
+        total = at.hessians[..., 0, :, :]
         for j in range(len(self.equalities)):
-            total += multipliers[j] * out[:, (j + 1) * stride + 1 + k : (j + 2) * stride]
-        return (total * self.weights[:, None]).reshape(-1, k, k)
+            total = total + multipliers[..., j, None, None, None] * at.hessians[..., 1 + j, :, :]
+        return total
 
-    def local_matrices(self, blocks: np.ndarray) -> np.ndarray:
-        """Element matrices of a pointwise (weighted) quadratic form in (y, y', ..); (E, P n, P n)."""
-        E, Q, n, D, P = self.space.elements, self.count, self.n, self.order + 1, self.space.degree + 1
-        shaped = blocks.reshape(E, Q, D, n, D, n).transpose(0, 2, 4, 1, 3, 5)
-        factor = np.empty((E, D, D, 1, 1, 1))
-        for d in range(D):
-            for e in range(D):
-                factor[:, d, e, 0, 0, 0] = (2.0 / self.space.widths) ** (d + e)
-        shaped = (shaped * factor).reshape(E, D * D * Q, n * n)
-        local = _products(self.space.smoothness, self.space.degree, Q, self.order) @ shaped
-        local = local.reshape(E, P, P, n, n).transpose(0, 1, 3, 2, 4)
-        s = self.space.local_scale
-        return (local * s[:, :, None, None, None] * s[:, None, None, :, None]).reshape(E, P * n, P * n)
+    def combined(self, at: Evaluation, multipliers: np.ndarray) -> np.ndarray:
+        """Pointwise Hessian of integrand + sum lambda_j g_j, weighted; shape (.., points, k, k)."""
+        return self._lagrangian(at, multipliers) * self.weights[..., None, None]
 
-    def hessian_parts(
-        self, evaluation: Evaluation, multipliers: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Hessian of the Lagrangian function: element matrices, border (coefficients, extra), corner."""
-        n, D = self.n, self.order + 1
-        combined = self.combined(evaluation, multipliers)
-        local = self.local_matrices(combined[:, : D * n, : D * n])
-        border, corner = np.zeros((self.space.size, self.extra)), np.zeros((self.extra, self.extra))
-        if self.extra:
-            table = basis_at_gauss(self.space.smoothness, self.space.degree, self.count, self.order)
-            mixed = combined[:, : D * n, D * n :].reshape(self.space.elements, self.count, D, n, self.extra)
-            for j in range(self.extra):
-                total = sum(self._slope_scale[d] * (table[d].T @ mixed[:, :, d, :, j]) for d in range(D))
-                total = total * self.space.local_scale[:, :, None]
-                border[:, j] = np.bincount(self.space.numbers.ravel(), total.ravel(), self.space.size)
-            corner = combined[:, D * n :, D * n :].sum(0)
-        return local, border, corner
+    def assembled(self, blocks: np.ndarray) -> np.ndarray:
+        """The matrix (.., N, N) of pointwise (weighted) quadratic forms in the variables, (.., points, k, k)."""
+        return self.assembly.matrices(blocks * (self.scale[..., None] * self.scale[..., None, :]))
 
-    def hessian(self, evaluation: Evaluation, multipliers: np.ndarray) -> np.ndarray:
+    def parts(self, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same on several elements: element matrices, border (coefficients, extra), corner."""
+        assert isinstance(self.assembly, Elements)
+        return self.assembly.parts(blocks * (self.scale[..., None] * self.scale[..., None, :]))
+
+    def hessian(self, at: Evaluation, multipliers: np.ndarray) -> np.ndarray:
         """Dense Hessian of the Lagrangian function in the free unknowns."""
-        if self.single is not None:
-            full = self.single.hessian(self.combined(evaluation, multipliers))
-        else:
-            full = self.dense(*self.hessian_parts(evaluation, multipliers))
-        return full if evaluation.ends is None else full + self._end_hessian(evaluation, multipliers)
+        full = self.assembly.matrices(self._lagrangian(at, multipliers) * self.second)
+        return full if at.ends is None else full + self._end_hessian(at, multipliers)
 
-    def dense(self, local: np.ndarray, border: np.ndarray, corner: np.ndarray) -> np.ndarray:
-        """Assemble element matrices and a border into one dense matrix for the free unknowns."""
-        size, free = self.space.size, len(self.free)
-        numbers = self.space.numbers.reshape(self.space.elements, -1)
-        if self.space.elements == 1 and not self.space.periodic:
-            full = np.empty((size, size))
-            full[np.ix_(numbers[0], numbers[0])] = local[0]
-        else:
-            flat = numbers[:, :, None] * size + numbers[:, None, :]
-            full = np.bincount(flat.ravel(), local.ravel(), size * size).reshape(size, size)
-        out = np.empty((self.size, self.size))
-        out[:free, :free] = full[np.ix_(self.free, self.free)]
-        out[:free, free:] = border[self.free]
-        out[free:, :free] = border[self.free].T
-        out[free:, free:] = corner
+    def leading(self, curvature: np.ndarray) -> np.ndarray:
+        """The leading term of a (weighted) pointwise form: that of the highest slope, on the interval's length of y."""
+        out, n = np.zeros_like(curvature), self.n
+        lengths = np.asarray(self.lengths)[..., None, None, None]
+        for d in range(self.order + 1):
+            rows = slice(d * n, (d + 1) * n)
+            out[..., rows, rows] = curvature[..., self.top, self.top] * lengths ** (2.0 * (d - self.order))
         return out
 
-    def metric_blocks(self, evaluation: Evaluation) -> tuple[np.ndarray, np.ndarray]:
-        """A positive pointwise (weighted) quadratic form, and a diagonal for the unknown numbers.
+    def leading_term(self, at: Evaluation, z: np.ndarray) -> np.ndarray:
+        """The Gram matrix of the leading term of L, in which an unknown number is measured by what it costs.
+
+        Its unit is the change that would cost the whole functional.
+        """
+        hessians = at.hessians[..., 0, :, :]
+        blocks = self.leading(hessians * self.weights[..., None, None])
+        if self.extra:
+            numbers = np.arange(self.k - self.extra, self.k)
+            own = np.abs(self.weights @ hessians[:, numbers, numbers])
+            own = np.maximum(own, at.scale / self._sizes_of_numbers(z) ** 2)
+            blocks[:, numbers, numbers] = self._spread(own)
+        return self.assembled(blocks)
+
+    def _spread(self, diagonal: np.ndarray) -> np.ndarray:
+        """What belongs to the unknown numbers, (.., extra), in shares of the points, (.., points, extra)."""
+        return diagonal[..., None, :] * (self.weights / self.weights.sum(-1, keepdims=True))[..., None]
+
+    def _sizes_of_numbers(self, z: np.ndarray) -> np.ndarray:
+        """A size for each unknown number: its own or its guess, for a sliding abscissa that of the interval."""
+        form = self.form
+        sizes = np.maximum(np.abs(self.unknowns(z)), np.abs(form.unknown_guess))
+        sliding = slice(len(form.problem.unknowns), self.extra - form.gauged)
+        if sizes[sliding].size:
+            sizes[sliding] = form.problem.span[1] - form.problem.span[0]
+        return np.where(sizes > 0, sizes, 1.0)
+
+    def metric_diagonal(self, at: Evaluation) -> np.ndarray:
+        """A positive pointwise (weighted) quadratic form in the variables, which is diagonal: (.., points, k).
 
         It shifts a Newton step: an H^1 (H^2) product in which each function is
         weighted by its own L_y'y', so that units drop out; by the mean of its
         absolute value where that is not positive all along.
         """
-        n, D, k = self.n, self.order + 1, self.k
-        diagonal = np.einsum("qaa->qa", evaluation.pointwise[:, 1 + k : 1 + k + k * k].reshape(-1, k, k))
-        weight = np.abs(diagonal[:, self.order * n : D * n])
-        if evaluation.legendre <= 0.0:
-            mean = self.weights @ weight / self.weights.sum()
-            weight = np.where(mean > 0, mean, mean.max() if mean.max() > 0 else 1.0) * np.ones_like(weight)
-        length = self.space.vertices[-1] - self.space.vertices[0]
-        block = np.zeros((len(self.weights), D * n, D * n))
-        for d in range(D):
-            for a in range(n):
-                block[:, d * n + a, d * n + a] = weight[:, a] * length ** (2.0 * (d - self.order)) * self.weights
-        corner = np.abs(self.weights @ diagonal[:, D * n :])
-        return block, np.diag(np.maximum(corner, 1e-12))
+        rest = self.k - self.extra
+        diagonal = np.einsum("...aa->...a", at.hessians[..., 0, :, :])
+        weight = np.abs(diagonal[..., self.top])
+        mean = self._sums(weight) / self.weights.sum(-1)[..., None]
+        largest = mean.max(-1, keepdims=True)
+        mean = np.where(mean > 0, mean, np.where(largest > 0, largest, 1.0))
+        falls = np.asarray(at.legendre <= 0.0)[..., None, None]
+        weight = np.where(falls, mean[..., None, :], weight) * self.weights[..., None]
+        lengths = np.asarray(self.lengths)[..., None, None]
+        shares = [weight * lengths ** (2.0 * (d - self.order)) for d in range(self.order + 1)]
+        if self.extra:
+            shares.append(self._spread(np.maximum(np.abs(self._sums(diagonal[..., rest:])), 1e-12)))
+        return np.concatenate(shares, axis=-1)
 
-    def metric(self, evaluation: Evaluation) -> np.ndarray:
-        """:meth:`metric_blocks` as a dense matrix of the size of the Hessian."""
-        block, corner = self.metric_blocks(evaluation)
-        return self.dense(self.local_matrices(block), np.zeros((self.space.size, self.extra)), corner)
+    def metric_blocks(self, at: Evaluation) -> np.ndarray:
+        """The same as blocks (.., points, k, k)."""
+        return self.metric_diagonal(at)[..., None] * np.eye(self.k)
+
+    def metric(self, at: Evaluation) -> np.ndarray:
+        """The same as a dense matrix of the size of the Hessian."""
+        return self.assembled(self.metric_blocks(at))
+
+    def squared(self, at: Evaluation, moved: np.ndarray) -> Any:
+        """The squared length in the metric of a step that has ``moved`` the variables."""
+        return (self.metric_diagonal(at) * moved**2).sum((-2, -1))
 
     # ends
+
+    def _add_ends(self, at: Evaluation, z: np.ndarray) -> None:
+        """Take the cost and the equations of the ends into an evaluation."""
+        at.ends = ends = self._evaluate_ends(z)
+        at.value, at.scale = at.value + float(ends[0][0, 0]), at.scale + abs(float(ends[0][0, 0]))
+        places, of_ends = self._end_positions()
+        np.add.at(at.gradient, places, ends[1].ravel()[of_ends])
+        at.conditions = np.concatenate([at.conditions, ends[2].ravel()])
+        block = np.zeros((ends[2].size, self.size))
+        for row, own in zip(block, ends[3], strict=True):
+            np.add.at(row, places, own[of_ends])
+        at.jacobian = np.vstack([at.jacobian, block])
 
     def _end_positions(self) -> tuple[np.ndarray, np.ndarray]:
         """Places in z, and in (y_start, y_end, unknowns), of the end variables that are free."""
@@ -374,12 +478,16 @@ class RitzSystem:
         first, last = (
             np.array([c[self.space.vertex_number(v, 0, a)] for a in range(self.n)]) for v in (0, self.space.elements)
         )
-        out: Any = _at_ends(form)(first, last, self.unknowns(z), form.problem.parameter_values)
+        out: Any = at_ends(form)(first, last, self.unknowns(z), form.problem.parameter_values)
         found = [np.asarray(o) for o in out]
         # by how much each equation changes when its variables change by the size of the largest
         reach = np.abs(np.concatenate([first, last, self.unknowns(z)])).max(initial=0.0)
         sizes = np.abs(found[3]).max(1, initial=0.0) * reach
         return [*found, np.where(sizes > 0, sizes, 1.0)]
+
+    def end_cost(self, z: np.ndarray) -> float:
+        """The cost of the ends, 0 where there is none."""
+        return 0.0 if self.form.ends is None else float(self._evaluate_ends(z)[0][0, 0])
 
     def _end_hessian(self, evaluation: Evaluation, multipliers: np.ndarray) -> np.ndarray:
         assert evaluation.ends is not None
@@ -392,33 +500,42 @@ class RitzSystem:
         return out
 
 
-@derived
-def pointwise(form: Form) -> ca.Function:
-    """The integrand and those of the prescribed integrals, with their derivatives: :meth:`.Lagrangian.pointwise`."""
-    return Lagrangian(form.symbols, form.integrand).pointwise([c.expression for c in form.integrals if c.equality])
+def _rule(spans: np.ndarray, count: int, order: int, n: int, extra: int) -> tuple[Any, ...]:
+    """The Gauss rule of ``count`` points on each of the elements, which ``spans`` (.., 2, elements) begin and end.
+
+    Abscissae and weights (.., points), the length of the whole, the factors (.., points, k) from derivatives on
+    [-1, 1] to those of the variables, and the weights with one and with two of these.
+    """
+    nodes, weights = gauss(count)
+    lead, widths = spans.shape[:-2], spans[..., 1, :] - spans[..., 0, :]
+    half = 0.5 * widths[..., None]
+    x = (spans[..., 0, :, None] + half * (1 + nodes)).reshape(*lead, -1)
+    powers = np.concatenate([np.repeat(np.arange(order + 1.0), n), np.zeros(extra)])
+    scale = np.repeat((1.0 / half) ** powers, count, axis=-2)
+    weights = (half * weights).reshape(*lead, -1)
+    first = weights[..., None] * scale
+    return x, weights, widths.sum(-1), scale, first, first[..., None] * scale[..., None, :]
 
 
-@derived
-def integrands(form: Form) -> ca.Function:
-    """The integrand and those of the prescribed integrals alone."""
-    rows = [form.integrand, *(c.expression for c in form.integrals if c.equality)]
-    return ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*rows))])
+@lru_cache(maxsize=64)
+def _rule_of_one(start: float, end: float, count: int, order: int, n: int, extra: int) -> tuple[Any, ...]:
+    """:func:`_rule` on one element, kept for the life of the process."""
+    return _rule(np.array([[start], [end]]), count, order, n, extra)
 
 
-@derived
-def reported(form: Form) -> ca.Function:
-    """The reported functional's integrand and, where the form is lifted, x, y, dx/ds, dy/ds."""
-    outputs = [form.functional, *(form.lifted or ())]
-    return ca.Function("reported", form.symbols.all, [ca.densify(ca.vertcat(*outputs))])
-
-
-@derived
-def _at_ends(form: Form) -> ca.Function:
-    """The cost of the ends and their equations, with derivatives in (start, end, unknowns)."""
-    assert form.ends is not None
-    e, u = form.ends, form.symbols.unknowns
-    v = ca.vertcat(e.start, e.end, u)
-    conditions = ca.vertsplit(e.equations) if e.equations.numel() else []
-    hessians = [ca.hessian(h, v)[0] for h in (e.cost, *conditions)]
-    outputs = [e.cost, ca.gradient(e.cost, v), e.equations, ca.jacobian(e.equations, v), *hessians]
-    return ca.Function("ends", [e.start, e.end, u, form.symbols.parameters], [ca.densify(o) for o in outputs])
+def least_eigenvalue(blocks: np.ndarray) -> Any:
+    """The least eigenvalue of symmetric blocks (.., Q, n, n) over all points; -inf where they are no numbers."""
+    n = blocks.shape[-1]
+    if n == 1:
+        least = blocks[..., 0, 0]
+    elif n == 2:  # closed form of the lesser eigenvalue; eigvalsh costs a hundred times more
+        middle = 0.5 * (blocks[..., 0, 0] + blocks[..., 1, 1])
+        least = middle - np.hypot(0.5 * (blocks[..., 0, 0] - blocks[..., 1, 1]), blocks[..., 0, 1])
+    else:
+        finite: Any = np.isfinite(blocks).all((-2, -1))
+        least = np.linalg.eigvalsh(np.where(finite[..., None, None], blocks, 0.0))[..., 0]
+        least = np.where(finite, least, -np.inf)
+    least = least.min(-1)
+    if not least.ndim:
+        return least if math.isfinite(least) else -math.inf
+    return np.where(np.isfinite(least), least, -np.inf)

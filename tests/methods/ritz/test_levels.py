@@ -1,4 +1,4 @@
-"""Prescribed integrals in the batched direct method: what it finds, what it claims, and what it leaves alone."""
+"""Prescribed integrals in the direct method: what it finds, what it claims, and what it leaves alone."""
 
 import casadi as ca
 import numpy as np
@@ -9,14 +9,10 @@ import varcalc as vc
 from varcalc.formulation.singular import forms
 from varcalc.methods.ritz import family
 from varcalc.methods.ritz import method as ritz
-from varcalc.methods.ritz.batch import Places, prepare
-from varcalc.methods.ritz.bends import bends, ways
-from varcalc.methods.ritz.levelled import Levelled
+from varcalc.methods.ritz.starts import bends, meeting_levels
+from varcalc.methods.ritz.system import Places, RitzSystem
 from varcalc.numerics.mesh import Space
 from varcalc.problems._curves import Catenary
-
-ALONE = vc.Ritz(optimiser=vc.Newton(iterations=101))
-"""The same method by the climb: an iteration of another length is not the one that is batched."""
 
 
 def length(x, y, dy):
@@ -68,19 +64,9 @@ def sphere_exact(pull):
     return w**2 + 0.5 * abs(pull) * height(w) * mean(w)[0]
 
 
-@pytest.fixture
-def at_once(monkeypatch):
-    """Fails the test that needs the climb."""
-
-    def climb(*_):
-        raise AssertionError("left to the climb")
-
-    monkeypatch.setattr(ritz, "_Climb", climb)
-
-
 @pytest.mark.parametrize("tol", [1e-4, 1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize(("size", "drop"), [(1.5, 0.0), (1.05, 0.0), (1.7, 0.6), (1.8, -1.0), (3.0, 0.0)])
-def test_a_chain_hangs_in_a_catenary(at_once, tol, size, drop):
+def test_a_chain_hangs_in_a_catenary(tol, size, drop):
     exact = Catenary.of_length(0, 1, drop, size) if drop else Catenary.of_length(0, 1, 0, size)
     found = vc.solve(chain(size, drop), vc.Ritz(), tol=tol)
     assert abs(found.value - exact.moment_about_start) <= found.error.value + 1e-15
@@ -89,7 +75,7 @@ def test_a_chain_hangs_in_a_catenary(at_once, tol, size, drop):
 
 @pytest.mark.parametrize("tol", [1e-4, 1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_most_land_lies_under_an_arc_whose_multiplier_is_the_radius(at_once, tol, sign):
+def test_most_land_lies_under_an_arc_whose_multiplier_is_the_radius(tol, sign):
     half = brentq(lambda a: a / np.sin(a) - 1.3, 1e-3, 3.0, xtol=1e-15)
     radius = 0.5 / np.sin(half)
     area = radius**2 * (half - np.sin(half) * np.cos(half))
@@ -102,7 +88,7 @@ def test_most_land_lies_under_an_arc_whose_multiplier_is_the_radius(at_once, tol
 
 
 @pytest.mark.parametrize("pull", [0.0, 0.1, -1.0, 5.0])
-def test_the_lower_of_two_minima_is_found(at_once, pull):
+def test_the_lower_of_two_minima_is_found(pull):
     found = vc.solve(sphere(pull), vc.Ritz(), tol=1e-11)
     assert abs(found.value - sphere_exact(pull)) <= found.error.value + 1e-13
     assert pull == 0 or np.sign(found.curve(np.array([0.5]), 0)[0, 0]) == -np.sign(pull)
@@ -114,7 +100,7 @@ def test_both_minima_are_minima_and_the_multiplier_of_the_higher_is_its_own():
     assert upper.multipliers[0] > np.pi**2 > vc.solve(sphere(0.5), vc.Ritz()).multipliers[0]
 
 
-def test_several_levels_at_once(at_once):
+def test_several_levels_at_once():
     # y'' is linear in x: a cubic that vanishes at both ends, with the mean 1 and the first moment 0.2
     levels = [vc.Isoperimetric(lambda x, y, dy: y, 1.0), vc.Isoperimetric(lambda x, y, dy: x * y, 0.2)]
     found = vc.solve(graph(lambda x, y, dy: dy**2, levels), vc.Ritz(), tol=1e-12)
@@ -130,10 +116,15 @@ def test_several_levels_at_once(at_once):
     ids=["chain", "shore", "sphere", "taut", "taut and steep", "two levels"],
 )
 @pytest.mark.parametrize("tol", [1e-6, 1e-11])
-def test_the_answer_of_the_climb(problem, tol):
-    found, alone = (vc.solve(problem, method, tol=tol) for method in (vc.Ritz(), ALONE))
-    assert abs(found.value - alone.value) <= found.error.value + alone.error.value
-    np.testing.assert_allclose(found.multipliers, alone.multipliers, rtol=1e-3)
+def test_many_values_at_once_give_the_answer_of_one(problem, tol):
+    alone, form = vc.solve(problem, vc.Ritz(), tol=tol), forms(problem)[0]
+    places = Places(np.array([form.span]), form.fixed_start, form.fixed_end, problem.parameter_values[None])
+    start = Space(np.array(form.span), 6, form.n).fit(lambda s: alone.extremal.evaluate(s, 0))
+    with np.errstate(all="ignore"):
+        found = family.solved(form, places, np.array([6]), [start], tol, near=True)
+    assert found.stands[0]
+    assert abs(form.sign * found.value[0] - alone.value) <= found.error[0] + alone.error.value
+    np.testing.assert_allclose(found.multipliers[0], alone.extremal.lambdas, rtol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -162,33 +153,27 @@ def test_no_saddle_is_an_answer():
 # the bends
 
 
-def batched(problem, degree=6):
+def on_one_element(problem, degree=6):
     form = forms(problem)[0]
-    prepare(form)
-    places = Places(
-        np.array([form.span]), form.fixed_start, form.fixed_end, problem.parameter_values[None]
-    )  # fmt: skip
-    batch = Levelled(form, degree, places)
-    line = Space(np.array(form.span), degree, form.n).fit(form.baseline)
-    return batch, batch.of_degree(line[None], degree)[0]
+    system = RitzSystem(form, Space(np.array(form.span), degree, form.n))
+    return system, system.fitted(form.baseline)
 
 
 @pytest.mark.parametrize("problem", [chain(), chain(1.3, 0.8), sphere(1.0)])
 def test_bends_meet_the_level_both_ways(problem):
-    batch, line = batched(problem)
-    found = bends(batch, line[None])
+    system, line = on_one_element(problem)
+    found = bends(system, line[None])
     assert found.values.shape == (1, 2)
     assert found.values[0, 0] <= found.values[0, 1]
-    values, misses = batch.measured(found.unknowns)
+    values, misses = system.measured(found.unknowns[0])
     assert np.all(np.abs(misses) <= 0.05)
-    np.testing.assert_allclose(found.values, values, atol=0.05 * np.abs(values).max())
+    np.testing.assert_allclose(found.values[0], values, atol=0.05 * np.abs(values).max())
 
 
-def test_a_bend_that_leads_down_to_the_other_is_left_out():
-    assert len(ways(*batched(chain()), 2)) == 1
-    assert len(ways(*batched(shore()), 2)) == 1
-    assert len(ways(*batched(sphere(0.1)), 2)) == 2
-    assert len(ways(*batched(sphere(0.1)), 1)) == 1
+def test_a_bend_that_leads_down_to_the_other_need_not_be_compared():
+    assert meeting_levels(on_one_element(chain())[0])[1] == 1
+    assert meeting_levels(on_one_element(shore())[0])[1] == 1
+    assert meeting_levels(on_one_element(sphere(0.1))[0])[1] == 2
 
 
 def test_bends_of_several_functions():
@@ -199,17 +184,17 @@ def test_bends_of_several_functions():
         lambda x, y, dy: y[0] * speed(x, y, dy), vc.Fixed(0, [0, 0]), vc.Fixed(1, [0, 0]),
         [vc.Isoperimetric(speed, 1.5)],
     )  # fmt: skip
-    assert len(ways(*batched(problem), 2)) == 1
+    assert meeting_levels(on_one_element(problem)[0])[1] == 1
     found = vc.solve(problem, vc.Ritz(), tol=1e-10)
     assert abs(found.value - Catenary.of_length(0, 1, 0, 1.5).moment_about_start) <= found.error.value
 
 
 def test_bends_that_meet_several_levels():
-    batch, line = batched(loaded())
-    found = bends(batch, line[None])
+    system, line = on_one_element(loaded())
+    found = bends(system, line[None])
     met = np.isfinite(found.values[0])
     assert met.any()
-    assert np.all(np.abs(batch.evaluate(found.unknowns[0][met][:1]).conditions) <= 2e-3)
+    assert np.all(np.abs(system.evaluate(found.unknowns[0][met][0]).conditions) <= 2e-3)
 
 
 # many values

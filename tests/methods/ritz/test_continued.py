@@ -1,6 +1,4 @@
-"""One value by whole Newton steps, against the family it is one of."""
-
-from __future__ import annotations
+"""One value from a curve nearby, against many values of which it is one."""
 
 import casadi as ca
 import numpy as np
@@ -9,8 +7,7 @@ import pytest
 import varcalc as vc
 from varcalc.formulation.singular import forms
 from varcalc.methods.ritz import family
-from varcalc.methods.ritz.batch import Places
-from varcalc.methods.ritz.family_of_one import One
+from varcalc.methods.ritz.system import Places
 from varcalc.numerics.mesh import Space
 
 
@@ -32,13 +29,11 @@ PROBLEMS = {
 }  # fmt: skip
 
 
-def both(form, degree, start, tol, span=None):
-    """The answer of one value for itself, None where there is none, and those of a family of one."""
-    span = np.array(form.span if span is None else span, dtype=float)
-    parameters, one = form.problem.parameter_values, One.of(form, degree)
+def both(form, degree, start, tol):
+    """The solution of one value, None where there is none, and what is found for many values of which it is one."""
     with np.errstate(all="ignore"):
-        alone = one.solved(span, np.append(form.fixed_start, form.fixed_end), parameters, start, tol)
-        places = Places(span[None], form.fixed_start, form.fixed_end, parameters[None])
+        alone = vc.Ritz().continued(form, degree, start, tol)
+        places = Places(np.array([form.span]), form.fixed_start, form.fixed_end, form.problem.parameter_values[None])
         together = family.solved(form, places, np.array([degree]), [start], tol, near=True)
     return alone, together
 
@@ -52,30 +47,20 @@ def test_the_answer_of_the_family(name, degree):
     alone, together = both(form, degree, near, 1e-5)
     assert together.stands[0]
     assert alone is not None
-    assert alone.degree == together.degree[0] == degree
-    assert alone.iterations == together.iterations[0]
-    assert alone.value == pytest.approx(together.value[0], rel=1e-14)
-    assert alone.error == pytest.approx(together.error[0], rel=1e-3, abs=4e-15)
-    assert alone.curve == pytest.approx(together.curve[0], rel=1e-3, abs=1e-13)
-    assert alone.coefficients == pytest.approx(together.coefficients[0], rel=1e-7, abs=1e-8)
-
-
-def test_one_interval_after_the_other():
-    # the integral of y'^2 + y^2 from (a, 1) to (b, 1) is 2 tanh((b - a) / 2)
-    form = forms(graph(lambda x, y, v: v**2 + y**2, (0, 1), (1, 1)))[0]
-    start = Space(np.array([-1.0, 1.0]), 6).fit(lambda s: np.ones((1, len(s))))
-    for a, b in ([0, 1], [3, 3.5], [-1, 0.2], [0, 1]):
-        alone, _ = both(form, 6, start, 1e-8, (a, b))
-        assert alone.value == pytest.approx(2 * np.tanh((b - a) / 2), abs=alone.error + 1e-15)
+    assert alone.stats.degree == together.degree[0] == degree
+    assert alone.value == pytest.approx(form.sign * together.value[0], rel=1e-14)
+    assert alone.error.value == pytest.approx(together.error[0], rel=1e-3, abs=4e-15)
+    assert alone.error.curve == pytest.approx(together.curve[0], rel=1e-3, abs=1e-13)
+    assert alone.extremal.coefficients == pytest.approx(together.coefficients[0], rel=1e-7, abs=1e-8)
 
 
 @pytest.mark.parametrize("end", [np.pi, 3.3, 4.0])
 def test_nothing_is_claimed_of_what_is_no_minimum(end):
     # beyond pi the second variation is negative, at pi it vanishes
-    form = forms(graph(lambda x, y, v: v**2 - y**2, (0, 0), (1, 0)))[0]
-    start = Space(np.array([-1.0, 1.0]), 10).fit(lambda s: 0.1 * (1 - s[None] ** 2))
-    alone, together = both(form, 10, start, 1e-10, (0.0, end))
-    assert alone is None
+    form = forms(graph(lambda x, y, v: v**2 - y**2, (0, 0), (end, 0)))[0]
+    start = Space(np.array([0.0, end]), 10).fit(lambda s: 0.1 * s[None] * (end - s[None]))
+    alone, together = both(form, 10, start, 1e-10)
+    assert alone is None or not alone.status.ok
     assert not together.stands[0]
 
 
@@ -88,24 +73,18 @@ def test_nothing_is_claimed_of_what_is_no_minimum(end):
 )
 def test_a_curve_that_cannot_be_has_no_answer(lagrangian):
     form = forms(graph(lagrangian, (0, 1), (1, -1)))[0]
-    start = Space(np.array([-1.0, 1.0]), 6).fit(lambda s: -s[None])
+    start = Space(np.array([0.0, 1.0]), 6).fit(lambda s: 1 - 2 * s[None])
     alone, _ = both(form, 6, start, 1e-8)
     assert alone is None
 
 
 def test_a_tolerance_that_the_degree_does_not_meet_is_left_to_the_family():
     form = forms(graph(lambda x, y, v: v**2 + 900 * y**2, (0, 1), (1, 1)))[0]
-    start = Space(np.array([-1.0, 1.0]), 6).fit(lambda s: np.ones((1, len(s))))
+    start = Space(np.array([0.0, 1.0]), 6).fit(lambda s: np.ones((1, len(s))))
     alone, together = both(form, 6, start, 1e-10)
     assert alone is None
     assert together.stands[0]
     assert together.degree[0] > 6
-
-
-def test_the_last_degrees_have_no_richer_one():
-    form = forms(graph(lambda x, y, v: v**2))[0]
-    assert One.of(form, 36) is None
-    assert One.of(form, 7) is None
 
 
 def test_a_single_value_takes_this_way(monkeypatch):

@@ -1,0 +1,161 @@
+"""Several elements: from their unknowns to points and back, and Newton steps whose cost is linear in their number.
+
+The coefficients are numbered along the mesh, so the Hessian is banded but for
+a border of the unknown numbers and the side conditions. It is factored by
+banded Cholesky and the border eliminated (bordered systems: Govaerts,
+"Numerical Methods for Bifurcations of Dynamical Equilibria", sect. 3.4); by
+Haynsworth's inertia formula the small Schur complement tells whether the
+Hessian is positive on the conditions' null space.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from varcalc.numerics.mesh import Space, basis_at_gauss
+
+if TYPE_CHECKING:
+    from varcalc.methods.ritz.system import Evaluation, RitzSystem
+
+SHIFTS = (0.0, 1e-8, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
+"""Multiples of the metric added until the model is convex."""
+
+
+@lru_cache(maxsize=64)
+def _products(smoothness: int, degree: int, count: int, order: int) -> np.ndarray:
+    """Products of all pairs of local functions and derivatives at the Gauss points.
+
+    Shape (P^2, (order + 1)^2 count), the factor of a local matrix:
+    entry (i P + j, (d D + e) count + q) is B_d[q, i] B_e[q, j].
+    """
+    table = basis_at_gauss(smoothness, degree, count, order)
+    pairs = np.einsum("dqi,eqj->ijdeq", table, table)
+    return np.ascontiguousarray(pairs.reshape((degree + 1) ** 2, -1))
+
+
+class Elements:
+    """The same as :class:`varcalc.methods.ritz.system.OneElement`, element by element."""
+
+    def __init__(self, space: Space, order: int, count: int, free: np.ndarray, extra: int) -> None:
+        self.space, self.order, self.count, self.free, self.extra = space, order, count, free, extra
+        self.table = basis_at_gauss(space.smoothness, space.degree, count, order)
+        self.numbers = space.numbers.reshape(space.elements, -1)
+
+    def fixed(self, coefficients: np.ndarray) -> np.ndarray:
+        """What coefficients (size,), zero where they are free, add to the variables, (points, k)."""
+        known = coefficients.copy()
+        known[self.free] = 0.0
+        return self._variables(known, np.zeros(self.extra))
+
+    def variables(self, z: np.ndarray) -> np.ndarray:
+        """What unknowns (..., N) add to the variables, (..., points, k)."""
+        coefficients = np.zeros((*z.shape[:-1], self.space.size))
+        coefficients[..., self.free] = z[..., : len(self.free)]
+        return self._variables(coefficients, z[..., len(self.free) :])
+
+    def _variables(self, coefficients: np.ndarray, unknowns: np.ndarray) -> np.ndarray:
+        space, lead = self.space, coefficients.shape[:-1]
+        local = coefficients[..., space.numbers] * space.local_scale[:, :, None]
+        points = space.elements * self.count
+        columns = [(rows @ local).reshape(*lead, points, space.n) for rows in self.table]
+        columns.append(np.broadcast_to(unknowns[..., None, :], (*lead, points, self.extra)))
+        return np.concatenate(columns, axis=-1)
+
+    def gradient(self, rows: np.ndarray) -> np.ndarray:
+        """Sums of derivatives at the points as derivatives by the unknowns."""
+        if rows.ndim > 2:
+            return np.array([self.gradient(r) for r in rows])
+        space, n = self.space, self.space.n
+        total = np.zeros((space.elements, space.degree + 1, n))
+        for d, table in enumerate(self.table):
+            total += table.T @ rows[:, d * n : (d + 1) * n].reshape(space.elements, self.count, n)
+        full = self._summed(total * space.local_scale[:, :, None])
+        return np.concatenate([full[self.free], rows[:, (self.order + 1) * n :].sum(0)])
+
+    def _summed(self, local: np.ndarray) -> np.ndarray:
+        """What elements contribute to the coefficients, (elements, P, n), by coefficient."""
+        return np.bincount(self.space.numbers.ravel(), local.ravel(), self.space.size)
+
+    def parts(self, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Element matrices (E, P n, P n) of second derivatives (points, k, k), the border (size, extra), the corner."""
+        E, Q, n, D, P = self.space.elements, self.count, self.space.n, self.order + 1, self.space.degree + 1
+        own, scale = blocks[:, : D * n, : D * n], self.space.local_scale
+        shaped = own.reshape(E, Q, D, n, D, n).transpose(0, 2, 4, 1, 3, 5).reshape(E, D * D * Q, n * n)
+        local = _products(self.space.smoothness, self.space.degree, Q, self.order) @ shaped
+        local = local.reshape(E, P, P, n, n).transpose(0, 1, 3, 2, 4)
+        local = (local * scale[:, :, None, None, None] * scale[:, None, None, :, None]).reshape(E, P * n, P * n)
+        border = np.zeros((self.space.size, self.extra))
+        mixed = blocks[:, : D * n, D * n :].reshape(E, Q, D, n, self.extra)
+        for j in range(self.extra):
+            total = sum(table.T @ mixed[:, :, d, :, j] for d, table in enumerate(self.table))
+            border[:, j] = self._summed(total * scale[:, :, None])
+        return local, border, blocks[:, D * n :, D * n :].sum(0)
+
+    def matrices(self, blocks: np.ndarray) -> np.ndarray:
+        """The matrix (N, N) of the unknowns for second derivatives (points, k, k)."""
+        local, border, corner = self.parts(blocks)
+        size = self.space.size
+        flat = self.numbers[:, :, None] * size + self.numbers[:, None, :]
+        full = np.bincount(flat.ravel(), local.ravel(), size * size).reshape(size, size)
+        return np.block([[full[np.ix_(self.free, self.free)], border[self.free]], [border[self.free].T, corner]])
+
+
+# banded steps
+
+
+def bands(system: RitzSystem, local: np.ndarray) -> np.ndarray:
+    """Element matrices as the lower bands of the matrix in the free coefficients; (width, free)."""
+    place = np.full(system.space.size, -1)
+    place[system.free] = np.arange(len(system.free))
+    numbers = place[system.space.numbers.reshape(system.space.elements, -1)]
+    rows = np.broadcast_to(numbers[:, :, None], local.shape)
+    columns = np.broadcast_to(numbers[:, None, :], local.shape)
+    keep = (rows >= columns) & (columns >= 0)
+    below, across = (rows - columns)[keep], columns[keep]
+    width, count = int(below.max()) + 1, len(system.free)
+    flat = np.bincount(below * count + across, local[keep], width * count)
+    return flat.reshape(width, count)
+
+
+def solvable(system: RitzSystem) -> bool:
+    """Whether the banded route applies: several elements, no wrap-around, no cost or equation that couples the ends."""
+    return system.space.elements > 1 and not system.space.periodic and system.form.ends is None
+
+
+def banded_step(
+    system: RitzSystem, at: Evaluation, multipliers: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float, float] | None:
+    """Change of the unknowns, new multipliers, predicted decrease and shift; None when no shift makes it convex."""
+    import scipy.linalg
+
+    local, border, corner = system.parts(system.combined(at, multipliers))
+    free, extra, count = len(system.free), system.extra, len(at.conditions)
+    metric, _, metric_corner = system.parts(system.metric_blocks(at))
+    matrix, metric = bands(system, local), bands(system, metric)
+    small = np.zeros((extra + count, extra + count))
+    small[:extra, extra:] = at.jacobian[:, free:].T
+    small[extra:, :extra] = at.jacobian[:, free:]
+    sides = np.column_stack([border[system.free], at.jacobian[:, :free].T])
+    right = np.column_stack([-at.gradient[:free], sides])
+    below = np.concatenate([-at.gradient[free:], -at.conditions])
+    for shift in SHIFTS:
+        try:
+            factor = scipy.linalg.cholesky_banded(matrix + shift * metric, lower=True, check_finite=False)
+        except np.linalg.LinAlgError:
+            continue
+        solved = scipy.linalg.cho_solve_banded((factor, True), right, check_finite=False)
+        small[:extra, :extra] = corner + shift * metric_corner
+        schur = small - sides.T @ solved[:, 1:]
+        eigenvalues = np.linalg.eigvalsh(schur) if len(schur) else np.zeros(0)
+        if (eigenvalues < 0).sum() != count or not np.isfinite(solved).all():
+            continue
+        tail = np.linalg.solve(schur, below - sides.T @ solved[:, 0]) if len(schur) else np.zeros(0)
+        change = np.concatenate([solved[:, 0] - solved[:, 1:] @ tail, tail[:extra]])
+        new = tail[extra:]
+        # half the squared length of the step in the Hessian, from the first row of the system
+        slope = at.gradient + new @ at.jacobian if count else at.gradient
+        return change, new, -0.5 * float(change @ slope), shift
+    return None
