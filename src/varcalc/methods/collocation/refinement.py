@@ -147,7 +147,8 @@ class Refinement:
         """Whether the curve does not settle, though the value does: then no curve may attain it."""
         space = level.system.space
         ordinates = space.at_quadrature(level.state.coefficients, space.degree, 0)[0]
-        return assessment.curve_error > unsettled(tol) * max(float(np.abs(ordinates).max()), 1e-300)
+        size = max(float(np.abs(ordinates).max()), float(self.scales.functions.max()))
+        return assessment.curve_error > unsettled(tol) * size
 
     def _climbed(self, assessment: Assessment) -> Root | None:
         """The root of a higher degree, near the curve that the error estimate corrected."""

@@ -57,6 +57,8 @@ MOST_ROUNDS = 40
 """Bisections that bring a panel with a kink inside to round-off."""
 MOST_PANELS = 4000
 """Panels bisected at once beyond which an integrand is noise."""
+UNMOVED_CURVE = 1e-14
+"""Relative distance of two curves that is made of rounding."""
 SHARED = 0.1
 """Share of the last error that two spaces on one mesh may have in common, where a curve touches a bound."""
 
@@ -215,11 +217,14 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
         return richer
     at = system.evaluate(richer.z)
     found = correction(system, richer.z, at, z - richer.z, richer.multipliers, 0.0, richer.value)
-    error = abs(richer.value - system.evaluate(z).value) + abs(richer.value - rung.value)
-    if math.isfinite(previous) and (rungs.inequalities or not rungs.form.corners):
-        error = max(error, SHARED * previous)
     value = richer.value if rungs.form.same_functional else _total(system, richer.z, found.here)
-    found = replace(found, value=value, error=SAFETY * float(error), scale=at.scale)
+    unit = 0.5 / value if rungs.form.energetic and value > 0 else 1.0  # the energy is the square of the value
+    error = unit * SAFETY * float(abs(richer.value - system.evaluate(z).value) + abs(richer.value - rung.value))
+    # what the values of two curves differ by that are one to round-off is round-off
+    same = found.curve <= UNMOVED_CURVE * float(np.abs(at.variables[:, : system.n]).max())
+    if math.isfinite(previous) and not same and (rungs.inequalities or not rungs.form.corners):
+        error = max(error, SAFETY * SHARED * previous)
+    found = replace(found, value=value, error=error, scale=unit * at.scale)
     shares = _shares(rungs, system, richer.z - z)
     return Estimate(**vars(found), system=system, z=richer.z, at=at, step=None, shares=shares)
 
