@@ -350,7 +350,10 @@ class Space:
         parent = np.searchsorted(self.vertices, middle) - 1
         local = self.local(coefficients)
         scale = finer.local_scale
-        for e, (c, h, q) in enumerate(zip(middle, half, parent, strict=True)):
+        whole = (vertices[:-1] == self.vertices[parent]) & (vertices[1:] == self.vertices[parent + 1])
+        out[finer.numbers[whole]] = coefficients[self.numbers[parent[whole]]]
+        for e in np.flatnonzero(~whole):
+            c, h, q = middle[e], half[e], parent[e]
             H = 0.5 * self.widths[q]
             inside = (c + h * np.concatenate([[-1.0, 1.0], nodes]) - self.vertices[q]) / H - 1
             table = basis(m, self.degree, inside, m)

@@ -29,6 +29,12 @@ MOST_ON_THE_WAY = 1000
 ROUNDS = 60
 PATIENCE = 2
 """Refinements after which a curve that does not settle, though the value does, is given up."""
+SLOW = 0.8
+"""A refinement that leaves more than this share of the error behind is slow."""
+GIVEN_UP = 8.0
+"""Slow refinements in a row after which a root is given up."""
+FEW, LOCAL = 2, 0.25
+"""A refinement of so few elements is on its way into a layer, before the error falls; what it counts if it is slow."""
 STALLED = 0.3
 """An error that falls by less than this factor in two successive refinements has met round-off."""
 NOISE = 1e-11
@@ -101,11 +107,16 @@ class Refinement:
         ``climbs`` tells of a root with its errors whether the next has a higher degree. Otherwise the elements that
         carry the error are bisected, up to ``most`` unknowns.
         """
+        slow, before = 0.0, math.inf
         for _ in range(rounds):
             assessment = assess(level, self.scales)
             if assessment is None:
                 return self._failed("the linearised conditions are singular in a richer space")
             yield level, assessment
+            error = assessment.value_error
+            slow, before = 0.0 if error < SLOW * before else slow + _pace(assessment), error
+            if slow >= GIVEN_UP:
+                return self._failed("refinement after refinement hardly lowered the error")
             climbing = climbs(level, assessment)
             following = self._climbed(assessment) if climbing else self._bisected(level, assessment, most)
             if following is None:
@@ -190,6 +201,13 @@ class Refinement:
             else:
                 level, reached, stride = trial, following, 1.5 * stride
         return level if reached == 1.0 else None
+
+
+def _pace(assessment: Assessment) -> float:
+    """What a slow refinement counts."""
+    indicators = assessment.indicators
+    marked = int((indicators >= SHARE * indicators.max()).sum())
+    return LOCAL if marked <= FEW < len(indicators) else 1.0
 
 
 def _pays(history: History, tol: float, level: Root, assessment: Assessment) -> bool:
