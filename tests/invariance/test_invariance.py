@@ -243,12 +243,10 @@ TRANSFORMATIONS: dict[str, Callable[[Any], Change | None]] = {
 }
 
 NO_METRIC = "L is the length of a metric no longer, and other coordinates do not remove two singular ends"
-EDGE = "Newton and IPOPT end a hair above the tolerance or below it, as rounding has it"
 ONE_WAY = (
     "a jump is taken to cost something either way; with the derivative added one way may earn what the other costs"
 )
 EXCEPTIONS: dict[tuple[str, str, str], str] = {
-    ("obstacle/disc", "L times a constant", "ladder"): EDGE,
     ("brachistochrone/level", "L with a derivative added", "Newton"): NO_METRIC,
     ("brachistochrone/level", "L with a derivative added", "ladder"): NO_METRIC,
     ("soap_film/local", "L with a derivative added", "Newton"): ONE_WAY,
