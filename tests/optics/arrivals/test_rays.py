@@ -322,9 +322,9 @@ def test_a_continuum_hides_no_ray_of_another_optical_path():
 
 def test_many_turns_about_a_fish_eye():
     """All circles from A come to B after π/2 + kπ: rays that go far round come back out of step, and are given up."""
-    rays = optics.Scene(optics.fish_eye()).rays((1, 0), (0, 1), within=22.0)
+    rays = optics.Scene(optics.fish_eye()).rays((1, 0), (0, 1), within=13.0)
     np.testing.assert_allclose([ray.optical_path for ray in rays], np.pi / 2 + np.pi * np.arange(len(rays)), rtol=1e-12)
-    assert len(rays) == 7
+    assert len(rays) == 4
 
 
 def test_the_time_of_a_ray_is_its_optical_path_over_a_speed():
