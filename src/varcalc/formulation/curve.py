@@ -12,6 +12,7 @@ from varcalc.formulation.form import (
     Form,
     Sampled,
     Stated,
+    arched,
     end_conditions,
     extended,
     rewriter,
@@ -101,16 +102,12 @@ def _price(problem: Curve, baseline: Sampled, length: float) -> float:
 
     Where F vanishes there, as an area does, it is what arches as high as the baseline is long cost at the most.
     """
-    arches = [_arched(baseline, length * direction) for direction in np.eye(problem.n)]
+    arches = [arched(baseline, (0.0, 1.0), length * direction) for direction in np.eye(problem.n)]
     for curves in ([baseline], arches):
         price = max(float(np.abs(_along(problem, [problem.integrand], curve)).mean()) for curve in curves) / length
         if math.isfinite(price) and price > 0.0:
             return price
     return 1.0
-
-
-def _arched(baseline: Sampled, height: np.ndarray) -> Sampled:
-    return lambda s: baseline(s) + height[:, None] * 4 * s * (1 - s)
 
 
 def _along(problem: Curve, expressions: list[Expression], curve: Sampled) -> np.ndarray:

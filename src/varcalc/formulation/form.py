@@ -316,6 +316,16 @@ def straight(span: tuple[float, float], start: np.ndarray, end: np.ndarray) -> S
     return line
 
 
+def arched(line: Sampled, span: tuple[float, float], height: np.ndarray) -> Sampled:
+    """A curve with a parabolic arch over all of ``span``, ``height`` (n,) in the middle."""
+
+    def arch(s: np.ndarray) -> np.ndarray:
+        along = (s - span[0]) / (span[1] - span[0])
+        return line(s) + height[:, None] * 4 * along * (1 - along)
+
+    return arch
+
+
 def through(span: tuple[float, float], line: Sampled, waypoints: tuple[Any, ...]) -> Sampled:
     """The broken line from end to end through the waypoints."""
     if not waypoints:

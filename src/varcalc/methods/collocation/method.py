@@ -113,7 +113,7 @@ class _RootSearch:
                 improved = self.refinement.improve(level, self.tol)
                 if improved is not None:
                     return self.report(improved)
-                if self.refinement.adrift:  # other starting curves would only lead there again
+                if self.refinement.adrift:  # said of this root; no other is looked for, and no answer is claimed
                     return self.failure()
         return self.failure()
 

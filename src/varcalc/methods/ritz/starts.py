@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Form, Sampled
+from varcalc.formulation import Form, Sampled, arched
 from varcalc.formulation.height import height
 from varcalc.methods.ritz.system import RitzSystem
 from varcalc.numerics.stacked import applied
@@ -43,13 +43,7 @@ COMPARED = 2
 
 def bent(form: Form, amplitude: float, direction: np.ndarray) -> Sampled:
     """The baseline with a parabolic arch of the given height along ``direction``."""
-    a, b = form.span
-
-    def curve(s: np.ndarray) -> np.ndarray:
-        along = (s - a) / (b - a)
-        return form.baseline(s) + amplitude * direction[:, None] * 4 * along * (1 - along)
-
-    return curve
+    return arched(form.baseline, form.span, amplitude * direction)
 
 
 def scaled_ring(form: Form, radius: float) -> Sampled:
