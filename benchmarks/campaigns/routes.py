@@ -65,7 +65,7 @@ def peer_answer(problem: vc.Problem, start: Start | None) -> Answer:
         return Answer(ok=False, applies=False, message=reason)
     boundary = BoundaryValueProblem(form)
     nodes = np.linspace(*form.span, FIRST_NODES)
-    values = form.baseline(nodes) if start is None else np.array([[start(x) for x in nodes]])
+    values = form.start.curve(nodes) if start is None else np.array([[start(x) for x in nodes]])
     tower = np.vstack([values, np.gradient(values, nodes, axis=1, edge_order=2)])
     result = boundary.solve(nodes, tower, PEER_TOLERANCE, PEER_NODES)
     if not (result.success and np.isfinite(result.y).all()):

@@ -28,7 +28,7 @@ def test_the_straight_line_keeps_what_one_end_leaves_open() -> None:
 
 def test_the_broken_line_through_waypoints() -> None:
     line = straight((0, 1), np.zeros(2), np.ones(2))
-    broken = through((0, 1), line, ((0.5, (3.0, None)),))
+    broken = through((0, 1), line, ((0.5, (3.0, 0.5)),))
     assert broken(np.array([0.25, 0.5, 0.75])) == pytest.approx(np.array([[1.5, 3, 2], [0.25, 0.5, 0.75]]))
 
 
@@ -38,9 +38,9 @@ def test_a_graph_keeps_its_symbols() -> None:
     assert form.lift is None
     assert form.symbols is given.symbols
     assert form.span == (0, 2)
-    assert form.knots == (0.5, 1.5)
-    assert form.fixed_start == pytest.approx(np.array([[1.0]]))
-    assert np.isnan(form.fixed_end).all()
+    assert form.conditions.knots == (0.5, 1.5)
+    assert form.ends.start == pytest.approx(np.array([[1.0]]))
+    assert np.isnan(form.ends.end).all()
     assert form.same_functional
     assert not form.has_inequalities
 
@@ -50,8 +50,8 @@ def test_slopes_fixed_at_second_order() -> None:
         lambda x, y, dy, ddy: ca.sumsqr(ddy), vc.Fixed(0, (1, 2), (None, 4)), vc.Fixed(1, (None, 5)), order=2
     )
     form = formulate(given)
-    assert np.array_equal(form.fixed_start, [[1, 2], [math.nan, 4]], equal_nan=True)
-    assert np.array_equal(form.fixed_end, [[math.nan, 5], [math.nan] * 2], equal_nan=True)
+    assert np.array_equal(form.ends.start, [[1, 2], [math.nan, 4]], equal_nan=True)
+    assert np.array_equal(form.ends.end, [[math.nan, 5], [math.nan] * 2], equal_nan=True)
 
 
 def test_a_maximum_is_minimised_with_the_sign_turned() -> None:
@@ -66,14 +66,16 @@ def test_sliding_ends_are_stated_on_the_unit_interval() -> None:
     )
     form = formulate(given)
     assert form.span == (0, 1)
-    assert form.unknown_guess == pytest.approx([-1, 3])
+    assert form.start.unknowns == pytest.approx([-1, 3])
     # from x = 1 to 5, at the quarter: x = 2, y' = 8 / 4
     value = ca.Function("L", form.symbols.all, [form.integrand])(0.25, 7, 8, [], [], [1, 5])
     assert float(value) == pytest.approx(4 * (2 + 7 * 4))
     assert form.lift is not None
     assert [float(v) for v in form.lift(0.25, 7, 8, [1, 5], [])] == [2, 7, 4, 8]
-    assert form.ends is not None
-    equations = ca.Function("e", [form.ends.start, form.ends.end, form.symbols.unknowns], [form.ends.equations])
+    assert form.ends.joint is not None
+    equations = ca.Function(
+        "e", [form.ends.joint.start, form.ends.joint.end, form.symbols.unknowns], [form.ends.joint.equations]
+    )
     assert np.asarray(equations(2.5, 0.5, [1, 5])).ravel() == pytest.approx([1.5, 1.5])
 
 
@@ -109,21 +111,21 @@ def test_side_conditions_know_their_constraint() -> None:
             ],
         )
     )
-    assert [(c.index, c.equality) for c in form.integrals] == [(1, True), (4, False)]
-    assert [(c.index, c.lower, c.upper) for c in form.pathwise] == [(0, -math.inf, 2), (3, 0, 0)]
+    assert [(c.index, c.equality) for c in form.conditions.integrals] == [(1, True), (4, False)]
+    assert [(c.index, c.lower, c.upper) for c in form.conditions.pathwise] == [(0, -math.inf, 2), (3, 0, 0)]
     assert form.has_inequalities
 
 
 def test_a_constraint_given_twice_counts_twice() -> None:
     constraint = vc.Isoperimetric(lambda x, y, dy: y, lower=0.0)
     form = formulate(vc.Problem(square, vc.Fixed(0, 0), vc.Fixed(1, 1), [constraint, vc.Through(0.5, 1)]))
-    assert [c.index for c in form.integrals] == [0]
+    assert [c.index for c in form.conditions.integrals] == [0]
 
 
 def test_a_positive_curve_is_solved_by_its_energy() -> None:
     form = formulate(vc.Curve(length, vc.At((0, 0)), vc.At((3, 4))))
-    assert form.energetic
-    assert not form.gauged
+    assert form.coordinates.energetic
+    assert not form.coordinates.gauged
     value = ca.Function("F", form.symbols.all, [form.integrand, form.functional])(0, [0, 0], [3, 4], [], [], [])
     assert [float(v) for v in value] == [25, 5]
 
@@ -134,9 +136,9 @@ def test_a_closed_curve_has_a_gauge() -> None:
 
     given = vc.Curve(swept, vc.Periodic(), vc.Periodic(), [vc.Isoperimetric(length, 2 * math.pi)], maximise=True)
     form = formulate(given)
-    assert form.gauged
-    assert form.periodic
-    assert not form.energetic
+    assert form.coordinates.gauged
+    assert form.ends.periodic
+    assert not form.coordinates.energetic
     # the gauge vanishes at constant speed, and only there
     functions = ca.Function("F", form.symbols.all, [form.integrand, form.functional])
     here, there = (functions(0, [1, 0], [0, speed], [], [], [2.0]) for speed in (2.0, 3.0))
@@ -154,8 +156,8 @@ def test_end_costs_are_stated_with_the_sign() -> None:
             square, vc.Free(0, n=None), vc.Fixed(1, 1), end_cost=lambda x0, y0, x1, y1: x1 + 10 * y0, maximise=True
         )
     )
-    assert form.ends is not None
-    assert float(ca.Function("M", [form.ends.start, form.ends.end], [form.ends.cost])(2, 1)) == -21
+    assert form.ends.joint is not None
+    assert float(ca.Function("M", [form.ends.joint.start, form.ends.joint.end], [form.ends.joint.cost])(2, 1)) == -21
 
 
 def test_the_wrong_thing_is_refused() -> None:

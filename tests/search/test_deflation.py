@@ -24,7 +24,7 @@ def middle(system, z):
 
 def test_the_same_start_leads_to_the_other_root_once_one_is_known():
     system = collocated(lambda x, y, dy: dy**2 / 2 - 3 * ca.exp(y), vc.Fixed(0, 0), vc.Fixed(1, 0))
-    start = first_unknowns(system, system.form.baseline)
+    start = first_unknowns(system, system.form.start.curve)
     known = []
     for _ in range(2):
         known.append(deflated_newton(system, start, known, scales_of(system.form)))
@@ -35,11 +35,11 @@ def test_the_same_start_leads_to_the_other_root_once_one_is_known():
 
 def test_a_single_root_is_not_found_twice():
     system = collocated(lambda x, y, dy: dy**2 + y**2, vc.Fixed(0, 0), vc.Fixed(1, 1))
-    start = first_unknowns(system, system.form.baseline)
+    start = first_unknowns(system, system.form.start.curve)
     only = deflated_newton(system, start, [], scales_of(system.form))
     assert deflated_newton(system, start, [only], scales_of(system.form)) is None
 
 
 def test_conjugate_ends_leave_a_direction_open():
     system = collocated(lambda x, y, dy: dy**2 - y**2, vc.Fixed(0, 0), vc.Fixed(float(mp.pi), 0))
-    assert is_singular(system, first_unknowns(system, system.form.baseline))
+    assert is_singular(system, first_unknowns(system, system.form.start.curve))

@@ -16,7 +16,7 @@ from typing import TypeGuard
 
 import numpy as np
 
-from varcalc.formulation import Form, Stated, extended, formulate, rewriter, straight
+from varcalc.formulation import Coordinates, Form, Stated, extended, formulate, rewriter, straight
 from varcalc.methods.ritz.method import Rung, Rungs
 from varcalc.methods.ritz.newton import Newton
 from varcalc.problem.conditions import Fixed
@@ -127,7 +127,7 @@ def gap(problem: Functional, approach: Approach) -> Gap | None:
     if not _stretchable(problem):
         return None
     found = [found for at_start in (True, False) for k in POWERS if (found := _steep(problem, k, at_start))]
-    sign = -1.0 if problem.maximise else 1.0
+    sign = problem.sign
     best = min(found, key=lambda g: sign * g.value, default=None)
     last = float(approach.values[-1])
     # the extrapolation may be off by as much as it adds; a curve between the two proves nothing
@@ -153,7 +153,7 @@ def outdone(solution: Solution) -> Gap | None:
     problem = solution.problem
     if not _stretchable(problem):
         return None
-    sign = -1.0 if problem.maximise else 1.0
+    sign = problem.sign
     for at_start in (True, False):
         for power in POWERS:
             found = _plain(problem, power, at_start)
@@ -170,7 +170,7 @@ def _plain(problem: Problem, power: int, at_start: bool) -> Gap | None:
     rungs = Rungs(form, Newton(), 1)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         system = rungs.system(rungs.first_space(1, SMOOTH_DEGREE))
-        z = system.pack(system.space.fit(form.baseline), form.unknown_guess)
+        z = system.pack(system.space.fit(form.start.curve), form.start.unknowns)
         finer, again = rungs.prolonged(system, z)
         coarse, fine = system.evaluate(z), finer.evaluate(again)
     change, size = abs(coarse.value - fine.value), max(abs(coarse.value), abs(fine.value))
@@ -201,13 +201,11 @@ def _stretched(problem: Problem, power: int, at_start: bool) -> Form:
     x = a + (b - a) * near**power if at_start else b - (b - a) * near**power
     rewrite = rewriter(problem, symbols, x, symbols.y, [symbols.dy / speed], speed)
     integrand = plain.sign * rewrite(problem.integrand, True)
-    ends = plain.baseline(np.array(problem.span))
+    ends = plain.start.curve(np.array(problem.span))
+    stated = Stated(symbols, integrand, integrand, (x, symbols.y, speed, symbols.dy))
     return replace(
         plain,
-        stated=Stated(symbols, integrand, integrand, (x, symbols.y, speed, symbols.dy)),
-        span=(0.0, 1.0),
-        baseline=straight((0.0, 1.0), ends[:, 0], ends[:, 1]),
-        note=f"x ~ s^{power}",
+        coordinates=Coordinates(stated, note=f"x ~ s^{power}"),
+        start=replace(plain.start, curve=straight((0.0, 1.0), ends[:, 0], ends[:, 1])),
         cache=Cache(),
-        numbers=None,
     )

@@ -113,7 +113,7 @@ class _Family:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.sign = -1.0 if problem.maximise else 1.0
+        self.sign = problem.sign
         a, b = problem.span
         ends: list[Any] = [problem.start, problem.end]
         self.y = np.array([float(np.ravel(e.y)[0]) for e in ends])
@@ -341,9 +341,11 @@ def with_rival(solution: Solution) -> Solution:
     Refused where it is that broken curve itself, as near as graphs come to it.
     """
     extremal = solution.extremal
-    if solution.local or (extremal is not None and extremal.form.energetic and any(extremal.form.singular)):
+    if solution.local or (
+        extremal is not None and extremal.form.coordinates.energetic and any(extremal.form.coordinates.singular)
+    ):
         return solution
-    sign = -1.0 if solution.problem.maximise else 1.0
+    sign = solution.problem.sign
     rivals = _broken_curves(solution.problem, sign * solution.value + 2 * LIKE * abs(solution.value))
     for same in rivals:
         if _is_rival(solution, same):

@@ -81,7 +81,7 @@ def _name(problem: Problem) -> str:
 def _sizes(problem: Problem) -> dict[int, float]:
     """The size of each level and bound: its limits, or what the chord has where these are zero."""
     x = np.linspace(*problem.span, PLACES)
-    y = formulate(problem).baseline(x)
+    y = formulate(problem).start.curve(x)
     slope = np.gradient(y, x, axis=1)
     numbers = [np.repeat(v[:, None], PLACES, axis=1) for v in (problem.parameter_values, problem.unknown_guesses)]
     second = np.zeros((problem.symbols.ddy.numel(), PLACES))
@@ -104,7 +104,7 @@ def _elastic(problem: Problem, sizes: dict[int, float], weight: float) -> Proble
     """The problem whose curve misses the conditions of ``problem`` least, and is smooth for the rest."""
     name, named = _name(problem), bool(problem.parameters or problem.unknowns)
     a, b = problem.span
-    ends = [np.abs(v).max(initial=0.0) for v in formulate(problem).baseline(np.array([a, b])).T]
+    ends = [np.abs(v).max(initial=0.0) for v in formulate(problem).start.curve(np.array([a, b])).T]
     steepness = float(weight * (b - a) / (max(ends) or 1.0) ** 2)
 
     def cost(*arguments: Any) -> Any:

@@ -49,7 +49,7 @@ def with_corners(problem: Functional, tol: float, failure: Solution) -> Solution
         found = _solved(problem, teeth, tol, fine)
         if found is not None and (best is None or _lower(found, best)):
             best = found
-    sign = -1.0 if problem.maximise else 1.0
+    sign = problem.sign
     doubt = SURE * abs(coarse.value - fine.value) + (tol * max(1.0, abs(fine.value)))
     reached = best is not None and sign * (best.value - fine.value) <= doubt
     if reached and best is not None:
@@ -66,7 +66,7 @@ def with_corners(problem: Functional, tol: float, failure: Solution) -> Solution
 def convex(problem: Problem) -> bool:
     """Whether L is convex in the slope wherever it was looked at, on and about the chord."""
     a, b = problem.span
-    line = formulate(problem).baseline
+    line = formulate(problem).start.curve
     chord = float(np.ptp(line(np.array([a, b])))) / (b - a)
     x = a + (b - a) * np.array([0.21, 0.5, 0.83])
     y, slopes = line(x)[0], max(1.0, chord) * np.array(CHECKED)
@@ -157,6 +157,6 @@ def _lower(one: Solution, other: Solution) -> bool:
 
 def _lowest_known(failure: Solution, best: Solution | None) -> float:
     """The best value of any curve met, infinitely bad when there is none."""
-    sign = -1.0 if failure.problem.maximise else 1.0
+    sign = failure.problem.sign
     values = [sign * s.value for s in (failure, best) if s is not None and not math.isnan(s.value)]
     return sign * min(values, default=math.inf)

@@ -67,7 +67,7 @@ def relaxed(problem: Problem, pieces: int) -> Relaxed | None:
     """The lowest polygon of the convexified functional that IPOPT reaches from several starts; None when none."""
     program = _Program(problem, pieces)
     found = [program.solved(spread) for spread in SPREADS]
-    sign = -1.0 if problem.maximise else 1.0
+    sign = problem.sign
     return min((f for f in found if f is not None), key=lambda f: sign * f.value, default=None)
 
 
@@ -114,7 +114,7 @@ class _Program:
 
     def _integrands(self) -> Any:
         levels = [t.expression for t in self.problem.traced if isinstance(t.constraint, Isoperimetric)]
-        sign = -1.0 if self.problem.maximise else 1.0
+        sign = self.problem.sign
         return ca.densify(ca.vertcat(sign * self.problem.integrand, *levels))
 
     def _columns(self, count: int) -> list[Any]:
@@ -172,5 +172,5 @@ class _Program:
         y = self.line.copy()
         y[self.free] = w[:inner] * self.height
         share, one, other = w[inner:].reshape(3, self.pieces)
-        sign = -1.0 if self.problem.maximise else 1.0
+        sign = self.problem.sign
         return Relaxed(sign * value, self.x, y, np.array([one, other]) * self.steep, np.array([share, 1 - share]))

@@ -73,10 +73,10 @@ def regular(problem: Functional) -> bool:
     a, b = problem.span
     near = (b - a) * np.array(PROBE)
     x = np.concatenate([np.linspace(a, b, PLACES)[1:-1], a + near, b - near])
-    y = formulate(problem).baseline(x)
+    y = formulate(problem).start.curve(x)
     numbers = problem.parameter_values[None], problem.unknown_guesses[None]
     chord = np.linspace(a, b, PLACES)
-    slope = np.interp(x, chord, np.gradient(formulate(problem).baseline(chord)[0], chord))
+    slope = np.interp(x, chord, np.gradient(formulate(problem).start.curve(chord)[0], chord))
     values = _legendre(problem)(len(x), x[:, None], y.T, slope[:, None], np.zeros((1, 0)), *numbers)[:, 0]
     inner, sizes = values[:-4], np.abs(values)
     growth = sizes[[-4, -2]] / sizes[[-3, -1]]

@@ -13,46 +13,58 @@ from __future__ import annotations
 from varcalc.formulation.broken import Contact, broken_form
 from varcalc.formulation.curve import curve_form
 from varcalc.formulation.form import (
+    Conditions,
+    Coordinates,
     Elsewhere,
     EndConditions,
+    Ends,
     Form,
     Sampled,
     SideCondition,
+    Start,
     Stated,
     StatedLater,
+    Waypoints,
     arched,
+    conditions_of,
     end_conditions,
     extended,
     rewriter,
-    side_conditions,
     straight,
     through,
 )
-from varcalc.formulation.graph import graph_form, on_curve, sliding_form
+from varcalc.formulation.graph import graph_form, guessed_abscissae, on_curve, sliding_abscissae, sliding_form
 from varcalc.formulation.numbers import AtPoints, Numbers, Reported
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 
 __all__ = [
     "AtPoints",
+    "Conditions",
     "Contact",
+    "Coordinates",
     "Elsewhere",
     "EndConditions",
+    "Ends",
     "Form",
     "Numbers",
     "Reported",
     "Sampled",
     "SideCondition",
+    "Start",
     "Stated",
     "StatedLater",
+    "Waypoints",
     "arched",
     "broken_form",
+    "conditions_of",
     "end_conditions",
     "extended",
     "formulate",
+    "guessed_abscissae",
     "on_curve",
     "rewriter",
-    "side_conditions",
+    "sliding_abscissae",
     "straight",
     "through",
 ]

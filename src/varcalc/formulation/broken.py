@@ -18,18 +18,19 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation.form import (
+    Coordinates,
     Form,
     Sampled,
     SideCondition,
+    Start,
     Stated,
+    conditions_of,
     end_conditions,
     extended,
     rewriter,
-    side_conditions,
 )
 from varcalc.formulation.graph import graph_form
 from varcalc.problem.problem import Problem
-from varcalc.symbolic.derived import Cache
 from varcalc.symbolic.tracing import Expression
 
 SHORTEST = 1e-2
@@ -64,30 +65,23 @@ def broken_form(
     slopes = [symbols.dy / speed] + ([symbols.ddy / speed**2] if problem.order == 2 else [])
     rewrite = rewriter(problem, symbols, x, symbols.y, slopes, speed)
     integrand = plain.sign * rewrite(problem.integrand, True)
-    ends = None
-    if plain.ends is not None:
-        y0, y1 = (symbols.kind.sym(name, problem.n) for name in ("y0", "y1"))
-        ends = end_conditions(problem, symbols, y0, y1, *problem.span, [])
-    conditions = side_conditions(problem, rewrite)
+    conditions = replace(conditions_of(problem, rewrite), knots=tuple(s for s, _ in marks[1:-1]))
+    pathwise = conditions.pathwise
     if contacts is not None:
-        bounds = {c.index: c for c in conditions["pathwise"]}
-        conditions["pathwise"] = tuple(
+        bounds = {c.index: c for c in pathwise}
+        pathwise = tuple(
             replace(bounds[c.index], lower=c.level, upper=c.level, where=(c.start, c.end)) for c in contacts
         )
-    elif conditions["pathwise"]:  # the interior-point method is kept from turning a piece inside out
-        conditions["pathwise"] += (SideCondition(speed, SHORTEST, math.inf, -1),)
-    return replace(
-        plain,
-        stated=Stated(symbols, integrand, integrand, (x, symbols.y, speed, symbols.dy)),
-        **conditions,
-        ends=ends,
-        knots=tuple(s for s, _ in marks[1:-1]),
-        unknown_guess=np.array([*problem.unknown_guesses, *sorted(corners)]),
-        baseline=curve,
-        corners=len(corners),
-        note="corners at unknown abscissae",
-        cache=Cache(),
-        numbers=None,
+    elif pathwise:  # the interior-point method is kept from turning a piece inside out
+        pathwise += (SideCondition(speed, SHORTEST, math.inf, -1),)
+    stated = Stated(symbols, integrand, integrand, (x, symbols.y, speed, symbols.dy))
+    joint = end_conditions(problem, symbols, lambda k, y: (problem.span[k], y))
+    return Form(
+        problem,
+        Coordinates(stated, problem.span, corners=len(corners), note="corners at unknown abscissae"),
+        replace(plain.ends, joint=joint),
+        replace(conditions, pathwise=pathwise, waypoints=plain.conditions.waypoints),
+        Start(curve, np.array([*problem.unknown_guesses, *sorted(corners)]), plain.start.bumps),
     )
 
 
@@ -97,7 +91,7 @@ def _marks(
     """(s, x) at the ends, the knots that stand still and the corners, in order."""
     kind = problem.symbols.kind
     moving = [(float(c), unknowns[i]) for i, c in enumerate(sorted(corners))]
-    standing = [(v, kind(v)) for v in (problem.span[0], *plain.knots, problem.span[1])]
+    standing = [(v, kind(v)) for v in (problem.span[0], *plain.conditions.knots, problem.span[1])]
     return sorted([*moving, *standing], key=lambda mark: mark[0])
 
 

@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from varcalc.formulation.form import (
+    Coordinates,
+    Ends,
     Form,
     Sampled,
+    Start,
     Stated,
     arched,
+    conditions_of,
     end_conditions,
     extended,
     rewriter,
-    side_conditions,
     straight,
 )
-from varcalc.problem.conditions import At, Isoperimetric, OnSurface, Periodic, components
+from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import Curve
 from varcalc.symbolic.derived import Cache, derived
-from varcalc.symbolic.tracing import Expression, trace
+from varcalc.symbolic.tracing import Expression
 
 SAMPLES = 64
 """Points at which expressions are sampled along a baseline."""
@@ -35,48 +37,33 @@ FLAT = 1e-3
 
 def curve_form(problem: Curve) -> Form:
     """A curve in space: its energy when that does, the functional with a gauge otherwise."""
-    sign = -1.0 if problem.maximise else 1.0
-    closed = isinstance(problem.start, Periodic)
-    energetic = not closed and problem.end_cost is None and _positive(problem, sign)
-    energetic = energetic and not any(isinstance(c, Isoperimetric) for c in problem.constraints)
+    closed = problem.start.periodic
+    plain = not closed and problem.end_cost is None and not any(problem.of_type(Isoperimetric))
+    energetic = plain and _positive(problem)
     symbols = problem.symbols if energetic else extended(problem, problem.n, 1)
     rewrite = rewriter(problem, symbols, symbols.x, symbols.y, symbols.slopes, symbols.kind(1))
-    functional = sign * (problem.integrand if energetic else rewrite(problem.integrand, True))
-    y0, y1 = symbols.kind.sym("q0", problem.n), symbols.kind.sym("q1", problem.n)
-    equations = [
-        trace(f"{label}.phi", e.phi, [q], symbols.kind)
-        for label, e, q in (("start", problem.start, y0), ("end", problem.end, y1))
-        if isinstance(e, OnSurface)
-    ]
-    points = [_curve_end(e, problem.n) for e in (problem.start, problem.end)]
-    start, end = (_curve_fixed(e, problem.n) for e in (problem.start, problem.end))
+    functional = problem.sign * (problem.integrand if energetic else rewrite(problem.integrand, True))
+    points = _end_points(problem)
     radius = _radius(problem) if closed else 0.0
     baseline = _ring(problem.n, radius) if closed else straight((0.0, 1.0), *points)
     length = 2 * math.pi * radius if closed else float(np.linalg.norm(np.nan_to_num(points[1] - points[0]))) or 1.0
+    joint = end_conditions(problem, symbols, lambda _, q: (0.0, q))
     return Form(
-        problem=problem,
-        stated=Stated(
-            symbols,
-            functional**2 if energetic else functional + _price(problem, baseline, length) * _gauge(symbols),
-            functional,
+        problem,
+        Coordinates(
+            Stated(
+                symbols,
+                functional**2 if energetic else functional + _price(problem, baseline, length) * _gauge(symbols),
+                functional,
+            ),
+            note="energy" if energetic else "gauge of constant speed",
+            energetic=energetic,
+            gauged=not energetic,
         ),
-        sign=sign,
-        span=(0.0, 1.0),
-        **side_conditions(problem, rewrite),
-        fixed_start=start,
-        fixed_end=end,
-        ends=end_conditions(problem, symbols, y0, y1, None, None, equations),
-        periodic=closed,
-        knots=(),
-        waypoints=(),
-        unknown_guess=np.array([*problem.unknown_guesses, *([] if energetic else [length])]),
-        baseline=baseline,
-        bumps=np.eye(problem.n),
-        pull=lambda curve: curve,
-        note="energy" if energetic else "gauge of constant speed",
-        energetic=energetic,
-        gauged=not energetic,
-        cache=_energy_cache(problem) if energetic and not equations else Cache(),
+        Ends(problem.start.values(problem.n)[None], problem.end.values(problem.n)[None], joint, closed),
+        conditions_of(problem, rewrite),
+        Start(baseline, np.array([*problem.unknown_guesses, *([] if energetic else [length])]), np.eye(problem.n)),
+        cache=_energy_cache(problem) if energetic and joint is None else Cache(),
     )
 
 
@@ -147,14 +134,14 @@ def _radius(problem: Curve) -> float:
     return radius if math.isfinite(radius) and radius > 0.0 else 1.0
 
 
-def _positive(problem: Curve, sign: float) -> bool:
+def _positive(problem: Curve) -> bool:
     """True when sign * F > 0 in every direction tried along the line between the ends."""
-    start, end = (_curve_end(e, problem.n) for e in (problem.start, problem.end))
+    start, end = _end_points(problem)
     first, last = np.where(np.isnan(start), end, start), np.where(np.isnan(end), start, end)
     points = np.nan_to_num(np.array([[first, last]]))
     places, directions = positive_along(points, np.nan_to_num(end - start)[None])
     moving = directions[0].any(1)
-    values = sign * problem.integrand_values(places[0, moving].T, directions[0, moving].T)
+    values = problem.sign * problem.integrand_values(places[0, moving].T, directions[0, moving].T)
     numbers = values[np.isfinite(values)]
     return bool(len(numbers)) and float(numbers.min()) > 0.0
 
@@ -169,14 +156,10 @@ def positive_along(points: np.ndarray, chord: np.ndarray) -> tuple[np.ndarray, n
     return np.repeat(places, directions.shape[1], axis=1), np.tile(directions, (1, len(along), 1))
 
 
-def _curve_end(end: Any, n: int) -> np.ndarray:
-    if isinstance(end, At):
-        return np.array([np.nan if v is None else v for v in components("q", end.q)])
-    return np.array(end.guess, dtype=float) if isinstance(end, OnSurface) else np.full(n, np.nan)
-
-
-def _curve_fixed(end: Any, n: int) -> np.ndarray:
-    return (_curve_end(end, n) if isinstance(end, At) else np.full(n, np.nan))[None, :]
+def _end_points(problem: Curve) -> list[np.ndarray]:
+    """The ends, guessed where they slide, NaN where they are free."""
+    ends = problem.start, problem.end
+    return [np.array(e.guess, dtype=float) if e.slides else e.values(problem.n) for e in ends]
 
 
 def _ring(n: int, radius: float) -> Sampled:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,12 +12,15 @@ import numpy as np
 from varcalc.formulation.numbers import Numbers
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric
 from varcalc.problem.functional import Functional, Symbols
-from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import Cache, derived
 from varcalc.symbolic.tracing import Expression
 
 Sampled = Callable[[np.ndarray], np.ndarray]
 """A curve to start from: abscissae (m,) to ordinates (n, m)."""
+
+
+Waypoints = tuple[tuple[float, tuple[float, ...]], ...]
+"""Abscissae, and the values demanded there."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ class Elsewhere:
 class Stated:
     """What a form says: its symbols, the ``integrand`` that is minimised, the ``functional`` that is reported.
 
-    ``lifted`` holds the person's abscissa and ordinates and their derivatives by s; None when they are the same.
+    ``lifted`` holds the user's abscissa and ordinates and their derivatives by s; None when they are the same.
     """
 
     def __init__(
@@ -110,33 +113,12 @@ class StatedLater:
 
 
 @dataclass(frozen=True)
-class Form:
-    """A functional on a fixed interval, ready for any method.
+class Coordinates:
+    """How curves are written: on ``span``, in the expressions that are ``stated``; ``pull`` brings the user's there."""
 
-    What is reported is the functional that is ``stated``, times ``sign``.
-    ``fixed_start[k, a]`` is the value of the k-th derivative of function a at
-    the start, NaN where it is free. ``knots`` are abscissae that
-    must be vertices of every mesh, where slopes may jump; ``waypoints`` pairs of a knot
-    and the values demanded there. ``baseline`` is the first curve to try and
-    ``bumps`` the directions in which to bend it.
-    """
-
-    problem: Functional
     stated: Stated | StatedLater
-    sign: float
-    span: tuple[float, float]
-    integrals: tuple[SideCondition, ...]
-    pathwise: tuple[SideCondition, ...]
-    fixed_start: np.ndarray
-    fixed_end: np.ndarray
-    ends: EndConditions | None
-    periodic: bool
-    knots: tuple[float, ...]
-    waypoints: tuple[tuple[float, tuple[float | None, ...]], ...]
-    unknown_guess: np.ndarray
-    baseline: Sampled
-    bumps: np.ndarray
-    pull: Callable[[Sampled], Sampled]
+    span: tuple[float, float] = (0.0, 1.0)
+    pull: Callable[[Sampled], Sampled] = lambda curve: curve
     note: str = ""
     energetic: bool = False
     """True when the integral of the square of the functional's integrand is what is minimised."""
@@ -146,21 +128,93 @@ class Form:
     """Ends where abscissa and ordinate were given powers, so that their derivatives by s vanish."""
     weak_only: bool = False
     """True when regularity alone decides at a singular end: no boundary condition exists for an indirect method."""
-    refused: str = ""
-    """Why nothing that samples the integrand near an end can resolve it; empty where it can be tried."""
     gauged: bool = False
     """True when the last unknown number is the constant speed of a Curve."""
     one_sided: tuple[int, ...] = ()
     """Functions that stay positive: beyond zero they would describe the mirror image, another curve."""
     corners: int = 0
     """How many of the unknown numbers are abscissae of corners."""
+    numbers: Numbers | None = None
+    """The integrand as numbers, where they are known without its expression."""
+
+
+@dataclass(frozen=True)
+class Ends:
+    """What is asked at the ends: ``start[k, a]`` is the value of the k-th derivative of function a, NaN where free."""
+
+    start: np.ndarray
+    end: np.ndarray
+    joint: EndConditions | None = None
+    """Cost of the ends and equations between them."""
+    periodic: bool = False
+
+    @property
+    def separate(self) -> bool:
+        """True where each end is fixed or free by itself: neither slides, costs anything, or is both."""
+        return self.joint is None and not self.periodic
+
+    @property
+    def equations(self) -> int:
+        """How many equations tie the ends."""
+        return 0 if self.joint is None else int(self.joint.equations.numel())
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What is asked between the ends.
+
+    ``knots`` are abscissae that must be vertices of every mesh, where slopes may jump; ``waypoints`` pairs of a knot
+    and the values demanded there.
+    """
+
+    integrals: tuple[SideCondition, ...] = ()
+    pathwise: tuple[SideCondition, ...] = ()
+    knots: tuple[float, ...] = ()
+    waypoints: Waypoints = ()
+
+
+@dataclass(frozen=True)
+class Start:
+    """The first ``curve`` to try, first guesses of the ``unknowns``, and directions in which to bend the curve."""
+
+    curve: Sampled
+    unknowns: np.ndarray
+    bumps: np.ndarray
+
+
+@dataclass(frozen=True)
+class Form:
+    """A functional on a fixed interval, ready for any method: coordinates, ends, conditions and a start.
+
+    What is reported is the functional that is stated, times ``sign``.
+    """
+
+    problem: Functional
+    coordinates: Coordinates
+    ends: Ends
+    conditions: Conditions
+    start: Start
+    refused: str = ""
+    """Why nothing that samples the integrand near an end can resolve it; empty where it can be tried."""
     cache: Cache = field(default_factory=Cache, repr=False)
     """What methods derive from the expressions; shared by copies for other parameter values."""
     elsewhere: Elsewhere | None = None
     """How the same expressions serve at other parameter values; None where they may not."""
 
-    numbers: Numbers | None = None
-    """The integrand as numbers, where they are known without its expression."""
+    @property
+    def span(self) -> tuple[float, float]:
+        """The interval of the reference variable."""
+        return self.coordinates.span
+
+    @property
+    def sign(self) -> float:
+        """-1.0 where the functional is to be greatest."""
+        return self.problem.sign
+
+    @property
+    def stated(self) -> Stated | StatedLater:
+        """What the form says."""
+        return self.coordinates.stated
 
     @property
     def symbols(self) -> Symbols:
@@ -179,7 +233,7 @@ class Form:
 
     @property
     def lifted(self) -> tuple[Expression, Expression, Expression, Expression] | None:
-        """The person's abscissa and ordinates and their derivatives by s; None when they are the same."""
+        """The user's abscissa and ordinates and their derivatives by s; None when they are the same."""
         return self.stated.lifted
 
     @property
@@ -214,9 +268,15 @@ class Form:
         return width is not None and not float(width(unknowns, self.problem.parameter_values)) > 0
 
     @property
+    def bare(self) -> bool:
+        """True where curves run between separate ends under levels at most: smooth, and without unknown numbers."""
+        inside = self.conditions.pathwise or self.conditions.knots or len(self.start.unknowns)
+        return self.ends.separate and not inside and not self.refused
+
+    @property
     def has_inequalities(self) -> bool:
         """True when an interior-point method is called for."""
-        return bool(self.pathwise) or any(not c.equality for c in self.integrals)
+        return bool(self.conditions.pathwise) or any(not c.equality for c in self.conditions.integrals)
 
 
 @derived
@@ -235,10 +295,16 @@ def _width(form: Form) -> ca.Function | None:
     return ca.Function("width", [s.unknowns, s.parameters], [speed])
 
 
-def side_conditions(problem: Functional, rewrite: Callable[[Expression, bool], Expression]) -> dict[str, Any]:
-    """The isoperimetric and pathwise conditions of a problem, each expression passed through ``rewrite``.
+def conditions_of(
+    problem: Functional,
+    rewrite: Callable[[Expression, bool], Expression],
+    breakpoints: Iterable[float] = (),
+    waypoints: Waypoints = (),
+) -> Conditions:
+    """What a problem asks between its ends, each expression passed through ``rewrite``.
 
-    ``rewrite(expression, integrated)`` states it in the form's own coordinates.
+    ``rewrite(expression, integrated)`` states it in the form's own coordinates, in which ``breakpoints`` and
+    ``waypoints`` are already.
     """
     integrals, pathwise = [], []
     numbers = {id(c): i for i, c in enumerate(problem.constraints)}
@@ -252,26 +318,32 @@ def side_conditions(problem: Functional, rewrite: Callable[[Expression, bool], E
             pathwise.append(SideCondition(rewrite(t.expression, False), lower, upper, index))
         elif isinstance(t.constraint, Holonomic):
             pathwise.append(SideCondition(rewrite(t.expression, False), 0.0, 0.0, index))
-    return {"integrals": tuple(integrals), "pathwise": tuple(pathwise)}
+    knots = tuple(sorted({*breakpoints, *(w[0] for w in waypoints)}))
+    return Conditions(tuple(integrals), tuple(pathwise), knots, waypoints)
 
 
 def end_conditions(
-    problem: Functional, symbols: Symbols, y0: Expression, y1: Expression, x0: Any, x1: Any, equations: list[Expression]
+    problem: Functional, symbols: Symbols, place: Callable[[int, Expression], tuple[Any, Expression]]
 ) -> EndConditions | None:
-    """Cost and equations of the ends in a form's symbols; None when there are neither."""
-    kind = symbols.kind
+    """Cost of the ends and the curves they slide on, in a form's ``symbols``; None when there are neither.
+
+    ``place(k, z)`` is the user's (x, y) at the start (k = 0) or the end (1), where the form's functions are z.
+    """
+    if problem.end_cost_expression is None and not any(problem.slides):
+        return None
+    kind, n = symbols.kind, int(symbols.y.numel())
+    z = kind.sym("start", n), kind.sym("end", n)
+    places = [(kind(x), y) for x, y in (place(k, at) for k, at in enumerate(z))]
+    slides = [problem.traced_slide(name, *at, kind) for name, at in zip(("start", "end"), places, strict=True)]
+    equations = [phi for phi in slides if phi is not None]
     cost = kind(0)
     if problem.end_cost_expression is not None:
         given, expression = problem.end_cost_expression
-        ends = [x0, y0, x1, y1] if isinstance(problem, Problem) else [y0, y1]
-        sign = -1.0 if problem.maximise else 1.0
         old = [*given, problem.symbols.unknowns, problem.symbols.parameters]
-        count = len(problem.unknowns)
-        new = [*(kind(e) for e in ends), symbols.unknowns[:count, :], symbols.parameters]
-        cost = sign * ca.substitute([expression], old, new)[0]
-    elif not equations:
-        return None
-    return EndConditions(y0, y1, ca.vertcat(*equations) if equations else kind(0, 1), cost)
+        ends = [v for at in places for v in problem.position(*at)]
+        new = [*ends, symbols.unknowns[: len(problem.unknowns), :], symbols.parameters]
+        cost = problem.sign * ca.substitute([expression], old, new)[0]
+    return EndConditions(*z, ca.vertcat(*equations) if equations else kind(0, 1), cost)
 
 
 def extended(problem: Functional, n: int, extra: int) -> Symbols:
@@ -326,12 +398,12 @@ def arched(line: Sampled, span: tuple[float, float], height: np.ndarray) -> Samp
     return arch
 
 
-def through(span: tuple[float, float], line: Sampled, waypoints: tuple[Any, ...]) -> Sampled:
+def through(span: tuple[float, float], line: Sampled, waypoints: Waypoints) -> Sampled:
     """The broken line from end to end through the waypoints."""
     if not waypoints:
         return line
     marks = np.array([span[0], *(w[0] for w in waypoints), span[1]])
     values = line(marks)
     for k, (_, demanded) in enumerate(waypoints, start=1):
-        values[:, k] = [v if d is None else d for v, d in zip(values[:, k], demanded, strict=True)]
+        values[:, k] = demanded
     return lambda s: np.array([np.interp(s, marks, row) for row in values])

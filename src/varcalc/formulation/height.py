@@ -43,7 +43,7 @@ def height(form: Form) -> float:
 
 def _extent(form: Form) -> float:
     """The spread of the baseline, and of the interval where that has a unit of length."""
-    line = form.baseline(np.linspace(*form.span, 9))
+    line = form.start.curve(np.linspace(*form.span, 9))
     spread = float(np.ptp(line, axis=1).max())
     scale = max(spread, float(np.abs(line).max()) * 1e-3)
     # the parameter of a curve has no unit of length, and s of a lifted form has none either
@@ -57,11 +57,11 @@ def _felt(form: Form, extent: float) -> tuple[float, float] | None:
     a, b = form.span
     s, half = 0.5 * (a + b) + 0.5 * (b - a) * nodes, 0.5 * (b - a)
     arch, slope, step = 1 - nodes**2, -2 * nodes / half, 0.05 * half
-    line, rise = form.baseline(s), (form.baseline(s + step) - form.baseline(s - step)) / (2 * step)
+    line, rise = form.start.curve(s), (form.start.curve(s + step) - form.start.curve(s - step)) / (2 * step)
     heights = extent * 2.0 ** DOUBLINGS[:, None]
     signed = np.concatenate([np.zeros((1, 1)), heights, -heights])
     found: list[int] = []
-    for direction in form.bumps:
+    for direction in form.start.bumps:
         y = line.T + (signed * arch)[:, :, None] * direction
         dy = rise.T + (signed * slope)[:, :, None] * direction
         values = _values(form, s, y, dy)
@@ -97,7 +97,7 @@ def _values(form: Form, s: np.ndarray, y: np.ndarray, dy: np.ndarray) -> np.ndar
     count = y.shape[0] * y.shape[1]
     rows = [y.reshape(count, -1), dy.reshape(count, -1)]
     second = np.zeros((1, form.n if form.order == 2 else 0))
-    numbers = form.problem.parameter_values[None], form.unknown_guess[None]
+    numbers = form.problem.parameter_values[None], form.start.unknowns[None]
     out = _integrands(form)(count, np.tile(s, len(y))[:, None], *rows, second, *numbers)
     return out.reshape(*y.shape[:2], -1)
 
@@ -105,5 +105,5 @@ def _values(form: Form, s: np.ndarray, y: np.ndarray, dy: np.ndarray) -> np.ndar
 @derived
 def _integrands(form: Form) -> Pointwise:
     """The integrand of the functional and those of the levels."""
-    rows = [form.integrand, *(c.expression for c in form.integrals)]
+    rows = [form.integrand, *(c.expression for c in form.conditions.integrals)]
     return Pointwise(ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*rows))]))

@@ -135,9 +135,40 @@ class OfFunction:
 
 
 class AnyEnd:
-    """What the ends of all kinds are asked: ``slides``, whether an end moves along a curve or a surface."""
+    """What an end is asked, in place of which kind it is.
 
+    ``fixed`` tells that components of the curve are given there, ``slides`` that it moves along a curve or a surface,
+    ``periodic`` that it is both ends of a periodic curve, ``of_space`` whether it is an end of a
+    :class:`varcalc.Curve` (True), of a :class:`varcalc.Problem` (False), or of either (None).
+    """
+
+    fixed: ClassVar[bool] = False
     slides: ClassVar[bool] = False
+    periodic: ClassVar[bool] = False
+    of_space: ClassVar[bool | None] = False
+
+    def values(self, n: int) -> np.ndarray:
+        """The ``n`` unknown functions at the end, NaN where one is free."""
+        return np.full(n, np.nan)
+
+    def slopes(self, n: int) -> np.ndarray:
+        """Their derivatives, NaN where one is free."""
+        return np.full(n, np.nan)
+
+    def in_unit(self, unit: float) -> Any:  # noqa: ARG002  where nothing is said of y
+        """The same end of one function, stated in y / ``unit``."""
+        return self
+
+    def tells(self, label: str) -> tuple[int, bool | None] | None:  # noqa: ARG002  for messages, where there are any
+        """How many functions there are and whether y is a number (None: either); None where the end does not tell."""
+        n = getattr(self, "n", None)
+        return None if n is None else (int(n), None)
+
+
+def _numbers(name: str, given: Any) -> np.ndarray:
+    if type(given) in (float, int):
+        return np.array([given], dtype=float)
+    return np.array([np.nan if v is None else v for v in components(name, given)], dtype=float)
 
 
 @dataclass(frozen=True)
@@ -149,6 +180,8 @@ class Fixed(AnyEnd):
     second-order Lagrangian ``dy`` fixes the slope as well; without it the
     slope is natural. Each number may be a :class:`Parameter`.
     """
+
+    fixed = True
 
     x: Any
     y: Any
@@ -163,6 +196,19 @@ class Fixed(AnyEnd):
             return
         if len(components("Fixed.dy", self.dy)) != len(values) or is_vector(self.dy) != is_vector(self.y):
             raise ValueError("Fixed.dy must have as many components as Fixed.y")
+
+    def values(self, n: int) -> np.ndarray:  # noqa: ARG002, D102
+        return _numbers("Fixed.y", self.y)
+
+    def slopes(self, n: int) -> np.ndarray:  # noqa: D102
+        return super().slopes(n) if self.dy is None else _numbers("Fixed.dy", self.dy)
+
+    def in_unit(self, unit: float) -> Fixed:  # noqa: D102
+        y, dy = (None if np.isnan(v[0]) else v[0] / unit for v in (self.values(1), self.slopes(1)))
+        return Fixed(self.x, y, dy)
+
+    def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: D102
+        return len(components(f"{label}.y", self.y)), not is_vector(self.y)
 
 
 @dataclass(frozen=True)
@@ -197,6 +243,9 @@ class OnCurve(OfFunction, AnyEnd):
         finite("OnCurve.x", self.x)
         _number_of_functions("OnCurve.n", self.n)
 
+    def in_unit(self, unit: float) -> OnCurve:  # noqa: D102
+        return replace(self, phi=lambda x, y: self.phi(x, unit * y))
+
 
 @dataclass(frozen=True)
 class Periodic(AnyEnd):
@@ -206,6 +255,9 @@ class Periodic(AnyEnd):
     the abscissae are left out. ``n`` is the number of unknown functions
     (by default 1, and 2 for a closed Curve).
     """
+
+    periodic = True
+    of_space = None
 
     x0: float | None = None
     x1: float | None = None
@@ -223,6 +275,9 @@ class Periodic(AnyEnd):
 class At(AnyEnd):
     """An end of a :class:`varcalc.Curve` at the point ``q`` (``None``: that component is free)."""
 
+    fixed = True
+    of_space = True
+
     q: Sequence[float | Parameter | None]
 
     def __post_init__(self) -> None:
@@ -230,12 +285,19 @@ class At(AnyEnd):
             raise TypeError(f"At.q must be a sequence of coordinates, not {self.q!r}")
         components("At.q", self.q)
 
+    def values(self, n: int) -> np.ndarray:  # noqa: ARG002, D102
+        return _numbers("At.q", self.q)
+
+    def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: ARG002, D102
+        return len(self.q), False
+
 
 @dataclass(frozen=True)
 class OnSurface(OfFunction, AnyEnd):
     """An end of a :class:`varcalc.Curve` that slides on ``phi(q) = 0``; ``guess`` is a point near it."""
 
     slides = True
+    of_space = True
     written = "phi"
 
     phi: Callable[..., Any]
@@ -247,6 +309,9 @@ class OnSurface(OfFunction, AnyEnd):
             v is None or isinstance(v, Parameter) for v in components("OnSurface.guess", self.guess)
         ):
             raise TypeError("OnSurface.guess must be a point: one number for each coordinate")
+
+    def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: ARG002, D102
+        return len(self.guess), False
 
 
 def _level(name: str, value: Any) -> float | None:
@@ -350,6 +415,11 @@ class Through:
             raise ValueError("Through.y must give every component of the waypoint; None is for ends")
         if any(isinstance(v, Parameter) for v in given):
             raise TypeError("Through.y must be numbers; only the ends may be parameters")
+
+    @property
+    def values(self) -> np.ndarray:
+        """``y`` as an array, one entry for each unknown function."""
+        return _numbers("Through.y", self.y)
 
 
 def parameters_of(end: Any) -> tuple[tuple[str, str, int], ...]:

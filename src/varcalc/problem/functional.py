@@ -7,7 +7,7 @@ import keyword
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -106,6 +106,8 @@ class Functional:
     traced: tuple[Traced, ...]
     end_cost_expression: tuple[list[Expression], Expression] | None = None
     breakpoints: tuple[float, ...] = ()
+    slide_takes: ClassVar[str]
+    slide_idle: ClassVar[str]
 
     def __init__(
         self,
@@ -159,6 +161,31 @@ class Functional:
         return frozenset(name for end in self.templates for name, _, _ in parameters_of(end))
 
     @property
+    def sign(self) -> float:
+        """-1.0 where the functional is to be greatest: times it, everything is least."""
+        return -1.0 if self.maximise else 1.0
+
+    def number(self, column: Expression) -> Expression:
+        """A column of ordinates or slopes as a user's function is handed it: a number where they are given as such."""
+        # a column of one SX entry is a scalar; one of MX is not known to be
+        return column[0] if self.scalar and column.numel() == self.n else column
+
+    def position(self, x: Expression, y: Expression) -> list[Expression]:  # noqa: ARG002  what each defines
+        """What a place is: x and y of a graph, the point of a Curve."""
+        raise TypeError("a functional is either a Problem or a Curve")
+
+    def handed(self, x: Expression, y: Expression) -> list[Expression]:
+        """The place (x, y) as a user's function is handed it."""
+        return [self.number(v) for v in self.position(x, y)]
+
+    def traced_slide(self, label: str, x: Expression, y: Expression, kind: type) -> Expression | None:
+        """What is zero where the ``"start"`` or the ``"end"`` slides, at (x, y); None where that does not slide."""
+        end = getattr(self, label)
+        if not end.slides:
+            return None
+        return trace(f"{label}.{end.written}", end.function, self.handed(x, y), kind, self.slide_takes)
+
+    @property
     def slides(self) -> tuple[bool, bool]:
         """Whether the start slides on a curve or a surface, and whether the end does."""
         return self.start.slides, self.end.slides
@@ -168,16 +195,10 @@ class Functional:
         """Raise ValueError where parameters have moved an end to where none can be."""
         raise TypeError("a functional is either a Problem or a Curve")
 
-    def _position(self) -> list[Expression]:
-        raise TypeError("a functional is either a Problem or a Curve")
-
     def _options(self) -> dict[str, Any]:
         raise TypeError("a functional is either a Problem or a Curve")
 
     def _end_symbols(self) -> list[Expression]:
-        raise TypeError("a functional is either a Problem or a Curve")
-
-    def _check_sliding(self) -> None:
         raise TypeError("a functional is either a Problem or a Curve")
 
     def check_places(self) -> None:
@@ -193,15 +214,6 @@ class Functional:
                 )
         return given
 
-    def _handed(self, column: Expression) -> Expression:
-        # a column of one SX entry is a scalar; one of MX is not known to be
-        return column[0] if self.scalar and self.symbols.kind is ca.MX else column
-
-    def _arguments(self) -> list[Expression]:
-        """The place on the curve as a user's function is handed it."""
-        *others, y = self._position()
-        return [*others, self._handed(y)]
-
     def _names(self) -> list[Names]:
         s = self.symbols
         names = {k: s.parameters[i] for i, k in enumerate(self.parameters)}
@@ -211,8 +223,8 @@ class Functional:
     def _trace(self, kind: type) -> None:
         self.symbols = Symbols.common(kind, self.n, self.order, len(self.parameters), len(self.unknowns))
         p = self._names()
-        slopes = [self._handed(d) for d in self.symbols.slopes]
-        position = self._arguments()
+        slopes = [self.number(d) for d in self.symbols.slopes]
+        position = self.handed(self.symbols.x, self.symbols.y)
         self.integrand = trace("lagrangian", self.lagrangian, [*position, *slopes, *p], kind)
         traced = []
         for i, constraint in enumerate(self.constraints):
@@ -224,16 +236,16 @@ class Functional:
                 raise ValueError(f"{label} does not depend on the curve, so phi = 0 constrains nothing")
             traced.append(Traced(constraint, expression))
         self.traced = tuple(traced)
-        self._check_sliding()
+        for label in ("start", "end"):
+            phi = self.traced_slide(label, self.symbols.x, self.symbols.y, kind)
+            if phi is not None and not ca.depends_on(phi, ca.vertcat(*self.position(self.symbols.x, self.symbols.y))):
+                raise ValueError(f"{label}.phi {self.slide_idle}")
         if self.end_cost is not None:
             ends = self._end_symbols()
             self.end_cost_expression = (
                 ends,
-                trace("end_cost", self.end_cost, [*map(self._end_handed, ends), *p], kind),
+                trace("end_cost", self.end_cost, [*map(self.number, ends), *p], kind),
             )
-
-    def _end_handed(self, symbol: Expression) -> Expression:
-        return symbol if symbol.numel() != self.n or not self.scalar else symbol[0]
 
     @property
     def parameter_values(self) -> np.ndarray:
@@ -293,7 +305,7 @@ class Functional:
     def __reduce__(self) -> tuple[Any, ...]:
         if self.original is not None:
             return _at_values, (self.original, self.parameters)
-        s, position = self.symbols, self._position()
+        s, position = self.symbols, self.position(self.symbols.x, self.symbols.y)
         traced = iter(self.traced)
         constraints = [
             c.stated(self._as_traced(next(traced).expression, c.arguments(position, s.slopes)))
@@ -319,8 +331,8 @@ class Functional:
         """An end whose function, if it has one, is what it gave."""
         if not isinstance(end, OfFunction):
             return end
-        phi = trace("phi", end.function, self._arguments(), self.symbols.kind)
-        return end.stated(TracedFunction(ca.Function("traced", self._position(), [phi])))
+        phi = trace("phi", end.function, self.handed(self.symbols.x, self.symbols.y), self.symbols.kind)
+        return end.stated(TracedFunction(ca.Function("traced", self.position(self.symbols.x, self.symbols.y), [phi])))
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, {self.start}, {self.end})"

@@ -16,25 +16,21 @@ import casadi as ca
 import numpy as np
 
 from varcalc.problem.conditions import (
-    At,
     Constraint,
     CurveEnd,
     End,
-    Fixed,
     Isoperimetric,
-    OnCurve,
-    OnSurface,
     Through,
     components,
     sequence,
 )
 from varcalc.problem.consistency import Place, check_places
 from varcalc.problem.functional import Functional
-from varcalc.problem.shape import check_slopes, curve_dimension, curve_point, dimension, inside, span_of
+from varcalc.problem.shape import check_slopes, curve_dimension, dimension, inside, span_of
 from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.columns import Derivatives, FewOrMany
 from varcalc.symbolic.derived import derived
-from varcalc.symbolic.tracing import Expression, trace
+from varcalc.symbolic.tracing import Expression
 
 SAME = 1e-12
 """Distance of two abscissae that counts as none, relative to the interval."""
@@ -76,6 +72,9 @@ class Problem(Functional):
     does not return a scalar, an end where L is not a number.
     """
 
+    slide_takes = "phi takes x and y, never p"
+    slide_idle = "depends neither on x nor on y, so phi = 0 is no curve to slide on"
+
     def __init__(
         self,
         lagrangian: Callable[..., Any],
@@ -96,7 +95,8 @@ class Problem(Functional):
         self.order = int(order)
         self.n, self.scalar = dimension(start, end)
         self._level = np.zeros((1, self.n if self.order == 2 else 0))
-        check_slopes(start, end, order)
+        if self.order == 1:
+            check_slopes(start, end)
         self.breakpoints = sequence(
             "breakpoints", breakpoints
         )  # checked with the ends, whose coordinates may be parameters
@@ -104,8 +104,8 @@ class Problem(Functional):
         self._check_domain()
         self.check_places()
 
-    def _position(self) -> list[Expression]:
-        return [self.symbols.x, self.symbols.y]
+    def position(self, x: Expression, y: Expression) -> list[Expression]:  # noqa: D102
+        return [x, y]
 
     def _options(self) -> dict[str, Any]:
         return {"order": self.order, "breakpoints": self.breakpoints}
@@ -144,43 +144,36 @@ class Problem(Functional):
     def _check_beside_ends(self, index: int, waypoint: Through) -> None:
         """Refuse a waypoint at the abscissa of a fixed end, where it either says nothing or contradicts the end."""
         for label, end in (("start", self.start), ("end", self.end)):
-            if not isinstance(end, Fixed) or abs(waypoint.x - end.x) > SAME * (self.span[1] - self.span[0]):
+            if not end.fixed or abs(waypoint.x - end.x) > SAME * (self.span[1] - self.span[0]):
                 continue
-            pairs = zip(components("y", end.y), components("Through.y", waypoint.y), strict=True)
-            miss = max(abs(a - b) for a, b in pairs if a is not None and b is not None)
+            miss = np.nanmax(np.abs(end.values(self.n) - waypoint.values))
             raise ValueError(
                 f"constraints[{index}]: {waypoint} lies at the abscissa of {label} = {end}"
                 + (f" and misses it by {miss:.6g}; move one of the two" if miss else "; leave it out, or fix it there")
             )
 
-    def _check_sliding(self) -> None:
-        s = self.symbols
-        for label, end in (("start", self.start), ("end", self.end)):
-            if isinstance(end, OnCurve):
-                phi = trace(f"{label}.phi", end.phi, [s.x, self._handed(s.y)], s.kind, "phi takes x and y, never p")
-                if not (ca.depends_on(phi, s.x) or ca.depends_on(phi, s.y)):
-                    raise ValueError(f"{label}.phi depends neither on x nor on y, so phi = 0 is no curve to slide on")
-
     def check_places(self) -> None:  # noqa: D102
         if not self.traced:
             return
-        ends = [(label, e) for label, e in (("start", self.start), ("end", self.end)) if isinstance(e, Fixed)]
-        waypoints = [(f"constraints[{i}]", c) for i, c in enumerate(self.constraints) if isinstance(c, Through)]
+        ends = [(label, e, e.values(self.n)) for label, e in (("start", self.start), ("end", self.end)) if e.fixed]
+        waypoints = [
+            (f"constraints[{i}]", c, c.values) for i, c in enumerate(self.constraints) if isinstance(c, Through)
+        ]
         check_places(
             self,
             [
-                Place(f"{label} = {point}", float(point.x), np.array(components("y", point.y), dtype=float))
-                for label, point in (*ends, *waypoints)
-                if None not in components("y", point.y)
+                Place(f"{label} = {point}", float(point.x), y)
+                for label, point, y in (*ends, *waypoints)
+                if not np.isnan(y).any()
             ],
         )
 
     def _check_domain(self) -> None:
         """Refuse an end where L is not a number, however the end is approached."""
         known = [
-            (label, end, np.array(components("y", end.y), dtype=float))
+            (label, end, y)
             for label, end in (("start", self.start), ("end", self.end))
-            if isinstance(end, Fixed) and None not in components("y", end.y)
+            if not np.isnan(y := end.values(self.n)).any()
         ]
         if not known:
             return
@@ -197,9 +190,8 @@ class Problem(Functional):
                 )
 
     def _chord_slope(self) -> np.ndarray:
-        ends = [components("y", e.y) if isinstance(e, Fixed) else (None,) * self.n for e in (self.start, self.end)]
-        rise = [0.0 if a is None or b is None else b - a for a, b in zip(*ends, strict=True)]
-        return np.array(rise) / (self.span[1] - self.span[0])
+        rise = self.end.values(self.n) - self.start.values(self.n)
+        return np.nan_to_num(rise) / (self.span[1] - self.span[0])
 
     def integrand_values(
         self, x: np.ndarray, y: np.ndarray, dy: np.ndarray, parameters: np.ndarray | None = None
@@ -244,6 +236,9 @@ class Curve(Functional):
     Raises ValueError when ``F`` is not homogeneous of degree one.
     """
 
+    slide_takes = "phi takes q, never p"
+    slide_idle = "does not depend on q, so phi = 0 is no surface to slide on"
+
     def __init__(
         self,
         lagrangian: Callable[..., Any],
@@ -273,8 +268,8 @@ class Curve(Functional):
     def check_ends(self) -> None:  # noqa: D102
         pass  # a point anywhere may be the end of a Curve
 
-    def _position(self) -> list[Expression]:
-        return [self.symbols.y]
+    def position(self, x: Expression, y: Expression) -> list[Expression]:  # noqa: ARG002, D102
+        return [y]
 
     def _options(self) -> dict[str, Any]:
         return {}
@@ -283,20 +278,13 @@ class Curve(Functional):
         kind = self.symbols.kind
         return [kind.sym("q0", self.n), kind.sym("q1", self.n)]
 
-    def _check_sliding(self) -> None:
-        for label, end in (("start", self.start), ("end", self.end)):
-            if isinstance(end, OnSurface):
-                phi = trace(f"{label}.phi", end.phi, [self.symbols.y], self.symbols.kind, "phi takes q, never p")
-                if not ca.depends_on(phi, self.symbols.y):
-                    raise ValueError(f"{label}.phi does not depend on q, so phi = 0 is no surface to slide on")
-
     def check_places(self) -> None:  # noqa: D102
         check_places(
             self,
             [
-                Place(f"{label} = {end}", 0.0, np.array(end.q, dtype=float))
+                Place(f"{label} = {end}", 0.0, q)
                 for label, end in (("start", self.start), ("end", self.end))
-                if isinstance(end, At) and None not in components("At.q", end.q)
+                if not np.isnan(q := end.values(self.n)).any()
             ],
         )
 
@@ -312,8 +300,10 @@ class Curve(Functional):
         """Compare F(q, 3 dq) with 3 F(q, dq) at points near the ends, in several directions."""
         s = self.symbols
         function = ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [expression])
-        ends = [curve_point(e) for e in (self.start, self.end)]
-        places = [np.zeros(self.n) if p is None else p for p in ends]
+        places = [
+            np.array(e.guess, dtype=float) if e.slides else np.nan_to_num(e.values(self.n))
+            for e in (self.start, self.end)
+        ]
         scale = max(float(np.abs(p).max()) for p in places) or 1.0
         # a low-discrepancy spread of places and directions: enough to catch any formula that is not homogeneous
         golden = np.array([math.modf((k + 1) * math.sqrt(2 + 3 * k))[0] for k in range(self.n)])

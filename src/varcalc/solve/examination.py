@@ -105,7 +105,7 @@ class Examination:
         if rival is None:
             return
         self.evidence["broken"] = rival
-        sign = -1.0 if self.problem.maximise else 1.0
+        sign = self.problem.sign
         if not solution.status.ok or sign * rival.value < sign * solution.value:
             yield Finding(None, rival.sentence, {"value": rival.value, "level": rival.level})
 

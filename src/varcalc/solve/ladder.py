@@ -136,7 +136,7 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
         return no_answer(problem, method, Status.REFUSED, str(reason), Verdict.INFEASIBLE)
     for way in _quick_first(method, len(candidates)):
         for form in candidates:
-            if form is None or (form.weak_only and not isinstance(way, Ritz)):
+            if form is None or (form.coordinates.weak_only and not isinstance(way, Ritz)):
                 continue
             if form.refused and not _reduces(way):
                 failure = failure or no_answer(problem, way, Status.REFUSED, form.refused)
@@ -159,7 +159,7 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
 
 def _standing(method: Method, form: Form, solution: Solution, tol: float) -> Solution:
     """The answer of a method, refused where it is a saddle of the constrained problem, or its level an extreme one."""
-    if solution.status.ok and form.pathwise:
+    if solution.status.ok and form.conditions.pathwise:
         from varcalc.existence.standing import off_saddle  # with half of verify
 
         solution = off_saddle(method, form, solution, tol)
@@ -170,7 +170,7 @@ def _standing(method: Method, form: Form, solution: Solution, tol: float) -> Sol
 
 def _beyond_doubt(solution: Solution, form: Form, candidates: Forms) -> Solution:
     """The solution, refused when L is singular at an end and a curve that is steeper there is far better."""
-    if form.energetic or not candidates.singular or (better := outdone(solution)) is None:
+    if form.coordinates.energetic or not candidates.singular or (better := outdone(solution)) is None:
         return solution
     return replace(solution, status=Status.REFUSED, verdict=Verdict.GAP, message=better.sentence(solution.value))
 
@@ -179,7 +179,7 @@ def _compared(solution: Solution, failure: Solution | None) -> Solution:
     """The solution, marked local when a curve met on the way has a better value."""
     if failure is None or failure.curve is None or not math.isfinite(failure.error.value):
         return solution
-    sign = -1.0 if solution.problem.maximise else 1.0
+    sign = solution.problem.sign
     margin = failure.error.value + solution.error.value + 1e-12 * abs(solution.value)
     if sign * failure.value < sign * solution.value - margin:
         return replace(solution, local=True, lower=failure.value)
@@ -208,8 +208,8 @@ def _sampled(problem: Functional, form: Form, guess: Guess) -> Sampled | None:
     if isinstance(guess, Solution):
         curve = guess.curve
         carried = None if guess.extremal is None else in_coordinates_of(form, guess.extremal)
-        return carried if carried is not None or curve is None else form.pull(_spanning(problem, guess))
-    return form.pull(lambda x: sampled_guess(problem, guess, x))
+        return carried if carried is not None or curve is None else form.coordinates.pull(_spanning(problem, guess))
+    return form.coordinates.pull(lambda x: sampled_guess(problem, guess, x))
 
 
 def _spanning(problem: Functional, guess: Solution) -> Sampled:

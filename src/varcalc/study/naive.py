@@ -77,7 +77,7 @@ class MidpointRule:
         a, b = problem.span
         first, last = _ordinates(problem)
         self.line = first[:, None] + (last - first)[:, None] * np.linspace(0, 1, pieces + 1)
-        self.sign = -1.0 if problem.maximise else 1.0
+        self.sign = problem.sign
         h = (b - a) / pieces
         inner = ca.MX.sym("y", problem.n, pieces - 1)
         y = ca.horzcat(first, inner, last)

@@ -24,7 +24,6 @@ import numpy as np
 from varcalc.formulation import Form, Sampled, SideCondition
 from varcalc.methods.answer import Extremal, composite_gauss, lifted, sample
 from varcalc.numerics.mesh import gauss
-from varcalc.problem.conditions import OnCurve
 from varcalc.problem.functional import Symbols
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.problem import Problem
@@ -134,21 +133,17 @@ def along_curve(extremal: Extremal) -> AlongCurve:
     """The Lagrangian function along an extremal."""
     form = extremal.form
     problem = form.problem
-    slides = (
-        isinstance(problem, Problem)
-        and not form.energetic
-        and any(isinstance(e, OnCurve) for e in (problem.start, problem.end))
-    )
+    slides = isinstance(problem, Problem) and not form.coordinates.energetic and any(problem.slides)
     plain = AlongCurve(
         extremal=extremal,
         symbols=form.symbols,
         order=form.order,
         integrand=form.integrand,
-        integrals=tuple(c.expression for c in form.integrals),
-        paths=tuple(c.expression for c in form.pathwise),
-        limits=form.pathwise,
+        integrals=tuple(c.expression for c in form.conditions.integrals),
+        paths=tuple(c.expression for c in form.conditions.pathwise),
+        limits=form.conditions.pathwise,
         lambdas=np.asarray(extremal.lambdas, dtype=float),
-        forces=tuple(extremal.path.get(c.index, np.zeros_like) for c in form.pathwise),
+        forces=tuple(extremal.path.get(c.index, np.zeros_like) for c in form.conditions.pathwise),
         span=form.span,
         vertices=extremal.vertices,
         evaluate=extremal.evaluate,
@@ -161,7 +156,7 @@ def along_curve(extremal: Extremal) -> AlongCurve:
 def sliding_ends(form: Form) -> tuple[int | None, int | None]:
     """Which unknown number of a form is the abscissa of its start, and of its end; None where that is fixed."""
     count = len(form.problem.unknowns)
-    at_start, at_end = (isinstance(e, OnCurve) for e in (form.problem.start, form.problem.end))
+    at_start, at_end = form.problem.slides
     return (count if at_start else None, count + at_start if at_end else None)
 
 
@@ -188,8 +183,8 @@ def _in_own_abscissa(plain: AlongCurve) -> AlongCurve:
         plain,
         symbols=problem.symbols,
         integrand=form.sign * problem.integrand,
-        integrals=own(form.integrals),
-        paths=own(form.pathwise),
+        integrals=own(form.conditions.integrals),
+        paths=own(form.conditions.pathwise),
         forces=tuple(scaled(mu) for mu in plain.forces),
         span=(found[0], found[1]),
         vertices=a + width * plain.vertices,
@@ -209,7 +204,7 @@ def inner_points(points: AlongCurve, count: int) -> np.ndarray:
 def touches(extremal: Extremal) -> bool:
     """Whether a Bound is active somewhere along the curve."""
     form = extremal.form
-    bounds = [c for c in form.pathwise if not c.equality]
+    bounds = [c for c in form.conditions.pathwise if not c.equality]
     if not bounds:
         return False
     s = composite_gauss(extremal.vertices, 16)[0]
@@ -236,9 +231,9 @@ def without_inequalities(extremal: Extremal) -> Extremal:
     form = extremal.form
     if not form.has_inequalities:
         return extremal
-    pathwise = tuple(c for c in form.pathwise if c.equality)
+    pathwise = tuple(c for c in form.conditions.pathwise if c.equality)
     kept, lambdas = [], []
-    for condition, multiplier in zip(form.integrals, extremal.lambdas, strict=True):
+    for condition, multiplier in zip(form.conditions.integrals, extremal.lambdas, strict=True):
         if condition.equality:
             kept.append(condition)
         elif abs(multiplier) > TOUCH:
@@ -249,5 +244,5 @@ def without_inequalities(extremal: Extremal) -> Extremal:
             continue
         lambdas.append(float(multiplier))
     # what is derived from the form holds for its own conditions only
-    bare = replace(form, integrals=tuple(kept), pathwise=pathwise, cache=Cache())
+    bare = replace(form, conditions=replace(form.conditions, integrals=tuple(kept), pathwise=pathwise), cache=Cache())
     return replace(extremal, form=bare, lambdas=np.array(lambdas))

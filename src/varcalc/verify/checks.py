@@ -69,7 +69,7 @@ def _second_variation(under_test: Candidate, strict: bool) -> tuple[JacobiIndex,
         jacobi = index_by_jacobi(along_curve(best))
     own = under_test.own
     # where regularity alone decides at a singular end, the coordinates made for that are the better ones for Ritz
-    curve = own if own is not None and own.form.weak_only else best or own
+    curve = own if own is not None and own.form.coordinates.weak_only else best or own
     ritz = Index(None, 0, under_test.reason) if curve is None else index_by_ritz(curve)
     points = along_curve(best).abscissa(jacobi.points) if best is not None and len(jacobi.points) else nothing
     return jacobi, ritz, points
@@ -90,13 +90,15 @@ def bound(under_test: Candidate) -> float:
 def misses(under_test: Candidate) -> dict[int, float]:
     """By how much the curve misses each prescribed integral, relative to max(1, level), by number of constraint."""
     own = under_test.own
-    if own is None or not own.form.integrals:
+    if own is None or not own.form.conditions.integrals:
         return {}
     s, weights = composite_gauss(own.vertices, POINTS)
-    function = ca.Function("g", own.form.symbols.all, [ca.vertcat(*(c.expression for c in own.form.integrals))])
+    function = ca.Function(
+        "g", own.form.symbols.all, [ca.vertcat(*(c.expression for c in own.form.conditions.integrals))]
+    )
     integrals = np.asarray(function(*sample(own, s))) @ weights
     out = {}
-    for condition, integral in zip(own.form.integrals, integrals, strict=True):
+    for condition, integral in zip(own.form.conditions.integrals, integrals, strict=True):
         beyond = max(condition.lower - integral, integral - condition.upper, 0.0)
         out[condition.index] = float(beyond) / max(1.0, abs(integral))
     return out

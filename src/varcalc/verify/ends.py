@@ -77,9 +77,9 @@ def _places(accessory: Accessory, side: int, sliding: int | None) -> list[int | 
 def _end_terms(extremal: Extremal) -> _EndTerms | None:
     """The second derivatives of the end terms, their multipliers being those that meet the first variation."""
     form = extremal.form
-    if form.ends is None:
+    if form.ends.joint is None:
         return None
-    e, u = form.ends, form.symbols.unknowns
+    e, u = form.ends.joint, form.symbols.unknowns
     variables = ca.vertcat(e.start, e.end, u)
     nu = form.symbols.kind.sym("nu", e.equations.numel())
     total = e.cost + (ca.dot(nu, e.equations) if nu.numel() else 0)
@@ -112,7 +112,7 @@ def _first_variation(extremal: Extremal) -> tuple[np.ndarray, np.ndarray]:
     wanted = np.zeros(2 * n + len(extremal.unknowns))
     free = np.zeros(len(wanted), dtype=bool)
     slides = sliding_ends(form) if along.slides else (None, None)
-    for side, (at, fixed) in enumerate(zip(along.span, (form.fixed_start, form.fixed_end), strict=True)):
+    for side, (at, fixed) in enumerate(zip(along.span, (form.ends.start, form.ends.end), strict=True)):
         sign = 1.0 if side == 0 else -1.0
         p, minus_h = (v[0] for v in function(np.array([at])))
         wanted[side * n : (side + 1) * n] = sign * p[:, 0]
@@ -155,7 +155,7 @@ def _end_rows(
     """What one end forbids of the variations of (abscissa, X), as rows, and the second derivatives of its terms."""
     along, N, n = accessory.along, accessory.N, accessory.along.n
     unit = np.eye(1 + N)
-    fixed = along.form.fixed_end if side else along.form.fixed_start
+    fixed = along.form.ends.end if side else along.form.ends.start
     rows = [unit[1 + k * n + a] for k in range(along.order) for a in range(n) if not np.isnan(fixed[k, a])]
     rows += list(unit[1 + accessory.levels.start : 1 + accessory.levels.stop])
     G = np.zeros((1 + N, 1 + N))

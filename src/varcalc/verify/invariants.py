@@ -47,7 +47,7 @@ def invariants(along: AlongCurve, curve: Extremal | None) -> dict[str, float]:
         found["momentum" if along.form.problem.scalar else f"momentum[{i}]"] = _drift(along, s, values, sizes)
     if homogeneous and curve is not None and curve.form.lift is None:
         velocity = curve.evaluate(s, 1)
-        speed = evaluate(s, H.expression)[0] if curve.form.energetic else np.linalg.norm(velocity, axis=0)
+        speed = evaluate(s, H.expression)[0] if curve.form.coordinates.energetic else np.linalg.norm(velocity, axis=0)
         found["speed"] = _drift(along, s, speed, np.abs(speed))
     return found
 
@@ -70,7 +70,7 @@ def _tower_function(along: AlongCurve) -> Callable[..., list[np.ndarray]]:
 
 def _drift(along: AlongCurve, s: np.ndarray, values: np.ndarray, sizes: np.ndarray) -> float:
     """The largest departure from the median between waypoints, relative to the terms there or to their mean."""
-    marks = [along.span[0], *(at for at, _ in along.form.waypoints), along.span[1]]
+    marks = [along.span[0], *(at for at, _ in along.form.conditions.waypoints), along.span[1]]
     good = np.isfinite(values) & np.isfinite(sizes)
     measure = np.maximum(sizes, sizes[good].mean() if good.any() else 0.0)
     good &= measure > 0

@@ -37,7 +37,7 @@ def polished(start: Extremal) -> Extremal | str:
     reason = _inapplicable(form)
     if reason:
         return reason
-    degree = max(FIRST_DEGREE, form.least_degree)
+    degree = max(FIRST_DEGREE, form.coordinates.least_degree)
 
     def ordinates(s: np.ndarray) -> np.ndarray:
         return start.evaluate(s, 0)
@@ -45,9 +45,9 @@ def polished(start: Extremal) -> Extremal | str:
     sizes = function_sizes(form)
     given = start.vertices
     if len(given) > MOST_VERTICES:  # a method of low order needs many where this one needs few
-        given = np.array([form.span[0], *form.knots, form.span[1]])
+        given = np.array([form.span[0], *form.conditions.knots, form.span[1]])
     vertices = resolving_vertices(ordinates, given, degree, NEGLIGIBLE * sizes)
-    scales = Sizes(sizes, np.abs(form.unknown_guess))
+    scales = Sizes(sizes, np.abs(form.start.unknowns))
     system = CollocationSystem(form, collocation_space(form, vertices, degree))
     if system.size > MOST_UNKNOWNS:
         return f"{system.size} unknowns would be needed to polish it"
@@ -80,9 +80,9 @@ def _refined(refinement: Refinement, level: Root) -> Assessment | None:
 
 
 def _inapplicable(form: Form) -> str:
-    if form.weak_only:
+    if form.coordinates.weak_only:
         return "at the singular end only regularity decides"
-    if any(not c.equality for c in (*form.integrals, *form.pathwise)):
+    if any(not c.equality for c in (*form.conditions.integrals, *form.conditions.pathwise)):
         return "inequalities are active"
     return ""
 

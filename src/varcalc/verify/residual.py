@@ -43,7 +43,7 @@ def residual(along: AlongCurve, singular: bool = False) -> float:
         integral = _running(total, along.vertices)
         size = size + np.abs(integral).max(0) + np.abs(term).max(0)
         total = term - integral
-    marks = [along.span[0], *(at for at, _ in along.form.waypoints), along.span[1]]
+    marks = [along.span[0], *(at for at, _ in along.form.conditions.waypoints), along.span[1]]
     worst = 0.0
     for left, right in itertools.pairwise(marks):
         inside = (nodes > left) & (nodes < right)

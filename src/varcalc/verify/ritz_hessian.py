@@ -32,7 +32,8 @@ FLAT = 1e-6
 
 def index_by_ritz(extremal: Extremal) -> Index:
     """The index as the number of negative eigenvalues of the Hessian on the conditions' null space."""
-    form = replace(extremal.form, numbers=None)  # the expressions are differentiated by other checks too
+    # the expressions are differentiated by other checks too
+    form = replace(extremal.form, coordinates=replace(extremal.form.coordinates, numbers=None))
     space = ritz_space(extremal)
     system = RitzSystem(form, space)
     coefficients = space.fit(lambda s: extremal.evaluate(s, 0))
@@ -40,7 +41,7 @@ def index_by_ritz(extremal: Extremal) -> Index:
     with np.errstate(all="ignore"):
         at = system.evaluate(z)
         conditions, hessian = at.jacobian, np.zeros((system.size, system.size))
-        if form.pathwise:
+        if form.conditions.pathwise:
             rows, hessian = _pathwise(extremal, system)
             conditions = np.vstack([conditions, rows])
         known = _multipliers(extremal, system, at.gradient + _pathwise_gradient(extremal, system), at.jacobian)
@@ -84,8 +85,8 @@ def ritz_space(extremal: Extremal) -> Space:
     form = extremal.form
     lowest, highest = DEGREES[form.order]
     vertices = extremal.vertices
-    degree = int(np.clip(MODES // (form.n * (len(vertices) - 1)), max(lowest, form.least_degree), highest))
-    return Space(vertices, degree, form.n, form.order, form.periodic)
+    degree = int(np.clip(MODES // (form.n * (len(vertices) - 1)), max(lowest, form.coordinates.least_degree), highest))
+    return Space(vertices, degree, form.n, form.order, form.ends.periodic)
 
 
 def _multipliers(extremal: Extremal, system: RitzSystem, gradient: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
@@ -125,10 +126,10 @@ def _pathwise(extremal: Extremal, system: RitzSystem) -> tuple[np.ndarray, np.nd
     gradients, _ = _pathwise_values(extremal, form, places.ravel())
     table = basis(form.order, space.degree, nodes, 1)
     rows = []
-    shaped = gradients.reshape(space.elements, len(nodes), len(form.pathwise), 2, form.n)
+    shaped = gradients.reshape(space.elements, len(nodes), len(form.conditions.pathwise), 2, form.n)
     for e in range(space.elements):
         for q in range(len(nodes)):
-            for r in range(len(form.pathwise)):
+            for r in range(len(form.conditions.pathwise)):
                 row = np.zeros(space.size)
                 scale = space.local_scale[e]
                 for d in range(2):
@@ -141,11 +142,11 @@ def _pathwise(extremal: Extremal, system: RitzSystem) -> tuple[np.ndarray, np.nd
 
 def _active(extremal: Extremal, form: Form, s: np.ndarray) -> np.ndarray:
     """Which pathwise conditions hold as equations at s (m,); shape (m, conditions)."""
-    function = ca.Function("phi", form.symbols.all, [ca.vertcat(*(c.expression for c in form.pathwise))])
+    function = ca.Function("phi", form.symbols.all, [ca.vertcat(*(c.expression for c in form.conditions.pathwise))])
     values = np.asarray(function(*sample(extremal, s))).T
-    limits = np.array([[c.lower, c.upper] for c in form.pathwise])
+    limits = np.array([[c.lower, c.upper] for c in form.conditions.pathwise])
     room = 10 * TOUCH * np.maximum(1.0, np.abs(values))
-    equality = np.array([c.equality for c in form.pathwise])
+    equality = np.array([c.equality for c in form.conditions.pathwise])
     return equality | (values <= limits[:, 0] + room) | (values >= limits[:, 1] - room)
 
 
@@ -153,11 +154,11 @@ def _pathwise_values(extremal: Extremal, form: Form, s: np.ndarray) -> tuple[np.
     """Gradients in (y, y') of the pathwise conditions (m, conditions, 2 n), and the Hessian of sum mu phi."""
     sy = form.symbols
     variables = ca.vertcat(sy.y, sy.dy)
-    mu = sy.kind.sym("mu", len(form.pathwise))
-    expressions = ca.vertcat(*(c.expression for c in form.pathwise))
+    mu = sy.kind.sym("mu", len(form.conditions.pathwise))
+    expressions = ca.vertcat(*(c.expression for c in form.conditions.pathwise))
     outputs = [ca.jacobian(expressions, variables), ca.hessian(ca.dot(mu, expressions), variables)[0]]
     function = ca.Function("paths", [*sy.all, mu], [ca.vec(ca.densify(o)) for o in outputs])
-    forces = np.array([extremal.path.get(c.index, np.zeros_like)(s) for c in form.pathwise])
+    forces = np.array([extremal.path.get(c.index, np.zeros_like)(s) for c in form.conditions.pathwise])
     out = function.call([*sample(extremal, s), forces])
     gradient, hessian = (np.asarray(v).T for v in out)
     k = 2 * form.n
@@ -167,11 +168,11 @@ def _pathwise_values(extremal: Extremal, form: Form, s: np.ndarray) -> tuple[np.
 def _pathwise_gradient(extremal: Extremal, system: RitzSystem) -> np.ndarray:
     """The gradient of the integral of sum mu phi in the free unknowns."""
     form = extremal.form
-    if not form.pathwise:
+    if not form.conditions.pathwise:
         return np.zeros(system.size)
     s = system.space.quadrature(system.count)[0].ravel()
     gradients, _ = _pathwise_values(extremal, form, s)
-    forces = np.array([extremal.path.get(c.index, np.zeros_like)(s) for c in form.pathwise])
+    forces = np.array([extremal.path.get(c.index, np.zeros_like)(s) for c in form.conditions.pathwise])
     rows = np.einsum("jm,mjk->mk", forces, gradients)
     padded = np.zeros((len(s), system.k))
     padded[:, : 2 * form.n] = rows

@@ -124,7 +124,7 @@ def _corners(e: Evidence) -> Iterator[Finding]:
 
 def _legendre(e: Evidence) -> Iterator[Finding]:
     least, at = e.legendre.least, e.legendre.at
-    sign = -1.0 if e.problem.maximise else 1.0
+    sign = e.problem.sign
     numbers = {"least": least, "at": at}
     name = "L_y''y''" if e.problem.order == 2 else "L_y'y'"
     if math.isnan(least):

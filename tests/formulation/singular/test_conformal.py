@@ -40,9 +40,9 @@ def test_numbers_are_those_of_the_expressions(name, factored):
     problem = vc.Problem(lagrangian, vc.Fixed(*start), vc.Fixed(*end), parameters={"g": 9.81})
     problem = problem.with_parameters({"g": 1.7})
     form = forms(problem)[factored]
-    assert form.energetic
-    assert any(form.singular)
-    at = form.numbers.on(problem, S)
+    assert form.coordinates.energetic
+    assert any(form.coordinates.singular)
+    at = form.coordinates.numbers.on(problem, S)
     transform = np.tile(np.eye(4), (3, 1, 1)) if at.transform is None else at.transform
     u = np.einsum("qab,qb->qa", transform, CURVE) + (0.0 if at.offset is None else at.offset)
     value, gradient, hessian = at.derivatives(u)
@@ -77,7 +77,7 @@ def test_the_line_may_lie_anywhere(place, upright, side):
             (1, place + side),
         )
     solution = vc.solve(vc.Problem(lagrangian, vc.Fixed(*first), vc.Fixed(*last)))
-    assert solution.extremal.form.numbers is not None
+    assert solution.extremal.form.coordinates.numbers is not None
     assert "integrand" not in vars(solution.extremal.form.stated)
     at_origin = vc.solve(vc.Problem(lambda x, y, v: ca.sqrt((1 + v**2) / y), vc.Fixed(0, 0), vc.Fixed(1, 1)))
     assert solution.value == pytest.approx(at_origin.value, rel=1e-14)

@@ -106,7 +106,7 @@ def test_a_riemannian_metric_that_is_not_conformal() -> None:
 def test_what_is_no_metric(lagrangian: Callable[..., Any]) -> None:
     problem = vc.Problem(lagrangian, vc.Fixed(0, -1), vc.Fixed(1, 1))
     assert riemannian(problem) is None
-    assert not any(form is not None and form.energetic for form in forms(problem))
+    assert not any(form is not None and form.coordinates.energetic for form in forms(problem))
 
 
 def test_a_lagrangian_that_changes_sign_is_not_solved_by_its_square() -> None:
@@ -123,8 +123,8 @@ def test_singular_ends(end: tuple[float, float], singular: tuple[bool, bool]) ->
     assert singular_ends(problem) == singular
     first = forms(problem)[0]
     assert first is not None
-    assert first.energetic
-    assert first.singular == singular
+    assert first.coordinates.energetic
+    assert first.coordinates.singular == singular
 
 
 def test_regular_ends_keep_the_persons_coordinates() -> None:
@@ -153,7 +153,7 @@ def test_the_chart_between_parallel_singular_lines() -> None:
     problem = vc.Problem(lambda x, y, dy: ca.sqrt((1 + dy**2) / (y * (1 - y))), vc.Fixed(0, 0), vc.Fixed(1, 1))
     assert singular_ends(problem) == (True, True)
     form = forms(problem)[0]
-    assert form.energetic
+    assert form.coordinates.energetic
     lift = form.lift
     assert lift is not None
     x, y, _, _ = lift(0.5, [0.3, math.pi / 6], [0, 0], [], [])

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc.formulation import Stated, formulate
+from varcalc.formulation import Conditions, Coordinates, Ends, Form, Start, Stated, formulate
 from varcalc.methods.collocation.method import Collocation
 from varcalc.numerics.mesh import gauss
 from varcalc.problem.conditions import (
@@ -26,7 +26,6 @@ from varcalc.problem.conditions import (
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Status
-from varcalc.symbolic.derived import Cache
 
 FOLD = 0.662743419349182
 """Half the widest distance of two rings that a soap film spans: t / cosh t with t tanh t = 1."""
@@ -419,10 +418,10 @@ def test_regularised_brachistochrone(tol):
     symbols = replace(Symbols.make(ca.SX, 2, 1, 0, 0), parameters=problem.symbols.parameters)
     (x, w), (dx, dw), g = ca.vertsplit(symbols.y), ca.vertsplit(symbols.dy), problem.symbols.parameters
     square = (dx**2 + 4 * w**2 * dw**2) / (2 * g * w**2)
-    form = replace(
-        formulate(problem), stated=Stated(symbols, square, ca.sqrt(square), (x, w**2, dx, 2 * w * dw)),
-        span=(0.0, 1.0), fixed_start=np.zeros((1, 2)), fixed_end=np.ones((1, 2)), numbers=None, cache=Cache(),
-        baseline=lambda s: np.vstack([s**3, s]), bumps=np.eye(2), energetic=True, singular=(True, False),
+    stated = Stated(symbols, square, ca.sqrt(square), (x, w**2, dx, 2 * w * dw))
+    form = Form(
+        problem, Coordinates(stated, energetic=True, singular=(True, False)), Ends(np.zeros((1, 2)), np.ones((1, 2))),
+        Conditions(), Start(lambda s: np.vstack([s**3, s]), np.zeros(0), np.eye(2)),
     )  # fmt: skip
     angle = root(lambda t: (t - math.sin(t)) / (1 - math.cos(t)) - 1, 1.0, 6.0)
     radius = 1 / (1 - math.cos(angle))

@@ -24,7 +24,7 @@ def layered(epsilon, **more):
 def looked_at(problem, degree=10):
     form = formulate(problem)
     system = CollocationSystem(form, collocation_space(form, np.array(form.span), degree))
-    return system, system.evaluate(first_unknowns(system, form.baseline))
+    return system, system.evaluate(first_unknowns(system, form.start.curve))
 
 
 @pytest.mark.parametrize("tol", [1e-4, 1e-10, 1e-13])

@@ -33,7 +33,7 @@ def both(form, degree, start, tol):
     """The solution of one value, None where there is none, and what is found for many values of which it is one."""
     with np.errstate(all="ignore"):
         alone = vc.Ritz().continued(form, degree, start, tol)
-        places = Places(np.array([form.span]), form.fixed_start, form.fixed_end, form.problem.parameter_values[None])
+        places = Places(np.array([form.span]), form.ends.start, form.ends.end, form.problem.parameter_values[None])
         together = family.solved(form, places, np.array([degree]), [start], tol, near=True)
     return alone, together
 

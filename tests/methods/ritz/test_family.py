@@ -31,7 +31,7 @@ PROBLEMS = {
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_the_answer_of_the_climb(name, tol):
     alone, form = vc.solve(PROBLEMS[name], vc.Ritz(), tol=tol), forms(PROBLEMS[name])[0]
-    places = Places(np.array([form.span]), form.fixed_start, form.fixed_end, form.problem.parameter_values[None])
+    places = Places(np.array([form.span]), form.ends.start, form.ends.end, form.problem.parameter_values[None])
     degrees, lines = family.straight_starts(form, places)
     with np.errstate(all="ignore"):
         found = family.solved(form, places, degrees, lines, tol, near=False)

@@ -118,7 +118,7 @@ def test_several_levels_at_once():
 @pytest.mark.parametrize("tol", [1e-6, 1e-11])
 def test_many_values_at_once_give_the_answer_of_one(problem, tol):
     alone, form = vc.solve(problem, vc.Ritz(), tol=tol), forms(problem)[0]
-    places = Places(np.array([form.span]), form.fixed_start, form.fixed_end, problem.parameter_values[None])
+    places = Places(np.array([form.span]), form.ends.start, form.ends.end, problem.parameter_values[None])
     start = Space(np.array(form.span), 6, form.n).fit(lambda s: alone.extremal.evaluate(s, 0))
     with np.errstate(all="ignore"):
         found = family.solved(form, places, np.array([6]), [start], tol, near=True)
@@ -156,7 +156,7 @@ def test_no_saddle_is_an_answer():
 def on_one_element(problem, degree=6):
     form = forms(problem)[0]
     system = RitzSystem(form, Space(np.array(form.span), degree, form.n))
-    return system, system.fitted(form.baseline)
+    return system, system.fitted(form.start.curve)
 
 
 @pytest.mark.parametrize("problem", [chain(), chain(1.3, 0.8), sphere(1.0)])

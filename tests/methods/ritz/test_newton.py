@@ -21,12 +21,12 @@ WIDEST = 0.662743419349182
 
 def system_of(problem, elements=8, degree=4):
     form = formulate(problem)
-    space = Space(np.linspace(*form.span, elements + 1), degree, form.n, form.order, form.periodic)
+    space = Space(np.linspace(*form.span, elements + 1), degree, form.n, form.order, form.ends.periodic)
     return RitzSystem(form, space, quadrature_points(degree))
 
 
 def fitted(system, curve):
-    return system.pack(system.space.fit(lambda x: np.atleast_2d(curve(x))), system.form.unknown_guess)
+    return system.pack(system.space.fit(lambda x: np.atleast_2d(curve(x))), system.form.start.unknowns)
 
 
 def iterate(problem, curve, elements=8, degree=4, iterations=100):

@@ -236,13 +236,13 @@ def test_the_optimisers_find_the_same_curve(kind, degree, elements):
 
 def system_of(problem, elements, degree):
     form = formulate(problem)
-    space = Space(np.linspace(*form.span, elements + 1), degree, form.n, form.order, form.periodic)
+    space = Space(np.linspace(*form.span, elements + 1), degree, form.n, form.order, form.ends.periodic)
     return RitzSystem(form, space, quadrature_points(degree))
 
 
 def beside_the_baseline(system, bend=0.0):
     """The unknowns of the straight line, displaced at random and then until the side conditions are met."""
-    z = system.pack(system.space.fit(system.form.baseline), system.form.unknown_guess)
+    z = system.pack(system.space.fit(system.form.start.curve), system.form.start.unknowns)
     z = z + bend * np.random.default_rng(1).standard_normal(len(z))
     for _ in range(20):
         at = system.evaluate(z)

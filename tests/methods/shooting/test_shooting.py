@@ -457,7 +457,7 @@ def test_a_given_number_of_segments_from_a_singular_end(segments):
 
 def test_a_singular_end_that_is_not_fixed_in_the_form_is_refused():
     problem = vc.Problem(lambda x, y, dy: ca.sqrt((1 + dy**2) / y), vc.Fixed(0, 0), vc.Fixed(1, 1))
-    weak = next(f for f in forms(problem) if f is not None and f.weak_only)
+    weak = next(f for f in forms(problem) if f is not None and f.coordinates.weak_only)
     refused = Shooting().solve(weak, tol=1e-10, guess=None)
     assert refused.status is Status.REFUSED
     assert "do not fix the end there" in refused.message

@@ -37,7 +37,6 @@ from varcalc.formulation.singular.energy import Energy, energy_forms
 from varcalc.formulation.singular.graph import applies, factored_graph
 from varcalc.formulation.singular.powers import power_form
 from varcalc.formulation.singular.units import in_unit, restated
-from varcalc.problem.conditions import Fixed, Free, OnCurve
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.symbolic.derived import derived
@@ -70,7 +69,7 @@ class Forms(Sequence[Form | None]):
             energy = maker.args[0] if maker.args else None
             told = isinstance(energy, Energy) and not any(energy.singular)
             form = None if told else self[index]
-            if form is not None and any(form.singular):
+            if form is not None and any(form.coordinates.singular):
                 return True
         return False
 
@@ -119,7 +118,7 @@ def _direct_at(problem: Functional, moved: tuple[float, ...]) -> Form:
 def _formulated(problem: Functional) -> Form:
     form = formulate(problem)
     if isinstance(problem, Curve):
-        movable = form.energetic and form.ends is None
+        movable = form.coordinates.energetic and form.ends.joint is None
         places = Elsewhere(partial(_along_curve, problem), _formulated, partial(energetic_at, problem))
         return replace(form, elsewhere=places) if movable else form
     if not isinstance(problem, Problem) or form.stated.is_lifted:
@@ -149,7 +148,7 @@ def _makers(problem: Functional) -> Makers:
     seen = Survey(problem) if isinstance(problem, Problem) else None
     singular = singular_ends(problem) if seen is None else seen.singular
     beyond = almost_singular_ends(problem) if seen is None else seen.beyond
-    both_fixed = isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)
+    both_fixed = problem.start.fixed and problem.end.fixed
     if not (any(singular) or any(beyond) or both_fixed):
         return [direct]
     if seen is not None and seen.unit is not None and not 1 / UNLIKE < seen.unit < UNLIKE:
@@ -222,6 +221,6 @@ def _plain(problem: Functional) -> bool:
 def _simple(problem: Problem) -> bool:
     """Whether other coordinates than the person's are available: one function, one end fixed at least."""
     ends = (problem.start, problem.end)
-    some_fixed = any(isinstance(e, Fixed) for e in ends) and all(isinstance(e, Fixed | Free | OnCurve) for e in ends)
+    some_fixed = any(e.fixed for e in ends) and not any(e.periodic for e in ends)
     bare = not (problem.constraints or problem.end_cost or problem.breakpoints)
     return problem.n == 1 and problem.order == 1 and some_fixed and bare

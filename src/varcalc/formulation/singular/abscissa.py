@@ -17,7 +17,7 @@ from fractions import Fraction
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Form, Sampled, Stated, rewriter, straight
+from varcalc.formulation import Conditions, Coordinates, Ends, Form, Sampled, Start, Stated, rewriter, straight
 from varcalc.formulation.singular.departure import Departure
 from varcalc.formulation.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points
 from varcalc.formulation.singular.graph import factored_graph
@@ -65,8 +65,7 @@ def abscissa_form(problem: Problem) -> Form | None:
     y = corner[1] + near**q * z
     speed = width * b * near ** (b - 1)
     climb = ca.gradient(near**q, t) * z + near**q * symbols.dy
-    sign = -1.0 if problem.maximise else 1.0
-    integrand = sign * rewriter(problem, symbols, x, y, [climb / speed], speed)(problem.integrand, True)
+    integrand = problem.sign * rewriter(problem, symbols, x, y, [climb / speed], speed)(problem.integrand, True)
     integrand = gathered(integrand, symbols)
     far = np.array([other[1] - corner[1]])
     free = np.array([np.nan])
@@ -79,12 +78,14 @@ def abscissa_form(problem: Problem) -> Form | None:
         return pulled
 
     return Form(
-        problem=problem, stated=Stated(symbols, integrand, integrand, (x, y, speed, climb)), sign=sign, span=(0.0, 1.0),
-        integrals=(), pathwise=(), fixed_start=(free if at_start else far)[None],
-        fixed_end=(far if at_start else free)[None], ends=None, periodic=False, knots=(), waypoints=(),
-        unknown_guess=problem.unknown_guesses, baseline=straight((0.0, 1.0), far, far), bumps=np.eye(1), pull=pull,
-        note=f"x ~ t^{b}, y ~ t^{q}",
-        singular=(at_start, not at_start), weak_only=True,
+        problem,
+        Coordinates(
+            Stated(symbols, integrand, integrand, (x, y, speed, climb)), pull=pull, note=f"x ~ t^{b}, y ~ t^{q}",
+            singular=(at_start, not at_start), weak_only=True,
+        ),
+        Ends((free if at_start else far)[None], (far if at_start else free)[None]),
+        Conditions(),
+        Start(straight((0.0, 1.0), far, far), problem.unknown_guesses, np.eye(1)),
     )  # fmt: skip
 
 

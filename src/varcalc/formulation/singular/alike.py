@@ -89,7 +89,7 @@ def energetic_at(problem: Curve, values: np.ndarray) -> np.ndarray:
         chord = points[:, 1] - points[:, 0]
         size = np.abs(np.where(known.all(1), chord, 0.0)).max(1)
         places, directions = positive_along(points, chord)
-        sign = -1.0 if problem.maximise else 1.0
+        sign = problem.sign
         across = sign * _many(problem, places, directions, values)
         found = ~(np.isfinite(across) & (across <= 0)).any(1) & np.isfinite(across).any(1) & (size > 0)
         slopes = np.ones((len(SLOPES), problem.n))

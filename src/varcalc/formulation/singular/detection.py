@@ -7,12 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from varcalc.problem.conditions import At, Fixed, Free, components
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import FEW_FUNCTIONS, Curve, Problem
 from varcalc.symbolic.buffered import Pointwise
@@ -91,19 +89,12 @@ class Blowup:
 
 def end_points(problem: Functional) -> list[np.ndarray]:
     """The two ends as points (x, y_1, ..., y_n), of a Curve (q_1, ..., q_n), NaN where a coordinate is free."""
-    if isinstance(problem, Problem):
-        return [_end_point(e, problem.n) for e in (problem.start, problem.end)]
     ends = (problem.start, problem.end)
-    known = [components("At.q", e.q) if isinstance(e, At) else (None,) * problem.n for e in ends]
-    return [np.array([np.nan if v is None else v for v in end]) for end in known]
-
-
-def _end_point(end: Any, n: int) -> np.ndarray:
-    if isinstance(end, Fixed):
-        if n == 1 and type(end.y) in (float, int):
-            return np.array([end.x, end.y], dtype=float)
-        return np.array([float(end.x), *(np.nan if v is None else v for v in components("y", end.y))])
-    return np.array([float(end.x) if isinstance(end, Free) else np.nan, *np.full(n, np.nan)])
+    points = [e.values(problem.n) for e in ends]
+    if isinstance(problem, Problem):
+        known = (math.nan if e.slides else x for e, x in zip(ends, problem.span, strict=True))
+        points = [np.concatenate([[x], y]) for x, y in zip(known, points, strict=True)]
+    return points
 
 
 def _values(problem: Functional, q: np.ndarray, dq: np.ndarray) -> np.ndarray:

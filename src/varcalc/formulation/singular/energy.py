@@ -18,12 +18,24 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Elsewhere, EndConditions, Form, Sampled, Stated, StatedLater, on_curve
+from varcalc.formulation import (
+    Conditions,
+    Coordinates,
+    Elsewhere,
+    EndConditions,
+    Ends,
+    Form,
+    Sampled,
+    Start,
+    Stated,
+    StatedLater,
+    end_conditions,
+    on_curve,
+)
 from varcalc.formulation.singular.alike import alike, ends_at
-from varcalc.formulation.singular.chart import Chart, chart_of
-from varcalc.formulation.singular.conformal import ConformalNumbers
-from varcalc.formulation.singular.detection import Blowup, Metric, end_points, extent
-from varcalc.formulation.singular.factors import (
+from varcalc.formulation.singular.chart import (
+    Chart,
+    chart_of,
     divided,
     factored_ends,
     factored_line,
@@ -32,12 +44,13 @@ from varcalc.formulation.singular.factors import (
     grading,
     with_factors,
 )
+from varcalc.formulation.singular.conformal import ConformalNumbers
+from varcalc.formulation.singular.detection import Blowup, Metric, end_points, extent
 from varcalc.formulation.singular.offsets import gathered
-from varcalc.problem.conditions import Free, OnCurve, OnSurface
 from varcalc.problem.functional import Functional, Symbols
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import Cache, derived
-from varcalc.symbolic.tracing import trace
+from varcalc.symbolic.tracing import Expression
 
 UNIT = np.array([[0.0, 1.0]])
 """The interval of s."""
@@ -53,7 +66,7 @@ def energy_forms(
     """
     beyond = len(blowups) > sum(singular)
     chart = chart_of(list(blowups.values()), beyond)
-    free = isinstance(problem, Problem) and any(isinstance(e, Free) for e in (problem.start, problem.end))
+    free = any(not (e.fixed or e.slides) for e in (problem.start, problem.end))
     if chart is None or (free and np.all(chart.normal != 0.0)):
         return []
     if chart.power == 1.0:
@@ -92,7 +105,7 @@ class Energy:
     def movable(self, lines: dict[bool, Blowup]) -> Form:
         """:meth:`form`, with how it serves where its parameters move the other end than the singular one."""
         form, problem, chart = self.form(), self.problem, self.chart
-        if not isinstance(problem, Problem) or form.ends is not None or sum(self.singular) != 1 or len(lines) != 1:
+        if not isinstance(problem, Problem) or form.ends.joint or sum(self.singular) != 1 or len(lines) != 1:
             return form
 
         def placed(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -105,10 +118,13 @@ class Energy:
 
         def moved(other: Functional) -> Form:
             _, start, end = placed(other.parameter_values[None])
-            curves = replace(self, problem=other).curves()
-            placed_there = {"problem": other, "fixed_start": start, "fixed_end": end}
+            there = replace(self, problem=other)
             # where one solution follows another, the expressions, differentiated once, are cheaper than numbers
-            return replace(form, elsewhere=None, numbers=None, **placed_there, **curves)
+            coordinates = replace(form.coordinates, numbers=None, pull=there.pull)
+            return replace(
+                form, problem=other, elsewhere=None, coordinates=coordinates, ends=Ends(start, end),
+                start=replace(form.start, curve=there.baseline),
+            )  # fmt: skip
 
         def unchanged(values: np.ndarray) -> np.ndarray:
             return alike(problem, values, lines, self.metric.conformal)
@@ -155,23 +171,37 @@ class Energy:
         fixed = tuple(chart.coordinates(np.array(end_points(problem)).T).T)
         if factored:
             fixed = factored_ends(fixed, guess, self.singular)
-        sliding = _sliding(problem, stated)
+        joint = self._joint(stated) if any(problem.slides) else None
         return Form(
-            problem=problem, stated=stated, sign=-1.0 if problem.maximise else 1.0, span=(0.0, 1.0),
-            integrals=(), pathwise=(), fixed_start=fixed[0][None, :], fixed_end=fixed[1][None, :], **self.curves(),
-            ends=sliding, periodic=False, knots=(), waypoints=(), unknown_guess=problem.unknown_guesses,
-            bumps=np.array([[0.0, self._rise(guess)]]),
-            note="energy" + (", regularised" if chart.power != 1.0 else "") + (", factored" if factored else ""),
-            energetic=True,
-            least_degree=math.ceil(chart.growth) + 1 if any(self.singular) and not factored else 1,
-            singular=self.singular,
-            weak_only=factored,
-            # w and -w are one place: from a line beyond the ends a curve might reach the mirror image of its end
-            one_sided=() if chart.power == 1.0 or chart.height is not None else (1,),
+            problem,
+            Coordinates(
+                stated,
+                pull=self.pull,
+                note="energy" + (", regularised" if chart.power != 1.0 else "") + (", factored" if factored else ""),
+                energetic=True,
+                least_degree=math.ceil(chart.growth) + 1 if any(self.singular) and not factored else 1,
+                singular=self.singular,
+                weak_only=factored,
+                # w and -w are one place: from a line beyond the ends a curve might reach the mirror image of its end
+                one_sided=() if chart.power == 1.0 or chart.height is not None else (1,),
+                numbers=self._numbers(line),
+            ),
+            Ends(fixed[0][None, :], fixed[1][None, :], joint),
+            Conditions(),
+            Start(self.baseline, problem.unknown_guesses, np.array([[0.0, self._rise(guess)]])),
             # expressions for the ends that slide are made with the form
-            cache=cache if sliding is None else Cache(),
-            numbers=self._numbers(line),
-        )  # fmt: skip
+            cache=cache if joint is None else Cache(),
+        )
+
+    def _joint(self, stated: StatedLater) -> EndConditions | None:
+        """The curves that ends slide on."""
+        symbols, (x, y, _, _) = stated.symbols, stated.lifted
+
+        def place(k: int, z: Expression) -> tuple[Expression, Expression]:
+            at = ca.substitute([x, y], [symbols.x, symbols.y], [symbols.kind(k), z])
+            return at[0], at[1]
+
+        return end_conditions(self.problem, symbols, place)
 
     def _rise(self, guess: tuple[np.ndarray, np.ndarray]) -> float:
         """How high w is where xi is as large as the problem: a power has a unit of its own."""
@@ -180,21 +210,17 @@ class Energy:
         size = 1.0 if self.chart.height is not None else extent(self.problem) ** (1.0 / self.chart.power)
         return size / (float(np.abs(guess[1] - guess[0]).max()) or size)
 
-    def curves(self) -> dict[str, Any]:
-        """The first curve of the form, and how it takes the user's: made when they are asked for."""
-        problem, chart = self.problem, self.chart
+    def baseline(self, s: np.ndarray) -> np.ndarray:
+        """The first curve of the form."""
+        guess = _guessed(self.problem, self.chart)
+        if self.factored:
+            return factored_line(guess, self.singular)(s)
+        return graded_line(*guess, self.chart.growth, self.graded)(s)
 
-        def baseline(s: np.ndarray) -> np.ndarray:
-            guess = _guessed(problem, chart)
-            if self.factored:
-                return factored_line(guess, self.singular)(s)
-            return graded_line(*guess, chart.growth, self.graded)(s)
-
-        def pull(curve: Sampled) -> Sampled:
-            known = self.singular if self.factored else (False, False)
-            return _energy_pull(problem, chart, _guessed(problem, chart), known)(curve)
-
-        return {"baseline": baseline, "pull": pull}
+    def pull(self, curve: Sampled) -> Sampled:
+        """The user's curve in the form's coordinates."""
+        known = self.singular if self.factored else (False, False)
+        return _energy_pull(self.problem, self.chart, _guessed(self.problem, self.chart), known)(curve)
 
     def _numbers(self, line: tuple[float, float]) -> ConformalNumbers | None:
         """The energy as numbers, for a conformal metric next to one line along which a coordinate is constant.
@@ -222,9 +248,9 @@ def _guessed(problem: Functional, chart: Chart) -> tuple[np.ndarray, np.ndarray]
     """Chart coordinates of both ends with a first guess for what is free: as far off the line as along it."""
     points = end_points(problem)
     for k, end in enumerate((problem.start, problem.end)):
-        if isinstance(end, OnCurve) and isinstance(problem, Problem):
+        if end.slides and isinstance(problem, Problem):
             points[k] = np.array([end.x, on_curve(end, problem)[0]])
-        elif isinstance(end, OnSurface):
+        elif end.slides:
             points[k] = np.array(end.guess, dtype=float)
     found = [chart.coordinates(p[:, None])[:, 0] for p in points]
     for k in (0, 1):
@@ -233,23 +259,6 @@ def _guessed(problem: Functional, chart: Chart) -> tuple[np.ndarray, np.ndarray]
         if unknown[1] and found[k][1] == 0.0:
             found[k][1] = extent(problem) ** (1.0 / chart.power)
     return found[0], found[1]
-
-
-def _sliding(problem: Functional, stated: StatedLater) -> EndConditions | None:
-    """The equation of the curve that an end slides on."""
-    if not any(problem.slides):
-        return None
-    symbols, (x, y, _, _) = stated.symbols, stated.lifted
-    q = ca.vertcat(x, y) if isinstance(problem, Problem) else y
-    kind = symbols.kind
-    first, last = kind.sym("first", 2), kind.sym("last", 2)
-    equations = []
-    for at, end, place in ((0.0, problem.start, first), (1.0, problem.end, last)):
-        if end.slides:
-            point = ca.substitute([q], [symbols.x, symbols.y], [kind(at), place])[0]
-            arguments = [point[0], point[1] if problem.scalar else point[1:]]
-            equations.append(trace("phi", end.phi, arguments if isinstance(end, OnCurve) else [point], kind))
-    return EndConditions(first, last, ca.vertcat(*equations), kind(0))
 
 
 def _energy_pull(

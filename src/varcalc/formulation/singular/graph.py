@@ -10,32 +10,37 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from varcalc.formulation import (
-    EndConditions,
+    Coordinates,
+    Ends,
     Form,
     Sampled,
+    Start,
     Stated,
+    Waypoints,
+    conditions_of,
     end_conditions,
     extended,
+    guessed_abscissae,
     on_curve,
     rewriter,
-    side_conditions,
+    sliding_abscissae,
     straight,
 )
 from varcalc.formulation import through as broken
 from varcalc.formulation.singular.departure import Departure
 from varcalc.formulation.singular.detection import end_points
 from varcalc.formulation.singular.offsets import gathered
-from varcalc.problem.conditions import Fixed, OnCurve, Through, components
+from varcalc.problem.conditions import Through
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import Problem
-from varcalc.symbolic.tracing import Expression, trace
+from varcalc.symbolic.tracing import Expression
 
 BISECTIONS = 60
 """Halvings of [0, 1] that bring a parameter to round-off."""
@@ -71,34 +76,34 @@ class _Frame:
 
 def factored_graph(problem: Problem, departures: tuple[Departure | None, Departure | None]) -> Form:
     """The problem in t and z; ``departures`` are the powers at its singular ends, None at a regular one."""
-    ends = (problem.start, problem.end)
-    sliding = problem.slides
-    symbols = extended(problem, problem.n, sum(sliding))
-    kind, count = symbols.kind, len(problem.unknowns)
-    slid = symbols.unknowns[count] if any(sliding) else kind(0)
-    x0, x1 = (slid if moves else kind(at) for moves, at in zip(sliding, problem.span, strict=True))
-    frame = _frame(symbols.x, (x0, x1), end_points(problem), departures)
+    symbols = extended(problem, problem.n, sum(problem.slides))
+    xs = sliding_abscissae(problem, symbols)
+    frame = _frame(symbols.x, xs, end_points(problem), departures)
     speed, y, climb = _motion(frame, symbols)
     rewrite = rewriter(problem, symbols, frame.x, y, [climb / speed], speed)
-    sign = -1.0 if problem.maximise else 1.0
-    integrand = gathered(sign * rewrite(problem.integrand, True), symbols)
+    integrand = gathered(problem.sign * rewrite(problem.integrand, True), symbols)
     if None not in departures:
         mirrored = _from_the_end(problem, symbols, departures)
-        integrand = _halves(symbols.x, integrand, gathered(sign * mirrored, symbols))
+        integrand = _halves(symbols.x, integrand, gathered(problem.sign * mirrored, symbols))
     fixed, guesses = _far(problem, departures, frame)
-    place = ca.Function("place", [symbols.x], ca.substitute([frame.x, frame.base, frame.scale], [slid], [_guess(ends)]))
+    guess = np.array([*problem.unknown_guesses, *guessed_abscissae(problem)])
+    there = ca.substitute([frame.x, frame.base, frame.scale], [symbols.unknowns], [symbols.kind(ca.DM(guess))])
+    place = ca.Function("place", [symbols.x], there)
     waypoints = _waypoints(problem, frame, place)
-    knots = {_parameter(place, x) for x in problem.breakpoints} | {w[0] for w in waypoints}
     singular = (departures[0] is not None, departures[1] is not None)
+
+    def at_end(k: int, z: Expression) -> tuple[Expression, Expression]:
+        return xs[k], ca.substitute(frame.ordinates(symbols.y), ca.vertcat(symbols.x, symbols.y), ca.vertcat(k, z))
+
     return Form(
-        problem=problem, stated=Stated(symbols, integrand, integrand, (frame.x, y, speed, climb)), sign=sign,
-        span=(0.0, 1.0),
-        **side_conditions(problem, rewrite), fixed_start=fixed[0][None], fixed_end=fixed[1][None],
-        ends=_ends(problem, symbols, frame, (x0, x1)), periodic=False, knots=tuple(sorted(knots)), waypoints=waypoints,
-        unknown_guess=np.array([*problem.unknown_guesses, *(float(e.x) for e in ends if isinstance(e, OnCurve))]),
-        baseline=broken((0.0, 1.0), straight((0.0, 1.0), *guesses), waypoints), bumps=np.eye(problem.n),
-        pull=_pull(frame, place, singular), note="powers of t as factors",
-        singular=singular, weak_only=True,
+        problem,
+        Coordinates(
+            Stated(symbols, integrand, integrand, (frame.x, y, speed, climb)), pull=_pull(frame, place, singular),
+            note="powers of t as factors", singular=singular, weak_only=True,
+        ),
+        Ends(fixed[0][None], fixed[1][None], end_conditions(problem, symbols, at_end)),
+        conditions_of(problem, rewrite, {_parameter(place, x) for x in problem.breakpoints}, waypoints),
+        Start(broken((0.0, 1.0), straight((0.0, 1.0), *guesses), waypoints), guess, np.eye(problem.n)),
     )  # fmt: skip
 
 
@@ -162,10 +167,6 @@ def _step(t: Expression, first: int, last: int) -> Expression:
     )
 
 
-def _guess(ends: tuple[object, object]) -> float:
-    return next((float(e.x) for e in ends if isinstance(e, OnCurve)), 0.0)
-
-
 def _far(
     problem: Problem, departures: tuple[Departure | None, Departure | None], frame: _Frame
 ) -> tuple[list[np.ndarray], tuple[np.ndarray, np.ndarray]]:
@@ -183,31 +184,12 @@ def _far(
     assert here is not None
     rise = points[regular][1:] - points[1 - regular][1:]
     end, guessed = ends[regular], rise
-    if isinstance(end, OnCurve):
+    if end.slides:
         guessed = on_curve(end, problem) - points[1 - regular][1:]
     guessed = frame.unknowns(np.where(np.isnan(guessed), width * here.side, guessed))
     rise = np.where(np.isnan(rise), np.nan, frame.unknowns(rise))
     fixed = [free, rise] if regular else [rise, free]
     return fixed, (guessed, guessed)
-
-
-def _ends(
-    problem: Problem, symbols: Symbols, frame: _Frame, span: tuple[Expression, Expression]
-) -> EndConditions | None:
-    """Cost of the ends and the curve one of them slides on, in terms of z there."""
-    kind = symbols.kind
-    z0, z1 = kind.sym("z0", problem.n), kind.sym("z1", problem.n)
-    y0, y1 = (
-        ca.substitute([frame.ordinates(symbols.y)], [symbols.x, symbols.y], [kind(at), z])[0]
-        for at, z in ((0.0, z0), (1.0, z1))
-    )
-    equations = [
-        trace(f"{label}.phi", e.phi, [at, y[0] if problem.scalar else y], kind)
-        for label, e, at, y in (("start", problem.start, span[0], y0), ("end", problem.end, span[1], y1))
-        if isinstance(e, OnCurve)
-    ]
-    found = end_conditions(problem, symbols, y0, y1, *span, equations)
-    return None if found is None else replace(found, start=z0, end=z1)
 
 
 def _parameter(place: ca.Function, x: float) -> float:
@@ -219,22 +201,17 @@ def _parameter(place: ca.Function, x: float) -> float:
     return 0.5 * (low + high)
 
 
-def _waypoints(
-    problem: Problem, frame: _Frame, place: ca.Function
-) -> tuple[tuple[float, tuple[float | None, ...]], ...]:
+def _waypoints(problem: Problem, frame: _Frame, place: ca.Function) -> Waypoints:
     found = []
     for condition in problem.of_type(Through):
         t = _parameter(place, float(condition.x))
         _, base, scale = (np.asarray(v).ravel() for v in place(t))
-        demanded = components("y", condition.y)
-        rises = np.array([np.nan if d is None else d for d in demanded]) - base
-        values = frame.unknowns(rises, scale)
-        found.append((t, tuple(None if np.isnan(rise) else float(z) for rise, z in zip(rises, values, strict=True))))
+        found.append((t, tuple(frame.unknowns(condition.values - base, scale).tolist())))
     return tuple(sorted(found, key=lambda w: w[0]))
 
 
 def _pull(frame: _Frame, place: ca.Function, singular: tuple[bool, bool]) -> Callable[[Sampled], Sampled]:
-    """A person's curve in terms of z."""
+    """The user's curve in terms of z."""
     low, high = CLEAR if singular[0] else 0.0, 1 - CLEAR if singular[1] else 1.0
 
     def pull(curve: Sampled) -> Sampled:
@@ -249,4 +226,4 @@ def _pull(frame: _Frame, place: ca.Function, singular: tuple[bool, bool]) -> Cal
 
 def applies(problem: Problem) -> bool:
     """Whether a problem is a graph of the first order with a fixed end, whatever else is asked of it."""
-    return problem.order == 1 and any(isinstance(e, Fixed) for e in (problem.start, problem.end))
+    return problem.order == 1 and (problem.start.fixed or problem.end.fixed)

@@ -13,7 +13,7 @@ from fractions import Fraction
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Form, Sampled, Stated, rewriter, straight
+from varcalc.formulation import Conditions, Coordinates, Ends, Form, Sampled, Start, Stated, rewriter, straight
 from varcalc.formulation.singular.chart import combination
 from varcalc.formulation.singular.detection import LARGEST_DENOMINATOR, PROBE, end_points, rational
 from varcalc.formulation.singular.offsets import gathered
@@ -47,8 +47,7 @@ def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form | None:
     speed = b * near ** (b - 1)
     y = combination(corner[1], (side, 0.0), (w**a, w))
     slope = side * a * w ** (a - 1) * dw / speed
-    sign = -1.0 if problem.maximise else 1.0
-    integrand = sign * rewriter(problem, symbols, x, y, [slope], speed)(problem.integrand, True)
+    integrand = problem.sign * rewriter(problem, symbols, x, y, [slope], speed)(problem.integrand, True)
     integrand = gathered(integrand, symbols)
     far = (max(side * (other[1] - corner[1]), 0.0)) ** (1.0 / a)
     fixed = [0.0, far] if at_start else [far, 0.0]
@@ -61,14 +60,14 @@ def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form | None:
         return pulled
 
     return Form(
-        problem=problem,
-        stated=Stated(symbols, integrand, integrand, (x, y, speed, side * a * w ** (a - 1) * dw)), sign=sign,
-        span=(0.0, root), integrals=(), pathwise=(),
-        fixed_start=np.array([[fixed[0]]]), fixed_end=np.array([[fixed[1]]]),
-        ends=None, periodic=False, knots=(), waypoints=(), unknown_guess=problem.unknown_guesses,
-        baseline=straight((0.0, root), np.array([fixed[0]]), np.array([fixed[1]])),
-        bumps=np.eye(1), pull=pull,
-        note=f"powers x ~ t^{b}, y ~ w^{a}", singular=(at_start, not at_start),
+        problem,
+        Coordinates(
+            Stated(symbols, integrand, integrand, (x, y, speed, side * a * w ** (a - 1) * dw)), (0.0, root), pull,
+            note=f"powers x ~ t^{b}, y ~ w^{a}", singular=(at_start, not at_start),
+        ),
+        Ends(np.array([[fixed[0]]]), np.array([[fixed[1]]])),
+        Conditions(),
+        Start(straight((0.0, root), np.array([fixed[0]]), np.array([fixed[1]])), problem.unknown_guesses, np.eye(1)),
     )  # fmt: skip
 
 

@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any
 
 from varcalc.formulation import Form, Sampled, Stated
-from varcalc.problem.conditions import Fixed, OnCurve, components
 from varcalc.problem.problem import Problem
 
 
@@ -23,18 +22,9 @@ def restated(problem: Problem, unit: float) -> Problem:
         return problem.lagrangian(x, unit * y, unit * dy, *rest)
 
     return Problem(
-        lagrangian, _end(problem.start, unit), _end(problem.end, unit), parameters=dict(problem.parameters),
+        lagrangian, problem.start.in_unit(unit), problem.end.in_unit(unit), parameters=dict(problem.parameters),
         unknowns=problem.unknowns, maximise=problem.maximise, name=problem.name,
     )  # fmt: skip
-
-
-def _end(end: Any, unit: float) -> Any:
-    if isinstance(end, Fixed):
-        known, slope = (components(name, v)[0] if v is not None else None for name, v in (("y", end.y), ("dy", end.dy)))
-        return Fixed(end.x, None if known is None else known / unit, None if slope is None else slope / unit)
-    if isinstance(end, OnCurve):
-        return replace(end, phi=lambda x, y, *rest: end.phi(x, unit * y, *rest))
-    return end
 
 
 def in_unit(problem: Problem, unit: float, make: Callable[[], Form | None]) -> Form | None:
@@ -46,7 +36,8 @@ def in_unit(problem: Problem, unit: float, make: Callable[[], Form | None]) -> F
     lifted = inner[0], unit * inner[1], inner[2], unit * inner[3]
 
     def pull(curve: Sampled) -> Sampled:
-        return form.pull(lambda x: curve(x) / unit)
+        return form.coordinates.pull(lambda x: curve(x) / unit)
 
     stated = Stated(form.symbols, form.integrand, form.functional, lifted)
-    return replace(form, problem=problem, stated=stated, pull=pull, numbers=None, elsewhere=None)
+    coordinates = replace(form.coordinates, stated=stated, pull=pull, numbers=None)
+    return replace(form, problem=problem, coordinates=coordinates, elsewhere=None)

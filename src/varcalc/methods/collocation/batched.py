@@ -36,10 +36,9 @@ SHRINKING = 0.5
 
 def applies(form: Form) -> bool:
     """Whether a form can be solved so: a first-order functional of one graph between fixed ends, nothing else asked."""
-    bare = not (form.integrals or form.pathwise or form.knots or form.waypoints or form.corners or form.refused)
-    plain = bare and form.ends is None and not form.periodic and not len(form.unknown_guess)
-    fixed = not (np.isnan(form.fixed_start).any() or np.isnan(form.fixed_end).any())
-    return form.order == 1 and form.n == 1 and plain and fixed and not any(form.singular) and not form.stated.is_lifted
+    graph = form.order == 1 and form.n == 1 and not form.stated.is_lifted and not any(form.coordinates.singular)
+    fixed = not (np.isnan(form.ends.start).any() or np.isnan(form.ends.end).any())
+    return graph and fixed and form.bare and not form.conditions.integrals
 
 
 def system_at(form: Form, degree: int, places: Places) -> CollocationSystem:

@@ -60,7 +60,7 @@ class Boundary:
         self.count = 0
         for k in range(form.order):
             for a in range(form.n):
-                if form.periodic:
+                if form.ends.periodic:
                     self._join(k, a)
                 else:
                     self._free_ends(k, a)

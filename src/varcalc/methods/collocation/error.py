@@ -144,7 +144,7 @@ def assess(level: Root, scales: Sizes) -> Assessment | None:
     old, new = system.unpack(z), system.unpack(z + step)
     cost = end_cost(form, system.space, old)
     value = base.fine_value(level.state, 2 * degree + 4) + end_cost(form, base.space, level.state)
-    floor = rounding(system, before, new.levels * (0.5 / abs(value) if form.energetic and value else 1.0))
+    floor = rounding(system, before, new.levels * (0.5 / abs(value) if form.coordinates.energetic and value else 1.0))
     if not math.isfinite(value):
         return None
     fine = correction.after.value + end_cost(form, system.space, new)
@@ -192,7 +192,7 @@ def rounding(system: CollocationSystem, at: Residual, multipliers: np.ndarray) -
 
 def end_cost(form: Form, space: Space, state: State) -> float:
     """The cost of the ends of a curve, in the sense that is minimised."""
-    if form.ends is None or form.problem.end_cost is None:
+    if form.ends.joint is None or form.problem.end_cost is None:
         return 0.0
     m = space.smoothness
     first, last = state.coefficients[space.numbers[0, 0]], state.coefficients[space.numbers[-1, m]]

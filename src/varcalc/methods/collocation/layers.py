@@ -27,7 +27,8 @@ FURTHEST = 0.4
 def layered_vertices(system: CollocationSystem, residual: Residual) -> np.ndarray | None:
     """Vertices for the layers at the ends of a curve known on one element; None where there are none to be seen."""
     form = system.form
-    if form.order != 1 or form.periodic or form.knots or any(form.singular) or system.space.elements != 1:
+    cut = form.conditions.knots or system.space.elements != 1
+    if form.order != 1 or form.ends.periodic or cut or any(form.coordinates.singular):
         return None
     a, b = form.span
     rates = growth_rates(system, residual) * (b - a)

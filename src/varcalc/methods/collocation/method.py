@@ -75,16 +75,16 @@ class Collocation:
         reason = self.inapplicable(form)
         if reason:
             return no_answer(problem, self, Status.REFUSED, reason)
-        scales = Sizes(function_sizes(form), np.abs(form.unknown_guess))
+        scales = Sizes(function_sizes(form), np.abs(form.start.unknowns))
         search = _RootSearch(self, problem, form, tol, started, Refinement(scales, self.refine))
         with np.errstate(all="ignore"):  # trial curves leave the Lagrangian's domain; what is no number is rejected
             return search.run(guess)
 
     def inapplicable(self, form: Form) -> str:
         """Why collocation cannot treat a form; empty when it can."""
-        if form.weak_only:
+        if form.coordinates.weak_only:
             return "at the singular end only regularity decides, which gives collocation no equation; use Ritz"
-        for condition in (*form.integrals, *form.pathwise):
+        for condition in (*form.conditions.integrals, *form.conditions.pathwise):
             if not condition.equality:
                 return f"constraints[{condition.index}] is an inequality, which collocation does not treat; use Ritz"
         least = 4 * form.order - 1
@@ -149,7 +149,7 @@ class _RootSearch:
         method = self.method
         if not method.refine or method.elements > 1 or method.degree is not None:
             return None
-        z = first_unknowns(system, self.form.baseline)
+        z = first_unknowns(system, self.form.start.curve)
         residual = system.evaluate(z)
         self.baseline = system, z, residual
         vertices = layered_vertices(system, residual)
@@ -177,7 +177,7 @@ class _RootSearch:
         if not method.refine:
             yield vertices, method.degree or KEPT_DEGREE[order]
             return
-        least = max(self.form.least_degree, 4 * order - 1)
+        least = max(self.form.coordinates.least_degree, 4 * order - 1)
         degrees = [method.degree] if method.degree else [d for d in FIRST_DEGREES[order] if d >= least] or [least]
         for degree in degrees:
             yield vertices, degree
@@ -203,12 +203,12 @@ class _RootSearch:
 
     def shifts(self) -> bool:
         """True for a closed curve that may be shifted along itself, whose index a coarse mesh does not tell."""
-        return self.form.periodic and not ca.depends_on(self.form.integrand, self.form.symbols.x)
+        return self.form.ends.periodic and not ca.depends_on(self.form.integrand, self.form.symbols.x)
 
     def root(self, system: CollocationSystem, start: StartingCurve) -> Root | None:
         """The root that one starting curve leads to, along with its prescribed integrals if need be."""
         known = self.baseline
-        if known is not None and known[0] is system and start.curve is self.form.baseline:
+        if known is not None and known[0] is system and start.curve is self.form.start.curve:
             level = self.refinement.newton(system, known[1], known[2])
         else:
             level = self.refinement.newton(system, first_unknowns(system, start.curve))
@@ -224,15 +224,15 @@ class _RootSearch:
     def from_nearer_ends(self) -> list[Root]:
         """The root reached by moving the ends apart from near their mean, where the extremal is all but straight."""
         form = self.form
-        if form.periodic or form.waypoints or any(form.singular) or form.ends is not None:
+        if form.conditions.waypoints or any(form.coordinates.singular) or not form.ends.separate:
             return []
-        if not np.any(form.fixed_start[0] != form.fixed_end[0]):
+        if not np.any(form.ends.start[0] != form.ends.end[0]):
             return []
         path = ends_path(form)
         near = path(TOGETHER)
         space = collocation_space(near, first_vertices(form, self.method.elements), FIRST_DEGREES[form.order][1])
         system = CollocationSystem(near, space)
-        start = self.refinement.newton(system, first_unknowns(system, near.baseline))
+        start = self.refinement.newton(system, first_unknowns(system, near.start.curve))
         level = self.refinement.continued(start, lambda part: path(TOGETHER + part * (1.0 - TOGETHER)))
         return [] if level is None else [level]
 
@@ -252,7 +252,7 @@ class _RootSearch:
 
 def first_unknowns(system: CollocationSystem, curve: Sampled) -> np.ndarray:
     """The unknowns for a starting curve, with the multipliers that suit it best."""
-    z = system.pack(system.fitted(curve, system.form.unknown_guess))
+    z = system.pack(system.fitted(curve, system.form.start.unknowns))
     if not len(system.linear):
         return z
     residual = system.evaluate(z)
@@ -263,7 +263,7 @@ def first_vertices(form: Form, elements: int) -> np.ndarray:
     """An even mesh between the knots: about ``elements`` in all, at least one between neighbours."""
     a, b = form.span
     parts = []
-    for left, right in pairwise([a, *form.knots, b]):
+    for left, right in pairwise([a, *form.conditions.knots, b]):
         count = max(1, round(elements * (right - left) / (b - a)))
         parts.append(np.linspace(left, right, count + 1)[:-1])
     return np.append(np.concatenate(parts), b)
@@ -275,26 +275,25 @@ def levels_path(form: Form, base: np.ndarray) -> Callable[[float], Form]:
     def at(part: float) -> Form:
         if part == 1.0:
             return form
-        levels = [float(b + part * (c.lower - b)) for c, b in zip(form.integrals, base, strict=True)]
-        integrals = [replace(c, lower=v, upper=v) for c, v in zip(form.integrals, levels, strict=True)]
-        return replace(form, integrals=tuple(integrals))
+        levels = [float(b + part * (c.lower - b)) for c, b in zip(form.conditions.integrals, base, strict=True)]
+        integrals = [replace(c, lower=v, upper=v) for c, v in zip(form.conditions.integrals, levels, strict=True)]
+        return replace(form, conditions=replace(form.conditions, integrals=tuple(integrals)))
 
     return at
 
 
 def ends_path(form: Form) -> Callable[[float], Form]:
     """Forms whose fixed ends lie at the given part of their distance from their mean."""
-    mean = 0.5 * (form.fixed_start[0] + form.fixed_end[0])
+    mean = 0.5 * (form.ends.start[0] + form.ends.end[0])
     centre = np.nan_to_num(mean)  # a component that is free at an end is only scaled
 
     def at(part: float) -> Form:
         if part == 1.0:
             return form
-        start, end = form.fixed_start.copy(), form.fixed_end.copy()
+        start, end = form.ends.start.copy(), form.ends.end.copy()
         start[0], end[0] = centre + part * (start[0] - centre), centre + part * (end[0] - centre)
         column = centre[:, None]
-        return replace(
-            form, fixed_start=start, fixed_end=end, baseline=lambda s: column + part * (form.baseline(s) - column)
-        )
+        nearer = replace(form.start, curve=lambda s: column + part * (form.start.curve(s) - column))
+        return replace(form, ends=replace(form.ends, start=start, end=end), start=nearer)
 
     return at

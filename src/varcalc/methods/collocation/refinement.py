@@ -62,7 +62,7 @@ class Improved:
         system, a = self.level.system, self.assessment
         form, space = system.form, system.space
         # multipliers of an energy J^2 become those of J by the chain rule
-        extremal = system.extremal(self.level.state, 0.5 / abs(a.value) if form.energetic else 1.0)
+        extremal = system.extremal(self.level.state, 0.5 / abs(a.value) if form.coordinates.energetic else 1.0)
         errors, rule = ErrorEstimate(a.value_error, a.curve_error), 2 * space.degree + 4
         message = message or (self.status.value if self.status is Status.ROUND_OFF else "")
         return answer(extremal, method, form.sign * a.value, errors, space.vertices, stats, self.status, message, rule)

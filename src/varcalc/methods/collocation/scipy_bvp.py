@@ -97,13 +97,13 @@ class SciPyBvp:
 
 def inapplicable(form: Form) -> str:
     """Why the method cannot treat a form; empty when it can."""
-    if form.weak_only or any(form.singular):
+    if form.coordinates.weak_only or any(form.coordinates.singular):
         return "the equation is singular at an end, where solve_bvp evaluates it; use Collocation or Ritz"
-    if form.integrals or form.pathwise:
+    if form.conditions.integrals or form.conditions.pathwise:
         return "prescribed integrals and pathwise conditions are not treated; use Collocation or Ritz"
-    if form.knots:
+    if form.conditions.knots:
         return "breakpoints and waypoints are not treated; use Collocation or Ritz"
-    if len(form.unknown_guess):
+    if len(form.start.unknowns):
         return "unknown numbers (sliding ends, unknowns) are not treated; use Collocation or Ritz"
     return ""
 
@@ -145,7 +145,7 @@ class BoundaryValueProblem:
     def conditions_at(self, first: np.ndarray, last: np.ndarray) -> np.ndarray:
         """What vanishes at the ends: fixed values and natural or periodic conditions, shape (depth n,)."""
         form, n, m = self.form, self.form.n, self.form.order
-        fixed = [np.concatenate([form.fixed_start.ravel(), form.fixed_end.ravel()])]
+        fixed = [np.concatenate([form.ends.start.ravel(), form.ends.end.ravel()])]
         given = np.concatenate([first[: m * n], last[: m * n]])
         if self.conditions.momentum is None:
             return given - fixed[0]
@@ -153,7 +153,7 @@ class BoundaryValueProblem:
         if self.conditions.ends is not None:
             out: Any = self.conditions.ends(first[:n], last[:n], self.parameters, [], [])
             momentum[:, :n] += np.asarray(out[0]).reshape(2, n)
-        if form.periodic:
+        if form.ends.periodic:
             return np.concatenate([first[: m * n] - last[: m * n], momentum.sum(0)])
         return np.where(np.isnan(fixed[0]), momentum.ravel(), given - fixed[0])
 

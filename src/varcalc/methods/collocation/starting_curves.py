@@ -43,20 +43,20 @@ class StartingCurve:
 
 def starting_curves(form: Form) -> Iterator[StartingCurve]:
     """The baseline, then bent curves, those that meet a prescribed integral first."""
-    if form.integrals:
+    if form.conditions.integrals:
         yield from _levelled(form, height(form))
-    yield StartingCurve(form.baseline)
+    yield StartingCurve(form.start.curve)
     extent = height(form)
     for family in _sloped(form):
         yield StartingCurve(family(extent))
-    for direction in form.bumps:
+    for direction in form.start.bumps:
         for amplitude in AMPLITUDES:
             yield StartingCurve(bent(form, amplitude * extent, np.asarray(direction)))
 
 
 def function_sizes(form: Form) -> np.ndarray:
     """The largest absolute value of each function on the baseline, the problem's size for those that are zero; (n,)."""
-    values = np.abs(form.baseline(np.linspace(*form.span, SAMPLES)))
+    values = np.abs(form.start.curve(np.linspace(*form.span, SAMPLES)))
     sizes = np.where(np.isfinite(values), values, 0.0).max(1)
     return sizes if sizes.min() > 0.0 else np.where(sizes > 0.0, sizes, height(form))
 
@@ -84,9 +84,9 @@ def resolving_vertices(
 
 def _sloped(form: Form) -> list[Bending]:
     """Where a component is free at an end: curves that run along it and bulge across it, each way."""
-    if form.periodic or form.n == 1:
+    if form.ends.periodic or form.n == 1:
         return []
-    free = np.isnan(form.fixed_end[0]) - 1.0 * np.isnan(form.fixed_start[0])
+    free = np.isnan(form.ends.end[0]) - 1.0 * np.isnan(form.ends.start[0])
     families: list[Bending] = []
     for along in np.flatnonzero(free):
         for across in np.flatnonzero(free == 0):
@@ -103,7 +103,7 @@ def _arc(form: Form, run: np.ndarray, rise: np.ndarray) -> Sampled:
     def curve(s: np.ndarray) -> np.ndarray:
         angle = np.pi * (s - a) / (b - a)
         along, across = 0.5 * (1.0 - np.cos(angle)), 0.5 * np.sin(angle)
-        return form.baseline(s) + run[:, None] * along + rise[:, None] * across
+        return form.start.curve(s) + run[:, None] * along + rise[:, None] * across
 
     return curve
 
@@ -112,10 +112,10 @@ def _levelled(form: Form, extent: float) -> Iterator[StartingCurve]:
     """Bent (or, when closed, blown up) baselines on which the first prescribed integral has its level."""
     integral = _integral(form)
     families: list[Bending] = _sloped(form)
-    if form.periodic and form.n > 1:
+    if form.ends.periodic and form.n > 1:
         families.append(lambda r: scaled_ring(form, r))
     else:
-        directions = [sign * np.asarray(d) for d in form.bumps for sign in (1.0, -1.0)]
+        directions = [sign * np.asarray(d) for d in form.start.bumps for sign in (1.0, -1.0)]
         families += [lambda r, d=direction: bent(form, r, d) for direction in directions]
     for family in families:
         heights = SCAN * extent
@@ -128,10 +128,10 @@ def _levelled(form: Form, extent: float) -> Iterator[StartingCurve]:
 
 def _integral(form: Form) -> Callable[[Sampled], float]:
     """How far the first prescribed integral of a curve is from its level, to a few digits."""
-    condition = form.integrals[0]
+    condition = form.conditions.integrals[0]
     function = ca.Function("g", form.symbols.all, [condition.expression])
     s = np.linspace(*form.span, SAMPLES)
-    numbers = [np.repeat(v[:, None], SAMPLES, axis=1) for v in (form.problem.parameter_values, form.unknown_guess)]
+    numbers = [np.repeat(v[:, None], SAMPLES, axis=1) for v in (form.problem.parameter_values, form.start.unknowns)]
 
     def miss(curve: Sampled) -> float:
         y = curve(s)

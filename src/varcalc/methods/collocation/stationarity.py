@@ -140,14 +140,19 @@ def stationarity(form: Form) -> Stationarity:
     """The conditions of a form, built once and kept with it."""
     symbols, kind = form.symbols, form.symbols.kind
     caps = _caps(form)
-    equations = 0 if form.ends is None else form.ends.equations.numel()
     counts = Counts(
-        form.order, form.n, len(form.unknown_guess), len(form.integrals), len(form.pathwise), int(equations), caps
+        form.order,
+        form.n,
+        len(form.start.unknowns),
+        len(form.conditions.integrals),
+        len(form.conditions.pathwise),
+        form.ends.equations,
+        caps,
     )
     levels = kind.sym("lambda", counts.levels)
     forces = kind.sym("mu", counts.paths)
-    integrands = [c.expression for c in form.integrals]
-    paths = [c.expression for c in form.pathwise]
+    integrands = [c.expression for c in form.conditions.integrals]
+    paths = [c.expression for c in form.conditions.pathwise]
     whole = form.integrand
     for multiplier, expression in [*_pairs(levels, integrands), *_pairs(forces, paths)]:
         whole = whole + multiplier * expression
@@ -178,34 +183,36 @@ def _pairs(symbol: Expression, expressions: list[Expression]) -> list[tuple[Expr
 
 def _caps(form: Form) -> tuple[tuple[int, int], ...]:
     """Pathwise equalities that involve a free component of an end: they restrict its variations."""
-    if form.periodic:
+    if form.ends.periodic:
         return ()
     caps = []
-    for k, condition in enumerate(form.pathwise):
+    for k, condition in enumerate(form.conditions.pathwise):
         involved = np.array(ca.which_depends(condition.expression, form.symbols.y, 1, False))
-        for end, fixed in enumerate((form.fixed_start, form.fixed_end)):
+        for end, fixed in enumerate((form.ends.start, form.ends.end)):
             if np.any(np.isnan(fixed[0]) & involved):
                 caps.append((k, end))
     return tuple(caps)
 
 
 def _has_boundary_rows(form: Form) -> bool:
-    free = np.isnan(form.fixed_start).any() or np.isnan(form.fixed_end).any()
-    return bool(free or form.periodic or form.knots)
+    free = np.isnan(form.ends.start).any() or np.isnan(form.ends.end).any()
+    return bool(free or form.ends.periodic or form.conditions.knots)
 
 
 def _ends(form: Form, caps: tuple[tuple[int, int], ...]) -> ca.Function | None:
     """Boundary terms that are functions of the end points alone."""
-    if form.ends is None and not caps:
+    if form.ends.joint is None and not caps:
         return None
     s, kind = form.symbols, form.symbols.kind
-    if form.ends is None:
+    if form.ends.joint is None:
         first, last, equations, cost = kind.sym("y0", form.n), kind.sym("y1", form.n), kind(0, 1), kind(0)
     else:
-        first, last, equations, cost = form.ends.start, form.ends.end, form.ends.equations, form.ends.cost
+        joint = form.ends.joint
+        first, last, equations, cost = joint.start, joint.end, joint.equations, joint.cost
     at = [(form.span[0], first), (form.span[1], last)]
     on_path = [
-        ca.substitute([form.pathwise[k].expression], [s.x, s.y], [kind(at[end][0]), at[end][1]])[0] for k, end in caps
+        ca.substitute([form.conditions.pathwise[k].expression], [s.x, s.y], [kind(at[end][0]), at[end][1]])[0]
+        for k, end in caps
     ]
     conditions = ca.vertcat(equations, *on_path)
     multipliers = kind.sym("nu", conditions.numel())

@@ -31,7 +31,7 @@ from varcalc.numerics.mesh import Space, gauss
 
 def collocation_space(form: Form, vertices: np.ndarray, degree: int) -> Space:
     """The space in which a form is collocated on a mesh: 2 m - 1 times differentiable, broken at knots."""
-    broken = tuple(int(np.argmin(np.abs(vertices - knot))) for knot in form.knots)
+    broken = tuple(int(np.argmin(np.abs(vertices - knot))) for knot in form.conditions.knots)
     return Space(vertices, degree, form.n, 2 * form.order, False, broken, form.order)
 
 
@@ -106,7 +106,7 @@ class CollocationSystem:
         self.counts = c = self.conditions.counts
         self.smoothness = 2 * form.order
         self.points = space.degree + 1 - self.smoothness
-        self.levels = np.array([c.lower for c in form.integrals])
+        self.levels = np.array([c.lower for c in form.conditions.integrals])
         self._row_count = c.functions + c.paths + c.levels + c.numbers
         self._column_count = c.tower + c.numbers + c.levels + c.paths
         self._parameters = form.problem.parameter_values
@@ -147,13 +147,12 @@ class CollocationSystem:
         space, m, order = self.space, self.smoothness, self.form.order
         demanded = np.full(space.size, np.nan)
         scale = space.vertex_scale ** np.arange(order)[:, None]
-        demanded[space.numbers[0, :order]] = self.form.fixed_start * scale
-        demanded[space.numbers[-1, m : m + order]] = self.form.fixed_end * scale
-        for at, values in self.form.waypoints:
+        demanded[space.numbers[0, :order]] = self.form.ends.start * scale
+        demanded[space.numbers[-1, m : m + order]] = self.form.ends.end * scale
+        for at, values in self.form.conditions.waypoints:
             vertex = int(np.argmin(np.abs(space.vertices - at)))
             for a, value in enumerate(values):
-                if value is not None:
-                    demanded[space.vertex_number(vertex, 0, a)] = value
+                demanded[space.vertex_number(vertex, 0, a)] = value
         fixed = ~np.isnan(demanded)
         self.fixed = np.where(fixed, demanded, 0.0)
         if space.elements == 1:
@@ -456,7 +455,7 @@ class CollocationSystem:
             unknowns=state.unknowns.copy(),
             vertices=space.vertices,
             lambdas=state.levels.copy(),
-            path={c.index: self.force(state, k, factor) for k, c in enumerate(self.form.pathwise)},
+            path={c.index: self.force(state, k, factor) for k, c in enumerate(self.form.conditions.pathwise)},
             coefficients=state.coefficients if space.elements == 1 else None,
         )
 

@@ -151,7 +151,7 @@ def _motions(system: RitzSystem, z: np.ndarray) -> list[Motion]:
             matrix[row, column] = entry
         out.append(Motion(system.pack(_applied(system, coefficients, matrix), still), matrix, still))
     own = len(system.form.problem.unknowns)
-    if system.extra - own - system.form.gauged == 2:
+    if system.extra - own - system.form.coordinates.gauged == 2:
         numbers = still.copy()
         numbers[own : own + 2] = 1.0
         out.append(Motion(system.pack(np.zeros(space.size), numbers), nowhere, numbers))

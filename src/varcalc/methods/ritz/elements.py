@@ -122,7 +122,7 @@ def bands(system: RitzSystem, local: np.ndarray) -> np.ndarray:
 
 def solvable(system: RitzSystem) -> bool:
     """Whether the banded route applies: several elements, no wrap-around, no cost or equation that couples the ends."""
-    return system.space.elements > 1 and not system.space.periodic and system.form.ends is None
+    return system.space.elements > 1 and not system.space.periodic and system.form.ends.joint is None
 
 
 def banded_step(

@@ -105,7 +105,7 @@ def correction(
     else:
         value = _total(system, z, here)
         error = np.abs(value - _total(system, z + change, there))
-        if form.energetic:  # the energy is the square of the value
+        if form.coordinates.energetic:  # the energy is the square of the value
             miss = miss * np.where(value > 0, 0.5 / np.where(value > 0, value, 1.0), 1.0)[..., None]
         value = value + (miss * at.conditions).sum(-1)
         scale = np.abs(value)
@@ -218,11 +218,13 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     at = system.evaluate(richer.z)
     found = correction(system, richer.z, at, z - richer.z, richer.multipliers, 0.0, richer.value)
     value = richer.value if rungs.form.same_functional else _total(system, richer.z, found.here)
-    unit = 0.5 / value if rungs.form.energetic and value > 0 else 1.0  # the energy is the square of the value
+    unit = (
+        0.5 / value if rungs.form.coordinates.energetic and value > 0 else 1.0
+    )  # the energy is the square of the value
     error = unit * SAFETY * float(abs(richer.value - system.evaluate(z).value) + abs(richer.value - rung.value))
     # what the values of two curves differ by that are one to round-off is round-off
     same = found.curve <= UNMOVED_CURVE * float(np.abs(at.variables[:, : system.n]).max())
-    if math.isfinite(previous) and not same and (rungs.inequalities or not rungs.form.corners):
+    if math.isfinite(previous) and not same and (rungs.inequalities or not rungs.form.coordinates.corners):
         error = max(error, SAFETY * SHARED * previous)
     found = replace(found, value=value, error=error, scale=unit * at.scale)
     shares = _shares(rungs, system, richer.z - z)

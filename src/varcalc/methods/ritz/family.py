@@ -97,10 +97,10 @@ class Answers:
 
 def applies(form: Form) -> bool:
     """Whether a form can be solved so: a first-order functional of curves between ends, under levels at most."""
-    if not all(c.equality for c in form.integrals) or (form.integrals and not form.same_functional):
+    levels = form.conditions.integrals
+    if levels and not (form.same_functional and all(c.equality for c in levels)):
         return False
-    bare = not (form.pathwise or form.knots or form.waypoints or form.corners or form.refused)
-    return form.order == 1 and bare and form.ends is None and not form.periodic and not len(form.unknown_guess)
+    return form.order == 1 and form.bare
 
 
 def system_at(form: Form, degree: int, places: Places) -> RitzSystem:
@@ -110,7 +110,7 @@ def system_at(form: Form, degree: int, places: Places) -> RitzSystem:
 
 def straight_starts(form: Form, places: Places) -> tuple[np.ndarray, list[np.ndarray]]:
     """The first degree (K,) and the coefficients of straight lines between the ends; what is free at both is zero."""
-    degree = next(d for d in DEGREES[form.order] if d >= form.least_degree)
+    degree = next(d for d in DEGREES[form.order] if d >= form.coordinates.least_degree)
     return np.full(len(places.start), degree), list(_lines(on_one_element(*form.span, degree, form.n), places))
 
 
@@ -134,7 +134,7 @@ def solved(
     degree climbs where the error asks for it, to the one at which the
     decay of the coefficients promises that it suffices.
     """
-    if near and form.integrals:
+    if near and form.conditions.integrals:
         starts, near = _with_bends(form, places, degrees, starts), False
     answers = Answers.none(len(degrees))
     degrees, starts = degrees.copy(), list(starts)
@@ -205,7 +205,7 @@ def solution(form: Form, method: Any, found: Answer, seconds: float) -> Solution
     vertices = np.array(form.span)
     evaluate = on_one_element(*form.span, found.degree, form.n).curve(found.coefficients)
     extremal = Extremal(form, evaluate, np.zeros(0), vertices, found.multipliers, {}, SEEN_FORWARD, found.coefficients)
-    fixed = np.logical_not(np.isnan([form.fixed_start[0], form.fixed_end[0]]))
+    fixed = np.logical_not(np.isnan([form.ends.start[0], form.ends.end[0]]))
     stats = Stats(0.0, seconds, found.iterations, found.coefficients.size - int(fixed.sum()), 1, found.degree)
     rule = quadrature_points(found.degree)
     error = ErrorEstimate(found.error, found.curve)

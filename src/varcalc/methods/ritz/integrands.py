@@ -43,8 +43,8 @@ class NumericIntegrand:
     """The integrand of a form without levels, from its numbers at ``s`` (Q,)."""
 
     def __init__(self, form: Form, s: np.ndarray) -> None:
-        assert form.numbers is not None
-        self._at = form.numbers.on(form.problem, s)  # type: ignore[arg-type]
+        assert form.coordinates.numbers is not None
+        self._at = form.coordinates.numbers.on(form.problem, s)  # type: ignore[arg-type]
 
     def _own(self, variables: np.ndarray) -> np.ndarray:
         """The variables that the numbers are stated in."""
@@ -76,8 +76,8 @@ class CompiledIntegrands:
 
     def __init__(self, form: Form, s: np.ndarray, parameters: np.ndarray) -> None:
         self.form, self.s, self.parameters = form, s, parameters
-        self.count = 1 + sum(c.equality for c in form.integrals)
-        self.k = (form.order + 1) * form.n + len(form.unknown_guess)
+        self.count = 1 + sum(c.equality for c in form.conditions.integrals)
+        self.k = (form.order + 1) * form.n + len(form.start.unknowns)
 
     def _called(self, make: Callable[[Form], ca.Function], variables: np.ndarray) -> np.ndarray:
         n, points = self.form.n, variables.shape[:-1]
@@ -115,13 +115,15 @@ class CompiledIntegrands:
 @derived
 def pointwise(form: Form) -> ca.Function:
     """The integrand and those of the levels, with their derivatives: :meth:`.Lagrangian.pointwise`."""
-    return Lagrangian(form.symbols, form.integrand).pointwise([c.expression for c in form.integrals if c.equality])
+    return Lagrangian(form.symbols, form.integrand).pointwise(
+        [c.expression for c in form.conditions.integrals if c.equality]
+    )
 
 
 @derived
 def integrands(form: Form) -> ca.Function:
     """The integrand and those of the levels alone."""
-    rows = [form.integrand, *(c.expression for c in form.integrals if c.equality)]
+    rows = [form.integrand, *(c.expression for c in form.conditions.integrals if c.equality)]
     return ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*rows))])
 
 
@@ -135,8 +137,8 @@ def reported(form: Form) -> ca.Function:
 @derived
 def at_ends(form: Form) -> ca.Function:
     """The cost of the ends and their equations, with derivatives in (start, end, unknowns)."""
-    assert form.ends is not None
-    e, u = form.ends, form.symbols.unknowns
+    assert form.ends.joint is not None
+    e, u = form.ends.joint, form.symbols.unknowns
     v = ca.vertcat(e.start, e.end, u)
     conditions = ca.vertsplit(e.equations) if e.equations.numel() else []
     hessians = [ca.hessian(h, v)[0] for h in (e.cost, *conditions)]

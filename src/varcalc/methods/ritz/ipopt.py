@@ -143,7 +143,7 @@ def optimise(
 def _only_minimised(system: RitzSystem) -> bool:
     """Whether there are no conditions, no unknown numbers and no cost of the ends."""
     form = system.form
-    return not (form.integrals or form.pathwise or system.extra) and form.ends is None
+    return not (form.conditions.integrals or form.conditions.pathwise or system.extra) and form.ends.joint is None
 
 
 def _stationary(stats: dict[str, Any]) -> bool:
@@ -216,24 +216,24 @@ def _program(system: RitzSystem, z: np.ndarray, scale: np.ndarray) -> tuple[_Pro
     sizes = _Sizes(system, z)
     w = ca.MX.sym("w", system.size)
     at_gauss = _arguments(system, w, scale, None)
-    integrands = [form.integrand, *(c.expression for c in form.integrals)]
+    integrands = [form.integrand, *(c.expression for c in form.conditions.integrals)]
     function = ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*integrands))])
     mapped = function.map(len(system.weights))
     values = ca.mtimes(mapped(*at_gauss), ca.DM(system.weights))
     program = _Program(w, values[0])
-    for j, condition in enumerate(form.integrals):
+    for j, condition in enumerate(form.conditions.integrals):
         program.add("integral", condition.index, values[1 + j], condition.bounds)
-    if form.ends is not None:
+    if form.ends.joint is not None:
         _add_ends(system, program, scale, z / scale)
     nodes = lobatto(system.space.degree)
-    if form.pathwise:
+    if form.conditions.pathwise:
         _add_pathwise(system, program, scale, nodes, at_gauss, sizes)
     return program, nodes
 
 
 def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray, start: np.ndarray) -> None:
     form, space = system.form, system.space
-    assert form.ends is not None
+    assert form.ends.joint is not None
     free = len(system.free)
     place = {int(c): i for i, c in enumerate(system.free)}
 
@@ -246,8 +246,9 @@ def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray, start: n
         return ca.vertcat(*entries)
 
     unknowns = program.w[free:] * scale[free:]
-    symbols = [form.ends.start, form.ends.end, form.symbols.unknowns, form.symbols.parameters]
-    function = ca.Function("ends", symbols, [form.ends.cost, form.ends.equations])
+    joint = form.ends.joint
+    symbols = [joint.start, joint.end, form.symbols.unknowns, form.symbols.parameters]
+    function = ca.Function("ends", symbols, [joint.cost, joint.equations])
     cost, equations = function(end(0), end(space.elements), unknowns, form.problem.parameter_values)
     program.objective += cost
     if equations.numel():
@@ -269,7 +270,7 @@ def _add_pathwise(
     form = system.form
     inner = _arguments(system, program.w, scale, nodes[1:-1]) if len(nodes) > 2 else []
     vertices = _arguments(system, program.w, scale, nodes[:1])
-    for condition in form.pathwise:
+    for condition in form.conditions.pathwise:
         function = ca.Function("pathwise", form.symbols.all, [ca.densify(condition.expression)])
         size, bounds = sizes.of_integrand(condition), condition.bounds
 
@@ -312,7 +313,7 @@ def _sort_multipliers(
     pieces: dict[int, list[Callable[[np.ndarray], np.ndarray]]] = {}
     equalities: list[float] = []
     ends: list[float] = []
-    integrals = {c.index: c for c in system.form.integrals}
+    integrals = {c.index: c for c in system.form.conditions.integrals}
     start = 0
     for label in program.labels:
         block = lam[start : start + label.rows]

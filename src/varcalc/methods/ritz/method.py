@@ -97,7 +97,7 @@ class Ritz:
             reason = f"degree={self.degree} is too low for a functional of order {form.order}; give at least {least}"
             return no_answer(form.problem, self, Status.REFUSED, reason)
         load()
-        if self.refine and form.pathwise and touchable(form):
+        if self.refine and form.conditions.pathwise and touchable(form):
             solution = self._through_contacts(form, tol, guess)
             if solution is not None:
                 return solution
@@ -154,26 +154,26 @@ class Rungs:
         self.constrained = form.has_inequalities
         if self.constrained and isinstance(self.optimiser, Newton):
             self.optimiser = Ipopt()
-        self.inequalities = any(not c.equality for c in (*form.pathwise, *form.integrals))
+        self.inequalities = any(not c.equality for c in (*form.conditions.pathwise, *form.conditions.integrals))
         self.iterations = 0
 
     def first_space(self, elements: int, degree: int | None) -> Space:
         """The first mesh: equal elements and the form's knots."""
         (a, b), vertices = self.form.span, np.array(self.form.span)
-        if elements > 1 or self.form.knots:
-            vertices = np.unique(np.concatenate([np.linspace(a, b, elements + 1), self.form.knots]))
+        if elements > 1 or self.form.conditions.knots:
+            vertices = np.unique(np.concatenate([np.linspace(a, b, elements + 1), self.form.conditions.knots]))
             close = np.diff(vertices) < 1e-12 * (b - a)
             vertices = vertices[np.concatenate([[True], ~close])]
         lowest = 2 * self.form.order - 1
-        least = max(self.form.least_degree, lowest)
+        least = max(self.form.coordinates.least_degree, lowest)
         first = min(d for d in DEGREES[self.form.order] if d >= least) if degree is None else max(degree, lowest)
         return self.space(vertices, first)
 
     def space(self, vertices: np.ndarray, degree: int) -> Space:
         """The form's functions on a mesh."""
-        if len(vertices) == 2 and not self.form.periodic:
+        if len(vertices) == 2 and not self.form.ends.periodic:
             return on_one_element(*vertices.tolist(), degree, self.form.n, self.form.order)
-        return Space(vertices, degree, self.form.n, self.form.order, self.form.periodic)
+        return Space(vertices, degree, self.form.n, self.form.order, self.form.ends.periodic)
 
     def richer(self, degree: int) -> int:
         """The degree of the next rung: two more at least, as symmetry may leave nothing to gain by one more."""
@@ -213,7 +213,7 @@ class Rungs:
     def start(self, space: Space, guess: Sampled | None) -> Rung | str:
         """The lowest of the minima in ``space`` that the first starting curves lead to."""
         system = self.system(space)
-        conditions = len(system.levels) + (0 if self.form.ends is None else int(self.form.ends.equations.numel()))
+        conditions = len(system.levels) + self.form.ends.equations
         best: Rung | None = None
         reasons: list[str] = []
         # a level is met by bending either way: both are tried, and the lower one taken
@@ -242,9 +242,9 @@ class Rungs:
         if guess is not None:
             yield system.fitted(guess)
         yield from on_levels
-        if self.form.pathwise:
+        if self.form.conditions.pathwise:
             yield from clear_of_bounds(system)
-        yield system.fitted(self.form.baseline)
+        yield system.fitted(self.form.start.curve)
         yield from bent_anyhow(system)
 
     def improve(
@@ -269,10 +269,10 @@ class Rungs:
 
         ``speed`` is dx/ds at some points, ``along`` what was evaluated along the curve.
         """
-        system, form, energetic = rung.system, self.form, self.form.energetic
+        system, form, energetic = rung.system, self.form, self.form.coordinates.energetic
         coefficients, one = system.coefficients(rung.z), system.space.elements == 1
         equalities = iter(rung.multipliers[: len(system.levels)])
-        lambdas = [next(equalities) if c.equality else rung.levels.get(c.index, 0.0) for c in form.integrals]
+        lambdas = [next(equalities) if c.equality else rung.levels.get(c.index, 0.0) for c in form.conditions.integrals]
         factor = 0.5 / math.sqrt(rung.value) if energetic and rung.value > 0 else 1.0
         path = {k: lambda s, mu=mu: factor * mu(s) for k, mu in rung.path.items()}
         return Extremal(

@@ -43,18 +43,18 @@ COMPARED = 2
 
 def bent(form: Form, amplitude: float, direction: np.ndarray) -> Sampled:
     """The baseline with a parabolic arch of the given height along ``direction``."""
-    return arched(form.baseline, form.span, amplitude * direction)
+    return arched(form.start.curve, form.span, amplitude * direction)
 
 
 def scaled_ring(form: Form, radius: float) -> Sampled:
     """The baseline of a closed curve, a ring of the size that the level asks for, blown up by ``radius``."""
-    return lambda s: radius * form.baseline(s)
+    return lambda s: radius * form.start.curve(s)
 
 
 def bent_anyhow(system: RitzSystem) -> Iterator[np.ndarray]:
     """The unknowns of curves bent by amplitudes of the size of the problem."""
     scale = height(system.form)
-    for direction in system.form.bumps:
+    for direction in system.form.start.bumps:
         for amplitude in AMPLITUDES:
             yield system.fitted(bent(system.form, amplitude * scale, direction))
 
@@ -62,14 +62,14 @@ def bent_anyhow(system: RitzSystem) -> Iterator[np.ndarray]:
 def clear_of_bounds(system: RitzSystem) -> Iterator[np.ndarray]:
     """The least bent curves that keep every inequality, each way; the baseline itself when it does."""
     form = system.form
-    bounds = [c for c in form.pathwise if not c.equality]
+    bounds = [c for c in form.conditions.pathwise if not c.equality]
     if not bounds:
         return
     function = ca.Function("bounds", form.symbols.all, [ca.vertcat(*(c.expression for c in bounds))])
     lower, upper = (np.array([[getattr(c, k)] for c in bounds]) for k in ("lower", "upper"))
     scale = height(form)
     found: list[tuple[float, np.ndarray]] = []
-    for direction in form.bumps:
+    for direction in form.start.bumps:
         for sign in (1.0, -1.0):
             for amplitude in LADDER:
                 z = system.fitted(bent(form, float(amplitude) * scale, sign * direction))
@@ -107,7 +107,7 @@ def meeting_levels(system: RitzSystem) -> tuple[list[np.ndarray], int]:
 
     One that leads down to the lowest, along bends in between that meet the level too, need not be.
     """
-    line = system.fitted(system.form.baseline)[None]
+    line = system.fitted(system.form.start.curve)[None]
     found = bends(system, line)
     kept = np.isfinite(found.values[0])
     curves, values = list(found.unknowns[0, kept]), found.values[0, kept]
@@ -122,7 +122,7 @@ def meeting_levels(system: RitzSystem) -> tuple[list[np.ndarray], int]:
 def _is_ring(system: RitzSystem) -> bool:
     """Whether the baseline is a closed curve of the size that the level asks for, to be blown up."""
     form = system.form
-    return form.periodic and form.n > 1 and bool(form.baseline(np.array(form.span)).any())
+    return form.ends.periodic and form.n > 1 and bool(form.start.curve(np.array(form.span)).any())
 
 
 def _mode(system: RitzSystem, number: int) -> np.ndarray:
@@ -134,13 +134,15 @@ def _mode(system: RitzSystem, number: int) -> np.ndarray:
         return 4 * along * (1 - along) if number == 0 else np.sin((number + 1) * np.pi * along)
 
     nothing = np.zeros(system.extra)
-    return np.array([system.pack(system.space.fit(lambda s, d=d: d[:, None] * wave(s)), nothing) for d in form.bumps])
+    return np.array(
+        [system.pack(system.space.fit(lambda s, d=d: d[:, None] * wave(s)), nothing) for d in form.start.bumps]
+    )
 
 
 def _by_arches(system: RitzSystem, lines: np.ndarray) -> Bends:
     """Arches along every bump, each way, as high as the first level asks for; where none is, as meets it best."""
     if _is_ring(system):
-        still = np.append(np.zeros(len(system.free)), system.form.unknown_guess)
+        still = np.append(np.zeros(len(system.free)), system.form.start.unknowns)
         arches, lines = lines - still, np.broadcast_to(still, lines.shape)
     else:
         arch = _mode(system, 0) * height(system.form)

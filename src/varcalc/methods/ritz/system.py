@@ -168,8 +168,8 @@ class RitzSystem:
         self.form, self.space, self.places = form, space, places
         self.count = quadrature_points(space.degree) if count is None else count
         self.order, self.n = form.order, form.n
-        self.extra = len(form.unknown_guess)
-        self.equalities = [c for c in form.integrals if c.equality]
+        self.extra = len(form.start.unknowns)
+        self.equalities = [c for c in form.conditions.integrals if c.equality]
         self.levels = np.array([c.lower for c in self.equalities])
         self.k = (self.order + 1) * self.n + self.extra
         self.top = slice(self.order * self.n, (self.order + 1) * self.n)
@@ -184,12 +184,11 @@ class RitzSystem:
         """The coefficients, zero where they are free, and the numbers of those that the ends or waypoints hold."""
         form, space, m = self.form, self.space, self.space.smoothness
         powers: Any = space.vertex_scale ** np.arange(m)[:, None] if m > 1 else 1.0
-        start, end = form.fixed_start, form.fixed_end
+        start, end = form.ends.start, form.ends.end
         marks = [(space.numbers[0, : len(start)], start), (space.numbers[-1, m : m + len(end)], end)]
-        for at, demanded in form.waypoints:
+        for at, demanded in form.conditions.waypoints:
             vertex = int(np.argmin(np.abs(space.vertices - at)))
-            value = np.array([[np.nan if v is None else v for v in demanded]])
-            marks.append((space.numbers[vertex - 1, m : m + 1], value))
+            marks.append((space.numbers[vertex - 1, m : m + 1], np.array([demanded])))
         values = np.concatenate([(v * powers[: len(v)] if m > 1 else v).ravel() for _, v in marks])
         numbers, given = np.concatenate([own.ravel() for own, _ in marks]), ~np.isnan(values)
         fixed, held = np.zeros(space.size), numbers[given]
@@ -216,7 +215,7 @@ class RitzSystem:
         if self.places is not None:
             return CompiledIntegrands(form, s, self.places.parameters[:, None])
         # beyond one element what is built pays
-        if form.numbers is not None and self.space.elements == 1 and not form.integrals:
+        if form.coordinates.numbers is not None and self.space.elements == 1 and not form.conditions.integrals:
             return NumericIntegrand(form, s)
         return CompiledIntegrands(form, s, form.problem.parameter_values[None])
 
@@ -245,11 +244,11 @@ class RitzSystem:
 
     def fitted(self, curve: Sampled) -> np.ndarray:
         """The unknowns of a curve."""
-        return self.gauged(self.pack(self.space.fit(curve), self.form.unknown_guess))
+        return self.gauged(self.pack(self.space.fit(curve), self.form.start.unknowns))
 
     def gauged(self, z: np.ndarray) -> np.ndarray:
         """Unknowns (.., N) in which the speed of the curve, where it is one of them, is that of the curve."""
-        if self.form.gauged:
+        if self.form.coordinates.gauged:
             velocity = self.variables(z)[..., self.n : 2 * self.n]
             speed = np.sqrt((velocity**2).sum(-1).mean(-1))
             z[..., -1] = np.where(speed > 0, speed, z[..., -1])
@@ -290,7 +289,7 @@ class RitzSystem:
     def evaluate(self, z: np.ndarray) -> Evaluation:
         """Everything but the Hessian's assembly; entries are inf or NaN outside the domain."""
         at = self.integrated(z)
-        if self.form.ends is not None:
+        if self.form.ends.joint is not None:
             self._add_ends(at, z)
         return at
 
@@ -316,7 +315,7 @@ class RitzSystem:
 
     def _one_sided(self, value: Any, variables: np.ndarray) -> Any:
         """The value, infinite where a function that is positive is negative somewhere."""
-        for a in self.form.one_sided:
+        for a in self.form.coordinates.one_sided:
             value = np.where(variables[..., a].min(-1) < 0, np.inf, value)[()]
         return value
 
@@ -326,7 +325,7 @@ class RitzSystem:
         with np.errstate(invalid="ignore", over="ignore"):
             values = self._sums(self.source.values(variables))
         value = self._one_sided(values[..., 0], variables)
-        if self.form.ends is not None:
+        if self.form.ends.joint is not None:
             value = value + np.array([self.end_cost(own) for own in z])
         return value, values[..., 1:] - self.levels
 
@@ -408,8 +407,8 @@ class RitzSystem:
     def _sizes_of_numbers(self, z: np.ndarray) -> np.ndarray:
         """A size for each unknown number: its own or its guess, for a sliding abscissa that of the interval."""
         form = self.form
-        sizes = np.maximum(np.abs(self.unknowns(z)), np.abs(form.unknown_guess))
-        sliding = slice(len(form.problem.unknowns), self.extra - form.gauged)
+        sizes = np.maximum(np.abs(self.unknowns(z)), np.abs(form.start.unknowns))
+        sliding = slice(len(form.problem.unknowns), self.extra - form.coordinates.gauged)
         if sizes[sliding].size:
             sizes[sliding] = form.problem.span[1] - form.problem.span[0]
         return np.where(sizes > 0, sizes, 1.0)
@@ -487,7 +486,7 @@ class RitzSystem:
 
     def end_cost(self, z: np.ndarray) -> float:
         """The cost of the ends, 0 where there is none."""
-        return 0.0 if self.form.ends is None else float(self._evaluate_ends(z)[0][0, 0])
+        return 0.0 if self.form.ends.joint is None else float(self._evaluate_ends(z)[0][0, 0])
 
     def _end_hessian(self, evaluation: Evaluation, multipliers: np.ndarray) -> np.ndarray:
         assert evaluation.ends is not None

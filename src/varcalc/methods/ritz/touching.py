@@ -44,11 +44,16 @@ def touchable(form: Form) -> bool:
     """Whether contacts can be looked for: a plain graph of one function under bounds on its position."""
     problem = form.problem
     plain = isinstance(problem, Problem) and problem.n == 1 and problem.order == 1 and not form.stated.is_lifted
-    if not plain or form.knots or form.ends is not None or any(not c.equality for c in form.integrals):
+    levels = all(c.equality for c in form.conditions.integrals)
+    if not (plain and levels) or form.conditions.knots or form.ends.joint is not None:
         return False
-    bounds = all(isinstance(problem.constraints[c.index], Bound) for c in form.pathwise)
+    bounds = all(isinstance(problem.constraints[c.index], Bound) for c in form.conditions.pathwise)
     slope = form.symbols.dy
-    return bool(form.pathwise) and bounds and not any(ca.depends_on(c.expression, slope) for c in form.pathwise)
+    return (
+        bool(form.conditions.pathwise)
+        and bounds
+        and not any(ca.depends_on(c.expression, slope) for c in form.conditions.pathwise)
+    )
 
 
 @dataclass(frozen=True)
@@ -65,7 +70,7 @@ class Touching:
             return False
         x = np.linspace(*self.plain.span, SAMPLES)
         curve = solution.curve
-        for condition in self.plain.pathwise:
+        for condition in self.plain.conditions.pathwise:
             values = _along(self.plain, condition, lambda x: curve(x, 0), x)
             room = HELD * max(float(np.abs(values).max()), 1e-300)
             if values.min() < condition.lower - room or values.max() > condition.upper + room:
@@ -76,14 +81,14 @@ class Touching:
         """The answer with its extremal stated in the problem's own form, bounds and all."""
         curve, sign = solution.curve, self.plain.sign
         assert curve is not None
-        pushes = {c.index: solution.multipliers[c.index] for c in self.plain.pathwise}
+        pushes = {c.index: solution.multipliers[c.index] for c in self.plain.conditions.pathwise}
         extremal = Extremal(
             form=self.plain,
             evaluate=curve,
             unknowns=np.array(list(solution.unknowns.values())),
             vertices=solution.x,
             lambdas=np.array(
-                [-sign * float(solution.multipliers[c.index]) for c in self.plain.integrals if c.equality]
+                [-sign * float(solution.multipliers[c.index]) for c in self.plain.conditions.integrals if c.equality]
             ),
             path={i: _signed(push, sign) for i, push in pushes.items() if push is not None},
         )
@@ -91,7 +96,7 @@ class Touching:
 
     def _presses(self, solution: Solution, contact: Contact) -> bool:
         """Whether lifting the bound along a contact would lower the functional (raise a maximum)."""
-        bound = next(c for c in self.plain.pathwise if c.index == contact.index)
+        bound = next(c for c in self.plain.conditions.pathwise if c.index == contact.index)
         inside = contact.start + (contact.end - contact.start) * np.linspace(0.1, 0.9, 17)
         push = np.asarray(solution.multipliers[contact.index](inside)) * self.plain.sign
         # the multiplier in J + mu h is negative where a lower bound presses, positive where an upper one does
@@ -109,7 +114,7 @@ def touching(form: Form, coarse: Solution) -> Touching | None:
     curve = coarse.curve
     x = np.linspace(*form.span, SAMPLES)
     contacts: list[Contact] = []
-    for condition in form.pathwise:
+    for condition in form.conditions.pathwise:
         values = _along(form, condition, lambda x: curve(x, 0), x)
         for level in {condition.lower, condition.upper}:
             if np.isfinite(level):
@@ -139,12 +144,12 @@ def _along(
     form: Form, condition: SideCondition, curve: Callable[[np.ndarray], np.ndarray] | Sampled, x: np.ndarray
 ) -> np.ndarray:
     """A bound's function along a curve at x (m,)."""
-    blank, numbers = np.zeros((1, 1)), (form.problem.parameter_values[None], form.unknown_guess[None])
+    blank, numbers = np.zeros((1, 1)), (form.problem.parameter_values[None], form.start.unknowns[None])
     return _bound(form, condition.index)(len(x), x[:, None], curve(x).T, blank, np.zeros((1, 0)), *numbers)[:, 0]
 
 
 @derived
 def _bound(form: Form, index: int) -> Pointwise:
     """The function of the pathwise condition that constraint ``index`` is."""
-    condition = next(c for c in form.pathwise if c.index == index)
+    condition = next(c for c in form.conditions.pathwise if c.index == index)
     return Pointwise(ca.Function("bound", form.symbols.all, [ca.densify(condition.expression)]))

@@ -126,17 +126,17 @@ class Search:
         form = self.equations.form
         if guess is not None:
             yield True, guess
-        if form.integrals:
+        if form.conditions.integrals:
             yield from ((True, curve) for curve in self._meeting_level())
-        scale, planned = height(form), 0 if self.count is not None else self._planned(form.baseline)
+        scale, planned = height(form), 0 if self.count is not None else self._planned(form.start.curve)
         steep = planned > STEEP * FEWEST and planned > STEEP * min(map(self._planned, self._flat()))
         if steep:
             yield from ((False, curve) for curve in sorted(self._flat(), key=self._planned))
-        yield not steep, form.baseline
+        yield not steep, form.start.curve
         for first, amplitudes in ((not steep, FIRST_AMPLITUDES), (False, OTHER_AMPLITUDES)):
-            for direction in form.bumps:
+            for direction in form.start.bumps:
                 for amplitude in amplitudes:
-                    if any(amplitude * direction[k] < 0 for k in form.one_sided):
+                    if any(amplitude * direction[k] < 0 for k in form.coordinates.one_sided):
                         continue
                     yield first, bent(form, amplitude * scale, direction)
         if not steep:
@@ -146,7 +146,7 @@ class Search:
         """The ordinates of one end all along: a start need not meet the ends, and steep ends make steep starts."""
         form = self.equations.form
         for end in form.span:
-            level = form.baseline(np.array([end]))
+            level = form.start.curve(np.array([end]))
             yield lambda s, level=level: np.repeat(level, len(s), axis=1)
 
     def _planned(self, curve: Sampled) -> int:
@@ -156,13 +156,13 @@ class Search:
     def _vertices(self, curve: Sampled, units: Scales, lam: np.ndarray) -> np.ndarray:
         """The vertices of the first segments, in t."""
         form = self.equations.form
-        marks = (np.array(form.knots) - form.span[0]) / (form.span[1] - form.span[0])
+        marks = (np.array(form.conditions.knots) - form.span[0]) / (form.span[1] - form.span[0])
         if self.count is not None:
-            least = max(self.count, sum(form.singular))  # a regular arc leads to one end
+            least = max(self.count, sum(form.coordinates.singular))  # a regular arc leads to one end
             return np.unique([*np.linspace(0, 1, least + 1), *marks])
         t = np.linspace(0, 1, SAMPLES)
         rate = growth_rate(self.equations, units, curve, lam, t)
-        for singular, inward in zip(form.singular, (t, 1 - t), strict=True):
+        for singular, inward in zip(form.coordinates.singular, (t, 1 - t), strict=True):
             if singular:  # the plan is for a regular arc, along which errors do not grow
                 rate[inward < 1 / FEWEST] = 0.0
         most = MOST if self.equations.linear else MOST_NONLINEAR
@@ -172,13 +172,13 @@ class Search:
         """The baseline bent, or blown up, until the first isoperimetric condition holds; each way."""
         form = self.equations.form
         scale = height(form)
-        ring = form.periodic and form.n > 1 and bool(np.any(form.baseline(np.array(form.span))))
-        ways = [None] if ring else [sign * d for d in form.bumps for sign in (1.0, -1.0)]
+        ring = form.ends.periodic and form.n > 1 and bool(np.any(form.start.curve(np.array(form.span))))
+        ways = [None] if ring else [sign * d for d in form.start.bumps for sign in (1.0, -1.0)]
         for way in ways:
-            previous, best = math.nan, (math.inf, form.baseline)
+            previous, best = math.nan, (math.inf, form.start.curve)
             for amplitude in LADDER:
                 curve = scaled_ring(form, amplitude * scale) if way is None else bent(form, amplitude * scale, way)
-                miss = self._level(curve) - form.integrals[0].lower
+                miss = self._level(curve) - form.conditions.integrals[0].lower
                 if abs(miss) < best[0]:
                     best = (abs(miss), curve)
                 if previous * miss < 0:
@@ -195,7 +195,7 @@ class Search:
         values = curve(s)
         tower = [curve(middle), np.diff(values, axis=1) / width]
         tower += [np.zeros_like(tower[0])] * (2 * form.order - 2)
-        numbers = [form.problem.parameter_values, form.unknown_guess, np.zeros(len(form.integrals))]
+        numbers = [form.problem.parameter_values, form.start.unknowns, np.zeros(len(form.conditions.integrals))]
         columns = [np.repeat(v[:, None], len(middle), axis=1) for v in numbers]
         return float(np.asarray(self.equations.densities(middle[None, :], *tower, *columns))[1] @ width)
 
@@ -253,12 +253,12 @@ class Search:
         a, width = form.span[0], form.span[1] - form.span[0]
         units = scales(equations, curve)
         lam = lambdas(equations, curve)
-        marks = (np.array(form.knots) - a) / width
+        marks = (np.array(form.conditions.knots) - a) / width
         vertices = self._vertices(curve, units, lam)
-        waypoints = dict(form.waypoints)
+        waypoints = dict(form.conditions.waypoints)
         knots = {
             int(np.searchsorted(vertices, mark)): equations.knot(s, waypoints.get(s))
-            for mark, s in zip(marks, form.knots, strict=True)
+            for mark, s in zip(marks, form.conditions.knots, strict=True)
         }
         anchors = self._anchors(curve, units, lam, vertices)
         z = states(equations, units, curve, vertices, anchors)
@@ -276,11 +276,11 @@ class Search:
         """The left vertices; for the first segment another place where the system is not a number at the start."""
         equations, form = self.equations, self.equations.form
         anchors = vertices[:-1].copy()
-        if form.singular[0]:
+        if form.coordinates.singular[0]:
             anchors[0] = vertices[1]
             return anchors
         line = equations.line(0.0, 1.0, (True, False))
-        numbers = np.concatenate([line, units.all, form.problem.parameter_values, form.unknown_guess, lam])
+        numbers = np.concatenate([line, units.all, form.problem.parameter_values, form.start.unknowns, lam])
         state = np.zeros(equations.dimension + equations.integrals)
         state[: equations.dimension] = states(equations, units, curve, vertices[:2], vertices[:1])[0]
         rates = np.asarray(equations.scaled(0.0, state, numbers))
@@ -298,7 +298,9 @@ class Search:
 
         start, end = (
             RegularEnd(self.equations, at, fixed[0] / units.ordinates, scaled) if singular else None
-            for at, fixed, singular in zip((0.0, 1.0), (form.fixed_start, form.fixed_end), form.singular, strict=True)
+            for at, fixed, singular in zip(
+                (0.0, 1.0), (form.ends.start, form.ends.end), form.coordinates.singular, strict=True
+            )
         )
         return start, end
 

@@ -139,11 +139,10 @@ def value_of(segments: Segments, x: np.ndarray, at: Evaluation) -> float:
     """The functional with the cost of the ends at x."""
     form = segments.equations.form
     total = float(at.totals[0] * segments.scales.integrals[0])
-    if form.ends is None:
+    joint, s = form.ends.joint, form.symbols
+    if joint is None:
         return total
-    function = ca.Function(
-        "cost", [form.ends.start, form.ends.end, form.symbols.parameters, form.symbols.unknowns], [form.ends.cost]
-    )
+    function = ca.Function("cost", [joint.start, joint.end, s.parameters, s.unknowns], [joint.cost])
     n = form.n
     ends = [z[:n] * segments.scales.ordinates for z in (at.shots[0].left, at.shots[-1].right)]
     return total + float(function(*ends, form.problem.parameter_values, segments.parts(x)[1]))
@@ -161,7 +160,7 @@ def _end_misses(segments: Segments, at: Evaluation) -> np.ndarray:
     form, n = segments.equations.form, segments.equations.form.n
     width = form.span[1] - form.span[0]
     out = np.zeros((form.order, n))
-    for fixed, state in ((form.fixed_start, at.shots[0].left), (form.fixed_end, at.shots[-1].right)):
+    for fixed, state in ((form.ends.start, at.shots[0].left), (form.ends.end, at.shots[-1].right)):
         for k in range(form.order):
             demanded = fixed[k] * width**k / segments.scales.ordinates
             miss = np.abs(state[k * n : (k + 1) * n] - demanded)
@@ -190,7 +189,7 @@ def _mismatch(segments: Segments, x: np.ndarray, at: Evaluation) -> float:
     jumps[:, 0] = jumps[:, -1] = 0.5 * _end_misses(segments, at).ravel()
     levels = [
         abs(lam * (at.totals[1 + j] * segments.scales.integrals[1 + j] - c.lower))
-        for j, (lam, c) in enumerate(zip(lambdas, form.integrals, strict=True))
+        for j, (lam, c) in enumerate(zip(lambdas, form.conditions.integrals, strict=True))
     ]
     return float(sum(levels)) + (float(np.sum(weighed * jumps)) if form.same_functional else 0.0)
 
