@@ -2,15 +2,19 @@
 
 import importlib.util
 import json
+import pickle
 import re
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
+import casadi as ca
 import pytest
 from click.testing import CliRunner
 
 import varcalc as vc
 from varcalc.cli import main
+from varcalc.problem.conditions import AnyEnd
 from varcalc.study.routes import methods_for, routes
 
 ROOT = Path(__file__).parents[1]
@@ -99,3 +103,29 @@ def test_an_entry_point_of_something_else_is_refused(tmp_path, monkeypatch):
     with pytest.raises(TypeError, match=r"straight = straight:Straight of varcalc\.methods must name"):
         routes()
     sys.modules.pop("straight", None)
+
+
+@dataclass(frozen=True)
+class OnCircle(AnyEnd):
+    """An end of this file's own."""
+
+    slides = True
+
+    centre: tuple[float, float]
+    radius: float
+    x: float
+
+    def phi(self, x, y):
+        return (x - self.centre[0]) ** 2 + (y - self.centre[1]) ** 2 - self.radius**2
+
+
+@pytest.mark.parametrize("name", ["Ritz", "Ritz(optimiser=Ipopt())", "Collocation", "Shooting", "FirstIntegral"])
+def test_every_method_takes_an_end_from_outside(name):
+    """The shortest way to a circle ends where the line to its centre meets it."""
+    problem = vc.Problem(lambda x, y, dy: ca.sqrt(1 + dy**2), vc.Fixed(0, 0), OnCircle((3.0, 4.0), 1.0, x=2.0))
+    (route,) = (r for r in routes() if r.name == name)
+    for given in (problem, pickle.loads(pickle.dumps(problem))):
+        solution = vc.solve(given, route.method)
+        assert solution.status is vc.Status.SOLVED
+        assert abs(solution.value - 4) <= solution.error.value + 1e-14
+        assert solution.x[-1] == pytest.approx(3 - 3 / 5, abs=1e-8)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -21,7 +22,7 @@ from varcalc.formulation.form import (
     through,
 )
 from varcalc.formulation.numbers import AtPoints, Reported
-from varcalc.problem.conditions import OnCurve, Through
+from varcalc.problem.conditions import Through
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import FEW_FUNCTIONS, Problem
 from varcalc.symbolic.derived import Cache, derived
@@ -97,11 +98,11 @@ def guessed_abscissae(problem: Problem) -> list[float]:
     return [x for x, slides in zip(problem.span, problem.slides, strict=True) if slides]
 
 
-def on_curve(end: OnCurve, problem: Problem) -> np.ndarray:
+def on_curve(end: Any, problem: Problem) -> np.ndarray:
     """A point of phi(x, y) = 0 at the guessed abscissa, by Newton's method in y from several starts."""
     kind = problem.symbols.kind
     y = kind.sym("y", problem.n)
-    phi = trace("phi", end.function, problem.handed(kind(end.x), y), kind)
+    phi = trace("phi", end.phi, problem.handed(kind(end.x), y), kind)
     function = ca.Function("phi", [y], [phi, ca.gradient(phi, y)])
     unit = problem.span[1] - problem.span[0]
     for start in (0.0, 1.0, -1.0, 10.0, -10.0):

@@ -135,11 +135,12 @@ class OfFunction:
 
 
 class AnyEnd:
-    """What an end is asked, in place of which kind it is.
+    """What an end is asked, in place of which kind it is; an end of one's own derives from it.
 
-    ``fixed`` tells that components of the curve are given there, ``slides`` that it moves along a curve or a surface,
-    ``periodic`` that it is both ends of a periodic curve, ``of_space`` whether it is an end of a
-    :class:`varcalc.Curve` (True), of a :class:`varcalc.Problem` (False), or of either (None).
+    ``fixed`` tells that components of the curve are given there, ``slides`` that it moves along phi(x, y) = 0, for
+    which it has ``phi`` and a first guess ``x`` (a Curve's phi(q) = 0, and ``guess``), ``periodic`` that it is both
+    ends of a periodic curve, ``of_space`` whether it is an end of a :class:`varcalc.Curve` (True), of a
+    :class:`varcalc.Problem` (False), or of either (None).
     """
 
     fixed: ClassVar[bool] = False
@@ -155,9 +156,10 @@ class AnyEnd:
         """Their derivatives, NaN where one is free."""
         return np.full(n, np.nan)
 
-    def in_unit(self, unit: float) -> Any:  # noqa: ARG002  where nothing is said of y
+    def in_unit(self, unit: float) -> Any:
         """The same end of one function, stated in y / ``unit``."""
-        return self
+        own: Any = self
+        return OnCurve(lambda x, y: own.phi(x, unit * y), own.x) if self.slides else self
 
     def tells(self, label: str) -> tuple[int, bool | None] | None:  # noqa: ARG002  for messages, where there are any
         """How many functions there are and whether y is a number (None: either); None where the end does not tell."""
@@ -242,9 +244,6 @@ class OnCurve(OfFunction, AnyEnd):
         function("OnCurve.phi", self.phi)
         finite("OnCurve.x", self.x)
         _number_of_functions("OnCurve.n", self.n)
-
-    def in_unit(self, unit: float) -> OnCurve:  # noqa: D102
-        return replace(self, phi=lambda x, y: self.phi(x, unit * y))
 
 
 @dataclass(frozen=True)

@@ -183,7 +183,7 @@ class Functional:
         end = getattr(self, label)
         if not end.slides:
             return None
-        return trace(f"{label}.{end.written}", end.function, self.handed(x, y), kind, self.slide_takes)
+        return trace(f"{label}.phi", end.phi, self.handed(x, y), kind, self.slide_takes)
 
     @property
     def slides(self) -> tuple[bool, bool]:
