@@ -27,7 +27,7 @@ from varcalc.optics.models.ray_equations import (
 from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, RayStatus, packed, unpacked
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Geometry
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import PointEvaluator
 
 SHORTEST_RUN = 1e-13
 """Of a leg: the shortest part of it that is integrated."""
@@ -179,8 +179,8 @@ class HamiltonRays:
     def _squared(self) -> Callable[[np.ndarray], np.ndarray]:
         """n² (m,) at points (m, d)."""
         position = ca.SX.sym("r", self.dimension)
-        call = Vectorised(ca.Function("squared", [position], [ca.densify(self.medium.squared_index(position))]))
-        return lambda points: call.table(points)[:, 0]
+        call = PointEvaluator(ca.Function("squared", [position], [ca.densify(self.medium.squared_index(position))]))
+        return lambda points: call(len(points), points)[:, 0]
 
     def _told(self, landing: Landing, limited: bool) -> tuple[np.ndarray, np.ndarray]:
         """What a landing says: the surfaces struck, and the status of each ray."""

@@ -11,7 +11,6 @@ the angle about the centre.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -22,7 +21,7 @@ from varcalc.numerics.one_coordinate.motions import MotionPoint
 from varcalc.numerics.one_coordinate.potential import FAR, PLACES, Potential
 from varcalc.optics.media.medium import Expression, Medium, Radial
 from varcalc.symbolic.differences import carry, displaced
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import Columns, PointEvaluator
 
 LOG_RADIUS_LIMIT = 330.0
 """Of |ln(r/r₀)|: beyond it r² is no number."""
@@ -46,8 +45,8 @@ class Profile(Potential):
     medium: Medium
     unit: float
     probe: float
-    _changes: Callable[..., list[Any]] = field(init=False, repr=False, compare=False)
-    _index: Callable[..., list[Any]] = field(init=False, repr=False, compare=False)
+    _changes: Columns = field(init=False, repr=False, compare=False)
+    _index: Columns = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         u, base, x = ca.SX.sym("u"), ca.SX.sym("base"), ca.SX.sym("x")
@@ -56,9 +55,10 @@ class Profile(Potential):
         values = ca.Function("g", [u], [g, ca.densify(slope)])
         carried = carry(values, [displaced(base, x, self.probe)])
         results = [carried[0].change, carried[1].change]
-        object.__setattr__(self, "_changes", Vectorised(ca.Function("changes", [base, x], results)))
+        object.__setattr__(self, "_changes", PointEvaluator(ca.Function("changes", [base, x], results)).columns)
         index = self._plain.index(self._position(u))
-        object.__setattr__(self, "_index", Vectorised(ca.Function("index", [u], [g, ca.densify(slope), ca.SX(index)])))
+        results = [g, ca.densify(slope), ca.SX(index)]
+        object.__setattr__(self, "_index", PointEvaluator(ca.Function("index", [u], results)).columns)
 
     @property
     def about_centre(self) -> bool:
