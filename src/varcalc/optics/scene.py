@@ -9,8 +9,7 @@ import numpy as np
 
 from varcalc.optics.arrivals.search import PairSearch
 from varcalc.optics.media.medium import Medium
-from varcalc.optics.models.choice import checked_model
-from varcalc.optics.models.model import Model
+from varcalc.optics.models.model import Model, checked_model
 from varcalc.optics.propagation.bundle import Bundle, Starts, traced
 from varcalc.optics.propagation.sequential import CompiledScene
 from varcalc.optics.rays.ray import Rays

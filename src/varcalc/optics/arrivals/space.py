@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.optics.media.medium import Expression
-from varcalc.optics.models.ray_equations import STOPPED, RayFlow, compile_rays, runs
+from varcalc.optics.models.hamilton import STOPPED, RayFlow, compile_rays, runs
 from varcalc.optics.models.straight import StraightRays
 from varcalc.optics.propagation.sequential import Propagator
 from varcalc.optics.rays.beam import NOTHING, Beam, RayStatus, frames, launched, moved_on, packed, unpacked

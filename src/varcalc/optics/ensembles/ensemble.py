@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc import integrators
-from varcalc.optics.models.ray_equations import STATUS_OF_OUTCOME
+from varcalc.optics.models.hamilton import STATUS_OF_OUTCOME
 
 
 def flown(rates: ca.SX, state: ca.SX, states: np.ndarray, until: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
