@@ -169,6 +169,17 @@ def quadratic(constant: np.ndarray, slope: np.ndarray, bend: np.ndarray) -> np.n
         return np.stack([q / bend, constant / q])
 
 
+def quadratic_ahead(
+    level: np.ndarray, slope: np.ndarray, bend: np.ndarray, leaving: np.ndarray | bool = False
+) -> np.ndarray:
+    """The zeros (2, ...) of level + slope x + bend x²/2; of those ``leaving`` one at x = 0 only the other."""
+    if not np.any(leaving):
+        return quadratic(level, slope, bend / 2)
+    with np.errstate(all="ignore"):
+        other = np.stack([-2 * slope / bend, np.full_like(slope, np.nan)])
+    return other if np.all(leaving) else np.where(leaving, other, quadratic(level, slope, bend / 2))
+
+
 def first_ahead(places: np.ndarray) -> np.ndarray:
     """The least positive number of the first axis; infinite where there is none."""
     return np.where(np.isfinite(places) & (places > 0), places, np.inf).min(axis=0)

@@ -274,8 +274,9 @@ class Geometry:
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """The distance (m,) of points (m, d) from the surface, to first order; not a number where its level is none."""
+        table = self._call(len(points), points)
         with np.errstate(all="ignore"):
-            return np.abs(self.level(points)) / np.linalg.norm(self.gradient(points), axis=1)
+            return np.abs(table[:, 1]) / np.linalg.norm(table[:, 2 : 2 + self.dimension], axis=1)
 
     def along(self, points: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The level and its first two derivatives (m,) along the straight lines from points (m, d)."""
@@ -300,9 +301,8 @@ class Geometry:
         return normal, tangential @ hessian / length[:, None, None]
 
 
-def touched(surface: Surface, points: np.ndarray) -> np.ndarray:
-    """True (m,) for points on ``surface`` to round-off."""
-    geometry = Geometry(surface, points.shape[1])
+def touched(geometry: Geometry, points: np.ndarray) -> np.ndarray:
+    """True (m,) for points on the surface to round-off."""
     extent = max(float(points.max(initial=0.0)), -float(points.min(initial=0.0))) or 1.0
 
     def on(some: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ KEPT = 4
 """Numbers of points for which memory is kept."""
 MANY = 128
 """Points from which on NumPy is faster than CasADi, whatever the function."""
-POINTS_AN_INSTRUCTION, MOST_POINTS = 80, 4000
+POINTS_AN_INSTRUCTION, MOST_POINTS = 20, 3000
 """After so many points it has paid to read an instruction; and to read a function, however long it is."""
 COLUMN = 4096
 """Points in a column: with it the columns at work stay in the cache."""
@@ -74,6 +74,8 @@ class PointEvaluator:
         Of several results the entries stand side by side, each result by its columns.
         """
         results = self._blank((count, self.width))
+        if count == 0:
+            return results
         if count >= MANY and self._read(count):
             self._by_columns(arguments, results)
             return results

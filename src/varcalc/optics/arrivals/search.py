@@ -19,7 +19,6 @@ from varcalc.optics.models.range_function import found_by_range
 from varcalc.optics.propagation.sequential import CompiledScene, Propagator
 from varcalc.optics.rays.beam import RayStatus, Rows, launched, spreading
 from varcalc.optics.rays.ray import Ray, Rays
-from varcalc.optics.surfaces import Geometry, touched
 from varcalc.optics.validation import matched, numbers, rows
 
 FLAT_SPREADING = 1e-9
@@ -246,8 +245,7 @@ class PairSearch:
                 "give two points"
             )
         for name, end in ((source, a), (receiver, b)):
-            for number, surface in enumerate(self.compiled.surfaces):
-                on = touched(surface, end)
+            for number, on in enumerate(self.compiled.touched(end)):
                 if np.any(on):
                     raise ValueError(
                         f"{name} lies on surface {number} of the scene{_in_row(on)}; move it off by any amount"
@@ -326,8 +324,7 @@ class PairSearch:
                 first = 2 * squared / np.linalg.norm(gradient, axis=1)
                 second = np.sqrt(2 * squared / np.linalg.norm(hessian, axis=(1, 2)))
             lengths.append(np.minimum(first, second))
-        for surface in self.compiled.surfaces:
-            geometry = Geometry(surface, a.shape[1])
+        for geometry in self.compiled.geometries(a.shape[1]):
             lengths += [geometry.distance(a), geometry.distance(b)]
         return USUAL_RANGE * largest * sum(np.where(np.isfinite(length), length, 0.0) for length in lengths)
 

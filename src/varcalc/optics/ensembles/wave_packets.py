@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.optics.ensembles.ensemble import flown
+from varcalc.optics.models.hamilton import flown
 from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.validation import how_far, matched, rows
 from varcalc.symbolic import tracing

@@ -198,6 +198,16 @@ class LayeredFlow:
         return at[inside]
 
 
+def flown(rates: ca.SX, state: ca.SX, states: np.ndarray, until: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Carry ``states`` (m, N) by dstate/ds = ``rates`` from s = 0 to ``until`` (m,); the ends and their status.
+
+    Those that have not arrived keep the last state that is known.
+    """
+    system = ca.Function("rays", [ca.SX.sym("s"), state, ca.SX.sym("c", 0)], [ca.densify(rates)])
+    landing = integrators.for_many().compile(system).ensemble(states, np.zeros((len(states), 0)), until=np.array(until))
+    return landing.states, STATUS_OF_OUTCOME[landing.outcomes].astype(np.int8)
+
+
 RayFlow = Flow | LayeredFlow
 """Rays of one medium: integrated at once, or layer by layer."""
 

@@ -16,7 +16,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from varcalc.numerics.roots import first_ahead, growing, quadratic
+from varcalc.numerics.roots import first_ahead, growing, quadratic_ahead
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model
@@ -186,9 +186,7 @@ class LinearRays:
         turning, levels = self._known[number]
         level, slope, bend, _ = levels(len(beam), beam.position, beam.momentum).T
         with np.errstate(all="ignore"):
-            # one zero is the start itself, where rays leave the surface
-            both = np.stack([-2 * slope / bend]) if leaving else quadratic(level, slope, bend / 2 - turning * level / 4)
-            return first_ahead(_parameter(both, turning))
+            return first_ahead(_parameter(quadratic_ahead(level, slope, bend - turning * level / 2, leaving), turning))
 
 
 def _parameter(tangent: np.ndarray, turning: float) -> np.ndarray:

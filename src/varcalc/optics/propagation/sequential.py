@@ -20,7 +20,7 @@ from varcalc.optics.models.parabolas import Parabolas
 from varcalc.optics.models.straight import Straight
 from varcalc.optics.rays.beam import AT_END, NOTHING, Arrival, Beam, RayStatus, at_surface, caustics_between, moved_on
 from varcalc.optics.rays.leg import Leg
-from varcalc.optics.surfaces import Geometry, Surface
+from varcalc.optics.surfaces import Geometry, Surface, touched
 from varcalc.optics.validation import by_chunks
 
 MOST_KEPT = 16
@@ -299,6 +299,15 @@ class CompiledScene:
                 self._kept.pop(next(iter(self._kept)))
             self._kept[key] = Propagator(self.media, self.surfaces, until, dimension, model)
         return self._kept[key]
+
+    def geometries(self, dimension: int) -> list[Geometry]:
+        """Those of the surfaces, in the order of the scene."""
+        propagator = self.propagator(None, dimension)
+        return [propagator.geometries[shape] for shape in propagator.shapes]
+
+    def touched(self, points: np.ndarray) -> list[np.ndarray]:
+        """For each surface True (m,) for points (m, d) that are on it to round-off."""
+        return [touched(geometry, points) for geometry in self.geometries(points.shape[1])]
 
     def index_at_source(self, start: np.ndarray) -> np.ndarray:
         """n (m,) where the rays start; ValueError where it is no positive number."""
