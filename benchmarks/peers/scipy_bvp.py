@@ -14,7 +14,7 @@ from scipy.integrate import solve_bvp
 
 from peers.adapter import Adapter, NotSolvedError
 from tasks import GRAVITY, TASKS, Descent, Graph, Task
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import PointEvaluator
 
 NODES = 10000
 """Nodes after which solve_bvp gives up; a step there takes seconds."""
@@ -31,9 +31,8 @@ def acceleration(name: str) -> Any:
     total = cost + k * held
     slope = ca.gradient(total, u)
     second = ca.gradient(total, y) - ca.gradient(slope, x) - u * ca.gradient(slope, y)
-    return Vectorised(
-        ca.Function("second", [x, y, u, k], [ca.densify(e) for e in (second / ca.gradient(slope, u), cost, held)])
-    )
+    results = [ca.densify(e) for e in (second / ca.gradient(slope, u), cost, held)]
+    return PointEvaluator(ca.Function("second", [x, y, u, k], results)).columns
 
 
 def build(task: Task, tolerance: float) -> Any:

@@ -19,8 +19,8 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.search import Extremals, by_slope_alone
 from varcalc.solution import Solution, Status, Verdict
-from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import PointEvaluator
 
 PLACES = 1001
 """Abscissae at which Legendre's condition is looked at; odd, so that the middle is one of them."""
@@ -87,9 +87,9 @@ def regular(problem: Functional) -> bool:
 
 
 @derived
-def _legendre(problem: Problem) -> Pointwise:
+def _legendre(problem: Problem) -> PointEvaluator:
     second = ca.densify(ca.hessian(problem.integrand, problem.symbols.dy)[0])
-    return Pointwise(ca.Function("legendre", problem.symbols.all, [second]))
+    return PointEvaluator(ca.Function("legendre", problem.symbols.all, [second]))
 
 
 def none_found(problem: Functional, found: Extremals) -> str:

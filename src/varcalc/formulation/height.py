@@ -8,8 +8,8 @@ import numpy as np
 from varcalc.formulation.form import Form
 from varcalc.numerics.mesh import gauss
 from varcalc.problem.problem import Curve
-from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import PointEvaluator
 
 OCTAVES = 3
 """Doublings of the height from one bend that is measured to the next."""
@@ -103,7 +103,7 @@ def _values(form: Form, s: np.ndarray, y: np.ndarray, dy: np.ndarray) -> np.ndar
 
 
 @derived
-def _integrands(form: Form) -> Pointwise:
+def _integrands(form: Form) -> PointEvaluator:
     """The integrand of the functional and those of the levels."""
     rows = [form.integrand, *(c.expression for c in form.conditions.integrals)]
-    return Pointwise(ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*rows))]))
+    return PointEvaluator(ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*rows))]))

@@ -29,7 +29,7 @@ from varcalc.integrators.protocol import (
     checked,
 )
 from varcalc.integrators.stops import Step, Stops
-from varcalc.symbolic.buffered import BufferedCall
+from varcalc.symbolic.evaluation import PointEvaluator
 
 REFINEMENT = 100.0
 """By how much the tolerance of each level is the smaller one."""
@@ -167,8 +167,7 @@ class _Runs:
         m, size = self.state.shape
         self._at = [np.zeros(m), np.zeros((m, size)), self.constants]
         self._rates = np.zeros((m, size))
-        inputs = [a if a.size else np.zeros(1) for a in self._at]
-        self._call = BufferedCall(self.flow.system.map(m), inputs, self._rates)
+        self._call = PointEvaluator(self.flow.system).bound(self._at, self._rates)
         self._stages = np.zeros((16 if self.keeps else 13, m, size))  # times the step
         self._sum = np.zeros(m * size)
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from varcalc.integrators.protocol import check_system
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import PointEvaluator
 
 SAMPLES = 12
 """Places along a step where the stopping functions are looked at."""
@@ -52,7 +51,7 @@ class Stops:
 
     system: ca.Function
     stops: ca.Function
-    _call: Any = field(init=False, repr=False, compare=False)
+    _call: PointEvaluator = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         size = check_system(self.system)
@@ -63,14 +62,11 @@ class Stops:
             raise ValueError("a system with stopping functions, and these, must not depend on s")
         slope = ca.jtimes(level, state, rate)
         results = [level, ca.densify(slope), rate]
-        object.__setattr__(self, "_call", Vectorised(ca.Function("stops", [state, constants], results)))
+        object.__setattr__(self, "_call", PointEvaluator(ca.Function("stops", [state, constants], results)))
 
     def __call__(self, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g (m, k), dg/ds (m, k) and dY/ds (m, N) at states (m, N), constants (m, c)."""
-        columns, k = self._call(list(states.T), list(constants.T)), int(self.stops.numel_out(0))
-        table = np.empty((len(states), len(columns)))
-        for place, column in enumerate(columns):
-            table[:, place] = column
+        table, k = self._call(len(states), states, constants), int(self.stops.numel_out(0))
         return table[:, :k], table[:, k : 2 * k], table[:, 2 * k :]
 
     def sides(self, states: np.ndarray, constants: np.ndarray, leaving: tuple[int, ...]) -> np.ndarray:

@@ -1,8 +1,8 @@
 """Variational optics: rays by Fermat's principle, through graded media, surfaces and mirrors.
 
-Each folder imports only from those before it: ``media``, with ``parameters``, ``validation`` and ``surfaces``;
-``rays``; ``models``; ``propagation``; ``arrivals``; ``scene``, which asks the two; and
-``results``. ``ensembles`` stand beside them.
+Each folder imports only from those before it: ``media``, with ``parameters`` and ``validation``; ``surfaces``;
+``rays``; ``models``; ``propagation``; ``arrivals`` and, beside them, ``ensembles``; ``scene``, which asks them; and
+``results``.
 """
 
 from varcalc.optics.ensembles.curved import CurvedMedium

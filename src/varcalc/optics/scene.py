@@ -9,8 +9,7 @@ import numpy as np
 
 from varcalc.optics.arrivals.search import PairSearch
 from varcalc.optics.media.medium import Medium
-from varcalc.optics.models.choice import checked_model
-from varcalc.optics.models.model import Model
+from varcalc.optics.models.model import Model, checked_model
 from varcalc.optics.propagation.bundle import Bundle, Starts, traced
 from varcalc.optics.propagation.sequential import CompiledScene
 from varcalc.optics.rays.ray import Rays
@@ -156,17 +155,10 @@ class Scene:
                 points, directions, optical_path=optical_path, until=until, with_spreading=with_spreading, model=model,
                 progress=progress,
             )  # fmt: skip
-        start, heading = self._sources(points, directions)
-        if (optical_path is None) == (until is None):
-            raise ValueError("give either optical_path= or until=, to say where the rays are to stop")
-        if until is not None and not isinstance(until, Surface):
-            raise TypeError(f"until must be a surface such as Plane or Sphere, not {until!r}")
-        unlimited = np.broadcast_to(np.inf, len(start))
-        limit = unlimited if optical_path is None else how_far("optical_path", optical_path, len(start))
-        index = self._compiled.index_at_source(start)
-        propagator = self._compiled.propagator(until, start.shape[1], checked_model(model))
-        on_stop = np.zeros(len(start), bool) if until is None else touched(until, start)
-        starts = Starts(start, heading, index, limit, on_stop)
+        starts = self._starts(points, directions, optical_path, until)
+        propagator = self._compiled.propagator(until, starts.points.shape[1], checked_model(model))
+        if until is not None:
+            starts.on_stop[:] = touched(propagator.geometries[propagator.stop], starts.points)
         return traced(propagator, starts, with_spreading=with_spreading, progress=progress)
 
     def rays(
@@ -260,19 +252,28 @@ class Scene:
             return self.at_wavelength(wavelength).arrivals(sources, receivers, within=within, model=model)
         return self._pairs.arrivals("sources", sources, "receivers", receivers, within, model)
 
-    def _sources(self, points: Any, directions: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Points and unit directions, as many of the one as of the other, off every surface."""
+    def _starts(self, points: Any, directions: Any, optical_path: Any, until: Surface | None) -> Starts:
+        """Where rays start, off every surface, along which unit directions, and how far they go, checked.
+
+        None of them is said to be on the surface at which it stops.
+        """
         start = rows("points", points, self.dimension)
         heading = unit_rows("directions", directions, start.shape[1])
         start, heading = matched("points", start, "directions", heading)
-        for number, surface in enumerate(self.surfaces):
-            on = touched(surface, start)
+        for number, on in enumerate(self._compiled.touched(start)):
             if np.any(on):
                 raise ValueError(
                     f"points: row {int(np.argmax(on))} lies on surface {number} of the scene, so that it is not said "
                     "which side the ray starts from; move it off by any amount"
                 )
-        return start, heading
+        if (optical_path is None) == (until is None):
+            raise ValueError("give either optical_path= or until=, to say where the rays are to stop")
+        if until is not None and not isinstance(until, Surface):
+            raise TypeError(f"until must be a surface such as Plane or Sphere, not {until!r}")
+        unlimited = np.broadcast_to(np.inf, len(start))
+        limit = unlimited if optical_path is None else how_far("optical_path", optical_path, len(start))
+        index = self._compiled.index_at_source(start)
+        return Starts(start, heading, index, limit, np.zeros(len(start), dtype=bool))
 
 
 def _one_more(media: Sequence[Medium], surfaces: Sequence[Surface]) -> tuple[Medium, ...]:

@@ -19,7 +19,7 @@ from varcalc.optics.parameters import Parametrised
 from varcalc.optics.validation import by_chunks, direction, numbers, point
 from varcalc.problem.functional import named
 from varcalc.symbolic import tracing
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import PointEvaluator
 
 Expression = Any
 """A CasADi SX expression."""
@@ -252,7 +252,7 @@ class Geometry:
     dimension: int
     quadric: bool = field(init=False)
     """True where the level is a polynomial of second degree along every straight line."""
-    _call: Vectorised = field(init=False, repr=False, compare=False)
+    _call: PointEvaluator = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         position = ca.SX.sym("r", self.dimension)
@@ -262,37 +262,38 @@ class Geometry:
         object.__setattr__(self, "quadric", not ca.depends_on(hessian, position))
         results = [ca.SX(self.surface.belongs(position)), level, gradient, hessian]
         function = ca.Function("surface", [position], [ca.densify(result) for result in results])
-        object.__setattr__(self, "_call", Vectorised(function))
+        object.__setattr__(self, "_call", PointEvaluator(function))
 
     def level(self, points: np.ndarray) -> np.ndarray:
         """The level (m,) at points (m, d)."""
-        return self._call.table(points)[:, 1]
+        return self._call(len(points), points)[:, 1]
 
     def gradient(self, points: np.ndarray) -> np.ndarray:
         """Its gradient (m, d) at points (m, d)."""
-        return self._call.table(points)[:, 2 : 2 + self.dimension]
+        return self._call(len(points), points)[:, 2 : 2 + self.dimension]
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """The distance (m,) of points (m, d) from the surface, to first order; not a number where its level is none."""
+        table = self._call(len(points), points)
         with np.errstate(all="ignore"):
-            return np.abs(self.level(points)) / np.linalg.norm(self.gradient(points), axis=1)
+            return np.abs(table[:, 1]) / np.linalg.norm(table[:, 2 : 2 + self.dimension], axis=1)
 
     def along(self, points: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The level and its first two derivatives (m,) along the straight lines from points (m, d)."""
         d = self.dimension
-        table = self._call.table(points)
+        table = self._call(len(points), points)
         slope = np.sum(table[:, 2 : 2 + d] * directions, axis=1)
         bend = np.einsum("mi,mij,mj->m", directions, table[:, 2 + d :].reshape(-1, d, d), directions)
         return table[:, 1], slope, bend
 
     def belongs(self, points: np.ndarray) -> np.ndarray:
         """True (m,) where a zero of the level at the point belongs to the surface."""
-        return self._call.table(points)[:, 0] > 0
+        return self._call(len(points), points)[:, 0] > 0
 
     def normal(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The unit normal (m, d) and its derivative by position (m, d, d), tangential part."""
         d = self.dimension
-        table = self._call.table(points)
+        table = self._call(len(points), points)
         gradient, hessian = table[:, 2 : 2 + d], table[:, 2 + d :].reshape(-1, d, d)
         length = np.linalg.norm(gradient, axis=1)
         normal = gradient / length[:, None]
@@ -300,9 +301,8 @@ class Geometry:
         return normal, tangential @ hessian / length[:, None, None]
 
 
-def touched(surface: Surface, points: np.ndarray) -> np.ndarray:
-    """True (m,) for points on ``surface`` to round-off."""
-    geometry = Geometry(surface, points.shape[1])
+def touched(geometry: Geometry, points: np.ndarray) -> np.ndarray:
+    """True (m,) for points on the surface to round-off."""
     extent = max(float(points.max(initial=0.0)), -float(points.min(initial=0.0))) or 1.0
 
     def on(some: np.ndarray) -> np.ndarray:

@@ -27,9 +27,8 @@ from varcalc.problem.conditions import (
 from varcalc.problem.consistency import Place, check_places
 from varcalc.problem.functional import Functional
 from varcalc.problem.shape import check_slopes, curve_dimension, dimension, inside, span_of
-from varcalc.symbolic.buffered import Pointwise
-from varcalc.symbolic.columns import Derivatives, FewOrMany
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import Derivatives, PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 SAME = 1e-12
@@ -40,8 +39,6 @@ NUDGE = 1e-9
 
 FEW_FUNCTIONS = 3
 """Unknown functions up to which it is cheaper to take all derivatives of L than to state those that are asked for."""
-FEW, MANY = 32, 128
-"""Points at which derivatives, and values, are taken in one go: a small problem's curve has no more than few."""
 
 
 class Problem(Functional):
@@ -326,20 +323,20 @@ class Curve(Functional):
 
 
 @derived
-def _integrand(problem: Problem) -> FewOrMany:
-    return FewOrMany(ca.Function("L", problem.symbols.all, [problem.integrand]), MANY)
+def _integrand(problem: Problem) -> PointEvaluator:
+    return PointEvaluator(ca.Function("L", problem.symbols.all, [problem.integrand]))
 
 
 @derived
-def _derivatives(problem: Problem) -> Pointwise:
+def _derivatives(problem: Problem) -> PointEvaluator:
     hessian, gradient = ca.hessian(problem.integrand, problem.symbols.variables)
-    return Pointwise(ca.Function("derivatives", problem.symbols.all, [problem.integrand, gradient, hessian]), FEW)
+    return PointEvaluator(ca.Function("derivatives", problem.symbols.all, [problem.integrand, gradient, hessian]))
 
 
 @derived
-def _homogeneous(problem: Curve) -> FewOrMany:
+def _homogeneous(problem: Curve) -> PointEvaluator:
     s = problem.symbols
-    return FewOrMany(ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [problem.integrand]))
+    return PointEvaluator(ca.Function("F", [s.y, s.dy, s.parameters, s.unknowns], [problem.integrand]))
 
 
 @lru_cache(maxsize=16)

@@ -20,9 +20,8 @@ from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution, Status, Verdict
-from varcalc.symbolic.buffered import Pointwise
-from varcalc.symbolic.columns import FewOrMany
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.verification import Excess
 
@@ -350,11 +349,11 @@ class _Fan:
 
 
 @derived
-def _in_the_slopes(problem: Problem) -> FewOrMany:
+def _in_the_slopes(problem: Problem) -> PointEvaluator:
     """L with its first and second derivatives in each component of the slope."""
     hessian, slope = ca.hessian(problem.integrand, problem.symbols.dy)
     own = ca.densify(ca.vertcat(problem.integrand, slope, ca.diag(ca.densify(hessian))))
-    return FewOrMany(ca.Function("slopes", problem.symbols.all, [own]))
+    return PointEvaluator(ca.Function("slopes", problem.symbols.all, [own]))
 
 
 def _is_level(constraint: object) -> bool:
@@ -369,7 +368,7 @@ class _Functions:
     other. ``quadratic`` tells that none of the curvatures depends on the slope.
     """
 
-    rows: Pointwise
+    rows: PointEvaluator
     quadratic: bool
 
 
@@ -388,7 +387,7 @@ def _functions(problem: Functional) -> _Functions:
         slope = ca.jtimes(expression, s.dy, direction)
         rows += [expression, slope, ca.jtimes(slope, s.dy, direction)]
     function = ca.Function("slopes", [*s.all, direction], [ca.densify(ca.vertcat(*rows))])
-    return _Functions(Pointwise(function), quadratic=not ca.depends_on(ca.vertcat(*rows[2::3]), s.dy))
+    return _Functions(PointEvaluator(function), quadratic=not ca.depends_on(ca.vertcat(*rows[2::3]), s.dy))
 
 
 def _corners(solution: Solution) -> np.ndarray:

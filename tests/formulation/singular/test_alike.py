@@ -95,5 +95,5 @@ def test_one_by_one_and_together(name):
 def test_the_function_that_measures_is_written_out_for_few_functions_only():
     problem, _ = PROBLEMS["several functions"]
     forms(problem)[0].elsewhere.alike(np.ones((1, 1)))
-    ((function, _),) = _measurements(problem).values()
-    assert function.is_a("MXFunction")
+    (evaluate,) = _measurements(problem).values()
+    assert evaluate.function.is_a("MXFunction")

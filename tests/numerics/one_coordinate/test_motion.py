@@ -4,8 +4,15 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from varcalc.numerics.one_coordinate.intervals import bounds, ways
-from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionPoint, NoTurn, OneTurn, TwoTurns
+from varcalc.numerics.one_coordinate.motions import (
+    CoordinateMotion,
+    MotionPoint,
+    NoTurn,
+    OneTurn,
+    TwoTurns,
+    bounds,
+    ways,
+)
 from varcalc.numerics.one_coordinate.potential import Potential, PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import BY_C, TAU, half_periods, integrals, reached
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from varcalc import optics
-from varcalc.optics.arrivals.two_point import TwoPoint
+from varcalc.optics.arrivals.search import TwoPoint
 
 FISH_EYE = optics.Scene(optics.fish_eye())
 

@@ -35,8 +35,8 @@ from varcalc.formulation.singular.detection import (
 from varcalc.problem.conditions import parameters_of
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import NUDGE, Curve, Problem
-from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 AROUND = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
@@ -46,8 +46,6 @@ TURNED = 1e-6
 PARALLEL = 1e-4
 """By how much normals around an end may differ where a line goes through it."""
 LARGEST = float(np.finfo(float).max)
-MANY = 16
-"""Values measured in one go where there are as many."""
 WRITTEN_OUT = 3
 """Functions up to which L is written out for every point at which it is measured: a third of the time, to be built."""
 
@@ -121,19 +119,16 @@ def alike(problem: Problem, values: np.ndarray, lines: dict[bool, Blowup], confo
     """
     kept = _measurements(problem)
     line_keys = ((at_start, x.origin.tobytes(), x.normal.tobytes(), x.power) for at_start, x in lines.items())
-    key, size = (*line_keys, conformal), 1 if len(values) < MANY else MANY
+    key = (*line_keys, conformal)
     if key not in kept:
-        kept[key] = _Measurement(problem, lines, conformal).function(), {}
-    function, calls = kept[key]
-    if size not in calls:
-        calls[size] = Pointwise(function, size)
+        kept[key] = PointEvaluator(_Measurement(problem, lines, conformal).function())
     ends = ends_at(problem, values).reshape(len(values), -1)
-    return calls[size](len(values), ends, values)[:, 0] == 1.0
+    return kept[key](len(values), ends, values)[:, 0] == 1.0
 
 
 @derived
-def _measurements(problem: Problem) -> dict[tuple[Any, ...], tuple[ca.Function, dict[int, Pointwise]]]:
-    """What has been measured of a problem by its singular lines and its metric, in calls of so many values each."""
+def _measurements(problem: Problem) -> dict[tuple[Any, ...], PointEvaluator]:
+    """What has been measured of a problem by its singular lines and its metric."""
     return {}
 
 

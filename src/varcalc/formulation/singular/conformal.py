@@ -18,9 +18,9 @@ import numpy as np
 
 from varcalc.formulation import AtPoints, Reported
 from varcalc.formulation.singular.offsets import gathered
-from varcalc.problem.problem import FEW, Problem
-from varcalc.symbolic.buffered import Pointwise
+from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import PointEvaluator
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class ConformalEnergy:
         self,
         problem: Problem,
         numbers: ConformalNumbers,
-        energy: Pointwise,
+        energy: PointEvaluator,
         rate: np.ndarray,
         factors: Factors | None,
     ) -> None:
@@ -107,7 +107,7 @@ class ConformalEnergy:
         return tx * u[:, 0] + nx * distance, ty * u[:, 0] + ny * distance
 
     def _rows(self, u: np.ndarray) -> np.ndarray:
-        """n with its derivatives (Q, 13): the rows of :class:`varcalc.symbolic.columns.Derivatives`."""
+        """n with its derivatives (Q, 13): the rows of :class:`varcalc.symbolic.evaluation.Derivatives`."""
         x, y = self._offsets(u)
         if self._local is not None:
             return self._local(len(x), x[:, None], y[:, None], self.problem.parameter_values[None])
@@ -133,14 +133,14 @@ class ConformalEnergy:
 
 
 @derived
-def _measured_from(problem: Problem, x0: float, y0: float) -> Pointwise:
+def _measured_from(problem: Problem, x0: float, y0: float) -> PointEvaluator:
     """n with its derivatives, as a function of the point measured from (x0, y0) and of the parameters."""
     s = problem.symbols
     n = ca.substitute([problem.integrand], [s.x, s.y, s.dy], [x0 + s.x, y0 + s.y, s.kind(0)])[0]
     n = gathered(n, s)
     hessian, gradient = ca.hessian(n, s.variables)
     rows = ca.densify(ca.vertcat(n, gradient, ca.vec(hessian)))
-    return Pointwise(ca.Function("n", [s.x, s.y, s.parameters], [rows]), FEW)
+    return PointEvaluator(ca.Function("n", [s.x, s.y, s.parameters], [rows]))
 
 
 @dataclass(frozen=True)
@@ -165,8 +165,8 @@ class ConformalNumbers:
         return ConformalEnergy(problem, self, self._energy, self._rate(s), factors)
 
     @cached_property
-    def _energy(self) -> Pointwise:
-        return Pointwise(_chain_rule(), FEW)
+    def _energy(self) -> PointEvaluator:
+        return PointEvaluator(_chain_rule())
 
     def _rate(self, s: np.ndarray) -> np.ndarray:
         if self.grade == 1:

@@ -13,8 +13,8 @@ import numpy as np
 
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import FEW_FUNCTIONS, Curve, Problem
-from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 PROBE = (1e-7, 1e-9)
@@ -393,11 +393,11 @@ def _first_derivatives(problem: Functional, points: np.ndarray, numbers: np.ndar
 
 
 @derived
-def _with_gradient(problem: Functional) -> Pointwise:
+def _with_gradient(problem: Functional) -> PointEvaluator:
     s = problem.symbols
     position = ca.vertcat(s.x, s.y) if isinstance(problem, Problem) else s.y
     rows = ca.vertcat(problem.integrand, ca.gradient(problem.integrand, position))
-    return Pointwise(ca.Function("metric", s.all, [ca.densify(rows)]))
+    return PointEvaluator(ca.Function("metric", s.all, [ca.densify(rows)]))
 
 
 def rational(value: float, denominator: int = LARGEST_DENOMINATOR) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.methods.collocation.stationarity import Stationarity
 from varcalc.numerics.mesh import Space
-from varcalc.symbolic.buffered import BufferedCall
+from varcalc.symbolic.evaluation import PointEvaluator
 
 BESIDE = 4.0 * np.finfo(float).eps
 """Relative distance from a knot at which its two sides are evaluated."""
@@ -112,7 +112,7 @@ class Boundary:
         rows, columns = c.order * c.functions, len(powers) * c.functions + c.numbers + c.levels
         self._output = np.zeros((count, rows * (1 + columns)))
         if function is not None:
-            self._run = BufferedCall(function.map(count), self._inputs, self._output)
+            self._run = PointEvaluator(function).bound(self._inputs, self._output)
 
     def evaluate(
         self, coefficients: np.ndarray, unknowns: np.ndarray, levels: np.ndarray, ends: np.ndarray

@@ -21,9 +21,8 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.problem.lagrangian import Lagrangian
-from varcalc.symbolic.buffered import BufferedCall
-from varcalc.symbolic.columns import FewOrMany
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 REMEMBERED = 16
@@ -98,9 +97,9 @@ class Stationarity:
         return self.many(len(x), x, *tower.reshape(len(tower), len(x), -1), parameters, blank, blank, blank)
 
     @cached_property
-    def many(self) -> FewOrMany:
+    def many(self) -> PointEvaluator:
         """The function of the interior for many points."""
-        return FewOrMany(self.interior)
+        return PointEvaluator(self.interior)
 
 
 class MappedCall:
@@ -114,7 +113,7 @@ class MappedCall:
         self._numbers = [np.zeros((count, size)) for size in sizes[1 + depth : -1]]
         self._output = np.zeros((count, interior.numel_out(0)))
         inputs = [self._x, *self._tower, *self._numbers, self._forces]
-        self._run = BufferedCall(interior.map(count), inputs, self._output)
+        self._run = PointEvaluator(interior).bound(inputs, self._output)
 
     def __call__(
         self, x: np.ndarray, tower: np.ndarray, numbers: Sequence[np.ndarray], forces: np.ndarray | None

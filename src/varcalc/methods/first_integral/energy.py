@@ -25,7 +25,7 @@ from varcalc.methods.first_integral.lines import Arc, CurveBatch, Lines
 from varcalc.numerics.one_coordinate.panels import QUADRATIC
 from varcalc.numerics.roots import bracketed_newton
 from varcalc.symbolic.differences import carry, displaced, fixed
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import Columns, PointEvaluator
 
 STEEPEST = 640.0
 """Largest logarithm of a slope: beyond it exp overflows in intermediate results."""
@@ -39,11 +39,11 @@ NEARLY = 1e-5
 class AnchorFunctions:
     """The functions of (anchor, displacement, ...) at one kind of anchor."""
 
-    rest: Vectorised
+    rest: Columns
     """(anchor, delta, lambda) -> P(y, 0) and its change from the anchor."""
-    slope: Vectorised
+    slope: Columns
     """(anchor, delta, c, c - 1, s, lambda) -> P(y, 0) - P(y, v), P(y, v), and the derivative of the first by log v."""
-    value: Vectorised
+    value: Columns
     """(anchor, delta, c, s, lambda) -> Lagrangian function, L, the g_j, the partials by parameters."""
 
 
@@ -77,7 +77,7 @@ class Energy(Lines[AnchorFunctions]):
         at = [name, delta]
         return AnchorFunctions(
             *(
-                Vectorised(ca.Function("at_anchor", names, ca.cse(parts)))
+                PointEvaluator(ca.Function("at_anchor", names, ca.cse(parts))).columns
                 for names, parts in (
                     ([*at, multipliers], [rest.value, rest.change]),
                     ([*at, c, drop, s, multipliers], [excess.value, first.value, mixed.value]),

@@ -12,7 +12,7 @@ import numpy as np
 from varcalc.methods.first_integral.homogeneous import homogeneous
 from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.problem import Problem
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import Columns, PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 
@@ -68,7 +68,7 @@ class Integrands:
         return [homogeneous(e, slope, c, s, self.scale) for e in self._put_in(given)]
 
     @cached_property
-    def parts(self) -> Vectorised:
+    def parts(self) -> Columns:
         """(x, y, c, s) -> of each form: itself, its derivatives by y, c and s, and a number of the sign of L_vv."""
         symbols = self.problem.symbols
         c, s, _ = self.symbols
@@ -79,7 +79,7 @@ class Integrands:
                 mixed = -ca.jacobian(by_s, c) / (c * s)
                 results += [form, ca.gradient(form, symbols.y), ca.gradient(form, c), by_s, mixed]
             inputs = [symbols.x, symbols.y, c, s]
-            return Vectorised(ca.Function("parts", inputs, [ca.densify(r) for r in results]))
+            return PointEvaluator(ca.Function("parts", inputs, [ca.densify(r) for r in results])).columns
 
     def at(self, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """The parts at points and slopes (m,), infinite ones included: shape (forms, 5, m)."""

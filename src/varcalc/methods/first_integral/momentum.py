@@ -29,7 +29,7 @@ from varcalc.numerics.one_coordinate.panels import (
 from varcalc.numerics.resampled import SentResampled
 from varcalc.numerics.roots import bracketed_newton, least
 from varcalc.symbolic.differences import carry, displaced, fixed
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import Columns, PointEvaluator
 
 STEEPEST = 36.0
 """Largest asinh of a slope in units of the mean one: there L_y' has reached its limit to round-off, if it has one."""
@@ -38,13 +38,13 @@ SLOPE_GRID = STEEPEST * np.linspace(-1, 1, 25) ** 3
 PROBE = 0.37
 
 
-class Momentum(Lines[tuple[Vectorised, Vectorised]]):
+class Momentum(Lines[tuple[Columns, Columns]]):
     """Slopes and integrals of the extremals of a Lagrangian without y: x runs; slopes are given by their asinh.
 
     The functions are of (anchor, delta, c, s, lambda): the momentum and its derivative by asinh v; the integrands.
     """
 
-    def _build(self, end: float | None) -> tuple[Vectorised, Vectorised]:
+    def _build(self, end: float | None) -> tuple[Columns, Columns]:
         x = self.integrands.problem.symbols.x
         c, s, multipliers = self.integrands.symbols
         lam = ca.vertsplit(multipliers) if multipliers.numel() else []
@@ -59,7 +59,7 @@ class Momentum(Lines[tuple[Vectorised, Vectorised]]):
         moved = [m.value for m in carry(function, [start, *others])]
         inputs = [anchor if end is None else ca.SX.sym("anchor"), delta, c, s, multipliers]
         slope, value = (ca.Function("at_anchor", inputs, ca.cse(parts)) for parts in (moved[:2], moved[2:]))
-        return Vectorised(slope), Vectorised(value)
+        return PointEvaluator(slope).columns, PointEvaluator(value).columns
 
     def momentum(self, x: np.ndarray, asinh_slope: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
         """L_y' at abscissae x for slopes scale * sinh(asinh_slope)."""

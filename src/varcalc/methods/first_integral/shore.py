@@ -12,7 +12,7 @@ from varcalc.methods.first_integral.answers import Reduced, Unsuitable
 from varcalc.numerics.roots import EPSILON
 from varcalc.problem.conditions import OnCurve
 from varcalc.problem.problem import Problem
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import Columns, PointEvaluator
 from varcalc.symbolic.tracing import trace
 
 HEIGHTS = np.array([0.5, -0.5, 1.0, -1.0, 0.1, -0.1, 0.0, 4.0, -4.0])
@@ -28,7 +28,7 @@ GROWTH = 1.6
 class Shore:
     """The curve phi = 0 and ``points`` of it to start from."""
 
-    phi: Vectorised
+    phi: Columns
     points: tuple[np.ndarray, ...]
 
     @staticmethod
@@ -38,7 +38,7 @@ class Shore:
         expression = trace("phi", end.phi, [x, y if problem.scalar else ca.vertcat(y)], ca.SX)
         if ca.depends_on(expression, y):
             return None
-        phi = Vectorised(ca.Function("phi", [x, y], [expression, ca.gradient(expression, x), ca.SX(0)]))
+        phi = PointEvaluator(ca.Function("phi", [x, y], [expression, ca.gradient(expression, x), ca.SX(0)])).columns
         found = _projected(phi, np.array([end.x, 0.0]), keep_abscissa=False)
         return None if found is None else float(found[0])
 
@@ -48,7 +48,7 @@ class Shore:
         x, y = ca.SX.sym("x"), ca.SX.sym("y")
         expression = trace("phi", end.phi, [x, y if problem.scalar else ca.vertcat(y)], ca.SX)
         results = [expression, ca.gradient(expression, x), ca.gradient(expression, y)]
-        phi = Vectorised(ca.Function("phi", [x, y], [ca.densify(r) for r in results]))
+        phi = PointEvaluator(ca.Function("phi", [x, y], [ca.densify(r) for r in results])).columns
         width = abs(end.x - fixed[0]) or 1.0
         points: list[np.ndarray] = []
         # the guessed abscissa is kept if the curve passes there, as it does unless it is vertical
@@ -71,7 +71,7 @@ class Shore:
         return np.array([-by_y, by_x]) / np.hypot(by_x, by_y)
 
 
-def _projected(phi: Vectorised, point: np.ndarray, *, keep_abscissa: bool) -> np.ndarray | None:
+def _projected(phi: Columns, point: np.ndarray, *, keep_abscissa: bool) -> np.ndarray | None:
     """Newton's method on phi along its gradient, or along y alone."""
     at = point.astype(float)
     for _ in range(PROJECTIONS):

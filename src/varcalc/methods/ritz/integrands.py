@@ -14,12 +14,9 @@ import numpy as np
 
 from varcalc.formulation import Form, Reported
 from varcalc.problem.lagrangian import Lagrangian
-from varcalc.symbolic.buffered import Pointwise
-from varcalc.symbolic.columns import FewOrMany
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import PointEvaluator
 
-FEW, CHUNK = 26, 128
-"""Points evaluated in one go: as many as one curve of the lower degrees has, and of several curves."""
 BLANK = np.zeros((1, 0))
 
 
@@ -88,7 +85,7 @@ class CompiledIntegrands:
             parameters = np.broadcast_to(parameters, (*points, width)).reshape(len(rows), width) if width else BLANK
         second = rows[:, 2 * n : 3 * n] if self.form.order == 2 else BLANK
         unknowns = rows[:, (self.form.order + 1) * n :]
-        function = _at_points(self.form, make, len(rows) if len(rows) <= FEW else CHUNK)
+        function = _at_points(self.form, make)
         out = function(len(rows), s.reshape(-1, 1), rows[:, :n], rows[:, n : 2 * n], second, parameters, unknowns)
         return out.reshape(*points, -1)
 
@@ -147,6 +144,6 @@ def at_ends(form: Form) -> ca.Function:
 
 
 @derived
-def _at_points(form: Form, make: Callable[[Form], ca.Function], chunk: int) -> Pointwise | FewOrMany:
-    """A function of the form at points, in pieces of so many: as many as there are, of one curve of a low degree."""
-    return Pointwise(make(form), chunk) if chunk <= FEW else FewOrMany(make(form), chunk)
+def _at_points(form: Form, make: Callable[[Form], ca.Function]) -> PointEvaluator:
+    """A function of the form at any number of points."""
+    return PointEvaluator(make(form))

@@ -23,8 +23,8 @@ from varcalc.methods.answer import Extremal
 from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
-from varcalc.symbolic.buffered import Pointwise
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import PointEvaluator
 
 SAMPLES = 2001
 TOUCHING = 1e-4
@@ -149,7 +149,7 @@ def _along(
 
 
 @derived
-def _bound(form: Form, index: int) -> Pointwise:
+def _bound(form: Form, index: int) -> PointEvaluator:
     """The function of the pathwise condition that constraint ``index`` is."""
     condition = next(c for c in form.conditions.pathwise if c.index == index)
-    return Pointwise(ca.Function("bound", form.symbols.all, [ca.densify(condition.expression)]))
+    return PointEvaluator(ca.Function("bound", form.symbols.all, [ca.densify(condition.expression)]))

@@ -19,13 +19,11 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.integrators import Variational, variational
 from varcalc.problem.lagrangian import Lagrangian
-from varcalc.symbolic.buffered import Pointwise
+from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 INSIDE = 16 * float(np.finfo(float).eps)
 """Distance, relative to the abscissae, at which an integrand is taken to be on one side of a knot."""
-POINTS = 24
-"""Points at which the system is linearised together: those of the longest regular arc."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +181,7 @@ class EulerLagrangeFlow:
         return variational(self.scaled, range(self.dimension), list(free))
 
     @cached_property
-    def _linearised(self) -> Pointwise:
+    def _linearised(self) -> PointEvaluator:
         """The scaled system (t, Y, constants) -> dY/dt, its derivatives by the D states, by unknowns and lambdas."""
         t, state, units, numbers = self._scaled()
         constants = [self.form.symbols.kind.sym("line", 2), units, *numbers]
@@ -191,7 +189,7 @@ class EulerLagrangeFlow:
         by_state = ca.jacobian(slope, state)[:, : self.dimension]
         by_numbers = ca.jacobian(slope, ca.vertcat(*numbers[1:]))
         outputs = [ca.densify(v) for v in (slope, by_state, by_numbers)]
-        return Pointwise(ca.Function("linearised", [t, state, ca.vertcat(*constants)], outputs), POINTS)
+        return PointEvaluator(ca.Function("linearised", [t, state, ca.vertcat(*constants)], outputs))
 
     def linearised(
         self, t: np.ndarray, states: np.ndarray, constants: np.ndarray

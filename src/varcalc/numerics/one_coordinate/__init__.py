@@ -6,8 +6,7 @@ first axis of every array.
 | module | holds |
 |---|---|
 | ``potential`` | g with differences to round-off, its critical values, turning points bracketed and found |
-| ``intervals`` | how far each motion goes: to a turning point, to a wall, to where g ends |
-| ``motions`` | parameters in which motions with no, one or two turning points are smooth, with derivatives by C |
+| ``motions`` | how far each motion goes, and parameters in which it is smooth, with derivatives by C |
 | ``quadrature`` | τ and integrals over it, to given parameters, or until one of them has a given value; periods |
 | ``panels`` | fixed rules whose first panel squares a turning point away, cumulative integrals and their inverse |
 """

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from varcalc.numerics.one_coordinate.motions import MotionPoint
 from varcalc.numerics.roots import EPSILON, bracketed_newton, edges
+
+if TYPE_CHECKING:
+    from varcalc.numerics.one_coordinate.motions import MotionPoint
 
 FAR = 1e6
 """Motions that have come so many times farther than the problem is large are not followed."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.optics.rows import Rows
+from varcalc.optics.rays.beam import Rows
 
 R, P, PATH, MOVED, TURNED = slice(0, 2), slice(2, 4), 4, slice(5, 7), slice(7, 9)
 """Columns of a state in the plane with one neighbour, as :func:`varcalc.optics.rays.beam.packed` has them."""

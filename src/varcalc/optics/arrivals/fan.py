@@ -31,10 +31,10 @@ FRONT_SLACK = 0.25
 """Of n² at the source: how far the ends of cells are off wavefronts, which are crowded where n = 0."""
 CELL_REACH = 1.0
 """A cell holds no point that is so many times its size away from all of its corners."""
-LEAST_GAIN, MOST_GAIN = 0.1, 4.0
+LEAST_SHARE, MOST_SHARE = 0.1, 4.0
 """By how much less and more than it should a ray may go in order to keep step with the others."""
-NEWTON_STEPS = 6
-"""Newton's steps."""
+STEPS_TO_FRONT = 6
+"""Newton's steps along a ray to a front."""
 MOST_STEPS = 400
 """Steps of one ray."""
 
@@ -303,12 +303,12 @@ def _to_front(beam: Beam, field: Field, path: np.ndarray, usual: np.ndarray, sla
     """
     _, gradient, hessian = field(beam.position)
     p, pull = beam.momentum, gradient / 2
-    path = np.clip(path, LEAST_GAIN * usual, MOST_GAIN * usual)
+    path = np.clip(path, LEAST_SHARE * usual, MOST_SHARE * usual)
     first, second = np.sum(p**2, axis=1) + slack, np.sum(p * pull, axis=1)
     third = (np.sum(pull**2, axis=1) + np.einsum("mi,mij,mj->m", p, hessian, p) / 2) / 3
     with np.errstate(all="ignore"):
         sigma = path / first
-        for _ in range(NEWTON_STEPS):
+        for _ in range(STEPS_TO_FRONT):
             off = sigma * (first + sigma * (second + sigma * third)) - path
             slope = first + sigma * (2 * second + 3 * sigma * third)
             new = sigma - off / slope

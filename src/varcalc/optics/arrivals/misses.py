@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.numerics.roots import quadratic
+from varcalc.numerics.roots import bracketed_newton, quadratic
 from varcalc.optics.arrivals.cells import MOVED, TURNED, Cells, P, R
 
 NEARLY_PARALLEL = np.cos(0.5)
@@ -26,11 +26,12 @@ SIDE_MARGIN = 0.1
 """Of a cell: how far beyond its sides a zero is still taken, lest it fall between two cells."""
 END_MARGIN = 0.6
 """Of a cell: how far a ray is foretold beyond its ends."""
-NEWTON_STEPS = 6
+STEPS_TO_LINE = 6
 """Newton's steps along a ray."""
 ON_LINE = 1e-9
 """Of the length of a cell: how close to the line they are to lead."""
-BISECTIONS = 40
+SEED_WITHIN = 1e-12
+"""Of a cell: how closely the zero of a cubic is found, which is itself foretold only."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,7 @@ def _met(cells: Cells, targets: np.ndarray, ahead: np.ndarray) -> tuple[np.ndarr
     outside = np.all(ends[0] > 0, axis=1) | np.all(ends[1] < 0, axis=1)
     u = np.zeros((*length.shape[:2], 1))
     with np.errstate(all="ignore"):
-        for _ in range(NEWTON_STEPS):
+        for _ in range(STEPS_TO_LINE):
             _, going, short = at(u)
             u = u - short / np.sum(going * ahead, axis=2)[..., None]
             u = np.clip(np.where(np.isfinite(u), u, 0.5), -1 - END_MARGIN, 2 + END_MARGIN)
@@ -161,9 +162,9 @@ def _cubic(c: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 def _zero(c: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """The zero (k,) of each cubic between ``low`` and ``high``, where its signs differ."""
-    rising = _cubic(c, high) > 0
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        above = (_cubic(c, middle) > 0) == rising
-        low, high = np.where(above, low, middle), np.where(above, middle, high)
-    return (low + high) / 2
+    sign = np.where(_cubic(c, high) > 0, -1.0, 1.0)
+
+    def before(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return sign * _cubic(c, a), sign * (c[:, 1] + a * (2 * c[:, 2] + 3 * a * c[:, 3]))
+
+    return bracketed_newton(before, low, high, (low + high) / 2, absolute=SEED_WITHIN)[0]

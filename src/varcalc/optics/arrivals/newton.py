@@ -8,8 +8,7 @@ import numpy as np
 
 from varcalc.optics.arrivals.cells import MOVED, PATH, P, R
 from varcalc.optics.arrivals.fan import Fan
-from varcalc.optics.rays.beam import packed
-from varcalc.optics.rows import Rows
+from varcalc.optics.rays.beam import Rows, packed
 
 MEETS = 4e-14
 """A ray that comes this close to the point, relative to the scene, meets it."""

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.optics.media.medium import Expression
-from varcalc.optics.models.ray_equations import STOPPED, RayFlow, compile_rays, runs
+from varcalc.optics.models.hamilton import STOPPED, RayFlow, compile_rays, runs
 from varcalc.optics.models.straight import StraightRays
 from varcalc.optics.propagation.sequential import Propagator
 from varcalc.optics.rays.beam import NOTHING, Beam, RayStatus, frames, launched, moved_on, packed, unpacked
@@ -28,7 +28,7 @@ DIRECTIONS = 1500
 """Directions looked at, 0.09 apart."""
 NEAREST_DIRECTIONS = 6
 """Nearest directions among which a miss is to be the least for Newton's iteration to begin there."""
-NEWTON_STEPS = 30
+AIMING_STEPS = 30
 """Newton's steps."""
 LONGEST_STEP = 0.2
 """The longest of them, in radians."""
@@ -137,7 +137,7 @@ def search(minima: Minima, target: np.ndarray, size: float) -> SphereSearch:
     headings, paths = _starts(minima, net, target)
     misses = np.full(len(headings), np.inf)
     count = len(net)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(AIMING_STEPS):
         if len(headings) == 0:
             break
         headings, paths, misses, steps = _newton(minima, headings, paths, target)

@@ -16,7 +16,7 @@ from varcalc.optics.arrivals.cells import PATH, Cells
 from varcalc.optics.arrivals.fan import FIRST_ANGLES, Fan
 from varcalc.optics.arrivals.misses import Misses, Seeds, misses, seeds
 from varcalc.optics.arrivals.newton import MEETS, TOUCHES_CAUSTIC, Aims, Meeting, as_they_are, flattest, met
-from varcalc.optics.rows import Rows
+from varcalc.optics.rays.beam import Rows
 
 MOST_HALVINGS = 24
 """Halvings of a cell."""

@@ -20,12 +20,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.optics.ensembles.ensemble import flown
+from varcalc.optics.models.hamilton import flown
 from varcalc.optics.propagation.bundle import Bundle
 from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.validation import how_far, matched, rows
 from varcalc.symbolic import tracing
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import PointEvaluator
 
 Expression = Any
 """A CasADi SX expression."""
@@ -133,8 +133,8 @@ class CurvedMedium:
         d = points.shape[1]
         q, v = ca.SX.sym("q", d), ca.SX.sym("v", d)
         results = [ca.SX(self._index(q)), ca.SX(ca.dot(v, self._metric(q) @ v))]
-        function = Vectorised(ca.Function("measured", [q, v], [ca.densify(result) for result in results]))
-        index, squared = function.table(points, vectors).T
+        function = PointEvaluator(ca.Function("measured", [q, v], [ca.densify(result) for result in results]))
+        index, squared = function(len(points), points, vectors).T
         return index, squared
 
     def _index(self, q: Expression) -> Expression:

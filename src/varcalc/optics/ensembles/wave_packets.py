@@ -15,11 +15,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.optics.ensembles.ensemble import flown
+from varcalc.optics.models.hamilton import flown
 from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.validation import how_far, matched, rows
 from varcalc.symbolic import tracing
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import PointEvaluator
 
 Expression = Any
 """A CasADi SX expression."""
@@ -73,7 +73,7 @@ class DispersionRelation:
     """
 
     omega: Callable[[Expression, Expression], Expression]
-    _calls: dict[int, Vectorised] = field(init=False, default_factory=dict, repr=False, compare=False)
+    _calls: dict[int, PointEvaluator] = field(init=False, default_factory=dict, repr=False, compare=False)
 
     def frequency(self, points: Any, wavevectors: Any) -> np.ndarray:
         """ω (m,) at points and wavevectors (m, d) or (d,)."""
@@ -128,8 +128,8 @@ class DispersionRelation:
             position, wavevector = ca.SX.sym("x", d), ca.SX.sym("k", d)
             omega = self._traced(position, wavevector)
             results = [omega, ca.densify(ca.gradient(omega, wavevector))]
-            self._calls[d] = Vectorised(ca.Function("omega", [position, wavevector], results))
-        return self._calls[d].table(x, k)
+            self._calls[d] = PointEvaluator(ca.Function("omega", [position, wavevector], results))
+        return self._calls[d](len(x), x, k)
 
     def _traced(self, x: Expression, k: Expression) -> Expression:
         hint = "it is called with two columns, position and wavevector"

@@ -20,7 +20,7 @@ from varcalc.optics.parameters import Parametrised
 from varcalc.optics.validation import point
 from varcalc.problem.functional import named
 from varcalc.symbolic import tracing
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import PointEvaluator
 
 Expression = Any
 """A CasADi SX expression."""
@@ -312,7 +312,7 @@ class Field:
 
     medium: Medium
     dimension: int
-    _call: Vectorised = field(init=False, repr=False, compare=False)
+    _call: PointEvaluator = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         position = ca.SX.sym("r", self.dimension)
@@ -320,13 +320,13 @@ class Field:
         gradient = ca.gradient(squared, position)
         results = [squared, gradient, ca.jacobian(gradient, position), ca.SX(self.medium.index(position))]
         function = ca.Function("field", [position], [ca.densify(result) for result in results])
-        object.__setattr__(self, "_call", Vectorised(function))
+        object.__setattr__(self, "_call", PointEvaluator(function))
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """n² (m,), its gradient (m, d) and its Hessian matrix (m, d, d) at points (m, d)."""
-        table, d = self._call.table(points), self.dimension
+        table, d = self._call(len(points), points), self.dimension
         return table[:, 0], table[:, 1 : 1 + d], table[:, 1 + d : -1].reshape(-1, d, d)
 
     def index(self, points: np.ndarray) -> np.ndarray:
         """n (m,) at points (m, d); not a number where it is not real."""
-        return self._call.table(points)[:, -1]
+        return self._call(len(points), points)[:, -1]

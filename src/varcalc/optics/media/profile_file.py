@@ -100,12 +100,7 @@ def read_profile(
     heights *= found[first].scale(LENGTHS)
     if found[first].quantity == DEPTH:
         heights = 0.0 - heights
-    if found[second].quantity == SPEED or (found[second].quantity is None and reference_speed is not None):
-        values = _index_of(path, values * found[second].scale(SPEEDS), reference_speed)
-    elif reference_speed is not None:
-        raise ValueError(f"{path.name} holds an index, {found[second].name!r}; leave out reference_speed=")
-    else:
-        values *= found[second].scale(PURE)
+    values = _index_of(path, found[second], values, reference_speed)
     _check_order(path, heights, [row for row, _ in numbered])
     if heights[0] > heights[-1]:
         heights, values = heights[::-1], values[::-1]
@@ -198,7 +193,13 @@ def _number(path: Path, row: int, cells: list[str], place: int) -> float:
     return float(cell)
 
 
-def _index_of(path: Path, speeds: np.ndarray, reference: float | None) -> np.ndarray:
+def _index_of(path: Path, column: Column, values: np.ndarray, reference: float | None) -> np.ndarray:
+    """The index that the ``values`` of a column are, or are the speeds for."""
+    if column.quantity != SPEED and (column.quantity is not None or reference is None):
+        if reference is not None:
+            raise ValueError(f"{path.name} holds an index, {column.name!r}; leave out reference_speed=")
+        return values * column.scale(PURE)
+    speeds = values * column.scale(SPEEDS)
     if reference is None:
         raise ValueError(f"{path.name} holds a speed; give reference_speed=, which the index is in proportion to")
     if not reference > 0:

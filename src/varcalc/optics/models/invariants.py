@@ -14,16 +14,14 @@ from threading import Lock
 
 import numpy as np
 
-from varcalc.numerics.one_coordinate.intervals import MotionBounds, bounds, ways
-from varcalc.numerics.one_coordinate.motions import CoordinateMotion
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionBounds, bounds, ways
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import TAU, reached
 from varcalc.optics.media.medium import Field, Medium, Radial, Stratified
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model, Question
-from varcalc.optics.models.profile import SIGMA, Profile
-from varcalc.optics.models.range_search import found_by_range
-from varcalc.optics.models.reduction import AboutCentre, ReducedRays, deviations, reduction
+from varcalc.optics.models.range_function import found_by_range
+from varcalc.optics.models.reduction import SIGMA, AboutCentre, Profile, ReducedRays, deviations, reduction
 from varcalc.optics.models.straight import StraightRays
 from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.rays.leg import Leg

@@ -16,14 +16,14 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from varcalc.numerics.roots import first_ahead, growing, quadratic
+from varcalc.numerics.roots import first_ahead, growing, quadratic_ahead
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model
 from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, first_met
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Geometry
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import PointEvaluator
 
 SERIES_UP_TO = 1.0
 """Up to it Stumpff's third function is summed, since its closed form cancels."""
@@ -54,21 +54,21 @@ def ratio(medium: Medium, geometry: Geometry) -> float | None:
         return None
     generator = np.random.default_rng(0)
     places = generator.normal(size=(2, TEST_PLACES, d))
-    _, first, _, third = _levels(medium, geometry).table(*places).T
+    _, first, _, third = _levels(medium, geometry)(TEST_PLACES, *places).T
     if not np.all(np.isfinite(first)) or not np.all(np.isfinite(third)):
         return None
     found = float(first @ third / (first @ first)) if np.any(first) else 0.0
     return found if np.all(np.abs(third - found * first) <= IDENTITY * (np.abs(third) + np.abs(first))) else None
 
 
-def _levels(medium: Medium, geometry: Geometry) -> Vectorised:
+def _levels(medium: Medium, geometry: Geometry) -> PointEvaluator:
     """The level and its first three derivatives by σ along the rays at positions and momenta."""
     r, p = ca.SX.sym("r", geometry.dimension), ca.SX.sym("p", geometry.dimension)
     pull = ca.gradient(medium.squared_index(r), r) / 2
     levels = [ca.SX(geometry.surface.level(r))]
     for _ in range(3):
         levels.append(ca.densify(ca.jtimes(levels[-1], r, p) + ca.jtimes(levels[-1], p, pull)))
-    return Vectorised(ca.Function("levels", [r, p], levels))
+    return PointEvaluator(ca.Function("levels", [r, p], levels))
 
 
 @dataclass(frozen=True)
@@ -177,18 +177,16 @@ class LinearRays:
         return values, directions, pull
 
     @cached_property
-    def _known(self) -> list[tuple[float, Vectorised]]:
+    def _known(self) -> list[tuple[float, PointEvaluator]]:
         """The ratio of each surface, and its levels along rays."""
         return [(ratio(self.medium, s) or 0.0, _levels(self.medium, s)) for s in self.surfaces]
 
     def _distance(self, beam: Beam, number: int, leaving: bool) -> np.ndarray:
         """σ (m,) at which each ray first meets surface ``number``; infinite where it does not."""
         turning, levels = self._known[number]
-        level, slope, bend, _ = levels.table(beam.position, beam.momentum).T
+        level, slope, bend, _ = levels(len(beam), beam.position, beam.momentum).T
         with np.errstate(all="ignore"):
-            # one zero is the start itself, where rays leave the surface
-            both = np.stack([-2 * slope / bend]) if leaving else quadratic(level, slope, bend / 2 - turning * level / 4)
-            return first_ahead(_parameter(both, turning))
+            return first_ahead(_parameter(quadratic_ahead(level, slope, bend - turning * level / 2, leaving), turning))
 
 
 def _parameter(tangent: np.ndarray, turning: float) -> np.ndarray:

@@ -80,6 +80,13 @@ class Model(ABC):
         return None
 
 
+def checked_model(given: Model | None) -> Model | None:
+    """``given`` if it is a model or None; TypeError otherwise."""
+    if given is not None and not isinstance(given, Model):
+        raise TypeError(f"model must be a ray model such as optics.Hamilton() or None, not {given!r}")
+    return given
+
+
 @dataclass(frozen=True)
 class Question:
     """Which rays go from ``a`` to ``b`` (d,) through ``media`` and ``surfaces``, up to the optical path ``within``.

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from varcalc.numerics.roots import first_ahead, growing, quadratic
+from varcalc.numerics.roots import first_ahead, growing, quadratic_ahead
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model
@@ -137,13 +137,14 @@ class ParabolicRays:
     ) -> tuple[np.ndarray, np.ndarray]:
         """σ (m,) at which rays come to the lower and to the upper height of their layers."""
         knots, y, climb = np.asarray(self.table.heights), beam.position[:, -1], beam.momentum[:, -1]
-        lower = _first_root(y - knots[layer], climb, pull, knot == layer)
-        return lower, _first_root(y - knots[layer + 1], climb, pull, knot == layer + 1)
+        lower = first_ahead(quadratic_ahead(y - knots[layer], climb, pull, knot == layer))
+        return lower, first_ahead(quadratic_ahead(y - knots[layer + 1], climb, pull, knot == layer + 1))
 
     def _to_plane(self, beam: Beam, pull: np.ndarray, geometry: Geometry, leaving: np.ndarray) -> np.ndarray:
         """σ (m,) at which rays come to a plane; infinite where they do not."""
         level, slope, _ = geometry.along(beam.position, beam.momentum)
-        return _first_root(level, slope, pull * geometry.gradient(beam.position)[:, -1], leaving)
+        bend = pull * geometry.gradient(beam.position)[:, -1]
+        return first_ahead(quadratic_ahead(level, slope, bend, leaving))
 
     def _to_path(self, beam: Beam, pull: np.ndarray, limit: np.ndarray) -> np.ndarray:
         """σ (m,) at which the optical path is ``limit``: the zero of a cubic that never falls."""
@@ -184,10 +185,3 @@ class ParabolicRays:
 def _path(squared: np.ndarray, climb: np.ndarray, pull: np.ndarray, sigma: np.ndarray) -> np.ndarray:
     """∫ n² dσ with n² = |p|² at the start."""
     return sigma * (squared + pull * sigma * (climb + pull * sigma / 3))
-
-
-def _first_root(constant: np.ndarray, slope: np.ndarray, bend: np.ndarray, starts_there: np.ndarray) -> np.ndarray:
-    """The least positive zero (m,) of constant + slope σ + bend σ²/2, without cancellation; infinite where none is."""
-    with np.errstate(all="ignore"):
-        again = np.stack([-2 * slope / bend, np.full_like(slope, np.inf)])
-    return first_ahead(np.where(starts_there, again, quadratic(constant, slope, bend / 2)))

@@ -13,17 +13,19 @@ is never a turning point (rays can be gone along backwards).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from varcalc.numerics.one_coordinate.intervals import bounds, ways
-from varcalc.numerics.one_coordinate.motions import CoordinateMotion, OneTurn, TwoTurns
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion, OneTurn, TwoTurns, bounds, ways
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
-from varcalc.numerics.one_coordinate.quadrature import BY_C, TAU, half_periods, integrals
-from varcalc.optics.models.profile import PATH, Profile
-from varcalc.optics.models.range_zeros import RangeValues, ZeroSearch
-from varcalc.optics.models.reduction import ReducedRays, started_later
+from varcalc.numerics.one_coordinate.quadrature import AGREED, BY_C, TAU, half_periods, integrals
+from varcalc.numerics.roots import FamilyValues, ZeroSearch
+from varcalc.optics.media.medium import Medium, Radial
+from varcalc.optics.models.model import Builder, DoesNotApply, Question
+from varcalc.optics.models.reduction import PATH, Profile, ReducedRays, started_later
+from varcalc.optics.rays.beam import frames
+from varcalc.optics.rays.ray import Ray, Rays
 
 MOST_PERIODS = 64
 """Whole periods of a ray that is caught between two heights; rays with more are not looked for."""
@@ -47,6 +49,14 @@ SAME_CONTINUUM = 1e-6
 """Optical paths of the rays of one continuum agree so well, relative to their size."""
 SAME_RAY = 1e-9
 """Launches and optical paths, relative, closer than this are one ray."""
+UPRIGHT = 1e-13
+"""Of the distance of two points: what they lie apart along layers is none."""
+CARRIED_WELL, MEETS = 1e-11, 1e-6
+"""Of the distance of two points: a ray that misses the second by more is carried again, or was none."""
+ERROR_MARGIN = 4.0
+"""By how many times the difference of two optical paths either may be off."""
+PANELS = 32
+"""Panels whose errors, each within that to which they are integrated, may add up in an optical path."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +190,7 @@ class Launch:
 
 @dataclass(frozen=True)
 class Launches:
-    """The rays found, and what was searched: see :class:`varcalc.optics.models.range_zeros.Zeros`."""
+    """The rays found, and what was searched: see :class:`varcalc.numerics.roots.Zeros`."""
 
     found: list[Launch]
     continuum: bool
@@ -205,9 +215,9 @@ def launches(profile: Profile, ends: tuple[float, float], distance: float, withi
     near = family.bound[numbers, first] <= 0
     numbers, first = numbers[near], first[near]
 
-    def asked_for(angles: np.ndarray) -> RangeValues:
+    def asked_for(angles: np.ndarray) -> FamilyValues:
         family = _families(spread.hits(angles), wanted, within, turns)
-        return RangeValues(np.where(whole[:, None], np.nan, family.value), family.rate, family.bound)
+        return FamilyValues(np.where(whole[:, None], np.nan, family.value), family.rate, family.bound)
 
     zeros = ZeroSearch(asked_for, spread.breaks(), touch).run()
     angles, touching = np.append(SOME_ANGLES[first], zeros.at), np.append(np.full(len(first), 1.0), zeros.touching) > 0
@@ -241,7 +251,7 @@ def _distances(profile: Profile, distance: float, farthest: float) -> list[tuple
     return ahead + [(2 * np.pi * (k + 1) - distance, -1) for k in turns]
 
 
-def _families(hits: Hits, wanted: np.ndarray, within: float, turns: int) -> RangeValues:
+def _families(hits: Hits, wanted: np.ndarray, within: float, turns: int) -> FamilyValues:
     """The functions X - distance for every distance, number of whole periods and hit, in this order; (F, m)."""
     turn = np.arange(turns)[:, None, None]  # with periods only where there are any
     real = (turn == 0) | (hits.apart[:, None] > 0)
@@ -254,7 +264,7 @@ def _families(hits: Hits, wanted: np.ndarray, within: float, turns: int) -> Rang
     def flat(a: np.ndarray) -> np.ndarray:
         return np.moveaxis(np.broadcast_to(a, shape), 3, 2).reshape(-1, shape[2])
 
-    return RangeValues(flat(value), flat(rate[None]), flat(bound[None]))
+    return FamilyValues(flat(value), flat(rate[None]), flat(bound[None]))
 
 
 def _launched(
@@ -301,3 +311,82 @@ def _distinct(found: list[Launch]) -> list[Launch]:
         ):
             kept.append(launch)
     return kept
+
+
+def found_by_range(question: Question, *, careful: Builder | None = None, easy: bool = False) -> Rays:
+    """The rays that answer ``question``, whose one medium is ``Stratified`` or ``Radial`` and has no surfaces.
+
+    A ray that misses the point as the question carries it, since it went far out where digits are lost, is carried the
+    ``careful`` way, if there is one.
+
+    Raises :class:`DoesNotApply` where an end is the centre of the index and, if asked for ``easy`` questions only,
+    where the range function has logarithms.
+    """
+    frame = Frame(question.media[0], question.a, question.b)
+    if easy and not Range.between(frame.profile, frame.heights)[0].easy(frame.distance):
+        raise DoesNotApply(
+            "some rays come to rest along a layer, and the range function is no simple one; take Hamilton()"
+        )
+    found = launches(frame.profile, frame.heights, frame.distance, question.within)
+    carried = _carried(question, careful, frame, found.found)
+    rays = sorted(carried, key=lambda ray: ray.optical_path)
+    unresolved = found.unresolved + len(found.found) - len(rays)
+    searched = (
+        f"all launching angles by the range function ({found.looked_at} looked at, {unresolved} narrow "
+        f"intervals left unresolved), optical paths up to {question.within:.6g}"
+    )
+    reason = "" if rays else f"shadow: no ray of the source comes to B (searched: {searched})"
+    return Rays(tuple(rays), reason, searched, found.continuum, unresolved)
+
+
+def _carried(question: Question, careful: Builder | None, frame: Frame, found: list[Launch]) -> list[Ray]:
+    """The rays of the launches but those that do not meet the point: radial ones, at the rim of the range function."""
+    if not found:
+        return []
+    headings = np.array([frame.heading(launch) for launch in found])
+    paths, touching = (np.array([getattr(launch, name) for launch in found]) for name in ("path", "touching"))
+    built = question.built(headings, paths, touching)
+    floor, again = np.zeros(len(found)), np.flatnonzero([miss > CARRIED_WELL for _, miss in built])
+    if careful is not None and len(again):
+        floor[again] = PANELS * AGREED * paths[again]
+        for k, better in zip(again, careful(headings[again], paths[again], touching[again]), strict=True):
+            built[k] = better
+    # two routes to one number: by quadrature to the point, and along the ray
+    return [
+        replace(ray, error=max(ray.error, floor[k], ERROR_MARGIN * abs(ray.optical_path - paths[k])))
+        for k, (ray, miss) in enumerate(built)
+        if ray is not None and miss <= MEETS
+    ]
+
+
+class Frame:
+    """Two points as heights in a profile, and the distances between them along the layers."""
+
+    def __init__(self, medium: Medium, a: np.ndarray, b: np.ndarray) -> None:
+        if isinstance(medium, Radial):
+            offsets = [end - medium.middle(len(a)) for end in (a, b)]
+            radii = [float(np.linalg.norm(offset)) for offset in offsets]
+            if min(radii) == 0:
+                raise DoesNotApply(
+                    "Invariants needs points off the centre of the index, about which all turns; take Hamilton()"
+                )
+            self.up = offsets[0] / radii[0]
+            unit = float(2.0 ** np.round(np.log2(radii[0])))
+            self.profile = Profile(medium, unit, 0.0)
+            self.heights = float(np.log(radii[0] / unit)), float(np.log(radii[1] / unit))
+            across = offsets[1] - np.dot(offsets[1], self.up) * self.up
+            self.distance = float(np.arctan2(np.linalg.norm(across), np.dot(offsets[1], self.up)))
+        else:
+            self.up = np.eye(len(a))[-1]
+            self.profile = Profile(medium, 1.0, float(a[-1]))
+            self.heights = float(a[-1]), float(b[-1])
+            across = np.append((b - a)[:-1], 0.0)
+            self.distance = float(np.linalg.norm(across))
+        length = float(np.linalg.norm(across))
+        upright = length <= UPRIGHT * np.linalg.norm(b - a)  # what is left of it has no direction
+        self.ahead = frames(self.up[None, :])[0, 0] if upright else across / length
+
+    def heading(self, launch: Launch) -> np.ndarray:
+        """The unit vector along which a ray leaves the first point."""
+        heading = launch.speed * self.up + launch.way * launch.c * self.ahead
+        return heading / np.linalg.norm(heading)

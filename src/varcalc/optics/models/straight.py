@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.numerics.roots import first_ahead, quadratic
+from varcalc.numerics.roots import EPSILON, bracketed_newton, first_ahead, quadratic_ahead
 from varcalc.optics.media.medium import Field, Medium
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model
 from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, first_met, moved_on
@@ -21,7 +21,6 @@ from varcalc.optics.surfaces import Geometry
 
 SAMPLE_DISTANCES = np.concatenate([np.geomspace(1e-6, 1e-2, 20, endpoint=False), np.geomspace(1e-2, 1e4, 600)])
 """Where a general surface is looked for along a ray, in units of the ray's distance from it and from the origin."""
-BISECTIONS = 60
 ROWS_TOGETHER = 1024
 """Rays looked at together; bounds the memory."""
 
@@ -79,8 +78,7 @@ def _first_of_two(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
     """The smaller positive zero of a quadratic level that belongs to the surface, without cancellation."""
     constant, slope, bend = geometry.along(beam.position, beam.momentum)
     with np.errstate(all="ignore"):
-        # one zero is the start itself, where rays leave the surface
-        candidates = np.stack([-2 * slope / bend]) if leaving else quadratic(constant, slope, bend / 2)
+        candidates = quadratic_ahead(constant, slope, bend, leaving)
         met = np.isfinite(candidates) & (candidates > 0)
         for row, valid in zip(candidates, met, strict=True):
             where = np.flatnonzero(valid)
@@ -89,7 +87,7 @@ def _first_of_two(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
 
 
 def _first_of_many(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
-    """The first change of sign of a general level along each ray, bisected."""
+    """The first change of sign of a general level along each ray."""
     m, d = beam.position.shape
     level, slope, _ = geometry.along(beam.position, beam.momentum)
     away = geometry.distance(beam.position)
@@ -106,11 +104,13 @@ def _first_of_many(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
     belongs = np.column_stack([np.ones(m, bool), geometry.belongs(places.reshape(-1, d)).reshape(m, -1)])
     with np.errstate(all="ignore"):
         crossed = (levels[:, 1:] * levels[:, :-1] <= 0) & np.isfinite(levels[:, 1:] * levels[:, :-1]) & belongs[:, 1:]
-    place = np.argmax(crossed, axis=1)
-    rows = np.arange(m)
+    rows, far = np.flatnonzero(np.any(crossed, axis=1)), np.full(m, np.inf)
+    place, met = np.argmax(crossed[rows], axis=1), beam.take(rows)
     low, high, sign = sigma[rows, place], sigma[rows, place + 1], np.sign(levels[rows, place])
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        same = geometry.level(beam.position + middle[:, None] * beam.momentum) * sign > 0
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return np.where(np.any(crossed, axis=1), (low + high) / 2, np.inf)
+
+    def before(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        level, slope, _ = geometry.along(met.position + at[:, None] * met.momentum, met.momentum)
+        return sign * level, sign * slope
+
+    far[rows], _ = bracketed_newton(before, low, high, (low + high) / 2, relative=4 * EPSILON)
+    return far

@@ -13,11 +13,14 @@ import numpy as np
 
 from varcalc import integrators
 from varcalc.optics.media.medium import Field, Medium
-from varcalc.optics.models.choice import carrier
-from varcalc.optics.models.model import Carrier, Model
+from varcalc.optics.models.hamilton import Hamilton
+from varcalc.optics.models.linear import Linear
+from varcalc.optics.models.model import Carrier, DoesNotApply, Model
+from varcalc.optics.models.parabolas import Parabolas
+from varcalc.optics.models.straight import Straight
 from varcalc.optics.rays.beam import AT_END, NOTHING, Arrival, Beam, RayStatus, at_surface, caustics_between, moved_on
 from varcalc.optics.rays.leg import Leg
-from varcalc.optics.surfaces import Geometry, Surface
+from varcalc.optics.surfaces import Geometry, Surface, touched
 from varcalc.optics.validation import by_chunks
 
 MOST_KEPT = 16
@@ -30,6 +33,20 @@ STEP_TURN = 0.3
 """How far a ray turns over one step, in radians, by order of magnitude."""
 MOST_COUNT_STEPS = 4000
 """Steps along one leg on which conjugate points are counted."""
+CHEAPEST_FIRST: tuple[Model, ...] = (Straight(), Linear(), Parabolas(), Hamilton())
+"""The models tried where none is asked for, by what they cost for a bundle; the last applies everywhere."""
+
+
+def carrier(model: Model | None, medium: Medium, dimension: int, surfaces: Sequence[Geometry]) -> Carrier:
+    """``model``, or the cheapest that applies, at work in ``medium``; :class:`DoesNotApply` where it cannot be."""
+    if model is not None:
+        return model.carrier(medium, dimension, surfaces)
+    for candidate in CHEAPEST_FIRST[:-1]:
+        try:
+            return candidate.carrier(medium, dimension, surfaces)
+        except DoesNotApply:
+            continue
+    return CHEAPEST_FIRST[-1].carrier(medium, dimension, surfaces)
 
 
 @dataclass
@@ -282,6 +299,15 @@ class CompiledScene:
                 self._kept.pop(next(iter(self._kept)))
             self._kept[key] = Propagator(self.media, self.surfaces, until, dimension, model)
         return self._kept[key]
+
+    def geometries(self, dimension: int) -> list[Geometry]:
+        """Those of the surfaces, in the order of the scene."""
+        propagator = self.propagator(None, dimension)
+        return [propagator.geometries[shape] for shape in propagator.shapes]
+
+    def touched(self, points: np.ndarray) -> list[np.ndarray]:
+        """For each surface True (m,) for points (m, d) that are on it to round-off."""
+        return [touched(geometry, points) for geometry in self.geometries(points.shape[1])]
 
     def index_at_source(self, start: np.ndarray) -> np.ndarray:
         """n (m,) where the rays start; ValueError where it is no positive number."""

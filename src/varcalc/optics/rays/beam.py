@@ -9,14 +9,44 @@ equations' solutions that begin with δr = 0 and δp across the ray.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from varcalc.optics.media.medium import Field
-from varcalc.optics.rows import Rows
 from varcalc.optics.surfaces import Geometry
+
+
+class Rows:
+    """A dataclass of arrays (m, ...), or of other such tables, that have as many rows each."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def __len__(self) -> int:
+        return len(getattr(self, next(iter(self.__dataclass_fields__))))
+
+    def take(self, rows: np.ndarray | Sequence[int] | slice) -> Self:
+        """The rows ``rows``: numbers, or a slice, which gives views."""
+        values = [getattr(self, name) for name in self.__dataclass_fields__]
+        return type(self)(*[v.take(rows) if isinstance(v, Rows) else v[rows] for v in values])
+
+    def put(self, rows: np.ndarray, other: Self) -> None:
+        """Write ``other`` over the ``rows``, in place."""
+        for name in self.__dataclass_fields__:
+            mine, its = getattr(self, name), getattr(other, name)
+            if isinstance(mine, Rows):
+                mine.put(rows, its)
+            else:
+                mine[rows] = its
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """The rows of all ``parts``, one of them at least, one part after the other."""
+        columns = ([getattr(part, name) for part in parts] for name in cls.__dataclass_fields__)
+        return cls(*(type(c[0]).joined(c) if isinstance(c[0], Rows) else np.concatenate(c) for c in columns))
 
 
 class RayStatus(IntEnum):
@@ -77,7 +107,7 @@ class Beam(Rows):
 
 
 def packed(beam: Beam) -> np.ndarray:
-    """The states (m, N) of :func:`varcalc.optics.models.ray_equations.ray_system` for the rays of ``beam``."""
+    """The states (m, N) of :func:`varcalc.optics.models.hamilton.ray_system` for the rays of ``beam``."""
     pairs = np.concatenate([beam.moved, beam.turned], axis=2).reshape(len(beam), 2 * beam.deviations * beam.dimension)
     return np.column_stack([beam.position, beam.momentum, beam.optical_path, pairs])
 

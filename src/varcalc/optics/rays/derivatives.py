@@ -22,7 +22,7 @@ from varcalc.optics.media.medium import Medium
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Surface
-from varcalc.symbolic.instructions import Vectorised
+from varcalc.symbolic.evaluation import PointEvaluator
 
 NODE_COUNTS = tuple(2**k for k in range(5, 12))
 """Numbers of Gauss-Legendre nodes on a leg, one tried after the other until two agree."""
@@ -59,7 +59,8 @@ def _index_rates(medium: Medium, dimension: int) -> Callable[[np.ndarray], np.nd
     named = {name: symbols[i] for i, name in enumerate(medium.parameters)}
     rates = ca.gradient(medium.parametric_index(position, named) ** 2, symbols) / 2
     rates = ca.substitute(ca.densify(rates), symbols, ca.DM(list(medium.parameters.values())))
-    return Vectorised(ca.Function("rates", [position], [rates])).table
+    function = PointEvaluator(ca.Function("rates", [position], [rates]))
+    return lambda points: function(len(points), points)
 
 
 def _integral(leg: Leg, rates: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:

@@ -18,7 +18,7 @@ import numpy as np
 from varcalc.optics.rays.beam import Beam, RayStatus, spreading
 from varcalc.optics.rays.leg import Leg
 
-NEWTON_STEPS = 8
+STEPS_TO_PATH = 8
 """Newton's steps from a sampled σ to one at a given optical path."""
 ON_CAUSTIC = 1e-9
 """Of the tube's optical path: places so close to a conjugate point are on the caustic."""
@@ -122,7 +122,7 @@ def _at_path(leg: Leg, wanted: np.ndarray) -> Beam:
     """The ray at the optical paths ``wanted`` (k,), none before the leg; beyond its end it is its end."""
     sampled, beam = leg.sampled()
     sigma = np.interp(wanted, beam.optical_path, sampled)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(STEPS_TO_PATH):
         here = leg.at(sigma)
         step = (wanted - here.optical_path) / np.sum(here.momentum**2, axis=1)
         sigma = np.clip(sigma + step, 0.0, leg.length)

@@ -97,22 +97,27 @@ def range_chart(
         if angles is None
         else np.atleast_1d(np.asarray(angles, dtype=float))
     )
-    points = np.tile(start, (len(tried), 1))
-    headings = np.column_stack([np.cos(tried), np.sin(tried)])
-    reach = np.full((len(tried), crossings), np.nan)
-    height, alive = Plane((0.0, target[1]), (0.0, 1.0)), np.arange(len(tried))
+    return RangeChart(
+        angles=tried,
+        reach=_reach(scene, start, target[1], tried, crossings),
+        momentum=float(Field(scene.media[0], 2).index(start[None])[0]) * np.cos(tried),
+        receiver=(target[0], target[1]),
+        arrivals=scene.rays(start, target, within=within),
+    )
+
+
+def _reach(scene: Scene, start: np.ndarray, height: float, angles: np.ndarray, crossings: int) -> np.ndarray:
+    """The first coordinates (m, crossings) at which rays at ``angles`` (m,) cross a height, one time after another."""
+    points = np.tile(start, (len(angles), 1))
+    headings = np.column_stack([np.cos(angles), np.sin(angles)])
+    reach = np.full((len(angles), crossings), np.nan)
+    plane, alive = Plane((0.0, height), (0.0, 1.0)), np.arange(len(angles))
     for number in range(crossings):
-        bundle = scene.trace(points[alive], headings[alive], until=height)
+        bundle = scene.trace(points[alive], headings[alive], until=plane)
         met = bundle.arrived
         alive = alive[met]
         if not len(alive):
             break
         points[alive], headings[alive] = bundle.points[met], bundle.directions[met]
         reach[alive, number] = points[alive, 0]
-    return RangeChart(
-        angles=tried,
-        reach=reach,
-        momentum=float(Field(scene.media[0], 2).index(start[None])[0]) * np.cos(tried),
-        receiver=(target[0], target[1]),
-        arrivals=scene.rays(start, target, within=within),
-    )
+    return reach

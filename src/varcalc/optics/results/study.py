@@ -22,9 +22,9 @@ from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.optics.validation import point
 from varcalc.problem.conditions import finite, whole
 
-SAMPLES = 240
+TRACK_POINTS = 240
 """Points along a ray, evenly spaced in optical path."""
-GRID = 160
+BACKGROUND_POINTS = 160
 """Points of each side of the picture at which index and surfaces are looked at."""
 MARGIN = 0.06
 """Of the extent of what is drawn, left free around it."""
@@ -40,13 +40,8 @@ class Study:
 
     Parameters
     ----------
-    scene : Scene
-    source : Source
-        A :class:`PointSource` or a :class:`PlaneWave`.
-    rays : int or array_like
-        Which rays of the source: see there.
-    optical_path : float
-        How far they are followed, in units of length.
+    scene, source, rays, optical_path
+        As for :func:`caustic`: the rays are followed to the optical path.
     receiver : sequence of float, optional
         A point of the last medium: every ray from the source to it is sought. The source must be a point.
     wavefronts : int
@@ -164,7 +159,7 @@ class Seen:
         low, high = drawn.min(0)[[0, -1]], drawn.max(0)[[0, -1]]
         extent = np.maximum(high - low, 1e-3 * float((high - low).max()) or 1.0)
         room = MARGIN * np.where(extent.min() < FLAT * extent.max(), extent, extent.max())
-        across, up = (np.linspace(a, b, GRID) for a, b in zip(low - room, high + room, strict=True))
+        across, up = (np.linspace(a, b, BACKGROUND_POINTS) for a, b in zip(low - room, high + room, strict=True))
         plane = np.zeros((len(up), len(across), d))
         plane[:] = np.median(drawn, axis=0)
         plane[..., 0], plane[..., -1] = np.meshgrid(across, up)
@@ -211,7 +206,7 @@ class Seen:
 
 def _track(at: Any, path: float, status: RayStatus) -> Track:
     """The points of a ray at equal steps of its optical path."""
-    return Track(at(np.linspace(0.0, path, SAMPLES)), status)
+    return Track(at(np.linspace(0.0, path, TRACK_POINTS)), status)
 
 
 def _denser(rays: Any) -> Any:

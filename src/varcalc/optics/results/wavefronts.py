@@ -120,22 +120,12 @@ def caustic(scene: Scene, source: Source, rays: Any, optical_path: float) -> Cau
 
     Parameters
     ----------
-    scene : Scene
-    source : Source
-        A :class:`PointSource` or a :class:`PlaneWave`.
-    rays : int or array_like
-        Which rays of the source: see there.
-    optical_path : float
-        How far rays are followed, in units of length.
+    scene, source, rays, optical_path
+        As for :func:`wavefront`, and so are the errors raised; rays are followed to the optical path.
 
     Returns
     -------
     Caustic
-
-    Raises
-    ------
-    TypeError, ValueError
-        As for :func:`wavefront`.
 
     Examples
     --------
@@ -168,22 +158,14 @@ def ray_tube(scene: Scene, source: Source, ray: Any, optical_path: float) -> Ray
 
     Parameters
     ----------
-    scene : Scene
-    source : Source
-        A :class:`PointSource` or a :class:`PlaneWave`.
+    scene, source, optical_path
+        As for :func:`wavefront`, and so are the errors raised; the ray is followed to the optical path.
     ray : array_like
         The ray, as the source names it: a direction (d,); an offset, a number in the plane or (2,) in space.
-    optical_path : float
-        How far the ray is followed, in units of length.
 
     Returns
     -------
     RayTube
-
-    Raises
-    ------
-    TypeError, ValueError
-        As for :func:`wavefront`.
 
     Examples
     --------

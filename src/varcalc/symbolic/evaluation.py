@@ -1,0 +1,271 @@
+"""CasADi functions at points: one way to call them, whatever the number of points.
+
+A call of CasADi with NumPy arrays converts each of them, which costs far more than a small function does. A few
+points are therefore handed over in memory that CasADi keeps, and its interpreter goes through all instructions for
+each of them. An operation of NumPy on a column of points costs a few times less for each, once there are hundreds,
+but the instructions have to be read first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from threading import Lock
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.symbolic.instructions import BINARY, NAMES, UNARY, instructions
+
+TOGETHER = 64
+"""Points that CasADi evaluates in one go, at most."""
+FREE = 4000
+"""Instructions, times points, that take less time than what comes with every call."""
+ROOMY = 4
+"""By how many times more points than asked for may be evaluated: cheaper than memory for every number of them."""
+KEPT = 4
+"""Numbers of points for which memory is kept."""
+MANY = 128
+"""Points from which on NumPy is faster than CasADi, whatever the function."""
+POINTS_AN_INSTRUCTION, MOST_POINTS = 20, 3000
+"""After so many points it has paid to read an instruction; and to read a function, however long it is."""
+COLUMN = 4096
+"""Points in a column: with it the columns at work stay in the cache."""
+
+Columns = Callable[..., list[Any]]
+"""A function of columns: see :attr:`PointEvaluator.columns`."""
+
+
+class PointEvaluator:
+    """A CasADi function of columns, at any number of points.
+
+    It goes by CasADi or by NumPy, whichever is faster for so many points and a function of that length; the number of
+    points decides, not the clock. Several threads may call it at once.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self.function = function
+        self.width, self._places, full = 0, [], True
+        for i in range(function.n_out()):
+            size = function.numel_out(i)
+            places: slice | np.ndarray = slice(self.width, self.width + size)
+            if function.nnz_out(i) < size:
+                places, full = self.width + np.array(function.sparsity_out(i).find(), dtype=int), False
+            self._places.append(places)
+            self.width += size
+        self._blank = np.empty if full else np.zeros
+        self._rooms: dict[int, _Room] = {}
+        self._last: _Room | None = None
+        self._busy = Lock()
+        self._usual, self._before_reading = 1, math.inf
+        if function.is_a("SXFunction"):
+            length = max(1, function.n_instructions())
+            self._usual = min(TOGETHER, FREE // length)
+            self._before_reading = min(POINTS_AN_INSTRUCTION * length, MOST_POINTS)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return PointEvaluator, (self.function,)
+
+    def __call__(self, count: int, *arguments: np.ndarray) -> np.ndarray:
+        """The results, shape (count, entries); each argument has ``count`` rows, or one row for all points.
+
+        Of several results the entries stand side by side, each result by its columns.
+        """
+        results = self._blank((count, self.width))
+        if count == 0:
+            return results
+        if count >= MANY and self._read(count):
+            self._by_columns(arguments, results)
+            return results
+        with self._busy:
+            room = self._last
+            if room is None or not count <= room.size <= max(ROOMY * count, self._usual):
+                self._last = room = self._room(count)
+            if count <= room.size:
+                room.evaluate(count, arguments, results)
+            else:
+                for first in range(0, count, room.size):
+                    part = slice(first, min(first + room.size, count))
+                    given = [a if len(a) == 1 else a[part] for a in arguments]
+                    room.evaluate(part.stop - first, given, results[part])
+        return results
+
+    def bound(self, inputs: Sequence[np.ndarray], output: np.ndarray) -> Callable[[], None]:
+        """A call that reads ``inputs`` and writes ``output``, the one result, in place: microseconds a call.
+
+        The arrays are contiguous, hold one point a row, and must not be replaced while the call is in use.
+        """
+        return _InPlace(self.function.map(len(output)), inputs, [output])
+
+    @cached_property
+    def occupied(self) -> np.ndarray:
+        """True (entries,) for those that are not zero for every argument, as far as the expressions show."""
+        occupied = np.zeros(self.width, dtype=bool)
+        for places in self._places:
+            occupied[places] = True
+        return occupied
+
+    @cached_property
+    def columns(self) -> Columns:
+        """The function of columns that NumPy broadcasts, to a list of them: one for each nonzero of the results.
+
+        It takes one argument for each input: a scalar or array for a scalar input, a sequence of them for a vector.
+        Raises TypeError for a function that is not an SXFunction, ValueError where NumPy has no form of an operation.
+        """
+        return _Instructions(self.function)
+
+    def _read(self, count: int) -> bool:
+        """Whether the instructions have been read, or are now, since so many points are asked for."""
+        self._before_reading -= count
+        if self._before_reading > 0:
+            return False
+        try:
+            return self.columns is not None
+        except ValueError:
+            self._before_reading = math.inf
+            return False
+
+    def _by_columns(self, arguments: Sequence[np.ndarray], results: np.ndarray) -> None:
+        columns, nonzeros = self.columns, np.flatnonzero(self.occupied)
+        for first in range(0, len(results), COLUMN):
+            part = slice(first, min(first + COLUMN, len(results)))
+            rows, given = results[part], [list(a[0] if len(a) == 1 else a[part].T) for a in arguments]
+            for place, column in zip(nonzeros, columns(*given), strict=True):
+                rows[:, place] = column
+
+    def _room(self, count: int) -> _Room:
+        """Memory for so many points, or some more."""
+        count = min(count, TOGETHER)
+        size, most = max(count, self._usual), max(ROOMY * count, self._usual)
+        fit = [known for known in self._rooms if count <= known <= most]
+        if not fit:
+            if len(self._rooms) == KEPT:
+                del self._rooms[next(iter(self._rooms))]
+            self._rooms[size] = _Room(self.function, size, self._places)
+        return self._rooms[min(fit, default=size)]
+
+
+class _InPlace:
+    """A CasADi function that reads ``inputs`` and writes ``outputs`` in place; empty ones are left out."""
+
+    def __init__(self, function: ca.Function, inputs: Sequence[np.ndarray], outputs: Sequence[np.ndarray]) -> None:
+        self._buffer, self.trigger = function.buffer()
+        for i, array in enumerate(inputs):
+            if array.size:
+                self._buffer.set_arg(i, memoryview(array))
+        for i, array in enumerate(outputs):
+            if array.size:
+                self._buffer.set_res(i, memoryview(array))
+
+    def __call__(self) -> None:
+        self.trigger()
+
+
+class _Room:
+    """Memory for ``size`` points of a function, and the call that works on it.
+
+    The nonzeros of each result go to its ``places`` among all entries.
+    """
+
+    def __init__(self, function: ca.Function, size: int, places: Sequence[slice | np.ndarray]) -> None:
+        self.size = size
+        inputs = [np.zeros((size, function.numel_in(i))) for i in range(function.n_in())]
+        outputs = [np.zeros((size, function.nnz_out(i))) for i in range(function.n_out())]
+        self._given = [(i, own) for i, own in enumerate(inputs) if own.size]
+        self._found = list(zip(places, outputs, strict=True))
+        self._call = _InPlace(function.map(size), inputs, outputs)
+
+    def evaluate(self, count: int, arguments: Sequence[np.ndarray], results: np.ndarray) -> None:
+        """The function at ``count`` points."""
+        for i, own in self._given:
+            own[:count] = arguments[i]
+        self._call.trigger()
+        for places, own in self._found:
+            results[:, places] = own[:count]
+
+
+class _Instructions:
+    """See :attr:`PointEvaluator.columns`. Overflow and invalid operations give inf and NaN in silence."""
+
+    def __init__(self, function: ca.Function) -> None:
+        self.function = function
+        self._widths = [function.nnz_in(i) for i in range(function.n_in())]
+        inputs, results = ([0, *np.cumsum(sizes).tolist()] for sizes in (self._widths, _nonzeros(function)))
+        self._count = int(results[-1])
+        self._constants: list[float] = []
+        self._steps: list[tuple[Callable[..., Any] | None, int, int, int]] = []
+        place: dict[int, int] = {}  # of CasADi's work entries: from 0 on what is computed, then inputs and constants
+        first = function.sz_w()
+        for i in instructions(function):
+            left, right = (place.get(s, 0) for s in (i.sources[:1] + i.sources[-1:]) or (0, 0))
+            if i.operation == ca.OP_INPUT:
+                place[i.target] = first + inputs[i.sources[0]] + i.sources[1]
+            elif i.operation == ca.OP_CONST:
+                place[i.target] = first + inputs[-1] + len(self._constants)
+                self._constants.append(i.constant)
+            elif i.operation == ca.OP_OUTPUT:
+                self._steps.append((None, results[i.place[0]] + i.place[1], left, -1))
+            elif i.operation in UNARY or i.operation in BINARY:
+                place[i.target] = i.target
+                one = i.operation in UNARY
+                operation = UNARY[i.operation] if one else BINARY[i.operation]
+                self._steps.append((operation, i.target, left, -1 if one else right))
+            else:
+                raise ValueError(f"{function.name()} uses `{NAMES.get(i.operation)}`, which NumPy has no form of")
+        self._computed = first
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _Instructions, (self.function,)
+
+    def __call__(self, *arguments: Any) -> list[Any]:
+        work: list[Any] = [None] * self._computed
+        for width, argument in zip(self._widths, arguments, strict=True):
+            if width == 1 and not isinstance(argument, list | tuple):
+                work.append(argument)
+            else:
+                work += argument
+        work += self._constants
+        results: list[Any] = [0.0] * self._count
+        with np.errstate(all="ignore"):
+            for operation, target, left, right in self._steps:
+                if right >= 0:
+                    work[target] = operation(work[left], work[right])  # pyright: ignore[reportOptionalCall]
+                elif operation is not None:
+                    work[target] = operation(work[left])
+                else:
+                    results[target] = work[left]
+        return results
+
+
+def _nonzeros(function: ca.Function) -> list[int]:
+    return [function.nnz_out(i) for i in range(function.n_out())]
+
+
+class Derivatives:
+    """A function with its first and second derivatives in ``k`` variables at ``m`` points.
+
+    ``rows`` (m, 1 + k + k^2) are the value, the gradient and the columns of the Hessian.
+    """
+
+    def __init__(self, rows: np.ndarray) -> None:
+        self.rows = rows
+        self.k = math.isqrt(rows.shape[1] - 1)
+        if self.k * (self.k + 1) + 1 != rows.shape[1]:
+            raise ValueError(f"{rows.shape[1]} entries are no value with a gradient and a Hessian")
+
+    @property
+    def value(self) -> np.ndarray:
+        """The function itself, (m,)."""
+        return self.rows[:, 0]
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """Shape (m, k)."""
+        return self.rows[:, 1 : 1 + self.k]
+
+    @property
+    def hessian(self) -> np.ndarray:
+        """Shape (m, k, k)."""
+        return self.rows[:, 1 + self.k :].reshape(-1, self.k, self.k)
