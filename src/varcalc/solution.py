@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
@@ -165,6 +165,23 @@ class VariationalError(Exception):
 
 class InfeasibleError(VariationalError, ValueError):
     """No curve meets the ends and constraints."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One statement that holds of a curve or problem, in words and ``numbers``; its ``verdict`` when it decides one."""
+
+    verdict: Verdict | None
+    sentence: str
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return self.sentence
+
+
+def refused(solution: Solution, finding: Finding) -> Solution:
+    """The solution as no answer, for what was found of it."""
+    return replace(solution, status=Status.REFUSED, verdict=finding.verdict, message=finding.sentence)
 
 
 def defined(solution: Solution, ordinates: np.ndarray) -> Solution:

@@ -22,7 +22,7 @@ from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution, Status, Verdict
-from varcalc.verify.weierstrass import vouched
+from varcalc.verify.slopes import vouched
 
 PIECES = (32, 64)
 """Polygons on which the relaxed problem is solved; the difference tells their error."""

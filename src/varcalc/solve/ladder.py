@@ -20,7 +20,7 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict, no_answer
 from varcalc.solve.warm_start import resolved
-from varcalc.verify.weierstrass import vouched
+from varcalc.verify.slopes import vouched
 
 
 class Method(Protocol):

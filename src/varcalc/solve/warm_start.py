@@ -26,7 +26,7 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import derived
-from varcalc.verify.weierstrass import PLACES, convinced, vouched
+from varcalc.verify.slopes import PLACES, convinced, vouched
 
 REMEMBERED = 256
 """Solutions among which the nearest is looked for: the last ones."""

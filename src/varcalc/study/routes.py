@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
-from importlib.metadata import entry_points
 from typing import Any
 
+from varcalc.extensions import offered
 from varcalc.methods.labels import label
 from varcalc.problem.conditions import Isoperimetric, Through
 from varcalc.problem.functional import Functional
@@ -135,12 +135,7 @@ def routes(problem: Functional | None = None) -> tuple[Route, ...]:
 
     Raises TypeError for an entry point that names anything but a :class:`Route`.
     """
-    found = [*_own()]
-    for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name):
-        route = entry.load()
-        if not isinstance(route, Route):
-            raise TypeError(f"the entry point {entry.name} = {entry.value} of {GROUP} must name a Route, not {route!r}")
-        found.append(route)
+    found = (*_own(), *offered(GROUP, Route))
     return tuple(r for r in found if problem is None or r.offered(problem))
 
 

@@ -24,7 +24,6 @@ import numpy as np
 from varcalc.formulation import Form, Sampled, SideCondition
 from varcalc.methods.answer import Extremal, composite_gauss, lifted, sample
 from varcalc.numerics.mesh import gauss
-from varcalc.problem.conditions import OnCurve
 from varcalc.problem.functional import Symbols
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.problem import Problem
@@ -121,6 +120,13 @@ class AlongCurve:
 
         return along
 
+    def forbidden_slopes(self, s: np.ndarray) -> np.ndarray:
+        """The changes of slope (m, r, n) at s (m,) that take a curve of first order off its pathwise equations."""
+        if not self.paths or self.order != 1:
+            return np.zeros((len(s), 0, self.n))
+        gradients = self.function(ca.jacobian(ca.vertcat(*self.paths), self.symbols.y))(s)[0]
+        return gradients[:, [k for k, c in enumerate(self.limits) if c.equality]]
+
     def rule(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Nodes and weights of the composite Gauss rule on the vertices, each flat."""
         return composite_gauss(self.vertices, count)
@@ -133,12 +139,7 @@ class AlongCurve:
 def along_curve(extremal: Extremal) -> AlongCurve:
     """The Lagrangian function along an extremal."""
     form = extremal.form
-    problem = form.problem
-    slides = (
-        isinstance(problem, Problem)
-        and not form.energetic
-        and any(isinstance(e, OnCurve) for e in (problem.start, problem.end))
-    )
+    slides = isinstance(form.problem, Problem) and not form.energetic and any(form.problem.slides)
     plain = AlongCurve(
         extremal=extremal,
         symbols=form.symbols,
@@ -161,7 +162,7 @@ def along_curve(extremal: Extremal) -> AlongCurve:
 def sliding_ends(form: Form) -> tuple[int | None, int | None]:
     """Which unknown number of a form is the abscissa of its start, and of its end; None where that is fixed."""
     count = len(form.problem.unknowns)
-    at_start, at_end = (isinstance(e, OnCurve) for e in (form.problem.start, form.problem.end))
+    at_start, at_end = form.problem.slides
     return (count if at_start else None, count + at_start if at_end else None)
 
 
@@ -197,6 +198,12 @@ def _in_own_abscissa(plain: AlongCurve) -> AlongCurve:
         numbers=plain.numbers[: len(problem.unknowns)],
         slides=True,
     )
+
+
+def complement(rows: np.ndarray) -> np.ndarray:
+    """Orthonormal bases (m, n, n - r) of what ``rows`` (m, r, n) leave."""
+    m, r, n = rows.shape
+    return np.linalg.svd(rows)[2][:, r:].transpose(0, 2, 1) if r else np.broadcast_to(np.eye(n), (m, n, n))
 
 
 def inner_points(points: AlongCurve, count: int) -> np.ndarray:

@@ -175,7 +175,7 @@ class Angle:
         return np.angle(np.linalg.eigvals(W @ self.W.conj().T))
 
 
-class Carried:
+class CarriedPlane:
     """A Lagrangian plane carried along: ``plane`` (2 N, columns) at the start of ``system``."""
 
     def __init__(self, system: Canonical, plane: np.ndarray) -> None:

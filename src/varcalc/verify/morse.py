@@ -10,15 +10,20 @@ sect. 15; Bliss, "Lectures on the Calculus of Variations", sect. 29-34).
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from varcalc.solution import Finding
 from varcalc.verify.accessory import Accessory
 from varcalc.verify.along_curve import AlongCurve
+from varcalc.verify.candidate import Candidate
+from varcalc.verify.check import Check
 from varcalc.verify.concavity import SYMMETRIC, concavity
 from varcalc.verify.ends import EndPlane, NotSeparate, end_planes
-from varcalc.verify.jacobi import Canonical, Carried, Unresolved, balanced, canonical
+from varcalc.verify.jacobi import Canonical, CarriedPlane, Unresolved, balanced, canonical
+from varcalc.verify.legendre import LegendreCondition
 from varcalc.verify.verification import NULL, Index, signs
 
 SINGULAR = 1e-9
@@ -31,6 +36,34 @@ class JacobiIndex(Index):
 
     points: np.ndarray
     account: str
+
+
+@dataclass(frozen=True)
+class JacobiEquation(Check[JacobiIndex]):
+    """The index from points conjugate or focal to the start."""
+
+    name = "Jacobi"
+
+    def measure(self, candidate: Candidate) -> JacobiIndex:
+        """The index, and the points in the user's abscissa."""
+        along = candidate.along_best
+        if along is None:
+            return _closed(candidate.reason)
+        if not candidate.measured(LegendreCondition()).strengthened:
+            return _closed("Jacobi's equation is singular where Legendre's condition does not hold strictly")
+        found = index_by_jacobi(along)
+        return replace(found, points=along.abscissa(found.points)) if len(found.points) else found
+
+    def findings(self, candidate: Candidate) -> Iterator[Finding]:
+        """The index by this route, or why it is closed."""
+        measured = candidate.measured(self)
+        if not candidate.measured(LegendreCondition()).leaves_open:
+            return
+        if measured.index is None:
+            yield Finding(None, f"Jacobi's equation was not used: {measured.reason}")
+        else:
+            sentence = f"Jacobi's equation gives the index {measured.index}: {measured.account}"
+            yield Finding(None, sentence, {"index": float(measured.index)})
 
 
 def index_by_jacobi(along: AlongCurve) -> JacobiIndex:
@@ -91,8 +124,8 @@ def _whole(along: AlongCurve) -> JacobiIndex:
     return JacobiIndex(len(points) + negative, null, "", points, account)
 
 
-def _carried(system: Canonical, plane: np.ndarray) -> Carried:
-    return Carried(system, _reduced(system, plane, system.span[0]))
+def _carried(system: Canonical, plane: np.ndarray) -> CarriedPlane:
+    return CarriedPlane(system, _reduced(system, plane, system.span[0]))
 
 
 def _reduced(system: Canonical, plane: np.ndarray, s: float) -> np.ndarray:
@@ -110,7 +143,7 @@ def _reduced(system: Canonical, plane: np.ndarray, s: float) -> np.ndarray:
     return kept @ right[: basis.shape[1]].T
 
 
-def _end_form(forward: Carried, end: EndPlane, accessory: Accessory) -> tuple[int, int]:
+def _end_form(forward: CarriedPlane, end: EndPlane, accessory: Accessory) -> tuple[int, int]:
     """Negative and zero eigenvalues of the second variation on the Jacobi fields that the end leaves free."""
     system = forward.system
     N, b = system.N, system.span[1]
@@ -152,7 +185,7 @@ def _periodic(accessory: Accessory) -> JacobiIndex:
     for k in range(accessory.numbers.start, accessory.numbers.stop):
         if k != accessory.gauge:
             plane[[k, N + k], k] = (1.0, 0.0)  # an unknown number is free, its momentum zero at the start
-    carried = Carried(system, _reduced(system, plane, system.span[0]))
+    carried = CarriedPlane(system, _reduced(system, plane, system.span[0]))
     negative, null = concavity(system, accessory)
     account = f"{len(carried.points)} conjugate points inside and {negative} negative directions of the concavity form"
     return JacobiIndex(len(carried.points) + negative, null, "", carried.points, account)

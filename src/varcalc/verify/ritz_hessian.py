@@ -8,7 +8,8 @@ extremal only the curve is used, the multipliers are found anew.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -17,7 +18,11 @@ from varcalc.formulation import Form
 from varcalc.methods.answer import Extremal, sample
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.mesh import Space, basis, lobatto
+from varcalc.solution import Finding
 from varcalc.verify.along_curve import TOUCH
+from varcalc.verify.candidate import Candidate
+from varcalc.verify.check import Check
+from varcalc.verify.legendre import LegendreCondition
 from varcalc.verify.verification import NULL, Index
 
 APART = 1e3
@@ -28,6 +33,31 @@ DEGREES = {1: (8, 40), 2: (9, 28)}
 """Lowest and highest degree of that space, by the order of the functional."""
 FLAT = 1e-6
 """Least relative weight of a direction of the slope in the metric."""
+
+
+@dataclass(frozen=True)
+class RitzHessian(Check[Index]):
+    """The index from the Hessian of the discretised functional."""
+
+    name = "Ritz"
+
+    def measure(self, candidate: Candidate) -> Index:
+        """The index along the extremal."""
+        own = candidate.own
+        # where regularity alone decides at a singular end, the coordinates made for that are the better ones
+        curve = own if own is not None and own.form.weak_only else candidate.best or own
+        return Index(None, 0, candidate.reason) if curve is None else index_by_ritz(curve)
+
+    def findings(self, candidate: Candidate) -> Iterator[Finding]:
+        """The index by this route, or why it is closed."""
+        measured = candidate.measured(self)
+        if not candidate.measured(LegendreCondition()).leaves_open:
+            return
+        if measured.index is None:
+            yield Finding(None, f"the Hessian of the discretised functional was not used: {measured.reason}")
+        else:
+            sentence = f"the Hessian of the discretised functional has {measured.index} negative eigenvalues"
+            yield Finding(None, sentence, {"index": float(measured.index)})
 
 
 def index_by_ritz(extremal: Extremal) -> Index:
