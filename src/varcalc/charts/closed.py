@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.charts.lines import SAMPLES, Line, nearest
-from varcalc.problem.conditions import Isoperimetric, Periodic
+from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.problem import Curve
@@ -19,7 +19,7 @@ ALIGNED = "place and start moved to coincide"
 
 def is_closed(problem: Functional) -> bool:
     """True for a closed :class:`varcalc.Curve`."""
-    return isinstance(problem, Curve) and isinstance(problem.start, Periodic)
+    return isinstance(problem, Curve) and problem.start.periodic
 
 
 def free_directions(problem: Functional) -> np.ndarray:

@@ -17,10 +17,9 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from varcalc.numerics.mesh import gauss
-from varcalc.problem.conditions import Fixed
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
-from varcalc.solution import Solution, Status, Verdict
+from varcalc.solution import Finding, Solution, Verdict, refused
 
 STEEP = (1e6, 1e8)
 """Slopes, in units of the problem's own, at which linear growth is recognised."""
@@ -94,18 +93,19 @@ def _broken_curves(problem: Functional, ceiling: float) -> list[BrokenCurve]:
 
     The ceiling is a value in the sense that is minimised.
     """
-    if not _simple(problem):
+    if not between_two_points(problem):
         return []
     with np.errstate(all="ignore"):
         family = _Family(problem)
         return family.best(ceiling) if family.linear else []
 
 
-def _simple(problem: Functional) -> TypeGuard[Problem]:
-    plain = isinstance(problem, Problem) and problem.n == problem.order == 1
-    if not plain or problem.constraints or problem.unknowns or problem.end_cost or problem.breakpoints:
+def between_two_points(problem: Functional) -> TypeGuard[Problem]:
+    """Whether one function of first order is sought between two given points, and nothing else is asked."""
+    if not isinstance(problem, Problem) or problem.n > 1 or problem.order > 1:
         return False
-    return isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)
+    more = problem.constraints or problem.unknowns or problem.end_cost or problem.breakpoints
+    return problem.start.fixed and problem.end.fixed and not more
 
 
 class _Family:
@@ -113,10 +113,9 @@ class _Family:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.sign = -1.0 if problem.maximise else 1.0
+        self.sign = problem.sign
         a, b = problem.span
-        ends: list[Any] = [problem.start, problem.end]
-        self.y = np.array([float(np.ravel(e.y)[0]) for e in ends])
+        self.y = np.concatenate([problem.start.values(1), problem.end.values(1)])
         self.coarse = _graded(0, POINTS)
         x = np.tile(a + (b - a) * np.array([0.0, 0.5, 1.0]), 4)
         y = np.tile([self.y[0], self.y.mean(), self.y[1]], 4)
@@ -343,14 +342,14 @@ def with_rival(solution: Solution) -> Solution:
     extremal = solution.extremal
     if solution.local or (extremal is not None and extremal.form.energetic and any(extremal.form.singular)):
         return solution
-    sign = -1.0 if solution.problem.maximise else 1.0
+    sign = solution.problem.sign
     rivals = _broken_curves(solution.problem, sign * solution.value + 2 * LIKE * abs(solution.value))
     for same in rivals:
         if _is_rival(solution, same):
             message = (
                 f"the infimum is not attained: graphs come as near as one likes to one that is none; {same.sentence}"
             )
-            return replace(solution, status=Status.REFUSED, verdict=Verdict.NOT_ATTAINED, message=message)
+            return refused(solution, Finding(Verdict.NOT_ATTAINED, message))
     margin = solution.error.value + RIVAL * abs(solution.value)
     if not rivals or sign * rivals[0].value > sign * solution.value - margin:
         return solution

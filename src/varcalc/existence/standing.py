@@ -14,8 +14,7 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.methods.ritz.method import Ritz
-from varcalc.problem.conditions import At, Fixed
-from varcalc.solution import Solution, Status, Verdict
+from varcalc.solution import Finding, Solution, Verdict, refused
 from varcalc.verify.candidate import undivided
 from varcalc.verify.ritz_hessian import index_by_ritz
 from varcalc.verify.verification import Index
@@ -40,14 +39,13 @@ def off_saddle(method: object, form: Form, solution: Solution, tol: float) -> So
         return solution
     if index.index:
         message = f"no minimum: {index.index} independent variations that keep the conditions lower the functional"
-        return replace(solution, status=Status.REFUSED, verdict=Verdict.SADDLE, message=message)
-    problem = solution.problem
-    if index.nullity and isinstance(problem.start, At | Fixed) and isinstance(problem.end, At | Fixed):
+        return refused(solution, Finding(Verdict.SADDLE, message, {"index": float(index.index)}))
+    if index.nullity and solution.problem.start.fixed and solution.problem.end.fixed:
         message = (
             "the second variation vanishes in a direction: the ends are conjugate, and the extremal is one of a "
             "continuum or on the point of being no minimum"
         )
-        return replace(solution, status=Status.REFUSED, verdict=Verdict.DEGENERATE, message=message)
+        return refused(solution, Finding(Verdict.DEGENERATE, message))
     return solution
 
 

@@ -135,9 +135,23 @@ class OfFunction:
 
 
 class AnyEnd:
-    """What the ends of all kinds are asked: ``slides``, whether an end moves along a curve or a surface."""
+    """What an end is asked, in place of which kind it is.
 
+    ``fixed`` tells that components of the curve are given there, ``slides`` that it moves along a curve or a surface,
+    ``periodic`` that it is both ends of a periodic curve.
+    """
+
+    fixed: ClassVar[bool] = False
     slides: ClassVar[bool] = False
+    periodic: ClassVar[bool] = False
+
+    def values(self, n: int) -> np.ndarray:
+        """The ``n`` unknown functions at the end, NaN where one is free."""
+        return np.full(n, np.nan)
+
+
+def _numbers(name: str, given: Any) -> np.ndarray:
+    return np.array([np.nan if v is None else v for v in components(name, given)], dtype=float)
 
 
 @dataclass(frozen=True)
@@ -149,6 +163,8 @@ class Fixed(AnyEnd):
     second-order Lagrangian ``dy`` fixes the slope as well; without it the
     slope is natural. Each number may be a :class:`Parameter`.
     """
+
+    fixed = True
 
     x: Any
     y: Any
@@ -163,6 +179,9 @@ class Fixed(AnyEnd):
             return
         if len(components("Fixed.dy", self.dy)) != len(values) or is_vector(self.dy) != is_vector(self.y):
             raise ValueError("Fixed.dy must have as many components as Fixed.y")
+
+    def values(self, n: int) -> np.ndarray:  # noqa: ARG002, D102
+        return _numbers("Fixed.y", self.y)
 
 
 @dataclass(frozen=True)
@@ -207,6 +226,8 @@ class Periodic(AnyEnd):
     (by default 1, and 2 for a closed Curve).
     """
 
+    periodic = True
+
     x0: float | None = None
     x1: float | None = None
     n: int | None = None
@@ -223,12 +244,17 @@ class Periodic(AnyEnd):
 class At(AnyEnd):
     """An end of a :class:`varcalc.Curve` at the point ``q`` (``None``: that component is free)."""
 
+    fixed = True
+
     q: Sequence[float | Parameter | None]
 
     def __post_init__(self) -> None:
         if not is_vector(self.q):
             raise TypeError(f"At.q must be a sequence of coordinates, not {self.q!r}")
         components("At.q", self.q)
+
+    def values(self, n: int) -> np.ndarray:  # noqa: ARG002, D102
+        return _numbers("At.q", self.q)
 
 
 @dataclass(frozen=True)

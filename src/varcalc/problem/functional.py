@@ -163,6 +163,11 @@ class Functional:
         """Whether the start slides on a curve or a surface, and whether the end does."""
         return self.start.slides, self.end.slides
 
+    @property
+    def sign(self) -> float:
+        """What the functional is multiplied by to be minimised: -1 where it is maximised, else 1."""
+        return -1.0 if self.maximise else 1.0
+
     # what Problem and Curve each define
     def check_ends(self) -> None:
         """Raise ValueError where parameters have moved an end to where none can be."""

@@ -14,7 +14,6 @@ from varcalc.formulation.singular import Infinite, forms
 from varcalc.methods.arguments import check_arguments
 from varcalc.methods.collocation.method import Collocation
 from varcalc.methods.shooting.method import Shooting
-from varcalc.problem.conditions import At, Fixed, components
 from varcalc.problem.functional import Functional
 from varcalc.search.collected import as_asked, deflated, degenerate, finer
 from varcalc.search.end_map import EndMap, mappable
@@ -238,12 +237,10 @@ def meets_ends(solution: Solution) -> bool:
     problem, curve = solution.problem, solution.curve
     assert curve is not None
     for x, end in zip(problem.span, (problem.start, problem.end), strict=True):
-        values = (
-            components("y", end.y) if isinstance(end, Fixed) else components("q", end.q) if isinstance(end, At) else ()
-        )
-        for value, reached in zip(values, curve(np.array([x]), 0)[:, 0], strict=False):
-            if value is not None and not abs(reached - value) <= MISSED * max(1.0, abs(value)) + solution.error.curve:
-                return False
+        values, reached = end.values(problem.n), curve(np.array([x]), 0)[:, 0]
+        met = np.abs(reached - values) <= MISSED * np.maximum(1.0, np.abs(values)) + solution.error.curve
+        if not np.all(met | np.isnan(values)):
+            return False
     return True
 
 

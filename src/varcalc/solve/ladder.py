@@ -18,7 +18,7 @@ from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampl
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
-from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict, no_answer
+from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict, no_answer, refused
 from varcalc.solve.warm_start import resolved
 from varcalc.verify.slopes import vouched
 
@@ -172,14 +172,14 @@ def _beyond_doubt(solution: Solution, form: Form, candidates: Forms) -> Solution
     """The solution, refused when L is singular at an end and a curve that is steeper there is far better."""
     if form.energetic or not candidates.singular or (better := outdone(solution)) is None:
         return solution
-    return replace(solution, status=Status.REFUSED, verdict=Verdict.GAP, message=better.sentence(solution.value))
+    return refused(solution, better.finding(solution.value))
 
 
 def _compared(solution: Solution, failure: Solution | None) -> Solution:
     """The solution, marked local when a curve met on the way has a better value."""
     if failure is None or failure.curve is None or not math.isfinite(failure.error.value):
         return solution
-    sign = -1.0 if solution.problem.maximise else 1.0
+    sign = solution.problem.sign
     margin = failure.error.value + solution.error.value + 1e-12 * abs(solution.value)
     if sign * failure.value < sign * solution.value - margin:
         return replace(solution, local=True, lower=failure.value)

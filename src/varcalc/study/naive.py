@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.problem.conditions import Fixed, components
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 
@@ -41,11 +40,9 @@ def applies(problem: Functional) -> bool:
     plain = (
         isinstance(problem, Problem)
         and problem.order == 1
-        and isinstance(problem.start, Fixed)
-        and isinstance(problem.end, Fixed)
         and not (problem.constraints or problem.unknowns or problem.breakpoints)
         and problem.end_cost is None
-        and None not in (*components("y", problem.start.y), *components("y", problem.end.y))
+        and not np.isnan(_ordinates(problem)).any()
     )
     return plain and not all(math.isfinite(value) for value in _at_ends(problem))
 
@@ -63,10 +60,9 @@ def _at_ends(problem: Functional) -> list[float]:
     return [float(integrand(x, y, slope, problem.parameter_values)) for x, y in ((a, first), (b, last))]
 
 
-def _ordinates(problem: Functional) -> tuple[np.ndarray, np.ndarray]:
-    """Those of the fixed ends, each (n,)."""
-    first, last = (np.array(components("y", end.y), dtype=float) for end in (problem.start, problem.end))
-    return first, last
+def _ordinates(problem: Functional) -> np.ndarray:
+    """Those of both ends, (2, n)."""
+    return np.array([problem.start.values(problem.n), problem.end.values(problem.n)])
 
 
 class MidpointRule:
@@ -77,7 +73,7 @@ class MidpointRule:
         a, b = problem.span
         first, last = _ordinates(problem)
         self.line = first[:, None] + (last - first)[:, None] * np.linspace(0, 1, pieces + 1)
-        self.sign = -1.0 if problem.maximise else 1.0
+        self.sign = problem.sign
         h = (b - a) / pieces
         inner = ca.MX.sym("y", problem.n, pieces - 1)
         y = ca.horzcat(first, inner, last)

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from varcalc.methods.labels import checked_method, label
-from varcalc.problem.conditions import Periodic
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution
 from varcalc.solve.ladder import solve
@@ -216,7 +215,7 @@ def _delivered(reference: Reference, solution: Solution) -> dict[str, Any]:
 
 def _curve_error(problem: Problem | Curve, solution: Solution, exact: Exact) -> float | None:
     """The largest distance from the exact curve; None where it is not known, or may begin at any of its points."""
-    if exact.y is None or isinstance(problem.start, Periodic):
+    if exact.y is None or problem.start.periodic:
         return None
     first, last = solution.interval
     # clustered at the ends, where curves may be steep

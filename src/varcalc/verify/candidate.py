@@ -271,7 +271,7 @@ def _in_user_coordinates(candidate: Candidate) -> AlongCurve:
     problem = solution.problem
     assert solution.curve is not None
     form = own.form if own is not None else next(filter(None, forms(problem)))
-    sign = -1.0 if problem.maximise else 1.0
+    sign = problem.sign
     nodes = distinct(solution.x)
     numbers = np.array([solution.unknowns[k] for k in problem.unknowns], dtype=float)
     conditions = side_conditions(problem, lambda expression, _: expression)

@@ -87,7 +87,7 @@ def convinced(problem: Problem, x: np.ndarray, y: np.ndarray, slopes: np.ndarray
     repeated, blank = np.repeat(parameters, places, axis=0), np.zeros((1, 0))
     points = (x.reshape(-1, 1), y.reshape(-1, n), slopes.reshape(-1, n))
     rows = _in_the_slopes(problem)(count * places, *points, blank, repeated, blank).T
-    rows *= -1.0 if problem.maximise else 1.0
+    rows *= problem.sign
     columns = (points[0][:, 0], points[1].T, points[2].T, repeated)
     good = _unbeaten(problem, columns, rows[0], rows[1 : 1 + n], rows[1 + n :])
     return np.all(good.reshape(count, places), axis=1)
@@ -101,7 +101,7 @@ def _unbeaten(
     ``points`` are x (m,), y and y' (n, m) and the parameters (m, p), which may be left out for the problem's own. L is
     ``own`` (m,) there, ``slope`` and ``curvature`` (n, m) its derivatives by each component, as they are minimised.
     """
-    sign, v = -1.0 if problem.maximise else 1.0, points[2]
+    sign, v = problem.sign, points[2]
     good = np.isfinite(own + slope.sum(0) + curvature.sum(0)) & np.all(curvature > 0, axis=0)
 
     def tried(a: int, turns: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -210,7 +210,7 @@ class Fan:
         )
         rows = found.T.reshape(-1, 3, n, places, count)
         levels = [m for c, m in zip(problem.constraints, self.solution.multipliers, strict=True) if _is_level(c)]
-        sign = -1.0 if problem.maximise else 1.0
+        sign = problem.sign
         # J falls by the multiplier as its level rises: the Lagrangian function is L - sum of multipliers times g
         weights = sign * np.array([1.0, *(-float(m) for m in levels)])
         total = np.einsum("r,r...->...", weights, rows[: len(weights)])
