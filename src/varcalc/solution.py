@@ -31,6 +31,11 @@ class Status(Enum):
         """True for an answer that stands."""
         return self in (Status.SOLVED, Status.ROUND_OFF)
 
+    @property
+    def words(self) -> str:
+        """The name as a table shows it, such as "round off"."""
+        return self.name.lower().replace("_", " ")
+
 
 class Verdict(Enum):
     """What an extremal is, or why there is none; in the order in which they take precedence."""

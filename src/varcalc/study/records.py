@@ -20,11 +20,11 @@ import numpy as np
 from varcalc.solution import Status
 from varcalc.study.compare import EXACT_FLOOR, EXACT_MARGIN
 from varcalc.study.routes import Knob
-from varcalc.tables import monospaced
+from varcalc.tables import shown, table
 
 FORMAT = 1
 """Number of the layout of a stored file."""
-ANSWERED = tuple(s.name.lower().replace("_", " ") for s in Status if s.ok)
+ANSWERED = tuple(s.words for s in Status if s.ok)
 """The statuses of answers that stand, as records hold them."""
 FEWEST = 3
 """Points through which a slope is drawn, at the least."""
@@ -109,17 +109,16 @@ class WorkPrecision:
         """The records as text for a monospaced page, errors relative to max(1, abs(value)), with reasons beneath."""
         rows = [
             (
-                r.problem, r.method, r.turned, r.status, _shown(r.value_error, r.size, "+.1e"),
-                _shown(r.curve_error, 1.0, ".1e"), _shown(r.claimed_error, r.size, ".1e"),
-                _shown(r.build_ms, 1.0, ".2f"), _shown(r.solve_ms, 1.0, ".2f"), _shown(r.resolve_ms, 1.0, ".2f"),
-                "" if r.unknowns is None else str(r.unknowns),
+                r.problem, r.method, r.turned, r.status, shown(_relative(r.value_error, r.size), "+.1e"),
+                shown(r.curve_error, ".1e"), shown(_relative(r.claimed_error, r.size), ".1e"),
+                shown(r.build_ms, ".2f"), shown(r.solve_ms, ".2f"), shown(r.resolve_ms, ".2f"), shown(r.unknowns, "d"),
             )
             for r in self.records
         ]  # fmt: skip
         words = ("problem", "method", "setting", "status")
         numbers = ("error", "curve", "claimed", "build ms", "solve ms", "re-solve ms", "unknowns")
         reasons = dict.fromkeys(f"{r.problem}, {r.method}: {r.reason}" for r in self.records if r.reason)
-        return "\n".join([*monospaced(words, numbers, rows), "", *reasons]).rstrip()
+        return table(words, numbers, rows, notes=reasons)
 
     def document(self) -> dict[str, Any]:
         """The measurements as plain numbers, strings, lists and dicts, ready for JSON."""
@@ -177,8 +176,8 @@ def about() -> dict[str, str]:
     }
 
 
-def _shown(value: float | None, unit: float, form: str) -> str:
-    return "" if value is None else format(value / unit, form)
+def _relative(error: float | None, size: float) -> float | None:
+    return None if error is None else error / size
 
 
 def _processor() -> str:

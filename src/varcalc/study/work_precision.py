@@ -21,6 +21,7 @@ from varcalc.study.compare import cold
 from varcalc.study.records import Record, WorkPrecision, about
 from varcalc.study.reference import Exact, Reference, as_exact
 from varcalc.study.routes import Knob, Route
+from varcalc.tables import known
 
 TOLERANCES = tuple(float(f"1e-{k}") for k in range(2, 15))
 """The settings of a line: one point each."""
@@ -159,7 +160,7 @@ def _measured(reference: Reference, point: Record, method: Any, tol: float, repe
     spent = 1e3 * statistics.median(spent for spent, _ in calls)
     build = spent * statistics.median(_share_of_building(found) for _, found in calls)
     record = replace(
-        point, status=solution.status.name.lower().replace("_", " "), build_ms=build, solve_ms=spent - build,
+        point, status=solution.status.words, build_ms=build, solve_ms=spent - build,
         unknowns=solution.stats.unknowns or None, iterations=solution.stats.iterations,
     )  # fmt: skip
     if not solution.status.ok:
@@ -206,7 +207,7 @@ def _warm(solution: Solution, answer: Any, repeats: int, seconds: float) -> floa
 def _delivered(reference: Reference, solution: Solution) -> dict[str, Any]:
     """The errors of an answer: those it claims and those it has."""
     exact = reference.exact
-    found: dict[str, Any] = {"claimed_error": _number(solution.error.value)}
+    found: dict[str, Any] = {"claimed_error": known(solution.error.value)}
     if exact is None:
         return found | {"size": max(1.0, abs(solution.value))}
     value_error, curve_error = solution.value - exact.value, _curve_error(reference.problem, solution, exact)
@@ -222,8 +223,4 @@ def _curve_error(problem: Problem | Curve, solution: Solution, exact: Exact) -> 
     at = first + (last - first) * (0.5 - 0.5 * np.cos(np.linspace(0, math.pi, PLACES)))
     shape = (problem.n, len(at))
     wanted = np.broadcast_to(np.asarray(exact.y(at), dtype=float), shape)
-    return _number(float(np.linalg.norm(np.asarray(solution.y(at)).reshape(shape) - wanted, axis=0).max()))
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    return known(float(np.linalg.norm(np.asarray(solution.y(at)).reshape(shape) - wanted, axis=0).max()))

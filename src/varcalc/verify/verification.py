@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from varcalc.solution import Finding, Verdict
+from varcalc.tables import labelled
 
 SHOWN = 8
 """Conjugate points printed before the rest are only counted."""
@@ -90,12 +91,8 @@ class Verification:
     evidence: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def __str__(self) -> str:
-        rows = list(self._rows())
-        width = max(len(label) for label, _ in rows)
-        lines = [f"{self.name}: {self._headline()}"]
-        lines += [f"  {label:<{width}}  {text}" for label, text in rows]
-        lines += ["", *(f"- {finding.sentence}" for finding in self.findings)]
-        return "\n".join(lines)
+        findings = (f"- {finding.sentence}" for finding in self.findings)
+        return "\n".join([f"{self.name}: {self._headline()}", *labelled(self._rows()), "", *findings])
 
     def _headline(self) -> str:
         if self.verdict is Verdict.WEAK_MINIMUM and self.maximise:
