@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from varcalc.problem.functional import Functional
 
 Values = float | np.ndarray
+WORTHLESS_ERROR = 1e-6
+"""Relative error at which an answer limited by round-off is none."""
 OUTSIDE = 1e-12
 """Distance beyond the ends of a curve, relative to its interval, that is round-off of the person's abscissa."""
 

@@ -35,13 +35,13 @@ def judged(problem):
 )
 def test_where_l_is_quadratic_in_the_slope_its_own_tells_of_all(monkeypatch, lagrangian, slopes):
     counts = []
-    original = trial.Fan.least
+    original = trial.SlopeFan.least
 
     def counted(fan):
         counts.append(fan.tried.shape[2])
         return original(fan)
 
-    monkeypatch.setattr(trial.Fan, "least", counted)
+    monkeypatch.setattr(trial.SlopeFan, "least", counted)
     judged(graph(lagrangian))
     assert counts == slopes  # the straight line's own problem needs none
 
@@ -57,7 +57,7 @@ def test_where_l_is_quadratic_in_the_slope_its_own_tells_of_all(monkeypatch, lag
 )
 def test_what_was_evaluated_along_the_curve_is_enough(monkeypatch, lagrangian, slopes):
     # no fan of slopes is built; three slopes tell of all where L is the root of a quadratic form
-    monkeypatch.setattr(trial.Fan, "of", lambda *given: pytest.fail("a fan was built"))
+    monkeypatch.setattr(trial.SlopeFan, "of", lambda *given: pytest.fail("a fan was built"))
     solution = vc.solve(graph(lagrangian))
     assert solution.status is vc.Status.SOLVED
     tried = []

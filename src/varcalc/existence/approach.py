@@ -27,12 +27,12 @@ from varcalc.symbolic.derived import Cache
 POLYGON_PIECES = (16, 32, 64, 128)
 STEEPENING = 1.7
 """Growth of the steepest slope at each halving of the mesh that is concentration (2 for a jump)."""
-POWERS = (2, 3, 4, 5, 6)
+SINGULAR_POWERS = (2, 3, 4, 5, 6)
 """Powers k of the abscissa, x - x_end ~ t^k, that give a curve an infinite slope at an end."""
 SMOOTH_DEGREE = 10
-BEYOND_ROUND_OFF = 1e-9
+VALUES_RESOLVED = 1e-9
 """Difference, relative to what is summed, below which two values are one."""
-CLEARLY = 0.5
+CLEAR_SHARE = 0.5
 """Share of the polygons' limit below which a singular curve has to come."""
 
 
@@ -128,13 +128,13 @@ def gap(problem: Functional, approach: Approach) -> Gap | None:
     """A curve with an infinite slope at an end that is clearly better than the limit of all polygons."""
     if not between_two_points(problem):
         return None
-    found = [found for at_start in (True, False) for k in POWERS if (found := _steep(problem, k, at_start))]
+    found = [found for at_start in (True, False) for k in SINGULAR_POWERS if (found := _steep(problem, k, at_start))]
     sign = problem.sign
     best = min(found, key=lambda g: sign * g.value, default=None)
     last = float(approach.values[-1])
     # the extrapolation may be off by as much as it adds; a curve between the two proves nothing
     sure = approach.limit - sign * abs(approach.limit - last)
-    if best is None or sign * (sure - best.value) <= CLEARLY * abs(sure) + BEYOND_ROUND_OFF * best.scale:
+    if best is None or sign * (sure - best.value) <= CLEAR_SHARE * abs(sure) + VALUES_RESOLVED * best.scale:
         return None
     return best
 
@@ -150,11 +150,14 @@ def outdone(solution: Solution) -> Gap | None:
         return None
     sign = problem.sign
     for at_start in (True, False):
-        for power in POWERS:
+        for power in SINGULAR_POWERS:
             found = _plain(problem, power, at_start)
             if found is None:
                 continue
-            if sign * (solution.value - found.value) > CLEARLY * abs(solution.value) + BEYOND_ROUND_OFF * found.scale:
+            if (
+                sign * (solution.value - found.value)
+                > CLEAR_SHARE * abs(solution.value) + VALUES_RESOLVED * found.scale
+            ):
                 return found
     return None
 
@@ -169,7 +172,7 @@ def _plain(problem: Problem, power: int, at_start: bool) -> Gap | None:
         finer, again = rungs.prolonged(system, z)
         coarse, fine = system.evaluate(z), finer.evaluate(again)
     change, size = abs(coarse.value - fine.value), max(abs(coarse.value), abs(fine.value))
-    settled = math.isfinite(size) and change <= CLEARLY * size
+    settled = math.isfinite(size) and change <= CLEAR_SHARE * size
     return Gap(form.sign * fine.value, fine.scale, power, at_start) if settled else None
 
 

@@ -22,12 +22,12 @@ from varcalc.solution import Finding, Verdict
 LINE_DEGREE = 12
 LEAST_CURVED = 3
 """Directions of least curvature, and modes, that are tried both ways."""
-DOUBLINGS = 40
+DISTANCE_DOUBLINGS = 40
 DOUBLINGS_FALLING = 5
 """Doublings of the distance over which the functional must keep falling."""
 NEAREST = 1e-6
 """Distance, in units of the problem's size, from which the doubling starts."""
-BEYOND_ROUND_OFF = 1e-10
+FALL_RESOLVED = 1e-10
 """Least fall relative to what is summed: less is made of round-off."""
 DEEP_FALL = 1e3
 """How far below its first size a functional has to fall."""
@@ -98,18 +98,18 @@ def _along(form: Form, system: RitzSystem, start: np.ndarray, direction: np.ndar
     size = NEAREST * max(float(np.abs(system.ordinates(start)).max()), form.span[1] - form.span[0])
     first = system.evaluate(start)
     rows = []
-    for k in range(DOUBLINGS):
+    for k in range(DISTANCE_DOUBLINGS):
         distance = size * 2.0**k
         at = system.evaluate(start + distance * direction)
         if not np.isfinite(at.value) or at.legendre * first.legendre < 0:
             break  # beyond a change of Legendre's sign L is another functional, as area is for y < 0
         rows.append((distance, at.value - first.value, at.scale))
     # the far end decides, near the start the functional may rise first; but not where round-off is all there is
-    resolved = [row for row in rows if abs(row[1]) > BEYOND_ROUND_OFF * row[2]]
+    resolved = [row for row in rows if abs(row[1]) > FALL_RESOLVED * row[2]]
     distances, falls, scales = np.array(resolved[-DOUBLINGS_FALLING:]).reshape(-1, 3).T
     real = (
         len(falls) == DOUBLINGS_FALLING
-        and bool(np.all(falls < -BEYOND_ROUND_OFF * scales))
+        and bool(np.all(falls < -FALL_RESOLVED * scales))
         and falls[-1] < -DEEP_FALL * first.scale
     )
     if not real or np.any(falls[1:] > DEEPENING * falls[:-1]):

@@ -23,7 +23,7 @@ from varcalc.symbolic.derived import derived
 
 CHORD_PLACES = 1001
 """Abscissae at which Legendre's condition is looked at; odd, so that the middle is one of them."""
-VANISHING = 1e-5
+VANISHING_SHARE = 1e-5
 """Share of its median below which L_y'y' is taken to vanish."""
 
 
@@ -83,7 +83,9 @@ def regular(problem: Functional) -> bool:
     if not (np.isfinite(growth).all() and (growth < GROWN).all() and (growth > 1 / GROWN).all()):
         return False
     sizes = sizes[:-4]
-    return bool(np.isfinite(inner).all() and np.ptp(np.sign(inner)) == 0 and sizes.min() > VANISHING * np.median(sizes))
+    return bool(
+        np.isfinite(inner).all() and np.ptp(np.sign(inner)) == 0 and sizes.min() > VANISHING_SHARE * np.median(sizes)
+    )
 
 
 @derived

@@ -19,7 +19,7 @@ from varcalc.verify.candidate import undivided
 from varcalc.verify.ritz_hessian import index_by_ritz
 from varcalc.verify.verification import Index
 
-ASIDE = 0.2
+ASIDE_OF_SADDLE = 0.2
 """Size of the displacement, in units of the curve's."""
 
 
@@ -63,7 +63,7 @@ def _beside(solution: Solution, form: Form) -> Sampled:
     evaluate = solution.extremal.evaluate
     a, b = form.span
     size = float(np.abs(evaluate(np.linspace(a, b, 33), 0)).max()) or 1.0
-    amounts = ASIDE * size / (1.0 + np.arange(form.n))[::-1, None]
+    amounts = ASIDE_OF_SADDLE * size / (1.0 + np.arange(form.n))[::-1, None]
 
     def displaced(s: np.ndarray) -> np.ndarray:
         return evaluate(s, 0) + amounts * np.sin(np.pi * (s - a) / (b - a))

@@ -18,7 +18,16 @@ from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampl
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
-from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict, no_answer, refused
+from varcalc.solution import (
+    WORTHLESS_ERROR,
+    InfeasibleError,
+    Solution,
+    Status,
+    VariationalError,
+    Verdict,
+    no_answer,
+    refused,
+)
 from varcalc.solve.warm_start import resolved
 from varcalc.verify.slopes import vouched
 
@@ -75,8 +84,6 @@ def solve(
     return solution
 
 
-WORTHLESS = 1e-6
-"""Relative error at which an answer limited by round-off is none."""
 LADDER: tuple[Ritz, ...] = (Ritz(),)
 """The route taken first: the direct method is the cheapest for most single solves, and it alone ends at a
 minimum by construction (see docs/methods.md for the figures)."""
@@ -188,7 +195,7 @@ def _compared(solution: Solution, failure: Solution | None) -> Solution:
 
 def _worth_something(solution: Solution) -> Solution:
     """The solution, refused when round-off leaves it fewer digits than an answer needs, as at conjugate ends."""
-    if solution.status is Status.ROUND_OFF and solution.error.value > WORTHLESS * max(1.0, abs(solution.value)):
+    if solution.status is Status.ROUND_OFF and solution.error.value > WORTHLESS_ERROR * max(1.0, abs(solution.value)):
         message = f"round-off leaves an error of {solution.error.value:.2g}: the ends are conjugate, or nearly so"
         return replace(solution, status=Status.NOT_CONVERGED, message=message)
     return solution

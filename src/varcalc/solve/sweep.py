@@ -28,7 +28,7 @@ from varcalc.solve.ladder import solve
 from varcalc.solve.warm_start import Neighbours
 from varcalc.tables import shown, table
 
-CHUNK = 16
+POINTS_PER_TASK = 16
 """Points that a core solves in a row before it reports: each begins from the last, and few are lost with it."""
 LONG_CHUNK = 4096
 """The same where each core makes one problem and moves its parameters: what is built for it serves many points."""
@@ -178,7 +178,7 @@ def _solved(
         yield from zip(places, chain.from_iterable(_in_a_row(problem, points, method, tol)), strict=True)
         return
     # each core has something to do, also where there are few points
-    size = min(LONG_CHUNK, -(-len(places) // cores)) if _made_once(problem) else CHUNK
+    size = min(LONG_CHUNK, -(-len(places) // cores)) if _made_once(problem) else POINTS_PER_TASK
     pieces = [slice(i, i + size) for i in range(0, len(places), size)]
     # a forked process would inherit the locks of threads that are not there
     with ProcessPoolExecutor(cores, multiprocessing.get_context("spawn")) as pool:

@@ -18,9 +18,9 @@ import numpy as np
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 
-NAME = "naive midpoint rule"
+NAIVE_NAME = "naive midpoint rule"
 PIECES = (4, 8, 16, 32, 64, 128, 256)
-MOST_ITERATIONS = 300
+NAIVE_ITERATIONS = 300
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class MidpointRule:
         sampled = _integrand(problem).map(pieces)(
             middles[None, :], (y[:, :-1] + y[:, 1:]) / 2, (y[:, 1:] - y[:, :-1]) / h, problem.parameter_values
         )
-        options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.max_iter": MOST_ITERATIONS}
+        options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.max_iter": NAIVE_ITERATIONS}
         nlp = {"x": ca.vec(inner), "f": self.sign * h * ca.sum2(sampled)}
         self.solver = ca.nlpsol("naive", "ipopt", nlp, options)
         self.build = time.process_time() - began

@@ -26,7 +26,7 @@ FORMAT = 1
 """Number of the layout of a stored file."""
 ANSWERED = tuple(s.words for s in Status if s.ok)
 """The statuses of answers that stand, as records hold them."""
-FEWEST = 3
+FEWEST_POINTS = 3
 """Points through which a slope is drawn, at the least."""
 STEADY = 0.2
 """Relative difference of two slopes of a curve up to which it is a straight line."""
@@ -158,13 +158,13 @@ def measured_order(records: Iterable[Record]) -> float | None:
         for r in sorted(records, key=lambda r: r.setting)
         if r.ok and r.knob == Knob.ELEMENT and r.value_error is not None and abs(r.value_error) > EXACT_FLOOR * r.size
     ]
-    if len(resolved) < FEWEST:
+    if len(resolved) < FEWEST_POINTS:
         return None
     h, error = np.array(resolved).T
     slopes = np.diff(error) / np.diff(h)
     steady = np.abs(slopes - slopes[0]) <= STEADY * abs(slopes[0])
     count = len(h) if steady.all() else 1 + int(np.argmin(steady))
-    return float(np.polyfit(h[:count], error[:count], 1)[0]) if count >= FEWEST else None
+    return float(np.polyfit(h[:count], error[:count], 1)[0]) if count >= FEWEST_POINTS else None
 
 
 def about() -> dict[str, str]:

@@ -23,7 +23,7 @@ from varcalc.problem.functional import UNNAMED
 from varcalc.problem.problem import Curve, Problem
 from varcalc.study.user_file import BROKEN, SUFFIX, ProblemFileError, failed, first_line, run_file
 
-CATALOGUE = "varcalc.problems"
+PROBLEMS_PACKAGE = "varcalc.problems"
 """The package the reference problems are installed as."""
 
 LOOKED_AT = 3
@@ -104,11 +104,11 @@ def catalogue() -> dict[str, str]:
 
     The files are read, not run: no problem is built.
     """
-    package = importlib.import_module(CATALOGUE)
+    package = importlib.import_module(PROBLEMS_PACKAGE)
     found = {}
     for module in pkgutil.iter_modules(package.__path__):
         if not module.ispkg and not module.name.startswith("_"):
-            found[module.name] = first_line(f"{CATALOGUE}.{module.name}")
+            found[module.name] = first_line(f"{PROBLEMS_PACKAGE}.{module.name}")
     return found
 
 
@@ -131,7 +131,7 @@ def load(path_or_name: str | Path) -> tuple[Reference, ...]:
             f"{text!r} is no problem of the catalogue, which holds {', '.join(known) or 'none'}; "
             f"a file of your own is given by its path, ending in {SUFFIX}"
         )
-    module = importlib.import_module(f"{CATALOGUE}.{name}")
+    module = importlib.import_module(f"{PROBLEMS_PACKAGE}.{name}")
     return _select(_references(module, name, module.__file__ or name), f"{name}/{case}" if case else "", name)
 
 

@@ -14,15 +14,15 @@ from types import ModuleType
 from varcalc.optics.results.study import Study
 from varcalc.study.user_file import SUFFIX, ProblemFileError, first_line, run_file
 
-CATALOGUE = "varcalc.problems.optics"
+SCENES_PACKAGE = "varcalc.problems.optics"
 """The package the scenes are installed as."""
 
 
 def scene_catalogue() -> dict[str, str]:
     """The names of the scenes with the first line of each file's docstring; the files are read, not run."""
-    package = importlib.import_module(CATALOGUE)
+    package = importlib.import_module(SCENES_PACKAGE)
     return {
-        module.name: first_line(f"{CATALOGUE}.{module.name}")
+        module.name: first_line(f"{SCENES_PACKAGE}.{module.name}")
         for module in pkgutil.iter_modules(package.__path__)
         if not module.name.startswith("_")
     }
@@ -42,7 +42,7 @@ def load_study(path_or_name: str | Path) -> Study:
             f"{text!r} is no scene of the catalogue, which holds {', '.join(known) or 'none'}; "
             f"a file of your own is given by its path, ending in {SUFFIX}"
         )
-    return _study(importlib.import_module(f"{CATALOGUE}.{text}"), text)
+    return _study(importlib.import_module(f"{SCENES_PACKAGE}.{text}"), text)
 
 
 def _study(module: ModuleType, where: str) -> Study:

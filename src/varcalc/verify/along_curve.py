@@ -30,9 +30,9 @@ from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import Cache
 from varcalc.symbolic.tracing import Expression
 
-TOUCH = 1e-7
+TOUCHED_AT = 1e-7
 """Relative distance from a bound within which it is touched."""
-NEAR = 1e-3
+NEARLY_TOUCHED = 1e-3
 """The same where what matters is that the bound may be touched: between the nodes at which it is imposed."""
 
 
@@ -223,7 +223,7 @@ def touches(extremal: Extremal) -> bool:
     function = ca.Function("h", form.symbols.all, [ca.vertcat(*(c.expression for c in bounds))])
     values = np.asarray(function(*sample(extremal, s)))
     limits = np.array([[c.lower, c.upper] for c in bounds])
-    room = TOUCH * np.maximum(1.0, np.abs(values))
+    room = TOUCHED_AT * np.maximum(1.0, np.abs(values))
     return bool(((values <= limits[:, :1] + room) | (values >= limits[:, 1:] - room)).any())
 
 
@@ -233,7 +233,7 @@ def touched(along: AlongCurve, s: np.ndarray) -> np.ndarray:
     if not along.paths or not limits:
         return np.zeros(len(s), dtype=bool)
     values = along.function(ca.vertcat(*(along.paths[k] for k, _ in limits)))(s)[0][:, :, 0]
-    room = NEAR * np.maximum(1.0, np.abs(values))
+    room = NEARLY_TOUCHED * np.maximum(1.0, np.abs(values))
     low, high = np.array([c.lower for _, c in limits]), np.array([c.upper for _, c in limits])
     return np.any((values <= low + room) | (values >= high - room), axis=1)
 
@@ -248,7 +248,7 @@ def without_inequalities(extremal: Extremal) -> Extremal:
     for condition, multiplier in zip(form.integrals, extremal.lambdas, strict=True):
         if condition.equality:
             kept.append(condition)
-        elif abs(multiplier) > TOUCH:
+        elif abs(multiplier) > TOUCHED_AT:
             # with L + lambda g a positive multiplier pushes the integral down: it is at its upper level
             level = condition.upper if multiplier > 0 else condition.lower
             kept.append(replace(condition, lower=level, upper=level))

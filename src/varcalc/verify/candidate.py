@@ -31,22 +31,22 @@ if TYPE_CHECKING:
     from varcalc.verify.check import Check
 
 T = TypeVar("T")
-NEARBY = 1e-3
+POLISH_REACH = 1e-3
 """Relative distance a curve may move while it is polished, when its own error claims less."""
-DISTINCT = 1e-9
+DISTINCT_NODES = 1e-9
 """Relative distance of two nodes that are one but for round-off."""
-MARKS = 65
+COMPARED_POINTS = 65
 """Points at which two curves are compared."""
-FIRST_DEGREE = 16
+FIRST_POLISHED_DEGREE = 16
 """Degree at which a curve is polished first."""
-HIGHEST_DEGREE = 40
-POLISHED = 1e-14
+HIGHEST_POLISHED_DEGREE = 40
+POLISHED_ERROR = 1e-14
 """Relative error of a polished curve."""
 POLISHING_ROUNDS = 8
-MOST_UNKNOWNS = 4000
+MOST_POLISHED_UNKNOWNS = 4000
 MOST_VERTICES = 65
 """Vertices of a given curve's mesh beyond which it is not taken over."""
-NEGLIGIBLE = 1e-12
+NEGLIGIBLE_VARIATION = 1e-12
 """Variation of a function, in units of its size, that is round-off."""
 
 
@@ -183,7 +183,7 @@ def _ordinates(solution: Solution) -> Sampled:
 def distinct(nodes: np.ndarray) -> np.ndarray:
     """Ascending nodes without those that all but coincide with a neighbour."""
     nodes = np.unique(nodes)
-    kept = np.concatenate([[True], np.diff(nodes) > DISTINCT * (nodes[-1] - nodes[0])])
+    kept = np.concatenate([[True], np.diff(nodes) > DISTINCT_NODES * (nodes[-1] - nodes[0])])
     kept[-1] = True
     return nodes[kept]
 
@@ -194,7 +194,7 @@ def polished(start: Extremal) -> Extremal | str:
     reason = _inapplicable(form)
     if reason:
         return reason
-    degree = max(FIRST_DEGREE, form.least_degree)
+    degree = max(FIRST_POLISHED_DEGREE, form.least_degree)
 
     def ordinates(s: np.ndarray) -> np.ndarray:
         return start.evaluate(s, 0)
@@ -203,10 +203,10 @@ def polished(start: Extremal) -> Extremal | str:
     given = start.vertices
     if len(given) > MOST_VERTICES:  # a method of low order needs many where this one needs few
         given = np.array([form.span[0], *form.knots, form.span[1]])
-    vertices = resolving_vertices(ordinates, given, degree, NEGLIGIBLE * sizes)
+    vertices = resolving_vertices(ordinates, given, degree, NEGLIGIBLE_VARIATION * sizes)
     scales = Sizes(sizes, np.abs(form.unknown_guess))
     system = CollocationSystem(form, collocation_space(form, vertices, degree))
-    if system.size > MOST_UNKNOWNS:
+    if system.size > MOST_POLISHED_UNKNOWNS:
         return f"{system.size} unknowns would be needed to polish it"
     z = system.pack(system.fitted(ordinates, start.unknowns))
     residual = system.evaluate(z)
@@ -226,12 +226,12 @@ def _refined(refinement: Refinement, level: Root) -> Assessment | None:
     """Climb the degree, then bisect, until the curve is at round-off or stops getting better."""
     size = float(refinement.scales.functions.max(initial=0.0)) or 1.0
     best: Assessment | None = None
-    for _, assessment in refinement.levels(level, _climbs, POLISHING_ROUNDS, MOST_UNKNOWNS):
+    for _, assessment in refinement.levels(level, _climbs, POLISHING_ROUNDS, MOST_POLISHED_UNKNOWNS):
         # the assessment's own curve is corrected once more, so better than the step that led to it
         if best is not None and assessment.curve_error > 0.5 * best.curve_error:
             break
         best = assessment
-        if best.curve_error <= POLISHED * size:
+        if best.curve_error <= POLISHED_ERROR * size:
             break
     return best
 
@@ -246,16 +246,18 @@ def _inapplicable(form: Form) -> str:
 
 def _climbs(_: Root, assessment: Assessment) -> bool:
     """Whether the degree is raised once more."""
-    return assessment.system.space.degree <= HIGHEST_DEGREE and assessment.system.size <= MOST_UNKNOWNS
+    return (
+        assessment.system.space.degree <= HIGHEST_POLISHED_DEGREE and assessment.system.size <= MOST_POLISHED_UNKNOWNS
+    )
 
 
 def _staying(solution: Solution, best: Extremal) -> Extremal | str:
     """The polished curve, unless it has left the solution's; held against each other in the user's coordinates."""
     assert solution.curve is not None
-    x = np.linspace(float(solution.x.min()), float(solution.x.max()), MARKS)
+    x = np.linspace(float(solution.x.min()), float(solution.x.max()), COMPARED_POINTS)
     given, found = solution.curve(x, 0), person_curve(best)(x, 0)
     moved = float(np.abs(found - given).max())
-    if moved <= max(NEARBY * float(np.abs(given).max()), 10.0 * solution.error.curve):
+    if moved <= max(POLISH_REACH * float(np.abs(given).max()), 10.0 * solution.error.curve):
         return best
     return f"Newton's iteration for the Euler-Lagrange equation moves it by {moved:.2g}"
 

@@ -1,7 +1,7 @@
 """What a check is.
 
 Those of this package are listed in ``verify/verdict.py``; a package of one's own
-adds to them by an entry point of the group :data:`GROUP` that names a
+adds to them by an entry point of the group :data:`CHECKS_GROUP` that names a
 :class:`Check`; docs/extending.md walks through one.
 """
 
@@ -15,7 +15,7 @@ from varcalc.solution import Finding
 from varcalc.verify.candidate import Candidate
 
 T = TypeVar("T")
-GROUP = "varcalc.checks"
+CHECKS_GROUP = "varcalc.checks"
 """The group of entry points under which other packages offer a :class:`Check`."""
 
 

@@ -20,13 +20,10 @@ from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.candidate import Candidate
 from varcalc.verify.check import Check
 from varcalc.verify.residual import FAINT, felt
+from varcalc.verify.slopes import BESIDE_VERTEX, CORNER_JUMP
 
 UNBROKEN = 1e-4
 """Relative jump of momentum or energy across a corner that is the error of the curve."""
-JUMP = 1e-3
-"""Relative jump of the slope that is a corner, not the error of the curve."""
-BESIDE = 1e-9
-"""Relative distance from a vertex at which its two sides are looked at."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,7 @@ def corners(along: AlongCurve) -> list[Corner]:
     if along.order != 1 or len(along.vertices) < 3 or changed:
         return []
     inner = along.vertices[1:-1]
-    step = BESIDE * along.length
+    step = BESIDE_VERTEX * along.length
     v = along.symbols.dy
     H, momentum = along.whole.expression, along.whole.partial(1)
     uncancelled = FAINT * felt(along)
@@ -92,7 +89,7 @@ def corners(along: AlongCurve) -> list[Corner]:
     found = []
     for k, at in enumerate(map(float, inner)):
         before, after = slopes[0][:, k], slopes[1][:, k]
-        if not (np.abs(after - before) > JUMP * np.maximum(1.0, np.abs(before) + np.abs(after))).any():
+        if not (np.abs(after - before) > CORNER_JUMP * np.maximum(1.0, np.abs(before) + np.abs(after))).any():
             continue
         size = max(float(np.abs([side[term][k] for side in (left, right) for term in (0, 3)]).max()), 1e-300)
         energy = abs(float((right[1] - left[1])[k].item())) / max(float((left[2] + right[2])[k].item()), 1e-300)

@@ -26,7 +26,7 @@ from varcalc.verify.jacobi import Canonical, CarriedPlane, Unresolved, balanced,
 from varcalc.verify.legendre import LegendreCondition
 from varcalc.verify.verification import NULL, Index, signs
 
-SINGULAR = 1e-9
+SINGULAR_FIELDS = 1e-9
 """Reciprocal condition of the Jacobi fields at an end below which they are no coordinates there."""
 
 
@@ -153,7 +153,7 @@ def _end_form(forward: CarriedPlane, end: EndPlane, accessory: Accessory) -> tup
     if allowed is not None:
         halves = [allowed[0].T @ half for half in halves]
     X, pi, X_end, pi_end = halves
-    if np.linalg.cond(X) > 1.0 / SINGULAR:
+    if np.linalg.cond(X) > 1.0 / SINGULAR_FIELDS:
         raise NotSeparate("the end is focal to the start, and free")
     form = X_end.T @ (pi @ np.linalg.solve(X, X_end) - pi_end)
     form = 0.5 * (form + form.T)

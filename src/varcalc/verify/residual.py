@@ -22,13 +22,13 @@ from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.candidate import Candidate
 from varcalc.verify.check import Check
 
-STATIONARY = 1e-3
+STATIONARY_RESIDUAL = 1e-3
 """Residual of the Euler-Lagrange equation beyond which a curve that cannot be polished is no extremal."""
 RESIDUAL_RULE = 24
 """Gauss points an element."""
 FAINT = 1e-8
 """Momentum in units of H / slope, the slope that of the curve's chords, below which it is as good as zero."""
-EDGE = 0.1
+SINGULAR_SHARE = 0.1
 """Part of the interval beside each singular end that is left out in coordinates that are singular there."""
 
 
@@ -45,7 +45,7 @@ class EulerLagrange(Check[float]):
 
     def stationary(self, candidate: Candidate) -> bool:
         """Whether the curve may be an extremal."""
-        return candidate.measured(self) <= STATIONARY or not candidate.reason or candidate.touched
+        return candidate.measured(self) <= STATIONARY_RESIDUAL or not candidate.reason or candidate.touched
 
     def findings(self, candidate: Candidate) -> Iterator[Finding]:
         """Whether the curve is stationary, and which curve the other checks look at."""
@@ -112,7 +112,7 @@ def felt(along: AlongCurve) -> Expression:
 def _inside(along: AlongCurve) -> AlongCurve:
     """The same functional away from the ends of its interval."""
     a, b = along.span
-    low, high = a + EDGE * (b - a), b - EDGE * (b - a)
+    low, high = a + SINGULAR_SHARE * (b - a), b - SINGULAR_SHARE * (b - a)
     inner = along.vertices[(along.vertices > low) & (along.vertices < high)]
     return replace(along, span=(low, high), vertices=np.concatenate([[low], inner, [high]]))
 

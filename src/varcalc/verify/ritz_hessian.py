@@ -19,7 +19,7 @@ from varcalc.methods.answer import Extremal, sample
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.mesh import Space, basis, lobatto
 from varcalc.solution import Finding
-from varcalc.verify.along_curve import TOUCH
+from varcalc.verify.along_curve import TOUCHED_AT
 from varcalc.verify.candidate import Candidate
 from varcalc.verify.check import Check
 from varcalc.verify.legendre import LegendreCondition
@@ -29,9 +29,9 @@ APART = 1e3
 """Factor by which the other eigenvalues must exceed those that are zero."""
 MODES = 240
 """Coefficients of the Ritz space on which the Hessian's signs are counted."""
-DEGREES = {1: (8, 40), 2: (9, 28)}
+SPACE_DEGREES = {1: (8, 40), 2: (9, 28)}
 """Lowest and highest degree of that space, by the order of the functional."""
-FLAT = 1e-6
+LEAST_WEIGHT = 1e-6
 """Least relative weight of a direction of the slope in the metric."""
 
 
@@ -99,7 +99,7 @@ def _metric(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> np.n
     top = slice(system.order * n, D * n)
     sizes, axes = np.linalg.eigh(hessian[:, top, top])
     weight = np.abs(sizes).max(1)
-    sizes = np.maximum(np.abs(sizes), FLAT * weight[:, None])
+    sizes = np.maximum(np.abs(sizes), LEAST_WEIGHT * weight[:, None])
     length = system.space.vertices[-1] - system.space.vertices[0]
     block = system.metric_blocks(at)
     block[:, top, top] = (axes * sizes[:, None]) @ axes.transpose(0, 2, 1)
@@ -112,7 +112,7 @@ def _metric(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> np.n
 def ritz_space(extremal: Extremal) -> Space:
     """A space on the extremal's own mesh of some MODES coefficients."""
     form = extremal.form
-    lowest, highest = DEGREES[form.order]
+    lowest, highest = SPACE_DEGREES[form.order]
     vertices = extremal.vertices
     degree = int(np.clip(MODES // (form.n * (len(vertices) - 1)), max(lowest, form.least_degree), highest))
     return Space(vertices, degree, form.n, form.order, form.periodic)
@@ -174,7 +174,7 @@ def _active(extremal: Extremal, form: Form, s: np.ndarray) -> np.ndarray:
     function = ca.Function("phi", form.symbols.all, [ca.vertcat(*(c.expression for c in form.pathwise))])
     values = np.asarray(function(*sample(extremal, s))).T
     limits = np.array([[c.lower, c.upper] for c in form.pathwise])
-    room = 10 * TOUCH * np.maximum(1.0, np.abs(values))
+    room = 10 * TOUCHED_AT * np.maximum(1.0, np.abs(values))
     equality = np.array([c.equality for c in form.pathwise])
     return equality | (values <= limits[:, 0] + room) | (values >= limits[:, 1] - room)
 

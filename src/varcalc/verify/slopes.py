@@ -21,18 +21,20 @@ from varcalc.symbolic.columns import FewOrMany
 from varcalc.symbolic.derived import derived
 from varcalc.verify.verification import excesses
 
-TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 9), [0.0], np.geomspace(1e-2, 1e2, 9)])
+SLOPE_TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 9), [0.0], np.geomspace(1e-2, 1e2, 9)])
 """Slopes tried, in units of the larger of 1 and the extremal's own."""
 TELLING_TURNS = np.array([-20.0, 0.3, 4.0])
 """The same, by which it is seen that the square of a Lagrangian is quadratic in the slope."""
 ROUND_OFF_EXCESS = 1e-9
 """Relative excess below zero that is round-off or the curve's own error."""
-PLACES = 9
+TRIED_PLACES = 9
 """Points of a graph at which slopes are tried."""
-TOUCH = 1e-6
+SLOPE_HELD = 1e-6
 """Relative distance from a bound within which it is touched."""
-JUMP = 1e-3
+CORNER_JUMP = 1e-3
 """Relative jump of the slope that is a corner, not the error of the curve."""
+BESIDE_VERTEX = 1e-9
+"""Relative distance from a vertex at which its two sides are looked at."""
 
 
 def vouched(solution: Solution, form: Form) -> Solution:
@@ -52,7 +54,7 @@ def objection(solution: Solution, form: Form) -> Finding | None:
     if not tested or form.energetic or solution.curve is None or _seen(solution):
         return None
     x = places(solution)
-    fan = Fan.of(solution, x)
+    fan = SlopeFan.of(solution, x)
     bent = fan.legendre_fails()
     if bent is not None:
         place, curvature = bent
@@ -118,7 +120,7 @@ def _unbeaten(
             ~_roots_of_quadratics(own[rest], slope[a, rest], curvature[a, rest], *tried(a, TELLING_TURNS, rest))
         ]
         if len(rest):
-            other, step = tried(a, TURNS[TURNS != 0], rest)
+            other, step = tried(a, SLOPE_TURNS[SLOPE_TURNS != 0], rest)
             relative = excesses(own[rest, None], slope[a, rest, None] * step, other)[1]
             good[rest] = relative.min(1) >= -ROUND_OFF_EXCESS
     return good
@@ -155,7 +157,7 @@ def _seen(solution: Solution) -> bool:
 def places(solution: Solution) -> np.ndarray:
     """Abscissae at which slopes are tried."""
     low, high = (float(v) for v in (solution.x.min(), solution.x.max()))
-    return low + (high - low) * (np.arange(PLACES) + 0.5) / PLACES
+    return low + (high - low) * (np.arange(TRIED_PLACES) + 0.5) / TRIED_PLACES
 
 
 @dataclass(frozen=True)
@@ -169,13 +171,13 @@ class Worst:
     excess: float
 
 
-class Fan:
+class SlopeFan:
     """Slopes tried at points of an extremal, one component at a time; arrays have shape (n, places, slopes).
 
     ``turns`` are the steps from the curve's own slope, the middle one of them 0.
     """
 
-    def __init__(self, solution: Solution, x: np.ndarray, turns: np.ndarray = TURNS) -> None:
+    def __init__(self, solution: Solution, x: np.ndarray, turns: np.ndarray = SLOPE_TURNS) -> None:
         assert solution.curve is not None
         self.solution, self.x = solution, x
         self.y, self.v = solution.curve(x, 0), solution.curve(x, 1)
@@ -183,7 +185,7 @@ class Fan:
         self.values, self.slopes, self.curvature, self.allowed = self._evaluate()
 
     @classmethod
-    def of(cls, solution: Solution, x: np.ndarray) -> Fan:
+    def of(cls, solution: Solution, x: np.ndarray) -> SlopeFan:
         """The fan, of the curve's own slopes alone where these tell of all others: where L is quadratic in the slope.
 
         The excess of a step there is half its square times the curvature.
@@ -219,7 +221,7 @@ class Fan:
         for bound, row in zip(bounds, rows[len(weights) :, 0], strict=True):
             low, high = bound.interval
             own = row[:, :, [count // 2]]
-            room = TOUCH * np.maximum(1.0, np.abs(own))
+            room = SLOPE_HELD * np.maximum(1.0, np.abs(own))
             allowed &= (row >= low) & (row <= high) & (own > low + room) & (own < high - room)
         return total[0], total[1], total[2], allowed
 
@@ -303,7 +305,7 @@ def _corners(solution: Solution) -> np.ndarray:
     inner = np.array([x for x in solution.x[1:-1] if x not in own])
     if not len(inner):
         return inner
-    step = 1e-9 * (solution.x[-1] - solution.x[0])
+    step = BESIDE_VERTEX * (solution.x[-1] - solution.x[0])
     left, right = (solution.curve(inner + side * step, 1) for side in (-1, 1))
-    jumps = (np.abs(right - left) > JUMP * np.maximum(1.0, np.abs(left) + np.abs(right))).any(0)
+    jumps = (np.abs(right - left) > CORNER_JUMP * np.maximum(1.0, np.abs(left) + np.abs(right))).any(0)
     return inner[jumps]

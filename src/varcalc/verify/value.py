@@ -17,7 +17,7 @@ from varcalc.verify.check import Check
 
 FINE_RULE = 64
 """Gauss points an element: a finer rule than any method's."""
-MISSED = 1e-6
+LEVEL_MISSED = 1e-6
 """Relative distance from a prescribed integral's level that is worth a word."""
 
 
@@ -54,7 +54,7 @@ class Value(Check[ValueBound]):
         sentence = f"the functional is {measured.value:.15g} on this curve, {side} bound of the {kind}"
         yield Finding(None, sentence, {"bound": measured.value})
         for number, miss in measured.misses.items():
-            if miss > MISSED and isinstance(problem.constraints[number], Isoperimetric):
+            if miss > LEVEL_MISSED and isinstance(problem.constraints[number], Isoperimetric):
                 sentence = f"constraints[{number}] is missed by {miss:.2g} of its level, so the bound is none"
                 yield Finding(None, sentence, {"miss": miss})
 

@@ -12,7 +12,7 @@ from varcalc.extensions import offered
 from varcalc.problem.problem import Curve
 from varcalc.solution import Finding, Solution, Verdict
 from varcalc.verify.candidate import candidate
-from varcalc.verify.check import GROUP, Check
+from varcalc.verify.check import CHECKS_GROUP, Check
 from varcalc.verify.corners import Corners
 from varcalc.verify.invariants import FirstIntegrals
 from varcalc.verify.legendre import LegendreCondition
@@ -63,7 +63,7 @@ def verified(solution: Solution) -> Verification:
 @lru_cache(maxsize=1)
 def _offered(_path: tuple[str, ...]) -> tuple[Check[Any], ...]:
     """The checks of other packages, kept for a search path: to look for them takes as long as a solve."""
-    return offered(GROUP, Check)
+    return offered(CHECKS_GROUP, Check)
 
 
 def _extreme(solution: Solution) -> tuple[Verdict, str]:
