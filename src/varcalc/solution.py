@@ -13,7 +13,6 @@ import numpy as np
 if TYPE_CHECKING:
     from varcalc.problem.functional import Functional
 
-Values = float | np.ndarray
 WORTHLESS_ERROR = 1e-6
 """Relative error at which an answer limited by round-off is none."""
 OUTSIDE = 1e-12

@@ -128,7 +128,12 @@ def gap(problem: Functional, approach: Approach) -> Gap | None:
     """A curve with an infinite slope at an end that is clearly better than the limit of all polygons."""
     if not between_two_points(problem):
         return None
-    found = [found for at_start in (True, False) for k in SINGULAR_POWERS if (found := _steep(problem, k, at_start))]
+    found = [
+        found
+        for at_start in (True, False)
+        for k in SINGULAR_POWERS
+        if (found := _steep(problem, k, at_start, least=True))
+    ]
     sign = problem.sign
     best = min(found, key=lambda g: sign * g.value, default=None)
     last = float(approach.values[-1])
@@ -151,7 +156,7 @@ def outdone(solution: Solution) -> Gap | None:
     sign = problem.sign
     for at_start in (True, False):
         for power in SINGULAR_POWERS:
-            found = _plain(problem, power, at_start)
+            found = _steep(problem, power, at_start, least=False)
             if found is None:
                 continue
             if (
@@ -162,31 +167,29 @@ def outdone(solution: Solution) -> Gap | None:
     return None
 
 
-def _plain(problem: Problem, power: int, at_start: bool) -> Gap | None:
-    """The value of y linear in s where x - x_end ~ s^power, when a finer rule confirms it."""
+def _steep(problem: Problem, power: int, at_start: bool, *, least: bool) -> Gap | None:
+    """A value over curves smooth in s where x - x_end ~ s^power: the ``least``, or that of y linear in s.
+
+    The latter counts when a finer rule confirms it.
+    """
     form = _stretched(problem, power, at_start)
     rungs = Rungs(form, Newton(), 1)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        system = rungs.system(rungs.first_space(1, SMOOTH_DEGREE))
-        z = system.pack(system.space.fit(form.baseline), form.unknown_guess)
+        space = rungs.first_space(1, SMOOTH_DEGREE)
+        if least:
+            rung = rungs.start(space, None)
+            if isinstance(rung, str):
+                return None
+            system, z = rung.system, rung.z
+        else:
+            system = rungs.system(space)
+            z = system.pack(system.space.fit(form.baseline), form.unknown_guess)
         finer, again = rungs.prolonged(system, z)
-        coarse, fine = system.evaluate(z), finer.evaluate(again)
-    change, size = abs(coarse.value - fine.value), max(abs(coarse.value), abs(fine.value))
-    settled = math.isfinite(size) and change <= CLEAR_SHARE * size
-    return Gap(form.sign * fine.value, fine.scale, power, at_start) if settled else None
-
-
-def _steep(problem: Problem, power: int, at_start: bool) -> Gap | None:
-    """The least value over curves smooth in s where x - x_end ~ s^power, from the straight line in s."""
-    form = _stretched(problem, power, at_start)
-    rungs = Rungs(form, Newton(), 1)
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        rung = rungs.start(rungs.first_space(1, SMOOTH_DEGREE), None)
-        if isinstance(rung, str):
-            return None
-        finer, z = rungs.prolonged(rung.system, rung.z)
-        at = finer.evaluate(z)
-    return Gap(form.sign * at.value, at.scale, power, at_start) if math.isfinite(at.value) else None
+        at = finer.evaluate(again)
+        coarse = at.value if least else system.evaluate(z).value
+    size = max(abs(coarse), abs(at.value))
+    settled = math.isfinite(size) and abs(coarse - at.value) <= CLEAR_SHARE * size
+    return Gap(form.sign * at.value, at.scale, power, at_start) if settled else None
 
 
 def _stretched(problem: Problem, power: int, at_start: bool) -> Form:

@@ -12,7 +12,7 @@ curve has found is as good as fixed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -131,9 +131,9 @@ class AlongCurve:
         """Nodes and weights of the composite Gauss rule on the vertices, each flat."""
         return composite_gauss(self.vertices, count)
 
-    def panels(self) -> list[tuple[float, float]]:
-        """The elements of the mesh."""
-        return list(pairwise(map(float, self.vertices)))
+    def parts(self) -> list[tuple[float, float]]:
+        """The intervals between the ends and the waypoints."""
+        return list(pairwise([self.span[0], *(at for at, _ in self.form.waypoints), self.span[1]]))
 
 
 def along_curve(extremal: Extremal) -> AlongCurve:
@@ -213,18 +213,21 @@ def inner_points(points: AlongCurve, count: int) -> np.ndarray:
     return (points.vertices[:-1, None] + half * (1 + nodes)).ravel()
 
 
+def at_limit(values: np.ndarray, conditions: Sequence[SideCondition], near: float) -> np.ndarray:
+    """Whether ``values`` (m, k) are within ``near``, relative, of what the k ``conditions`` hold them between."""
+    room = near * np.maximum(1.0, np.abs(values))
+    lower, upper = (np.array([getattr(c, side) for c in conditions]) for side in ("lower", "upper"))
+    return (values <= lower + room) | (values >= upper - room)
+
+
 def touches(extremal: Extremal) -> bool:
     """Whether a Bound is active somewhere along the curve."""
-    form = extremal.form
-    bounds = [c for c in form.pathwise if not c.equality]
+    bounds = [c for c in extremal.form.pathwise if not c.equality]
     if not bounds:
         return False
     s = composite_gauss(extremal.vertices, 16)[0]
-    function = ca.Function("h", form.symbols.all, [ca.vertcat(*(c.expression for c in bounds))])
-    values = np.asarray(function(*sample(extremal, s)))
-    limits = np.array([[c.lower, c.upper] for c in bounds])
-    room = TOUCHED_AT * np.maximum(1.0, np.abs(values))
-    return bool(((values <= limits[:, :1] + room) | (values >= limits[:, 1:] - room)).any())
+    function = ca.Function("h", extremal.form.symbols.all, [ca.vertcat(*(c.expression for c in bounds))])
+    return bool(at_limit(np.asarray(function(*sample(extremal, s))).T, bounds, TOUCHED_AT).any())
 
 
 def touched(along: AlongCurve, s: np.ndarray) -> np.ndarray:
@@ -233,9 +236,7 @@ def touched(along: AlongCurve, s: np.ndarray) -> np.ndarray:
     if not along.paths or not limits:
         return np.zeros(len(s), dtype=bool)
     values = along.function(ca.vertcat(*(along.paths[k] for k, _ in limits)))(s)[0][:, :, 0]
-    room = NEARLY_TOUCHED * np.maximum(1.0, np.abs(values))
-    low, high = np.array([c.lower for _, c in limits]), np.array([c.upper for _, c in limits])
-    return np.any((values <= low + room) | (values >= high - room), axis=1)
+    return np.any(at_limit(values, [c for _, c in limits], NEARLY_TOUCHED), axis=1)
 
 
 def without_inequalities(extremal: Extremal) -> Extremal:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -97,12 +96,11 @@ def _tower_function(along: AlongCurve) -> Callable[..., list[np.ndarray]]:
 
 def _drift(along: AlongCurve, s: np.ndarray, values: np.ndarray, sizes: np.ndarray) -> float:
     """The largest departure from the median between waypoints, relative to the terms there or to their mean."""
-    marks = [along.span[0], *(at for at, _ in along.form.waypoints), along.span[1]]
     good = np.isfinite(values) & np.isfinite(sizes)
     measure = np.maximum(sizes, sizes[good].mean() if good.any() else 0.0)
     good &= measure > 0
     worst = 0.0
-    for left, right in pairwise(marks):
+    for left, right in along.parts():
         here = good & (s >= left) & (s <= right)
         if here.any():
             worst = max(worst, float((np.abs(values - np.median(values[here]))[here] / measure[here]).max()))

@@ -9,7 +9,6 @@ sect. 15; Bliss, "Lectures on the Calculus of Variations", sect. 29-34).
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -94,9 +93,8 @@ def _pieces(along: AlongCurve) -> JacobiIndex:
     start, end = end_planes(accessory)
     if not end.fixed:
         return _closed("there are waypoints, and the end is not fixed")
-    marks = [along.span[0], *(at for at, _ in form.waypoints), along.span[1]]
     points, nullity = [], 0
-    for k, span in enumerate(itertools.pairwise(marks)):
+    for k, span in enumerate(along.parts()):
         system = canonical(accessory, span=span)
         carried = _carried(system, balanced(accessory, start.plane if k == 0 else _vertical(accessory)))
         points.append(carried.points)

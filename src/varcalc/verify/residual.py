@@ -8,7 +8,6 @@ at second order L_y'' - integral of (L_y' - integral of L_y) is a linear functio
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -85,9 +84,8 @@ def residual(along: AlongCurve, singular: bool = False) -> float:
         integral = _running(total, along.vertices)
         size = size + np.abs(integral).max(0) + np.abs(term).max(0)
         total = term - integral
-    marks = [along.span[0], *(at for at, _ in along.form.waypoints), along.span[1]]
     worst = 0.0
-    for left, right in itertools.pairwise(marks):
+    for left, right in along.parts():
         inside = (nodes > left) & (nodes < right)
         powers = (nodes[inside, None] - left) ** np.arange(along.order) / along.length ** np.arange(along.order)
         root = np.sqrt(weights[inside, None])

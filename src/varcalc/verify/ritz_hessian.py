@@ -19,7 +19,7 @@ from varcalc.methods.answer import Extremal, sample
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.mesh import Space, basis, lobatto
 from varcalc.solution import Finding
-from varcalc.verify.along_curve import TOUCHED_AT
+from varcalc.verify.along_curve import TOUCHED_AT, at_limit
 from varcalc.verify.candidate import Candidate
 from varcalc.verify.check import Check
 from varcalc.verify.legendre import LegendreCondition
@@ -173,10 +173,8 @@ def _active(extremal: Extremal, form: Form, s: np.ndarray) -> np.ndarray:
     """Which pathwise conditions hold as equations at s (m,); shape (m, conditions)."""
     function = ca.Function("phi", form.symbols.all, [ca.vertcat(*(c.expression for c in form.pathwise))])
     values = np.asarray(function(*sample(extremal, s))).T
-    limits = np.array([[c.lower, c.upper] for c in form.pathwise])
-    room = 10 * TOUCHED_AT * np.maximum(1.0, np.abs(values))
     equality = np.array([c.equality for c in form.pathwise])
-    return equality | (values <= limits[:, 0] + room) | (values >= limits[:, 1] - room)
+    return equality | at_limit(values, form.pathwise, 10 * TOUCHED_AT)
 
 
 def _pathwise_values(extremal: Extremal, form: Form, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -63,8 +63,8 @@ def objection(solution: Solution, form: Form) -> Finding | None:
             f"no minimum of any kind: at x = {x[place]:.4g} the second derivative of L in the slope is "
             f"{curvature:.3g}, so Legendre's condition fails and fine ripples come lower",
         )
-    worst = fan.worst_excess()
-    if worst is not None:
+    relative, worst = fan.least()
+    if relative < -ROUND_OFF_EXCESS:
         return Finding(
             Verdict.WEAK_MINIMUM,
             f"a weak minimum only: at x = {x[worst.place]:.4g} Weierstrass's excess is {worst.excess:.3g} for the "
@@ -234,11 +234,6 @@ class SlopeFan:
         a, k, j = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
         worst = Worst(k, a, float(self.tried[a, k, j]), float(self.v[a, k]), float(excess[a, k, j]))
         return float(relative[a, k, j]), worst
-
-    def worst_excess(self) -> Worst | None:
-        """Where the excess is most negative relative to its terms, if that is below round-off."""
-        relative, worst = self.least()
-        return worst if relative < -ROUND_OFF_EXCESS else None
 
     def legendre_fails(self) -> tuple[int, float] | None:
         """Where L is most concave in a component of the curve's own slope, and its second derivative there."""
