@@ -183,7 +183,7 @@ def _steep(problem: Problem, power: int, at_start: bool, *, least: bool) -> Gap 
             system, z = rung.system, rung.z
         else:
             system = rungs.system(space)
-            z = system.pack(system.space.fit(form.baseline), form.unknown_guess)
+            z = system.pack(system.space.fit(form.start.curve), form.start.unknowns)
         finer, again = rungs.prolonged(system, z)
         at = finer.evaluate(again)
         coarse = at.value if least else system.evaluate(z).value
@@ -202,7 +202,7 @@ def _stretched(problem: Problem, power: int, at_start: bool) -> Form:
     x = a + (b - a) * near**power if at_start else b - (b - a) * near**power
     rewrite = rewriter(problem, symbols, x, symbols.y, [symbols.dy / speed], speed)
     integrand = plain.sign * rewrite(problem.integrand, True)
-    ends = plain.baseline(np.array(problem.span))
+    ends = plain.start.curve(np.array(problem.span))
     return replace(
         plain,
         stated=Stated(symbols, integrand, integrand, (x, symbols.y, speed, symbols.dy)),

@@ -340,7 +340,9 @@ def with_rival(solution: Solution) -> Solution:
     Refused where it is that broken curve itself, as near as graphs come to it.
     """
     extremal = solution.extremal
-    if solution.local or (extremal is not None and extremal.form.energetic and any(extremal.form.singular)):
+    if solution.local or (
+        extremal is not None and extremal.form.coordinates.energetic and any(extremal.form.coordinates.singular)
+    ):
         return solution
     sign = solution.problem.sign
     rivals = _broken_curves(solution.problem, sign * solution.value + 2 * LIKE_VALUES * abs(solution.value))

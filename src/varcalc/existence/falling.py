@@ -68,7 +68,7 @@ def falling(problem: Functional) -> Fall | None:
     system = rungs.system(rungs.first_space(1, LINE_DEGREE))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         start = next((z for z in rungs.candidates(system, None) if np.isfinite(system.evaluate(z).value)), None)
-        if start is None or form.ends is not None:
+        if start is None or form.ends.joint is not None:
             return None
         for direction in _directions(system, start):
             for sign in (1.0, -1.0):

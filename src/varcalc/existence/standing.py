@@ -51,8 +51,8 @@ def off_saddle(method: object, form: Form, solution: Solution, tol: float) -> So
 
 def _index(method: object, form: Form, solution: Solution) -> Index | None:
     """The index on the null space of the conditions; None where Newton's iteration has seen to it, or bounds act."""
-    conditions = (*form.pathwise, *form.integrals)
-    if not isinstance(method, Ritz) or not form.pathwise or not all(c.equality for c in conditions):
+    conditions = (*form.conditions.pathwise, *form.conditions.integrals)
+    if not isinstance(method, Ritz) or not form.conditions.pathwise or not all(c.equality for c in conditions):
         return None
     return index_by_ritz(undivided(solution.extremal, solution.value))
 

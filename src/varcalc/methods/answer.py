@@ -59,7 +59,7 @@ class Extremal:
     ``evaluate(s, k)`` gives the k-th derivative of the unknown functions at s
     (m,) as (n, m); ``unknowns`` are all unknown numbers of the form;
     ``vertices`` cut the interval where the curve may be less smooth.
-    ``lambdas`` are the multipliers of ``form.integrals`` in the Lagrangian
+    ``lambdas`` are the multipliers of ``form.conditions.integrals`` in the Lagrangian
     function integrand + sum of lambda_j g_j, and ``path`` those of pathwise
     conditions: functions of s by the index of the constraint.
     """
@@ -163,7 +163,7 @@ def composite_gauss(vertices: np.ndarray, count: int) -> tuple[np.ndarray, np.nd
 def end_cost(extremal: Extremal) -> float:
     """The cost of the ends, in the sense that is minimised; 0 where there is none."""
     form = extremal.form
-    if form.ends is None:
+    if form.ends.joint is None:
         return 0.0
     first, last = (extremal.evaluate(np.array([s]), 0)[:, 0] for s in form.span)
     return float(end_cost_function(form)(first, last, form.problem.parameter_values, extremal.unknowns))
@@ -172,8 +172,8 @@ def end_cost(extremal: Extremal) -> float:
 @derived
 def end_cost_function(form: Form) -> ca.Function:
     """The cost of the ends of a form that has any, as a function of (start, end, parameters, unknowns)."""
-    assert form.ends is not None
-    e, s = form.ends, form.symbols
+    assert form.ends.joint is not None
+    e, s = form.ends.joint, form.symbols
     return ca.Function("cost", [e.start, e.end, s.parameters, s.unknowns], [e.cost])
 
 
@@ -200,16 +200,18 @@ def sensitivities(extremal: Extremal, count: int) -> np.ndarray:
     s, weights = composite_gauss(extremal.vertices, count)
     arguments = sample(extremal, s)
     parameters = form.symbols.parameters
-    conditions = {c.index: c for c in form.pathwise}
+    conditions = {c.index: c for c in form.conditions.pathwise}
     rows = [(form.functional, np.ones_like(s))]
-    rows += [(c.expression, np.full_like(s, lam)) for c, lam in zip(form.integrals, extremal.lambdas, strict=True)]
+    rows += [
+        (c.expression, np.full_like(s, lam)) for c, lam in zip(form.conditions.integrals, extremal.lambdas, strict=True)
+    ]
     rows += [(conditions[k].expression, mu(s)) for k, mu in extremal.path.items()]
     total = np.zeros(parameters.numel())
     for expression, factor in rows:
         function = ca.Function("partial", form.symbols.all, [ca.densify(ca.gradient(expression, parameters))])
         total += np.asarray(function(*arguments)) @ (weights * factor)
-    if form.ends is not None and form.problem.end_cost is not None:
-        e = form.ends
+    if form.ends.joint is not None and form.problem.end_cost is not None:
+        e = form.ends.joint
         partial = ca.Function(
             "partial",
             [e.start, e.end, parameters, form.symbols.unknowns],
@@ -244,7 +246,7 @@ def in_coordinates_of(form: Form, extremal: Extremal) -> Sampled | None:
     own = extremal.form
     if not (own.stated.is_lifted and form.stated.is_lifted) or (own.n, own.span) != (form.n, form.span):
         return None
-    if len(form.unknown_guess) != len(extremal.unknowns):
+    if len(form.start.unknowns) != len(extremal.unknowns):
         return None
     a, b = form.span
     arguments = sample(extremal, a + (b - a) * (np.arange(ALIKE_PLACES) + 0.5) / ALIKE_PLACES)
@@ -320,7 +322,7 @@ class UserCurve(SentResampled):
 def _slope_at_ends(extremal: Extremal, s: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """Replace 0 / 0 at a singular end by the limit: infinite, finite or zero as the slope grows towards it."""
     a, b = extremal.form.span
-    for end, singular in zip((a, b), extremal.form.singular, strict=True):
+    for end, singular in zip((a, b), extremal.form.coordinates.singular, strict=True):
         at = np.abs(s - end) <= 1e-12 * (b - a)
         if not singular or not at.any():
             continue
@@ -344,7 +346,7 @@ def person_nodes(extremal: Extremal, nodes: np.ndarray) -> np.ndarray:
 def multipliers(extremal: Extremal) -> tuple[Any, ...]:
     """One entry for each constraint: dJ/dlevel, a function of x for pathwise ones, None for a waypoint."""
     form = extremal.form
-    levels = {c.index: lam for c, lam in zip(form.integrals, extremal.lambdas, strict=True)}
+    levels = {c.index: lam for c, lam in zip(form.conditions.integrals, extremal.lambdas, strict=True)}
     out: list[Any] = []
     for i, constraint in enumerate(form.problem.constraints):
         if isinstance(constraint, Isoperimetric):
@@ -419,7 +421,7 @@ def answer(
     ``rule`` is the number of Gauss points an element for what is integrated on demand.
     """
     problem = extremal.form.problem
-    if extremal.form.energetic and isinstance(problem, Problem) and _turns_back(extremal, error.curve):
+    if extremal.form.coordinates.energetic and isinstance(problem, Problem) and _turns_back(extremal, error.curve):
         return no_answer(
             problem, method, Status.REFUSED,
             "the shortest curve turns back in x: it is no graph, and among graphs the infimum is not attained; "

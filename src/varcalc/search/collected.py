@@ -38,7 +38,7 @@ MOST_ROOTS = 16
 
 def scales_of(form: Form) -> Sizes:
     """The sizes in which corrections of a form's curves are measured."""
-    return Sizes(function_sizes(form), np.abs(form.unknown_guess))
+    return Sizes(function_sizes(form), np.abs(form.start.unknowns))
 
 
 def finer(tol: float) -> float:
@@ -101,7 +101,7 @@ def deflated(form: Form, tol: float) -> list[Solution]:
     """
     found: list[Solution] = []
     for elements, degree in ROOT_MESHES[form.order]:
-        at_least = max(degree, form.least_degree)
+        at_least = max(degree, form.coordinates.least_degree)
         system = CollocationSystem(form, collocation_space(form, first_vertices(form, elements), at_least))
         for z in roots(system, scales_of(form)):
             found_again = refined(Root(system, z, system.evaluate(z)), tol)

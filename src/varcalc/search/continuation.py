@@ -114,7 +114,7 @@ def _first(solution: Solution, tol: float) -> Root:
     reason = Collocation().inapplicable(form)
     if reason:
         raise ValueError(f"this branch cannot be followed by collocation: {reason}")
-    guess = form.pull(lambda x: curve(x, 0))
+    guess = form.coordinates.pull(lambda x: curve(x, 0))
     vertices = resolving_vertices(guess, first_vertices(form, 1), BRANCH_DEGREES[form.order])
     system = CollocationSystem(form, collocation_space(form, vertices, BRANCH_DEGREES[form.order]))
     refinement = Refinement(scales_of(form), adaptive=True)

@@ -59,12 +59,14 @@ class TrialTrajectory:
 
 def mappable(form: Form) -> bool:
     """True for one function of a first-order functional with one fixed end and the other fixed or natural."""
-    plain = form.order == 1 and form.n == 1 and form.lift is None and form.ends is None
-    free = form.integrals or form.pathwise or len(form.unknown_guess) or form.weak_only
+    plain = form.order == 1 and form.n == 1 and form.lift is None and form.ends.joint is None
+    free = (
+        form.conditions.integrals or form.conditions.pathwise or len(form.start.unknowns) or form.coordinates.weak_only
+    )
     return (
         plain
-        and not (free or form.periodic or form.knots)
-        and not (np.isnan(form.fixed_start).any() and np.isnan(form.fixed_end).any())
+        and not (free or form.ends.periodic or form.conditions.knots)
+        and not (np.isnan(form.ends.start).any() and np.isnan(form.ends.end).any())
     )
 
 
@@ -85,12 +87,12 @@ class EndMap:
     @cached_property
     def forward(self) -> bool:
         """True when trajectories set out from the start."""
-        return not np.isnan(self.form.fixed_start).any()
+        return not np.isnan(self.form.ends.start).any()
 
     @cached_property
     def ordinate(self) -> float:
         """The unit of ordinates."""
-        ends = np.nan_to_num(np.abs([self.form.fixed_start[0, 0], self.form.fixed_end[0, 0]]))
+        ends = np.nan_to_num(np.abs([self.form.ends.start[0, 0], self.form.ends.end[0, 0]]))
         return float(max(height(self.form), *ends))
 
     @property
@@ -131,14 +133,14 @@ class EndMap:
         return ca.Function("momentum", [symbols.x, symbols.y, symbols.dy, symbols.parameters], [momentum, gradient])
 
     def _run(self, v: float, t: np.ndarray) -> Run:
-        fixed = self.form.fixed_start if self.forward else self.form.fixed_end
+        fixed = self.form.ends.start if self.forward else self.form.ends.end
         state = self._system.start(np.array([fixed[0, 0] / self.ordinate, v]))
         return self._flow.trajectory(t if self.forward else 1.0 - t, state, self._constants)
 
     def _far(self, states: np.ndarray) -> tuple[float, float]:
         """The scaled miss at the far end and its derivative by the scaled initial slope."""
         (y, v), by = self._system.split(states)
-        fixed = (self.form.fixed_end if self.forward else self.form.fixed_start)[0, 0]
+        fixed = (self.form.ends.end if self.forward else self.form.ends.start)[0, 0]
         if not math.isnan(fixed):
             return float(y - fixed / self.ordinate), float(by[0, 0])
         s = self.form.span[1] if self.forward else self.form.span[0]

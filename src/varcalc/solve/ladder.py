@@ -143,7 +143,7 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
         return no_answer(problem, method, Status.REFUSED, str(reason), Verdict.INFEASIBLE)
     for way in _quick_first(method, len(candidates)):
         for form in candidates:
-            if form is None or (form.weak_only and not isinstance(way, Ritz)):
+            if form is None or (form.coordinates.weak_only and not isinstance(way, Ritz)):
                 continue
             if form.refused and not _reduces(way):
                 failure = failure or no_answer(problem, way, Status.REFUSED, form.refused)
@@ -166,7 +166,7 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
 
 def _standing(method: Method, form: Form, solution: Solution, tol: float) -> Solution:
     """The answer of a method, refused where it is a saddle of the constrained problem, or its level an extreme one."""
-    if solution.status.ok and form.pathwise:
+    if solution.status.ok and form.conditions.pathwise:
         from varcalc.existence.standing import off_saddle  # with half of verify
 
         solution = off_saddle(method, form, solution, tol)
@@ -177,7 +177,7 @@ def _standing(method: Method, form: Form, solution: Solution, tol: float) -> Sol
 
 def _beyond_doubt(solution: Solution, form: Form, candidates: Forms) -> Solution:
     """The solution, refused when L is singular at an end and a curve that is steeper there is far better."""
-    if form.energetic or not candidates.singular or (better := outdone(solution)) is None:
+    if form.coordinates.energetic or not candidates.singular or (better := outdone(solution)) is None:
         return solution
     return refused(solution, better.finding(solution.value))
 
@@ -215,8 +215,8 @@ def _sampled(problem: Functional, form: Form, guess: Guess) -> Sampled | None:
     if isinstance(guess, Solution):
         curve = guess.curve
         carried = None if guess.extremal is None else in_coordinates_of(form, guess.extremal)
-        return carried if carried is not None or curve is None else form.pull(_spanning(problem, guess))
-    return form.pull(lambda x: sampled_guess(problem, guess, x))
+        return carried if carried is not None or curve is None else form.coordinates.pull(_spanning(problem, guess))
+    return form.coordinates.pull(lambda x: sampled_guess(problem, guess, x))
 
 
 def _spanning(problem: Functional, guess: Solution) -> Sampled:

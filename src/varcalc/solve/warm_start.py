@@ -138,7 +138,7 @@ class Neighbours:
         with np.errstate(all="ignore"):
             found = self.family.solved(self.form, places, degrees, starts, self.tol, near=True)
             left = np.flatnonzero(~found.stands)
-            if len(left) and not self.form.stated.is_lifted and not self.form.integrals:
+            if len(left) and not self.form.stated.is_lifted and not self.form.conditions.integrals:
                 # afresh, as a solve of its own would begin
                 degree, lines = self.family.straight_starts(self.form, places[left])
                 again = self.family.solved(self.form, places[left], degree, lines, self.tol, near=False)
@@ -153,7 +153,7 @@ class Neighbours:
         values, began = problem.parameter_values[None], time.perf_counter()
         if not self._alike(values)[0]:
             return None
-        if self.family is direct and not self.form.integrals:
+        if self.family is direct and not self.form.conditions.integrals:
             known = self.known[self._nearest(values)[0]]
             form = self.elsewhere.form(problem)
             with np.errstate(all="ignore"):
@@ -200,9 +200,9 @@ class Neighbours:
         The shortest curve of a metric needs none; graphs are put to the tests of a solve, many at a time.
         """
         form, sure = self.form, answers.stands.copy()
-        if form.energetic and (isinstance(form.problem, Curve) or any(form.singular)):
+        if form.coordinates.energetic and (isinstance(form.problem, Curve) or any(form.coordinates.singular)):
             return sure
-        if form.stated.is_lifted or form.energetic:
+        if form.stated.is_lifted or form.coordinates.energetic:
             return np.zeros_like(sure)
         for degree in np.unique(answers.degree[sure]):
             rows = np.flatnonzero(answers.stands & (answers.degree == degree))

@@ -73,7 +73,7 @@ class Accessory:
     @property
     def gauge(self) -> int | None:
         """The place of a Curve's speed among X: it says how the curve is run through, not where it goes."""
-        return self.N - 1 if self.along.form.gauged else None
+        return self.N - 1 if self.along.form.coordinates.gauged else None
 
     def coefficients(self, s: np.ndarray) -> Coefficients:
         """The accessory system's coefficients at s (m,)."""

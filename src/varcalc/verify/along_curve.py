@@ -133,23 +133,23 @@ class AlongCurve:
 
     def parts(self) -> list[tuple[float, float]]:
         """The intervals between the ends and the waypoints."""
-        return list(pairwise([self.span[0], *(at for at, _ in self.form.waypoints), self.span[1]]))
+        return list(pairwise([self.span[0], *(at for at, _ in self.form.conditions.waypoints), self.span[1]]))
 
 
 def along_curve(extremal: Extremal) -> AlongCurve:
     """The Lagrangian function along an extremal."""
     form = extremal.form
-    slides = isinstance(form.problem, Problem) and not form.energetic and any(form.problem.slides)
+    slides = isinstance(form.problem, Problem) and not form.coordinates.energetic and any(form.problem.slides)
     plain = AlongCurve(
         extremal=extremal,
         symbols=form.symbols,
         order=form.order,
         integrand=form.integrand,
-        integrals=tuple(c.expression for c in form.integrals),
-        paths=tuple(c.expression for c in form.pathwise),
-        limits=form.pathwise,
+        integrals=tuple(c.expression for c in form.conditions.integrals),
+        paths=tuple(c.expression for c in form.conditions.pathwise),
+        limits=form.conditions.pathwise,
         lambdas=np.asarray(extremal.lambdas, dtype=float),
-        forces=tuple(extremal.path.get(c.index, np.zeros_like) for c in form.pathwise),
+        forces=tuple(extremal.path.get(c.index, np.zeros_like) for c in form.conditions.pathwise),
         span=form.span,
         vertices=extremal.vertices,
         evaluate=extremal.evaluate,
@@ -170,7 +170,7 @@ def _in_own_abscissa(plain: AlongCurve) -> AlongCurve:
     """The same curve as a function of the user's abscissa, between the ends it has found."""
     form, problem = plain.form, plain.form.problem
     found = [
-        given if number is None else float(plain.numbers[number])
+        given if number is None else float(plain.coordinates.numbers[number])
         for given, number in zip(problem.span, sliding_ends(form), strict=True)
     ]
     a, width = found[0], found[1] - found[0]
@@ -189,13 +189,13 @@ def _in_own_abscissa(plain: AlongCurve) -> AlongCurve:
         plain,
         symbols=problem.symbols,
         integrand=form.sign * problem.integrand,
-        integrals=own(form.integrals),
-        paths=own(form.pathwise),
+        integrals=own(form.conditions.integrals),
+        paths=own(form.conditions.pathwise),
         forces=tuple(scaled(mu) for mu in plain.forces),
         span=(found[0], found[1]),
         vertices=a + width * plain.vertices,
         evaluate=evaluate,
-        numbers=plain.numbers[: len(problem.unknowns)],
+        numbers=plain.coordinates.numbers[: len(problem.unknowns)],
         slides=True,
     )
 
@@ -222,7 +222,7 @@ def at_limit(values: np.ndarray, conditions: Sequence[SideCondition], near: floa
 
 def touches(extremal: Extremal) -> bool:
     """Whether a Bound is active somewhere along the curve."""
-    bounds = [c for c in extremal.form.pathwise if not c.equality]
+    bounds = [c for c in extremal.form.conditions.pathwise if not c.equality]
     if not bounds:
         return False
     s = composite_gauss(extremal.vertices, 16)[0]
@@ -244,9 +244,9 @@ def without_inequalities(extremal: Extremal) -> Extremal:
     form = extremal.form
     if not form.has_inequalities:
         return extremal
-    pathwise = tuple(c for c in form.pathwise if c.equality)
+    pathwise = tuple(c for c in form.conditions.pathwise if c.equality)
     kept, lambdas = [], []
-    for condition, multiplier in zip(form.integrals, extremal.lambdas, strict=True):
+    for condition, multiplier in zip(form.conditions.integrals, extremal.lambdas, strict=True):
         if condition.equality:
             kept.append(condition)
         elif abs(multiplier) > TOUCHED_AT:

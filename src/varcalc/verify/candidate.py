@@ -99,7 +99,7 @@ def candidate(solution: Solution) -> Candidate:
     own = undivided(solution.extremal, solution.value) if solution.extremal is not None else _regular(solution)
     if own is not None and touches(own):
         return Candidate(solution, own, None, "the curve touches a bound", True)
-    start = own if own is not None and not own.form.weak_only else _in_regular_form(solution)
+    start = own if own is not None and not own.form.coordinates.weak_only else _in_regular_form(solution)
     if start is None:
         reason = "no coordinates are at hand in which Jacobi's equation is regular"
         return Candidate(solution, own or _minimised(solution), None, reason)
@@ -112,13 +112,13 @@ def candidate(solution: Solution) -> Candidate:
         return Candidate(solution, _minimised(solution), None, outcome)
     if isinstance(outcome, str):
         # a curve that is only sampled in the form's coordinates is no basis for derivatives
-        return Candidate(solution, own, None if own is None or own.form.weak_only else start, outcome)
+        return Candidate(solution, own, None if own is None or own.form.coordinates.weak_only else start, outcome)
     return Candidate(solution, own, outcome, "")
 
 
 def undivided(extremal: Extremal, value: float) -> Extremal:
     """The extremal with multipliers of what is minimised: those of an energy J^2 were divided by 2 J for the answer."""
-    if not extremal.form.energetic:
+    if not extremal.form.coordinates.energetic:
         return extremal
     factor = 2.0 * abs(value)
     path = {k: lambda s, mu=mu: factor * mu(s) for k, mu in extremal.path.items()}
@@ -128,13 +128,17 @@ def undivided(extremal: Extremal, value: float) -> Extremal:
 def _regular(solution: Solution) -> Extremal | None:
     """The curve of a method that works in the user's own coordinates, where these are regular."""
     form = next(filter(None, forms(solution.problem)))
-    if any(form.singular) or form.weak_only or (form.energetic and form.lift is not None):
+    if (
+        any(form.coordinates.singular)
+        or form.coordinates.weak_only
+        or (form.coordinates.energetic and form.lift is not None)
+    ):
         return None
     return _stated(solution, form)
 
 
 def _in_regular_form(solution: Solution) -> Extremal | None:
-    found = (form for form in forms(solution.problem) if form is not None and not form.weak_only)
+    found = (form for form in forms(solution.problem) if form is not None and not form.coordinates.weak_only)
     form = next(found, None)
     return None if form is None else _stated(solution, form)
 
@@ -142,9 +146,9 @@ def _in_regular_form(solution: Solution) -> Extremal | None:
 def _minimised(solution: Solution) -> Extremal | None:
     """The curve in coordinates in which only minimisation finds it, if it is found there."""
     for form in forms(solution.problem):
-        if form is None or not form.weak_only:
+        if form is None or not form.coordinates.weak_only:
             continue
-        found = Ritz(starts=1).solve(form, tol=1e-10, guess=form.pull(_ordinates(solution)))
+        found = Ritz(starts=1).solve(form, tol=1e-10, guess=form.coordinates.pull(_ordinates(solution)))
         if found.status.ok and found.extremal is not None and not isinstance(_staying(solution, found.extremal), str):
             return undivided(found.extremal, found.value)
     return None
@@ -156,12 +160,12 @@ def _stated(solution: Solution, form: Form) -> Extremal:
     assert curve is not None
     nodes = distinct(solution.x)
     a, b = float(nodes[0]), float(nodes[-1])
-    unknowns = form.unknown_guess.copy()
+    unknowns = form.start.unknowns.copy()
     unknowns[: len(problem.unknowns)] = [solution.unknowns[k] for k in problem.unknowns]
-    lambdas = -form.sign * np.array([float(solution.multipliers[c.index]) for c in form.integrals])
+    lambdas = -form.sign * np.array([float(solution.multipliers[c.index]) for c in form.conditions.integrals])
     if form.lift is None:
         return Extremal(form, curve, unknowns, nodes, lambdas, {})
-    if not form.energetic and not any(form.singular):  # ends that slide
+    if not form.coordinates.energetic and not any(form.coordinates.singular):  # ends that slide
         for number, value in zip(sliding_ends(form), (a, b), strict=True):
             if number is not None:
                 unknowns[number] = value
@@ -170,7 +174,7 @@ def _stated(solution: Solution, form: Form) -> Extremal:
             return curve(np.clip(a + s * (b - a), a, b), derivative) * (b - a) ** derivative
 
         return Extremal(form, evaluate, unknowns, (nodes - a) / (b - a), lambdas, {})
-    pulled = form.pull(_ordinates(solution))
+    pulled = form.coordinates.pull(_ordinates(solution))
     return Extremal(form, lambda s, _: pulled(s), unknowns, np.array(form.span), lambdas, {})
 
 
@@ -194,7 +198,7 @@ def polished(start: Extremal) -> Extremal | str:
     reason = _inapplicable(form)
     if reason:
         return reason
-    degree = max(FIRST_POLISHED_DEGREE, form.least_degree)
+    degree = max(FIRST_POLISHED_DEGREE, form.coordinates.least_degree)
 
     def ordinates(s: np.ndarray) -> np.ndarray:
         return start.evaluate(s, 0)
@@ -202,9 +206,9 @@ def polished(start: Extremal) -> Extremal | str:
     sizes = function_sizes(form)
     given = start.vertices
     if len(given) > MOST_VERTICES:  # a method of low order needs many where this one needs few
-        given = np.array([form.span[0], *form.knots, form.span[1]])
+        given = np.array([form.span[0], *form.conditions.knots, form.span[1]])
     vertices = resolving_vertices(ordinates, given, degree, NEGLIGIBLE_VARIATION * sizes)
-    scales = Sizes(sizes, np.abs(form.unknown_guess))
+    scales = Sizes(sizes, np.abs(form.start.unknowns))
     system = CollocationSystem(form, collocation_space(form, vertices, degree))
     if system.size > MOST_POLISHED_UNKNOWNS:
         return f"{system.size} unknowns would be needed to polish it"
@@ -237,9 +241,9 @@ def _refined(refinement: Refinement, level: Root) -> Assessment | None:
 
 
 def _inapplicable(form: Form) -> str:
-    if form.weak_only:
+    if form.coordinates.weak_only:
         return "at the singular end only regularity decides"
-    if any(not c.equality for c in (*form.integrals, *form.pathwise)):
+    if any(not c.equality for c in (*form.conditions.integrals, *form.conditions.pathwise)):
         return "inequalities are active"
     return ""
 
@@ -265,7 +269,7 @@ def _staying(solution: Solution, best: Extremal) -> Extremal | str:
 def _in_user_coordinates(candidate: Candidate) -> AlongCurve:
     solution, own, along = candidate.solution, candidate.own, candidate.along_own
     if own is not None and along is not None and (own.form.lift is None or along.slides):
-        if own.form.energetic:
+        if own.form.coordinates.energetic:
             factor = 0.5 / abs(solution.value)  # multipliers of J^2 become those of J by the chain rule
             forces = tuple(_times(factor, mu) for mu in along.forces)
             along = replace(along, forces=forces)

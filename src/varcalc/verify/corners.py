@@ -85,7 +85,7 @@ def corners(along: AlongCurve) -> list[Corner]:
     )  # fmt: skip
     left, right = function(inner - step), function(inner + step)
     slopes = [along.evaluate(inner + side * step, 1) for side in (-1, 1)]
-    waypoints = {at for at, _ in along.form.waypoints}
+    waypoints = {at for at, _ in along.form.conditions.waypoints}
     found = []
     for k, at in enumerate(map(float, inner)):
         before, after = slopes[0][:, k], slopes[1][:, k]
@@ -93,7 +93,7 @@ def corners(along: AlongCurve) -> list[Corner]:
             continue
         size = max(float(np.abs([side[term][k] for side in (left, right) for term in (0, 3)]).max()), 1e-300)
         energy = abs(float((right[1] - left[1])[k].item())) / max(float((left[2] + right[2])[k].item()), 1e-300)
-        given = at in along.form.knots
+        given = at in along.form.conditions.knots
         found.append(
             Corner(
                 at, float(np.abs(after - before).max()), float(np.abs(right[0][k] - left[0][k]).max()) / size,

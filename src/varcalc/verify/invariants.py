@@ -73,7 +73,7 @@ def invariants(along: AlongCurve, curve: Extremal | None) -> dict[str, float]:
         found["momentum" if along.form.problem.scalar else f"momentum[{i}]"] = _drift(along, s, values, sizes)
     if homogeneous and curve is not None and curve.form.lift is None:
         velocity = curve.evaluate(s, 1)
-        speed = evaluate(s, H.expression)[0] if curve.form.energetic else np.linalg.norm(velocity, axis=0)
+        speed = evaluate(s, H.expression)[0] if curve.form.coordinates.energetic else np.linalg.norm(velocity, axis=0)
         found["speed"] = _drift(along, s, speed, np.abs(speed))
     return found
 

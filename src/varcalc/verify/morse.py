@@ -68,7 +68,7 @@ class JacobiEquation(Check[JacobiIndex]):
 def index_by_jacobi(along: AlongCurve) -> JacobiIndex:
     """The index from focal points, with the points themselves; None with the reason where that route is closed."""
     try:
-        return _pieces(along) if along.form.waypoints else _whole(along)
+        return _pieces(along) if along.form.conditions.waypoints else _whole(along)
     except (NotSeparate, Unresolved) as reason:
         return _closed(str(reason))
     except np.linalg.LinAlgError:
@@ -88,7 +88,7 @@ def _pieces(along: AlongCurve) -> JacobiIndex:
     form, accessory = along.form, Accessory(along)
     if accessory.functions < accessory.N or along.order != 1:
         return _closed("waypoints are held together by unknown numbers, prescribed integrals or a second order")
-    if any(None in demanded for _, demanded in form.waypoints):
+    if any(None in demanded for _, demanded in form.conditions.waypoints):
         return _closed("a waypoint leaves components free")
     start, end = end_planes(accessory)
     if not end.fixed:
@@ -105,7 +105,7 @@ def _pieces(along: AlongCurve) -> JacobiIndex:
 
 def _whole(along: AlongCurve) -> JacobiIndex:
     accessory = Accessory(along)
-    if along.form.periodic:
+    if along.form.ends.periodic:
         return _periodic(accessory)
     start, end = end_planes(accessory)
     forward = _carried(canonical(accessory), balanced(accessory, start.plane))
@@ -175,7 +175,7 @@ def _translations(form: np.ndarray, X_end: np.ndarray, accessory: Accessory, all
 
 def _periodic(accessory: Accessory) -> JacobiIndex:
     """Conjugate points with both ends held, and the concavity form on what periodicity leaves free."""
-    if accessory.along.form.ends is not None:
+    if accessory.along.form.ends.joint is not None:
         raise NotSeparate("periodic ends carry a cost")
     system, N = canonical(accessory), accessory.N
     plane = np.zeros((2 * N, N))

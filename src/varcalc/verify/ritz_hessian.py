@@ -45,7 +45,7 @@ class RitzHessian(Check[Index]):
         """The index along the extremal."""
         own = candidate.own
         # where regularity alone decides at a singular end, the coordinates made for that are the better ones
-        curve = own if own is not None and own.form.weak_only else candidate.best or own
+        curve = own if own is not None and own.form.coordinates.weak_only else candidate.best or own
         return Index(None, 0, candidate.reason) if curve is None else index_by_ritz(curve)
 
     def findings(self, candidate: Candidate) -> Iterator[Finding]:
@@ -70,7 +70,7 @@ def index_by_ritz(extremal: Extremal) -> Index:
     with np.errstate(all="ignore"):
         at = system.evaluate(z)
         conditions, hessian = at.jacobian, np.zeros((system.size, system.size))
-        if form.pathwise:
+        if form.conditions.pathwise:
             rows, hessian = _pathwise(extremal, system)
             conditions = np.vstack([conditions, rows])
         known = _multipliers(extremal, system, at.gradient + _pathwise_gradient(extremal, system), at.jacobian)
@@ -114,8 +114,8 @@ def ritz_space(extremal: Extremal) -> Space:
     form = extremal.form
     lowest, highest = SPACE_DEGREES[form.order]
     vertices = extremal.vertices
-    degree = int(np.clip(MODES // (form.n * (len(vertices) - 1)), max(lowest, form.least_degree), highest))
-    return Space(vertices, degree, form.n, form.order, form.periodic)
+    degree = int(np.clip(MODES // (form.n * (len(vertices) - 1)), max(lowest, form.coordinates.least_degree), highest))
+    return Space(vertices, degree, form.n, form.order, form.ends.periodic)
 
 
 def _multipliers(extremal: Extremal, system: RitzSystem, gradient: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
@@ -155,10 +155,10 @@ def _pathwise(extremal: Extremal, system: RitzSystem) -> tuple[np.ndarray, np.nd
     gradients, _ = _pathwise_values(extremal, form, places.ravel())
     table = basis(form.order, space.degree, nodes, 1)
     rows = []
-    shaped = gradients.reshape(space.elements, len(nodes), len(form.pathwise), 2, form.n)
+    shaped = gradients.reshape(space.elements, len(nodes), len(form.conditions.pathwise), 2, form.n)
     for e in range(space.elements):
         for q in range(len(nodes)):
-            for r in range(len(form.pathwise)):
+            for r in range(len(form.conditions.pathwise)):
                 row = np.zeros(space.size)
                 scale = space.local_scale[e]
                 for d in range(2):
@@ -171,21 +171,21 @@ def _pathwise(extremal: Extremal, system: RitzSystem) -> tuple[np.ndarray, np.nd
 
 def _active(extremal: Extremal, form: Form, s: np.ndarray) -> np.ndarray:
     """Which pathwise conditions hold as equations at s (m,); shape (m, conditions)."""
-    function = ca.Function("phi", form.symbols.all, [ca.vertcat(*(c.expression for c in form.pathwise))])
+    function = ca.Function("phi", form.symbols.all, [ca.vertcat(*(c.expression for c in form.conditions.pathwise))])
     values = np.asarray(function(*sample(extremal, s))).T
-    equality = np.array([c.equality for c in form.pathwise])
-    return equality | at_limit(values, form.pathwise, 10 * TOUCHED_AT)
+    equality = np.array([c.equality for c in form.conditions.pathwise])
+    return equality | at_limit(values, form.conditions.pathwise, 10 * TOUCHED_AT)
 
 
 def _pathwise_values(extremal: Extremal, form: Form, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Gradients in (y, y') of the pathwise conditions (m, conditions, 2 n), and the Hessian of sum mu phi."""
     sy = form.symbols
     variables = ca.vertcat(sy.y, sy.dy)
-    mu = sy.kind.sym("mu", len(form.pathwise))
-    expressions = ca.vertcat(*(c.expression for c in form.pathwise))
+    mu = sy.kind.sym("mu", len(form.conditions.pathwise))
+    expressions = ca.vertcat(*(c.expression for c in form.conditions.pathwise))
     outputs = [ca.jacobian(expressions, variables), ca.hessian(ca.dot(mu, expressions), variables)[0]]
     function = ca.Function("paths", [*sy.all, mu], [ca.vec(ca.densify(o)) for o in outputs])
-    forces = np.array([extremal.path.get(c.index, np.zeros_like)(s) for c in form.pathwise])
+    forces = np.array([extremal.path.get(c.index, np.zeros_like)(s) for c in form.conditions.pathwise])
     out = function.call([*sample(extremal, s), forces])
     gradient, hessian = (np.asarray(v).T for v in out)
     k = 2 * form.n
@@ -195,11 +195,11 @@ def _pathwise_values(extremal: Extremal, form: Form, s: np.ndarray) -> tuple[np.
 def _pathwise_gradient(extremal: Extremal, system: RitzSystem) -> np.ndarray:
     """The gradient of the integral of sum mu phi in the free unknowns."""
     form = extremal.form
-    if not form.pathwise:
+    if not form.conditions.pathwise:
         return np.zeros(system.size)
     s = system.space.quadrature(system.count)[0].ravel()
     gradients, _ = _pathwise_values(extremal, form, s)
-    forces = np.array([extremal.path.get(c.index, np.zeros_like)(s) for c in form.pathwise])
+    forces = np.array([extremal.path.get(c.index, np.zeros_like)(s) for c in form.conditions.pathwise])
     rows = np.einsum("jm,mjk->mk", forces, gradients)
     padded = np.zeros((len(s), system.k))
     padded[:, : 2 * form.n] = rows

@@ -51,7 +51,7 @@ def objection(solution: Solution, form: Form) -> Finding | None:
     """
     problem = solution.problem
     tested = isinstance(problem, Problem) and problem.order == 1 and not any(problem.of_type(Holonomic))
-    if not tested or form.energetic or solution.curve is None or _seen(solution):
+    if not tested or form.coordinates.energetic or solution.curve is None or _seen(solution):
         return None
     x = places(solution)
     fan = SlopeFan.of(solution, x)
@@ -70,7 +70,7 @@ def objection(solution: Solution, form: Form) -> Finding | None:
             f"a weak minimum only: at x = {x[worst.place]:.4g} Weierstrass's excess is {worst.excess:.3g} for the "
             f"slope {worst.slope:.4g} instead of {worst.own:.4g}, so curves with corners come lower",
         )
-    if fan.concave() and len(corners := _corners(solution)) > form.corners:
+    if fan.concave() and len(corners := _corners(solution)) > form.coordinates.corners:
         return Finding(
             Verdict.WEAK_MINIMUM,
             f"a weak minimum only: the Lagrangian is not convex in the slope, and the curve found has a corner at "

@@ -61,13 +61,15 @@ class Value(Check[ValueBound]):
 
 def _misses(candidate: Candidate) -> dict[int, float]:
     own = candidate.own
-    if own is None or not own.form.integrals:
+    if own is None or not own.form.conditions.integrals:
         return {}
     s, weights = composite_gauss(own.vertices, FINE_RULE)
-    function = ca.Function("g", own.form.symbols.all, [ca.vertcat(*(c.expression for c in own.form.integrals))])
+    function = ca.Function(
+        "g", own.form.symbols.all, [ca.vertcat(*(c.expression for c in own.form.conditions.integrals))]
+    )
     integrals = np.asarray(function(*sample(own, s))) @ weights
     out = {}
-    for condition, integral in zip(own.form.integrals, integrals, strict=True):
+    for condition, integral in zip(own.form.conditions.integrals, integrals, strict=True):
         beyond = max(condition.lower - integral, integral - condition.upper, 0.0)
         out[condition.index] = float(beyond) / max(1.0, abs(integral))
     return out
