@@ -42,8 +42,8 @@ import varcalc as vc  # noqa: E402
 from varcalc.charts import cold_picture  # noqa: E402
 from varcalc.problems import bratu  # noqa: E402
 from varcalc.problems._curves import Catenary  # noqa: E402
-from varcalc.study.compare import monospaced  # noqa: E402
-from varcalc.study.work_precision import ENOUGH, Record, WorkPrecision, about  # noqa: E402
+from varcalc.study.work_precision import ENOUGH_SECONDS, Record, WorkPrecision, about  # noqa: E402
+from varcalc.tables import table as drawn  # noqa: E402
 
 HERE = Path(__file__).parent
 OWN: dict[str, Any] = {"Collocation": vc.Collocation(), "Shooting": vc.Shooting()}
@@ -332,7 +332,7 @@ def measured(name: str, method: str, setting: float, timed: Callable[[Task], Run
     try:
         timed(TASKS[name](1.0))
         began, runs = time.process_time(), []
-        while len(runs) < repeats and (not runs or time.process_time() - began < ENOUGH):
+        while len(runs) < repeats and (not runs or time.process_time() - began < ENOUGH_SECONDS):
             runs.append(timed(TASKS[name](1 + SHIFT * (1 + len(runs)))))
     except BROKEN as error:
         spent = 1e3 * (time.process_time() - began)
@@ -403,7 +403,7 @@ def table(found: WorkPrecision, target: float, what: str, error: Callable[[Recor
         ratios.insert(1, ratio(times.get(PEER), [times.get(own + WARM) for own in OWN]))
         rows.append((task, *("-" if times[n] is None else f"{times[n]:.2f}" for n in names), *ratios))
     heading = f"error of the {what} <= {target:.0e}: milliseconds; times as fast as solve_bvp"
-    return "\n".join([heading, *monospaced(("",), [*names, "cold: times", "warm: times", "swept: times"], rows)])
+    return "\n".join([heading, drawn(("",), [*names, "cold: times", "warm: times", "swept: times"], rows)])
 
 
 def ratio(theirs: float | None, own: Sequence[float | None]) -> str:

@@ -35,8 +35,8 @@ from matplotlib.figure import Figure  # noqa: E402
 from varcalc import optics  # noqa: E402
 from varcalc.charts.colours import COLOURS, INK, OTHER_COLOURS  # noqa: E402
 from varcalc.charts.panels import plain  # noqa: E402
-from varcalc.study.compare import monospaced  # noqa: E402
 from varcalc.study.work_precision import about  # noqa: E402
+from varcalc.tables import table as drawn  # noqa: E402
 
 HERE = Path(__file__).parent
 N0, A, LENGTH = 1.6, 0.3, 2 * np.pi / 0.3
@@ -346,7 +346,7 @@ def table(records: list[Record]) -> str:
         for r in records
     ]  # fmt: skip
     names = ("setting", "error", "k rays/s, wall", "k rays/s, one core's time", "first call, s")
-    return "\n".join(monospaced(("task", "method"), names, lines))
+    return drawn(("task", "method"), names, lines)
 
 
 def ratios(records: list[Record]) -> str:
@@ -363,7 +363,7 @@ def ratios(records: list[Record]) -> str:
             if any(cell != "-" for cell in cells):
                 lines.append((task, f"{target:.0e}", *cells))
     names = list(dict.fromkeys(r["method"] for r in records if r["method"] != "varcalc"))
-    return "\n".join(monospaced(("task", "error <="), names, lines))
+    return drawn(("task", "error <="), names, lines)
 
 
 def picture(records: list[Record]) -> Figure:

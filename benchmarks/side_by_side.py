@@ -36,8 +36,8 @@ import varcalc as vc  # noqa: E402
 from peers.adapter import Adapter, NotSolvedError  # noqa: E402
 from tasks import SHIFT, TASKS, Task  # noqa: E402
 from varcalc.charts import cold_picture  # noqa: E402
-from varcalc.study.compare import monospaced  # noqa: E402
-from varcalc.study.work_precision import ENOUGH, Record, WorkPrecision, about  # noqa: E402
+from varcalc.study.work_precision import ENOUGH_SECONDS, Record, WorkPrecision, about  # noqa: E402
+from varcalc.tables import table  # noqa: E402
 
 HERE = Path(__file__).parent
 PEERS = ("casadi_radau", "asset", "yapss", "mpopt", "rockit", "dymos", "scipy_bvp", "geographiclib")
@@ -88,7 +88,7 @@ def measured(name: str, method: str, setting: float, timed: Callable[[Task], Tim
     try:
         timed(TASKS[name](1.0))
         runs, began = [], time.process_time()
-        while len(runs) < repeats and (not runs or time.process_time() - began < ENOUGH):
+        while len(runs) < repeats and (not runs or time.process_time() - began < ENOUGH_SECONDS):
             runs.append(timed(TASKS[name](1 + SHIFT * (1 + len(runs)))))
     except BROKEN as error:
         return Record(name, method, setting, "no answer", reason=str(error).partition("\n")[0])
@@ -163,7 +163,7 @@ def ratios(found: WorkPrecision, target: float) -> str:
         unit = times.get(MEASURE)
         rows.append((task, *(cell(times[n], None if n == MEASURE else unit) for n in names)))
     heading = f"error <= {target:.0e}: milliseconds to build and solve (times that of {MEASURE})"
-    return "\n".join([heading, *monospaced(("",), names, rows)])
+    return "\n".join([heading, table(("",), names, rows)])
 
 
 def cell(time_ms: float | None, unit: float | None) -> str:

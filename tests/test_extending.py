@@ -23,22 +23,30 @@ BLOCKS = re.findall(
 )
 
 
-def install(folder, monkeypatch, target):
-    """What a package's installation leaves: its module, and the entry point in its metadata."""
-    (folder / "straight.py").write_text(BLOCKS[0], encoding="utf-8")
-    metadata = folder / "straight-1.0.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: straight\nVersion: 1.0\n", encoding="utf-8")
-    (metadata / "entry_points.txt").write_text(f"[varcalc.methods]\nstraight = {target}\n", encoding="utf-8")
-    monkeypatch.syspath_prepend(str(folder))
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """What a package's installation leaves: the page's module of that name, and the entry point in its metadata."""
+    modules = []
+
+    def installed(module, group, target):
+        (source,) = (block for block in BLOCKS if block.startswith(f'"""{module}.py"""'))
+        (tmp_path / f"{module}.py").write_text(source, encoding="utf-8")
+        metadata = tmp_path / f"{module}-1.0.dist-info"
+        metadata.mkdir()
+        (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n", encoding="utf-8")
+        (metadata / "entry_points.txt").write_text(f"[{group}]\n{module} = {module}:{target}\n", encoding="utf-8")
+        monkeypatch.syspath_prepend(str(tmp_path))
+        modules.append(module)
+
+    yield installed
+    for module in modules:
+        sys.modules.pop(module, None)
 
 
 @pytest.fixture
-def straight(tmp_path, monkeypatch):
+def straight(install):
     """The method of the page, installed as another package would be."""
-    install(tmp_path, monkeypatch, "straight:route")
-    yield
-    sys.modules.pop("straight", None)
+    install("straight", "varcalc.methods", "route")
 
 
 def contract_suite():
@@ -98,11 +106,10 @@ def test_charts_have_a_place_for_it():
     assert "Straight" in names
 
 
-def test_an_entry_point_of_something_else_is_refused(tmp_path, monkeypatch):
-    install(tmp_path, monkeypatch, "straight:Straight")
-    with pytest.raises(TypeError, match=r"straight = straight:Straight of varcalc\.methods must name"):
+def test_an_entry_point_of_something_else_is_refused(install):
+    install("straight", "varcalc.methods", "Straight")
+    with pytest.raises(TypeError, match=r"straight = straight:Straight of varcalc\.methods must name a Route"):
         routes()
-    sys.modules.pop("straight", None)
 
 
 @dataclass(frozen=True)
@@ -129,3 +136,35 @@ def test_every_method_takes_an_end_from_outside(name):
         assert solution.status is vc.Status.SOLVED
         assert abs(solution.value - 4) <= solution.error.value + 1e-14
         assert solution.x[-1] == pytest.approx(3 - 3 / 5, abs=1e-8)
+
+
+def parabola():
+    """y = x (1 - x), whose slope goes from 1 to -1."""
+    return vc.solve(vc.Problem(lambda x, y, dy: dy**2 / 2 - 2 * y, vc.Fixed(0, 0), vc.Fixed(1, 0)))
+
+
+def test_a_check_of_another_package_is_run_and_its_finding_is_printed(install):
+    before = vc.verify(parabola())
+    assert "paraxial" not in before.evidence
+    install("paraxial", "varcalc.checks", "check")
+    after = vc.verify(parabola())
+    (found,) = after.findings[len(before.findings) - 1 : -1]  # the last one is the verdict
+    assert found.numbers["slope"] == pytest.approx(1, rel=0.02)
+    assert after.evidence["paraxial"] == found.numbers["slope"]
+    assert "beyond the 0.1 of the paraxial approximation" in found.sentence
+    assert f"- {found.sentence}" in str(after).splitlines()
+    assert after.verdict is before.verdict is vc.Verdict.MINIMUM
+
+
+def test_a_check_of_another_package_may_decide(install, monkeypatch):
+    install("paraxial", "varcalc.checks", "check")
+    vc.verify(parabola())
+    decides = vc.Finding(vc.Verdict.DEGENERATE, "the model does not hold")
+    monkeypatch.setattr(sys.modules["paraxial"].Paraxial, "findings", lambda check, candidate: [decides])
+    assert vc.verify(parabola()).verdict is vc.Verdict.DEGENERATE
+
+
+def test_something_else_is_no_check(install):
+    install("paraxial", "varcalc.checks", "Paraxial")
+    with pytest.raises(TypeError, match=r"paraxial = paraxial:Paraxial of varcalc\.checks must name a Check"):
+        vc.verify(parabola())

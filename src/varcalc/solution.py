@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,8 @@ import numpy as np
 if TYPE_CHECKING:
     from varcalc.problem.functional import Functional
 
-Values = float | np.ndarray
+WORTHLESS_ERROR = 1e-6
+"""Relative error at which an answer limited by round-off is none."""
 OUTSIDE = 1e-12
 """Distance beyond the ends of a curve, relative to its interval, that is round-off of the person's abscissa."""
 
@@ -30,6 +31,11 @@ class Status(Enum):
     def ok(self) -> bool:
         """True for an answer that stands."""
         return self in (Status.SOLVED, Status.ROUND_OFF)
+
+    @property
+    def words(self) -> str:
+        """The name as a table shows it, such as "round off"."""
+        return self.name.lower().replace("_", " ")
 
 
 class Verdict(Enum):
@@ -165,6 +171,23 @@ class VariationalError(Exception):
 
 class InfeasibleError(VariationalError, ValueError):
     """No curve meets the ends and constraints."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One statement that holds of a curve or problem, in words and ``numbers``; its ``verdict`` when it decides one."""
+
+    verdict: Verdict | None
+    sentence: str
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return self.sentence
+
+
+def refused(solution: Solution, finding: Finding) -> Solution:
+    """The solution as no answer, for what was found of it."""
+    return replace(solution, status=Status.REFUSED, verdict=finding.verdict, message=finding.sentence)
 
 
 def defined(solution: Solution, ordinates: np.ndarray) -> Solution:

@@ -9,11 +9,10 @@ import pytest
 
 import varcalc as vc
 from varcalc.charts import comparison_picture
-from varcalc.charts.closed import ALIGNED, free_directions
 from varcalc.charts.colours import COLOURS
-from varcalc.charts.comparison import FLOOR, ROUNDING_LABEL
-from varcalc.charts.labels import LABEL_GAP, apart
-from varcalc.charts.lines import SAMPLES, Line, distance_to
+from varcalc.charts.comparison import ROUNDING_LABEL
+from varcalc.charts.lines import ALIGNED, DRAWN_POINTS, Line, distance_to, free_directions
+from varcalc.charts.panels import FLOOR, LABEL_GAP, apart
 from varcalc.solution import ErrorEstimate, Solution, Status
 from varcalc.study.compare import Comparison, Row
 from varcalc.study.reference import Exact
@@ -56,7 +55,7 @@ def test_every_curve_and_every_difference_is_drawn(graph):
     upper, lower = figure.axes
     for label in ("closed form", "A", "B"):
         line = drawn(upper, label)
-        assert len(line.get_xdata()) == SAMPLES
+        assert len(line.get_xdata()) == DRAWN_POINTS
         np.testing.assert_allclose(line.get_ydata(), 4 * line.get_xdata() / 3, atol=2e-6)
     assert lower.get_yscale() == "log"
     differences = sorted({float(np.max(line.get_ydata())) for line in lower.get_lines()})[1:]

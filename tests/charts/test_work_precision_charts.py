@@ -5,7 +5,8 @@ import pytest
 
 from varcalc.charts import claims_picture, cold_picture, work_precision_picture
 from varcalc.charts.colours import COLOURS, colours_by_label
-from varcalc.charts.work_precision import BRIEFEST, FLOOR
+from varcalc.charts.panels import FLOOR
+from varcalc.charts.work_precision import BRIEFEST
 from varcalc.study.records import Record
 from varcalc.study.routes import Knob
 

@@ -56,7 +56,7 @@ def test_a_line_of_curves_shows_it(problem):
     assert fall is not None
     sign = -1 if problem.maximise else 1
     assert np.all(np.diff(sign * fall.values) < 0)
-    assert ("above" if problem.maximise else "below") in fall.sentence
+    assert ("above" if problem.maximise else "below") in fall.finding.sentence
 
 
 @pytest.mark.parametrize("problem", BOUNDED.values(), ids=BOUNDED.keys())

@@ -11,7 +11,7 @@ import varcalc as vc
 from varcalc.study.records import Record, measured_order
 from varcalc.study.reference import load
 from varcalc.study.routes import Knob, Route, mesh_dials
-from varcalc.study.work_precision import TOLERANCES, convergence, naively
+from varcalc.study.work_precision import LINE_TOLERANCES, convergence, naively
 
 
 def arc_length(x, y, dy):
@@ -32,9 +32,9 @@ def measured(problems, methods, tolerances=(1e-6,), **options):
 
 
 def test_a_line_has_a_point_for_each_tolerance_from_1e_2_to_1e_14():
-    assert TOLERANCES[0] == 1e-2
-    assert TOLERANCES[-1] == 1e-14
-    assert len(TOLERANCES) == 13
+    assert LINE_TOLERANCES[0] == 1e-2
+    assert LINE_TOLERANCES[-1] == 1e-14
+    assert len(LINE_TOLERANCES) == 13
 
 
 def test_a_record_holds_costs_and_the_errors_delivered_and_claimed():

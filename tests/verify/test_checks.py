@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.verify.jacobi import Canonical, Carried
+from varcalc.verify.jacobi import Canonical, CarriedPlane
 
 
 def swing(x, y, dy):
@@ -181,6 +181,6 @@ def test_passages_are_counted_on_a_rotation():
         return np.broadcast_to(np.array([[0, w], [-w, 0]]), (len(s), 2, 2))
 
     system = Canonical((0.0, 2.0), np.array([0.0, 2.0]), 1, matrix, lambda s: None)
-    carried = Carried(system, np.array([[0.0], [1.0]]))
+    carried = CarriedPlane(system, np.array([[0.0], [1.0]]))
     assert carried.points == pytest.approx(math.pi / w * np.arange(1, 5), abs=1e-13)
     assert carried.at_end == []

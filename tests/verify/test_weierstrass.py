@@ -10,8 +10,8 @@ import pytest
 
 import varcalc as vc
 from varcalc.formulation.singular import forms
-from varcalc.verify import weierstrass
-from varcalc.verify.weierstrass import vouched
+from varcalc.verify import slopes as trial
+from varcalc.verify.slopes import vouched
 
 
 def graph(lagrangian, n=1):
@@ -35,13 +35,13 @@ def judged(problem):
 )
 def test_where_l_is_quadratic_in_the_slope_its_own_tells_of_all(monkeypatch, lagrangian, slopes):
     counts = []
-    original = weierstrass._Fan.least
+    original = trial.SlopeFan.least
 
     def counted(fan):
         counts.append(fan.tried.shape[2])
         return original(fan)
 
-    monkeypatch.setattr(weierstrass._Fan, "least", counted)
+    monkeypatch.setattr(trial.SlopeFan, "least", counted)
     judged(graph(lagrangian))
     assert counts == slopes  # the straight line's own problem needs none
 
@@ -57,7 +57,7 @@ def test_where_l_is_quadratic_in_the_slope_its_own_tells_of_all(monkeypatch, lag
 )
 def test_what_was_evaluated_along_the_curve_is_enough(monkeypatch, lagrangian, slopes):
     # no fan of slopes is built; three slopes tell of all where L is the root of a quadratic form
-    monkeypatch.setattr(weierstrass._Fan, "of", lambda *given: pytest.fail("a fan was built"))
+    monkeypatch.setattr(trial.SlopeFan, "of", lambda *given: pytest.fail("a fan was built"))
     solution = vc.solve(graph(lagrangian))
     assert solution.status is vc.Status.SOLVED
     tried = []
@@ -96,7 +96,7 @@ def test_what_is_evaluated_a_slope_does_not_grow_with_the_number_of_functions():
     rows = []
     for n in (2, 20):
         problem = graph(lambda x, y, v: ca.sqrt(1 + ca.sumsqr(v)), n)
-        rows.append(weierstrass._functions(problem).rows(1, *_at_ones(n)).shape[1])
+        rows.append(trial._functions(problem).rows(1, *_at_ones(n)).shape[1])
     assert rows == [3, 3]
 
 

@@ -10,7 +10,7 @@ from matplotlib.colors import to_hex, to_rgb
 from varcalc.methods.labels import label
 from varcalc.study.compare import Row
 
-LADDER = "NoneType"
+LADDER_TYPE = "NoneType"
 
 COLOURS = {
     "Ritz": ("#0072b2", "#d55e00"),
@@ -18,7 +18,7 @@ COLOURS = {
     "Shooting": ("#cc79a7",),
     "FirstIntegral": ("#e69f00",),
     "SciPyBvp": ("#56b4e9",),
-    LADDER: ("#7a5195",),
+    LADDER_TYPE: ("#7a5195",),
 }
 """The colours of methods, the same in every picture: first as they come, then with other options.
 
@@ -34,7 +34,7 @@ EXACT_COLOUR = "0.80"
 
 INK = "0.20"
 
-GRID = "0.90"
+GRID_COLOUR = "0.90"
 
 
 def colours_of(rows: Sequence[Row]) -> list[str]:
@@ -45,7 +45,7 @@ def colours_of(rows: Sequence[Row]) -> list[str]:
 
 def colours_by_label(labels: Sequence[str]) -> dict[str, str]:
     """The same for methods of which only the label is known, as in a stored file; "ladder" is the ladder's."""
-    heads = [LADDER if text == "ladder" else text.partition("(")[0] for text in labels]
+    heads = [LADDER_TYPE if text == "ladder" else text.partition("(")[0] for text in labels]
     pairs = [(head, "(" not in text) for head, text in zip(heads, labels, strict=True)]
     return dict(zip(labels, _colours(pairs), strict=True))
 

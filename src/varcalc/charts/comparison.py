@@ -9,11 +9,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from varcalc.charts.closed import ALIGNED, aligned, free_directions, is_closed
 from varcalc.charts.colours import EXACT_COLOUR, INK, colours_of
-from varcalc.charts.labels import label_beside
-from varcalc.charts.lines import Line, distance_along, envelope, shaped
-from varcalc.charts.panels import plain
+from varcalc.charts.lines import (
+    ALIGNED,
+    Line,
+    aligned,
+    distance_along,
+    envelope,
+    free_directions,
+    is_closed,
+    shaped,
+)
+from varcalc.charts.panels import FLOOR, label_beside, plain
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve
 from varcalc.study.compare import Comparison, Row
@@ -30,8 +37,6 @@ THREAD_WIDTH = 0.6
 STRIPE = 3.0
 """Length of the stripes in which coinciding curves alternate, in line widths."""
 
-FLOOR = float(np.finfo(float).eps) / 8
-"""Relative difference drawn for two numbers that are equal: a logarithmic axis has no zero."""
 
 ROUNDING_LABEL = "double precision"
 

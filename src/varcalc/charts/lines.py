@@ -1,15 +1,26 @@
-"""Curves to draw, and how far apart they are."""
+"""Curves to draw, and how far apart they are.
+
+Closed ones, whose place and start may be free, are laid upon each other before they are drawn.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 
-SAMPLES = 501
+from varcalc.problem.conditions import Isoperimetric
+from varcalc.problem.functional import Functional
+from varcalc.problem.lagrangian import Lagrangian
+from varcalc.problem.problem import Curve
+
+DRAWN_POINTS = 501
 """Points a curve is drawn with, denser at the ends, where it may be steep."""
 
+ALIGNED = "place and start moved to coincide"
+"""Said where closed curves are drawn upon each other: the functional does not tell where one lies or begins."""
 ENVELOPE = 8
 """Samples to either side over which a line of differences takes its largest value, so that it can be read."""
 
@@ -30,7 +41,7 @@ class Line:
     def samples(self) -> np.ndarray:
         """Parameters to draw the curve at, (m,)."""
         start, end = self.span
-        return start + (end - start) * (1 - np.cos(np.linspace(0, np.pi, SAMPLES))) / 2
+        return start + (end - start) * (1 - np.cos(np.linspace(0, np.pi, DRAWN_POINTS))) / 2
 
 
 def shaped(curve: Callable[[np.ndarray], object], n: int) -> Callable[[np.ndarray], Points]:
@@ -64,7 +75,7 @@ def nearest(reference: Line, points: Points) -> np.ndarray:
     way to the point is perpendicular to the tangent.
     """
     start, end = reference.span
-    samples = np.linspace(start, end, 4 * SAMPLES)
+    samples = np.linspace(start, end, 4 * DRAWN_POINTS)
     away = np.linalg.norm(points[:, :, None] - reference.at(samples)[:, None, :], axis=0)
     s = samples[np.argmin(away, axis=1)]
     step = 1e-5 * (end - start)
@@ -80,3 +91,31 @@ def envelope(values: np.ndarray) -> np.ndarray:
     """The largest of the neighbouring values, at each place."""
     padded = np.pad(values, ENVELOPE, mode="edge")
     return np.nanmax(np.lib.stride_tricks.sliding_window_view(padded, 2 * ENVELOPE + 1), axis=-1)
+
+
+def is_closed(problem: Functional) -> bool:
+    """True for a closed :class:`varcalc.Curve`."""
+    return isinstance(problem, Curve) and problem.start.periodic
+
+
+def free_directions(problem: Functional) -> np.ndarray:
+    """Along which coordinates a closed curve may be moved at no cost, as n truth values.
+
+    Those that occur neither in the Euler-Lagrange equations of the functional
+    and its prescribed integrals, nor in any pathwise constraint, as far as
+    the formulas show it: terms that would cancel are not looked for.
+    """
+    integrals = [t.expression for t in problem.traced if isinstance(t.constraint, Isoperimetric)]
+    pathwise = [t.expression for t in problem.traced if not isinstance(t.constraint, Isoperimetric)]
+    equations = [Lagrangian(problem.symbols, e).euler_lagrange for e in (problem.integrand, *integrals)]
+    by_place = ca.jacobian(ca.vertcat(*equations, *pathwise), problem.symbols.y)
+    return np.array(ca.DM(by_place.sparsity(), 1)).any(axis=0) == 0
+
+
+def aligned(line: Line, reference: Line, free: np.ndarray) -> Line:
+    """A closed curve with its middle moved onto that of another along ``free``, beginning where that one begins."""
+    once = np.arange(DRAWN_POINTS) / DRAWN_POINTS
+    move = np.where(free, reference.at(once).mean(axis=1) - line.at(once).mean(axis=1), 0.0)[:, None]
+    moved = replace(line, at=lambda t: line.at(t) + move)
+    (first,) = nearest(moved, reference.at(np.zeros(1)))
+    return replace(line, at=lambda t: moved.at(np.mod(t + first, 1.0)))

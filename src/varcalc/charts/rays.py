@@ -18,7 +18,7 @@ RAY, LOST, FRONT, CAUSTIC, ARRIVAL = "#0072b2", "#999999", "#009e73", "#d55e00",
 SHADES = "Greys"
 """The index, the higher the darker, light enough for what is drawn upon it."""
 DARKEST = 0.45
-GAP = 8.0
+FRONT_GAP = 8.0
 """Neighbouring points of a wavefront that lie so many times the usual distance apart are not joined."""
 CROSSINGS = ("#0072b2", "#56b4e9", "#009e73", "#e69f00")
 SIZE = 8.0
@@ -115,7 +115,7 @@ def _draw_front(panel: Axes, front: Wavefront) -> None:
     points = np.where(front.arrived[:, None], front.points, np.nan)[:, [0, -1]]
     apart = np.linalg.norm(np.diff(points, axis=0), axis=1)
     usual = np.nanmedian(apart) if np.isfinite(apart).any() else 0.0
-    broken = np.insert(points, 1 + np.flatnonzero(apart > GAP * usual), np.nan, axis=0)
+    broken = np.insert(points, 1 + np.flatnonzero(apart > FRONT_GAP * usual), np.nan, axis=0)
     panel.plot(*broken.T, color=FRONT, linewidth=1.2, zorder=5.5)
 
 

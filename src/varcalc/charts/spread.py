@@ -14,20 +14,20 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from varcalc.charts.colours import INK, colours_by_label
-from varcalc.charts.panels import plain
-from varcalc.charts.work_precision import BRIEFEST, FLOOR, delivered_error, draw_claims, drawable, front, top_edge
+from varcalc.charts.panels import FLOOR, plain
+from varcalc.charts.work_precision import BRIEFEST, delivered_error, draw_claims, drawable, front, top_edge
 from varcalc.study.compare import EXACT_FLOOR
 from varcalc.study.records import Record, measured_order
 from varcalc.study.routes import Knob
 
-WIDTH = 11.0
+SPREAD_WIDTH = 11.0
 UPPER, LOWER = 3.7, 3.0
 """Heights of the two rows of a problem: convergence with claims, and times."""
-HEADING = 1.5
+SPREAD_HEADING = 1.5
 MARKERS = ("o", "s", "D", "v", "P", "X", "<", ">")
 """Those of the curves that options make, in the order in which they appear."""
 DEGREE_MARKER = "^"
-LADDER = "ladder"
+LADDER_LABEL = "ladder"
 BENEATH = 4.0
 """By how much wider the line of a second route of one kind is: it runs beneath that of the first."""
 PALE = 0.35
@@ -44,14 +44,14 @@ TIMES: tuple[tuple[str, Time], ...] = (
 
 
 @dataclass(frozen=True)
-class Style:
+class LineStyle:
     """The colours of routes and the markers of curves, the same throughout a figure."""
 
     colours: Mapping[str, str]
     markers: Mapping[str, str]
 
     @classmethod
-    def of(cls, records: Sequence[Record]) -> Style:
+    def of(cls, records: Sequence[Record]) -> LineStyle:
         """Those for all that is to be drawn."""
         names = dict.fromkeys(r.curve for r in records if r.knob == Knob.ELEMENT)
         markers = dict(zip(names, cycle(MARKERS), strict=False))
@@ -80,10 +80,9 @@ def work_precision_picture(records: Sequence[Record], *, title: str = "Speed aga
     because there was no closed form.
     """
     drawn = drawable(records)
-    problems, style = list(dict.fromkeys(r.problem for r in drawn)), Style.of(drawn)
-    figure = Figure(
-        figsize=(WIDTH, (UPPER + LOWER) * len(problems) + HEADING), layout="constrained", facecolor="white"
-    )  # fmt: skip
+    problems, style = list(dict.fromkeys(r.problem for r in drawn)), LineStyle.of(drawn)
+    height = (UPPER + LOWER) * len(problems) + SPREAD_HEADING
+    figure = Figure(figsize=(SPREAD_WIDTH, height), layout="constrained", facecolor="white")
     grid = figure.add_gridspec(2 * len(problems), 3, height_ratios=[UPPER, LOWER] * len(problems))
     for i, problem in enumerate(problems):
         of_problem = [r for r in drawn if r.problem == problem]
@@ -94,7 +93,7 @@ def work_precision_picture(records: Sequence[Record], *, title: str = "Speed aga
     return figure
 
 
-def _draw_problem(problem: str, records: Sequence[Record], panels: Sequence[Axes], style: Style) -> None:
+def _draw_problem(problem: str, records: Sequence[Record], panels: Sequence[Axes], style: LineStyle) -> None:
     convergence, claims, *times = panels
     top = top_edge(records)
     for panel in panels:
@@ -135,7 +134,7 @@ def _curves(records: Iterable[Record]) -> dict[tuple[str, str], list[Record]]:
     return {key: sorted(rs, key=lambda r: r.unknowns or 0) for key, rs in found.items()}
 
 
-def _draw_convergence(panel: Axes, records: Sequence[Record], style: Style) -> None:
+def _draw_convergence(panel: Axes, records: Sequence[Record], style: LineStyle) -> None:
     """The error over the unknowns; each curve ends at its first point where double precision does."""
     points: list[np.ndarray] = []
     named: list[tuple[np.ndarray, float, str]] = []
@@ -197,7 +196,7 @@ def _draw_route(panel: Axes, records: Sequence[Record], time: Time, colour: str,
     at = np.array([max(time(r) or 0.0, BRIEFEST) for r in timed])
     errors = np.array([delivered_error(r) if r.ok else np.nan for r in timed])
     driven = np.array([r.knob == Knob.TOLERANCE for r in timed], dtype=bool)
-    if any(r.route == LADDER for r in timed):
+    if any(r.route == LADDER_LABEL for r in timed):
         panel.plot(at, errors, "*", color=colour, markersize=11, markeredgecolor="white", markeredgewidth=0.6, zorder=5)
     else:
         joined = front(at, errors)
@@ -217,7 +216,7 @@ def _time_limits(records: Sequence[Record]) -> tuple[float, float]:
     return low, max(high, 10 * low)
 
 
-def _legend(figure: Figure, records: Sequence[Record], style: Style) -> None:
+def _legend(figure: Figure, records: Sequence[Record], style: LineStyle) -> None:
     """Each route by its colour, then each kind of curve and of point by its marker."""
     routes = [_route_handle(name, colour, style.beneath(name)) for name, colour in style.colours.items()]
     marks = [
@@ -237,7 +236,7 @@ def _legend(figure: Figure, records: Sequence[Record], style: Style) -> None:
 
 
 def _route_handle(name: str, colour: str, beneath: int) -> Line2D:
-    if name == LADDER:
+    if name == LADDER_LABEL:
         return Line2D([], [], color=colour, marker="*", markersize=11, linewidth=0, label="ladder's choice")
     return Line2D([], [], color=to_rgba(colour, PALE if beneath else 1.0), linewidth=1.5 + BENEATH * beneath,
                   marker="o", markersize=5, markerfacecolor=colour, markeredgecolor="white", label=name)  # fmt: skip

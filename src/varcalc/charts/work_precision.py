@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,20 +10,18 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from varcalc.charts.colours import GRID, INK, colours_by_label
-from varcalc.charts.panels import plain
+from varcalc.charts.colours import GRID_COLOUR, INK, colours_by_label
+from varcalc.charts.panels import FLOOR, plain
 from varcalc.study.compare import EXACT_FLOOR, EXACT_MARGIN
 from varcalc.study.records import Record
 
-FLOOR = float(np.finfo(float).eps) / 8
-"""Relative error drawn for none at all: a logarithmic axis has no zero."""
 BRIEFEST = 1e-2
 """Milliseconds drawn for a time of none, as that of building where nothing is built."""
 LEAST_TOP = 1e-1
 """The upper edge of the errors is at least this; failures are drawn on it."""
-WIDTH = 10.5
-ROW = 3.4
-HEADING = 1.3
+PANEL_WIDTH = 10.5
+PANEL_ROW = 3.4
+PANEL_HEADING = 1.3
 
 
 def cold_picture(records: Sequence[Record], *, title: str = "Error against the time to build and solve") -> Figure:
@@ -34,24 +32,14 @@ def cold_picture(records: Sequence[Record], *, title: str = "Error against the t
     :func:`work_precision_picture` does.
     """
     drawn = drawable(records)
-    problems, colours = list(dict.fromkeys(r.problem for r in drawn)), colours_by_label(_methods(drawn))
-    columns = min(3, len(problems))
-    names = [problems[i : i + columns] for i in range(0, len(problems), columns)]
-    figure, rows = _figure(["" for _ in names], columns, title, colours, crosses=not all(r.ok for r in drawn))
+    colours = colours_by_label(list(dict.fromkeys(r.method for r in drawn)))
+    figure, panels = _panels(drawn, colours, title, ("milliseconds", "relative error of the value"))
     top = top_edge(drawn)
-    for row, panels in zip(names, rows, strict=True):
-        for panel, problem in zip(panels, row, strict=False):
-            of_problem = [r for r in drawn if r.problem == problem]
-            for method, colour in colours.items():
-                _draw_line(panel, [r for r in of_problem if r.method == method], _whole, colour, top, fastest=True)
-            finish(panel, top)
-            panel.set_title(problem, fontsize=10, color=INK, loc="left")
-            panel.tick_params(labelbottom=True)
-        for panel in panels[len(row) :]:
-            panel.set_visible(False)
-        panels[0].set_ylabel("relative error of the value", color=INK)
-    for panel in rows[-1]:
-        panel.set_xlabel("milliseconds", color=INK)
+    for panel, of_problem in panels:
+        for method, colour in colours.items():
+            _draw_line(panel, [r for r in of_problem if r.method == method], colour, top)
+        finish(panel, top)
+        panel.tick_params(labelbottom=True)
     return figure
 
 
@@ -71,22 +59,12 @@ def claims_picture(records: Sequence[Record], *, title: str = "Claimed against d
     drawn = [r for r in drawable(records) if r.ok]
     if not drawn:
         raise ValueError("no method found an answer, so there is no claim to draw; see the reasons in the records")
-    problems = list(dict.fromkeys(r.problem for r in drawn))
     colours = colours_by_label(list(dict.fromkeys(r.route for r in drawn)))
-    columns = min(3, len(problems))
-    names = [problems[i : i + columns] for i in range(0, len(problems), columns)]
-    figure, rows = _figure(["" for _ in names], columns, title, colours, crosses=False)
+    figure, panels = _panels(drawn, colours, title, ("delivered", "claimed"))
     top = top_edge(drawn)
-    for row, panels in zip(names, rows, strict=True):
-        for panel, problem in zip(panels, row, strict=False):
-            draw_claims(panel, [r for r in drawn if r.problem == problem], colours, top)
-            panel.set_aspect("equal")
-            panel.set_title(problem, fontsize=10, color=INK, loc="left")
-        for panel in panels[len(row) :]:
-            panel.set_visible(False)
-        panels[0].set_ylabel("claimed", color=INK)
-    for panel in rows[-1]:
-        panel.set_xlabel("delivered", color=INK)
+    for panel, of_problem in panels:
+        draw_claims(panel, of_problem, colours, top)
+        panel.set_aspect("equal")
     return figure
 
 
@@ -111,10 +89,6 @@ def drawable(records: Sequence[Record]) -> list[Record]:
     return drawn
 
 
-def _methods(records: Sequence[Record]) -> list[str]:
-    return list(dict.fromkeys(r.method for r in records))
-
-
 def top_edge(records: Sequence[Record]) -> float:
     """The upper edge of the errors."""
     return max(LEAST_TOP, *(10 * max(delivered_error(r), claimed_error(r)) for r in records if r.ok), 0.0)
@@ -130,13 +104,16 @@ def claimed_error(record: Record) -> float:
     return max((record.claimed_error or 0.0) / record.size, FLOOR)
 
 
-def _figure(
-    rows: Sequence[str], columns: int, title: str, colours: dict[str, str], *, crosses: bool
-) -> tuple[Figure, list[list[Axes]]]:
-    """A grid of logarithmic panels, with the methods named once above them."""
-    width = WIDTH * max(columns, 2) / 3
-    figure = Figure(figsize=(width, ROW * len(rows) + HEADING), layout="constrained", facecolor="white")
-    grid = figure.subplots(len(rows), columns, squeeze=False, sharex="row", sharey=True)
+def _panels(
+    records: Sequence[Record], colours: dict[str, str], title: str, axes: tuple[str, str]
+) -> tuple[Figure, list[tuple[Axes, list[Record]]]]:
+    """A logarithmic panel a problem, with its records; the methods named once beneath, the ``axes`` at the edges."""
+    problems = list(dict.fromkeys(r.problem for r in records))
+    columns = min(3, len(problems))
+    rows = -(-len(problems) // columns)
+    width = PANEL_WIDTH * max(columns, 2) / 3
+    figure = Figure(figsize=(width, PANEL_ROW * rows + PANEL_HEADING), layout="constrained", facecolor="white")
+    grid = figure.subplots(rows, columns, squeeze=False, sharex="row", sharey=True)
     for panel in grid.flat:
         plain(panel)
         panel.set_xscale("log")
@@ -144,29 +121,30 @@ def _figure(
         panel.yaxis.set_minor_formatter(NullFormatter())
     figure.suptitle(title, x=0.01, ha="left", fontsize=13, color=INK)
     handles = [Line2D([], [], color=c, marker="o", markersize=5, linewidth=1.6, label=m) for m, c in colours.items()]
-    if crosses:
+    if not all(r.ok for r in records):
         handles.append(Line2D([], [], color=INK, marker="x", linestyle="none", markersize=6, label="no answer"))
     figure.legend(
         handles=handles, loc="outside lower left", ncols=min(len(handles), 2 * columns), frameon=False, fontsize=9,
         labelcolor=INK,
     )  # fmt: skip
-    return figure, [list(row) for row in grid]
+    for panel in grid.flat[len(problems) :]:
+        panel.set_visible(False)
+    for panel in grid[-1]:
+        panel.set_xlabel(axes[0], color=INK)
+    for panel in grid[:, 0]:
+        panel.set_ylabel(axes[1], color=INK)
+    panels = list(zip(grid.flat, problems, strict=False))
+    for panel, problem in panels:
+        panel.set_title(problem, fontsize=10, color=INK, loc="left")
+    return figure, [(panel, [r for r in records if r.problem == problem]) for panel, problem in panels]
 
 
-def _draw_line(
-    panel: Axes,
-    records: Sequence[Record],
-    time: Callable[[Record], float | None],
-    colour: str,
-    top: float,
-    *,
-    fastest: bool = False,
-) -> None:
-    """The points of one method in the order of its tolerances, joined as long as it answers."""
-    ordered = sorted((r for r in records if time(r) is not None), key=lambda r: -r.setting)
-    at = np.array([max(time(r) or 0.0, BRIEFEST) for r in ordered])
+def _draw_line(panel: Axes, records: Sequence[Record], colour: str, top: float) -> None:
+    """The points of one method, the fastest to each accuracy joined."""
+    ordered = sorted((r for r in records if _whole(r) is not None), key=lambda r: -r.setting)
+    at = np.array([max(_whole(r) or 0.0, BRIEFEST) for r in ordered])
     errors = np.array([delivered_error(r) if r.ok else np.nan for r in ordered])
-    joined = front(at, errors) if fastest else np.arange(len(at))
+    joined = front(at, errors)
     panel.plot(at[joined], errors[joined], color=colour, linewidth=1.2, alpha=0.7, zorder=2)
     panel.plot(at, errors, "o", color=colour, markersize=4.5, markeredgecolor="white", markeredgewidth=0.5, zorder=3)
     failed = at[np.isnan(errors)]
@@ -188,7 +166,7 @@ def draw_claims(panel: Axes, records: Sequence[Record], colours: Mapping[str, st
     """
     low = FLOOR / 4
     shaded = np.geomspace(EXACT_FLOOR, top, 50)
-    panel.fill_between(shaded, np.full(50, low), shaded / EXACT_MARGIN, color=GRID, linewidth=0, zorder=1)
+    panel.fill_between(shaded, np.full(50, low), shaded / EXACT_MARGIN, color=GRID_COLOUR, linewidth=0, zorder=1)
     panel.plot([low, top], [low, top], color=INK, linewidth=0.8, linestyle=(0, (2, 3)), zorder=1.5)
     for route, colour in colours.items():
         known = [r for r in records if r.ok and r.route == route and r.claimed_error is not None]

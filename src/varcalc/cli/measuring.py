@@ -35,7 +35,7 @@ STORED = ".json"
 """The suffix of a file of measurements."""
 HARD = ("brachistochrone", "regulator/layer", "soap_film/fold", "regulator/signal")
 """The problems that are charted when none is named."""
-TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
+CHART_TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 """The tolerances at which a chart is measured when none is given."""
 
 
@@ -100,7 +100,7 @@ def _gathered(names: Sequence[str], tolerances: Sequence[float], repeats: int) -
             parts.append(_stored(Path(name)))
             continue
         reference = loaded(name)[0]
-        lines = _lines(reference, tolerances or TOLERANCES, repeats)
+        lines = _lines(reference, tolerances or CHART_TOLERANCES, repeats)
         parts += [measure() for measure in with_progress(lines, reference.name)]
     known = [part.about for part in parts if part.about != parts[0].about]
     return WorkPrecision(tuple(r for part in parts for r in part.records), about() if known else parts[0].about)

@@ -12,28 +12,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeGuard
 
 import numpy as np
 
+from varcalc.existence.broken_curve import between_two_points
 from varcalc.formulation import Coordinates, Form, Stated, extended, formulate, rewriter, straight
 from varcalc.methods.ritz.method import Rung, Rungs
 from varcalc.methods.ritz.newton import Newton
-from varcalc.problem.conditions import Fixed
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
-from varcalc.solution import Solution
+from varcalc.solution import Finding, Solution, Verdict
 from varcalc.symbolic.derived import Cache
 
-MESHES = (16, 32, 64, 128)
+POLYGON_PIECES = (16, 32, 64, 128)
 STEEPENING = 1.7
 """Growth of the steepest slope at each halving of the mesh that is concentration (2 for a jump)."""
-POWERS = (2, 3, 4, 5, 6)
+SINGULAR_POWERS = (2, 3, 4, 5, 6)
 """Powers k of the abscissa, x - x_end ~ t^k, that give a curve an infinite slope at an end."""
 SMOOTH_DEGREE = 10
-RESOLVED = 1e-9
+VALUES_RESOLVED = 1e-9
 """Difference, relative to what is summed, below which two values are one."""
-CLEARLY = 0.5
+CLEAR_SHARE = 0.5
 """Share of the polygons' limit below which a singular curve has to come."""
 
 
@@ -57,18 +56,20 @@ class Approach:
     @property
     def concentrates(self) -> bool:
         """Whether the steepest slope grows with every refinement as that of a jump does, while the values improve."""
-        sign = -1.0 if self.maximise else 1.0
         growing = bool(np.all(self.steepest[1:] > STEEPENING * self.steepest[:-1]))
-        return growing and bool(np.all(np.diff(sign * self.values) < 0))
+        return growing and bool(np.all(np.diff(-self.values if self.maximise else self.values) < 0))
 
     @property
-    def sentence(self) -> str:
-        """What the meshes show, for a person."""
+    def finding(self) -> Finding:
+        """What the meshes show where the sequence concentrates."""
         table = ", ".join(f"{v:.6g} on {n}" for n, v in zip(self.elements, self.values, strict=True))
-        return (
-            f"the least values over polygons, {table} pieces, tend to {self.limit:.6g}, while the slope at "
-            f"x = {self.where:.4g} grows to {self.steepest[-1]:.3g} without bound"
+        sentence = (
+            f"the infimum is not attained: the least values over polygons, {table} pieces, tend to "
+            f"{self.limit:.6g}, while the slope at x = {self.where:.4g} grows to {self.steepest[-1]:.3g} without bound"
         )
+        numbers = {f"on {n} pieces": float(v) for n, v in zip(self.elements, self.values, strict=True)}
+        numbers |= {"limit": self.limit, "steepest": float(np.max(self.steepest))}
+        return Finding(Verdict.NOT_ATTAINED, sentence, numbers)
 
 
 def approached(problem: Functional) -> Approach | None:
@@ -81,7 +82,7 @@ def approached(problem: Functional) -> Approach | None:
     form = formulate(problem)
     rows = []
     where = math.nan
-    for elements in MESHES:
+    for elements in POLYGON_PIECES:
         rungs = Rungs(form, Newton(), 12)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             rung = rungs.start(rungs.first_space(elements, 1), None)
@@ -113,35 +114,34 @@ class Gap:
     power: int
     at_start: bool
 
-    def sentence(self, limit: float) -> str:
-        """What the gap is, for a person."""
+    def finding(self, limit: float) -> Finding:
+        """What the gap is, where other curves come down to ``limit``."""
         end = "start" if self.at_start else "end"
-        return (
+        sentence = (
             f"a Lavrentiev gap: curves of bounded slope come down to {limit:.6g} only, but one that leaves the {end} "
             f"like the power 1/{self.power} of the distance reaches {self.value:.6g}"
         )
+        return Finding(Verdict.GAP, sentence, {"value": self.value})
 
 
 def gap(problem: Functional, approach: Approach) -> Gap | None:
     """A curve with an infinite slope at an end that is clearly better than the limit of all polygons."""
-    if not _stretchable(problem):
+    if not between_two_points(problem):
         return None
-    found = [found for at_start in (True, False) for k in POWERS if (found := _steep(problem, k, at_start))]
+    found = [
+        found
+        for at_start in (True, False)
+        for k in SINGULAR_POWERS
+        if (found := _steep(problem, k, at_start, least=True))
+    ]
     sign = problem.sign
     best = min(found, key=lambda g: sign * g.value, default=None)
     last = float(approach.values[-1])
     # the extrapolation may be off by as much as it adds; a curve between the two proves nothing
     sure = approach.limit - sign * abs(approach.limit - last)
-    if best is None or sign * (sure - best.value) <= CLEARLY * abs(sure) + RESOLVED * best.scale:
+    if best is None or sign * (sure - best.value) <= CLEAR_SHARE * abs(sure) + VALUES_RESOLVED * best.scale:
         return None
     return best
-
-
-def _stretchable(problem: Functional) -> TypeGuard[Problem]:
-    plain = isinstance(problem, Problem) and problem.n == problem.order == 1 and not problem.constraints
-    if not plain or problem.breakpoints or problem.unknowns or problem.end_cost:
-        return False
-    return isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)
 
 
 def outdone(solution: Solution) -> Gap | None:
@@ -151,44 +151,45 @@ def outdone(solution: Solution) -> Gap | None:
     evaluation of the functional: enough to doubt a minimum where L is singular.
     """
     problem = solution.problem
-    if not _stretchable(problem):
+    if not between_two_points(problem):
         return None
     sign = problem.sign
     for at_start in (True, False):
-        for power in POWERS:
-            found = _plain(problem, power, at_start)
+        for power in SINGULAR_POWERS:
+            found = _steep(problem, power, at_start, least=False)
             if found is None:
                 continue
-            if sign * (solution.value - found.value) > CLEARLY * abs(solution.value) + RESOLVED * found.scale:
+            if (
+                sign * (solution.value - found.value)
+                > CLEAR_SHARE * abs(solution.value) + VALUES_RESOLVED * found.scale
+            ):
                 return found
     return None
 
 
-def _plain(problem: Problem, power: int, at_start: bool) -> Gap | None:
-    """The value of y linear in s where x - x_end ~ s^power, when a finer rule confirms it."""
+def _steep(problem: Problem, power: int, at_start: bool, *, least: bool) -> Gap | None:
+    """A value over curves smooth in s where x - x_end ~ s^power: the ``least``, or that of y linear in s.
+
+    The latter counts when a finer rule confirms it.
+    """
     form = _stretched(problem, power, at_start)
     rungs = Rungs(form, Newton(), 1)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        system = rungs.system(rungs.first_space(1, SMOOTH_DEGREE))
-        z = system.pack(system.space.fit(form.start.curve), form.start.unknowns)
+        space = rungs.first_space(1, SMOOTH_DEGREE)
+        if least:
+            rung = rungs.start(space, None)
+            if isinstance(rung, str):
+                return None
+            system, z = rung.system, rung.z
+        else:
+            system = rungs.system(space)
+            z = system.pack(system.space.fit(form.start.curve), form.start.unknowns)
         finer, again = rungs.prolonged(system, z)
-        coarse, fine = system.evaluate(z), finer.evaluate(again)
-    change, size = abs(coarse.value - fine.value), max(abs(coarse.value), abs(fine.value))
-    settled = math.isfinite(size) and change <= CLEARLY * size
-    return Gap(form.sign * fine.value, fine.scale, power, at_start) if settled else None
-
-
-def _steep(problem: Problem, power: int, at_start: bool) -> Gap | None:
-    """The least value over curves smooth in s where x - x_end ~ s^power, from the straight line in s."""
-    form = _stretched(problem, power, at_start)
-    rungs = Rungs(form, Newton(), 1)
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        rung = rungs.start(rungs.first_space(1, SMOOTH_DEGREE), None)
-        if isinstance(rung, str):
-            return None
-        finer, z = rungs.prolonged(rung.system, rung.z)
-        at = finer.evaluate(z)
-    return Gap(form.sign * at.value, at.scale, power, at_start) if math.isfinite(at.value) else None
+        at = finer.evaluate(again)
+        coarse = at.value if least else system.evaluate(z).value
+    size = max(abs(coarse), abs(at.value))
+    settled = math.isfinite(size) and abs(coarse - at.value) <= CLEAR_SHARE * size
+    return Gap(form.sign * at.value, at.scale, power, at_start) if settled else None
 
 
 def _stretched(problem: Problem, power: int, at_start: bool) -> Form:

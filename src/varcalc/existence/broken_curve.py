@@ -17,52 +17,51 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from varcalc.numerics.mesh import gauss
-from varcalc.problem.conditions import Fixed
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
-from varcalc.solution import Solution, Status, Verdict
+from varcalc.solution import Finding, Solution, Verdict, refused
 
-STEEP = (1e6, 1e8)
+RECOGNISING_SLOPES = (1e6, 1e8)
 """Slopes, in units of the problem's own, at which linear growth is recognised."""
-STEEPEST = 1e16
+STEEPEST_SLOPE = 1e16
 """Slope, in units of the chord's, at which the cost of a jump is read before the problem's own unit is known."""
-LINEAR = 1e-4
+LINEAR_GROWTH = 1e-4
 """Relative difference of L / |v| at the two slopes that is linear growth."""
-LEVELS = 33
-REACH = 3.0
+SCANNED_LEVELS = 33
+LEVEL_REACH = 3.0
 """How far beyond the ends levels are looked at, in units of the problem's size."""
-POINTS = 10
+JUMP_POINTS = 10
 GRADES, FINE_POINTS = 26, (8, 12)
 """Halvings of the panels toward both ends of a jump, and points a panel, by which a value is made sure of."""
-FAR = 1e-3
+FAR_ABOVE = 1e-3
 """Relative distance above the ceiling of a value that is resolved but not made sure of."""
-SCAN_POINTS, ROUGH = 4, 1e-2
+SCAN_POINTS, ROUGH_ERROR = 4, 1e-2
 """Points a part of a broken curve in a first scan of the levels, and the relative error that this may make."""
-BESIDE = 1e-3
+BESIDE_KINK = 1e-3
 """Distance from where kinks are, in units of the problem's size, at which levels are looked at as well."""
-CLOSER, EVENLY_CLOSER = 2, np.linspace(0.0, 1.0, 25)
+CLOSER_ROUNDS, CLOSER_LOOKS = 2, np.linspace(0.0, 1.0, 25)
 """Rounds of closer looks, and where each looks between two levels."""
-SURELY = 2.0
+SURELY_BELOW = 2.0
 """By how many times what separates a level from its neighbours a value between them may lie below its own."""
-EVENLY = np.linspace(0.0, 1.0, 9)[1:-1]
+EVEN_LOOKS = np.linspace(0.0, 1.0, 9)[1:-1]
 """Where a round of the search for the best level looks, in shares of what is left; it leaves a quarter of that."""
-CLOSELY = np.outer([-1.0, 1.0], [0.0, 1e-2, 1e-5, 1e-9, 1e-13]).ravel()
+CLOSE_LOOKS = np.outer([-1.0, 1.0], [0.0, 1e-2, 1e-5, 1e-9, 1e-13]).ravel()
 """Where else it looks: distances from the best level so far, in the same unit."""
-ROUNDS = 24
-NARROW, FLAT = 1e-15, 1e-15
+LEVEL_ROUNDS = 24
+NARROW_LEVELS, FLAT_VALUES = 1e-15, 1e-15
 """Width relative to the problem's size or its ordinates, and relative difference of values, that are round-off."""
-STEP = 1e-3
+REAL_JUMP = 1e-3
 """Height of a jump that is one, in units of the problem's size."""
-NONE = 1e-9
+NO_JUMP = 1e-9
 """Height of a jump, relative to the ordinates, that may be the error of a graph."""
-LIKE = 1e-7
+LIKE_VALUES = 1e-7
 """Relative difference of the values of a graph and of the broken curve that it comes near."""
-ALONG = 0.05
+ALONG_LEVEL = 0.05
 """Distance from the level, in units of the jump, at which a graph runs along it."""
-EDGE, LEVEL = 0.1, 0.25
+JUMP_SHARE, LEVEL_DEPARTURE = 0.1, 0.25
 """Share of the interval next to an end, and departure from the level beyond it in units of the jump, of a graph that
 might be taken for a broken curve."""
-RIVAL = 1e-9
+RIVAL_MARGIN = 1e-9
 """Relative margin by which a broken curve has to be better: its own value is no more accurate."""
 
 
@@ -94,18 +93,19 @@ def _broken_curves(problem: Functional, ceiling: float) -> list[BrokenCurve]:
 
     The ceiling is a value in the sense that is minimised.
     """
-    if not _simple(problem):
+    if not between_two_points(problem):
         return []
     with np.errstate(all="ignore"):
         family = _Family(problem)
         return family.best(ceiling) if family.linear else []
 
 
-def _simple(problem: Functional) -> TypeGuard[Problem]:
-    plain = isinstance(problem, Problem) and problem.n == problem.order == 1
-    if not plain or problem.constraints or problem.unknowns or problem.end_cost or problem.breakpoints:
+def between_two_points(problem: Functional) -> TypeGuard[Problem]:
+    """Whether one function of first order is sought between two given points, and nothing else is asked."""
+    if not isinstance(problem, Problem) or problem.n > 1 or problem.order > 1:
         return False
-    return isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)
+    more = problem.constraints or problem.unknowns or problem.end_cost or problem.breakpoints
+    return problem.start.fixed and problem.end.fixed and not more
 
 
 class _Family:
@@ -115,19 +115,18 @@ class _Family:
         self.problem = problem
         self.sign = problem.sign
         a, b = problem.span
-        ends: list[Any] = [problem.start, problem.end]
-        self.y = np.array([float(np.ravel(e.y)[0]) for e in ends])
-        self.coarse = _graded(0, POINTS)
+        self.y = np.concatenate([problem.start.values(1), problem.end.values(1)])
+        self.coarse = _graded(0, JUMP_POINTS)
         x = np.tile(a + (b - a) * np.array([0.0, 0.5, 1.0]), 4)
         y = np.tile([self.y[0], self.y.mean(), self.y[1]], 4)
         self.worth = self._worth(x[:6], y[:6])
         self.size = max(float(np.ptp(self.y)), self.worth)
-        self.narrow = NARROW * max(self.size, float(np.abs(self.y).max()))
+        self.narrow = NARROW_LEVELS * max(self.size, float(np.abs(self.y).max()))
         self.steep = self.size / (b - a)
-        slopes = np.repeat(np.outer(STEEP, [1.0, -1.0]).ravel() * self.steep, 3)
+        slopes = np.repeat(np.outer(RECOGNISING_SLOPES, [1.0, -1.0]).ravel() * self.steep, 3)
         low, high = (self._values(x, y, slopes) / np.abs(slopes)).reshape(2, -1)
         finite = np.isfinite(low).all() and np.isfinite(high).all() and bool((high > 0).all())
-        self.linear = finite and bool((np.abs(high - low) <= LINEAR * high).all())
+        self.linear = finite and bool((np.abs(high - low) <= LINEAR_GROWTH * high).all())
 
     def _worth(self, x: np.ndarray, y: np.ndarray) -> float:
         """The height of a jump that costs as much as a level curve across the interval, about as much as may pay.
@@ -136,7 +135,7 @@ class _Family:
         rows of points x and y.
         """
         a, b = self.problem.span
-        steepest = STEEPEST * (float(np.ptp(self.y)) / (b - a) or 1.0)
+        steepest = STEEPEST_SLOPE * (float(np.ptp(self.y)) / (b - a) or 1.0)
         half = len(x) // 2
         level, jump = self._values(x, y, np.repeat([0.0, steepest], half)).reshape(2, -1)
         worth = np.abs(level / jump * steepest)
@@ -151,7 +150,7 @@ class _Family:
         """The functional of the broken curves at levels (m,); NaN beyond where a jump no longer costs anything."""
         a, b = self.problem.span
         nodes, weights = self.coarse if rule is None else rule
-        count, steep = len(nodes), STEEP[1] * self.steep
+        count, steep = len(nodes), RECOGNISING_SLOPES[1] * self.steep
         jumps = levels[:, None] - self.y
         # along the level, then down (or up) at the start and at the end; the last of a jump's points is the level
         share = np.append(nodes, 1.0)
@@ -168,7 +167,7 @@ class _Family:
 
     def _jump(self, levels: np.ndarray) -> np.ndarray:
         """The least cost of a jump at either end and either way, at levels (m,)."""
-        steep = STEEP[1] * self.steep
+        steep = RECOGNISING_SLOPES[1] * self.steep
         x, v = np.repeat(self.problem.span, 2), np.array([steep, -steep, steep, -steep])
         values = self._values(np.tile(x, len(levels)), np.repeat(levels, 4), np.tile(v, len(levels)))
         return values.reshape(-1, 4).min(1) / steep
@@ -179,10 +178,10 @@ class _Family:
         By secants and sections of the interval.
         """
         costs = self._jump(ends)
-        for _ in range(ROUNDS):
+        for _ in range(LEVEL_ROUNDS):
             width = float(ends[1] - ends[0])
             secant = float(ends[0] + width * np.nan_to_num(costs[0] / (costs[0] - costs[1]), nan=0.5))
-            tried: np.ndarray = np.concatenate([ends[0] + width * EVENLY, secant + width * CLOSELY])
+            tried: np.ndarray = np.concatenate([ends[0] + width * EVEN_LOOKS, secant + width * CLOSE_LOOKS])
             inner: np.ndarray = np.sort(np.clip(tried, ends.min(), ends.max()))
             row: np.ndarray = np.concatenate([ends[:1], inner, ends[1:]])
             known: np.ndarray = np.concatenate([costs[:1], self._jump(inner), costs[1:]])
@@ -197,9 +196,9 @@ class _Family:
 
     def best(self, ceiling: float) -> list[BrokenCurve]:
         """The levels of least value, from a scan and searches about each of its lowest places; best first."""
-        low, high = self.y.min() - REACH * self.size, self.y.max() + REACH * self.size
-        levels = np.unique(np.concatenate([np.linspace(low, high, LEVELS), self._about(self.y)]))
-        rough = ceiling + ROUGH * abs(ceiling) if math.isfinite(ceiling) else ceiling
+        low, high = self.y.min() - LEVEL_REACH * self.size, self.y.max() + LEVEL_REACH * self.size
+        levels = np.unique(np.concatenate([np.linspace(low, high, SCANNED_LEVELS), self._about(self.y)]))
+        rough = ceiling + ROUGH_ERROR * abs(ceiling) if math.isfinite(ceiling) else ceiling
         values = self._scanned(levels)
         places = self._lowest(values, rough)
         last = len(levels) - 1
@@ -215,11 +214,11 @@ class _Family:
         return [BrokenCurve(self.sign * value, level, self._jumps(level)) for value, level in sorted(found)]
 
     def _jumps(self, level: float) -> bool:
-        return float(np.abs(level - self.y).max()) > STEP * self.size
+        return float(np.abs(level - self.y).max()) > REAL_JUMP * self.size
 
     def _about(self, kinks: np.ndarray) -> np.ndarray:
         """Levels at which the value may have kinks (m,), and those next to them; (3 m,)."""
-        return np.add.outer(kinks, self.size * np.array([-BESIDE, 0.0, BESIDE])).ravel()
+        return np.add.outer(kinks, self.size * np.array([-BESIDE_KINK, 0.0, BESIDE_KINK])).ravel()
 
     def _scanned(self, levels: np.ndarray) -> np.ndarray:
         """The values at levels (m,) in a first scan, infinite where a jump costs nothing."""
@@ -234,7 +233,7 @@ class _Family:
     def _narrowed(self, levels: np.ndarray, places: np.ndarray, ceiling: float) -> np.ndarray:
         """Those of the ``places`` (m,) that a few closer looks at what lies about them cannot show to be above."""
         between = _Between(places, *_neighbours(levels, places))
-        for _ in range(CLOSER if math.isfinite(ceiling) else 0):
+        for _ in range(CLOSER_ROUNDS if math.isfinite(ceiling) else 0):
             if not len(between.known):
                 break
             between = self._narrower(between, ceiling)
@@ -242,9 +241,9 @@ class _Family:
 
     def _narrower(self, at: _Between, ceiling: float) -> _Between:
         """One closer look of :meth:`_narrowed`; ``known`` are the places."""
-        grid = at.left[:, None] + (at.right - at.left)[:, None] * EVENLY_CLOSER
+        grid = at.left[:, None] + (at.right - at.left)[:, None] * CLOSER_LOOKS
         values = self._scanned(grid.ravel()).reshape(grid.shape)
-        number = np.clip(values.argmin(1), 1, len(EVENLY_CLOSER) - 2)
+        number = np.clip(values.argmin(1), 1, len(CLOSER_LOOKS) - 2)
         rows = np.arange(len(grid))
         least = [
             _least_between(row, k) if row[k] <= row.min() else -np.inf for row, k in zip(values, number, strict=True)
@@ -259,10 +258,10 @@ class _Family:
         """
         places = np.array([level])
         one = float(self.at(places, _graded(GRADES, FINE_POINTS[0]))[0])
-        if math.isfinite(ceiling) and one > ceiling + FAR * abs(ceiling):
+        if math.isfinite(ceiling) and one > ceiling + FAR_ABOVE * abs(ceiling):
             return None
         other = float(self.at(places, _graded(GRADES, FINE_POINTS[1]))[0])
-        return other if abs(one - other) <= 0.1 * RIVAL * abs(other) else None
+        return other if abs(one - other) <= 0.1 * RIVAL_MARGIN * abs(other) else None
 
     def _least(self, levels: np.ndarray, places: np.ndarray, ceiling: float) -> list[float]:
         """The levels of least value between the neighbours of the levels ``places`` (m,), all searched together.
@@ -274,22 +273,22 @@ class _Family:
         goes on toward the level that is known to be admissible.
         """
         between = _Between(levels[places], *_neighbours(levels, places))
-        for _ in range(ROUNDS):
+        for _ in range(LEVEL_ROUNDS):
             between, values = self._closer(between, ceiling)
             if not len(between.known):
                 return []
-            flat = np.ptp(values, axis=1) <= FLAT * np.abs(values).min(1)
+            flat = np.ptp(values, axis=1) <= FLAT_VALUES * np.abs(values).min(1)
             if np.all((between.right - between.left <= self.narrow) | flat):
                 break
         tried = np.array([between.known, between.left, between.best, between.right])
         found = np.nan_to_num(self.at(tried.ravel()), nan=np.inf).reshape(tried.shape)
-        least = found <= found.min(0) + 10 * FLAT * np.abs(found.min(0))
+        least = found <= found.min(0) + 10 * FLAT_VALUES * np.abs(found.min(0))
         return [float(v) for v in tried[least.argmax(0), np.arange(tried.shape[1])]]
 
     def _closer(self, at: _Between, ceiling: float) -> tuple[_Between, np.ndarray]:
         """One round of :meth:`_least`: the searches that go on (m,), and the values that each saw (m, looks)."""
         left, right = at.left[:, None], at.right[:, None]
-        looked = np.hstack([left + (right - left) * EVENLY, at.best[:, None] + (right - left) * CLOSELY])
+        looked = np.hstack([left + (right - left) * EVEN_LOOKS, at.best[:, None] + (right - left) * CLOSE_LOOKS])
         inner = np.sort(np.clip(looked, left, right), axis=1)
         values = np.nan_to_num(self.at(inner.ravel()), nan=np.inf).reshape(inner.shape)
         nearest = np.abs(inner - at.known[:, None]).argmin(1)
@@ -322,7 +321,7 @@ def _least_between(values: np.ndarray, at: Any) -> Any:
     """Below what the values between the neighbours of an entry, or of several, will not fall; -inf for a lone one."""
     fall = np.stack([values[at - 1], values[at + 1]]) - values[at]
     fall = np.where(np.isfinite(fall), fall, -np.inf).max(0)
-    return np.where(fall >= 0, values[at] - SURELY * fall, -np.inf)
+    return np.where(fall >= 0, values[at] - SURELY_BELOW * fall, -np.inf)
 
 
 @lru_cache(maxsize=8)
@@ -346,14 +345,14 @@ def with_rival(solution: Solution) -> Solution:
     ):
         return solution
     sign = solution.problem.sign
-    rivals = _broken_curves(solution.problem, sign * solution.value + 2 * LIKE * abs(solution.value))
+    rivals = _broken_curves(solution.problem, sign * solution.value + 2 * LIKE_VALUES * abs(solution.value))
     for same in rivals:
         if _is_rival(solution, same):
             message = (
                 f"the infimum is not attained: graphs come as near as one likes to one that is none; {same.sentence}"
             )
-            return replace(solution, status=Status.REFUSED, verdict=Verdict.NOT_ATTAINED, message=message)
-    margin = solution.error.value + RIVAL * abs(solution.value)
+            return refused(solution, Finding(Verdict.NOT_ATTAINED, message))
+    margin = solution.error.value + RIVAL_MARGIN * abs(solution.value)
     if not rivals or sign * rivals[0].value > sign * solution.value - margin:
         return solution
     rival = rivals[0]
@@ -370,15 +369,15 @@ def runs_level(x: np.ndarray, y: np.ndarray, ends: np.ndarray) -> np.ndarray:
     middle = y[:, [y.shape[1] // 2]]
     jump = np.abs(middle - ends).max(1)
     share = (x - x[:, :1]) / (x[:, -1:] - x[:, :1])
-    away = np.where((share > EDGE) & (share < 1 - EDGE), np.abs(y - middle), 0.0).max(1)
-    real = jump > NONE * np.maximum(np.abs(ends).max(1), np.abs(middle[:, 0]))
-    return real & (away <= LEVEL * jump)
+    away = np.where((share > JUMP_SHARE) & (share < 1 - JUMP_SHARE), np.abs(y - middle), 0.0).max(1)
+    real = jump > NO_JUMP * np.maximum(np.abs(ends).max(1), np.abs(middle[:, 0]))
+    return real & (away <= LEVEL_DEPARTURE * jump)
 
 
 def _is_rival(solution: Solution, rival: BrokenCurve) -> bool:
     """Whether a graph has the value of a broken curve with a real jump, and runs at its level."""
-    if not rival.jumps or abs(solution.value - rival.value) > LIKE * abs(rival.value):
+    if not rival.jumps or abs(solution.value - rival.value) > LIKE_VALUES * abs(rival.value):
         return False
     first, last = (float(solution.y(x)) for x in solution.interval)
     jump = max(abs(rival.level - first), abs(rival.level - last))
-    return abs(float(solution.y(0.5 * sum(solution.interval))) - rival.level) <= ALONG * jump
+    return abs(float(solution.y(0.5 * sum(solution.interval))) - rival.level) <= ALONG_LEVEL * jump

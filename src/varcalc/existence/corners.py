@@ -1,7 +1,7 @@
 """Minima with corners, placed by the solver, and infima that no curve attains.
 
 Where L is not convex in the slope, the relaxed problem
-(:mod:`varcalc.relaxation`) shows which slopes a minimiser uses and where it
+(:mod:`varcalc.existence.relaxation`) shows which slopes a minimiser uses and where it
 changes from one to another; the corners found there become unknowns of the
 direct method. The relaxed value bounds every curve from below: a curve with
 corners that comes down to it is a minimum, and when none does the infimum is
@@ -11,7 +11,7 @@ not attained.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -21,17 +21,17 @@ from varcalc.formulation import broken_form, formulate
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
-from varcalc.solution import Solution, Status, Verdict
-from varcalc.verify.weierstrass import vouched
+from varcalc.solution import Finding, Solution, Verdict, refused
+from varcalc.verify.slopes import vouched
 
-PIECES = (32, 64)
+RELAXED_PIECES = (32, 64)
 """Polygons on which the relaxed problem is solved; the difference tells their error."""
 MOST_CORNERS = 8
-BETWEEN = np.array([0.25, 0.5, 0.75])
+CHORD_SHARES = np.array([0.25, 0.5, 0.75])
 """Shares at which the Lagrangian is compared with the chord between two slopes."""
-ABOVE = 1e-6
+ABOVE_CHORD = 1e-6
 """Relative height above the chord that makes two slopes belong to a corner."""
-CHECKED = (-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0)
+SLOPES_LOOKED_AT = (-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0)
 """Slopes, in units of the problem's own, at which convexity is looked at."""
 SURE = 10.0
 """Factor of the relaxed value's own error by which a curve must miss it for the infimum not to be attained."""
@@ -41,26 +41,25 @@ def with_corners(problem: Functional, tol: float, failure: Solution) -> Solution
     """A minimum with corners where there is one; else the failure, told apart when the infimum is not attained."""
     if not (isinstance(problem, Problem) and applies(problem)) or convex(problem):
         return failure
-    coarse, fine = (relaxed(problem, pieces) for pieces in PIECES)
+    coarse, fine = (relaxed(problem, pieces) for pieces in RELAXED_PIECES)
     if coarse is None or fine is None:
         return failure
-    best: Solution | None = None
+    sign, best = problem.sign, None
     for teeth in _sketches(problem, fine):
         found = _solved(problem, teeth, tol, fine)
-        if found is not None and (best is None or _lower(found, best)):
+        if found is not None and (best is None or sign * found.value < sign * best.value):
             best = found
-    sign = problem.sign
     doubt = SURE * abs(coarse.value - fine.value) + (tol * max(1.0, abs(fine.value)))
     reached = best is not None and sign * (best.value - fine.value) <= doubt
     if reached and best is not None:
         return best
     if not fine.mixed.any() or _lowest_known(failure, best) * sign <= sign * fine.value + doubt:
         return failure
-    return replace(
-        failure, status=Status.REFUSED, verdict=Verdict.NOT_ATTAINED,
-        message=f"the infimum is not attained: finer and finer corners, alternating between two slopes on "
-        f"{fine.mixed.mean():.0%} of the interval, bring the functional to {fine.value:.6g}, and no curve reaches it",
-    )  # fmt: skip
+    message = (
+        f"the infimum is not attained: finer and finer corners, alternating between two slopes on "
+        f"{fine.mixed.mean():.0%} of the interval, bring the functional to {fine.value:.6g}, and no curve reaches it"
+    )
+    return refused(failure, Finding(Verdict.NOT_ATTAINED, message))
 
 
 def convex(problem: Problem) -> bool:
@@ -69,10 +68,10 @@ def convex(problem: Problem) -> bool:
     line = formulate(problem).start.curve
     chord = float(np.ptp(line(np.array([a, b])))) / (b - a)
     x = a + (b - a) * np.array([0.21, 0.5, 0.83])
-    y, slopes = line(x)[0], max(1.0, chord) * np.array(CHECKED)
+    y, slopes = line(x)[0], max(1.0, chord) * np.array(SLOPES_LOOKED_AT)
     count = len(slopes)
     values = problem.integrand_values(np.repeat(x, count), np.repeat(y, count)[None], np.tile(slopes, len(x))[None])
-    rows = (-values if problem.maximise else values).reshape(len(x), count)
+    rows = problem.sign * values.reshape(len(x), count)
     rows = rows[np.isfinite(rows).all(1)]  # the chord may go through a pole
     rates = np.diff(rows, axis=1) / np.diff(slopes)
     noise = 1e-9 * np.abs(rates).max(initial=0.0)
@@ -127,14 +126,14 @@ def _jumps(problem: Problem, found: Relaxed, teeth: _Teeth) -> list[int]:
     inner = teeth.x[1:-1]
     y = np.interp(inner, found.x, found.y)
     left, right = teeth.slopes[:-1], teeth.slopes[1:]
-    tried = np.array([0.0, *BETWEEN, 1.0])
+    tried = np.array([0.0, *CHORD_SHARES, 1.0])
     slopes = left[:, None] + (right - left)[:, None] * tried
     shape = slopes.shape
     values = problem.integrand_values(np.repeat(inner, shape[1]), np.repeat(y, shape[1])[None], slopes.reshape(1, -1))
-    values = (-values if problem.maximise else values).reshape(shape)
+    values = problem.sign * values.reshape(shape)
     chord = values[:, :1] * (1 - tried) + values[:, -1:] * tried
     size = np.abs(values).max(1) + np.abs(values[:, -1] - values[:, 0])
-    return [int(k) + 1 for k in np.flatnonzero((values - chord).max(1) > ABOVE * size)]
+    return [int(k) + 1 for k in np.flatnonzero((values - chord).max(1) > ABOVE_CHORD * size)]
 
 
 def _solved(problem: Problem, teeth: _Teeth, tol: float, found: Relaxed) -> Solution | None:
@@ -149,10 +148,6 @@ def _solved(problem: Problem, teeth: _Teeth, tol: float, found: Relaxed) -> Solu
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         solution = Ritz(starts=1).solve(form, tol=tol, guess=None)
     return solution if solution.status.ok and vouched(solution, form).status.ok else None
-
-
-def _lower(one: Solution, other: Solution) -> bool:
-    return one.value > other.value if one.problem.maximise else one.value < other.value
 
 
 def _lowest_known(failure: Solution, best: Solution | None) -> float:

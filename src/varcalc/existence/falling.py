@@ -17,20 +17,21 @@ from varcalc.methods.ritz.newton import Newton
 from varcalc.methods.ritz.system import RitzSystem
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
+from varcalc.solution import Finding, Verdict
 
-DEGREE = 12
-DIRECTIONS = 3
+LINE_DEGREE = 12
+LEAST_CURVED = 3
 """Directions of least curvature, and modes, that are tried both ways."""
-DOUBLINGS = 40
-LEAST = 5
+DISTANCE_DOUBLINGS = 40
+DOUBLINGS_FALLING = 5
 """Doublings of the distance over which the functional must keep falling."""
 NEAREST = 1e-6
 """Distance, in units of the problem's size, from which the doubling starts."""
-RESOLVED = 1e-10
+FALL_RESOLVED = 1e-10
 """Least fall relative to what is summed: less is made of round-off."""
-DEEP = 1e3
+DEEP_FALL = 1e3
 """How far below its first size a functional has to fall."""
-LINEAR = 1.5
+DEEPENING = 1.5
 """Factor by which each doubling must deepen the fall: 2 for a linear one."""
 
 
@@ -42,14 +43,16 @@ class Fall:
     values: np.ndarray
 
     @property
-    def sentence(self) -> str:
-        """What the line shows, for a person."""
+    def finding(self) -> Finding:
+        """What the line shows."""
         side = "above" if self.values[-1] > self.values[0] else "below"
-        return (
+        sentence = (
             f"the functional is unbounded {side}: along a straight line of admissible curves it reaches "
             f"{self.values[0]:.3g} at a distance of {self.distances[0]:.3g} and {self.values[-1]:.3g} at "
             f"{self.distances[-1]:.3g}, and goes on"
         )
+        numbers = {"distance": float(self.distances[-1]), "value": float(self.values[-1])}
+        return Finding(Verdict.UNBOUNDED, sentence, numbers)
 
 
 def falling(problem: Functional) -> Fall | None:
@@ -62,7 +65,7 @@ def falling(problem: Functional) -> Fall | None:
         return None
     form = formulate(problem)
     rungs = Rungs(form, Newton(), 1)
-    system = rungs.system(rungs.first_space(1, DEGREE))
+    system = rungs.system(rungs.first_space(1, LINE_DEGREE))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         start = next((z for z in rungs.candidates(system, None) if np.isfinite(system.evaluate(z).value)), None)
         if start is None or form.ends.joint is not None:
@@ -85,7 +88,7 @@ def _directions(system: RitzSystem, start: np.ndarray) -> list[np.ndarray]:
         factor = np.linalg.inv(np.linalg.cholesky(metric))
     except np.linalg.LinAlgError:
         return []
-    vectors = factor.T @ np.linalg.eigh(factor @ hessian @ factor.T)[1][:, :DIRECTIONS]
+    vectors = factor.T @ np.linalg.eigh(factor @ hessian @ factor.T)[1][:, :LEAST_CURVED]
     sizes = [float(np.abs(system.ordinates(start + v) - system.ordinates(start)).max()) for v in vectors.T]
     return [v / size for v, size in zip(vectors.T, sizes, strict=True) if size > 0]
 
@@ -95,16 +98,20 @@ def _along(form: Form, system: RitzSystem, start: np.ndarray, direction: np.ndar
     size = NEAREST * max(float(np.abs(system.ordinates(start)).max()), form.span[1] - form.span[0])
     first = system.evaluate(start)
     rows = []
-    for k in range(DOUBLINGS):
+    for k in range(DISTANCE_DOUBLINGS):
         distance = size * 2.0**k
         at = system.evaluate(start + distance * direction)
         if not np.isfinite(at.value) or at.legendre * first.legendre < 0:
             break  # beyond a change of Legendre's sign L is another functional, as area is for y < 0
         rows.append((distance, at.value - first.value, at.scale))
     # the far end decides, near the start the functional may rise first; but not where round-off is all there is
-    resolved = [row for row in rows if abs(row[1]) > RESOLVED * row[2]]
-    distances, falls, scales = np.array(resolved[-LEAST:]).reshape(-1, 3).T
-    real = len(falls) == LEAST and bool(np.all(falls < -RESOLVED * scales)) and falls[-1] < -DEEP * first.scale
-    if not real or np.any(falls[1:] > LINEAR * falls[:-1]):
+    resolved = [row for row in rows if abs(row[1]) > FALL_RESOLVED * row[2]]
+    distances, falls, scales = np.array(resolved[-DOUBLINGS_FALLING:]).reshape(-1, 3).T
+    real = (
+        len(falls) == DOUBLINGS_FALLING
+        and bool(np.all(falls < -FALL_RESOLVED * scales))
+        and falls[-1] < -DEEP_FALL * first.scale
+    )
+    if not real or np.any(falls[1:] > DEEPENING * falls[:-1]):
         return None
     return Fall(distances, form.sign * (first.value + falls))

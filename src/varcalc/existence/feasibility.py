@@ -1,19 +1,39 @@
-"""Why a problem with conditions has no answer: levels out of reach, and conditions that contradict each other."""
+"""Why a problem with conditions has no answer: levels out of reach, and conditions that contradict each other.
+
+Every level and bound may be missed by the same multiple of its own size, and
+the least such multiple is sought: where it is not zero, the conditions contradict
+each other or the ends (the elastic form of a feasibility problem; Nocedal and
+Wright, "Numerical Optimization", sect. 15.4).
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import formulate
 from varcalc.formulation.singular import forms
 from varcalc.methods.ritz.method import Ritz
-from varcalc.problem.conditions import Bound, Isoperimetric
+from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
-from varcalc.solution import Solution, Status, Verdict
+from varcalc.solution import Finding, Solution, Verdict, refused
 
 EQUAL = 1e-9
 """Relative distance from an extreme level at which only the extreme curve itself is left."""
+SLOPE_WEIGHTS = (1e-6, 1e-9)
+"""Weights of the slope beside the squared miss: what depends on them is the price of steepness, no contradiction."""
+REAL_MISS = 1e-3
+"""A miss, relative to the sizes of the conditions, that smoothness alone does not explain."""
+MISS_KEPT = 0.9
+"""Share of the miss that is left when steepness costs a thousandth."""
+CHORD_POINTS = 33
+MISS_TOLERANCE = 1e-3
 
 
 def explained(problem: Functional, failure: Solution) -> Solution:
@@ -33,24 +53,22 @@ def explained(problem: Functional, failure: Solution) -> Solution:
         label = f"constraints[{index}] (Isoperimetric)"
         if upper < least - EQUAL * size or lower > greatest + EQUAL * size:
             wanted = f"{lower:.12g}" if constraint.equality else f"between {lower:.12g} and {upper:.12g}"
-            return replace(
-                failure, status=Status.REFUSED, verdict=Verdict.INFEASIBLE,
-                message=f"{label} asks for {wanted}, but between these ends its integral lies between "
-                f"{least:.12g} and {greatest:.12g}; change the level or the ends",
-            )  # fmt: skip
+            message = (
+                f"{label} asks for {wanted}, but between these ends its integral lies between "
+                f"{least:.12g} and {greatest:.12g}; change the level or the ends"
+            )
+            return refused(failure, Finding(Verdict.INFEASIBLE, message))
         for extreme in (least, greatest):
             if constraint.equality and abs(lower - extreme) <= EQUAL * size:
-                return replace(
-                    failure, status=Status.REFUSED, verdict=Verdict.DEGENERATE,
-                    message=f"{label} asks for {lower:.12g}, the extreme value of its integral between these ends: "
-                    "only the extreme curve is admissible, and no multiplier exists there",
-                )  # fmt: skip
+                message = (
+                    f"{label} asks for {lower:.12g}, the extreme value of its integral between these ends: "
+                    "only the extreme curve is admissible, and no multiplier exists there"
+                )
+                return refused(failure, Finding(Verdict.DEGENERATE, message))
     if _can_contradict(problem) and not failure.status.ok:
-        from varcalc.existence.contradiction import contradiction  # few solves come here
-
         found = contradiction(problem)
         if found is not None:
-            return replace(failure, status=Status.REFUSED, verdict=Verdict.INFEASIBLE, message=found.sentence)
+            return refused(failure, found.finding)
     return failure
 
 
@@ -77,3 +95,117 @@ def _extreme(problem: Functional, constraint: Isoperimetric, greatest: bool) -> 
         if solution.status.ok:
             return solution.value
     return math.inf if greatest else -math.inf
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """The places of the conditions among the constraints, and by how much the nearest curve misses each."""
+
+    problem: Problem
+    misses: dict[int, float]
+
+    @property
+    def finding(self) -> Finding:
+        """What contradicts what."""
+        names = [f"constraints[{i}] ({type(self.problem.constraints[i]).__name__})" for i in self.misses]
+        together = " and ".join(names) + (" cannot be met together" if len(names) > 1 else " cannot be met")
+        misses = ", ".join(f"{miss:.4g}" for miss in self.misses.values())
+        sentence = (
+            f"{together} between these ends: the curve that comes nearest misses {'them' if len(names) > 1 else 'it'} "
+            f"by {misses}; change a level, a bound or the ends"
+        )
+        return Finding(Verdict.INFEASIBLE, sentence)
+
+
+def contradiction(problem: Functional) -> Contradiction | None:
+    """The contradiction between the conditions of a graph between fixed or free ends; None where none is found."""
+    own = [i for i, c in enumerate(problem.constraints) if isinstance(c, Isoperimetric | Bound)]
+    if not isinstance(problem, Problem) or not own:
+        return None
+    if any(end.slides or end.periodic for end in (problem.start, problem.end)):
+        return None
+    sizes = _sizes(problem)
+    misses = []
+    for weight in SLOPE_WEIGHTS:
+        solution = Ritz(starts=3).solve(formulate(_elastic(problem, sizes, weight)), tol=MISS_TOLERANCE, guess=None)
+        if not solution.status.ok:
+            return None
+        misses.append(solution.unknowns[_name(problem)])
+    if misses[-1] <= REAL_MISS or misses[-1] < MISS_KEPT * misses[0]:
+        return None
+    return Contradiction(problem, {i: misses[-1] * sizes[i] for i in own})
+
+
+def _name(problem: Problem) -> str:
+    """A name for the miss that the problem itself does not use."""
+    name = "miss"
+    while name in problem.unknowns or name in problem.parameters:
+        name += "_"
+    return name
+
+
+def _sizes(problem: Problem) -> dict[int, float]:
+    """The size of each level and bound: its limits, or what the chord has where these are zero."""
+    x = np.linspace(*problem.span, CHORD_POINTS)
+    y = formulate(problem).start.curve(x)
+    slope = np.gradient(y, x, axis=1)
+    numbers = [np.repeat(v[:, None], CHORD_POINTS, axis=1) for v in (problem.parameter_values, problem.unknown_guesses)]
+    second = np.zeros((problem.symbols.ddy.numel(), CHORD_POINTS))
+    sizes = {}
+    for traced in problem.traced:
+        constraint = traced.constraint
+        if isinstance(constraint, Holonomic):
+            continue
+        function = ca.Function("condition", problem.symbols.all, [traced.expression])
+        values = np.asarray(function(x[None], y, slope, second, *numbers)).ravel()
+        own = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+        width = problem.span[1] - problem.span[0] if isinstance(constraint, Isoperimetric) else 1.0
+        limits = [abs(limit) for limit in constraint.interval if math.isfinite(limit)]
+        place = next(i for i, c in enumerate(problem.constraints) if c is constraint)
+        sizes[place] = max(*limits, own * width) or 1.0
+    return sizes
+
+
+def _elastic(problem: Problem, sizes: dict[int, float], weight: float) -> Problem:
+    """The problem whose curve misses the conditions of ``problem`` least, and is smooth for the rest."""
+    name, named = _name(problem), bool(problem.parameters or problem.unknowns)
+    a, b = problem.span
+    ends = [np.abs(v).max(initial=0.0) for v in formulate(problem).start.curve(np.array([a, b])).T]
+    steepness = float(weight * (b - a) / (max(ends) or 1.0) ** 2)
+
+    def cost(*arguments: Any) -> Any:
+        *slopes, p = arguments[2:]
+        return getattr(p, name) ** 2 / (b - a) + steepness * ca.sumsqr(slopes[-1]) * (b - a) ** (2 * len(slopes) - 2)
+
+    def shifted(function: Callable[..., Any], share: float) -> Callable[..., Any]:
+        """``function`` with a share of the miss added."""
+        return lambda *a: function(*(a if named else a[:-1])) + share * getattr(a[-1], name)
+
+    conditions: list[Any] = []
+    for i, constraint in enumerate(problem.constraints):
+        if isinstance(constraint, Through):
+            conditions.append(constraint)
+        elif isinstance(constraint, Holonomic):
+            conditions.append(Holonomic(shifted(constraint.phi, 0.0)))
+        elif isinstance(constraint, Isoperimetric):
+            conditions += _loosened(Isoperimetric, constraint.g, constraint.interval, sizes[i] / (b - a), shifted)
+        else:
+            conditions += _loosened(Bound, constraint.h, constraint.interval, sizes[i], shifted)
+    return Problem(
+        cost, problem.start, problem.end, constraints=conditions, parameters=problem.parameters,
+        unknowns={**problem.unknowns, name: 1.0}, order=problem.order, breakpoints=problem.breakpoints,
+    )  # fmt: skip
+
+
+def _loosened(
+    kind: type[Isoperimetric | Bound],
+    function: Callable[..., Any],
+    interval: tuple[float, float],
+    share: float,
+    shifted: Callable[[Callable[..., Any], float], Callable[..., Any]],
+) -> list[Isoperimetric | Bound]:
+    """The condition as up to two inequalities, each of which gives way by a share of the miss."""
+    lower, upper = interval
+    from_below = [kind(shifted(function, share), lower=lower)] if lower > -math.inf else []
+    from_above = [kind(shifted(function, -share), upper=upper)] if upper < math.inf else []
+    return from_below + from_above

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.numerics.mesh import gauss
-from varcalc.problem.conditions import Bound, Fixed, Free, Holonomic, Isoperimetric, Through, components
+from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 
@@ -25,8 +25,8 @@ SPREADS = (0.3, 1.0, 3.0)
 """Half distances of the two slopes at the start, in units of the problem's slope."""
 MIXED = 1e-2
 """Share of the lesser slope from which a piece counts as mixed."""
-POINTS = 3
-ITERATIONS = 300
+PIECE_POINTS = 3
+IPOPT_ITERATIONS = 300
 
 
 @dataclass(frozen=True)
@@ -58,30 +58,32 @@ def applies(problem: Functional) -> bool:
         and problem.n == 1
         and problem.order == 1
         and not (problem.unknowns or problem.end_cost or problem.breakpoints)
-        and all(isinstance(e, Fixed | Free) for e in (problem.start, problem.end))
+        and not any(end.slides or end.periodic for end in (problem.start, problem.end))
         and not any(isinstance(c, Holonomic | Through) for c in problem.constraints)
     )
 
 
 def relaxed(problem: Problem, pieces: int) -> Relaxed | None:
     """The lowest polygon of the convexified functional that IPOPT reaches from several starts; None when none."""
-    program = _Program(problem, pieces)
+    program = _RelaxedProgram(problem, pieces)
     found = [program.solved(spread) for spread in SPREADS]
     sign = problem.sign
     return min((f for f in found if f is not None), key=lambda f: sign * f.value, default=None)
 
 
-class _Program:
+class _RelaxedProgram:
     """The relaxed problem as a nonlinear program in ordinates, shares and slopes, all of size one."""
 
     def __init__(self, problem: Problem, pieces: int) -> None:
         self.problem, self.pieces = problem, pieces
         a, b = problem.span
         self.x = np.linspace(a, b, pieces + 1)
-        ends = [None if isinstance(e, Free) else components("y", e.y)[0] for e in (problem.start, problem.end)]
-        first, last = (v if v is not None else next((w for w in ends if w is not None), 0.0) for v in ends)
+        ends = np.concatenate([problem.start.values(1), problem.end.values(1)])
+        known = ends[~np.isnan(ends)]
+        first, last = np.where(np.isnan(ends), known[0] if len(known) else 0.0, ends)
         self.line = np.linspace(first, last, pieces + 1)
-        self.free = np.array([v is None for v in (ends[0], *[None] * (pieces - 1), ends[1])])
+        self.free = np.ones(pieces + 1, dtype=bool)
+        self.free[[0, -1]] = np.isnan(ends)
         self.height = max(float(np.abs(self.line).max()), float(np.ptp(self.line)), 1e-300)
         self.height = self.height if self.height > 1e-12 * (b - a) else b - a
         self.steep = max(float(np.ptp(self.line)), self.height) / (b - a)
@@ -124,7 +126,7 @@ class _Program:
     def _totals(self, y: Any, share: Any, slopes: list[Any], width: float) -> Any:
         """The functional and the levels: the integrand for both slopes along the polygon, by their shares."""
         mapped, columns = self._values.map(self.pieces), self._columns(self.pieces)
-        nodes, weights = gauss(POINTS)
+        nodes, weights = gauss(PIECE_POINTS)
         total: Any = 0
         for node, weight in zip(0.5 * (1 + nodes), 0.5 * weights * width, strict=True):
             x, at = (self.x[:-1] + node * width)[None], (y[:-1] * (1 - node) + y[1:] * node).T
@@ -153,8 +155,8 @@ class _Program:
             return None
         options = {
             "print_time": False, "show_eval_warnings": False, "no_nlp_grad": True,
-            "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": ITERATIONS, "bound_relax_factor": 0.0,
-                      "mu_strategy": "adaptive"},
+            "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": IPOPT_ITERATIONS,
+                      "bound_relax_factor": 0.0, "mu_strategy": "adaptive"},
         }  # fmt: skip
         nlp = {"x": self._w, "f": self._objective / (size or 1.0), "g": self._rows}
         solver = ca.nlpsol("relaxed", "ipopt", nlp, options)

@@ -7,24 +7,23 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from varcalc.existence.approach import Approach, approached, gap
+from varcalc.existence.approach import approached, gap
 from varcalc.existence.broken_curve import broken_curve
 from varcalc.existence.corners import with_corners
 from varcalc.existence.falling import falling
 from varcalc.formulation import formulate
 from varcalc.formulation.singular.abscissa import powers_at_ends
 from varcalc.formulation.singular.detection import GROWN, PROBE
-from varcalc.problem.conditions import Fixed
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.search import Extremals, by_slope_alone
-from varcalc.solution import Solution, Status, Verdict
+from varcalc.solution import Finding, Solution, Verdict, refused
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import PointEvaluator
 
-PLACES = 1001
+CHORD_PLACES = 1001
 """Abscissae at which Legendre's condition is looked at; odd, so that the middle is one of them."""
-VANISHING = 1e-5
+VANISHING_SHARE = 1e-5
 """Share of its median below which L_y'y' is taken to vanish."""
 
 
@@ -32,20 +31,21 @@ def second_look(problem: Functional, tol: float, failure: Solution) -> Solution:
     """A minimum with corners, or the failure with the verdict that says why there is no minimum at all."""
     if failure.verdict in (None, Verdict.WEAK_MINIMUM, Verdict.SADDLE):
         if (fall := falling(problem)) is not None:  # asked first: it takes a hundredth of the time of what follows
-            return _refused(failure, Verdict.UNBOUNDED, fall.sentence)
+            return refused(failure, fall.finding)
         failure = with_corners(problem, tol, failure)
     if failure.status.ok or failure.verdict is not None:
         return failure
     approach = approached(problem)
     if approach is not None and (between := gap(problem, approach)) is not None:
-        return _refused(failure, Verdict.GAP, between.sentence(approach.limit))
-    if regular(problem):
-        found = by_slope_alone(problem, tol)
-        if found is not None and len(found):
-            return _judged(failure, found)
-        if found is not None and found.complete:
-            return _refused(failure, Verdict.NO_EXTREMAL, none_found(problem, found))
-    return failure if _steep_at_an_end(problem) else _concentrated(failure, approach)
+        return refused(failure, between.finding(approach.limit))
+    found = by_slope_alone(problem, tol) if regular(problem) else None
+    if found is not None and len(found):
+        return _judged(failure, found)
+    if found is not None and found.complete:
+        return refused(failure, none_found(problem, found))
+    if approach is not None and approach.concentrates and not _steep_at_an_end(problem):
+        failure = refused(failure, approach.finding)
+    return failure
 
 
 def _steep_at_an_end(problem: Functional) -> bool:
@@ -55,7 +55,7 @@ def _steep_at_an_end(problem: Functional) -> bool:
     """
     if not (isinstance(problem, Problem) and problem.n == problem.order == 1):
         return False
-    if not (isinstance(problem.start, Fixed) and isinstance(problem.end, Fixed)):
+    if not (problem.start.fixed and problem.end.fixed):
         return False
     with np.errstate(all="ignore"):
         return any(q < b for b, q in powers_at_ends(problem))
@@ -72,10 +72,10 @@ def regular(problem: Functional) -> bool:
         return False
     a, b = problem.span
     near = (b - a) * np.array(PROBE)
-    x = np.concatenate([np.linspace(a, b, PLACES)[1:-1], a + near, b - near])
+    x = np.concatenate([np.linspace(a, b, CHORD_PLACES)[1:-1], a + near, b - near])
     y = formulate(problem).start.curve(x)
     numbers = problem.parameter_values[None], problem.unknown_guesses[None]
-    chord = np.linspace(a, b, PLACES)
+    chord = np.linspace(a, b, CHORD_PLACES)
     slope = np.interp(x, chord, np.gradient(formulate(problem).start.curve(chord)[0], chord))
     values = _legendre(problem)(len(x), x[:, None], y.T, slope[:, None], np.zeros((1, 0)), *numbers)[:, 0]
     inner, sizes = values[:-4], np.abs(values)
@@ -83,7 +83,9 @@ def regular(problem: Functional) -> bool:
     if not (np.isfinite(growth).all() and (growth < GROWN).all() and (growth > 1 / GROWN).all()):
         return False
     sizes = sizes[:-4]
-    return bool(np.isfinite(inner).all() and np.ptp(np.sign(inner)) == 0 and sizes.min() > VANISHING * np.median(sizes))
+    return bool(
+        np.isfinite(inner).all() and np.ptp(np.sign(inner)) == 0 and sizes.min() > VANISHING_SHARE * np.median(sizes)
+    )
 
 
 @derived
@@ -92,11 +94,12 @@ def _legendre(problem: Problem) -> PointEvaluator:
     return PointEvaluator(ca.Function("legendre", problem.symbols.all, [second]))
 
 
-def none_found(problem: Functional, found: Extremals) -> str:
-    """The sentence that says there is no extremal, what was searched, and what broken curve there is."""
+def none_found(problem: Functional, found: Extremals) -> Finding:
+    """That there is no extremal, what was searched, and what broken curve there is."""
     rival = broken_curve(problem)
     instead = "" if rival is None else f"; {rival.sentence}"
-    return f"there is no extremal between these ends, among {found.searched.split(';')[0]}{instead}"
+    sentence = f"there is no extremal between these ends, among {found.searched.split(';')[0]}{instead}"
+    return Finding(Verdict.NO_EXTREMAL, sentence)
 
 
 def _judged(failure: Solution, found: Extremals) -> Solution:
@@ -110,14 +113,4 @@ def _judged(failure: Solution, found: Extremals) -> Solution:
         f"there is no minimum that could be vouched for; the best extremal{others} has the value {best.value:.12g} "
         f"and the index {check.index:g}: {check.verdict.value}"
     )
-    return replace(failure, status=Status.REFUSED, verdict=check.verdict, message=message)
-
-
-def _concentrated(failure: Solution, approach: Approach | None) -> Solution:
-    if approach is None or not approach.concentrates:
-        return failure
-    return _refused(failure, Verdict.NOT_ATTAINED, f"the infimum is not attained: {approach.sentence}")
-
-
-def _refused(failure: Solution, verdict: Verdict, message: str) -> Solution:
-    return replace(failure, status=Status.REFUSED, verdict=verdict, message=message)
+    return refused(failure, Finding(check.verdict, message))

@@ -14,13 +14,12 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.methods.ritz.method import Ritz
-from varcalc.problem.conditions import At, Fixed
-from varcalc.solution import Solution, Status, Verdict
+from varcalc.solution import Finding, Solution, Verdict, refused
 from varcalc.verify.candidate import undivided
 from varcalc.verify.ritz_hessian import index_by_ritz
 from varcalc.verify.verification import Index
 
-ASIDE = 0.2
+ASIDE_OF_SADDLE = 0.2
 """Size of the displacement, in units of the curve's."""
 
 
@@ -40,14 +39,13 @@ def off_saddle(method: object, form: Form, solution: Solution, tol: float) -> So
         return solution
     if index.index:
         message = f"no minimum: {index.index} independent variations that keep the conditions lower the functional"
-        return replace(solution, status=Status.REFUSED, verdict=Verdict.SADDLE, message=message)
-    problem = solution.problem
-    if index.nullity and isinstance(problem.start, At | Fixed) and isinstance(problem.end, At | Fixed):
+        return refused(solution, Finding(Verdict.SADDLE, message, {"index": float(index.index)}))
+    if index.nullity and solution.problem.start.fixed and solution.problem.end.fixed:
         message = (
             "the second variation vanishes in a direction: the ends are conjugate, and the extremal is one of a "
             "continuum or on the point of being no minimum"
         )
-        return replace(solution, status=Status.REFUSED, verdict=Verdict.DEGENERATE, message=message)
+        return refused(solution, Finding(Verdict.DEGENERATE, message))
     return solution
 
 
@@ -65,7 +63,7 @@ def _beside(solution: Solution, form: Form) -> Sampled:
     evaluate = solution.extremal.evaluate
     a, b = form.span
     size = float(np.abs(evaluate(np.linspace(a, b, 33), 0)).max()) or 1.0
-    amounts = ASIDE * size / (1.0 + np.arange(form.n))[::-1, None]
+    amounts = ASIDE_OF_SADDLE * size / (1.0 + np.arange(form.n))[::-1, None]
 
     def displaced(s: np.ndarray) -> np.ndarray:
         return evaluate(s, 0) + amounts * np.sin(np.pi * (s - a) / (b - a))

@@ -267,7 +267,7 @@ def _abscissae_to_s(extremal: Extremal, x: np.ndarray) -> np.ndarray:
     known = np.maximum.accumulate(lifted(extremal, table)[0])
     at = np.clip(np.searchsorted(known, x, side="right"), 1, len(table) - 1)
     low, high = table[at - 1].copy(), table[at].copy()
-    s = 0.5 * (low + high)
+    s, at_ends = 0.5 * (low + high), (x <= known[0]) | (x >= known[-1])
     for _ in range(INVERSION_STEPS):
         value, _, speed, _ = lifted(extremal, s)
         miss = value - x
@@ -276,7 +276,9 @@ def _abscissae_to_s(extremal: Extremal, x: np.ndarray) -> np.ndarray:
             newton = s - miss / speed
         inside = np.isfinite(newton) & (newton >= low) & (newton <= high)
         following = np.where(inside, newton, 0.5 * (low + high))
-        if np.all(np.abs(following - s) <= 1e-16 * (b - a)):
+        # beyond that a step is made of the round-off of x(s), however often it is taken
+        settled = np.abs(following - s) <= np.finfo(float).eps * (b - a)
+        if np.all(at_ends | settled | (np.abs(miss) <= 2 * np.spacing(np.abs(x)))):
             break
         s = following
     s = np.where(x <= known[0], a, s)

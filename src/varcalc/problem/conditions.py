@@ -444,6 +444,4 @@ def placed(end: Any, values: Mapping[str, float]) -> Any:
     return replace(end, **{f: [*map(number, v)] if is_vector(v) else number(v) for f, v in given.items()})
 
 
-End = Fixed | Free | OnCurve | Periodic
-CurveEnd = At | OnSurface | Periodic
 Constraint = Isoperimetric | Holonomic | Bound | Through

@@ -16,9 +16,8 @@ import casadi as ca
 import numpy as np
 
 from varcalc.problem.conditions import (
+    AnyEnd,
     Constraint,
-    CurveEnd,
-    End,
     Isoperimetric,
     Through,
     components,
@@ -75,8 +74,8 @@ class Problem(Functional):
     def __init__(
         self,
         lagrangian: Callable[..., Any],
-        start: End,
-        end: End,
+        start: AnyEnd,
+        end: AnyEnd,
         constraints: Sequence[Constraint] = (),
         *,
         parameters: Mapping[str, float] | None = None,
@@ -239,8 +238,8 @@ class Curve(Functional):
     def __init__(
         self,
         lagrangian: Callable[..., Any],
-        start: CurveEnd,
-        end: CurveEnd,
+        start: AnyEnd,
+        end: AnyEnd,
         constraints: Sequence[Constraint] = (),
         *,
         parameters: Mapping[str, float] | None = None,

@@ -20,21 +20,21 @@ from varcalc.methods.collocation.error import Root, end_cost
 from varcalc.methods.collocation.system import CollocationSystem, collocation_space
 from varcalc.numerics.mesh import Space
 
-DIFFERENCE = 1e-6
+PARAMETER_DIFFERENCE = 1e-6
 """Step of the difference quotient by the parameter, in its unit; it bends directions only, never a solution."""
 CORRECTIONS = 8
-CONVERGED = 1e-11
+CONVERGED_CORRECTION = 1e-11
 """Relative correction after which one more step leaves only round-off."""
-STALLED = 1e-8
+STALLED_CORRECTION = 1e-8
 """Relative correction below which a failure to shrink is round-off."""
 FOLD_STEPS = 30
-FLAT = 1e-13
+FLAT_TANGENT = 1e-13
 """Part of the parameter in the tangent that counts as zero."""
-RICHER, HIGHEST = 6, 50
+FOLD_DEGREES, HIGHEST_FOLD_DEGREE = 6, 50
 """By how much the degree is raised to see whether a fold has settled, and how far."""
-BESIDE = 1e-3
+BESIDE_FOLD = 1e-3
 """Length of the first step from a fold to where it is looked for on a richer mesh."""
-ROUNDING = 4 * float(np.finfo(float).eps)
+FOLD_ROUNDING = 4 * float(np.finfo(float).eps)
 """Relative error of a fold that rounding alone explains."""
 
 
@@ -114,7 +114,7 @@ class Follower:
 
     def _linearised(self, space: Space, z: np.ndarray, parameter: float) -> tuple[np.ndarray, np.ndarray]:
         """The residual and its Jacobian by z and the parameter."""
-        step = DIFFERENCE * self.family.unit
+        step = PARAMETER_DIFFERENCE * self.family.unit
         system = self.family.system(space, parameter)
         residual = system.evaluate(z)
         ahead, behind = (self.family.system(space, parameter + d).evaluate(z).rows for d in (step, -step))
@@ -144,7 +144,7 @@ class Follower:
             if not np.isfinite(size):
                 return None
             z, parameter = z + change[:-1], parameter + change[-1]
-            if size <= CONVERGED or (before <= STALLED and size > 0.1 * before):
+            if size <= CONVERGED_CORRECTION or (before <= STALLED_CORRECTION and size > 0.1 * before):
                 following = Point(point.space, z, parameter, self._tangent(point.space, z, parameter, border))
                 return (following, iteration) if np.isfinite(following.tangent).all() else None
             before = size
@@ -176,7 +176,7 @@ class Follower:
             here, s, before = stepped[0], at, s
             following = here.tangent[-1] / self.family.unit
             bend, slope = (following - slope) / (s - before), following
-            if abs(slope) <= FLAT or not abs(slope) > FLAT * abs(bend):
+            if abs(slope) <= FLAT_TANGENT or not abs(slope) > FLAT_TANGENT * abs(bend):
                 return here
             at = s - slope / bend
         return here
@@ -195,11 +195,11 @@ class Follower:
             if best is not None and error >= best.error:
                 break
             best = Fold(here.parameter, error, value)
-            if error <= ROUNDING * abs(here.parameter) or here.space.degree >= HIGHEST:
+            if error <= FOLD_ROUNDING * abs(here.parameter) or here.space.degree >= HIGHEST_FOLD_DEGREE:
                 break
-            richer = collocation_space(form, here.space.vertices, here.space.degree + RICHER)
-            here = self._fold(self.moved(here, richer), BESIDE)
-        return None if best is None else replace(best, error=best.error + ROUNDING * abs(best.parameter))
+            richer = collocation_space(form, here.space.vertices, here.space.degree + FOLD_DEGREES)
+            here = self._fold(self.moved(here, richer), BESIDE_FOLD)
+        return None if best is None else replace(best, error=best.error + FOLD_ROUNDING * abs(best.parameter))
 
     def level(self, point: Point) -> Root:
         """A point as a root of the conditions for its parameter."""

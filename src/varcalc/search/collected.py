@@ -20,17 +20,17 @@ from varcalc.numerics.mesh import Space
 from varcalc.search.deflation import deflated_newton, is_singular
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict
 
-MESHES = {1: ((1, 20), (4, 10)), 2: ((1, 24), (4, 12))}
+ROOT_MESHES = {1: ((1, 20), (4, 10)), 2: ((1, 24), (4, 12))}
 """Elements and degree of the meshes on which roots are sought, by the order of the functional.
 
 One polynomial has few roots that stand for nothing; the other mesh is for where it finds none."""
-POLISH = 1e-4
+FINER_SHARE = 1e-4
 """Part of the tolerance of the value to which an extremal is refined ..."""
-LEAST = 1e-14
+FINEST_TOLERANCE = 1e-14
 """... but no less than this."""
 CLIMBS = 3
 """Richer spaces in which a root is looked for."""
-FALLING = 0.3
+FALLING_CORRECTION = 0.3
 """Factor by which the correction from one to the next must fall at least."""
 MOST_ROOTS = 16
 """Roots sought on one mesh."""
@@ -43,7 +43,7 @@ def scales_of(form: Form) -> Sizes:
 
 def finer(tol: float) -> float:
     """The tolerance extremals are refined to: the curve's error is the root of the value's, and is to be small too."""
-    return max(POLISH * tol, LEAST)
+    return max(FINER_SHARE * tol, FINEST_TOLERANCE)
 
 
 def as_asked(solution: Solution, tol: float) -> Solution:
@@ -79,7 +79,7 @@ def persists(level: Root) -> bool:
     for _, assessment in refinement.levels(level, lambda *_: True, CLIMBS, level.system.size):
         if assessment.trusted:
             return True
-        if assessment.correction.length > FALLING * before:
+        if assessment.correction.length > FALLING_CORRECTION * before:
             return False
         before, climbed = assessment.correction.length, climbed + 1
     return climbed == CLIMBS
@@ -100,7 +100,7 @@ def deflated(form: Form, tol: float) -> list[Solution]:
     direction open, one DEGENERATE extremal stands for the continuum.
     """
     found: list[Solution] = []
-    for elements, degree in MESHES[form.order]:
+    for elements, degree in ROOT_MESHES[form.order]:
         at_least = max(degree, form.coordinates.least_degree)
         system = CollocationSystem(form, collocation_space(form, first_vertices(form, elements), at_least))
         for z in roots(system, scales_of(form)):

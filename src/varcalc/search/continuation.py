@@ -21,17 +21,17 @@ from varcalc.search.arclength import Fold, Follower, ParameterFamily, Point
 from varcalc.search.collected import finer, refined, scales_of
 from varcalc.solution import Solution
 
-DEGREES = {1: 20, 2: 24}
+BRANCH_DEGREES = {1: 20, 2: 24}
 """Degree of the mesh that a branch sets out on, by the order of the functional."""
-FIRST, LONGEST, SHORTEST = 0.05, 0.2, 1e-6
+FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.2, 1e-6
 """Lengths of a step, in units of the curve's own size and of the parameter's range."""
-QUICK = 3
+QUICK_CORRECTIONS = 3
 """Corrections up to which the next step is longer."""
-STRAIGHT = 0.9
+LEAST_COSINE = 0.9
 """Least cosine of the angle between successive tangents: beyond, the step may have left the branch."""
-STEEP = 0.02
+FOLD_TANGENT = 0.02
 """Part of the parameter in the tangent below which a point is too near a fold for an error of its own."""
-MOST = 400
+MOST_BRANCH_POINTS = 400
 """Points of one branch."""
 
 
@@ -115,8 +115,8 @@ def _first(solution: Solution, tol: float) -> Root:
     if reason:
         raise ValueError(f"this branch cannot be followed by collocation: {reason}")
     guess = form.coordinates.pull(lambda x: curve(x, 0))
-    vertices = resolving_vertices(guess, first_vertices(form, 1), DEGREES[form.order])
-    system = CollocationSystem(form, collocation_space(form, vertices, DEGREES[form.order]))
+    vertices = resolving_vertices(guess, first_vertices(form, 1), BRANCH_DEGREES[form.order])
+    system = CollocationSystem(form, collocation_space(form, vertices, BRANCH_DEGREES[form.order]))
     refinement = Refinement(scales_of(form), adaptive=True)
     level = refinement.newton(system, first_unknowns(system, guess))
     improved = None if level is None else refinement.improve(level, finer(tol))
@@ -157,12 +157,12 @@ class _Walk:
 
     def _follow(self, point: Point) -> str:
         """Step on until the window is left; the reason for the end."""
-        length = FIRST
-        for _ in range(MOST):
+        length = FIRST_STEP
+        for _ in range(MOST_BRANCH_POINTS):
             stepped = self.follower.step(point, length)
-            if stepped is None or self.follower.turn(point, stepped[0]) < STRAIGHT:
+            if stepped is None or self.follower.turn(point, stepped[0]) < LEAST_COSINE:
                 length *= 0.5
-                if length < SHORTEST:
+                if length < SHORTEST_STEP:
                     return f"no step leads on from {self.family.name} = {point.parameter:.12g}"
                 continue
             following, corrections = stepped
@@ -172,8 +172,8 @@ class _Walk:
                 self._land(point, following, edge)
                 return f"{self.family.name} reached {edge:.12g}"
             point = self._keep(following)
-            length = min(LONGEST, 1.5 * length) if corrections <= QUICK else length
-        return f"the branch was left after {MOST} points, at {self.family.name} = {point.parameter:.12g}"
+            length = min(LONGEST_STEP, 1.5 * length) if corrections <= QUICK_CORRECTIONS else length
+        return f"the branch was left after {MOST_BRANCH_POINTS} points, at {self.family.name} = {point.parameter:.12g}"
 
     def _note_fold(self, point: Point, following: Point, length: float) -> None:
         before, after = point.tangent[-1], following.tangent[-1]
@@ -201,7 +201,7 @@ class _Walk:
 
     def _keep(self, point: Point) -> Point:
         """Note the extremal at a point, unless it is too near a fold; the point on a mesh that resolves it."""
-        if abs(point.tangent[-1]) < STEEP * self.family.unit:
+        if abs(point.tangent[-1]) < FOLD_TANGENT * self.family.unit:
             return point
         space = self._solution(self.follower.level(point))
         return point if space is None or space is point.space else self.follower.moved(point, space)

@@ -18,14 +18,14 @@ import numpy as np
 from varcalc.methods.collocation.newton import SPARSE_FROM, Sizes, factorised, measure, stationary
 from varcalc.methods.collocation.system import CollocationSystem
 
-ITERATIONS = 50
-LONGEST = 3.0
+DEFLATED_ITERATIONS = 50
+LONGEST_CORRECTION = 3.0
 """Largest step, in units of the curve's own size."""
-NEAR = 1e-3
+BASIN_REACHED = 1e-3
 """Relative length of a step from which the ordinary iteration takes over: its basin is reached."""
-SINGULAR = 1e-11
+SINGULAR_RATIO = 1e-11
 """Ratio of the least to the largest singular value of a Jacobian, rows and columns scaled, that counts as zero."""
-SAME = 1e-6
+SAME_UNKNOWNS = 1e-6
 """Relative distance of two roots that count as one."""
 
 
@@ -33,7 +33,7 @@ def deflated_newton(
     system: CollocationSystem, z: np.ndarray, known: Sequence[np.ndarray], scales: Sizes
 ) -> np.ndarray | None:
     """A root of ``system`` other than the ``known`` ones, from ``z``; None when none is reached."""
-    for _ in range(ITERATIONS):
+    for _ in range(DEFLATED_ITERATIONS):
         residual = system.evaluate(z)
         if not residual.finite:
             return None
@@ -46,10 +46,10 @@ def deflated_newton(
         if not math.isfinite(length):
             return None
         factor = _factor(z, step, known, weights)
-        if abs(factor - 1.0) < 0.5 and length < NEAR:
+        if abs(factor - 1.0) < 0.5 and length < BASIN_REACHED:
             return _settled(system, z, known, scales)
         reach = abs(factor) * length
-        z = z + factor * LONGEST / max(reach, LONGEST) * step
+        z = z + factor * LONGEST_CORRECTION / max(reach, LONGEST_CORRECTION) * step
     return None
 
 
@@ -75,7 +75,7 @@ def _settled(system: CollocationSystem, z: np.ndarray, known: Sequence[np.ndarra
 
 def is_known(z: np.ndarray, known: Sequence[np.ndarray], weights: np.ndarray) -> bool:
     """True when ``z`` is one of the ``known`` roots."""
-    return any(measure(weights, z - root) <= SAME for root in known)
+    return any(measure(weights, z - root) <= SAME_UNKNOWNS for root in known)
 
 
 def is_singular(system: CollocationSystem, z: np.ndarray) -> bool:
@@ -89,4 +89,4 @@ def is_singular(system: CollocationSystem, z: np.ndarray) -> bool:
     if not np.isfinite(matrix).all():
         return False
     values = np.linalg.svd(matrix, compute_uv=False)
-    return bool(values[-1] <= SINGULAR * values[0])
+    return bool(values[-1] <= SINGULAR_RATIO * values[0])

@@ -24,16 +24,16 @@ from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 
 STATIONS = 9
 """Abscissae at which a trajectory is recorded, so that one which fails still tells which way it went."""
-MOST_STEPS = 800
+STEPS_PER_TRAJECTORY = 800
 """Steps of an integrator granted to one trajectory."""
-COMPILED, INTERPRETED = 600_000, 30_000
+COMPILED_STEPS, INTERPRETED_STEPS = 600_000, 30_000
 """Steps granted to a scan with a compiled system, and with one that is called from Python."""
-CURVE = 257
+TRAJECTORY_POINTS = 257
 """Points of a trajectory that is handed on as a curve."""
 
 
 @dataclass(frozen=True)
-class Shot:
+class TrialTrajectory:
     """A trajectory with initial slope ``unit`` * sinh(u): its miss at the end.
 
     ``miss`` is asinh of the scaled miss and ``slope`` its derivative by u; both
@@ -105,12 +105,12 @@ class EndMap:
 
     @cached_property
     def _flow(self) -> Flow:
-        return compiled(self.form.problem, for_many(most_steps=MOST_STEPS), self._system.system)
+        return compiled(self.form.problem, for_many(most_steps=STEPS_PER_TRAJECTORY), self._system.system)
 
     @property
     def budget(self) -> int:
         """Steps of the integrator that a scan may take: about ten seconds of them."""
-        return COMPILED if self._flow.compiled else INTERPRETED
+        return COMPILED_STEPS if self._flow.compiled else INTERPRETED_STEPS
 
     @cached_property
     def _constants(self) -> np.ndarray:
@@ -142,31 +142,31 @@ class EndMap:
         gradient = np.asarray(out[1]).ravel() * [self.ordinate, self.unit]
         return float(out[0]), float(gradient @ by[:, 0])
 
-    def shoot(self, u: float) -> Shot:
+    def shoot(self, u: float) -> TrialTrajectory:
         """Follow the trajectory whose scaled slope is sinh(u)."""
         run = self._run(math.sinh(u), np.linspace(0.0, 1.0, STATIONS))
         if not run.completed:
             slopes = run.states[np.isfinite(run.states[:, 1]), 1]
             side = math.copysign(1.0, slopes[-1]) if len(slopes) > 1 else 0.0
-            return Shot(u, math.nan, math.nan, side, math.inf, run.outcome, run.steps)
+            return TrialTrajectory(u, math.nan, math.nan, side, math.inf, run.outcome, run.steps)
         miss, by = self._far(run.states[-1])
         grown, reach = by * math.cosh(u), float(np.abs(run.states[:, :2]).max())
         flat = max(abs(miss), abs(by)) / max(reach, 1.0)
-        return Shot(
+        return TrialTrajectory(
             u, math.asinh(miss), grown / math.hypot(1.0, miss), math.copysign(1.0, miss), flat, run.outcome, run.steps
         )
 
     def curve(self, u: float) -> Sampled:
         """The trajectory of a shot that arrived, as a function of the form's abscissa (cubic between its points)."""
-        t = np.linspace(0.0, 1.0, CURVE)
+        t = np.linspace(0.0, 1.0, TRAJECTORY_POINTS)
         y, v = self._run(math.sinh(u), t).states[:, :2].T
         y, v = (y, v) if self.forward else (y[::-1], v[::-1])
         a, b = self.form.span
 
         def trajectory(s: np.ndarray) -> np.ndarray:
-            at = (s - a) / (b - a) * (CURVE - 1)
-            k = np.clip(at.astype(int), 0, CURVE - 2)
-            r, h = at - k, 1.0 / (CURVE - 1)
+            at = (s - a) / (b - a) * (TRAJECTORY_POINTS - 1)
+            k = np.clip(at.astype(int), 0, TRAJECTORY_POINTS - 2)
+            r, h = at - k, 1.0 / (TRAJECTORY_POINTS - 1)
             rise = y[k + 1] - y[k]
             bend = (h * v[k] - rise) * (1 - r) - (h * v[k + 1] - rise) * r
             return self.ordinate * (y[k] + r * (rise + (1 - r) * bend))[None, :]

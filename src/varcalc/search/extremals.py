@@ -14,28 +14,25 @@ from varcalc.formulation.singular import Infinite, forms
 from varcalc.methods.arguments import check_arguments
 from varcalc.methods.collocation.method import Collocation
 from varcalc.methods.shooting.method import Shooting
-from varcalc.problem.conditions import At, Fixed, components
 from varcalc.problem.functional import Functional
 from varcalc.search.collected import as_asked, deflated, degenerate, finer
 from varcalc.search.end_map import EndMap, mappable
-from varcalc.search.lattice import SIZES, Lattice, shootable
+from varcalc.search.lattice import SLOPE_SIZES, Lattice, shootable
 from varcalc.search.scan import scan
 from varcalc.search.sequence import Extremals
 from varcalc.search.windings import wound
-from varcalc.solution import Solution, Verdict
+from varcalc.solution import WORTHLESS_ERROR, Solution, Verdict
+from varcalc.verify.candidate import COMPARED_POINTS
 
-WORTHLESS = 1e-6
-"""Relative error at which an answer limited by round-off is none."""
-AGREES = 1e-6
+SAME_SLOPE = 1e-6
 """Relative difference of initial slopes up to which two routes found the same extremal."""
-SAME = 1e-8
+SAME_CURVE = 1e-8
 """Distance of two curves, relative to their size, below which they are one."""
-MERGED = 1e-4
+MERGED_CURVES = 1e-4
 """The same where one of them is degenerate."""
-SAMPLES = 65
-POLISHED = 20
+CONFIRMING_DEGREE = 20
 """Degree with which an extremal is found again: enough for the curve, not only its value, to be good."""
-MISSED = 1e-6
+END_MISSED = 1e-6
 """Relative distance from a fixed end beyond which a curve misses it."""
 
 
@@ -169,8 +166,8 @@ class _Search:
             if solution is not None:
                 self.add(solution)
         self.words.append(
-            f"shooting from {len(list(lattice.slopes()))} initial slopes of up to {SIZES[-1]:g} times the problem's "
-            f"size gave {len(self.found) - before}"
+            f"shooting from {len(list(lattice.slopes()))} initial slopes of up to {SLOPE_SIZES[-1]:g} times the "
+            f"problem's size gave {len(self.found) - before}"
         )
 
     def by_deflation(self, form: Form) -> None:
@@ -201,7 +198,7 @@ class _Search:
 
     def add(self, solution: Solution) -> None:
         """Keep a solution that has digits to show, meets its ends, and is not one of those known."""
-        sound = solution.error.value <= WORTHLESS * max(1.0, abs(solution.value)) and meets_ends(solution)
+        sound = solution.error.value <= WORTHLESS_ERROR * max(1.0, abs(solution.value)) and meets_ends(solution)
         if sound and not any(same_curve(solution, other) for other in self.found):
             self.found.append(solution)
 
@@ -213,11 +210,11 @@ def _confirmed(
 
     ``slope`` (n,) is the scaled slope of the trajectory where it sets out, ``slope_of`` that of a curve's derivative.
     """
-    for method in (Collocation(degree=POLISHED), Shooting()):
+    for method in (Collocation(degree=CONFIRMING_DEGREE), Shooting()):
         solution = as_asked(method.solve(form, tol=finer(tol), guess=guess), tol)
         if solution.status.ok and solution.curve is not None:
             reached = slope_of(derivative(form, solution))
-            if np.abs(reached - slope).max() <= AGREES * (1.0 + np.abs(slope).max()):
+            if np.abs(reached - slope).max() <= SAME_SLOPE * (1.0 + np.abs(slope).max()):
                 return solution
     return None
 
@@ -238,12 +235,10 @@ def meets_ends(solution: Solution) -> bool:
     problem, curve = solution.problem, solution.curve
     assert curve is not None
     for x, end in zip(problem.span, (problem.start, problem.end), strict=True):
-        values = (
-            components("y", end.y) if isinstance(end, Fixed) else components("q", end.q) if isinstance(end, At) else ()
-        )
-        for value, reached in zip(values, curve(np.array([x]), 0)[:, 0], strict=False):
-            if value is not None and not abs(reached - value) <= MISSED * max(1.0, abs(value)) + solution.error.curve:
-                return False
+        values, reached = end.values(problem.n), curve(np.array([x]), 0)[:, 0]
+        met = np.abs(reached - values) <= END_MISSED * np.maximum(1.0, np.abs(values)) + solution.error.curve
+        if not np.all(met | np.isnan(values)):
+            return False
     return True
 
 
@@ -254,12 +249,14 @@ def same_curve(one: Solution, other: Solution) -> bool:
     ends: Sequence[np.ndarray] = (one.x, other.x)
     spans = np.array([[x.min(), x.max()] for x in ends])
     width = float(np.ptp(spans[0]))
-    if float(np.abs(spans[0] - spans[1]).max()) > SAME * max(width, float(np.abs(spans).max())):
+    if float(np.abs(spans[0] - spans[1]).max()) > SAME_CURVE * max(width, float(np.abs(spans).max())):
         return False
-    x = np.linspace(max(spans[:, 0]), min(spans[:, 1]), SAMPLES)
+    x = np.linspace(max(spans[:, 0]), min(spans[:, 1]), COMPARED_POINTS)
     first, second = one.curve(x, 0), other.curve(x, 0)
     size = float(np.abs(first).max())
     # where two merge, their distance is the root of what is left of the conditions
     merged = Verdict.DEGENERATE in (one.verdict, other.verdict)
-    allowed = (MERGED if merged else SAME) * max(size, width * 1e-3) + 2 * (one.error.curve + other.error.curve)
+    allowed = (MERGED_CURVES if merged else SAME_CURVE) * max(size, width * 1e-3) + 2 * (
+        one.error.curve + other.error.curve
+    )
     return float(np.abs(first - second).max()) <= allowed

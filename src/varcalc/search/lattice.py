@@ -23,21 +23,21 @@ from varcalc.methods.shooting.newton import Ending, iterate
 from varcalc.methods.shooting.regular_arc import Work
 from varcalc.methods.shooting.segments import Segments
 from varcalc.methods.shooting.shots import Trajectories
+from varcalc.search.end_map import TRAJECTORY_POINTS
 
-SIZES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+SLOPE_SIZES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Sizes of the initial slope, in units of the problem's size by its width."""
-AROUND = 24
+LATTICE_DIRECTIONS = 24
 """Directions in a plane."""
-DISTANCES = (1.0, 0.5, 2.0, 4.0)
+END_DISTANCES = (1.0, 0.5, 2.0, 4.0)
 """Distances at which a sliding end is first put, in units of the one that was guessed."""
 MOST_FUNCTIONS = 3
 """Unknown functions up to which directions are covered."""
-WORK = 60
+WORK_PER_START = 60
 """Integrations granted to one start, long ones counting as several."""
-GROWTH = 1e12
+WORST_GROWTH = 1e12
 """Growth of errors on the way beyond which a trajectory tells nothing."""
-SAME = 1e-8
-CURVE = 257
+SAME_ROOT = 1e-8
 
 
 def shootable(form: Form) -> bool:
@@ -72,7 +72,7 @@ class Lattice:
     def slopes(self) -> Iterator[np.ndarray]:
         """Initial slopes (n,) in scaled units, the small ones first."""
         yield np.zeros(self.form.n)
-        for length in SIZES:
+        for length in SLOPE_SIZES:
             yield from length * _directions(self.form.n)
 
     def roots(self) -> list[tuple[np.ndarray, Form, Sampled]]:
@@ -82,7 +82,7 @@ class Lattice:
         for slope, numbers in product(self.slopes(), self._numbers()):
             x = self._first(segments, slope, numbers)
             floor = np.maximum(np.abs(x), 1.0)
-            result = iterate(segments, x, floor, GROWTH, WORK)
+            result = iterate(segments, x, floor, WORST_GROWTH, WORK_PER_START)
             if result.ending is Ending.CONVERGED and not any(_same(result.x, other) for other in found):
                 found.append(result.x)
         n = self.form.n
@@ -98,7 +98,7 @@ class Lattice:
         if form.lift is None or len(form.start.unknowns) == len(form.problem.unknowns):
             return [form.start.unknowns]
         start, out = form.problem.span[0], []
-        for factor in DISTANCES:
+        for factor in END_DISTANCES:
             numbers = form.start.unknowns.copy()
             numbers[-1] = start + factor * (numbers[-1] - start)
             out.append(numbers)
@@ -113,7 +113,7 @@ class Lattice:
 
     def _curve(self, segments: Segments, x: np.ndarray) -> Sampled:
         """The trajectory of a root, linear between its points."""
-        t = np.linspace(0.0, 1.0, CURVE)
+        t = np.linspace(0.0, 1.0, TRAJECTORY_POINTS)
         states = Trajectories(segments.paths(x, 0))(t)[: self.form.n]
         rows = states * segments.scales.ordinates[:, None]
         a, b = self.form.span
@@ -130,11 +130,11 @@ def _directions(n: int) -> np.ndarray:
     if n == 1:
         return np.array([[1.0], [-1.0]])
     if n == 2:
-        angles = 2 * np.pi * (np.arange(AROUND) + 0.5) / AROUND
+        angles = 2 * np.pi * (np.arange(LATTICE_DIRECTIONS) + 0.5) / LATTICE_DIRECTIONS
         return np.column_stack([np.cos(angles), np.sin(angles)])
     corners = np.array([c for c in product((-1.0, 0.0, 1.0), repeat=n) if any(c)])
     return corners / np.linalg.norm(corners, axis=1)[:, None]
 
 
 def _same(one: np.ndarray, other: np.ndarray) -> bool:
-    return bool(np.abs(one - other).max() <= SAME * max(1.0, float(np.abs(other).max())))
+    return bool(np.abs(one - other).max() <= SAME_ROOT * max(1.0, float(np.abs(other).max())))

@@ -19,28 +19,28 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from varcalc.integrators import Outcome
-from varcalc.search.end_map import EndMap, Shot
+from varcalc.search.end_map import EndMap, TrialTrajectory
 
-FARTHEST = 1e6
+FARTHEST_SLOPE = 1e6
 """Largest slope, in units of the problem's own."""
-FIRST = 256
+FIRST_INTERVALS = 256
 """Intervals of the first grid."""
-MOST = 4096
+MOST_TRAJECTORIES = 4096
 """Trajectories of one scan."""
-DEEPEST = 22
+DEEPEST_HALVING = 22
 """Halvings of an interval between two trajectories that arrived."""
 TOWARDS_GAP, ACROSS_GAP = 12, 90
 """Halvings towards a gap, and between trajectories lost on opposite sides or off to the other side of the target."""
-UNRESOLVED = 0.1
+UNRESOLVED_SHARE = 0.1
 """An interval is halved while the cubic is off by more than this part of the least miss about it ..."""
-CLOSE = 1e-3
+UNRESOLVED_LEAST = 1e-3
 """... and by more than this."""
-FLAT = 1e-12
+FLAT_MISS = 1e-12
 """Relative miss and derivative of trajectories that all meet the end: a continuum of extremals."""
-TOUCHING = 1e-14
+TOUCHING_MISS = 1e-14
 """A miss at an extremum of the map that round-off explains: two extremals in one."""
-ITERATIONS = 80
-CLUSTER = 1.0
+FALSI_ITERATIONS = 80
+CLUSTER_WIDTH = 1.0
 """Distance in u within which lost trajectories are told of as one interval."""
 
 
@@ -78,11 +78,11 @@ class Scanned:
 @dataclass
 class _Scan:
     map: EndMap
-    shots: dict[float, Shot] = field(default_factory=dict)
+    shots: dict[float, TrialTrajectory] = field(default_factory=dict)
     steps: int = 0
     unresolved: int = 0
 
-    def at(self, u: float) -> Shot:
+    def at(self, u: float) -> TrialTrajectory:
         if u not in self.shots:
             self.shots[u] = self.map.shoot(u)
             self.steps += self.shots[u].steps
@@ -108,22 +108,22 @@ class _Scan:
             if depth >= _halvings(left, right) or not a < middle < b:
                 self.unresolved += left.arrived and right.arrived
                 continue
-            if len(self.shots) >= MOST or self.steps >= self.map.budget:
+            if len(self.shots) >= MOST_TRAJECTORIES or self.steps >= self.map.budget:
                 self.unresolved += 1
                 continue
             if not _resolved(left, right, self.at(middle)):
                 waiting += [(a, middle, depth + 1), (middle, b, depth + 1)]
 
-    def extremum(self, left: Shot, right: Shot) -> Shot:
+    def extremum(self, left: TrialTrajectory, right: TrialTrajectory) -> TrialTrajectory:
         """Where the derivative of the map vanishes between two shots, by regula falsi (Illinois)."""
         u = _root(lambda s: s.slope, left, right, self.map.shoot)
         return self.shots.setdefault(u.u, u)
 
 
 def scan(end_map: EndMap) -> Scanned:
-    """The zeros of ``end_map`` for slopes up to FARTHEST units either way, or as far as its budget goes."""
+    """The zeros of ``end_map`` for slopes up to FARTHEST_SLOPE units either way, or as far as its budget goes."""
     state = _Scan(end_map)
-    grid = state.reach(np.linspace(-math.asinh(FARTHEST), math.asinh(FARTHEST), FIRST + 1))
+    grid = state.reach(np.linspace(-math.asinh(FARTHEST_SLOPE), math.asinh(FARTHEST_SLOPE), FIRST_INTERVALS + 1))
     continuum = _continuum([state.at(float(u)) for u in grid])
     zeros: list[float] = []
     double: list[float] = []
@@ -137,25 +137,25 @@ def scan(end_map: EndMap) -> Scanned:
     return Scanned(zeros, double, -high, high, len(ordered), lost, state.unresolved, continuum)
 
 
-def _continuum(shots: list[Shot]) -> float | None:
+def _continuum(shots: list[TrialTrajectory]) -> float | None:
     """The least inclined of three or more neighbours that all meet the end; None where there are none."""
-    for met, run in groupby(shots, key=lambda s: s.flat <= FLAT):
+    for met, run in groupby(shots, key=lambda s: s.flat <= FLAT_MISS):
         members = list(run)
         if met and len(members) >= 3:
             return min((s.u for s in members), key=abs)
     return None
 
 
-def _halvings(left: Shot, right: Shot) -> int:
+def _halvings(left: TrialTrajectory, right: TrialTrajectory) -> int:
     """How often an interval may be halved."""
     if left.arrived and right.arrived:
-        return DEEPEST
+        return DEEPEST_HALVING
     if left.arrived or right.arrived:
         return ACROSS_GAP if left.side * right.side < 0 else TOWARDS_GAP
     return ACROSS_GAP if left.side * right.side < 0 else 0
 
 
-def _resolved(left: Shot, right: Shot, middle: Shot) -> bool:
+def _resolved(left: TrialTrajectory, right: TrialTrajectory, middle: TrialTrajectory) -> bool:
     """True when the cubic through two shots predicts the one half-way well enough to miss no zero."""
     if not (left.arrived and right.arrived and middle.arrived):
         return False
@@ -163,7 +163,7 @@ def _resolved(left: Shot, right: Shot, middle: Shot) -> bool:
     predicted = 0.5 * (left.miss + right.miss) + width * (left.slope - right.slope) / 8
     off = abs(middle.miss - predicted)
     least = min(abs(left.miss), abs(middle.miss), abs(right.miss))
-    return off <= max(UNRESOLVED * least, CLOSE)
+    return off <= max(UNRESOLVED_SHARE * least, UNRESOLVED_LEAST)
 
 
 def _settle(state: _Scan, zeros: list[float], double: list[float]) -> None:
@@ -174,7 +174,7 @@ def _settle(state: _Scan, zeros: list[float], double: list[float]) -> None:
         brackets = [(left, right)]
         if left.miss * right.miss > 0 and left.miss * left.slope < 0 < right.miss * right.slope:
             lowest = state.extremum(left, right)
-            if abs(lowest.miss) <= TOUCHING * math.cosh(lowest.u):
+            if abs(lowest.miss) <= TOUCHING_MISS * math.cosh(lowest.u):
                 double.append(lowest.u)
                 continue
             brackets = [(left, lowest), (lowest, right)]
@@ -183,11 +183,16 @@ def _settle(state: _Scan, zeros: list[float], double: list[float]) -> None:
                 zeros.append(_root(lambda s: s.miss, low, high, state.map.shoot).u)
 
 
-def _root(of: Callable[[Shot], float], low: Shot, high: Shot, shoot: Callable[[float], Shot]) -> Shot:
+def _root(
+    of: Callable[[TrialTrajectory], float],
+    low: TrialTrajectory,
+    high: TrialTrajectory,
+    shoot: Callable[[float], TrialTrajectory],
+) -> TrialTrajectory:
     """The shot between two where a function of it changes sign, by regula falsi in the Illinois variant."""
     a, b, fa, fb = low.u, high.u, of(low), of(high)
     best = low if abs(fa) < abs(fb) else high
-    for k in range(ITERATIONS):
+    for k in range(FALSI_ITERATIONS):
         u = 0.5 * (a + b) if k % 4 == 3 else b - fb * (b - a) / (fb - fa)
         if of(best) == 0.0 or not min(a, b) < u < max(a, b):
             break
@@ -203,16 +208,16 @@ def _root(of: Callable[[Shot], float], low: Shot, high: Shot, shoot: Callable[[f
     return best
 
 
-def _gaps(shots: list[Shot], inside: list[float], unit: float) -> list[tuple[float, float, Outcome]]:
+def _gaps(shots: list[TrialTrajectory], inside: list[float], unit: float) -> list[tuple[float, float, Outcome]]:
     """Intervals of slopes in which trajectories do not arrive, with the reason of the first.
 
-    Lost trajectories no farther apart than CLUSTER count as one interval, unless one of ``inside`` is between them.
+    Lost trajectories no farther apart than CLUSTER_WIDTH count as one interval, unless one of ``inside`` is between.
     """
-    gaps: list[tuple[Shot, Shot]] = []
+    gaps: list[tuple[TrialTrajectory, TrialTrajectory]] = []
     for shot in shots:
         if shot.arrived:
             continue
-        near = bool(gaps) and shot.u - gaps[-1][1].u <= CLUSTER
+        near = bool(gaps) and shot.u - gaps[-1][1].u <= CLUSTER_WIDTH
         if near and not any(gaps[-1][1].u < u < shot.u for u in inside):
             gaps[-1] = (gaps[-1][0], shot)
         else:

@@ -52,7 +52,7 @@ class Extremals(Sequence[FoundExtremal]):
 
     def __init__(self, solutions: Sequence[Solution], searched: str, windings: Sequence[Any], complete: bool) -> None:
         kept = tuple(windings) or (0,) * len(solutions)
-        order = sorted(range(len(solutions)), key=lambda i: _rank(solutions[i]))
+        order = sorted(range(len(solutions)), key=lambda i: solutions[i].problem.sign * solutions[i].value)
         self._solutions = tuple(FoundExtremal.of(solutions[i]) for i in order)
         self.windings = tuple(kept[i] for i in order)
         self.searched, self.complete = searched, complete
@@ -70,7 +70,3 @@ class Extremals(Sequence[FoundExtremal]):
     def __repr__(self) -> str:
         values = ", ".join(f"{s.value:.12g}" for s in self._solutions)
         return f"Extremals([{values}], searched={self.searched!r})"
-
-
-def _rank(solution: Solution) -> float:
-    return -solution.value if solution.problem.maximise else solution.value

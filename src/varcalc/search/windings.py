@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.integrators import flows
-from varcalc.problem.conditions import At, Fixed, components, finite, is_vector
+from varcalc.problem.conditions import At, Fixed, finite, is_vector
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve
 
@@ -55,20 +55,13 @@ def _periods(problem: Functional, period: Any) -> list[float]:
     periods = [0.0 if v is None else finite("period", v) for v in given]
     if min(periods) < 0 or not any(periods):
         raise ValueError(f"period must be positive where it is given, not {period!r}")
-    values = _end_values(problem)
+    values = problem.end.values(problem.n)
     for i, length in enumerate(periods):
-        if length and values[i] is None:
+        if length and np.isnan(values[i]):
             raise ValueError(f"period: component {i} is free at the end, where no winding is told from another")
         if length and not _periodic(problem, i, length):
             raise ValueError(f"period: the Lagrangian or a constraint changes when component {i} grows by {length:g}")
     return periods
-
-
-def _end_values(problem: Functional) -> tuple[float | None, ...]:
-    end = problem.end
-    if isinstance(end, Fixed):
-        return components("y", end.y)
-    return components("q", end.q) if isinstance(end, At) else (None,) * problem.n
 
 
 def _periodic(problem: Functional, component: int, length: float) -> bool:
@@ -76,7 +69,7 @@ def _periodic(problem: Functional, component: int, length: float) -> bool:
     expressions = [problem.integrand, *(t.expression for t in problem.traced)]
     function = ca.Function("all", problem.symbols.all, [ca.vertcat(*expressions)])
     rng = np.random.default_rng(SEED)
-    place = np.array([0.0 if v is None else v for v in _end_values(problem)])
+    place = np.nan_to_num(problem.end.values(problem.n))
     for _ in range(TRIALS):
         x = problem.span[0] + rng.random() * (problem.span[1] - problem.span[0])
         y, dy, ddy = (rng.normal(size=s.numel()) for s in (problem.symbols.y, problem.symbols.dy, problem.symbols.ddy))
@@ -91,7 +84,7 @@ def _periodic(problem: Functional, component: int, length: float) -> bool:
 
 def _moved(problem: Functional, offset: np.ndarray, turns: tuple[int, ...]) -> Functional:
     """The problem with its end moved by ``offset``, and a name that tells the winding."""
-    values = [None if v is None else v + d for v, d in zip(_end_values(problem), offset, strict=True)]
+    values = [None if np.isnan(v) else float(v) for v in problem.end.values(problem.n) + offset]
     other = copy.copy(problem)
     if isinstance(problem, Curve):
         other.end = At(values)

@@ -8,10 +8,8 @@ from typing import Any
 
 from varcalc.methods.arguments import check_arguments
 from varcalc.problem.functional import Functional
-from varcalc.solution import Verdict
-from varcalc.verify import Finding
-
-ORDER = list(Verdict)
+from varcalc.solution import Finding, Verdict
+from varcalc.verify.verification import first_held
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +65,6 @@ def diagnose(problem: Functional) -> Diagnosis:
 
     examination = Examination(problem)
     findings = tuple(examination.findings())
-    held = [f.verdict for f in findings if f.verdict is not None]
-    verdict = min(held, key=ORDER.index, default=None)
     relaxed = examination.evidence.get("relaxed")
     value = None if relaxed is None else relaxed.value
-    return Diagnosis(problem.name, verdict, findings, examination.evidence, value)
+    return Diagnosis(problem.name, first_held(findings), findings, examination.evidence, value)

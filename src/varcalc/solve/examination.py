@@ -5,23 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
-from varcalc.existence.approach import Approach, approached, gap
+from varcalc.existence.approach import approached, gap
 from varcalc.existence.broken_curve import broken_curve
-from varcalc.existence.corners import convex
+from varcalc.existence.corners import RELAXED_PIECES, convex
 from varcalc.existence.falling import falling
 from varcalc.existence.relaxation import applies, relaxed
 from varcalc.existence.second_look import none_found, regular
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.search import extremals
-from varcalc.solution import Solution, Status, Verdict
+from varcalc.solution import Finding, Solution, Status, Verdict
 from varcalc.solve.ladder import solve
-from varcalc.verify import Finding
 
-PIECES = 64
-"""Pieces of the polygons on which the convexified problem is solved."""
 HOPELESS = {Verdict.INFEASIBLE, Verdict.SINGULAR}
 """Verdicts that leave nothing to search for."""
 
@@ -50,9 +45,8 @@ class Examination:
         fall = falling(self.problem)
         if fall is not None:
             self.evidence["fall"] = fall
-            numbers = {"distance": float(fall.distances[-1]), "value": float(fall.values[-1])}
             if solution.verdict is not Verdict.UNBOUNDED:
-                yield Finding(Verdict.UNBOUNDED, fall.sentence, numbers)
+                yield fall.finding
 
     def _extremals(self, solution: Solution) -> Iterator[Finding]:
         found = extremals(self.problem)
@@ -72,7 +66,7 @@ class Examination:
         elif solution.status.ok or solution.verdict is Verdict.NO_EXTREMAL:
             return
         elif found.complete and regular(self.problem):
-            yield Finding(Verdict.NO_EXTREMAL, none_found(self.problem, found))
+            yield none_found(self.problem, found)
         else:
             yield Finding(None, f"no extremal was found: {found.searched}")
 
@@ -83,15 +77,15 @@ class Examination:
         self.evidence["polygons"] = approach
         between = gap(self.problem, approach)
         if between is not None and solution.verdict is not Verdict.GAP:
-            yield Finding(Verdict.GAP, between.sentence(approach.limit), {"value": between.value})
+            yield between.finding(approach.limit)
         if approach.concentrates and solution.verdict is not Verdict.NOT_ATTAINED:
-            yield Finding(Verdict.NOT_ATTAINED, f"the infimum is not attained: {approach.sentence}", _numbers(approach))
+            yield approach.finding
 
     def _relaxation(self) -> Iterator[Finding]:
         problem = self.problem
         if not (isinstance(problem, Problem) and applies(problem)) or convex(problem):
             return
-        found = relaxed(problem, PIECES)
+        found = relaxed(problem, RELAXED_PIECES[-1])
         if found is None:
             return
         self.evidence["relaxed"] = found
@@ -122,8 +116,3 @@ def _of_solution(solution: Solution) -> Iterator[Finding]:
     yield Finding(best, f"a {kind}: {solution.value:.15g} with an error of {solution.error.value:.1e}{local}", numbers)
     if solution.status is Status.ROUND_OFF:
         yield Finding(None, "round-off is reached: the answer is the best that double precision allows", numbers)
-
-
-def _numbers(approach: Approach) -> dict[str, float]:
-    table = {f"on {n} pieces": float(v) for n, v in zip(approach.elements, approach.values, strict=True)}
-    return table | {"limit": approach.limit, "steepest": float(np.max(approach.steepest))}

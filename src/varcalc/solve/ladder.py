@@ -18,9 +18,18 @@ from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampl
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
-from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict, no_answer
+from varcalc.solution import (
+    WORTHLESS_ERROR,
+    InfeasibleError,
+    Solution,
+    Status,
+    VariationalError,
+    Verdict,
+    no_answer,
+    refused,
+)
 from varcalc.solve.warm_start import resolved
-from varcalc.verify.weierstrass import vouched
+from varcalc.verify.slopes import vouched
 
 
 class Method(Protocol):
@@ -75,8 +84,6 @@ def solve(
     return solution
 
 
-WORTHLESS = 1e-6
-"""Relative error at which an answer limited by round-off is none."""
 LADDER: tuple[Ritz, ...] = (Ritz(),)
 """The route taken first: the direct method is the cheapest for most single solves, and it alone ends at a
 minimum by construction (see docs/methods.md for the figures)."""
@@ -172,7 +179,7 @@ def _beyond_doubt(solution: Solution, form: Form, candidates: Forms) -> Solution
     """The solution, refused when L is singular at an end and a curve that is steeper there is far better."""
     if form.coordinates.energetic or not candidates.singular or (better := outdone(solution)) is None:
         return solution
-    return replace(solution, status=Status.REFUSED, verdict=Verdict.GAP, message=better.sentence(solution.value))
+    return refused(solution, better.finding(solution.value))
 
 
 def _compared(solution: Solution, failure: Solution | None) -> Solution:
@@ -188,7 +195,7 @@ def _compared(solution: Solution, failure: Solution | None) -> Solution:
 
 def _worth_something(solution: Solution) -> Solution:
     """The solution, refused when round-off leaves it fewer digits than an answer needs, as at conjugate ends."""
-    if solution.status is Status.ROUND_OFF and solution.error.value > WORTHLESS * max(1.0, abs(solution.value)):
+    if solution.status is Status.ROUND_OFF and solution.error.value > WORTHLESS_ERROR * max(1.0, abs(solution.value)):
         message = f"round-off leaves an error of {solution.error.value:.2g}: the ends are conjugate, or nearly so"
         return replace(solution, status=Status.NOT_CONVERGED, message=message)
     return solution

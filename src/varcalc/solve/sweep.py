@@ -26,9 +26,9 @@ from varcalc.solution import Solution
 from varcalc.solve.grid import Grid, Paired, Place
 from varcalc.solve.ladder import solve
 from varcalc.solve.warm_start import Neighbours
-from varcalc.tables import monospaced
+from varcalc.tables import shown, table
 
-CHUNK = 16
+POINTS_PER_TASK = 16
 """Points that a core solves in a row before it reports: each begins from the last, and few are lost with it."""
 LONG_CHUNK = 4096
 """The same where each core makes one problem and moves its parameters: what is built for it serves many points."""
@@ -99,13 +99,13 @@ class Sweep:
         """The points as text for a monospaced page, with the reasons of failures beneath."""
         rows = [
             (
-                *(f"{v:.9g}" for v in p.values), p.status, "" if p.value is None else f"{p.value:.15g}",
-                "" if p.claimed_error is None else f"{p.claimed_error:.1e}", f"{1e3 * p.seconds:.2f}",
+                *(shown(v, ".9g") for v in p.values), p.status, shown(p.value, ".15g"),
+                shown(p.claimed_error, ".1e"), shown(1e3 * p.seconds, ".2f"),
             )
             for p in self.points
         ]  # fmt: skip
         reasons = dict.fromkeys(p.reason for p in self.failures)
-        return "\n".join([*monospaced((*self.grid, "status"), ("value", "claimed", "ms"), rows), "", *reasons]).rstrip()
+        return table((*self.grid, "status"), ("value", "claimed", "ms"), rows, notes=reasons)
 
     def document(self) -> dict[str, Any]:
         """The sweep as plain numbers, strings, lists and dicts, ready for JSON."""
@@ -178,7 +178,7 @@ def _solved(
         yield from zip(places, chain.from_iterable(_in_a_row(problem, points, method, tol)), strict=True)
         return
     # each core has something to do, also where there are few points
-    size = min(LONG_CHUNK, -(-len(places) // cores)) if _made_once(problem) else CHUNK
+    size = min(LONG_CHUNK, -(-len(places) // cores)) if _made_once(problem) else POINTS_PER_TASK
     pieces = [slice(i, i + size) for i in range(0, len(places), size)]
     # a forked process would inherit the locks of threads that are not there
     with ProcessPoolExecutor(cores, multiprocessing.get_context("spawn")) as pool:
@@ -295,7 +295,7 @@ def _alike(problem: Problem | Curve, last: Solution) -> bool:
 def _point(values: tuple[float, ...], solution: Solution, seconds: float) -> SweepPoint:
     stands = solution.status.ok
     return SweepPoint(
-        values, solution.status.name.lower().replace("_", " "), solution.value if stands else None,
+        values, solution.status.words, solution.value if stands else None,
         solution.error.value if stands else None, solution.stats.iterations, seconds,
         "" if stands else solution.message or solution.status.value,
     )  # fmt: skip

@@ -26,9 +26,9 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import derived
-from varcalc.verify.weierstrass import PLACES, convinced, vouched
+from varcalc.verify.slopes import TRIED_PLACES, convinced, vouched
 
-REMEMBERED = 256
+REMEMBERED_SOLUTIONS = 256
 """Solutions among which the nearest is looked for: the last ones."""
 
 FOR_THEMSELVES = 8
@@ -123,7 +123,7 @@ class Neighbours:
 
     def _remember(self, values: np.ndarray, degree: int, coefficients: np.ndarray) -> None:
         self.known.append(Known(values, degree, coefficients))
-        del self.known[:-REMEMBERED]
+        del self.known[:-REMEMBERED_SOLUTIONS]
 
     def solved(self, values: np.ndarray) -> Answers:
         """What is found at ``values`` (K, parameters), each from the nearest solution; they are remembered."""
@@ -216,7 +216,7 @@ class Neighbours:
         places = self._placed(values)
         with np.errstate(all="ignore"):
             x, y, slopes = self.family.sampled(self.form, places, degree, np.array(coefficients))
-            some = np.linspace(0, x.shape[1] - 1, PLACES).astype(int)
+            some = np.linspace(0, x.shape[1] - 1, TRIED_PLACES).astype(int)
             passed = convinced(problem, x[:, some], y[:, some], slopes[:, some], values)
         if n == 1 and isinstance(self.method, Ritz):
             passed &= ~runs_level(x, y[:, :, 0], np.hstack([places.start, places.end]))

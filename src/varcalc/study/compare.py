@@ -16,7 +16,7 @@ from varcalc.solve.ladder import solve
 from varcalc.study.reference import Exact, as_exact
 from varcalc.study.routes import methods_for
 from varcalc.symbolic.derived import Cache
-from varcalc.tables import monospaced
+from varcalc.tables import known, shown, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,18 +62,18 @@ class Row:
     @property
     def outcome(self) -> str:
         """The status in lower-case words; "not applicable" for a method that was not tried."""
-        return "not applicable" if self.status is None else self.status.name.lower().replace("_", " ")
+        return "not applicable" if self.status is None else self.status.words
 
     def record(self) -> dict[str, Any]:
         """The row as plain numbers and strings, None where there is no number."""
         return {
             "method": self.label,
             "status": self.outcome,
-            "value": _number(self.value),
-            "error": _number(self.deviation),
-            "claimed_error": _number(self.claimed),
-            "build_seconds": _number(self.build),
-            "solve_seconds": _number(self.solve),
+            "value": known(self.value),
+            "error": known(self.deviation),
+            "claimed_error": known(self.claimed),
+            "build_seconds": known(self.build),
+            "solve_seconds": known(self.solve),
             "unknowns": self.unknowns,
             "reason": self.reason,
         }
@@ -115,7 +115,16 @@ class Comparison:
 
         Times are in milliseconds. Columns are as wide as their content.
         """
-        return _table(self)
+        rows = [
+            (
+                row.label, row.outcome, shown(row.value if row.ok else None, ".15g"), shown(row.deviation, "+.1e"),
+                shown(row.claimed, ".1e"), shown(1e3 * row.build, ".2f"), shown(1e3 * row.solve, ".2f"),
+                shown(row.unknowns, "d"),
+            )
+            for row in self.rows
+        ]  # fmt: skip
+        headings = ("value", "error", "claimed", "build ms", "solve ms", "unknowns")
+        return table(("method", "status"), headings, rows, notes=_notes(self))
 
     def record(self) -> dict[str, Any]:
         """The comparison as plain numbers, strings, lists and dicts, ready for JSON; None where there is no number."""
@@ -235,37 +244,11 @@ def _off(row: Row, exact: Exact) -> str:
     )
 
 
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def _shown(value: float, form: str) -> str:
-    return "" if math.isnan(value) else format(value, form)
-
-
-def _table(comparison: Comparison) -> str:
-    rows = [
-        (
-            row.label,
-            row.outcome,
-            _shown(row.value if row.ok else math.nan, ".15g"),
-            _shown(row.deviation, "+.1e"),
-            _shown(row.claimed, ".1e"),
-            _shown(1e3 * row.build, ".2f"),
-            _shown(1e3 * row.solve, ".2f"),
-            "" if row.unknowns is None else str(row.unknowns),
-        )
-        for row in comparison.rows
-    ]
-    headings = ("value", "error", "claimed", "build ms", "solve ms", "unknowns")
-    return "\n".join([*monospaced(("method", "status"), headings, rows), *_notes(comparison)])
-
-
 def _notes(comparison: Comparison) -> list[str]:
     exact = comparison.exact
     notes = [] if exact is None else [f"closed form: {exact.value:.15g}  {exact.description}".rstrip()]
     notes += [f"{row.label}: {row.reason}" for row in comparison.rows if row.reason]
-    return ["", *notes, *_verdict(comparison)]
+    return [*notes, *_verdict(comparison)]
 
 
 def _routes(comparison: Comparison) -> list[str]:

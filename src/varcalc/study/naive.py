@@ -15,13 +15,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.problem.conditions import Fixed, components
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 
-NAME = "naive midpoint rule"
+NAIVE_NAME = "naive midpoint rule"
 PIECES = (4, 8, 16, 32, 64, 128, 256)
-MOST_ITERATIONS = 300
+NAIVE_ITERATIONS = 300
 
 
 @dataclass(frozen=True)
@@ -41,11 +40,9 @@ def applies(problem: Functional) -> bool:
     plain = (
         isinstance(problem, Problem)
         and problem.order == 1
-        and isinstance(problem.start, Fixed)
-        and isinstance(problem.end, Fixed)
         and not (problem.constraints or problem.unknowns or problem.breakpoints)
         and problem.end_cost is None
-        and None not in (*components("y", problem.start.y), *components("y", problem.end.y))
+        and not np.isnan(_ordinates(problem)).any()
     )
     return plain and not all(math.isfinite(value) for value in _at_ends(problem))
 
@@ -63,10 +60,9 @@ def _at_ends(problem: Functional) -> list[float]:
     return [float(integrand(x, y, slope, problem.parameter_values)) for x, y in ((a, first), (b, last))]
 
 
-def _ordinates(problem: Functional) -> tuple[np.ndarray, np.ndarray]:
-    """Those of the fixed ends, each (n,)."""
-    first, last = (np.array(components("y", end.y), dtype=float) for end in (problem.start, problem.end))
-    return first, last
+def _ordinates(problem: Functional) -> np.ndarray:
+    """Those of both ends, (2, n)."""
+    return np.array([problem.start.values(problem.n), problem.end.values(problem.n)])
 
 
 class MidpointRule:
@@ -85,7 +81,7 @@ class MidpointRule:
         sampled = _integrand(problem).map(pieces)(
             middles[None, :], (y[:, :-1] + y[:, 1:]) / 2, (y[:, 1:] - y[:, :-1]) / h, problem.parameter_values
         )
-        options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.max_iter": MOST_ITERATIONS}
+        options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.max_iter": NAIVE_ITERATIONS}
         nlp = {"x": ca.vec(inner), "f": self.sign * h * ca.sum2(sampled)}
         self.solver = ca.nlpsol("naive", "ipopt", nlp, options)
         self.build = time.process_time() - began

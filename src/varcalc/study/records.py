@@ -20,13 +20,13 @@ import numpy as np
 from varcalc.solution import Status
 from varcalc.study.compare import EXACT_FLOOR, EXACT_MARGIN
 from varcalc.study.routes import Knob
-from varcalc.tables import monospaced
+from varcalc.tables import shown, table
 
 FORMAT = 1
 """Number of the layout of a stored file."""
-ANSWERED = tuple(s.name.lower().replace("_", " ") for s in Status if s.ok)
+ANSWERED = tuple(s.words for s in Status if s.ok)
 """The statuses of answers that stand, as records hold them."""
-FEWEST = 3
+FEWEST_POINTS = 3
 """Points through which a slope is drawn, at the least."""
 STEADY = 0.2
 """Relative difference of two slopes of a curve up to which it is a straight line."""
@@ -109,17 +109,16 @@ class WorkPrecision:
         """The records as text for a monospaced page, errors relative to max(1, abs(value)), with reasons beneath."""
         rows = [
             (
-                r.problem, r.method, r.turned, r.status, _shown(r.value_error, r.size, "+.1e"),
-                _shown(r.curve_error, 1.0, ".1e"), _shown(r.claimed_error, r.size, ".1e"),
-                _shown(r.build_ms, 1.0, ".2f"), _shown(r.solve_ms, 1.0, ".2f"), _shown(r.resolve_ms, 1.0, ".2f"),
-                "" if r.unknowns is None else str(r.unknowns),
+                r.problem, r.method, r.turned, r.status, shown(_relative(r.value_error, r.size), "+.1e"),
+                shown(r.curve_error, ".1e"), shown(_relative(r.claimed_error, r.size), ".1e"),
+                shown(r.build_ms, ".2f"), shown(r.solve_ms, ".2f"), shown(r.resolve_ms, ".2f"), shown(r.unknowns, "d"),
             )
             for r in self.records
         ]  # fmt: skip
         words = ("problem", "method", "setting", "status")
         numbers = ("error", "curve", "claimed", "build ms", "solve ms", "re-solve ms", "unknowns")
         reasons = dict.fromkeys(f"{r.problem}, {r.method}: {r.reason}" for r in self.records if r.reason)
-        return "\n".join([*monospaced(words, numbers, rows), "", *reasons]).rstrip()
+        return table(words, numbers, rows, notes=reasons)
 
     def document(self) -> dict[str, Any]:
         """The measurements as plain numbers, strings, lists and dicts, ready for JSON."""
@@ -159,13 +158,13 @@ def measured_order(records: Iterable[Record]) -> float | None:
         for r in sorted(records, key=lambda r: r.setting)
         if r.ok and r.knob == Knob.ELEMENT and r.value_error is not None and abs(r.value_error) > EXACT_FLOOR * r.size
     ]
-    if len(resolved) < FEWEST:
+    if len(resolved) < FEWEST_POINTS:
         return None
     h, error = np.array(resolved).T
     slopes = np.diff(error) / np.diff(h)
     steady = np.abs(slopes - slopes[0]) <= STEADY * abs(slopes[0])
     count = len(h) if steady.all() else 1 + int(np.argmin(steady))
-    return float(np.polyfit(h[:count], error[:count], 1)[0]) if count >= FEWEST else None
+    return float(np.polyfit(h[:count], error[:count], 1)[0]) if count >= FEWEST_POINTS else None
 
 
 def about() -> dict[str, str]:
@@ -177,8 +176,8 @@ def about() -> dict[str, str]:
     }
 
 
-def _shown(value: float | None, unit: float, form: str) -> str:
-    return "" if value is None else format(value / unit, form)
+def _relative(error: float | None, size: float) -> float | None:
+    return None if error is None else error / size
 
 
 def _processor() -> str:

@@ -8,8 +8,6 @@ with the closed form in ``exact`` where there is one.
 from __future__ import annotations
 
 import copy
-import importlib
-import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,9 +19,9 @@ import numpy as np
 from varcalc.problem.conditions import finite
 from varcalc.problem.functional import UNNAMED
 from varcalc.problem.problem import Curve, Problem
-from varcalc.study.user_file import BROKEN, SUFFIX, ProblemFileError, failed, first_line, run_file
+from varcalc.study.user_file import BROKEN, SUFFIX, ProblemFileError, catalogued, failed, listed, run_file
 
-CATALOGUE = "varcalc.problems"
+PROBLEMS_PACKAGE = "varcalc.problems"
 """The package the reference problems are installed as."""
 
 LOOKED_AT = 3
@@ -104,12 +102,7 @@ def catalogue() -> dict[str, str]:
 
     The files are read, not run: no problem is built.
     """
-    package = importlib.import_module(CATALOGUE)
-    found = {}
-    for module in pkgutil.iter_modules(package.__path__):
-        if not module.ispkg and not module.name.startswith("_"):
-            found[module.name] = first_line(f"{CATALOGUE}.{module.name}")
-    return found
+    return listed(PROBLEMS_PACKAGE)
 
 
 def load(path_or_name: str | Path) -> tuple[Reference, ...]:
@@ -126,12 +119,7 @@ def load(path_or_name: str | Path) -> tuple[Reference, ...]:
     if file is not None:
         return _select(_from_file(file), case, str(file))
     name, _, case = text.partition("/")
-    if name not in (known := catalogue()):
-        raise ProblemFileError(
-            f"{text!r} is no problem of the catalogue, which holds {', '.join(known) or 'none'}; "
-            f"a file of your own is given by its path, ending in {SUFFIX}"
-        )
-    module = importlib.import_module(f"{CATALOGUE}.{name}")
+    module = catalogued(PROBLEMS_PACKAGE, name, text, "problem")
     return _select(_references(module, name, module.__file__ or name), f"{name}/{case}" if case else "", name)
 
 

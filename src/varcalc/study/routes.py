@@ -1,6 +1,6 @@
 """The one list of methods: what is compared, held to the contract, offered on the command line and charted.
 
-A package of one's own adds to it by an entry point of the group :data:`GROUP`
+A package of one's own adds to it by an entry point of the group :data:`METHODS_GROUP`
 that names a :class:`Route`; docs/extending.md walks through one.
 """
 
@@ -10,17 +10,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
-from importlib.metadata import entry_points
 from typing import Any
 
+from varcalc.extensions import offered
 from varcalc.methods.labels import label
 from varcalc.problem.conditions import Isoperimetric, Through
 from varcalc.problem.functional import Functional
 
-GROUP = "varcalc.methods"
+METHODS_GROUP = "varcalc.methods"
 """The group of entry points under which other packages offer a :class:`Route`."""
-ELEMENTS = (1, 2, 3, 4, 6, 8, 16, 32, 64)
-DEGREES = (1, 2, 3, 4, 6, 8, 12, 16)
+CHARTED_ELEMENTS = (1, 2, 3, 4, 6, 8, 16, 32, 64)
+CHARTED_DEGREES = (1, 2, 3, 4, 6, 8, 12, 16)
 INTEGRATOR_TOLERANCES = (1e-1, 1e-3, 1e-5, 1e-8, 1e-12)
 
 
@@ -122,9 +122,11 @@ def _own() -> tuple[Route, ...]:
         lambda tolerance: Shooting(engine=replace(engine, tolerance=tolerance)),
     )  # fmt: skip
     return (
-        Route(ritz, direct=True, dials=mesh_dials(ritz, (1, 2, 4), ELEMENTS, DEGREES), offered=_prescribed),
-        Route(ipopt, direct=True, dials=mesh_dials(ipopt, (1, 2, 4), ELEMENTS[1::2], DEGREES)),
-        Route(collocation, dials=mesh_dials(collocation, (3, 5), ELEMENTS, DEGREES[2:])),
+        Route(
+            ritz, direct=True, dials=mesh_dials(ritz, (1, 2, 4), CHARTED_ELEMENTS, CHARTED_DEGREES), offered=_prescribed
+        ),
+        Route(ipopt, direct=True, dials=mesh_dials(ipopt, (1, 2, 4), CHARTED_ELEMENTS[1::2], CHARTED_DEGREES)),
+        Route(collocation, dials=mesh_dials(collocation, (3, 5), CHARTED_ELEMENTS, CHARTED_DEGREES[2:])),
         Route(Shooting(), dials=(integrator,)),
         Route(FirstIntegral()),
     )
@@ -135,12 +137,7 @@ def routes(problem: Functional | None = None) -> tuple[Route, ...]:
 
     Raises TypeError for an entry point that names anything but a :class:`Route`.
     """
-    found = [*_own()]
-    for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name):
-        route = entry.load()
-        if not isinstance(route, Route):
-            raise TypeError(f"the entry point {entry.name} = {entry.value} of {GROUP} must name a Route, not {route!r}")
-        found.append(route)
+    found = (*_own(), *offered(METHODS_GROUP, Route))
     return tuple(r for r in found if problem is None or r.offered(problem))
 
 

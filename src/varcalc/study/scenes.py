@@ -6,26 +6,19 @@ A scene file is an ordinary Python file that defines ``study``, a
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from pathlib import Path
 from types import ModuleType
 
 from varcalc.optics.results.study import Study
-from varcalc.study.user_file import SUFFIX, ProblemFileError, first_line, run_file
+from varcalc.study.user_file import SUFFIX, ProblemFileError, catalogued, listed, run_file
 
-CATALOGUE = "varcalc.problems.optics"
+SCENES_PACKAGE = "varcalc.problems.optics"
 """The package the scenes are installed as."""
 
 
 def scene_catalogue() -> dict[str, str]:
     """The names of the scenes with the first line of each file's docstring; the files are read, not run."""
-    package = importlib.import_module(CATALOGUE)
-    return {
-        module.name: first_line(f"{CATALOGUE}.{module.name}")
-        for module in pkgutil.iter_modules(package.__path__)
-        if not module.name.startswith("_")
-    }
+    return listed(SCENES_PACKAGE)
 
 
 def load_study(path_or_name: str | Path) -> Study:
@@ -36,13 +29,7 @@ def load_study(path_or_name: str | Path) -> Study:
     text = str(path_or_name)
     if text.endswith(SUFFIX):
         return _study(run_file(Path(text), "`study`"), text)
-    known = scene_catalogue()
-    if text not in known:
-        raise ProblemFileError(
-            f"{text!r} is no scene of the catalogue, which holds {', '.join(known) or 'none'}; "
-            f"a file of your own is given by its path, ending in {SUFFIX}"
-        )
-    return _study(importlib.import_module(f"{CATALOGUE}.{text}"), text)
+    return _study(catalogued(SCENES_PACKAGE, text, text, "scene"), text)
 
 
 def _study(module: ModuleType, where: str) -> Study:

@@ -1,9 +1,13 @@
-"""A person's own Python file, run for what it defines; what is wrong with it is said with the line."""
+"""The files that define problems and scenes: those of a catalogue, and a person's own.
+
+A person's file is run for what it defines; what is wrong with it is said with the line.
+"""
 
 from __future__ import annotations
 
 import ast
 import importlib.util
+import pkgutil
 import traceback
 from pathlib import Path
 from types import ModuleType
@@ -42,8 +46,25 @@ def run_file(path: Path, wanted: str) -> ModuleType:
     return module
 
 
-def first_line(module_name: str) -> str:
-    """The first line of a module's docstring; the module is read, not run."""
+def listed(package: str) -> dict[str, str]:
+    """The names of a catalogue's files with the first line of each one's docstring; they are read, not run."""
+    found = pkgutil.iter_modules(importlib.import_module(package).__path__)
+    names = [module.name for module in found if not module.ispkg and not module.name.startswith("_")]
+    return {name: _first_line(f"{package}.{name}") for name in names}
+
+
+def catalogued(package: str, name: str, text: str, kind: str) -> ModuleType:
+    """The file of a catalogue that is called ``name``, run; ProblemFileError where none is, with the ``text`` given."""
+    known = listed(package)
+    if name not in known:
+        raise ProblemFileError(
+            f"{text!r} is no {kind} of the catalogue, which holds {', '.join(known) or 'none'}; "
+            f"a file of your own is given by its path, ending in {SUFFIX}"
+        )
+    return importlib.import_module(f"{package}.{name}")
+
+
+def _first_line(module_name: str) -> str:
     spec = importlib.util.find_spec(module_name)
     if spec is None or spec.origin is None:
         raise ProblemFileError(f"{module_name} is no file that can be read; reinstall varcalc")

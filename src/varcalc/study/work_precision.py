@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from varcalc.methods.labels import checked_method, label
-from varcalc.problem.conditions import Periodic
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution
 from varcalc.solve.ladder import solve
@@ -22,10 +21,11 @@ from varcalc.study.compare import cold
 from varcalc.study.records import Record, WorkPrecision, about
 from varcalc.study.reference import Exact, Reference, as_exact
 from varcalc.study.routes import Knob, Route
+from varcalc.tables import known
 
-TOLERANCES = tuple(float(f"1e-{k}") for k in range(2, 15))
+LINE_TOLERANCES = tuple(float(f"1e-{k}") for k in range(2, 15))
 """The settings of a line: one point each."""
-ENOUGH = 1.0
+ENOUGH_SECONDS = 1.0
 """Seconds of one solve's repeats after which there are no more: a slow solve is measured well enough by few."""
 BRIEFLY = 0.02
 """The same along a curve, which has many points."""
@@ -33,18 +33,18 @@ ANY = 1.0
 """The tolerance of a solve whose error is not held to any."""
 MOVED = 1e-3
 """Relative change of a parameter between two warm solves."""
-PLACES = 201
+CURVE_PLACES = 201
 """Places at which a curve is held against the exact one."""
 
 
 def work_precision(
     problems: Iterable[Reference | Problem | Curve],
     methods: Iterable[Any],
-    tolerances: Iterable[float] = TOLERANCES,
+    tolerances: Iterable[float] = LINE_TOLERANCES,
     *,
     exact: Sequence[Exact | float | None] | None = None,
     repeats: int = 5,
-    seconds: float = ENOUGH,
+    seconds: float = ENOUGH_SECONDS,
 ) -> WorkPrecision:
     """Measure what each of ``methods`` costs on each of ``problems`` at each of ``tolerances``, and what it delivers.
 
@@ -111,7 +111,7 @@ def _naive_record(reference: Reference, exact: Exact, pieces: int) -> Record:
     again = rule.minimised(first.ordinates)
     error, reason = (first.value - exact.value, "") if first.success else (None, "IPOPT claims no success")
     return Record(
-        reference.name, naive.NAME, 1 / pieces, "solved" if first.success else "not converged", 1e3 * first.build,
+        reference.name, naive.NAIVE_NAME, 1 / pieces, "solved" if first.success else "not converged", 1e3 * first.build,
         1e3 * first.solve, 1e3 * again.solve, first.ordinates.size - 2 * len(first.ordinates), first.iterations, error,
         size=max(1.0, abs(exact.value)), reason=reason, knob=Knob.ELEMENT, curve="h, degree 1",
     )  # fmt: skip
@@ -160,7 +160,7 @@ def _measured(reference: Reference, point: Record, method: Any, tol: float, repe
     spent = 1e3 * statistics.median(spent for spent, _ in calls)
     build = spent * statistics.median(_share_of_building(found) for _, found in calls)
     record = replace(
-        point, status=solution.status.name.lower().replace("_", " "), build_ms=build, solve_ms=spent - build,
+        point, status=solution.status.words, build_ms=build, solve_ms=spent - build,
         unknowns=solution.stats.unknowns or None, iterations=solution.stats.iterations,
     )  # fmt: skip
     if not solution.status.ok:
@@ -207,7 +207,7 @@ def _warm(solution: Solution, answer: Any, repeats: int, seconds: float) -> floa
 def _delivered(reference: Reference, solution: Solution) -> dict[str, Any]:
     """The errors of an answer: those it claims and those it has."""
     exact = reference.exact
-    found: dict[str, Any] = {"claimed_error": _number(solution.error.value)}
+    found: dict[str, Any] = {"claimed_error": known(solution.error.value)}
     if exact is None:
         return found | {"size": max(1.0, abs(solution.value))}
     value_error, curve_error = solution.value - exact.value, _curve_error(reference.problem, solution, exact)
@@ -216,15 +216,11 @@ def _delivered(reference: Reference, solution: Solution) -> dict[str, Any]:
 
 def _curve_error(problem: Problem | Curve, solution: Solution, exact: Exact) -> float | None:
     """The largest distance from the exact curve; None where it is not known, or may begin at any of its points."""
-    if exact.y is None or isinstance(problem.start, Periodic):
+    if exact.y is None or problem.start.periodic:
         return None
     first, last = solution.interval
     # clustered at the ends, where curves may be steep
-    at = first + (last - first) * (0.5 - 0.5 * np.cos(np.linspace(0, math.pi, PLACES)))
+    at = first + (last - first) * (0.5 - 0.5 * np.cos(np.linspace(0, math.pi, CURVE_PLACES)))
     shape = (problem.n, len(at))
     wanted = np.broadcast_to(np.asarray(exact.y(at), dtype=float), shape)
-    return _number(float(np.linalg.norm(np.asarray(solution.y(at)).reshape(shape) - wanted, axis=0).max()))
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    return known(float(np.linalg.norm(np.asarray(solution.y(at)).reshape(shape) - wanted, axis=0).max()))

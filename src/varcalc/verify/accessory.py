@@ -26,7 +26,7 @@ import numpy as np
 
 from varcalc.verify.along_curve import AlongCurve, inner_points
 
-SAMPLES = 7
+SCALE_POINTS = 7
 """Points an element at which typical sizes are taken."""
 
 
@@ -105,7 +105,7 @@ class Accessory:
     @cached_property
     def scale(self) -> np.ndarray:
         """The unit of each entry of X, such that X and pi (in the inverse units) are of like size; shape (N,)."""
-        c = self.coefficients(inner_points(self.along, SAMPLES))
+        c = self.coefficients(inner_points(self.along, SCALE_POINTS))
         length, n = self.along.length, self.along.n
         stiffness = _typical(np.abs(np.einsum("maa->ma", c.R)).mean(0))
         unit = np.ones(self.N)

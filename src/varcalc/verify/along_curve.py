@@ -12,7 +12,7 @@ curve has found is as good as fixed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -30,9 +30,9 @@ from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import Cache
 from varcalc.symbolic.tracing import Expression
 
-TOUCH = 1e-7
+TOUCHED_AT = 1e-7
 """Relative distance from a bound within which it is touched."""
-NEAR = 1e-3
+NEARLY_TOUCHED = 1e-3
 """The same where what matters is that the bound may be touched: between the nodes at which it is imposed."""
 
 
@@ -120,20 +120,26 @@ class AlongCurve:
 
         return along
 
+    def forbidden_slopes(self, s: np.ndarray) -> np.ndarray:
+        """The changes of slope (m, r, n) at s (m,) that take a curve of first order off its pathwise equations."""
+        if not self.paths or self.order != 1:
+            return np.zeros((len(s), 0, self.n))
+        gradients = self.function(ca.jacobian(ca.vertcat(*self.paths), self.symbols.y))(s)[0]
+        return gradients[:, [k for k, c in enumerate(self.limits) if c.equality]]
+
     def rule(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Nodes and weights of the composite Gauss rule on the vertices, each flat."""
         return composite_gauss(self.vertices, count)
 
-    def panels(self) -> list[tuple[float, float]]:
-        """The elements of the mesh."""
-        return list(pairwise(map(float, self.vertices)))
+    def parts(self) -> list[tuple[float, float]]:
+        """The intervals between the ends and the waypoints."""
+        return list(pairwise([self.span[0], *(at for at, _ in self.form.conditions.waypoints), self.span[1]]))
 
 
 def along_curve(extremal: Extremal) -> AlongCurve:
     """The Lagrangian function along an extremal."""
     form = extremal.form
-    problem = form.problem
-    slides = isinstance(problem, Problem) and not form.coordinates.energetic and any(problem.slides)
+    slides = isinstance(form.problem, Problem) and not form.coordinates.energetic and any(form.problem.slides)
     plain = AlongCurve(
         extremal=extremal,
         symbols=form.symbols,
@@ -194,6 +200,12 @@ def _in_own_abscissa(plain: AlongCurve) -> AlongCurve:
     )
 
 
+def complement(rows: np.ndarray) -> np.ndarray:
+    """Orthonormal bases (m, n, n - r) of what ``rows`` (m, r, n) leave."""
+    m, r, n = rows.shape
+    return np.linalg.svd(rows)[2][:, r:].transpose(0, 2, 1) if r else np.broadcast_to(np.eye(n), (m, n, n))
+
+
 def inner_points(points: AlongCurve, count: int) -> np.ndarray:
     """``count`` Gauss points inside each element."""
     nodes = gauss(count)[0]
@@ -201,18 +213,21 @@ def inner_points(points: AlongCurve, count: int) -> np.ndarray:
     return (points.vertices[:-1, None] + half * (1 + nodes)).ravel()
 
 
+def at_limit(values: np.ndarray, conditions: Sequence[SideCondition], near: float) -> np.ndarray:
+    """Whether ``values`` (m, k) are within ``near``, relative, of what the k ``conditions`` hold them between."""
+    room = near * np.maximum(1.0, np.abs(values))
+    lower, upper = (np.array([getattr(c, side) for c in conditions]) for side in ("lower", "upper"))
+    return (values <= lower + room) | (values >= upper - room)
+
+
 def touches(extremal: Extremal) -> bool:
     """Whether a Bound is active somewhere along the curve."""
-    form = extremal.form
-    bounds = [c for c in form.conditions.pathwise if not c.equality]
+    bounds = [c for c in extremal.form.conditions.pathwise if not c.equality]
     if not bounds:
         return False
     s = composite_gauss(extremal.vertices, 16)[0]
-    function = ca.Function("h", form.symbols.all, [ca.vertcat(*(c.expression for c in bounds))])
-    values = np.asarray(function(*sample(extremal, s)))
-    limits = np.array([[c.lower, c.upper] for c in bounds])
-    room = TOUCH * np.maximum(1.0, np.abs(values))
-    return bool(((values <= limits[:, :1] + room) | (values >= limits[:, 1:] - room)).any())
+    function = ca.Function("h", extremal.form.symbols.all, [ca.vertcat(*(c.expression for c in bounds))])
+    return bool(at_limit(np.asarray(function(*sample(extremal, s))).T, bounds, TOUCHED_AT).any())
 
 
 def touched(along: AlongCurve, s: np.ndarray) -> np.ndarray:
@@ -221,9 +236,7 @@ def touched(along: AlongCurve, s: np.ndarray) -> np.ndarray:
     if not along.paths or not limits:
         return np.zeros(len(s), dtype=bool)
     values = along.function(ca.vertcat(*(along.paths[k] for k, _ in limits)))(s)[0][:, :, 0]
-    room = NEAR * np.maximum(1.0, np.abs(values))
-    low, high = np.array([c.lower for _, c in limits]), np.array([c.upper for _, c in limits])
-    return np.any((values <= low + room) | (values >= high - room), axis=1)
+    return np.any(at_limit(values, [c for _, c in limits], NEARLY_TOUCHED), axis=1)
 
 
 def without_inequalities(extremal: Extremal) -> Extremal:
@@ -236,7 +249,7 @@ def without_inequalities(extremal: Extremal) -> Extremal:
     for condition, multiplier in zip(form.conditions.integrals, extremal.lambdas, strict=True):
         if condition.equality:
             kept.append(condition)
-        elif abs(multiplier) > TOUCH:
+        elif abs(multiplier) > TOUCHED_AT:
             # with L + lambda g a positive multiplier pushes the integral down: it is at its upper level
             level = condition.upper if multiplier > 0 else condition.lower
             kept.append(replace(condition, lower=level, upper=level))

@@ -1,25 +1,53 @@
-"""The curve under test, in coordinates in which it is regular, and the extremal it stands for."""
+"""The curve under test, in coordinates in which it is regular, and the extremal it stands for, to round-off.
+
+The value of a functional is stationary, so a solution whose value has twelve
+digits may have six in the curve, and no more would be had of its conjugate
+points. So the curve is polished: Newton's iteration for the Euler-Lagrange
+equation, begun at the curve, on meshes ever finer.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from varcalc.formulation import Form, Sampled, conditions_of
 from varcalc.formulation.singular import forms
 from varcalc.methods.answer import Extremal, person_curve
+from varcalc.methods.collocation.error import Assessment, Root
+from varcalc.methods.collocation.newton import Sizes, start_multipliers
+from varcalc.methods.collocation.refinement import Refinement
+from varcalc.methods.collocation.starting_curves import function_sizes, resolving_vertices
+from varcalc.methods.collocation.system import CollocationSystem, collocation_space
 from varcalc.methods.ritz.method import Ritz
+from varcalc.problem.functional import Functional
 from varcalc.solution import Solution
 from varcalc.verify.along_curve import AlongCurve, along_curve, sliding_ends, touches, without_inequalities
-from varcalc.verify.polish import polished
 
-NEARBY = 1e-3
+if TYPE_CHECKING:
+    from varcalc.verify.check import Check
+
+T = TypeVar("T")
+POLISH_REACH = 1e-3
 """Relative distance a curve may move while it is polished, when its own error claims less."""
-DISTINCT = 1e-9
+DISTINCT_NODES = 1e-9
 """Relative distance of two nodes that are one but for round-off."""
-MARKS = 65
+COMPARED_POINTS = 65
 """Points at which two curves are compared."""
+FIRST_POLISHED_DEGREE = 16
+"""Degree at which a curve is polished first."""
+HIGHEST_POLISHED_DEGREE = 40
+POLISHED_ERROR = 1e-14
+"""Relative error of a polished curve."""
+POLISHING_ROUNDS = 8
+MOST_POLISHED_UNKNOWNS = 4000
+MOST_VERTICES = 65
+"""Vertices of a given curve's mesh beyond which it is not taken over."""
+NEGLIGIBLE_VARIATION = 1e-12
+"""Variation of a function, in units of its size, that is round-off."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +65,33 @@ class Candidate:
     best: Extremal | None
     reason: str
     touched: bool = False
+    _measured: dict[Check[Any], Any] = field(default_factory=dict, repr=False)
+
+    def measured(self, check: Check[T]) -> T:
+        """What a check finds along the curve, measured when it is first asked for."""
+        if check not in self._measured:
+            self._measured[check] = check.measure(self)
+        return self._measured[check]
+
+    @property
+    def problem(self) -> Functional:
+        """The problem the solution is of."""
+        return self.solution.problem
+
+    @cached_property
+    def along(self) -> AlongCurve:
+        """The Lagrangian function along the solution's curve, in the user's coordinates; no energy, no gauge."""
+        return _in_user_coordinates(self)
+
+    @cached_property
+    def along_own(self) -> AlongCurve | None:
+        """The same along ``own``, as it was solved."""
+        return None if self.own is None else along_curve(self.own)
+
+    @cached_property
+    def along_best(self) -> AlongCurve | None:
+        """The same along ``best``, the extremal."""
+        return None if self.best is None else along_curve(self.best)
 
 
 def candidate(solution: Solution) -> Candidate:
@@ -54,8 +109,7 @@ def candidate(solution: Solution) -> Candidate:
         if not isinstance(outcome, str):
             outcome = _staying(solution, outcome)
     if isinstance(outcome, str) and own is None:
-        minimised = _minimised(solution)
-        return Candidate(solution, minimised, None, outcome)
+        return Candidate(solution, _minimised(solution), None, outcome)
     if isinstance(outcome, str):
         # a curve that is only sampled in the form's coordinates is no basis for derivatives
         return Candidate(solution, own, None if own is None or own.form.coordinates.weak_only else start, outcome)
@@ -133,27 +187,88 @@ def _ordinates(solution: Solution) -> Sampled:
 def distinct(nodes: np.ndarray) -> np.ndarray:
     """Ascending nodes without those that all but coincide with a neighbour."""
     nodes = np.unique(nodes)
-    kept = np.concatenate([[True], np.diff(nodes) > DISTINCT * (nodes[-1] - nodes[0])])
+    kept = np.concatenate([[True], np.diff(nodes) > DISTINCT_NODES * (nodes[-1] - nodes[0])])
     kept[-1] = True
     return nodes[kept]
+
+
+def polished(start: Extremal) -> Extremal | str:
+    """The extremal near a curve; the reason when there is none near."""
+    form = start.form
+    reason = _inapplicable(form)
+    if reason:
+        return reason
+    degree = max(FIRST_POLISHED_DEGREE, form.coordinates.least_degree)
+
+    def ordinates(s: np.ndarray) -> np.ndarray:
+        return start.evaluate(s, 0)
+
+    sizes = function_sizes(form)
+    given = start.vertices
+    if len(given) > MOST_VERTICES:  # a method of low order needs many where this one needs few
+        given = np.array([form.span[0], *form.conditions.knots, form.span[1]])
+    vertices = resolving_vertices(ordinates, given, degree, NEGLIGIBLE_VARIATION * sizes)
+    scales = Sizes(sizes, np.abs(form.start.unknowns))
+    system = CollocationSystem(form, collocation_space(form, vertices, degree))
+    if system.size > MOST_POLISHED_UNKNOWNS:
+        return f"{system.size} unknowns would be needed to polish it"
+    z = system.pack(system.fitted(ordinates, start.unknowns))
+    residual = system.evaluate(z)
+    if not residual.finite:
+        return "the Euler-Lagrange equation is not a number along the curve"
+    refinement = Refinement(scales, adaptive=True)
+    level = refinement.newton(system, start_multipliers(system, z, residual))
+    if level is None:
+        return refinement.reasons[-1]
+    best = _refined(refinement, level)
+    if best is None:
+        return "the linearised Euler-Lagrange equation is singular"
+    return best.system.extremal(best.system.unpack(best.z))
+
+
+def _refined(refinement: Refinement, level: Root) -> Assessment | None:
+    """Climb the degree, then bisect, until the curve is at round-off or stops getting better."""
+    size = float(refinement.scales.functions.max(initial=0.0)) or 1.0
+    best: Assessment | None = None
+    for _, assessment in refinement.levels(level, _climbs, POLISHING_ROUNDS, MOST_POLISHED_UNKNOWNS):
+        # the assessment's own curve is corrected once more, so better than the step that led to it
+        if best is not None and assessment.curve_error > 0.5 * best.curve_error:
+            break
+        best = assessment
+        if best.curve_error <= POLISHED_ERROR * size:
+            break
+    return best
+
+
+def _inapplicable(form: Form) -> str:
+    if form.coordinates.weak_only:
+        return "at the singular end only regularity decides"
+    if any(not c.equality for c in (*form.conditions.integrals, *form.conditions.pathwise)):
+        return "inequalities are active"
+    return ""
+
+
+def _climbs(_: Root, assessment: Assessment) -> bool:
+    """Whether the degree is raised once more."""
+    return (
+        assessment.system.space.degree <= HIGHEST_POLISHED_DEGREE and assessment.system.size <= MOST_POLISHED_UNKNOWNS
+    )
 
 
 def _staying(solution: Solution, best: Extremal) -> Extremal | str:
     """The polished curve, unless it has left the solution's; held against each other in the user's coordinates."""
     assert solution.curve is not None
-    x = np.linspace(float(solution.x.min()), float(solution.x.max()), MARKS)
+    x = np.linspace(float(solution.x.min()), float(solution.x.max()), COMPARED_POINTS)
     given, found = solution.curve(x, 0), person_curve(best)(x, 0)
     moved = float(np.abs(found - given).max())
-    if moved <= max(NEARBY * float(np.abs(given).max()), 10.0 * solution.error.curve):
+    if moved <= max(POLISH_REACH * float(np.abs(given).max()), 10.0 * solution.error.curve):
         return best
     return f"Newton's iteration for the Euler-Lagrange equation moves it by {moved:.2g}"
 
 
-def user_coordinates(candidate: Candidate) -> AlongCurve:
-    """The Lagrangian function of the user's problem along the solution's curve; never an energy, never a gauge."""
-    solution, own = candidate.solution, candidate.own
-    if own is not None and (own.form.lift is None or along_curve(own).slides):
-        along = along_curve(own)
+def _in_user_coordinates(candidate: Candidate) -> AlongCurve:
+    solution, own, along = candidate.solution, candidate.own, candidate.along_own
+    if own is not None and along is not None and (own.form.lift is None or along.slides):
         if own.form.coordinates.energetic:
             factor = 0.5 / abs(solution.value)  # multipliers of J^2 become those of J by the chain rule
             forces = tuple(_times(factor, mu) for mu in along.forces)

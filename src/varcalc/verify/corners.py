@@ -8,18 +8,22 @@ given and only the momentum is bound; at a waypoint neither is.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
+from varcalc.solution import Finding, Verdict
 from varcalc.verify.along_curve import AlongCurve
+from varcalc.verify.candidate import Candidate
+from varcalc.verify.check import Check
 from varcalc.verify.residual import FAINT, felt
+from varcalc.verify.slopes import BESIDE_VERTEX, CORNER_JUMP
 
-JUMP = 1e-3
-"""Relative jump of the slope that is a corner, not the error of the curve."""
-BESIDE = 1e-9
-"""Relative distance from a vertex at which its two sides are looked at."""
+UNBROKEN = 1e-4
+"""Relative jump of momentum or energy across a corner that is the error of the curve."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +41,41 @@ class Corner:
     held: bool
 
 
+@dataclass(frozen=True)
+class Corners(Check[list[Corner]]):
+    """Whether momentum and energy are the same on both sides of every corner."""
+
+    name = "corners"
+
+    def measure(self, candidate: Candidate) -> list[Corner]:
+        """The extremal's own corners: a kink that polishing has smoothed was the error of the curve."""
+        polished = candidate.best is not None and not candidate.reason
+        found = [] if candidate.touched else corners(candidate.along)
+        return [corner for corner in found if not polished or corner.held or math.isnan(corner.energy)]
+
+    def findings(self, candidate: Candidate) -> Iterator[Finding]:
+        """What holds at each."""
+        for corner in candidate.measured(self):
+            numbers = {"at": corner.at, "slope": corner.slope, "momentum": corner.momentum, "energy": corner.energy}
+            jump = max(corner.momentum, 0.0 if math.isnan(corner.energy) else corner.energy)
+            place = f"at the corner at {corner.at:.8g}, where the slope jumps by {corner.slope:.4g},"
+            conditions = f"{place} Weierstrass's and Erdmann's conditions"
+            if corner.held:
+                yield Finding(None, f"{place} the curve is held, so its momentum may jump", numbers)
+            elif jump <= UNBROKEN:
+                yield Finding(None, f"{conditions} hold to {jump:.2g}", numbers)
+            else:
+                sentence = f"{conditions} fail by {jump:.2g}: moving the corner does better"
+                yield Finding(Verdict.NO_EXTREMAL, sentence, numbers)
+
+
 def corners(along: AlongCurve) -> list[Corner]:
     """The corners of a curve of first order at its inner vertices."""
     changed = along.form.lift is not None and not along.slides  # such coordinates are smooth, as is the curve in them
     if along.order != 1 or len(along.vertices) < 3 or changed:
         return []
     inner = along.vertices[1:-1]
-    step = BESIDE * along.length
+    step = BESIDE_VERTEX * along.length
     v = along.symbols.dy
     H, momentum = along.whole.expression, along.whole.partial(1)
     uncancelled = FAINT * felt(along)
@@ -57,7 +89,7 @@ def corners(along: AlongCurve) -> list[Corner]:
     found = []
     for k, at in enumerate(map(float, inner)):
         before, after = slopes[0][:, k], slopes[1][:, k]
-        if not (np.abs(after - before) > JUMP * np.maximum(1.0, np.abs(before) + np.abs(after))).any():
+        if not (np.abs(after - before) > CORNER_JUMP * np.maximum(1.0, np.abs(before) + np.abs(after))).any():
             continue
         size = max(float(np.abs([side[term][k] for side in (left, right) for term in (0, 3)]).max()), 1e-300)
         energy = abs(float((right[1] - left[1])[k].item())) / max(float((left[2] + right[2])[k].item()), 1e-300)

@@ -8,20 +8,46 @@ its parametrisation was chosen for.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import pairwise
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from varcalc.methods.answer import Extremal
 from varcalc.problem.problem import Curve
+from varcalc.solution import Finding
 from varcalc.symbolic.tracing import Expression
 from varcalc.verify.along_curve import AlongCurve, inner_points
-from varcalc.verify.residual import FAINT, felt
+from varcalc.verify.candidate import Candidate
+from varcalc.verify.check import Check
+from varcalc.verify.residual import FAINT, EulerLagrange, felt
 
-POINTS = 12
+DRIFT_POINTS = 12
 """Gauss points an element."""
+
+
+@dataclass(frozen=True)
+class FirstIntegrals(Check[dict[str, float]]):
+    """Whether what must stay constant along an extremal does."""
+
+    name = "first integrals"
+
+    def measure(self, candidate: Candidate) -> dict[str, float]:
+        """Name and relative drift of every first integral; none where bounds push, or nothing smooth is at hand."""
+        second, polished = candidate.problem.order == 2, candidate.along_best is not None and not candidate.reason
+        if candidate.touched or (second and not polished):
+            return {}
+        # third derivatives are to be had of the polished curve only
+        return invariants(candidate.along_best if second and candidate.along_best else candidate.along, candidate.own)
+
+    def findings(self, candidate: Candidate) -> Iterator[Finding]:
+        """The drift of each, along a curve that may be an extremal."""
+        measured = candidate.measured(self)
+        for name, drift in measured.items() if EulerLagrange().stationary(candidate) else ():
+            yield Finding(
+                None, f"the first integral '{name}' is constant to {drift:.2g} of its terms", {"drift": drift}
+            )
 
 
 def invariants(along: AlongCurve, curve: Extremal | None) -> dict[str, float]:
@@ -32,7 +58,7 @@ def invariants(along: AlongCurve, curve: Extremal | None) -> dict[str, float]:
     H = along.whole
     homogeneous = isinstance(along.form.problem, Curve)
     found: dict[str, float] = {}
-    s = inner_points(along, POINTS)
+    s = inner_points(along, DRIFT_POINTS)
     evaluate = _tower_function(along)
     if H.ignorable_abscissa and not homogeneous:
         tower = H.derivatives_of_y
@@ -70,12 +96,11 @@ def _tower_function(along: AlongCurve) -> Callable[..., list[np.ndarray]]:
 
 def _drift(along: AlongCurve, s: np.ndarray, values: np.ndarray, sizes: np.ndarray) -> float:
     """The largest departure from the median between waypoints, relative to the terms there or to their mean."""
-    marks = [along.span[0], *(at for at, _ in along.form.conditions.waypoints), along.span[1]]
     good = np.isfinite(values) & np.isfinite(sizes)
     measure = np.maximum(sizes, sizes[good].mean() if good.any() else 0.0)
     good &= measure > 0
     worst = 0.0
-    for left, right in pairwise(marks):
+    for left, right in along.parts():
         here = good & (s >= left) & (s <= right)
         if here.any():
             worst = max(worst, float((np.abs(values - np.median(values[here]))[here] / measure[here]).max()))

@@ -24,21 +24,21 @@ import numpy as np
 from varcalc.numerics.mesh import antiderivative, gauss
 from varcalc.verify.accessory import Accessory
 
-DEGREE = 16
+FIELD_DEGREE = 16
 """Degree of the polynomials that stand for Jacobi fields on a panel."""
-RESOLVED = 1e-13
+RESOLVED_TAIL = 1e-13
 """Relative size of the last Legendre coefficients of a resolved panel."""
-BISECTIONS = 12
-SAMPLES = 6
+PANEL_BISECTIONS = 12
+SAMPLES_PER_PANEL = 6
 """Points a panel at which passages are first counted."""
-TURN = 1.0
+LARGEST_TURN = 1.0
 """Largest turn, in radians, of an eigenvalue between neighbours."""
-CLOSE = 0.05
+BRACKET_TURN = 0.05
 """The same across a bracket in which focal points are located."""
-DEEPEST = 40
-AT_END = 1e-6
+DEEPEST_BRACKET = 40
+FOCAL_AT_END = 1e-6
 """Relative distance from an end within which a focal point is said to be at it."""
-NOISE = 1e-9
+ZERO_ANGLE = 1e-9
 """Angle at the start of a plane that is zero but for round-off."""
 
 
@@ -65,13 +65,13 @@ class Canonical:
         """The fundamental matrix of each panel, the panels bisected until they resolve it."""
         done: list[Panel] = []
         waiting = np.stack([self.vertices[:-1], self.vertices[1:]], axis=1)
-        for depth in range(BISECTIONS + 1):
+        for depth in range(PANEL_BISECTIONS + 1):
             fields = self._fundamental(waiting)
             size = np.abs(fields).max((1, 2, 3))
             tail = np.abs(fields[:, -2:]).max((1, 2, 3)) / size
             if not np.isfinite(fields).all():
                 raise Unresolved("the accessory equation is not a number somewhere along the curve")
-            good = (tail <= RESOLVED) | (depth == BISECTIONS)
+            good = (tail <= RESOLVED_TAIL) | (depth == PANEL_BISECTIONS)
             done += [Panel(a, b, c) for (a, b), c, ok in zip(waiting, fields, good, strict=True) if ok]
             waiting = waiting[~good]
             if not len(waiting):
@@ -81,9 +81,9 @@ class Canonical:
         return sorted(done, key=lambda panel: panel.left)
 
     def _fundamental(self, intervals: np.ndarray) -> np.ndarray:
-        """Legendre coefficients (E, DEGREE + 1, 2 N, 2 N) of the fundamental matrices, by Gauss collocation."""
-        nodes, integral = gauss(DEGREE)[0], antiderivative(DEGREE)
-        at_nodes = np.polynomial.legendre.legvander(nodes, DEGREE) @ integral
+        """Legendre coefficients (E, FIELD_DEGREE + 1, 2 N, 2 N) of the fundamental matrices, by Gauss collocation."""
+        nodes, integral = gauss(FIELD_DEGREE)[0], antiderivative(FIELD_DEGREE)
+        at_nodes = np.polynomial.legendre.legvander(nodes, FIELD_DEGREE) @ integral
         count, size = len(nodes), 2 * self.N
         half = 0.5 * np.diff(intervals, axis=1)
         s = intervals.mean(1)[:, None] + half * nodes
@@ -100,7 +100,7 @@ class Canonical:
 
 @dataclass(frozen=True)
 class Panel:
-    """A matrix function on [left, right] by its Legendre coefficients (DEGREE + 1, rows, columns)."""
+    """A matrix function on [left, right] by its Legendre coefficients (FIELD_DEGREE + 1, rows, columns)."""
 
     left: float
     right: float
@@ -109,7 +109,7 @@ class Panel:
     def __call__(self, s: float) -> np.ndarray:
         """The matrix at s, which may lie a little outside."""
         local = (2.0 * s - self.left - self.right) / (self.right - self.left)
-        row = np.polynomial.legendre.legvander(np.array([local]), DEGREE)[0]
+        row = np.polynomial.legendre.legvander(np.array([local]), FIELD_DEGREE)[0]
         return np.tensordot(row, self.coefficients, 1)
 
 
@@ -175,7 +175,7 @@ class Angle:
         return np.angle(np.linalg.eigvals(W @ self.W.conj().T))
 
 
-class Carried:
+class CarriedPlane:
     """A Lagrangian plane carried along: ``plane`` (2 N, columns) at the start of ``system``."""
 
     def __init__(self, system: Canonical, plane: np.ndarray) -> None:
@@ -202,56 +202,56 @@ class Carried:
         W = U @ U.T  # unitary and symmetric, as the basis is orthonormal and the plane Lagrangian
         angles = np.sort(np.angle(np.linalg.eigvals(W)) % (2 * np.pi))
         if starting:
-            angles = np.sort(np.where(angles > 2 * np.pi - NOISE, 0.0, angles))
+            angles = np.sort(np.where(angles > 2 * np.pi - ZERO_ANGLE, 0.0, angles))
         return Angle(s, W, angles, basis)
 
     @cached_property
     def points(self) -> np.ndarray:
         """The focal points inside, the start excluded, each as often as it counts, and short of the end."""
         a, b = self.system.span
-        return np.array([s for s in self._passages() if s < b - AT_END * (b - a)])
+        return np.array([s for s in self._passages() if s < b - FOCAL_AT_END * (b - a)])
 
     def _passages(self) -> list[float]:
         found: list[float] = []
         before: Angle | None = None
         for k, panel in enumerate(self.frames):
-            for s in np.linspace(panel.left, panel.right, SAMPLES + 1)[0 if k == 0 else 1 :]:
+            for s in np.linspace(panel.left, panel.right, SAMPLES_PER_PANEL + 1)[0 if k == 0 else 1 :]:
                 at = self.angle(panel, float(s), k == 0)
                 if before is not None:
                     found += self._between(panel, before, at, 0)
                 elif at.angles.size:
-                    angles = np.where(at.angles < NOISE, 0.0, at.angles)
+                    angles = np.where(at.angles < ZERO_ANGLE, 0.0, at.angles)
                     at = Angle(at.s, at.W, angles, at.basis)
                 before = at
         return sorted(found)
 
     @cached_property
     def at_end(self) -> list[float]:
-        """Focal points within AT_END of the end, before or behind it."""
+        """Focal points within FOCAL_AT_END of the end, before or behind it."""
         a, b = self.system.span
-        panel, reach = self.frames[-1], AT_END * (b - a)
+        panel, reach = self.frames[-1], FOCAL_AT_END * (b - a)
         return self._between(panel, self.angle(panel, b - reach), self.angle(panel, b + reach), 0)
 
     def _between(self, panel: Panel, left: Angle, right: Angle, depth: int) -> list[float]:
         turn = left.turn(right)
-        if np.abs(turn).max(initial=0.0) > TURN:
+        if np.abs(turn).max(initial=0.0) > LARGEST_TURN:
             return self._halved(panel, left, right, depth)
         passages = (left.angles.sum() + turn.sum() - right.angles.sum()) / (2 * np.pi)
         count = round(float(passages))
         if count <= 0:
             return []
-        if np.abs(turn).max() > CLOSE:
+        if np.abs(turn).max() > BRACKET_TURN:
             return self._halved(panel, left, right, depth)
         return [self._located(panel, left, right, j) for j in range(1, count + 1)]
 
     def _halved(self, panel: Panel, left: Angle, right: Angle, depth: int) -> list[float]:
-        if depth > DEEPEST:
+        if depth > DEEPEST_BRACKET:
             raise Unresolved(f"the Jacobi fields turn too fast near {left.s:.6g}")
         middle = self.angle(panel, 0.5 * (left.s + right.s), panel is self.frames[0])
         return self._between(panel, left, middle, depth + 1) + self._between(panel, middle, right, depth + 1)
 
     def _located(self, panel: Panel, left: Angle, right: Angle, j: int) -> float:
-        """The j-th passage in a bracket across which no eigenvalue turns by more than CLOSE."""
+        """The j-th passage in a bracket across which no eigenvalue turns by more than BRACKET_TURN."""
         from scipy.optimize import brentq
 
         # the circle is cut in its widest gap, so that the sorted angles are continuous across the bracket

@@ -8,17 +8,22 @@ Variations", sect. 25 and 29; Bolza, "Lectures", sect. 30 for curves).
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from varcalc.problem.problem import Curve
-from varcalc.verify.along_curve import AlongCurve, inner_points, touched
+from varcalc.solution import Finding, Verdict
+from varcalc.verify.along_curve import AlongCurve, complement, inner_points, touched
+from varcalc.verify.candidate import Candidate
+from varcalc.verify.check import Check
 
-POINTS = 16
+CURVATURE_POINTS = 16
 """Gauss points an element."""
-NOISE = 1e-13
+ZERO_CURVATURE = 1e-13
 """Size of a second derivative that is zero, in units of H / (1 + slope^2)."""
 
 
@@ -35,13 +40,54 @@ class Legendre:
     strengthened: bool
     vanishes: bool
 
+    @property
+    def leaves_open(self) -> bool:
+        """Whether the second variation has something to decide."""
+        return self.holds and not self.vanishes
+
 
 UNTESTED = Legendre(float("nan"), float("nan"), True, True, False)
 
 
+@dataclass(frozen=True)
+class LegendreCondition(Check[Legendre]):
+    """Whether L is concave in the slope nowhere along the curve."""
+
+    name = "Legendre"
+
+    def measure(self, candidate: Candidate) -> Legendre:
+        """The least second derivative along the solution's curve, in the user's coordinates."""
+        return legendre(candidate.along)
+
+    def findings(self, candidate: Candidate) -> Iterator[Finding]:
+        """Whether the condition holds, and how strictly."""
+        measured = candidate.measured(self)
+        least, at, problem = measured.least, measured.at, candidate.problem
+        numbers = {"least": least, "at": at}
+        name = "L_y''y''" if problem.order == 2 else "L_y'y'"
+        if math.isnan(least):
+            yield Finding(None, "Legendre's condition has nothing to say: the slope is free nowhere")
+        elif measured.vanishes:
+            yield Finding(Verdict.SINGULAR, f"{name} vanishes along the curve: nothing in L fixes a curve", numbers)
+        elif not measured.holds:
+            sentence = (
+                f"Legendre's condition fails: {name} is {-least if problem.maximise else least:.6g} at {at:.6g}, so "
+                "wiggles of short wave do better and the index is infinite"
+            )
+            yield Finding(Verdict.SADDLE, sentence, numbers)
+        elif not measured.strengthened:
+            sentence = (
+                f"Legendre's condition holds only weakly: {name} vanishes at {at:.6g}, and more than it must decide"
+            )
+            yield Finding(Verdict.DEGENERATE, sentence, numbers)
+        else:
+            sentence = f"Legendre's condition holds: {name} is nowhere nearer to zero than {abs(least):.6g}"
+            yield Finding(None, sentence, numbers)
+
+
 def legendre(along: AlongCurve) -> Legendre:
     """The least eigenvalue of the second derivatives in the highest slope along a curve, in the minimising sense."""
-    s = inner_points(along, POINTS)
+    s = inner_points(along, CURVATURE_POINTS)
     if along.form.lift is None or along.slides:  # else an end may be singular
         s = np.concatenate([[along.span[0]], s, [along.span[1]]])
     H, top = along.whole.expression, along.symbols.slopes[-1]
@@ -59,7 +105,7 @@ def legendre(along: AlongCurve) -> Legendre:
     eigenvalues = np.linalg.eigvalsh(matrices)
     least, largest = eigenvalues[:, 0], np.abs(eigenvalues).max(1)
     slopes = np.abs(along.evaluate(s, along.order)).max(0)
-    noise = NOISE * np.maximum(np.where(np.isfinite(values), np.abs(values), 0.0) / (1 + slopes**2), largest)
+    noise = ZERO_CURVATURE * np.maximum(np.where(np.isfinite(values), np.abs(values), 0.0) / (1 + slopes**2), largest)
     k = int(np.argmin(least))
     holds, strict = bool((least >= -noise).all()), bool((least > noise).all())
     return Legendre(float(least[k]), float(s[k]), holds, strict, bool((largest <= noise).all()))
@@ -73,17 +119,7 @@ def _held(along: AlongCurve, s: np.ndarray) -> np.ndarray:
 
 def crossing(along: AlongCurve, s: np.ndarray) -> np.ndarray:
     """Bases (m, n, k) of the slopes that count: as pathwise conditions allow, across a Curve's direction."""
-    n = along.n
-    rows = np.zeros((len(s), 0, n))
-    if along.paths and along.order == 1:
-        gradients = along.function(ca.jacobian(ca.vertcat(*along.paths), along.symbols.y))(s)[0]
-        rows = np.concatenate([rows, _equalities(along, gradients)], axis=1)
+    rows = along.forbidden_slopes(s)
     if isinstance(along.form.problem, Curve):
         rows = np.concatenate([rows, along.evaluate(s, 1).T[:, None, :]], axis=1)
-    if not rows.shape[1]:
-        return np.broadcast_to(np.eye(n), (len(s), n, n))
-    return np.linalg.svd(rows)[2][:, rows.shape[1] :].transpose(0, 2, 1)
-
-
-def _equalities(along: AlongCurve, gradients: np.ndarray) -> np.ndarray:
-    return gradients[:, [k for k, c in enumerate(along.limits) if c.equality]]
+    return complement(rows)

@@ -9,19 +9,23 @@ sect. 15; Bliss, "Lectures on the Calculus of Variations", sect. 29-34).
 
 from __future__ import annotations
 
-import itertools
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from varcalc.solution import Finding
 from varcalc.verify.accessory import Accessory
 from varcalc.verify.along_curve import AlongCurve
+from varcalc.verify.candidate import Candidate
+from varcalc.verify.check import Check
 from varcalc.verify.concavity import SYMMETRIC, concavity
 from varcalc.verify.ends import EndPlane, NotSeparate, end_planes
-from varcalc.verify.jacobi import Canonical, Carried, Unresolved, balanced, canonical
+from varcalc.verify.jacobi import Canonical, CarriedPlane, Unresolved, balanced, canonical
+from varcalc.verify.legendre import LegendreCondition
 from varcalc.verify.verification import NULL, Index, signs
 
-SINGULAR = 1e-9
+SINGULAR_FIELDS = 1e-9
 """Reciprocal condition of the Jacobi fields at an end below which they are no coordinates there."""
 
 
@@ -31,6 +35,34 @@ class JacobiIndex(Index):
 
     points: np.ndarray
     account: str
+
+
+@dataclass(frozen=True)
+class JacobiEquation(Check[JacobiIndex]):
+    """The index from points conjugate or focal to the start."""
+
+    name = "Jacobi"
+
+    def measure(self, candidate: Candidate) -> JacobiIndex:
+        """The index, and the points in the user's abscissa."""
+        along = candidate.along_best
+        if along is None:
+            return _closed(candidate.reason)
+        if not candidate.measured(LegendreCondition()).strengthened:
+            return _closed("Jacobi's equation is singular where Legendre's condition does not hold strictly")
+        found = index_by_jacobi(along)
+        return replace(found, points=along.abscissa(found.points)) if len(found.points) else found
+
+    def findings(self, candidate: Candidate) -> Iterator[Finding]:
+        """The index by this route, or why it is closed."""
+        measured = candidate.measured(self)
+        if not candidate.measured(LegendreCondition()).leaves_open:
+            return
+        if measured.index is None:
+            yield Finding(None, f"Jacobi's equation was not used: {measured.reason}")
+        else:
+            sentence = f"Jacobi's equation gives the index {measured.index}: {measured.account}"
+            yield Finding(None, sentence, {"index": float(measured.index)})
 
 
 def index_by_jacobi(along: AlongCurve) -> JacobiIndex:
@@ -53,15 +85,14 @@ def _vertical(accessory: Accessory) -> np.ndarray:
 
 def _pieces(along: AlongCurve) -> JacobiIndex:
     """Waypoints hold the whole curve, so that what lies between them varies for itself."""
-    form, accessory = along.form, Accessory(along)
+    accessory = Accessory(along)
     if accessory.functions < accessory.N or along.order != 1:
         return _closed("waypoints are held together by unknown numbers, prescribed integrals or a second order")
     start, end = end_planes(accessory)
     if not end.fixed:
         return _closed("there are waypoints, and the end is not fixed")
-    marks = [along.span[0], *(at for at, _ in form.conditions.waypoints), along.span[1]]
     points, nullity = [], 0
-    for k, span in enumerate(itertools.pairwise(marks)):
+    for k, span in enumerate(along.parts()):
         system = canonical(accessory, span=span)
         carried = _carried(system, balanced(accessory, start.plane if k == 0 else _vertical(accessory)))
         points.append(carried.points)
@@ -89,8 +120,8 @@ def _whole(along: AlongCurve) -> JacobiIndex:
     return JacobiIndex(len(points) + negative, null, "", points, account)
 
 
-def _carried(system: Canonical, plane: np.ndarray) -> Carried:
-    return Carried(system, _reduced(system, plane, system.span[0]))
+def _carried(system: Canonical, plane: np.ndarray) -> CarriedPlane:
+    return CarriedPlane(system, _reduced(system, plane, system.span[0]))
 
 
 def _reduced(system: Canonical, plane: np.ndarray, s: float) -> np.ndarray:
@@ -108,7 +139,7 @@ def _reduced(system: Canonical, plane: np.ndarray, s: float) -> np.ndarray:
     return kept @ right[: basis.shape[1]].T
 
 
-def _end_form(forward: Carried, end: EndPlane, accessory: Accessory) -> tuple[int, int]:
+def _end_form(forward: CarriedPlane, end: EndPlane, accessory: Accessory) -> tuple[int, int]:
     """Negative and zero eigenvalues of the second variation on the Jacobi fields that the end leaves free."""
     system = forward.system
     N, b = system.N, system.span[1]
@@ -118,7 +149,7 @@ def _end_form(forward: Carried, end: EndPlane, accessory: Accessory) -> tuple[in
     if allowed is not None:
         halves = [allowed[0].T @ half for half in halves]
     X, pi, X_end, pi_end = halves
-    if np.linalg.cond(X) > 1.0 / SINGULAR:
+    if np.linalg.cond(X) > 1.0 / SINGULAR_FIELDS:
         raise NotSeparate("the end is focal to the start, and free")
     form = X_end.T @ (pi @ np.linalg.solve(X, X_end) - pi_end)
     form = 0.5 * (form + form.T)
@@ -150,7 +181,7 @@ def _periodic(accessory: Accessory) -> JacobiIndex:
     for k in range(accessory.numbers.start, accessory.numbers.stop):
         if k != accessory.gauge:
             plane[[k, N + k], k] = (1.0, 0.0)  # an unknown number is free, its momentum zero at the start
-    carried = Carried(system, _reduced(system, plane, system.span[0]))
+    carried = CarriedPlane(system, _reduced(system, plane, system.span[0]))
     negative, null = concavity(system, accessory)
     account = f"{len(carried.points)} conjugate points inside and {negative} negative directions of the concavity form"
     return JacobiIndex(len(carried.points) + negative, null, "", carried.points, account)

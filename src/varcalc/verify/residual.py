@@ -8,22 +8,63 @@ at second order L_y'' - integral of (L_y' - integral of L_y) is a linear functio
 
 from __future__ import annotations
 
-import itertools
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
 from varcalc.numerics.mesh import antiderivative, gauss
+from varcalc.solution import Finding, Verdict
 from varcalc.symbolic.tracing import Expression
 from varcalc.verify.along_curve import AlongCurve
+from varcalc.verify.candidate import Candidate
+from varcalc.verify.check import Check
 
-POINTS = 24
+STATIONARY_RESIDUAL = 1e-3
+"""Residual of the Euler-Lagrange equation beyond which a curve that cannot be polished is no extremal."""
+RESIDUAL_RULE = 24
 """Gauss points an element."""
 FAINT = 1e-8
 """Momentum in units of H / slope, the slope that of the curve's chords, below which it is as good as zero."""
-EDGE = 0.1
+SINGULAR_SHARE = 0.1
 """Part of the interval beside each singular end that is left out in coordinates that are singular there."""
+
+
+@dataclass(frozen=True)
+class EulerLagrange(Check[float]):
+    """How far the curve is from satisfying the Euler-Lagrange equation."""
+
+    name = "Euler-Lagrange"
+
+    def measure(self, candidate: Candidate) -> float:
+        """The residual along the solution's own curve."""
+        own = candidate.along_own
+        return residual(candidate.along, True) if own is None else residual(own)
+
+    def stationary(self, candidate: Candidate) -> bool:
+        """Whether the curve may be an extremal."""
+        return candidate.measured(self) <= STATIONARY_RESIDUAL or not candidate.reason or candidate.touched
+
+    def findings(self, candidate: Candidate) -> Iterator[Finding]:
+        """Whether the curve is stationary, and which curve the other checks look at."""
+        measured = candidate.measured(self)
+        numbers = {"residual": measured}
+        if not self.stationary(candidate):
+            sentence = (
+                f"the curve is not stationary: it misses the Euler-Lagrange equation by {measured:.2g} of its terms "
+                f"({candidate.reason})"
+            )
+            yield Finding(Verdict.NO_EXTREMAL, sentence, numbers)
+            return
+        if candidate.touched:
+            left = f"with the multipliers of the bounds, which are known only roughly, it leaves {measured:.2g}"
+            yield Finding(None, f"the Euler-Lagrange equation is not tested closely: {left} of its terms", numbers)
+        else:
+            yield Finding(None, f"the Euler-Lagrange equation holds to {measured:.2g} of its terms", numbers)
+        if candidate.reason:
+            sentence = f"what follows is for the curve as it was solved, which was not polished: {candidate.reason}"
+            yield Finding(None, sentence)
 
 
 def residual(along: AlongCurve, singular: bool = False) -> float:
@@ -36,16 +77,15 @@ def residual(along: AlongCurve, singular: bool = False) -> float:
     if singular:
         along = _inside(along)
     gradients = [ca.gradient(H, v) for v in (s.y, *s.slopes)]
-    nodes, weights = along.rule(POINTS)
+    nodes, weights = along.rule(RESIDUAL_RULE)
     whole, *values = (v[:, :, 0] for v in along.function(H, *gradients)(nodes))
     total, size = values[0], np.zeros(1)
     for term in values[1:]:
         integral = _running(total, along.vertices)
         size = size + np.abs(integral).max(0) + np.abs(term).max(0)
         total = term - integral
-    marks = [along.span[0], *(at for at, _ in along.form.conditions.waypoints), along.span[1]]
     worst = 0.0
-    for left, right in itertools.pairwise(marks):
+    for left, right in along.parts():
         inside = (nodes > left) & (nodes < right)
         powers = (nodes[inside, None] - left) ** np.arange(along.order) / along.length ** np.arange(along.order)
         root = np.sqrt(weights[inside, None])
@@ -70,17 +110,17 @@ def felt(along: AlongCurve) -> Expression:
 def _inside(along: AlongCurve) -> AlongCurve:
     """The same functional away from the ends of its interval."""
     a, b = along.span
-    low, high = a + EDGE * (b - a), b - EDGE * (b - a)
+    low, high = a + SINGULAR_SHARE * (b - a), b - SINGULAR_SHARE * (b - a)
     inner = along.vertices[(along.vertices > low) & (along.vertices < high)]
     return replace(along, span=(low, high), vertices=np.concatenate([[low], inner, [high]]))
 
 
 def _running(values: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Integrals from the first vertex to the Gauss points of values there, both (points, n)."""
-    nodes, weights = gauss(POINTS)
-    inner = np.polynomial.legendre.legvander(nodes, POINTS) @ antiderivative(POINTS)
+    nodes, weights = gauss(RESIDUAL_RULE)
+    inner = np.polynomial.legendre.legvander(nodes, RESIDUAL_RULE) @ antiderivative(RESIDUAL_RULE)
     half = 0.5 * np.diff(vertices)[:, None, None]
-    shaped = values.reshape(len(vertices) - 1, POINTS, -1)
+    shaped = values.reshape(len(vertices) - 1, RESIDUAL_RULE, -1)
     whole = half[:, 0] * np.einsum("q,eqa->ea", weights, shaped)
     before = np.concatenate([np.zeros((1, whole.shape[1])), np.cumsum(whole, axis=0)[:-1]])
     return (before[:, None] + half * (inner @ shaped)).reshape(values.shape)

@@ -8,7 +8,8 @@ extremal only the curve is used, the multipliers are found anew.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -17,17 +18,46 @@ from varcalc.formulation import Form
 from varcalc.methods.answer import Extremal, sample
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.mesh import Space, basis, lobatto
-from varcalc.verify.along_curve import TOUCH
+from varcalc.solution import Finding
+from varcalc.verify.along_curve import TOUCHED_AT, at_limit
+from varcalc.verify.candidate import Candidate
+from varcalc.verify.check import Check
+from varcalc.verify.legendre import LegendreCondition
 from varcalc.verify.verification import NULL, Index
 
 APART = 1e3
 """Factor by which the other eigenvalues must exceed those that are zero."""
 MODES = 240
 """Coefficients of the Ritz space on which the Hessian's signs are counted."""
-DEGREES = {1: (8, 40), 2: (9, 28)}
+SPACE_DEGREES = {1: (8, 40), 2: (9, 28)}
 """Lowest and highest degree of that space, by the order of the functional."""
-FLAT = 1e-6
+LEAST_WEIGHT = 1e-6
 """Least relative weight of a direction of the slope in the metric."""
+
+
+@dataclass(frozen=True)
+class RitzHessian(Check[Index]):
+    """The index from the Hessian of the discretised functional."""
+
+    name = "Ritz"
+
+    def measure(self, candidate: Candidate) -> Index:
+        """The index along the extremal."""
+        own = candidate.own
+        # where regularity alone decides at a singular end, the coordinates made for that are the better ones
+        curve = own if own is not None and own.form.coordinates.weak_only else candidate.best or own
+        return Index(None, 0, candidate.reason) if curve is None else index_by_ritz(curve)
+
+    def findings(self, candidate: Candidate) -> Iterator[Finding]:
+        """The index by this route, or why it is closed."""
+        measured = candidate.measured(self)
+        if not candidate.measured(LegendreCondition()).leaves_open:
+            return
+        if measured.index is None:
+            yield Finding(None, f"the Hessian of the discretised functional was not used: {measured.reason}")
+        else:
+            sentence = f"the Hessian of the discretised functional has {measured.index} negative eigenvalues"
+            yield Finding(None, sentence, {"index": float(measured.index)})
 
 
 def index_by_ritz(extremal: Extremal) -> Index:
@@ -70,7 +100,7 @@ def _metric(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> np.n
     top = slice(system.order * n, D * n)
     sizes, axes = np.linalg.eigh(hessian[:, top, top])
     weight = np.abs(sizes).max(1)
-    sizes = np.maximum(np.abs(sizes), FLAT * weight[:, None])
+    sizes = np.maximum(np.abs(sizes), LEAST_WEIGHT * weight[:, None])
     length = system.space.vertices[-1] - system.space.vertices[0]
     block = system.metric_blocks(at)
     block[:, top, top] = (axes * sizes[:, None]) @ axes.transpose(0, 2, 1)
@@ -83,7 +113,7 @@ def _metric(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> np.n
 def ritz_space(extremal: Extremal) -> Space:
     """A space on the extremal's own mesh of some MODES coefficients."""
     form = extremal.form
-    lowest, highest = DEGREES[form.order]
+    lowest, highest = SPACE_DEGREES[form.order]
     vertices = extremal.vertices
     degree = int(np.clip(MODES // (form.n * (len(vertices) - 1)), max(lowest, form.coordinates.least_degree), highest))
     return Space(vertices, degree, form.n, form.order, form.ends.periodic)
@@ -144,10 +174,8 @@ def _active(extremal: Extremal, form: Form, s: np.ndarray) -> np.ndarray:
     """Which pathwise conditions hold as equations at s (m,); shape (m, conditions)."""
     function = ca.Function("phi", form.symbols.all, [ca.vertcat(*(c.expression for c in form.conditions.pathwise))])
     values = np.asarray(function(*sample(extremal, s))).T
-    limits = np.array([[c.lower, c.upper] for c in form.conditions.pathwise])
-    room = 10 * TOUCH * np.maximum(1.0, np.abs(values))
     equality = np.array([c.equality for c in form.conditions.pathwise])
-    return equality | (values <= limits[:, 0] + room) | (values >= limits[:, 1] - room)
+    return equality | at_limit(values, form.conditions.pathwise, 10 * TOUCHED_AT)
 
 
 def _pathwise_values(extremal: Extremal, form: Form, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
-from varcalc.solution import Verdict
+from varcalc.solution import Finding, Verdict
+from varcalc.tables import labelled
 
 SHOWN = 8
 """Conjugate points printed before the rest are only counted."""
@@ -17,18 +18,6 @@ SHOWN = 8
 
 NULL = 1e-7
 """Relative size of an eigenvalue that is zero: that of a conjugate point this near to the end."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One statement that holds of the curve, in words and ``numbers``; its ``verdict`` when it decides one."""
-
-    verdict: Verdict | None
-    sentence: str
-    numbers: Mapping[str, float] = field(default_factory=dict)
-
-    def __str__(self) -> str:
-        return self.sentence
 
 
 class Excess(float):
@@ -52,6 +41,18 @@ class Excess(float):
         return Excess, (float(self), self.at, self.slope, self.own)
 
 
+def excesses(own: np.ndarray, linear: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Weierstrass's excess of slopes tried, and the same relative to its terms; arrays of one shape.
+
+    L is ``own`` at the curve's slope and ``other`` at the slope tried, ``linear`` is the step between them times
+    L_y'. Where L is no number for a slope there is no curve with it, and the relative excess is zero.
+    """
+    excess = other - own - linear
+    size = np.abs(other) + np.abs(own) + np.abs(linear)
+    known = np.isfinite(excess) & (size > 0)
+    return excess, np.divide(excess, size, out=np.zeros_like(excess), where=known)
+
+
 @dataclass(frozen=True, eq=False)
 class Verification:
     """What kind of stationary curve a solution is, and the evidence.
@@ -71,6 +72,7 @@ class Verification:
     upper bound of a minimum, a lower bound of a maximum.
     ``routes``: the index by Jacobi's equation and by the Ritz Hessian, None where a route is closed.
     ``findings``: every statement that holds.
+    ``evidence``: what each check measured, by the check's name.
     """
 
     name: str
@@ -86,14 +88,11 @@ class Verification:
     findings: tuple[Finding, ...]
     maximise: bool = False
     abscissa: str = "x"
+    evidence: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def __str__(self) -> str:
-        rows = list(self._rows())
-        width = max(len(label) for label, _ in rows)
-        lines = [f"{self.name}: {self._headline()}"]
-        lines += [f"  {label:<{width}}  {text}" for label, text in rows]
-        lines += ["", *(f"- {finding.sentence}" for finding in self.findings)]
-        return "\n".join(lines)
+        findings = (f"- {finding.sentence}" for finding in self.findings)
+        return "\n".join([f"{self.name}: {self._headline()}", *labelled(self._rows()), "", *findings])
 
     def _headline(self) -> str:
         if self.verdict is Verdict.WEAK_MINIMUM and self.maximise:
@@ -128,6 +127,12 @@ class Verification:
             return "infinite" if math.isinf(self.index) else "unknown"
         found = {name: index for name, index in self.routes.items() if index is not None}
         return f"{self.index:.0f} (" + ", ".join(f"{name} {index}" for name, index in found.items()) + ")"
+
+
+def first_held(findings: Iterable[Finding]) -> Verdict | None:
+    """The first verdict in their order of all that some findings decide; None where they decide none."""
+    held = {finding.verdict for finding in findings}
+    return next((verdict for verdict in Verdict if verdict in held), None)
 
 
 @dataclass(frozen=True)

@@ -1,175 +1,63 @@
-"""Whether an extremal can be a minimum at all, judged by other slopes at its own points.
+"""Weierstrass's condition: no other slope at a point of the curve may come lower.
 
-Weierstrass's excess E(w) = L(w) - L(v) - (w - v) L_v(v) must not be negative,
-else curves close by but with other slopes are lower (Gelfand and Fomin,
-"Calculus of Variations", sect. 34). What every solve asks (:func:`vouched`)
-costs one call of L; a verification looks in more directions at more points.
+The excess E(w) = L(w) - L(v) - (w - v) L_v(v) must not be negative, else curves
+close by but with other slopes are lower (Gelfand and Fomin, "Calculus of
+Variations", sect. 34).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Form
-from varcalc.methods.answer import Along
-from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
-from varcalc.problem.functional import Functional
+from varcalc.problem.conditions import Bound, Holonomic
 from varcalc.problem.problem import Curve, Problem
-from varcalc.solution import Solution, Status, Verdict
-from varcalc.symbolic.derived import derived
-from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.verify.along_curve import AlongCurve
-from varcalc.verify.verification import Excess
+from varcalc.solution import Finding, Solution, Verdict
+from varcalc.verify.along_curve import AlongCurve, complement
+from varcalc.verify.candidate import Candidate
+from varcalc.verify.check import Check
+from varcalc.verify.slopes import ROUND_OFF_EXCESS, SLOPE_TURNS, SlopeFan, places
+from varcalc.verify.verification import Excess, excesses
 
-TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 9), [0.0], np.geomspace(1e-2, 1e2, 9)])
-"""Slopes tried, in units of the larger of 1 and the extremal's own."""
-FEW_TURNS = np.array([-20.0, 0.3, 4.0])
-"""The same, by which it is seen that the square of a Lagrangian is quadratic in the slope."""
-NOISE = 1e-9
-"""Relative excess below zero that is round-off or the curve's own error."""
-PLACES = 9
-TOUCH = 1e-6
-"""Relative distance from a bound within which it is touched."""
-MORE_PLACES = 33
+VERIFIED_PLACES = 33
 """Points of a curve at which slopes are tried for a verification."""
 PLANE_DIRECTIONS = 72
 SPACE_DIRECTIONS = 256
 PRIMES = np.array([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0])
 """Their square roots spread directions evenly (Weyl)."""
-JUMP = 1e-3
-"""Relative jump of the slope that is a corner, not the error of the curve."""
 
 
-def vouched(solution: Solution, form: Form) -> Solution:
-    """The solution, refused when other slopes at its points show that it is no strong minimum.
+@dataclass(frozen=True)
+class WeierstrassCondition(Check[Excess]):
+    """Whether the excess is negative nowhere, for no slope tried."""
 
-    First-order graphs are tested, under isoperimetric conditions with their
-    multipliers, under bounds with the slopes these leave where none is touched.
-    """
-    problem = solution.problem
-    tested = isinstance(problem, Problem) and problem.order == 1 and not any(problem.of_type(Holonomic))
-    if not tested or form.coordinates.energetic or solution.curve is None:
-        return solution
-    if _seen(solution):
-        return solution
-    x = _places(solution)
-    fan = _Fan.of(solution, x)
-    bent = fan.legendre_fails()
-    if bent is not None:
-        place, curvature = bent
-        return _refused(
-            solution,
-            f"no minimum of any kind: at x = {x[place]:.4g} the second derivative of L in the slope is "
-            f"{curvature:.3g}, so Legendre's condition fails and fine ripples come lower",
-            Verdict.SADDLE,
-        )
-    worst = fan.worst_excess()
-    if worst is not None:
-        return _refused(
-            solution,
-            f"a weak minimum only: at x = {x[worst.place]:.4g} Weierstrass's excess is {worst.excess:.3g} for the "
-            f"slope {worst.slope:.4g} instead of {worst.own:.4g}, so curves with corners come lower",
-        )
-    if fan.concave() and len(corners := _corners(solution)) > form.coordinates.corners:
-        return _refused(
-            solution,
-            f"a weak minimum only: the Lagrangian is not convex in the slope, and the curve found has a corner at "
-            f"x = {corners[0]:.6g} where the mesh allows one; more corners may come lower still",
-        )
-    return solution
+    name = "Weierstrass"
 
+    def measure(self, candidate: Candidate) -> Excess:
+        """The least excess along the solution's curve."""
+        return least_excess(candidate.along, candidate.solution)
 
-def convinced(problem: Problem, x: np.ndarray, y: np.ndarray, slopes: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-    """Which of ``K`` smooth graphs without constraints the test of :func:`vouched` leaves no doubt about; (K,) of bool.
-
-    The graphs are known at P points each: x (K, P), y and slopes (K, P, n), for the values ``parameters`` (K, m). No
-    slope tried there may have a negative excess, and L must be convex in each component of their own.
-    """
-    count, places, n = y.shape
-    repeated, blank = np.repeat(parameters, places, axis=0), np.zeros((1, 0))
-    points = (x.reshape(-1, 1), y.reshape(-1, n), slopes.reshape(-1, n))
-    rows = _in_the_slopes(problem)(count * places, *points, blank, repeated, blank).T
-    rows *= problem.sign
-    columns = (points[0][:, 0], points[1].T, points[2].T, repeated)
-    good = _unbeaten(problem, columns, rows[0], rows[1 : 1 + n], rows[1 + n :])
-    return np.all(good.reshape(count, places), axis=1)
-
-
-def _unbeaten(
-    problem: Problem, points: tuple[np.ndarray, ...], own: np.ndarray, slope: np.ndarray, curvature: np.ndarray
-) -> np.ndarray:
-    """At which m points L is convex in each component of the slope and no slope tried has a negative excess; (m,).
-
-    ``points`` are x (m,), y and y' (n, m) and the parameters (m, p), which may be left out for the problem's own. L is
-    ``own`` (m,) there, ``slope`` and ``curvature`` (n, m) its derivatives by each component, as they are minimised.
-    """
-    sign, v = problem.sign, points[2]
-    good = np.isfinite(own + slope.sum(0) + curvature.sum(0)) & np.all(curvature > 0, axis=0)
-
-    def tried(a: int, turns: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """L at the points ``some`` for other slopes of the function a, and the steps to them."""
-        step = np.maximum(1.0, np.abs(v[a, some]))[:, None] * turns
-        x, y, changed = (np.repeat(p[..., some], len(turns), axis=-1) for p in points[:3])
-        changed[a] += step.ravel()
-        numbers = (np.repeat(p[some], len(turns), axis=0) for p in points[3:])
-        return sign * problem.integrand_values(x, y, changed, *numbers).reshape(step.shape), step
-
-    for a in range(len(v)):
-        rest = np.flatnonzero(good)
-        rest = rest[~_roots_of_quadratics(own[rest], slope[a, rest], curvature[a, rest], *tried(a, FEW_TURNS, rest))]
-        if len(rest):
-            other, step = tried(a, TURNS[TURNS != 0], rest)
-            relative = excesses(own[rest, None], slope[a, rest, None] * step, other)[1]
-            good[rest] = relative.min(1) >= -NOISE
-    return good
-
-
-def excesses(own: np.ndarray, linear: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weierstrass's excess of slopes tried, and the same relative to its terms; arrays of one shape.
-
-    L is ``own`` at the curve's slope and ``other`` at the slope tried, ``linear`` is the step between them times
-    L_y'. Where L is no number for a slope there is no curve with it, and the relative excess is zero.
-    """
-    excess = other - own - linear
-    size = np.abs(other) + np.abs(own) + np.abs(linear)
-    known = np.isfinite(excess) & (size > 0)
-    return excess, np.divide(excess, size, out=np.zeros_like(excess), where=known)
-
-
-def _roots_of_quadratics(
-    own: np.ndarray, slope: np.ndarray, curvature: np.ndarray, other: np.ndarray, step: np.ndarray
-) -> np.ndarray:
-    """At which m points L > 0 is the root of a quadratic form in one slope, as ``other`` slopes (m, T) show; (m,).
-
-    Its second derivative there is the determinant of the form by L^3, of one sign for all slopes: where that is
-    positive no slope has a negative excess.
-    """
-    own, slope, curvature = own[:, None], slope[:, None], curvature[:, None]
-    square = own**2 + 2 * own * slope * step + (slope**2 + own * curvature) * step**2
-    return np.all((np.abs(other**2 - square) <= NOISE * square) & (other > 0) & (own > 0) & (curvature > 0), axis=1)
-
-
-def _seen(solution: Solution) -> bool:
-    """Whether what was evaluated along a smooth graph without constraints leaves no doubt that it is a minimum."""
-    problem, extremal = solution.problem, solution.extremal
-    if extremal is None or extremal.form.problem is not problem or extremal.along is None:
-        return False
-    if not isinstance(problem, Problem) or problem.n != 1 or problem.constraints:
-        return False
-    along: Along = extremal.along
-    points = (along.x, np.atleast_2d(along.y), np.atleast_2d(along.dy))
-    with np.errstate(all="ignore"):
-        return bool(_unbeaten(problem, points, along.value, along.momenta, along.curvature[:, 0].T).all())
-
-
-def _places(solution: Solution) -> np.ndarray:
-    """Abscissae at which slopes are tried."""
-    low, high = (float(v) for v in (solution.x.min(), solution.x.max()))
-    return low + (high - low) * (np.arange(PLACES) + 0.5) / PLACES
+    def findings(self, candidate: Candidate) -> Iterator[Finding]:
+        """Whether the condition holds for every slope tried."""
+        measured = candidate.measured(self)
+        if math.isnan(measured):
+            sentence = "Weierstrass's condition was not tested: pathwise conditions and bounds restrict the slope"
+            yield Finding(None, sentence)
+            return
+        numbers = {"excess": float(measured), "at": measured.at}
+        if measured < -ROUND_OFF_EXCESS:
+            slope, own = (np.array2string(v, precision=5) for v in (measured.slope, measured.own))
+            sentence = (
+                f"Weierstrass's condition fails: at {measured.at:.6g} the excess is {float(measured):.3g} of its terms "
+                f"for the slope {slope} instead of {own}, so curves with corners do better"
+            )
+            yield Finding(Verdict.WEAK_MINIMUM, sentence, numbers)
+        else:
+            yield Finding(None, "Weierstrass's condition holds for every slope tried", numbers)
 
 
 def least_excess(along: AlongCurve, solution: Solution) -> Excess:
@@ -184,7 +72,7 @@ def least_excess(along: AlongCurve, solution: Solution) -> Excess:
     if isinstance(problem, Problem) and problem.order == 1 and any(problem.of_type(Bound)):
         if any(problem.of_type(Holonomic)):
             return Excess(float("nan"), float("nan"), np.zeros(0), np.zeros(0))
-        fan = _Fan(solution, _places(solution))
+        fan = SlopeFan(solution, places(solution))
         relative, worst = fan.least()
         own = fan.v[:, worst.place]
         slope = own.copy()
@@ -195,12 +83,12 @@ def least_excess(along: AlongCurve, solution: Solution) -> Excess:
 
 def _excess(along: AlongCurve, tries: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Excess:
     """The least relative excess over the slopes that ``tries(own (m, n), allowed (m, n, k))`` gives, (m, T, n)."""
-    s = along.span[0] + along.length * (np.arange(MORE_PLACES) + 0.5) / MORE_PLACES
+    s = along.span[0] + along.length * (np.arange(VERIFIED_PLACES) + 0.5) / VERIFIED_PLACES
     top, order, n = along.symbols.slopes[-1], along.order, along.n
     H = along.whole.expression
     arguments = along.arguments(s)
     own = arguments[1 + order].T
-    tried = tries(own, _allowed(along, s))
+    tried = tries(own, complement(along.forbidden_slopes(s)))
     count = tried.shape[1]
     inputs = [*along.symbols.all, *along.multiplier_symbols]
     function = ca.Function("excess", inputs, [H, ca.densify(ca.gradient(H, top))])
@@ -212,15 +100,6 @@ def _excess(along: AlongCurve, tries: Callable[[np.ndarray, np.ndarray], np.ndar
         relative = excesses(value.T, np.einsum("ka,kta->kt", slope.T, tried - own[:, None]), other)[1]
     k, j = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
     return Excess(float(relative[k, j]), float(s[k]), tried[k, j], own[k])
-
-
-def _allowed(along: AlongCurve, s: np.ndarray) -> np.ndarray:
-    """Orthonormal bases (m, n, k) of the changes of slope that pathwise conditions allow at s (m,)."""
-    if not along.paths or along.order != 1:
-        return np.broadcast_to(np.eye(along.n), (len(s), along.n, along.n))
-    gradients = along.function(ca.jacobian(ca.vertcat(*along.paths), along.symbols.y))(s)[0]
-    equalities = [k for k, c in enumerate(along.limits) if c.equality]
-    return np.linalg.svd(gradients[:, equalities])[2][:, len(equalities) :].transpose(0, 2, 1)
 
 
 def _directions(k: int) -> np.ndarray:
@@ -241,7 +120,7 @@ def _directions(k: int) -> np.ndarray:
 
 def _turned(own: np.ndarray, allowed: np.ndarray) -> np.ndarray:
     """The curve's own slope changed in every direction by steps of many sizes."""
-    steps = TURNS[TURNS > 0][:, None, None] * _directions(allowed.shape[2])
+    steps = SLOPE_TURNS[SLOPE_TURNS > 0][:, None, None] * _directions(allowed.shape[2])
     unit = np.maximum(1.0, np.abs(own).max(1))[:, None, None]
     return own[:, None] + unit * np.einsum("mak,tk->mta", allowed, steps.reshape(-1, steps.shape[2]))
 
@@ -250,158 +129,3 @@ def _directed(own: np.ndarray, allowed: np.ndarray) -> np.ndarray:
     """Every direction at the curve's own speed: F is homogeneous, so lengths do not matter."""
     speed = np.linalg.norm(own, axis=1)[:, None, None]
     return speed * np.einsum("mak,tk->mta", allowed, _directions(allowed.shape[2]))
-
-
-@dataclass(frozen=True)
-class Worst:
-    """Where the excess is least: point, component of the slope, the value tried, the curve's own, the excess."""
-
-    place: int
-    component: int
-    slope: float
-    own: float
-    excess: float
-
-
-class _Fan:
-    """Slopes tried at points of an extremal, one component at a time; arrays have shape (n, places, slopes).
-
-    ``turns`` are the steps from the curve's own slope, the middle one of them 0.
-    """
-
-    def __init__(self, solution: Solution, x: np.ndarray, turns: np.ndarray = TURNS) -> None:
-        assert solution.curve is not None
-        self.solution, self.x = solution, x
-        self.y, self.v = solution.curve(x, 0), solution.curve(x, 1)
-        self.tried = self.v[:, :, None] + turns * np.maximum(1.0, np.abs(self.v))[:, :, None]
-        self.values, self.slopes, self.curvature, self.allowed = self._evaluate()
-
-    @classmethod
-    def of(cls, solution: Solution, x: np.ndarray) -> _Fan:
-        """The fan, of the curve's own slopes alone where these tell of all others: where L is quadratic in the slope.
-
-        The excess of a step there is half its square times the curvature.
-        """
-        problem = solution.problem
-        if _functions(problem).quadratic and not any(isinstance(c, Bound) for c in problem.constraints):
-            own = cls(solution, x, np.zeros(1))
-            if np.isfinite(own.values).all() and np.all(own.curvature >= 0.0):
-                return own
-        return cls(solution, x)
-
-    def _evaluate(self) -> tuple[np.ndarray, ...]:
-        """The Lagrangian function (minimised), its slope and curvature in the component tried, and what is allowed."""
-        problem = self.solution.problem
-        n, places, count = self.tried.shape
-        slopes = np.broadcast_to(self.v.T[None, :, None, :], (n, places, count, n)).copy()
-        for a in range(n):
-            slopes[a, :, :, a] = self.tried[a]
-        x, y = (np.tile(np.repeat(rows, count, axis=0), (n, 1)) for rows in (self.x[:, None], self.y.T))
-        numbers = problem.parameter_values[None], np.array([list(self.solution.unknowns.values())])
-        component = np.repeat(np.eye(n), places * count, axis=0)
-        found = _functions(problem).rows(
-            n * places * count, x, y, slopes.reshape(-1, n), np.zeros((1, 0)), *numbers, component
-        )
-        rows = found.T.reshape(-1, 3, n, places, count)
-        levels = [m for c, m in zip(problem.constraints, self.solution.multipliers, strict=True) if _is_level(c)]
-        sign = problem.sign
-        # J falls by the multiplier as its level rises: the Lagrangian function is L - sum of multipliers times g
-        weights = sign * np.array([1.0, *(-float(m) for m in levels)])
-        total = np.einsum("r,r...->...", weights, rows[: len(weights)])
-        allowed = np.ones((n, places, count), dtype=bool)
-        bounds = [c for c in problem.constraints if isinstance(c, Bound)]
-        for bound, row in zip(bounds, rows[len(weights) :, 0], strict=True):
-            low, high = bound.interval
-            own = row[:, :, [count // 2]]
-            room = TOUCH * np.maximum(1.0, np.abs(own))
-            allowed &= (row >= low) & (row <= high) & (own > low + room) & (own < high - room)
-        return total[0], total[1], total[2], allowed
-
-    def least(self) -> tuple[float, Worst]:
-        """The least excess relative to its terms, and where it is found."""
-        here = self.tried.shape[2] // 2
-        linear = (self.tried - self.v[:, :, None]) * self.slopes[:, :, [here]]
-        excess, relative = excesses(self.values[:, :, [here]], linear, self.values)
-        relative = np.where(self.allowed, relative, 0.0)
-        a, k, j = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
-        worst = Worst(k, a, float(self.tried[a, k, j]), float(self.v[a, k]), float(excess[a, k, j]))
-        return float(relative[a, k, j]), worst
-
-    def worst_excess(self) -> Worst | None:
-        """Where the excess is most negative relative to its terms, if that is below round-off."""
-        relative, worst = self.least()
-        return worst if relative < -NOISE else None
-
-    def legendre_fails(self) -> tuple[int, float] | None:
-        """Where L is most concave in a component of the curve's own slope, and its second derivative there."""
-        here = self.tried.shape[2] // 2
-        curvature = np.where(self.allowed & np.isfinite(self.curvature), self.curvature, 0.0)
-        unit = np.maximum(1.0, np.abs(self.v))
-        size = np.abs(self.values[:, :, here]) / unit**2 + np.sort(np.abs(curvature), axis=2)[:, :, here]
-        own = curvature[:, :, here]
-        relative = np.divide(own, size, out=np.zeros_like(own), where=size > NOISE * np.abs(own))
-        a, k = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
-        return (k, float(own[a, k])) if relative[a, k] < -NOISE else None
-
-    def concave(self) -> bool:
-        """Whether the Lagrangian is concave in a component of the slope somewhere in the fan."""
-        return bool((np.where(np.isfinite(self.curvature), self.curvature, 0.0) < 0).any())
-
-
-@derived
-def _in_the_slopes(problem: Problem) -> PointEvaluator:
-    """L with its first and second derivatives in each component of the slope."""
-    hessian, slope = ca.hessian(problem.integrand, problem.symbols.dy)
-    own = ca.densify(ca.vertcat(problem.integrand, slope, ca.diag(ca.densify(hessian))))
-    return PointEvaluator(ca.Function("slopes", problem.symbols.all, [own]))
-
-
-def _is_level(constraint: object) -> bool:
-    return isinstance(constraint, Isoperimetric)
-
-
-@dataclass(frozen=True)
-class _Functions:
-    """L, each level's integrand and each bound along a direction of the slope.
-
-    ``rows`` takes the problem's symbols and the direction (n,) to value, slope and curvature along it, one after the
-    other. ``quadratic`` tells that none of the curvatures depends on the slope.
-    """
-
-    rows: PointEvaluator
-    quadratic: bool
-
-
-@derived
-def _functions(problem: Functional) -> _Functions:
-    """The functions of a problem, kept with it.
-
-    Only what a direction needs is differentiated: the Hessian has as many entries as there are pairs of functions.
-    """
-    s = problem.symbols
-    levels = [t.expression for t in problem.traced if _is_level(t.constraint)]
-    bounds = [t.expression for t in problem.traced if isinstance(t.constraint, Bound)]
-    direction = s.kind.sym("direction", problem.n)
-    rows = []
-    for expression in (problem.integrand, *levels, *bounds):
-        slope = ca.jtimes(expression, s.dy, direction)
-        rows += [expression, slope, ca.jtimes(slope, s.dy, direction)]
-    function = ca.Function("slopes", [*s.all, direction], [ca.densify(ca.vertcat(*rows))])
-    return _Functions(PointEvaluator(function), quadratic=not ca.depends_on(ca.vertcat(*rows[2::3]), s.dy))
-
-
-def _corners(solution: Solution) -> np.ndarray:
-    """The inner vertices, but for the problem's own, at which the slope jumps."""
-    assert solution.curve is not None
-    own = (*solution.problem.breakpoints, *(c.x for c in solution.problem.of_type(Through)))
-    inner = np.array([x for x in solution.x[1:-1] if x not in own])
-    if not len(inner):
-        return inner
-    step = 1e-9 * (solution.x[-1] - solution.x[0])
-    left, right = (solution.curve(inner + side * step, 1) for side in (-1, 1))
-    jumps = (np.abs(right - left) > JUMP * np.maximum(1.0, np.abs(left) + np.abs(right))).any(0)
-    return inner[jumps]
-
-
-def _refused(solution: Solution, message: str, verdict: Verdict = Verdict.WEAK_MINIMUM) -> Solution:
-    return replace(solution, status=Status.REFUSED, verdict=verdict, message=message)

@@ -18,7 +18,7 @@ from varcalc.methods.first_integral.cyclic import Cyclic
 from varcalc.methods.first_integral.integrands import Integrands, Stopwatch
 from varcalc.methods.first_integral.reduction import Reduction
 from varcalc.methods.first_integral.shore import Shore, landed
-from varcalc.problem.conditions import Fixed, Isoperimetric, Periodic, components
+from varcalc.problem.conditions import Isoperimetric, components
 from varcalc.problem.functional import Functional
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.problem import Problem
@@ -79,17 +79,16 @@ def suitable(problem: Functional) -> Problem:
             raise Unsuitable(
                 f"FirstIntegral takes isoperimetric equalities only, not constraints[{i}] = {c!r}; use Ritz"
             )
-    if isinstance(problem.start, Periodic):
+    if problem.start.periodic:
         raise Unsuitable("FirstIntegral wants two ends, and the curve is periodic; use Ritz or Collocation")
-    sliding = problem.slides
-    fixed = [isinstance(e, Fixed) for e in (problem.start, problem.end)]
-    if any(sliding) and not any(fixed):
+    if any(problem.slides) and not (problem.start.fixed or problem.end.fixed):
         raise Unsuitable("FirstIntegral wants one end fixed where the other slides on a curve; use Ritz or Collocation")
     return problem
 
 
 def _ends(problem: Problem) -> Ends:
-    y = [components("y", e.y)[0] if isinstance(e, Fixed) else None for e in (problem.start, problem.end)]
+    known = [float(e.values(1)[0]) for e in (problem.start, problem.end)]
+    y = [None if math.isnan(value) else value for value in known]
     if y == [None, None]:
         raise Unsuitable("both ends are free, so FirstIntegral has no point to start from; use Ritz or Collocation")
     return Ends(problem.span[0], y[0], problem.span[1], y[1])

@@ -21,6 +21,7 @@ from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.optics.validation import point
 from varcalc.problem.conditions import finite, whole
+from varcalc.tables import shown, table
 
 TRACK_POINTS = 240
 """Points along a ray, evenly spaced in optical path."""
@@ -235,11 +236,12 @@ def _arrival_lines(arrivals: Rays, receiver: Sequence[float] | None) -> list[str
     if not len(arrivals):
         return [f"no ray to {where}: {arrivals.reason}"]
     lines = [f"{len(arrivals)} ray{'s' * (len(arrivals) > 1)} to {where}, of {arrivals.searched}", ""]
-    lines.append(f"{'optical path':>20}  {'error':>8}  {'caustics':>8}  {'spreading':>12}  direction")
-    return lines + [_arrival_line(ray) for ray in arrivals]
+    headings = ("optical path", "error", "caustics", "spreading")
+    return [*lines, table((), headings, map(_arrival_cells, arrivals), last=("direction",))]
 
 
-def _arrival_line(ray: Ray) -> str:
+def _arrival_cells(ray: Ray) -> tuple[str, ...]:
     ahead = ", ".join(f"{x:.6f}" for x in ray.tangents[0])
     note = "  on a caustic" if ray.degenerate else ""
-    return f"{ray.optical_path:20.14g}  {ray.error:8.1e}  {ray.index:8d}  {ray.spreading:12.6g}  ({ahead}){note}"
+    numbers = (ray.optical_path, ".14g"), (ray.error, ".1e"), (ray.index, "d"), (ray.spreading, ".6g")
+    return *(shown(value, form) for value, form in numbers), f"({ahead}){note}"

@@ -6,7 +6,7 @@ import casadi as ca
 import pytest
 
 import varcalc as vc
-from varcalc.existence.contradiction import contradiction
+from varcalc.existence.feasibility import contradiction
 
 
 def graph(conditions, end=0.0, cost=lambda x, y, v: v**2):

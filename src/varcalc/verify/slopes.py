@@ -1,0 +1,305 @@
+"""Whether a graph can be a minimum at all, judged by other slopes at a few of its points: what every solve asks.
+
+It costs one call of L; a verification looks in more directions at more points (``weierstrass.py``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import Form
+from varcalc.methods.answer import Along
+from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
+from varcalc.solution import Finding, Solution, Verdict, refused
+from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.verify.verification import excesses
+
+SLOPE_TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 9), [0.0], np.geomspace(1e-2, 1e2, 9)])
+"""Slopes tried, in units of the larger of 1 and the extremal's own."""
+TELLING_TURNS = np.array([-20.0, 0.3, 4.0])
+"""The same, by which it is seen that the square of a Lagrangian is quadratic in the slope."""
+ROUND_OFF_EXCESS = 1e-9
+"""Relative excess below zero that is round-off or the curve's own error."""
+TRIED_PLACES = 9
+"""Points of a graph at which slopes are tried."""
+SLOPE_HELD = 1e-6
+"""Relative distance from a bound within which it is touched."""
+CORNER_JUMP = 1e-3
+"""Relative jump of the slope that is a corner, not the error of the curve."""
+BESIDE_VERTEX = 1e-9
+"""Relative distance from a vertex at which its two sides are looked at."""
+
+
+def vouched(solution: Solution, form: Form) -> Solution:
+    """The solution, refused when other slopes at its points show that it is no strong minimum."""
+    found = objection(solution, form)
+    return solution if found is None else refused(solution, found)
+
+
+def objection(solution: Solution, form: Form) -> Finding | None:
+    """What other slopes at a solution's points show of it when it is no strong minimum.
+
+    First-order graphs are tested, under isoperimetric conditions with their
+    multipliers, under bounds with the slopes these leave where none is touched.
+    """
+    problem = solution.problem
+    tested = isinstance(problem, Problem) and problem.order == 1 and not any(problem.of_type(Holonomic))
+    if not tested or form.coordinates.energetic or solution.curve is None or _seen(solution):
+        return None
+    x = places(solution)
+    fan = SlopeFan.of(solution, x)
+    bent = fan.legendre_fails()
+    if bent is not None:
+        place, curvature = bent
+        return Finding(
+            Verdict.SADDLE,
+            f"no minimum of any kind: at x = {x[place]:.4g} the second derivative of L in the slope is "
+            f"{curvature:.3g}, so Legendre's condition fails and fine ripples come lower",
+        )
+    relative, worst = fan.least()
+    if relative < -ROUND_OFF_EXCESS:
+        return Finding(
+            Verdict.WEAK_MINIMUM,
+            f"a weak minimum only: at x = {x[worst.place]:.4g} Weierstrass's excess is {worst.excess:.3g} for the "
+            f"slope {worst.slope:.4g} instead of {worst.own:.4g}, so curves with corners come lower",
+        )
+    if fan.concave() and len(corners := _corners(solution)) > form.coordinates.corners:
+        return Finding(
+            Verdict.WEAK_MINIMUM,
+            f"a weak minimum only: the Lagrangian is not convex in the slope, and the curve found has a corner at "
+            f"x = {corners[0]:.6g} where the mesh allows one; more corners may come lower still",
+        )
+    return None
+
+
+def convinced(problem: Problem, x: np.ndarray, y: np.ndarray, slopes: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+    """Which of ``K`` smooth graphs without constraints the test of :func:`vouched` leaves no doubt about; (K,) of bool.
+
+    The graphs are known at P points each: x (K, P), y and slopes (K, P, n), for the values ``parameters`` (K, m). No
+    slope tried there may have a negative excess, and L must be convex in each component of their own.
+    """
+    count, places, n = y.shape
+    repeated, blank = np.repeat(parameters, places, axis=0), np.zeros((1, 0))
+    points = (x.reshape(-1, 1), y.reshape(-1, n), slopes.reshape(-1, n))
+    rows = _in_the_slopes(problem)(count * places, *points, blank, repeated, blank).T
+    rows *= problem.sign
+    columns = (points[0][:, 0], points[1].T, points[2].T, repeated)
+    good = _unbeaten(problem, columns, rows[0], rows[1 : 1 + n], rows[1 + n :])
+    return np.all(good.reshape(count, places), axis=1)
+
+
+def _unbeaten(
+    problem: Problem, points: tuple[np.ndarray, ...], own: np.ndarray, slope: np.ndarray, curvature: np.ndarray
+) -> np.ndarray:
+    """At which m points L is convex in each component of the slope and no slope tried has a negative excess; (m,).
+
+    ``points`` are x (m,), y and y' (n, m) and the parameters (m, p), which may be left out for the problem's own. L is
+    ``own`` (m,) there, ``slope`` and ``curvature`` (n, m) its derivatives by each component, as they are minimised.
+    """
+    sign, v = problem.sign, points[2]
+    good = np.isfinite(own + slope.sum(0) + curvature.sum(0)) & np.all(curvature > 0, axis=0)
+
+    def tried(a: int, turns: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """L at the points ``some`` for other slopes of the function a, and the steps to them."""
+        step = np.maximum(1.0, np.abs(v[a, some]))[:, None] * turns
+        x, y, changed = (np.repeat(p[..., some], len(turns), axis=-1) for p in points[:3])
+        changed[a] += step.ravel()
+        numbers = (np.repeat(p[some], len(turns), axis=0) for p in points[3:])
+        return sign * problem.integrand_values(x, y, changed, *numbers).reshape(step.shape), step
+
+    for a in range(len(v)):
+        rest = np.flatnonzero(good)
+        rest = rest[
+            ~_roots_of_quadratics(own[rest], slope[a, rest], curvature[a, rest], *tried(a, TELLING_TURNS, rest))
+        ]
+        if len(rest):
+            other, step = tried(a, SLOPE_TURNS[SLOPE_TURNS != 0], rest)
+            relative = excesses(own[rest, None], slope[a, rest, None] * step, other)[1]
+            good[rest] = relative.min(1) >= -ROUND_OFF_EXCESS
+    return good
+
+
+def _roots_of_quadratics(
+    own: np.ndarray, slope: np.ndarray, curvature: np.ndarray, other: np.ndarray, step: np.ndarray
+) -> np.ndarray:
+    """At which m points L > 0 is the root of a quadratic form in one slope, as ``other`` slopes (m, T) show; (m,).
+
+    Its second derivative there is the determinant of the form by L^3, of one sign for all slopes: where that is
+    positive no slope has a negative excess.
+    """
+    own, slope, curvature = own[:, None], slope[:, None], curvature[:, None]
+    square = own**2 + 2 * own * slope * step + (slope**2 + own * curvature) * step**2
+    return np.all(
+        (np.abs(other**2 - square) <= ROUND_OFF_EXCESS * square) & (other > 0) & (own > 0) & (curvature > 0), axis=1
+    )
+
+
+def _seen(solution: Solution) -> bool:
+    """Whether what was evaluated along a smooth graph without constraints leaves no doubt that it is a minimum."""
+    problem, extremal = solution.problem, solution.extremal
+    if extremal is None or extremal.form.problem is not problem or extremal.along is None:
+        return False
+    if not isinstance(problem, Problem) or problem.n != 1 or problem.constraints:
+        return False
+    along: Along = extremal.along
+    points = (along.x, np.atleast_2d(along.y), np.atleast_2d(along.dy))
+    with np.errstate(all="ignore"):
+        return bool(_unbeaten(problem, points, along.value, along.momenta, along.curvature[:, 0].T).all())
+
+
+def places(solution: Solution) -> np.ndarray:
+    """Abscissae at which slopes are tried."""
+    low, high = (float(v) for v in (solution.x.min(), solution.x.max()))
+    return low + (high - low) * (np.arange(TRIED_PLACES) + 0.5) / TRIED_PLACES
+
+
+@dataclass(frozen=True)
+class Worst:
+    """Where the excess is least: point, component of the slope, the value tried, the curve's own, the excess."""
+
+    place: int
+    component: int
+    slope: float
+    own: float
+    excess: float
+
+
+class SlopeFan:
+    """Slopes tried at points of an extremal, one component at a time; arrays have shape (n, places, slopes).
+
+    ``turns`` are the steps from the curve's own slope, the middle one of them 0.
+    """
+
+    def __init__(self, solution: Solution, x: np.ndarray, turns: np.ndarray = SLOPE_TURNS) -> None:
+        assert solution.curve is not None
+        self.solution, self.x = solution, x
+        self.y, self.v = solution.curve(x, 0), solution.curve(x, 1)
+        self.tried = self.v[:, :, None] + turns * np.maximum(1.0, np.abs(self.v))[:, :, None]
+        self.values, self.slopes, self.curvature, self.allowed = self._evaluate()
+
+    @classmethod
+    def of(cls, solution: Solution, x: np.ndarray) -> SlopeFan:
+        """The fan, of the curve's own slopes alone where these tell of all others: where L is quadratic in the slope.
+
+        The excess of a step there is half its square times the curvature.
+        """
+        problem = solution.problem
+        if _functions(problem).quadratic and not any(isinstance(c, Bound) for c in problem.constraints):
+            own = cls(solution, x, np.zeros(1))
+            if np.isfinite(own.values).all() and np.all(own.curvature >= 0.0):
+                return own
+        return cls(solution, x)
+
+    def _evaluate(self) -> tuple[np.ndarray, ...]:
+        """The Lagrangian function (minimised), its slope and curvature in the component tried, and what is allowed."""
+        problem = self.solution.problem
+        n, places, count = self.tried.shape
+        slopes = np.broadcast_to(self.v.T[None, :, None, :], (n, places, count, n)).copy()
+        for a in range(n):
+            slopes[a, :, :, a] = self.tried[a]
+        x, y = (np.tile(np.repeat(rows, count, axis=0), (n, 1)) for rows in (self.x[:, None], self.y.T))
+        numbers = problem.parameter_values[None], np.array([list(self.solution.unknowns.values())])
+        component = np.repeat(np.eye(n), places * count, axis=0)
+        found = _functions(problem).rows(
+            n * places * count, x, y, slopes.reshape(-1, n), np.zeros((1, 0)), *numbers, component
+        )
+        rows = found.T.reshape(-1, 3, n, places, count)
+        levels = [m for c, m in zip(problem.constraints, self.solution.multipliers, strict=True) if _is_level(c)]
+        sign = problem.sign
+        # J falls by the multiplier as its level rises: the Lagrangian function is L - sum of multipliers times g
+        weights = sign * np.array([1.0, *(-float(m) for m in levels)])
+        total = np.einsum("r,r...->...", weights, rows[: len(weights)])
+        allowed = np.ones((n, places, count), dtype=bool)
+        bounds = [c for c in problem.constraints if isinstance(c, Bound)]
+        for bound, row in zip(bounds, rows[len(weights) :, 0], strict=True):
+            low, high = bound.interval
+            own = row[:, :, [count // 2]]
+            room = SLOPE_HELD * np.maximum(1.0, np.abs(own))
+            allowed &= (row >= low) & (row <= high) & (own > low + room) & (own < high - room)
+        return total[0], total[1], total[2], allowed
+
+    def least(self) -> tuple[float, Worst]:
+        """The least excess relative to its terms, and where it is found."""
+        here = self.tried.shape[2] // 2
+        linear = (self.tried - self.v[:, :, None]) * self.slopes[:, :, [here]]
+        excess, relative = excesses(self.values[:, :, [here]], linear, self.values)
+        relative = np.where(self.allowed, relative, 0.0)
+        a, k, j = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
+        worst = Worst(k, a, float(self.tried[a, k, j]), float(self.v[a, k]), float(excess[a, k, j]))
+        return float(relative[a, k, j]), worst
+
+    def legendre_fails(self) -> tuple[int, float] | None:
+        """Where L is most concave in a component of the curve's own slope, and its second derivative there."""
+        here = self.tried.shape[2] // 2
+        curvature = np.where(self.allowed & np.isfinite(self.curvature), self.curvature, 0.0)
+        unit = np.maximum(1.0, np.abs(self.v))
+        size = np.abs(self.values[:, :, here]) / unit**2 + np.sort(np.abs(curvature), axis=2)[:, :, here]
+        own = curvature[:, :, here]
+        relative = np.divide(own, size, out=np.zeros_like(own), where=size > ROUND_OFF_EXCESS * np.abs(own))
+        a, k = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
+        return (k, float(own[a, k])) if relative[a, k] < -ROUND_OFF_EXCESS else None
+
+    def concave(self) -> bool:
+        """Whether the Lagrangian is concave in a component of the slope somewhere in the fan."""
+        return bool((np.where(np.isfinite(self.curvature), self.curvature, 0.0) < 0).any())
+
+
+@derived
+def _in_the_slopes(problem: Problem) -> PointEvaluator:
+    """L with its first and second derivatives in each component of the slope."""
+    hessian, slope = ca.hessian(problem.integrand, problem.symbols.dy)
+    own = ca.densify(ca.vertcat(problem.integrand, slope, ca.diag(ca.densify(hessian))))
+    return PointEvaluator(ca.Function("slopes", problem.symbols.all, [own]))
+
+
+def _is_level(constraint: object) -> bool:
+    return isinstance(constraint, Isoperimetric)
+
+
+@dataclass(frozen=True)
+class _Functions:
+    """L, each level's integrand and each bound along a direction of the slope.
+
+    ``rows`` takes the problem's symbols and the direction (n,) to value, slope and curvature along it, one after the
+    other. ``quadratic`` tells that none of the curvatures depends on the slope.
+    """
+
+    rows: PointEvaluator
+    quadratic: bool
+
+
+@derived
+def _functions(problem: Functional) -> _Functions:
+    """The functions of a problem, kept with it.
+
+    Only what a direction needs is differentiated: the Hessian has as many entries as there are pairs of functions.
+    """
+    s = problem.symbols
+    levels = [t.expression for t in problem.traced if _is_level(t.constraint)]
+    bounds = [t.expression for t in problem.traced if isinstance(t.constraint, Bound)]
+    direction = s.kind.sym("direction", problem.n)
+    rows = []
+    for expression in (problem.integrand, *levels, *bounds):
+        slope = ca.jtimes(expression, s.dy, direction)
+        rows += [expression, slope, ca.jtimes(slope, s.dy, direction)]
+    function = ca.Function("slopes", [*s.all, direction], [ca.densify(ca.vertcat(*rows))])
+    return _Functions(PointEvaluator(function), quadratic=not ca.depends_on(ca.vertcat(*rows[2::3]), s.dy))
+
+
+def _corners(solution: Solution) -> np.ndarray:
+    """The inner vertices, but for the problem's own, at which the slope jumps."""
+    assert solution.curve is not None
+    own = (*solution.problem.breakpoints, *(c.x for c in solution.problem.of_type(Through)))
+    inner = np.array([x for x in solution.x[1:-1] if x not in own])
+    if not len(inner):
+        return inner
+    step = BESIDE_VERTEX * (solution.x[-1] - solution.x[0])
+    left, right = (solution.curve(inner + side * step, 1) for side in (-1, 1))
+    jumps = (np.abs(right - left) > CORNER_JUMP * np.maximum(1.0, np.abs(left) + np.abs(right))).any(0)
+    return inner[jumps]
