@@ -7,8 +7,9 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-RANK = 1e-11
-"""Singular values below this part of the largest are symmetries, or signs that there is no isolated extremal."""
+RANK, ROUGH_RANK = 1e-11, 1e-5
+"""Singular values below this part of the largest are symmetries, or signs that there is no isolated extremal; those of
+a look, to six digits."""
 DENSE = 240
 """Unknowns up to which the systems are solved as dense ones."""
 
@@ -19,6 +20,7 @@ class Jacobian:
 
     ``before`` and ``after`` (N - 1, D, D) are those of the rows of the inner vertices by the segments that meet there,
     ``shared`` (N - 1, D, r) by the numbers; ``closing`` (R, N, D) and ``direct`` (R, r) those of the other rows.
+    Singular values below the part ``rank`` of the largest are taken for zeros.
     """
 
     before: np.ndarray
@@ -26,6 +28,7 @@ class Jacobian:
     shared: np.ndarray
     closing: np.ndarray
     direct: np.ndarray
+    rank: float = RANK
 
     @property
     def size(self) -> int:
@@ -75,7 +78,7 @@ class Jacobian:
         rows[rows == 0.0] = 1.0
         matrix, right = matrix / rows[:, None], right / rows
         if symmetries:
-            out, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=RANK)
+            out, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=self.rank)
             if rank < len(right):
                 return weights * out
         try:

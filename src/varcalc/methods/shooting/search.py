@@ -52,7 +52,7 @@ SAMPLES = 65
 """Points at which the growth along a starting curve is looked at."""
 SINGULAR = 1e12
 """Condition number beyond which a linear system is called singular."""
-UNSURE = 1e6
+UNSURE = 1e5
 """Condition number beyond which a look does not tell whether there is an extremal."""
 FLOOR = 1e-3
 """Sizes of states, relative to their units, below which they are not measured by themselves."""
@@ -228,8 +228,7 @@ class Search:
             return NoneFound("too many segments", 0)
         budget = budget or max(BUDGET, PER_SEGMENT * segments.count)
         iterations, begun = 0, self.work.total
-        symmetric = self.equations.form.periodic  # what a symmetry leaves open takes all digits to tell
-        exact = self.count is not None or self.equations.linear or symmetric or start.planned > FEWEST
+        exact = self.count is not None or self.equations.linear or start.planned > FEWEST
         level = 0 if exact else LOOK
         while True:
             floor = self._floor(segments, x)
@@ -237,7 +236,7 @@ class Search:
             result = iterate(segments, x, floor, limit, begun + budget - self.work.total, level)
             iterations += result.iterations
             work = self.work.total - begun
-            if level == LOOK and _unsure(result):
+            if level == LOOK and self._unsure(result):
                 level = 0
                 continue
             if result.ending is Termination.CONVERGED and result.at is not None:
@@ -249,6 +248,14 @@ class Search:
             if over or not marked.any():
                 return NoneFound(_reason(segments, result, self.count), iterations, work)
             segments, x = self._cut(segments, result, marked, start)
+
+    def _unsure(self, result: Matched) -> bool:
+        """Whether a look ended where an exact integration may end otherwise."""
+        if (
+            result.ending is Termination.CONVERGED and result.at is not None
+        ):  # a closed curve may be shifted along itself
+            return not (self.equations.form.periodic or result.at.jacobian.condition < UNSURE)
+        return result.ending in {Termination.DAMPED_OUT, Termination.SINGULAR, Termination.GROWTH}
 
     def _marked(self, segments: Segments, result: Matched) -> np.ndarray:
         """The segments to cut in two."""
@@ -329,13 +336,6 @@ class Search:
         states_ = np.tile(np.maximum(typical, 1.0), (segments.count, 1)).ravel()
         others = [np.where(np.abs(v) > 0, np.abs(v), 1.0) for v in (unknowns, lam, nu)]
         return np.concatenate([states_, *others])
-
-
-def _unsure(result: Matched) -> bool:
-    """Whether a look ended where an exact integration may end otherwise."""
-    if result.ending is Termination.CONVERGED:
-        return result.at is None or not result.at.jacobian.condition < UNSURE
-    return result.ending in {Termination.DAMPED_OUT, Termination.SINGULAR, Termination.GROWTH}
 
 
 def _reason(segments: Segments, result: Matched, count: int | None) -> str:

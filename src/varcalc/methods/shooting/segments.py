@@ -19,7 +19,7 @@ import numpy as np
 
 from varcalc.integrators import Flow, Outcome
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
-from varcalc.methods.shooting.linear_systems import Jacobian
+from varcalc.methods.shooting.linear_systems import RANK, ROUGH_RANK, Jacobian
 from varcalc.methods.shooting.regular_arc import RegularEnd, Work
 from varcalc.methods.shooting.shots import Failure, Paths, Shots
 
@@ -127,7 +127,7 @@ class Segments:
         closing, terms, direct, summed = self._close(shots, totals, x)
         D = self.dimension
         residual = np.concatenate([inner.ravel(), closing])
-        jacobian = Jacobian(before, after, shared, terms[:, :, :D], direct)
+        jacobian = Jacobian(before, after, shared, terms[:, :, :D], direct, RANK if level >= 0 else ROUGH_RANK)
         if not (np.isfinite(residual).all() and np.isfinite(jacobian.values).all()):
             return self._not_finite(residual)
         summed = np.concatenate([np.zeros(inner.size), summed])
