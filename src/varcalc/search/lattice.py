@@ -42,10 +42,12 @@ CURVE = 257
 
 def shootable(form: Form) -> bool:
     """True for a first-order functional whose trajectories are fixed by their start and by numbers without levels."""
-    plain = form.order == 1 and form.n <= MOST_FUNCTIONS and not (form.periodic or form.knots)
-    bare = not (form.integrals or form.pathwise or form.weak_only or form.gauged)
-    same = form.lift is None or (form.ends is not None and form.n == form.problem.n)  # a change of abscissa only
-    return plain and bare and same and not np.isnan(form.fixed_start).any()
+    plain = form.order == 1 and form.n <= MOST_FUNCTIONS and not (form.ends.periodic or form.conditions.knots)
+    bare = not (
+        form.conditions.integrals or form.conditions.pathwise or form.coordinates.weak_only or form.coordinates.gauged
+    )
+    same = form.lift is None or (form.ends.joint is not None and form.n == form.problem.n)  # a change of abscissa only
+    return plain and bare and same and not np.isnan(form.ends.start).any()
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Lattice:
     @cached_property
     def _segments(self) -> Segments:
         """One segment over the whole interval."""
-        unit = max(height(self.form), float(np.abs(self.form.fixed_start).max()))
+        unit = max(height(self.form), float(np.abs(self.form.ends.start).max()))
         units = Scales(np.full(self.form.n, unit), np.ones(self.equations.integrals))
         flow = compiled(self.form.problem, for_many(), self.equations.system.system)
         return Segments(self.equations, flow, Work(), units, np.array([0.0, 1.0]), np.array([0.0]), {})
@@ -92,19 +94,19 @@ class Lattice:
     def _numbers(self) -> list[np.ndarray]:
         """First values of the unknown numbers: the guesses, and a sliding end at other distances from the start."""
         form = self.form
-        if form.lift is None or len(form.unknown_guess) == len(form.problem.unknowns):
-            return [form.unknown_guess]
+        if form.lift is None or len(form.start.unknowns) == len(form.problem.unknowns):
+            return [form.start.unknowns]
         start, out = form.problem.span[0], []
         for factor in DISTANCES:
-            numbers = form.unknown_guess.copy()
+            numbers = form.start.unknowns.copy()
             numbers[-1] = start + factor * (numbers[-1] - start)
             out.append(numbers)
         return out
 
     def _first(self, segments: Segments, slope: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         form, units = self.form, segments.scales.ordinates
-        states = [np.concatenate([form.baseline(np.array([s]))[:, 0] / units, slope]) for s in form.span]
-        states[0][: form.n] = form.fixed_start[0] / units
+        states = [np.concatenate([form.start.curve(np.array([s]))[:, 0] / units, slope]) for s in form.span]
+        states[0][: form.n] = form.ends.start[0] / units
         nu = nus(self.equations, segments.scales, np.array(states), numbers, np.zeros(0))
         return np.concatenate([states[0], numbers, nu])
 

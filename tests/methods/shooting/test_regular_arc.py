@@ -28,8 +28,8 @@ def equations():
     (x, root), _ = cycloid(1.0)
     problem = vc.Problem(lambda x, y, dy: ca.sqrt((1 + dy**2) / y), vc.Fixed(0, 0), vc.Fixed(x, root**2))
     form = next(f for f in forms(problem) if f is not None and not f.weak_only)
-    assert form.singular == (True, False)
-    np.testing.assert_allclose(form.fixed_end[0], [x, root], atol=1e-15)
+    assert form.coordinates.singular == (True, False)
+    np.testing.assert_allclose(form.ends.end[0], [x, root], atol=1e-15)
     return EulerLagrangeFlow(form)
 
 
@@ -44,7 +44,7 @@ class Meter:
 
 @pytest.fixture
 def end(equations):
-    return RegularEnd(equations, 0.0, np.zeros(2), equations.form.baseline)
+    return RegularEnd(equations, 0.0, np.zeros(2), equations.form.start.curve)
 
 
 @pytest.fixture(scope="module")

@@ -162,7 +162,7 @@ def _best_sliding(problem: Problem, building: Stopwatch) -> Reduced:
     def gradient(found: Reduced, point: np.ndarray) -> np.ndarray:
         return np.array(reduction.end_gradient(found, ends(point), at_end))
 
-    found = landed(shore, best, gradient, first.width, -1.0 if problem.maximise else 1.0)
+    found = landed(shore, best, gradient, first.width, problem.sign)
     if found is None:
         raise _not_found(reduction)
     return found
@@ -170,7 +170,7 @@ def _best_sliding(problem: Problem, building: Stopwatch) -> Reduced:
 
 def best_between(reduction: Reduction, ends: Ends) -> Reduced | None:
     """The extremal of best value between two ends; None when there is none of the kind looked for."""
-    sense = -1.0 if reduction.integrands.problem.maximise else 1.0
+    sense = reduction.integrands.problem.sign
     rough = sorted(((sense * reduction.value(j, ends), k, j) for k, j in enumerate(reduction.all_curves(ends))))
     level = reduction.level(ends)
     for value, _, candidate in rough:

@@ -56,9 +56,9 @@ class EulerLagrangeFlow:
 
     def __post_init__(self) -> None:
         kind = self.form.symbols.kind
-        lambdas = kind.sym("lambda", len(self.form.integrals))
+        lambdas = kind.sym("lambda", len(self.form.conditions.integrals))
         expression = self.form.integrand
-        for j, condition in enumerate(self.form.integrals):
+        for j, condition in enumerate(self.form.conditions.integrals):
             expression = expression + lambdas[j] * condition.expression
         object.__setattr__(self, "lambdas", lambdas)
         object.__setattr__(self, "lagrangian", Lagrangian(self.form.symbols, expression))
@@ -76,7 +76,7 @@ class EulerLagrangeFlow:
     @cached_property
     def integrals(self) -> int:
         """Number of running integrals: the functional, the isoperimetric ones, one for each unknown number."""
-        return 1 + len(self.form.integrals) + self.unknowns
+        return 1 + len(self.form.conditions.integrals) + self.unknowns
 
     @property
     def numbers(self) -> list[Expression]:
@@ -118,7 +118,7 @@ class EulerLagrangeFlow:
     @cached_property
     def linear(self) -> bool:
         """True when the equation is affine in the state and nothing else is unknown, so that one step solves it."""
-        if self.form.integrals or self.form.ends is not None or self.unknowns:
+        if self.form.conditions.integrals or self.form.ends.joint is not None or self.unknowns:
             return False
         state = ca.vertcat(*self.tower)
         joined = self.form.symbols.kind.sym("state", state.numel())
@@ -133,7 +133,7 @@ class EulerLagrangeFlow:
     @cached_property
     def densities(self) -> ca.Function:
         """What is integrated along the curve."""
-        terms = [self.form.functional, *(c.expression for c in self.form.integrals)]
+        terms = [self.form.functional, *(c.expression for c in self.form.conditions.integrals)]
         by_unknowns = ca.gradient(self.lagrangian.expression, self.form.symbols.unknowns)
         return self.function("densities", [ca.vertcat(*terms, by_unknowns)])
 
@@ -179,7 +179,7 @@ class EulerLagrangeFlow:
     def system(self) -> Variational:
         """The scaled system with its variational equations by the states, the unknowns and the lambdas."""
         constants = self.scaled.numel_in(2)
-        free = range(constants - self.unknowns - len(self.form.integrals), constants)
+        free = range(constants - self.unknowns - len(self.form.conditions.integrals), constants)
         return variational(self.scaled, range(self.dimension), list(free))
 
     @cached_property
@@ -217,7 +217,7 @@ class EulerLagrangeFlow:
     @cached_property
     def end_equations(self) -> int:
         """Number of equations between the ends, each with its multiplier."""
-        return 0 if self.form.ends is None else int(self.form.ends.equations.numel())
+        return 0 if self.form.ends.joint is None else int(self.form.ends.joint.equations.numel())
 
     @cached_property
     def conditions(self) -> ca.Function:
@@ -237,8 +237,8 @@ class EulerLagrangeFlow:
         rows = self._boundary_rows(first, last, towers, units, numbers, cost)
         rows.append(equations)
         real = totals * units[n:]
-        rows.append(real[1 + len(form.integrals) :, :] + cost[2])
-        rows += [real[1 + j] - c.lower for j, c in enumerate(form.integrals)]
+        rows.append(real[1 + len(form.conditions.integrals) :, :] + cost[2])
+        rows += [real[1 + j] - c.lower for j, c in enumerate(form.conditions.integrals)]
         return self._with_jacobian(
             "conditions", [units, numbers[0]], [first, last, totals, numbers[1], numbers[2], nus], ca.vertcat(*rows)
         )
@@ -258,9 +258,9 @@ class EulerLagrangeFlow:
     ) -> tuple[list[Expression], Expression]:
         """The gradients of cost + nu . equations by y(start), y(end) and unknowns, and the equations."""
         form, kind, n = self.form, self.form.symbols.kind, self.form.n
-        if form.ends is None:
+        if form.ends.joint is None:
             return [kind(n, 1), kind(n, 1), kind(self.unknowns, 1)], kind(0, 1)
-        e = form.ends
+        e = form.ends.joint
         symbols = [e.start, e.end, form.symbols.unknowns]
         total = e.cost + ca.dot(nus, e.equations) if self.end_equations else e.cost
         gradients = [ca.densify(ca.gradient(total, v)) for v in symbols]
@@ -284,13 +284,13 @@ class EulerLagrangeFlow:
             momenta[end][0] = sign * momenta[end][0] + cost[k]
             if order == 2:
                 momenta[end][1] = sign * momenta[end][1]
-        if form.periodic:
+        if form.ends.periodic:
             equal = [(towers[1][k] - towers[0][k]) / units[: form.n] for k in range(order)]
             return equal + [momenta[0][k] + momenta[1][k] for k in range(order)]
         rows = []
         for tower, fixed, momentum in (
-            (towers[0], form.fixed_start, momenta[0]),
-            (towers[1], form.fixed_end, momenta[1]),
+            (towers[0], form.ends.start, momenta[0]),
+            (towers[1], form.ends.end, momenta[1]),
         ):
             for k in range(order):
                 for i in range(form.n):

@@ -39,7 +39,7 @@ def scales(equations: EulerLagrangeFlow, curve: Sampled) -> Scales:
     ordinates = np.where(ordinates > 1e-3 * largest, ordinates, largest)
     middle, slopes = s[1:-1], np.gradient(values, s, axis=1)[:, 1:-1]
     tower = [values[:, 1:-1], slopes] + [np.zeros_like(slopes)] * (2 * form.order - 2)
-    numbers = [form.problem.parameter_values, form.unknown_guess, np.zeros(len(form.integrals))]
+    numbers = [form.problem.parameter_values, form.start.unknowns, np.zeros(len(form.conditions.integrals))]
     columns = [np.repeat(v[:, None], len(middle), axis=1) for v in numbers]
     densities = np.abs(np.asarray(equations.densities(middle[None, :], *tower, *columns))) * width
     densities = np.where(np.isfinite(densities), densities, 0.0).max(axis=1)
@@ -78,8 +78,8 @@ def whole(equations: EulerLagrangeFlow, curve: Sampled, s: np.ndarray, count: in
 
 def unknown_numbers(form: Form, curve: Sampled) -> np.ndarray:
     """The first values of the unknown numbers: the form's guesses, the constant speed being the curve's length."""
-    guess = form.unknown_guess.copy()
-    if form.gauged:
+    guess = form.start.unknowns.copy()
+    if form.coordinates.gauged:
         steps = np.diff(curve(np.linspace(*form.span, 129)), axis=1)
         guess[-1] = float(np.linalg.norm(steps, axis=0).sum()) or guess[-1]
     return guess
@@ -88,7 +88,7 @@ def unknown_numbers(form: Form, curve: Sampled) -> np.ndarray:
 def lambdas(equations: EulerLagrangeFlow, curve: Sampled) -> np.ndarray:
     """The isoperimetric multipliers that fit the Euler-Lagrange equation best along a curve, by least squares."""
     form = equations.form
-    count = len(form.integrals)
+    count = len(form.conditions.integrals)
     if count == 0:
         return np.zeros(0)
     s = np.linspace(*form.span, 19)[1:-1]

@@ -109,20 +109,20 @@ class Shooting:
 
 def _inapplicable(form: Form) -> str:
     """Why shooting does not apply to a form; empty when it does."""
-    if form.pathwise:
+    if form.conditions.pathwise:
         return (
             "shooting integrates the Euler-Lagrange equation, which does not hold along an obstacle or a "
             "pathwise constraint; use Ritz() for Bound and Holonomic"
         )
-    if any(not c.equality for c in form.integrals):
+    if any(not c.equality for c in form.conditions.integrals):
         return "shooting needs isoperimetric levels that are prescribed exactly; use Ritz() for lower= and upper="
-    if form.weak_only or _infinite_end(form):
+    if form.coordinates.weak_only or _infinite_end(form):
         return (
             "the integrand is infinite or undefined at an end, where an initial-value problem cannot start, in "
-            f"coordinates that do not fix the end there ({form.note or 'graph form'}); use Ritz() or FirstIntegral()"
+            f"coordinates that do not fix the end there ({form.coordinates.note or 'graph form'}); use Ritz() or FirstIntegral()"
         )
     slope = form.symbols.ddy if form.order == 2 else form.symbols.dy
-    if ca.hessian(form.integrand, slope)[0].nnz() == 0 and not form.integrals:
+    if ca.hessian(form.integrand, slope)[0].nnz() == 0 and not form.conditions.integrals:
         return (
             "the integrand is at most linear in the highest slope, so its Euler-Lagrange equation is no differential "
             "equation that could be integrated, and nothing in it fixes a curve"
@@ -138,7 +138,7 @@ def _infinite_end(form: Form) -> bool:
     number there, whatever the slope.
     """
     integrand = ca.Function("integrand", form.symbols.all, [form.integrand])
-    for s, fixed, singular in zip(form.span, (form.fixed_start, form.fixed_end), form.singular, strict=True):
+    for s, fixed, singular in zip(form.span, (form.ends.start, form.ends.end), form.coordinates.singular, strict=True):
         if singular or np.isnan(fixed[0]).any():
             if singular and np.isnan(fixed[0]).any():
                 return True
@@ -146,7 +146,7 @@ def _infinite_end(form: Form) -> bool:
         slopes = [np.nan_to_num(fixed[1]) if form.order == 2 else np.zeros(form.n) for _ in SLOPES]
         values = [
             float(integrand(s, fixed[0], slope + v, np.zeros(form.symbols.ddy.numel()) + v,
-                            form.problem.parameter_values, form.unknown_guess))
+                            form.problem.parameter_values, form.start.unknowns))
             for slope, v in zip(slopes, SLOPES, strict=True)
         ]  # fmt: skip
         if not np.isfinite(values).any():

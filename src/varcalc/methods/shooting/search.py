@@ -143,18 +143,18 @@ class Search:
         form = self.equations.form
         if guess is not None:
             yield True, self._start(guess)
-        if form.integrals:
+        if form.conditions.integrals:
             yield from ((True, self._start(curve)) for curve in self._meeting_level())
-        scale, straight = height(form), self._start(form.baseline)
+        scale, straight = height(form), self._start(form.start.curve)
         steep = self.count is None and straight.planned > STEEP * FEWEST
         steep = steep and straight.planned > STEEP * min(start.planned for start in self._flat())
         if steep:
             yield from ((False, start) for start in self._flat())
         yield not steep, straight
         for first, amplitudes in ((not steep, FIRST_AMPLITUDES), (False, OTHER_AMPLITUDES)):
-            for direction in form.bumps:
+            for direction in form.start.bumps:
                 for amplitude in amplitudes:
-                    if any(amplitude * direction[k] < 0 for k in form.one_sided):
+                    if any(amplitude * direction[k] < 0 for k in form.coordinates.one_sided):
                         continue
                     yield first, self._start(bent(form, amplitude * scale, direction))
         if not steep:
@@ -163,7 +163,7 @@ class Search:
     def _flat(self) -> list[Start]:
         """The ordinates of one end all along: a start need not meet the ends, and steep ends make steep starts."""
         form = self.equations.form
-        levels = [form.baseline(np.array([end])) for end in form.span]
+        levels = [form.start.curve(np.array([end])) for end in form.span]
         starts = [self._start(lambda s, level=level: np.repeat(level, len(s), axis=1)) for level in levels]
         return sorted(starts, key=lambda start: start.planned)
 
@@ -175,13 +175,13 @@ class Search:
     def _vertices(self, curve: Sampled, units: Scales, lam: np.ndarray) -> np.ndarray:
         """The vertices of the first segments, in t."""
         form = self.equations.form
-        marks = (np.array(form.knots) - form.span[0]) / (form.span[1] - form.span[0])
+        marks = (np.array(form.conditions.knots) - form.span[0]) / (form.span[1] - form.span[0])
         if self.count is not None:
-            least = max(self.count, sum(form.singular))  # a regular arc leads to one end
+            least = max(self.count, sum(form.coordinates.singular))  # a regular arc leads to one end
             return np.unique([*np.linspace(0, 1, least + 1), *marks])
         t = np.linspace(0, 1, SAMPLES)
         rate = growth_rate(self.equations, units, curve, lam, t)
-        for singular, inward in zip(form.singular, (t, 1 - t), strict=True):
+        for singular, inward in zip(form.coordinates.singular, (t, 1 - t), strict=True):
             if singular:  # the plan is for a regular arc, along which errors do not grow
                 rate[inward < 1 / FEWEST] = 0.0
         most = MOST if self.equations.linear else MOST_NONLINEAR
@@ -191,13 +191,13 @@ class Search:
         """The baseline bent, or blown up, until the first isoperimetric condition holds; each way."""
         form = self.equations.form
         scale = height(form)
-        ring = form.periodic and form.n > 1 and bool(np.any(form.baseline(np.array(form.span))))
-        ways = [None] if ring else [sign * d for d in form.bumps for sign in (1.0, -1.0)]
+        ring = form.ends.periodic and form.n > 1 and bool(np.any(form.start.curve(np.array(form.span))))
+        ways = [None] if ring else [sign * d for d in form.start.bumps for sign in (1.0, -1.0)]
         for way in ways:
-            previous, best = math.nan, (math.inf, form.baseline)
+            previous, best = math.nan, (math.inf, form.start.curve)
             for amplitude in LADDER:
                 curve = scaled_ring(form, amplitude * scale) if way is None else bent(form, amplitude * scale, way)
-                miss = self._level(curve) - form.integrals[0].lower
+                miss = self._level(curve) - form.conditions.integrals[0].lower
                 if abs(miss) < best[0]:
                     best = (abs(miss), curve)
                 if previous * miss < 0:
@@ -214,7 +214,7 @@ class Search:
         values = curve(s)
         tower = [curve(middle), np.diff(values, axis=1) / width]
         tower += [np.zeros_like(tower[0])] * (2 * form.order - 2)
-        numbers = [form.problem.parameter_values, form.unknown_guess, np.zeros(len(form.integrals))]
+        numbers = [form.problem.parameter_values, form.start.unknowns, np.zeros(len(form.conditions.integrals))]
         columns = [np.repeat(v[:, None], len(middle), axis=1) for v in numbers]
         return float(np.asarray(self.equations.densities(middle[None, :], *tower, *columns))[1] @ width)
 
@@ -254,7 +254,7 @@ class Search:
         if (
             result.ending is Termination.CONVERGED and result.at is not None
         ):  # a closed curve may be shifted along itself
-            return not (self.equations.form.periodic or result.at.jacobian.condition < UNSURE)
+            return not (self.equations.form.ends.periodic or result.at.jacobian.condition < UNSURE)
         return result.ending in {Termination.DAMPED_OUT, Termination.SINGULAR, Termination.GROWTH}
 
     def _marked(self, segments: Segments, result: Matched) -> np.ndarray:
@@ -296,9 +296,10 @@ class Search:
             z[0] = states(equations, units, start.curve, pieces[:1], anchors[:1])[0]
         unknowns = unknown_numbers(form, start.curve)
         x = np.concatenate([z.ravel(), unknowns, lam, nus(equations, units, ends, unknowns, lam)])
-        waypoints, (a, b) = dict(form.waypoints), form.span
+        waypoints, (a, b) = dict(form.conditions.waypoints), form.span
         knots = {
-            int(np.searchsorted(vertices, (s - a) / (b - a))): equations.knot(s, waypoints.get(s)) for s in form.knots
+            int(np.searchsorted(vertices, (s - a) / (b - a))): equations.knot(s, waypoints.get(s))
+            for s in form.conditions.knots
         }
         regular = self._regular(start.curve, units)
         return Segments(equations, self.flow, self.work, units, vertices, anchors, knots, regular), x
@@ -307,9 +308,9 @@ class Search:
         """The start; another place in the first segment where the system is no number at the ``state`` (D,) there."""
         equations, form = self.equations, self.equations.form
         line = equations.line(0.0, 1.0, (True, False))
-        numbers = [line, start.units.all, form.problem.parameter_values, form.unknown_guess, start.lambdas]
+        numbers = [line, start.units.all, form.problem.parameter_values, form.start.unknowns, start.lambdas]
         state = np.concatenate([state, np.zeros(equations.integrals)])
-        if form.singular[0]:
+        if form.coordinates.singular[0]:
             return float(start.vertices[1])
         if np.all(np.isfinite(np.asarray(equations.scaled(0.0, state, np.concatenate(numbers))))):
             return 0.0
@@ -325,7 +326,9 @@ class Search:
 
         start, end = (
             RegularEnd(self.equations, at, fixed[0] / units.ordinates, scaled) if singular else None
-            for at, fixed, singular in zip((0.0, 1.0), (form.fixed_start, form.fixed_end), form.singular, strict=True)
+            for at, fixed, singular in zip(
+                (0.0, 1.0), (form.ends.start, form.ends.end), form.coordinates.singular, strict=True
+            )
         )
         return start, end
 

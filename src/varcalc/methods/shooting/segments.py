@@ -76,7 +76,7 @@ class Segments:
     @cached_property
     def shared(self) -> int:
         """Unknown numbers and lambdas together."""
-        return self.equations.unknowns + len(self.equations.form.integrals)
+        return self.equations.unknowns + len(self.equations.form.conditions.integrals)
 
     @property
     def size(self) -> int:

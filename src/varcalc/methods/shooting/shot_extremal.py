@@ -157,7 +157,7 @@ def value_of(segments: Segments, x: np.ndarray, shots: Shots) -> float:
     """The functional with the cost of the ends at x."""
     form, n, units = segments.equations.form, segments.equations.form.n, segments.scales
     total = float(shots.totals(segments.dimension)[0] * units.integrals[0])
-    if form.ends is None:
+    if form.ends.joint is None:
         return total
     ends = [z[:n] * units.ordinates for z in (shots.left[0], shots.right[-1])]
     return total + float(end_cost_function(form)(*ends, form.problem.parameter_values, segments.parts(x)[1]))
@@ -175,7 +175,7 @@ def _end_misses(segments: Segments, at: Mismatch) -> np.ndarray:
     form, n = segments.equations.form, segments.equations.form.n
     width = form.span[1] - form.span[0]
     out = np.zeros((form.order, n))
-    for fixed, state in ((form.fixed_start, at.shots.left[0]), (form.fixed_end, at.shots.right[-1])):
+    for fixed, state in ((form.ends.start, at.shots.left[0]), (form.ends.end, at.shots.right[-1])):
         for k in range(form.order):
             demanded = fixed[k] * width**k / segments.scales.ordinates
             miss = np.abs(state[k * n : (k + 1) * n] - demanded)
@@ -204,7 +204,7 @@ def _mismatch(segments: Segments, x: np.ndarray, at: Mismatch) -> float:
     jumps[:, 0] = jumps[:, -1] = 0.5 * _end_misses(segments, at).ravel()
     levels = [
         abs(lam * (at.totals[1 + j] * segments.scales.integrals[1 + j] - c.lower))
-        for j, (lam, c) in enumerate(zip(lambdas, form.integrals, strict=True))
+        for j, (lam, c) in enumerate(zip(lambdas, form.conditions.integrals, strict=True))
     ]
     return float(sum(levels)) + (float(np.sum(weighed * jumps)) if form.same_functional else 0.0)
 
