@@ -61,6 +61,11 @@ class FlowOnDemand:
     flow: Flow
     taken: int = 0
     settled: bool = False
+    first: Flow = field(init=False)
+    """DOP853, whose trajectories between the abscissae are at hand, while Taylor integrates them anew."""
+
+    def __post_init__(self) -> None:
+        self.first = self.flow
 
     @property
     def compiled(self) -> bool:
@@ -90,13 +95,13 @@ class FlowOnDemand:
         start: np.ndarray | float = 0.0,
         until: np.ndarray | float = math.inf,
         level: int = 0,
-        usual: np.ndarray | None = None,
+        longest: np.ndarray | None = None,
         dense: bool = False,
         leaving: tuple[int, ...] = (),
     ) -> Landing:
         """See :meth:`varcalc.integrators.protocol.Flow.ensemble`."""
-        landing = self._chosen().ensemble(
-            states, constants, start=start, until=until, level=level, usual=usual, dense=dense, leaving=leaving
+        landing = (self.first if dense else self._chosen()).ensemble(
+            states, constants, start=start, until=until, level=level, longest=longest, dense=dense, leaving=leaving
         )
         self.taken += landing.rounds + int(landing.steps.sum()) // SIDE_BY_SIDE
         return landing

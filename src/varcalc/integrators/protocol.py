@@ -123,7 +123,7 @@ class Flow(Protocol):
         start: np.ndarray | float = 0.0,
         until: np.ndarray | float = math.inf,
         level: int = 0,
-        usual: np.ndarray | None = None,
+        longest: np.ndarray | None = None,
         dense: bool = False,
         leaving: tuple[int, ...] = (),
     ) -> Landing:
@@ -132,8 +132,9 @@ class Flow(Protocol):
         That is its abscissa ``until``, either way from its ``start``, or where one of the stopping
         functions crosses zero, located to round-off, whichever comes first; where there are such functions,
         runs go forwards. ``leaving`` are the numbers of those that are zero, to round-off, at the start of
-        every run: those zeros do not count, later ones do. ``level`` and ``dense`` are those of :meth:`trajectory`;
-        ``usual`` (m,) are the steps that level 0 takes, where they are known, which saves finding them out.
+        every run: those zeros do not count, later ones do. ``level`` and ``dense`` are those of :meth:`trajectory`,
+        and level -1 is a look, as careless as the engine can be; ``longest`` (m,) bounds the steps, where their number
+        at level 0 need not be found out.
         ValueError where a run has no end: neither stopping functions nor a finite ``until``.
         """
         ...

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -19,8 +20,8 @@ POLISHES = 2
 
 
 @dataclass(frozen=True)
-class Step:
-    """Interpolants of m steps: from ``time`` (m,) by ``length`` (m,), states (m, N), coefficients (7, m, N)."""
+class Interpolant:
+    """The solution within m steps: from ``time`` (m,) by ``length`` (m,), states (m, N), coefficients (7, m, N)."""
 
     time: np.ndarray
     length: np.ndarray
@@ -34,9 +35,17 @@ class Step:
             total = (total + self.shape[k]) * (x if k % 2 == 0 else 1 - x)
         return self.state + total
 
-    def __getitem__(self, rows: np.ndarray) -> Step:
+    def __getitem__(self, rows: np.ndarray) -> Interpolant:
         """Some of the steps."""
-        return Step(self.time[rows], self.length[rows], self.state[rows], self.shape[:, rows])
+        return Interpolant(self.time[rows], self.length[rows], self.state[rows], self.shape[:, rows])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Interpolant]) -> Interpolant:
+        """The steps of all ``parts``, one after the other; at least one."""
+        time, length, state = (
+            np.concatenate([getattr(p, name) for p in parts]) for name in ("time", "length", "state")
+        )
+        return cls(time, length, state, np.concatenate([p.shape for p in parts], axis=1))
 
 
 @dataclass(frozen=True)
@@ -76,7 +85,9 @@ class Stops:
         signs[:, list(leaving)] = np.sign(slope[:, list(leaving)])
         return signs
 
-    def first(self, step: Step, constants: np.ndarray, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def first(
+        self, step: Interpolant, constants: np.ndarray, signs: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The runs that meet a stop along a step: their rows, the part of the step until then, the stop's number.
 
         ``signs`` (m, k) are those before it.
@@ -96,7 +107,7 @@ class Stops:
         return rows[kept], zeros[kept], stops[kept]
 
     def _zeros(
-        self, step: Step, constants: np.ndarray, sign: np.ndarray, stops: np.ndarray, place: np.ndarray
+        self, step: Interpolant, constants: np.ndarray, sign: np.ndarray, stops: np.ndarray, place: np.ndarray
     ) -> np.ndarray:
         """The zero of one function of each row between two samples, by Newton's iteration kept inside the bracket."""
         low, high = place / SAMPLES, (place + 1) / SAMPLES

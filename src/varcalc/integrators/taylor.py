@@ -101,20 +101,18 @@ class TaylorFlow:
         return self._carried(abscissae, state, constants, level, None, dense=dense)
 
     def _carried(
-        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, level: int, usual: int | None, *,
+        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, level: int, longest: float | None, *,
         dense: bool,
     ) -> Run:  # fmt: skip
-        """One run; each ``level`` halves the steps, ``usual`` if that is known."""
-        run, longest = None, math.inf
-        if usual is None or not level:
-            run = self._propagate(abscissae, state, constants, longest)
-            usual = run.steps if run.completed else None
-        if run is None or (level and usual is not None):
-            longest = abs(abscissae[-1] - abscissae[0]) / (2**level * (usual or 0) + 1)
-            run = self._propagate(abscissae, state, constants, longest)
+        """One run with steps of at most ``longest``, if that is given; else each ``level`` halves them."""
+        bound = math.inf if longest is None else longest
+        run = self._propagate(abscissae, state, constants, bound)
+        if longest is None and level > 0 and run.completed:
+            bound = abs(abscissae[-1] - abscissae[0]) / (2**level * run.steps + 1)
+            run = self._propagate(abscissae, state, constants, bound)
         if not dense or run.steps == 0:
             return run
-        return replace(run, trajectory=Trajectory(self, abscissae[0], run.reached, state, constants.copy(), longest))
+        return replace(run, trajectory=Trajectory(self, abscissae[0], run.reached, state, constants.copy(), bound))
 
     def ensemble(
         self,
@@ -124,7 +122,7 @@ class TaylorFlow:
         start: np.ndarray | float = 0.0,
         until: np.ndarray | float = math.inf,
         level: int = 0,
-        usual: np.ndarray | None = None,
+        longest: np.ndarray | None = None,
         dense: bool = False,
         leaving: tuple[int, ...] = (),
     ) -> Landing:
@@ -133,14 +131,14 @@ class TaylorFlow:
             return self.stops.run(states, constants, start=start, until=until, leaving=leaving)
         landing, ends = begun(states, start, until, stopping=False)
         begin, rows = landing.reached.copy(), np.flatnonzero(landing.reached != ends)
-        if len(states) >= MANY and not (level or dense):
+        if len(states) >= MANY and level <= 0 and longest is None and not dense:
             self._in_batches(landing, constants, ends)
             rows = np.flatnonzero((landing.reached != ends) | ~np.all(np.isfinite(landing.states), axis=1))
         between: list[Any] = [None] * len(states)
         for row in rows:
             span = np.array([begin[row], ends[row]])
-            known = None if usual is None else int(usual[row])
-            run = self._carried(span, states[row], constants[row], level, known, dense=dense)
+            bound = None if longest is None else float(longest[row])
+            run = self._carried(span, states[row], constants[row], level, bound, dense=dense)
             landing.states[row], landing.reached[row] = states[row], run.reached
             landing.outcomes[row], landing.steps[row] = OUTCOMES.index(run.outcome), run.steps
             between[row] = run.trajectory

@@ -86,8 +86,13 @@ class _Accepted(Generic[P]):
     following: np.ndarray
 
 
-def damped_newton(equations: Equations[P], z: np.ndarray, at: P, iterations: int) -> Result[P]:
-    """Iterate from ``z`` (M,), where the equations give ``at``, at most so many times."""
+def damped_newton(
+    equations: Equations[P], z: np.ndarray, at: P, iterations: int, converged: float = CONVERGED
+) -> Result[P]:
+    """Iterate from ``z`` (M,), where the equations give ``at``, at most so many times.
+
+    A relative correction within ``converged`` is the last one.
+    """
     damping, length, last = 1.0, math.inf, None
     for iteration in range(1, iterations + 1):
         linearised = equations.linearised(z, at)
@@ -97,7 +102,7 @@ def damped_newton(equations: Equations[P], z: np.ndarray, at: P, iterations: int
         before, length = length, math.inf if step is None else measure(step)
         if step is None or not math.isfinite(length):
             return Result(z, at, Ending.SINGULAR, before, iteration)
-        if length <= CONVERGED or (length <= NOISE and length > CONTRACTION * before):
+        if length <= converged or (length <= NOISE and length > CONTRACTION * before):
             return _finished(equations, z + step, Result(z, at, Ending.CONVERGED, length, iteration))
         if last is not None:
             change = measure(last - step)
@@ -107,7 +112,7 @@ def damped_newton(equations: Equations[P], z: np.ndarray, at: P, iterations: int
             ending = Ending.CONVERGED if length <= NOISE else Ending.DAMPED_OUT
             return Result(z, at, ending, length, iteration)
         damping, z, at, last = accepted.damping, accepted.z, accepted.at, accepted.following
-        if damping == 1.0 and measure(last) <= CONVERGED:
+        if damping == 1.0 and measure(last) <= converged:
             return _finished(equations, z + last, Result(z, at, Ending.CONVERGED, measure(last), iteration))
     return Result(z, at, Ending.TOO_MANY, length, iterations)
 

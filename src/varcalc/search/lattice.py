@@ -19,7 +19,7 @@ from varcalc.formulation.height import height
 from varcalc.integrators import compiled, for_many
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.shooting.initial_states import nus
-from varcalc.methods.shooting.newton import Ending, iterate
+from varcalc.methods.shooting.newton import Termination, iterate
 from varcalc.methods.shooting.regular_arc import Work
 from varcalc.methods.shooting.segments import Segments
 from varcalc.methods.shooting.shots import Trajectories
@@ -83,7 +83,7 @@ class Lattice:
             x = self._first(segments, slope, numbers)
             floor = np.maximum(np.abs(x), 1.0)
             result = iterate(segments, x, floor, WORST_GROWTH, WORK_PER_START)
-            if result.ending is Ending.CONVERGED and not any(_same(result.x, other) for other in found):
+            if result.ending is Termination.CONVERGED and not any(_same(result.x, other) for other in found):
                 found.append(result.x)
         n = self.form.n
         starts = [replace(self.form.start, unknowns=segments.parts(x)[1]) for x in found]

@@ -74,8 +74,8 @@ def test_the_slope_at_the_anchor_is_that_of_the_cycloid(end, constants, anchor):
     np.testing.assert_allclose(arc.far, cycloid(0.0)[1], atol=1e-14)
     assert arc.integrals[0] == pytest.approx(math.sqrt(2) * LAST * anchor, rel=1e-14)
     t = np.linspace(0, anchor, 23)
-    np.testing.assert_allclose(end.states(anchor, arc, t), np.concatenate(cycloid(t)).T, atol=1e-14)
-    assert np.all(end.states(anchor, arc, t)[0, :2] == 0.0)
+    np.testing.assert_allclose(end.arc(anchor, arc)(t), np.concatenate(cycloid(t)).T, atol=1e-14)
+    assert np.all(end.arc(anchor, arc)(t)[0, :2] == 0.0)
 
 
 def test_the_error_falls_geometrically(end, constants, monkeypatch):

@@ -10,7 +10,7 @@ import numpy as np
 from varcalc.methods.first_integral.answers import ROUND_OFF, ConstantCurve, Ends, Evaluate, Reduced, Unsuitable
 from varcalc.methods.first_integral.contract import Aim, Joined
 from varcalc.methods.first_integral.curves import OrbitCurve
-from varcalc.methods.first_integral.energy import Energy
+from varcalc.methods.first_integral.energy import EnergyLines
 from varcalc.methods.first_integral.families import Orbits, Points, families
 from varcalc.methods.first_integral.isoperimetric import LevelStart
 from varcalc.methods.first_integral.lines import CurveBatch
@@ -90,7 +90,7 @@ class Autonomous(Reduction):
         found: list[Joined] = []
         for orientation in (1.0, -1.0):
             if np.any(orientation * sign > 0) and self.legendre(orientation):
-                energy = Energy(self.integrands, orientation, inside)
+                energy = EnergyLines(self.integrands, orientation, inside)
                 for family, sample in families(energy, points, np.zeros(0)):
                     found += joining(family, sample, self.aim(ends))
         return found
@@ -132,7 +132,7 @@ class Autonomous(Reduction):
         inside = self._inside(points)
         if inside is None or ends.y0 is None or ends.y1 is None:
             return
-        energy = Energy(self.integrands, 1.0 if start.convex else -1.0, inside)
+        energy = EnergyLines(self.integrands, 1.0 if start.convex else -1.0, inside)
         aim = self.aim(ends)
         top, bottom = float(start.y.max()), float(start.y.min())
         tries: list[tuple[Orbits, float]] = []

@@ -61,9 +61,6 @@ class Joined:
         return self.family.batch(np.array([self.parameter]), self.multipliers[:, None])
 
 
-def measure_one(
-    family: CurveFamily, parameter: float, multipliers: np.ndarray, warm: Measured | None = None
-) -> Measured:
+def measure_one(family: CurveFamily, parameter: float, multipliers: np.ndarray) -> Measured:
     """What the curve of one parameter integrates to."""
-    batch = family.batch(np.array([parameter]), multipliers[:, None])
-    return family.lines.measure(batch)
+    return family.lines.measure(family.batch(np.array([parameter]), multipliers[:, None]))

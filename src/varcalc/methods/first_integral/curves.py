@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from varcalc.methods.first_integral.energy import Energy
+from varcalc.methods.first_integral.energy import EnergyLines
 from varcalc.methods.first_integral.lines import CurveBatch, Measured
 from varcalc.numerics.one_coordinate.panels import Cumulative, distance
 from varcalc.numerics.resampled import SentResampled
@@ -17,7 +17,7 @@ from varcalc.numerics.resampled import SentResampled
 class OrbitCurve(SentResampled):
     """y(x) where x(y) is known on monotone legs: inverted in the variable of each leg's rule."""
 
-    lines: Energy
+    lines: EnergyLines
     batch: CurveBatch
     measured: Measured
     start: float

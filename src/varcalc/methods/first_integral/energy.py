@@ -47,7 +47,7 @@ class AnchorFunctions:
     """(anchor, delta, c, s, lambda) -> Lagrangian function, L, the g_j, the partials by parameters."""
 
 
-class Energy(Lines[AnchorFunctions]):
+class EnergyLines(Lines[AnchorFunctions]):
     """Slopes and integrals of the extremals of a Lagrangian without x: y runs; slopes are given by their logarithms."""
 
     def _build(self, end: float | None) -> AnchorFunctions:

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from varcalc.methods.first_integral.energy import Energy
+from varcalc.methods.first_integral.energy import EnergyLines
 from varcalc.methods.first_integral.lines import Arc, CurveBatch
 from varcalc.numerics.one_coordinate.panels import COARSE, TOWARD, WHOLE, Panels
 from varcalc.numerics.roots import edges, least
@@ -59,7 +59,7 @@ class Orbits:
     are the rules of the legs, the simplest ones when empty; ``coarse`` is for a first look.
     """
 
-    lines: Energy
+    lines: EnergyLines
     points: Points
     side: int
     reference: float = 0.0
@@ -121,7 +121,7 @@ class Orbits:
         return Arc(full, length, direction, away, reference, WHOLE)
 
 
-def families(energy: Energy, points: Points, multipliers: np.ndarray) -> list[tuple[Orbits, np.ndarray]]:
+def families(energy: EnergyLines, points: Points, multipliers: np.ndarray) -> list[tuple[Orbits, np.ndarray]]:
     """The families that may join two points, each with a sample of its parameter, once for each interval of it."""
     found: list[tuple[Orbits, np.ndarray]] = []
     if points.y0 is not None and points.y1 is not None and points.y0 != points.y1:
@@ -134,7 +134,7 @@ def families(energy: Energy, points: Points, multipliers: np.ndarray) -> list[tu
     return found
 
 
-def _least_between(energy: Energy, points: Points, multipliers: np.ndarray) -> float | None:
+def _least_between(energy: EnergyLines, points: Points, multipliers: np.ndarray) -> float | None:
     """Where between the ends P(y, 0) is least: there the slope is least on every monotone curve."""
     low, high = sorted(points.known)
     at = low + (high - low) * (0.5 - 0.5 * np.cos(np.linspace(0, np.pi, 65)))
@@ -150,7 +150,7 @@ def _least_between(energy: Energy, points: Points, multipliers: np.ndarray) -> f
     return least(lambda y: energy.rest(y, multipliers), float(at[k - 1]), float(at[k + 1]))
 
 
-def turning_ordinates(energy: Energy, points: Points, side: int, multipliers: np.ndarray) -> list[np.ndarray]:
+def turning_ordinates(energy: EnergyLines, points: Points, side: int, multipliers: np.ndarray) -> list[np.ndarray]:
     """Where a curve can turn: for each interval of such ordinates, a sample clustered at its edges.
 
     P(y_t, 0) must lie below P(y, 0) everywhere on the curve.

@@ -31,7 +31,7 @@ class Stopwatch:
 
 
 @dataclass(frozen=True)
-class Integrands:
+class ReducedIntegrands:
     """L and the isoperimetric integrands of a problem with one unknown function, its parameters put in.
 
     ``scale`` is a typical slope. ``forms`` are L and the g_j times dx for

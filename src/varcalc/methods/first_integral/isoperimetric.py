@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.methods.first_integral.answers import Ends, Unsuitable
-from varcalc.methods.first_integral.integrands import Integrands
+from varcalc.methods.first_integral.integrands import ReducedIntegrands
 from varcalc.numerics.roots import scanned_root
 
 AMPLITUDES = np.logspace(-5, 4, 73)
@@ -26,7 +26,7 @@ class LevelStart:
     convex: bool
 
 
-def starts(integrands: Integrands, ends: Ends, row: int) -> list[LevelStart]:
+def starts(integrands: ReducedIntegrands, ends: Ends, row: int) -> list[LevelStart]:
     """Curves chord + A x (1 - x) that have the isoperimetric level, with the multiplier fitted to each.
 
     The first integral is linear in the constant and the multiplier: both follow by least squares along the curve.
@@ -61,7 +61,7 @@ def starts(integrands: Integrands, ends: Ends, row: int) -> list[LevelStart]:
 
 
 def _fitted(
-    integrands: Integrands, x: np.ndarray, y: np.ndarray, slope: np.ndarray, weights: np.ndarray, row: int
+    integrands: ReducedIntegrands, x: np.ndarray, y: np.ndarray, slope: np.ndarray, weights: np.ndarray, row: int
 ) -> LevelStart:
     parts = integrands.at(x, y, slope)
     root = np.sqrt(weights)

@@ -1,7 +1,7 @@
 """Curves known by the constant of their first integral: legs, and what is integrated along them.
 
 One variable of the two runs along a leg and the slope follows from the
-constant at every point (:class:`~varcalc.methods.first_integral.energy.Energy`
+constant at every point (:class:`~varcalc.methods.first_integral.energy.EnergyLines`
 where y runs, :class:`~varcalc.methods.first_integral.momentum.Momentum` where
 x does). The functional is W + constant * covered with W, the action, the
 integral of the Lagrangian function less constant times what is covered; its
@@ -18,7 +18,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from varcalc.methods.first_integral.integrands import Integrands
+from varcalc.methods.first_integral.integrands import ReducedIntegrands
 from varcalc.numerics.one_coordinate.panels import Panels
 
 F = TypeVar("F")
@@ -82,7 +82,7 @@ class Lines(ABC, Generic[F]):
     ``inside`` is a place of the running variable inside the domain of L.
     """
 
-    def __init__(self, integrands: Integrands, orientation: float, inside: float) -> None:
+    def __init__(self, integrands: ReducedIntegrands, orientation: float, inside: float) -> None:
         self.integrands = integrands
         self.orientation = orientation
         self.inside = inside

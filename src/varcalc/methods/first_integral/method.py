@@ -15,7 +15,7 @@ from varcalc.methods.answer import Deferred
 from varcalc.methods.first_integral.answers import Ends, NotFound, Reduced, Unsuitable
 from varcalc.methods.first_integral.autonomous import Autonomous
 from varcalc.methods.first_integral.cyclic import Cyclic
-from varcalc.methods.first_integral.integrands import Integrands, Stopwatch
+from varcalc.methods.first_integral.integrands import ReducedIntegrands, Stopwatch
 from varcalc.methods.first_integral.reduction import Reduction
 from varcalc.methods.first_integral.shore import Shore, landed
 from varcalc.problem.conditions import Isoperimetric, components
@@ -98,7 +98,7 @@ def reduction_of(problem: Problem, ends: Ends, building: Stopwatch) -> Reduction
     """The reduction the Lagrangian and the isoperimetric integrands allow, by structure."""
     with building:
         parts = [Lagrangian(problem.symbols, e) for e in (problem.integrand, *(t.expression for t in problem.traced))]
-        integrands = Integrands(problem, ends.mean_slope, building)
+        integrands = ReducedIntegrands(problem, ends.mean_slope, building)
         without_y, without_x = all(p.ignorable for p in parts), all(p.ignorable_abscissa for p in parts)
     if without_y and not (without_x and steep(ends)):
         return Cyclic(integrands)

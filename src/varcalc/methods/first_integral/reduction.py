@@ -11,7 +11,7 @@ import numpy as np
 from varcalc.methods.first_integral.answers import ROUND_OFF, Ends, Evaluate, Reduced
 from varcalc.methods.first_integral.contract import Aim, Joined
 from varcalc.methods.first_integral.errors import sensitivity
-from varcalc.methods.first_integral.integrands import Integrands
+from varcalc.methods.first_integral.integrands import ReducedIntegrands
 from varcalc.methods.first_integral.isoperimetric import LevelStart, starts
 from varcalc.methods.first_integral.lines import CurveBatch
 from varcalc.methods.first_integral.refinement import quadrature_errors, truncation, unseen
@@ -25,7 +25,7 @@ ERROR_PLACES = 0.5 - 0.5 * np.cos(np.linspace(0, np.pi, 41)[1:-1])
 class Reduction(ABC):
     """One way to reduce a problem to quadrature."""
 
-    integrands: Integrands
+    integrands: ReducedIntegrands
 
     @abstractmethod
     def aim(self, ends: Ends) -> Aim:
@@ -70,7 +70,7 @@ class Reduction(ABC):
     @property
     @abstractmethod
     def row(self) -> int:
-        """Which part of :meth:`Integrands.at` is the first integral: 2 for L - y' L_y', 3 for the momentum."""
+        """Which part of :meth:`ReducedIntegrands.at` is the first integral: 2 for L - y' L_y', 3 for the momentum."""
 
     def level(self, ends: Ends) -> Reduced | None:  # noqa: ARG002
         """y = const, where a reduction does not find it by itself and it is an extremal."""

@@ -205,7 +205,7 @@ class EulerLagrangeFlow:
 
     def _with_jacobian(self, name: str, known: list[Expression], varied: list[Expression], residual: Expression) -> Any:
         columns = ca.vertcat(*varied)
-        return ca.Function(name, [*known, *varied], [ca.densify(residual), ca.densify(ca.jacobian(residual, columns))])
+        return ca.Function(name, [*known, *varied], [ca.densify(residual), ca.jacobian(residual, columns)])
 
     def _momenta_at(self, s: Any, state: Expression, units: Expression, numbers: list[Expression]) -> list[Expression]:
         n = self.form.n
@@ -240,6 +240,16 @@ class EulerLagrangeFlow:
         return self._with_jacobian(
             "conditions", [units, numbers[0]], [first, last, totals, numbers[1], numbers[2], nus], ca.vertcat(*rows)
         )
+
+    @cached_property
+    def _conditions(self) -> PointEvaluator:
+        return PointEvaluator(self.conditions)
+
+    def closed(self, *arguments: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The residual (R,) of :attr:`conditions` and its Jacobian (R, ..), the arguments being flat."""
+        row = self._conditions(1, *arguments)[0]
+        count = self.conditions.numel_out(0)
+        return row[:count], row[count:].reshape(-1, count).T
 
     def _end_terms(
         self, towers: list[list[Expression]], numbers: list[Expression], nus: Expression

@@ -23,6 +23,8 @@ DEGREE = 5
 """Degree of the polynomial through them."""
 DERIVATIVE = np.pad(np.array([legendre.legder(row) for row in np.eye(DEGREE + 1)]), ((0, 0), (0, 1)))
 """From Legendre coefficients (.., DEGREE + 1) to those of the derivative."""
+FITTED = gauss(SAMPLES)[1][:, None] * legendre.legvander(gauss(SAMPLES)[0], DEGREE) * (np.arange(DEGREE + 1) + 0.5)
+"""From values at the samples to Legendre coefficients, which are orthogonal under the Gauss rule: least squares."""
 
 
 def scales(equations: EulerLagrangeFlow, curve: Sampled) -> Scales:
@@ -47,11 +49,9 @@ def scales(equations: EulerLagrangeFlow, curve: Sampled) -> Scales:
 def derivatives(curve: Sampled, left: np.ndarray, right: np.ndarray, at: np.ndarray, count: int) -> list[np.ndarray]:
     """A curve and its derivatives up to ``count`` at ``at`` (m,), each (n, m), by fits in [left, right] (m,)."""
     middle, half = 0.5 * (left + right), 0.5 * (right - left)
-    nodes, weights = gauss(SAMPLES)
+    nodes = gauss(SAMPLES)[0]
     values = curve((middle[:, None] + half[:, None] * nodes).ravel()).reshape(-1, len(at), SAMPLES)
-    degrees = np.arange(DEGREE + 1)
-    # least squares in Legendre polynomials, which are orthogonal under the Gauss rule
-    coefficients = (values * weights) @ legendre.legvander(nodes, DEGREE) * (degrees + 0.5)
+    coefficients = values @ FITTED
     values_at = legendre.legvander((at - middle) / half, DEGREE)
     out = []
     for k in range(count + 1):
@@ -61,12 +61,12 @@ def derivatives(curve: Sampled, left: np.ndarray, right: np.ndarray, at: np.ndar
 
 
 def states(
-    equations: EulerLagrangeFlow, units: Scales, curve: Sampled, vertices: np.ndarray, anchors: np.ndarray
+    equations: EulerLagrangeFlow, units: Scales, curve: Sampled, pieces: np.ndarray, at: np.ndarray
 ) -> np.ndarray:
-    """The scaled states (N, D) of the anchors on a curve; vertices (N + 1,) and anchors (N,) in t."""
+    """The scaled states (N, D) on a curve at ``at`` (N,), by fits in the ``pieces`` (N, 2) around; both in t."""
     a, width = equations.form.span[0], equations.form.span[1] - equations.form.span[0]
-    s = a + width * vertices
-    tower = derivatives(curve, s[:-1], s[1:], a + width * anchors, 2 * equations.form.order - 1)
+    left, right = (a + width * pieces).T
+    tower = derivatives(curve, left, right, a + width * at, 2 * equations.form.order - 1)
     return np.concatenate([d * width**k / units.ordinates[:, None] for k, d in enumerate(tower)]).T
 
 

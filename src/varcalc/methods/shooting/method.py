@@ -30,6 +30,8 @@ from varcalc.solution import Solution, Stats, Status, no_answer
 
 SLOPES = (0.1, -0.1, 1.0, -1.0, 10.0, -10.0)
 """Slopes with which the integrand is looked at in an end."""
+MOST_STEPS = 1000
+"""Steps after which a segment is too long, or runs into a singularity: it is cut."""
 COSTLY = 4.0
 """Digits lost in a segment that are worth a word about the number of segments."""
 ROUND_OFF = 1e-12
@@ -71,7 +73,7 @@ class Shooting:
             return no_answer(problem, self, Status.REFUSED, reason)
         equations = EulerLagrangeFlow(form)
         try:
-            engine = self.engine or default()
+            engine = self.engine or default(most_steps=MOST_STEPS)
             flow = compiled(problem, engine, equations.system.system)
         except CannotLower as refusal:
             return no_answer(problem, self, Status.REFUSED, str(refusal))
@@ -80,7 +82,7 @@ class Shooting:
         if isinstance(found, NoneFound):
             stats = Stats(built - begun, time.perf_counter() - built, found.iterations)
             return no_answer(problem, self, Status.NOT_CONVERGED, found.message, stats=stats)
-        finished = finish(found.segments, found.x, found.floor, found.at.steps)
+        finished = finish(found.segments, found.x, found.floor)
         if isinstance(finished, Failure):
             return no_answer(problem, self, Status.NOT_CONVERGED, describe(finished))
         seconds = time.perf_counter() - built

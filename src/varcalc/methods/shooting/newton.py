@@ -10,21 +10,25 @@ from enum import Enum
 
 import numpy as np
 
-from varcalc.methods.shooting.segments import Evaluation, Segments
+from varcalc.methods.shooting.segments import Mismatch, Segments
 from varcalc.methods.shooting.shots import Failure
-from varcalc.numerics import damped_newton
-from varcalc.numerics.damped_newton import Linearised
+from varcalc.numerics.damped_newton import CONVERGED, Ending, Linearised, damped_newton
 
-LEFT_OPEN = 1e-6
-"""A residual, relative to its row of the Jacobian, that a convergent iteration leaves only in a singular system."""
+LEFT_OPEN, LEFT_BY_LOOK = 1e-6, 1e-3
+"""A residual, relative to its row of the Jacobian, that a convergent iteration leaves only in a singular system; that
+of a look."""
 ITERATIONS = 40
 FAR = 1e10
 """Scaled states beyond which an iteration has run away."""
 LOST = 1e6
 """Growth across a segment that leaves a residual for want of digits."""
+LOOK = -1
+"""The level of integrations that tell where an extremal is, and not yet what it is."""
+LOOKED = 1e-4
+"""The relative correction after which one more step leaves what a look does not see."""
 
 
-class Ending(Enum):
+class Termination(Enum):
     """How the iteration ended, in words."""
 
     CONVERGED = "converged"
@@ -37,15 +41,15 @@ class Ending(Enum):
 
 
 @dataclass(frozen=True)
-class Result:
+class Matched:
     """Where the iteration ended: the unknowns and their evaluation, the size of the last correction.
 
     ``failure`` is the last integration that failed, if any did.
     """
 
     x: np.ndarray
-    at: Evaluation | None
-    ending: Ending
+    at: Mismatch | None
+    ending: Termination
     correction: float
     iterations: int
     failure: Failure | None = None
@@ -59,22 +63,23 @@ def size(correction: np.ndarray, weights: np.ndarray) -> float:
 class _Matching:
     """The mismatch of segments, as :func:`damped_newton` takes it; keeps the last failure and why it gave up."""
 
-    def __init__(self, segments: Segments, floor: np.ndarray, most_growth: float, most_work: int) -> None:
+    def __init__(self, segments: Segments, floor: np.ndarray, most_growth: float, most_work: int, level: int) -> None:
         self.segments, self.floor, self.most_growth, self.most_work = segments, floor, most_growth, most_work
+        self.level = level
         self.failure: Failure | None = None
-        self.given_up: Ending | None = None
+        self.given_up: Termination | None = None
 
-    def evaluate(self, z: np.ndarray) -> Evaluation | None:
+    def evaluate(self, z: np.ndarray) -> Mismatch | None:
         runs_back = self.segments.equations.form.runs_back(self.segments.parts(z)[1])
         if runs_back or self.segments.work.total >= self.most_work:
             return None
-        at = self.segments.evaluate(z)
+        at = self.segments.evaluate(z, level=self.level)
         if isinstance(at, Failure):
             self.failure = at
             return None
         return at
 
-    def linearised(self, z: np.ndarray, at: Evaluation) -> Linearised[Evaluation] | None:
+    def linearised(self, z: np.ndarray, at: Mismatch) -> Linearised[Mismatch] | None:
         self.given_up = self._hopeless(z, at)
         if self.given_up:
             return None
@@ -83,38 +88,41 @@ class _Matching:
             lambda point: self.segments.solve(at, -point.residual, weights), lambda step: size(step, weights)
         )
 
-    def _hopeless(self, z: np.ndarray, at: Evaluation) -> Ending | None:
+    def _hopeless(self, z: np.ndarray, at: Mismatch) -> Termination | None:
         """Why there is no point in going on from z, if so."""
         if at.growth.max() > self.most_growth:
-            return Ending.GROWTH
+            return Termination.GROWTH
         if np.abs(self.segments.parts(z)[0]).max() > FAR:
-            return Ending.RUNAWAY
-        return Ending.TOO_MANY if self.segments.work.total >= self.most_work else None
+            return Termination.RUNAWAY
+        return Termination.TOO_MANY if self.segments.work.total >= self.most_work else None
 
 
-ENDINGS = {
-    damped_newton.Ending.CONVERGED: Ending.CONVERGED,
-    damped_newton.Ending.SINGULAR: Ending.SINGULAR,
-    damped_newton.Ending.DAMPED_OUT: Ending.DAMPED_OUT,
-    damped_newton.Ending.TOO_MANY: Ending.TOO_MANY,
+TERMINATIONS = {
+    Ending.CONVERGED: Termination.CONVERGED,
+    Ending.SINGULAR: Termination.SINGULAR,
+    Ending.DAMPED_OUT: Termination.DAMPED_OUT,
+    Ending.TOO_MANY: Termination.TOO_MANY,
 }
 
 
-def iterate(segments: Segments, x: np.ndarray, floor: np.ndarray, most_growth: float, budget: int) -> Result:
+def iterate(
+    segments: Segments, x: np.ndarray, floor: np.ndarray, most_growth: float, budget: int, level: int = 0
+) -> Matched:
     """Bring the mismatch of ``segments`` to zero from ``x`` (M,).
 
     ``floor`` (M,) are the smallest sizes the unknowns are measured by. The
     iteration stops with GROWTH when a segment magnifies errors by more than
-    ``most_growth``, and with TOO_MANY after the work of ``budget`` runs.
+    ``most_growth``, and with TOO_MANY after the work of ``budget`` runs, each of which is integrated at ``level``.
     """
     most_work = segments.work.total + budget
-    at = segments.evaluate(x, every=True)
+    at = segments.evaluate(x, level=level, every=True)
     if isinstance(at, Failure):
-        return Result(x, None, Ending.FAILED, np.inf, 0, at)
-    matching = _Matching(segments, floor, most_growth, most_work)
-    result = damped_newton.damped_newton(matching, x, at, ITERATIONS)
-    ending = matching.given_up or ENDINGS[result.ending]
+        return Matched(x, None, Termination.FAILED, np.inf, 0, at)
+    matching = _Matching(segments, floor, most_growth, most_work, level)
+    result = damped_newton(matching, x, at, ITERATIONS, LOOKED if level == LOOK else CONVERGED)
+    ending = matching.given_up or TERMINATIONS[result.ending]
+    allowed = LEFT_BY_LOOK if level == LOOK else LEFT_OPEN
     lost = result.at.growth.max() > LOST
-    if ending is Ending.CONVERGED and not (lost or segments.left_open(result.at, result.z) < LEFT_OPEN):
-        ending = Ending.SINGULAR
-    return Result(result.z, result.at, ending, result.correction, result.iterations, matching.failure)
+    if ending is Termination.CONVERGED and not (lost or segments.left_open(result.at, result.z) < allowed):
+        ending = Termination.SINGULAR
+    return Matched(result.z, result.at, ending, result.correction, result.iterations, matching.failure)

@@ -168,17 +168,34 @@ class RegularEnd:
         bent = values - arc.stages.points[:, None] * wanted
         return np.linalg.solve(arc.stages.twice, bent) / arc.step**2
 
-    def states(self, anchor: float, passage: Passage, t: np.ndarray) -> np.ndarray:
-        """The scaled y and dy/dt (m, 2 n) of an arc at t (m,)."""
-        step = anchor - self.at
-        u = (t - self.at) / step
-        once, twice = (
-            legendre.legval(2 * u - 1, legendre.legint(passage.rates, k, lbnd=-1)).T.reshape(len(t), -1) / 2**k
-            for k in (1, 2)
-        )
-        slope = passage.far + step * once
-        y = self.ordinates + u[:, None] * step * passage.far + step**2 * twice
-        y[u == 0.0] = self.ordinates  # to the last digit
+    def arc(self, anchor: float, passage: Passage) -> RegularArc:
+        """The curve of a passage."""
+        once, twice = (legendre.legint(passage.rates, k, lbnd=-1) / 2**k for k in (1, 2))
+        return RegularArc(self.at, anchor - self.at, self.ordinates, passage.far, once, twice)
+
+
+@dataclass(frozen=True)
+class RegularArc:
+    """The scaled y and dy/dt of a regular arc from t = ``at``, where they are ``ordinates`` and ``slope`` (n,).
+
+    It is ``length`` long, towards smaller t where that is negative; ``once`` and ``twice`` are the Legendre
+    coefficients of y'' integrated, over [0, 1].
+    """
+
+    at: float
+    length: float
+    ordinates: np.ndarray
+    slope: np.ndarray
+    once: np.ndarray
+    twice: np.ndarray
+
+    def __call__(self, t: np.ndarray) -> np.ndarray:
+        """Both (m, 2 n) at t (m,)."""
+        u = ((t - self.at) / self.length)[:, None]
+        table = legendre.legvander(2 * u[:, 0] - 1, len(self.twice) - 1)
+        slope = self.slope + self.length * (table[:, :-1] @ self.once)
+        y = self.ordinates + u * self.length * self.slope + self.length**2 * (table @ self.twice)
+        y[u[:, 0] == 0.0] = self.ordinates  # to the last digit
         return np.concatenate([y, slope], axis=1)
 
 

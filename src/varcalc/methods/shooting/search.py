@@ -22,11 +22,11 @@ from varcalc.methods.shooting.initial_states import (
     states,
     unknown_numbers,
 )
-from varcalc.methods.shooting.newton import Ending, Result, iterate
+from varcalc.methods.shooting.newton import LOOK, Matched, Termination, iterate
 from varcalc.methods.shooting.regular_arc import RegularEnd, Work
-from varcalc.methods.shooting.segments import Evaluation, Segments
+from varcalc.methods.shooting.segments import Mismatch, Segments
 from varcalc.methods.shooting.shot_extremal import value_of
-from varcalc.methods.shooting.shots import Failure, Trajectories
+from varcalc.methods.shooting.shots import Failure
 
 MOST_GROWTH = math.exp(10.0)
 """Growth of errors across a segment beyond which it is cut in two."""
@@ -52,8 +52,25 @@ SAMPLES = 65
 """Points at which the growth along a starting curve is looked at."""
 SINGULAR = 1e12
 """Condition number beyond which a linear system is called singular."""
+UNSURE = 1e5
+"""Condition number beyond which a look does not tell whether there is an extremal."""
 FLOOR = 1e-3
 """Sizes of states, relative to their units, below which they are not measured by themselves."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A starting curve with its units, isoperimetric multipliers and first vertices, in t."""
+
+    curve: Sampled
+    units: Scales
+    lambdas: np.ndarray
+    vertices: np.ndarray
+
+    @property
+    def planned(self) -> int:
+        """The number of segments that the curve calls for."""
+        return len(self.vertices) - 1
 
 
 @dataclass(frozen=True)
@@ -65,7 +82,7 @@ class Found:
 
     segments: Segments
     x: np.ndarray
-    at: Evaluation
+    at: Mismatch
     floor: np.ndarray
     value: float
     iterations: int
@@ -102,10 +119,10 @@ class Search:
         """The extremal of the lowest value among those found, or why there is none."""
         found: list[Found] = []
         iterations, last, budget, spent = 0, "", 0, 0
-        for first, curve in self._starts(guess):
+        for first, start in self._starts(guess):
             if (found and not first) or spent > TOTAL:
                 break
-            outcome = self._attempt(curve, budget)
+            outcome = self._attempt(start, budget)
             iterations, spent = iterations + outcome.iterations, spent + outcome.work
             if isinstance(outcome, NoneFound):
                 hopeless = self.equations.linear and outcome.work > 0
@@ -121,37 +138,39 @@ class Search:
             return min(found, key=lambda f: f.value)
         return NoneFound(f"no starting curve led to an extremal; of the first one: {last}", iterations)
 
-    def _starts(self, guess: Sampled | None) -> Iterator[tuple[bool, Sampled]]:
+    def _starts(self, guess: Sampled | None) -> Iterator[tuple[bool, Start]]:
         """Starting curves; those marked True are tried whatever the others gave."""
         form = self.equations.form
         if guess is not None:
-            yield True, guess
+            yield True, self._start(guess)
         if form.conditions.integrals:
-            yield from ((True, curve) for curve in self._meeting_level())
-        scale, planned = height(form), 0 if self.count is not None else self._planned(form.start.curve)
-        steep = planned > STEEP * FEWEST and planned > STEEP * min(map(self._planned, self._flat()))
+            yield from ((True, self._start(curve)) for curve in self._meeting_level())
+        scale, straight = height(form), self._start(form.start.curve)
+        steep = self.count is None and straight.planned > STEEP * FEWEST
+        steep = steep and straight.planned > STEEP * min(start.planned for start in self._flat())
         if steep:
-            yield from ((False, curve) for curve in sorted(self._flat(), key=self._planned))
-        yield not steep, form.start.curve
+            yield from ((False, start) for start in self._flat())
+        yield not steep, straight
         for first, amplitudes in ((not steep, FIRST_AMPLITUDES), (False, OTHER_AMPLITUDES)):
             for direction in form.start.bumps:
                 for amplitude in amplitudes:
                     if any(amplitude * direction[k] < 0 for k in form.coordinates.one_sided):
                         continue
-                    yield first, bent(form, amplitude * scale, direction)
+                    yield first, self._start(bent(form, amplitude * scale, direction))
         if not steep:
-            yield from ((False, curve) for curve in sorted(self._flat(), key=self._planned))
+            yield from ((False, start) for start in self._flat())
 
-    def _flat(self) -> Iterator[Sampled]:
+    def _flat(self) -> list[Start]:
         """The ordinates of one end all along: a start need not meet the ends, and steep ends make steep starts."""
         form = self.equations.form
-        for end in form.span:
-            level = form.start.curve(np.array([end]))
-            yield lambda s, level=level: np.repeat(level, len(s), axis=1)
+        levels = [form.start.curve(np.array([end])) for end in form.span]
+        starts = [self._start(lambda s, level=level: np.repeat(level, len(s), axis=1)) for level in levels]
+        return sorted(starts, key=lambda start: start.planned)
 
-    def _planned(self, curve: Sampled) -> int:
-        """The number of segments that a starting curve calls for."""
-        return len(self._vertices(curve, scales(self.equations, curve), lambdas(self.equations, curve))) - 1
+    def _start(self, curve: Sampled) -> Start:
+        """A starting curve with what it calls for."""
+        units, lam = scales(self.equations, curve), lambdas(self.equations, curve)
+        return Start(curve, units, lam, self._vertices(curve, units, lam))
 
     def _vertices(self, curve: Sampled, units: Scales, lam: np.ndarray) -> np.ndarray:
         """The vertices of the first segments, in t."""
@@ -199,35 +218,51 @@ class Search:
         columns = [np.repeat(v[:, None], len(middle), axis=1) for v in numbers]
         return float(np.asarray(self.equations.densities(middle[None, :], *tower, *columns))[1] @ width)
 
-    def _attempt(self, curve: Sampled, budget: int) -> Found | NoneFound:
-        """Newton from one starting curve, cutting segments where that is called for; ``budget`` 0 is the usual one."""
-        segments, x, units = self._first(curve)
+    def _attempt(self, start: Start, budget: int) -> Found | NoneFound:
+        """Newton from one starting curve, cutting segments where that is called for; ``budget`` 0 is the usual one.
+
+        A look finds most extremals as well as an exact integration; what it does not find is looked for again.
+        """
+        segments, x = self._first(start)
         if budget and segments.count > budget:
             return NoneFound("too many segments", 0)
         budget = budget or max(BUDGET, PER_SEGMENT * segments.count)
         iterations, begun = 0, self.work.total
+        exact = self.count is not None or self.equations.linear or start.planned > FEWEST
+        level = 0 if exact else LOOK
         while True:
             floor = self._floor(segments, x)
             limit = MOST_GROWTH if self.count is None else math.inf
-            result = iterate(segments, x, floor, limit, begun + budget - self.work.total)
+            result = iterate(segments, x, floor, limit, begun + budget - self.work.total, level)
             iterations += result.iterations
             work = self.work.total - begun
-            if result.ending is Ending.CONVERGED and result.at is not None:
-                value = value_of(segments, result.x, result.at)
+            if level == LOOK and self._unsure(result):
+                level = 0
+                continue
+            if result.ending is Termination.CONVERGED and result.at is not None:
+                value = value_of(segments, result.x, result.at.shots)
                 return Found(segments, result.x, result.at, floor, value, iterations, work)
             marked = self._marked(segments, result)
-            hopeless = result.ending is Ending.FAILED and marked.all() and segments.count > ALL_FAIL
+            hopeless = result.ending is Termination.FAILED and marked.all() and segments.count > ALL_FAIL
             over = hopeless or work + segments.count + marked.sum() > budget
             if over or not marked.any():
                 return NoneFound(_reason(segments, result, self.count), iterations, work)
-            segments, x = self._cut(segments, result, marked, curve, units)
+            segments, x = self._cut(segments, result, marked, start)
 
-    def _marked(self, segments: Segments, result: Result) -> np.ndarray:
+    def _unsure(self, result: Matched) -> bool:
+        """Whether a look ended where an exact integration may end otherwise."""
+        if (
+            result.ending is Termination.CONVERGED and result.at is not None
+        ):  # a closed curve may be shifted along itself
+            return not (self.equations.form.ends.periodic or result.at.jacobian.condition < UNSURE)
+        return result.ending in {Termination.DAMPED_OUT, Termination.SINGULAR, Termination.GROWTH}
+
+    def _marked(self, segments: Segments, result: Matched) -> np.ndarray:
         """The segments to cut in two."""
         marked = np.zeros(segments.count, dtype=bool)
-        if self.count is not None or result.ending in (Ending.SINGULAR, Ending.RUNAWAY, Ending.TOO_MANY):
+        if self.count is not None or result.ending in (Termination.SINGULAR, Termination.RUNAWAY, Termination.TOO_MANY):
             return marked
-        if result.ending is Ending.GROWTH and result.at is not None:
+        if result.ending is Termination.GROWTH and result.at is not None:
             return result.at.growth > MOST_GROWTH
         if result.failure is not None and result.failure.outcome is not Outcome.NOT_FINITE:
             marked[list(result.failure.segments)] = True
@@ -235,58 +270,51 @@ class Search:
         return ~marked if result.at is not None and segments.count < 4 * FEWEST else marked
 
     def _cut(
-        self, segments: Segments, result: Result, marked: np.ndarray, curve: Sampled, units: Scales
+        self, segments: Segments, result: Matched, marked: np.ndarray, start: Start
     ) -> tuple[Segments, np.ndarray]:
-        between = None if result.at is None else Trajectories(segments.paths(result.x, 0))
+        paths = None if result.at is None else segments.paths(result.x, 0)
 
-        def state_at(i: int, t: float) -> np.ndarray:
-            if between is not None:
-                return between(np.array([t]))[:, 0]
-            own = np.array([segments.vertices[i], segments.vertices[i + 1]])
-            return states(self.equations, units, curve, own, np.array([t]))[0]
+        def states_at(segment: np.ndarray, t: np.ndarray) -> np.ndarray:
+            if paths is not None:
+                return paths.states_at(segment, t)
+            pieces = np.column_stack([segments.vertices[segment], segments.vertices[segment + 1]])
+            return states(self.equations, start.units, start.curve, pieces, t)
 
-        return segments.halved(result.x, marked, state_at)
+        return segments.halved(result.x, marked, states_at)
 
-    def _first(self, curve: Sampled) -> tuple[Segments, np.ndarray, Scales]:
+    def _first(self, start: Start) -> tuple[Segments, np.ndarray]:
         """The first segments and the unknowns of a starting curve."""
         equations, form = self.equations, self.equations.form
-        a, width = form.span[0], form.span[1] - form.span[0]
-        units = scales(equations, curve)
-        lam = lambdas(equations, curve)
-        marks = (np.array(form.conditions.knots) - a) / width
-        vertices = self._vertices(curve, units, lam)
-        waypoints = dict(form.conditions.waypoints)
-        knots = {
-            int(np.searchsorted(vertices, mark)): equations.knot(s, waypoints.get(s))
-            for mark, s in zip(marks, form.conditions.knots, strict=True)
-        }
-        anchors = self._anchors(curve, units, lam, vertices)
-        z = states(equations, units, curve, vertices, anchors)
-        ends = np.concatenate([
-            states(equations, units, curve, vertices[:2], vertices[:1]),
-            states(equations, units, curve, vertices[-2:], vertices[-1:]),
-        ])  # fmt: skip
-        unknowns = unknown_numbers(form, curve)
-        nu = nus(equations, units, ends, unknowns, lam)
-        x = np.concatenate([z.ravel(), unknowns, lam, nu])
-        regular = self._regular(curve, units)
-        return Segments(equations, self.flow, self.work, units, vertices, anchors, knots, regular), x, units
-
-    def _anchors(self, curve: Sampled, units: Scales, lam: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-        """The left vertices; for the first segment another place where the system is not a number at the start."""
-        equations, form = self.equations, self.equations.form
+        units, lam, vertices = start.units, start.lambdas, start.vertices
+        pieces = np.column_stack([vertices[:-1], vertices[1:]])
+        # at the left vertices, and at the end
+        z = states(equations, units, start.curve, np.concatenate([pieces, pieces[-1:]]), vertices)
+        ends, z = z[[0, -1]], z[:-1]
         anchors = vertices[:-1].copy()
-        if form.coordinates.singular[0]:
-            anchors[0] = vertices[1]
-            return anchors
+        anchors[0] = self._first_anchor(start, ends[0])
+        if anchors[0] != vertices[0]:
+            z[0] = states(equations, units, start.curve, pieces[:1], anchors[:1])[0]
+        unknowns = unknown_numbers(form, start.curve)
+        x = np.concatenate([z.ravel(), unknowns, lam, nus(equations, units, ends, unknowns, lam)])
+        waypoints, (a, b) = dict(form.conditions.waypoints), form.span
+        knots = {
+            int(np.searchsorted(vertices, (s - a) / (b - a))): equations.knot(s, waypoints.get(s))
+            for s in form.conditions.knots
+        }
+        regular = self._regular(start.curve, units)
+        return Segments(equations, self.flow, self.work, units, vertices, anchors, knots, regular), x
+
+    def _first_anchor(self, start: Start, state: np.ndarray) -> float:
+        """The start; another place in the first segment where the system is no number at the ``state`` (D,) there."""
+        equations, form = self.equations, self.equations.form
         line = equations.line(0.0, 1.0, (True, False))
-        numbers = np.concatenate([line, units.all, form.problem.parameter_values, form.start.unknowns, lam])
-        state = np.zeros(equations.dimension + equations.integrals)
-        state[: equations.dimension] = states(equations, units, curve, vertices[:2], vertices[:1])[0]
-        rates = np.asarray(equations.scaled(0.0, state, numbers))
-        if not np.all(np.isfinite(rates)):
-            anchors[0] = vertices[1] if len(anchors) > 1 else 0.5
-        return anchors
+        numbers = [line, start.units.all, form.problem.parameter_values, form.start.unknowns, start.lambdas]
+        state = np.concatenate([state, np.zeros(equations.integrals)])
+        if form.coordinates.singular[0]:
+            return float(start.vertices[1])
+        if np.all(np.isfinite(np.asarray(equations.scaled(0.0, state, np.concatenate(numbers))))):
+            return 0.0
+        return float(start.vertices[1]) if start.planned > 1 else 0.5
 
     def _regular(self, curve: Sampled, units: Scales) -> tuple[RegularEnd | None, RegularEnd | None]:
         """The singular ends, with a starting curve."""
@@ -313,9 +341,9 @@ class Search:
         return np.concatenate([states_, *others])
 
 
-def _reason(segments: Segments, result: Result, count: int | None) -> str:
+def _reason(segments: Segments, result: Matched, count: int | None) -> str:
     """Why an iteration ended without an extremal, and what to do about it."""
-    if result.ending is Ending.SINGULAR or (result.at is not None and segments.condition(result.at) > SINGULAR):
+    if result.ending is Termination.SINGULAR or (result.at is not None and result.at.jacobian.condition > SINGULAR):
         return (
             "the linear system of the segments is singular: the ends may be conjugate to each other, so that no "
             "isolated extremal joins them, or a constraint may not depend on the curve"

@@ -19,31 +19,28 @@ import numpy as np
 
 from varcalc.integrators import Flow, Outcome
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
-from varcalc.methods.shooting.linear_systems import solve_dense, solve_sparse
+from varcalc.methods.shooting.linear_systems import RANK, ROUGH_RANK, Jacobian
 from varcalc.methods.shooting.regular_arc import RegularEnd, Work
-from varcalc.methods.shooting.shots import Failure, Paths, Shot
+from varcalc.methods.shooting.shots import Failure, Paths, Shots
 
-DENSE = 240
-"""Unknowns up to which the linear systems are solved as dense ones."""
 MODERATE = 1e6
 """Growth across a segment up to which small singular values are taken for symmetries, not for lost digits."""
 
 
 @dataclass(frozen=True)
-class Evaluation:
-    """The mismatch at given unknowns: ``residual`` (M,), its Jacobian by blocks, and what the runs told.
+class Mismatch:
+    """What is left open at given unknowns: ``residual`` (M,) with its Jacobian, and what the runs told.
 
-    ``blocks`` are (row, column, matrix) of the Jacobian; ``totals`` the
-    running integrals over the whole interval, scaled; ``growth`` (N,) the
+    ``totals`` are the running integrals over the whole interval, scaled; ``growth`` (N,) the
     largest factor by which a segment magnifies an error of its initial state; ``summed`` (M,)
     the size of the integrals that a row is made of; ``steps`` what the integrations took.
     """
 
     residual: np.ndarray
-    blocks: list[tuple[int, int, np.ndarray]]
+    jacobian: Jacobian
     totals: np.ndarray
     growth: np.ndarray
-    shots: list[Shot]
+    shots: Shots
     summed: np.ndarray
     steps: np.ndarray
 
@@ -92,53 +89,56 @@ class Segments:
         u = cut + self.equations.unknowns
         return x[:cut].reshape(self.count, -1), x[cut:u], x[u : cut + self.shared], x[cut + self.shared :]
 
+    @cached_property
+    def _lines(self) -> np.ndarray:
+        """Origin and stretch of the abscissa (N, 2)."""
+        return np.array([
+            self.equations.line(self.vertices[i], self.vertices[i + 1], (i in self.knots, i + 1 in self.knots))
+            for i in range(self.count)
+        ])  # fmt: skip
+
     def constants(self, x: np.ndarray) -> np.ndarray:
         """The constants (N, c) of the scaled system at x, a row for each segment."""
         _, unknowns, lambdas, _ = self.parts(x)
-        lines = [
-            self.equations.line(self.vertices[i], self.vertices[i + 1], (i in self.knots, i + 1 in self.knots))
-            for i in range(self.count)
-        ]
         shared = np.concatenate([self.scales.all, self._parameters, unknowns, lambdas])
-        return np.column_stack([np.array(lines), np.tile(shared, (self.count, 1))])
+        return np.concatenate([self._lines, np.broadcast_to(shared, (self.count, len(shared)))], axis=1)
 
     @property
     def _parameters(self) -> np.ndarray:
         return self.equations.form.problem.parameter_values
 
-    def paths(self, x: np.ndarray, level: int, usual: np.ndarray | None = None) -> Paths:
-        """All segments with their initial states at x; ``usual`` are the steps of level 0, where they are known."""
+    def paths(self, x: np.ndarray, level: int, taken: np.ndarray | int | None = None) -> Paths:
+        """All segments with their initial states at x; ``taken`` are steps of which twice as many are to be taken."""
         return Paths(
             self.equations, self.flow, self.work, self.vertices, self.anchors, self.parts(x)[0], self.constants(x),
-            self.regular, level, usual,
+            self.regular, level, taken,
         )  # fmt: skip
 
     def evaluate(
-        self, x: np.ndarray, *, level: int = 0, every: bool = False, usual: np.ndarray | None = None
-    ) -> Evaluation | Failure:
+        self, x: np.ndarray, *, level: int = 0, every: bool = False, taken: np.ndarray | int | None = None
+    ) -> Mismatch | Failure:
         """The mismatch at x with its Jacobian, or the first integration that failed (``every``: all that fail)."""
-        shot = self.paths(x, level, usual).shots(every=every)
+        shot = self.paths(x, level, taken).shots(every=every)
         if isinstance(shot, Failure):
             return shot
         shots, steps = shot
+        totals = shots.totals(self.dimension)
+        inner, before, after, shared = self._match(shots, x)
+        closing, terms, direct, summed = self._close(shots, totals, x)
         D = self.dimension
-        totals = np.sum([s.right[D:] - s.left[D:] for s in shots], axis=0)
-        blocks: list[tuple[int, int, np.ndarray]] = []
-        rows = [self._match(i, shots, x, blocks) for i in range(1, self.count)]
-        closing, integrals = self._close(shots, totals, x, blocks)
-        rows.append(closing)
-        growth = np.array([max(self._growth(s.left_by), self._growth(s.right_by)) for s in shots])
-        residual = np.concatenate(rows)
-        if not (np.all(np.isfinite(residual)) and all(np.all(np.isfinite(m)) for _, _, m in blocks)):
+        residual = np.concatenate([inner.ravel(), closing])
+        jacobian = Jacobian(before, after, shared, terms[:, :, :D], direct, RANK if level >= 0 else ROUGH_RANK)
+        if not (np.isfinite(residual).all() and np.isfinite(jacobian.values).all()):
             return self._not_finite(residual)
-        summed = np.concatenate([np.zeros(len(residual) - len(closing)), integrals])
-        return Evaluation(residual, blocks, totals, growth, shots, summed, steps)
+        summed = np.concatenate([np.zeros(inner.size), summed])
+        growth = np.maximum(self._growth(shots.left_by), self._growth(shots.right_by))
+        return Mismatch(residual, jacobian, totals, growth, shots, summed, steps)
 
-    def _growth(self, by: np.ndarray) -> float:
-        """How much y is magnified by y, y' by y', and so on: row sums of the diagonal blocks, free of units."""
+    def _growth(self, by: np.ndarray) -> np.ndarray:
+        """How much y is magnified by y, y' by y', and so on (N,): row sums of the diagonal blocks, free of units."""
         n = self.equations.form.n
-        blocks = (by[k : k + n, k : k + n] for k in range(0, self.dimension, n))
-        return max(float(np.abs(block).sum(axis=1).max()) for block in blocks)
+        blocks = (np.abs(by[:, k : k + n, k : k + n]) for k in range(0, self.dimension, n))
+        return np.max([block.sum(axis=2).max(axis=1) for block in blocks], axis=0)
 
     def _not_finite(self, residual: np.ndarray) -> Failure:
         first = int(np.argmax(~np.isfinite(residual))) // self.dimension
@@ -146,83 +146,53 @@ class Segments:
         here = a + (b - a) * float(self.vertices[min(first + 1, self.count)])
         return Failure((min(first, self.count - 1),), here, Outcome.NOT_FINITE)
 
-    def _match(self, i: int, shots: list[Shot], x: np.ndarray, blocks: list[tuple[int, int, np.ndarray]]) -> np.ndarray:
-        """The rows of vertex i: plain continuity, or the condition of a knot."""
+    def _match(self, shots: Shots, x: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The rows (N - 1, D) of the inner vertices, and their derivatives as a Jacobian takes them.
+
+        That is plain continuity, or the condition of a knot.
+        """
         D = self.dimension
-        before, after = shots[i - 1], shots[i]
-        by = (before.right_by[:D], after.left_by[:D])
-        if i not in self.knots:
-            value, direct = before.right[:D] - after.left[:D], None
-            terms = (by[0], -by[1])
-        else:
-            _, unknowns, lambdas, _ = self.parts(x)
-            arguments = [self.scales.all, self._parameters, before.right[:D], after.left[:D], unknowns, lambdas]
-            out = self.knots[i](*arguments)
-            value, jacobian = np.asarray(out[0]).ravel(), np.asarray(out[1])
-            direct = jacobian[:, 2 * D :]
-            terms = (jacobian[:, :D] @ by[0], jacobian[:, D : 2 * D] @ by[1])
-        row, cut = (i - 1) * D, self.count * D
-        blocks += [(row, (i - 1) * D, terms[0][:, :D]), (row, i * D, terms[1][:, :D])]
-        if self.shared:
-            shared = terms[0][:, D:] + terms[1][:, D:]
-            blocks.append((row, cut, shared if direct is None else shared + direct))
-        return value
+        value = shots.right[:-1, :D] - shots.left[1:, :D]
+        before, after = shots.right_by[:-1, :D].copy(), -shots.left_by[1:, :D]
+        direct = np.zeros((self.count - 1, D, self.shared + self.equations.end_equations))
+        _, unknowns, lambdas, _ = self.parts(x)
+        for i, condition in self.knots.items():
+            sides = shots.right[i - 1, :D], shots.left[i, :D]
+            out = condition(self.scales.all, self._parameters, *sides, unknowns, lambdas)
+            jacobian = np.asarray(out[1])
+            value[i - 1] = np.asarray(out[0]).ravel()
+            before[i - 1] = jacobian[:, :D] @ before[i - 1]
+            after[i - 1] = -jacobian[:, D : 2 * D] @ after[i - 1]
+            direct[i - 1, :, : self.shared] = jacobian[:, 2 * D :]
+        direct[:, :, : self.shared] += before[:, :, D:] + after[:, :, D:]
+        return value, before[:, :, :D], after[:, :, :D], direct
 
-    def _close(
-        self, shots: list[Shot], totals: np.ndarray, x: np.ndarray, blocks: list[tuple[int, int, np.ndarray]]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The rows that tie the ends, the integrals and the unknown numbers, and the integrals' part of their size."""
-        D, N, Q = self.dimension, self.count, self.equations.integrals
+    def _close(self, shots: Shots, totals: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The rows (R,) that tie the ends, the integrals and the unknown numbers, and the integrals' share of them.
+
+        Between the two come their derivatives by the states of the segments (R, N, D) and by all else.
+        """
+        D, n = self.dimension, self.equations.form.n
         _, unknowns, lambdas, nus = self.parts(x)
-        first, last = shots[0], shots[-1]
-        out = self.equations.conditions(
-            self.scales.all, self._parameters, first.left[:D], last.right[:D], totals, unknowns, lambdas, nus
-        )
-        value, jacobian = np.asarray(out[0]).ravel(), np.asarray(out[1])
-        by_first, by_last = jacobian[:, :D], jacobian[:, D : 2 * D]
-        by_totals, direct = jacobian[:, 2 * D : 2 * D + Q], jacobian[:, 2 * D + Q :]
-        row = (N - 1) * D
-        shared = np.zeros((len(value), self.shared))
-        for i, shot in enumerate(shots):
-            term = by_totals @ (shot.right_by[D:] - shot.left_by[D:])
-            if i == 0:
-                term = term + by_first @ first.left_by[:D]
-            if i == N - 1:
-                term = term + by_last @ last.right_by[:D]
-            if shot.closure is not None:
-                n = self.equations.form.n
-                place = slice(0, n) if shot.closure.at == 0.0 else slice(n, 2 * n)  # the rows of the singular end
-                value[place], term[place] = shot.closure.residual, shot.closure.by
-            if np.any(term[:, :D]):
-                blocks.append((row, i * D, term[:, :D]))
-            shared += term[:, D:]
-        if direct.shape[1]:
-            direct = direct.copy()
-            direct[:, : self.shared] += shared
-            blocks.append((row, N * D, direct))
-        return value, np.abs(by_totals) @ np.abs(totals)
+        given = [self.scales.all, self._parameters, shots.left[0, :D], shots.right[-1, :D]]
+        value, jacobian = self.equations.closed(*given, totals, unknowns, lambdas, nus)
+        by_first, by_last, by_totals, direct = np.split(jacobian, np.cumsum([D, D, len(totals)]), axis=1)
+        terms = by_totals @ (shots.right_by[:, D:] - shots.left_by[:, D:])
+        terms[0] += by_first @ shots.left_by[0, :D]
+        terms[-1] += by_last @ shots.right_by[-1, :D]
+        for i, closure in shots.closures.items():
+            place = slice(0, n) if closure.at == 0.0 else slice(n, 2 * n)  # the rows of the singular end
+            value[place], terms[i, place] = closure.residual, closure.by
+        direct = direct.copy()
+        direct[:, : self.shared] += terms[:, :, D:].sum(axis=0)
+        return value, terms.swapaxes(0, 1), direct, np.abs(by_totals) @ np.abs(totals)
 
-    def _matrix(self, at: Evaluation) -> np.ndarray:
-        """The Jacobian (M, M) as a dense matrix."""
-        matrix = np.zeros((self.size, self.size))
-        for row, column, block in at.blocks:
-            matrix[row : row + block.shape[0], column : column + block.shape[1]] += block
-        return matrix
-
-    def condition(self, at: Evaluation) -> float:
-        """The condition number of the Jacobian with its rows scaled; 1 where it is too large to be looked at."""
-        if self.size > DENSE:
-            return 1.0
-        matrix = self._matrix(at)
-        rows = np.abs(matrix).max(axis=1)
-        return float(np.linalg.cond(matrix / np.where(rows == 0.0, 1.0, rows)[:, None]))
-
-    def left_open(self, at: Evaluation, x: np.ndarray) -> float:
+    def left_open(self, at: Mismatch, x: np.ndarray) -> float:
         """The largest residual relative to its row of the Jacobian: what steps in a singular system cannot reach."""
         rows = self._rows(at, self._sizes(x))
         return float(np.max(np.abs(at.residual) / np.where(rows == 0.0, 1.0, rows)))
 
-    def shaken(self, at: Evaluation, x: np.ndarray, weights: np.ndarray, share: float) -> np.ndarray | None:
+    def shaken(self, at: Mismatch, x: np.ndarray, weights: np.ndarray, share: float) -> np.ndarray | None:
         """The Newton step (M,) from residuals of random sign that are a ``share`` of their rows of the Jacobian."""
         signs = np.where(np.random.default_rng(0).random(self.size) < 0.5, -1.0, 1.0)
         return self.solve(at, share * signs * self._rows(at, self._sizes(x)), weights)
@@ -237,51 +207,36 @@ class Segments:
         states[:] = np.maximum(states.max(axis=0), 1.0)
         return sizes
 
-    def _rows(self, at: Evaluation, weights: np.ndarray) -> np.ndarray:
+    def _rows(self, at: Mismatch, weights: np.ndarray) -> np.ndarray:
         """The largest entry of each row (M,) of the Jacobian, the unknowns being of sizes ``weights`` (M,).
 
         A prescribed integral has the rounding of what it is summed from, however little it depends on the unknowns.
         """
-        rows = at.summed.copy()
-        for row, column, block in at.blocks:
-            here, there = slice(row, row + block.shape[0]), slice(column, column + block.shape[1])
-            rows[here] = np.maximum(rows[here], np.abs(block * weights[there]).max(axis=1, initial=0.0))
-        return rows
+        return np.maximum(at.summed, at.jacobian.rows(weights))
 
-    def solve(self, at: Evaluation, right: np.ndarray, weights: np.ndarray) -> np.ndarray | None:
+    def solve(self, at: Mismatch, right: np.ndarray, weights: np.ndarray) -> np.ndarray | None:
         """The solution of Jacobian . dx = right; None when the Jacobian is singular to working precision.
 
         ``weights`` (M,) are the sizes of the unknowns. A problem with a
         symmetry, such as a closed curve that may be shifted along itself,
         leaves dx open: there the shortest is taken.
         """
-        if self.size <= DENSE:
-            out = solve_dense(self._matrix(at) * weights, right, bool(at.growth.max() < MODERATE))
-            return None if out is None else weights * out
-        return solve_sparse(self.size, at.blocks, right, weights)
+        return at.jacobian.solve(right, weights, symmetries=bool(at.growth.max() < MODERATE))
 
     def halved(
-        self, x: np.ndarray, marked: np.ndarray, state_at: Callable[[int, float], np.ndarray]
+        self, x: np.ndarray, marked: np.ndarray, states_at: Callable[[np.ndarray, np.ndarray], np.ndarray]
     ) -> tuple[Segments, np.ndarray]:
-        """Cut the ``marked`` segments in two; ``state_at(segment, t)`` gives the new anchors' states (D,)."""
+        """Cut the ``marked`` segments in two; ``states_at(segments, t)`` gives the new anchors' states (m, D)."""
         states, unknowns, lambdas, nus = self.parts(x)
-        vertices, anchors, out = [self.vertices[0]], [], []
-        knots: dict[int, ca.Function] = {}
-        for i in range(self.count):
-            left, right, anchor = self.vertices[i], self.vertices[i + 1], self.anchors[i]
-            if i in self.knots:
-                knots[len(vertices) - 1] = self.knots[i]
-            if marked[i]:
-                middle = 0.5 * (left + right)
-                share = 0.0 if anchor == left else 1.0 if anchor == right else 0.5
-                for lower, upper in ((left, middle), (middle, right)):
-                    own = lower + share * (upper - lower)
-                    anchors.append(own)
-                    out.append(states[i] if own == anchor else state_at(i, own))
-                    vertices.append(upper)
-            else:
-                anchors.append(anchor)
-                out.append(states[i])
-                vertices.append(right)
-        finer = replace(self, vertices=np.array(vertices), anchors=np.array(anchors), knots=knots)
-        return finer, np.concatenate([np.concatenate(out), unknowns, lambdas, nus])
+        left, right = self.vertices[:-1], self.vertices[1:]
+        vertices = np.sort(np.concatenate([self.vertices, 0.5 * (left + right)[marked]]))
+        own = np.repeat(np.arange(self.count), np.where(marked, 2, 1))
+        share = ((self.anchors - left) / (right - left))[own]
+        inner = np.where(share == 1.0, vertices[1:], vertices[:-1] + share * np.diff(vertices))
+        anchors = np.where(marked[own], inner, self.anchors[own])
+        new = np.flatnonzero(anchors != self.anchors[own])
+        states = states[own]
+        states[new] = states_at(own[new], anchors[new])
+        knots = {int(np.searchsorted(vertices, self.vertices[i])): knot for i, knot in self.knots.items()}
+        finer = replace(self, vertices=vertices, anchors=anchors, knots=knots)
+        return finer, np.concatenate([states.ravel(), unknowns, lambdas, nus])

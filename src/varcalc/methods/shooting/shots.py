@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
+from functools import cached_property
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -36,14 +38,27 @@ class Closure:
 
 
 @dataclass(frozen=True)
-class Shot:
-    """A segment's states at its two vertices with their sensitivities; integrals run from left to right."""
+class Shots:
+    """The segments' states (N, size) at their two vertices with their sensitivities (N, size, columns).
+
+    The integrals run from left to right. ``closures`` are those of the segments that are regular arcs.
+    """
 
     left: np.ndarray
     right: np.ndarray
     left_by: np.ndarray
     right_by: np.ndarray
-    closure: Closure | None = None
+    closures: dict[int, Closure]
+
+    def totals(self, dimension: int) -> np.ndarray:
+        """The integrals, which follow the ``dimension`` other states, over all segments together."""
+        return np.sum(self.right[:, dimension:] - self.left[:, dimension:], axis=0)
+
+    def moved(self, states: np.ndarray, numbers: np.ndarray) -> Shots:
+        """To first order, after small changes of the initial ``states`` (N, D) and of the ``numbers`` they share."""
+        change = np.concatenate([states, np.broadcast_to(numbers, (len(states), len(numbers)))], axis=1)[:, :, None]
+        left, right = ((by @ change)[:, :, 0] for by in (self.left_by, self.right_by))
+        return replace(self, left=self.left + left, right=self.right + right)
 
 
 @dataclass(frozen=True)
@@ -52,7 +67,7 @@ class Paths:
 
     Each sets out from its anchor's scaled state (N, D) with its ``constants`` (N, c). ``regular`` are the singular ends
     at the start and at the end, each the business of the segment that touches it, whose anchor is the other vertex.
-    ``usual`` are the steps that the integrations take at level 0, where they are known.
+    ``taken`` are numbers of steps; twice as many at least are to be taken.
     """
 
     equations: EulerLagrangeFlow
@@ -64,7 +79,7 @@ class Paths:
     constants: np.ndarray
     regular: tuple[RegularEnd | None, RegularEnd | None]
     level: int
-    usual: np.ndarray | None = None
+    taken: np.ndarray | int | None = None
 
     def end(self, i: int) -> RegularEnd | None:
         """The singular end that segment i touches."""
@@ -72,11 +87,17 @@ class Paths:
             return self.regular[0]
         return self.regular[1] if i == len(self.anchors) - 1 else None
 
-    def shots(self, *, every: bool) -> tuple[list[Shot], np.ndarray] | Failure:
+    @property
+    def arcs(self) -> list[int]:
+        """The segments that are regular arcs."""
+        return [i for i in sorted({0, len(self.anchors) - 1}) if self.end(i) is not None]
+
+    def shots(self, *, every: bool) -> tuple[Shots, np.ndarray] | Failure:
         """The states at all vertices and the steps that took, or the first failure (``every``: with all)."""
-        arcs = {i: self._along_arc(i) for i in range(len(self.anchors)) if self.end(i) is not None}
+        arcs = {i: self.passage(i) for i in self.arcs}
         failures = {i: arc for i, arc in arcs.items() if isinstance(arc, Failure)}
         runs, landing = self.carried(dense=False)
+        self.work.add(landing)
         a, b = self.equations.form.span
         for row in np.flatnonzero(landing.outcomes != COMPLETED)[::-1]:
             outcome = OUTCOMES[landing.outcomes[row]]
@@ -85,99 +106,105 @@ class Paths:
             failed = sorted(failures)
             first = failures[failed[0]]
             return Failure(tuple(failed if every else failed[:1]), first.s, first.outcome)
-        shots = self._assembled(runs, landing, {i: arc for i, arc in arcs.items() if isinstance(arc, Shot)})
-        return shots, landing.steps
+        return self._assembled(runs, landing, {i: a for i, a in arcs.items() if isinstance(a, Passage)}), landing.steps
 
     def carried(self, *, dense: bool) -> tuple[np.ndarray, Landing]:
         """All integrations: the segment and the vertex (0 left, 1 right) of each (m, 2), and where they came to."""
         ways = np.column_stack([self.vertices[:-1], self.vertices[1:]])
         going = ways != self.anchors[:, None]
-        going[[i for i in (0, len(ways) - 1) if self.end(i) is not None]] = False
+        going[self.arcs] = False
         runs = np.argwhere(going)
-        segment = runs[:, 0]
-        landing = self.flow.ensemble(
-            self._starts()[segment], self.constants[segment], start=self.anchors[segment], until=ways[going],
-            level=self.level, usual=self.usual, dense=dense,
+        return runs, self._carried(runs[:, 0], ways[going], dense=dense)
+
+    def _carried(self, segment: np.ndarray, until: np.ndarray, *, dense: bool) -> Landing:
+        """Integrations from the anchors of some segments (m,) to t = ``until`` (m,)."""
+        longest = None if self.taken is None else np.abs(until - self.anchors[segment]) / (2 * self.taken + 1)
+        return self.flow.ensemble(
+            self._starts()[segment], self.constants[segment], start=self.anchors[segment], until=until,
+            level=self.level, longest=longest, dense=dense,
         )  # fmt: skip
+
+    def states_at(self, segment: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """The scaled states (m, D) at t (m,), each in a segment that can be crossed."""
+        landing = self._carried(segment, t, dense=False)
         self.work.add(landing)
-        return runs, landing
+        out = landing.states[:, : self.equations.dimension]
+        for i in self.arcs:
+            end, passage, own = self.end(i), self.passage(i), segment == i
+            if end is not None and isinstance(passage, Passage) and own.any():
+                out[own] = end.arc(float(self.anchors[i]), passage)(t[own])
+        return out
 
     def _starts(self) -> np.ndarray:
         state = np.zeros((len(self.states), self.equations.dimension + self.equations.integrals))
         state[:, : self.equations.dimension] = self.states
         return self.equations.system.start(state)
 
-    def _assembled(self, runs: np.ndarray, landing: Landing, arcs: dict[int, Shot]) -> list[Shot]:
+    def _assembled(self, runs: np.ndarray, landing: Landing, arcs: dict[int, Passage]) -> Shots:
         ends = np.repeat(self._starts()[:, None], 2, axis=1)
         ends[runs[:, 0], runs[:, 1]] = landing.states
         states, by = self.equations.system.split(ends)
-        return [
-            arcs[i] if i in arcs else Shot(states[i, 0], states[i, 1], by[i, 0], by[i, 1]) for i in range(len(ends))
-        ]
+        shots = Shots(states[:, 0], states[:, 1], by[:, 0], by[:, 1], {})
+        for i, passage in arcs.items():
+            self._along_arc(i, passage, shots)
+        return shots
 
-    def passage(self, i: int) -> Passage | None:
-        """The regular arc of segment i; None where none is found."""
-        end, n = self.end(i), self.equations.form.n
+    def passage(self, i: int) -> Passage | Failure:
+        """The regular arc of segment i, or that none is found."""
+        end, n, anchor = self.end(i), self.equations.form.n, float(self.anchors[i])
         assert end is not None
-        return end.passage(float(self.anchors[i]), self.states[i, :n], self.constants[i], self.level, self.work)
+        passage = end.passage(anchor, self.states[i, :n], self.constants[i], max(self.level, 0), self.work)
+        a, b = self.equations.form.span
+        return passage or Failure((i,), a + (b - a) * anchor, Outcome.UNRESOLVED)
 
-    def _along_arc(self, i: int) -> Shot | Failure:
-        """The regular arc as a shot; it depends on the ordinates of the anchor, and demands its slope."""
-        n, D = self.equations.form.n, self.equations.dimension
-        size, end, passage = D + self.equations.integrals, self.end(i), self.passage(i)
+    def _along_arc(self, i: int, passage: Passage, shots: Shots) -> None:
+        """Put the regular arc of segment i among the ``shots``.
+
+        It depends on the ordinates of the anchor, and demands its slope.
+        """
+        n, D, end = self.equations.form.n, self.equations.dimension, self.end(i)
         assert end is not None
-        if passage is None:
-            a, b = self.equations.form.span
-            return Failure((i,), a + (b - a) * float(self.anchors[i]), Outcome.UNRESOLVED)
         columns = D + passage.near_by.shape[1] - n
         given = [*range(n), *range(D, columns)]
-        near, far = np.zeros(size), np.concatenate([end.ordinates, passage.far, -passage.integrals])
-        near[:D] = self.states[i]
-        near_by, far_by, by = np.eye(size, columns), np.zeros((size, columns)), np.eye(n, columns, n)
-        near_by[:, D:] = 0.0
+        left = end.at == self.vertices[i]
+        far, far_by = (shots.left[i], shots.left_by[i]) if left else (shots.right[i], shots.right_by[i])
+        far[:], far_by[:] = np.concatenate([end.ordinates, passage.far, -passage.integrals]), 0.0
         far_by[n:D, given], far_by[D:, given] = passage.far_by, -passage.integrals_by
+        by = np.eye(n, columns, n)
         by[:, given] -= passage.near_by
-        closure = Closure(end.at, self.states[i, n:] - passage.near, by)
-        if end.at == self.vertices[i]:
-            return Shot(far, near, far_by, near_by, closure)
-        return Shot(near, far, near_by, far_by, closure)
+        shots.closures[i] = Closure(end.at, self.states[i, n:] - passage.near, by)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Trajectories:
     """The states between all vertices, integrated once more when they are first asked for."""
 
     paths: Paths
-    _dense: dict[tuple[int, int], Any] = field(default_factory=dict, repr=False)
-    _arcs: dict[int, Passage] = field(default_factory=dict, repr=False)
-    _known: bool = False
 
     def __call__(self, t: np.ndarray) -> np.ndarray:
         """The scaled states (D, m) at t (m,)."""
-        self._integrated()
-        paths, D = self.paths, self.paths.equations.dimension
-        at = np.clip(np.searchsorted(paths.vertices, t, side="right") - 1, 0, len(paths.anchors) - 1)
-        out = np.empty((D, len(t)))
+        edges, pieces = self._pieces
+        at = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, len(pieces) - 1)
+        out = np.empty((self.paths.equations.dimension, len(t)))
         for i in map(int, np.unique(at)):
-            end, anchor = paths.end(i), float(paths.anchors[i])
-            if end is not None:
-                out[:, at == i] = end.states(anchor, self._arcs[i], t[at == i]).T
-                continue
-            before = (at == i) & ((t < anchor) | (anchor == paths.vertices[i + 1]))
-            for side, chosen in ((0, before), (1, (at == i) & ~before)):
-                if chosen.any():
-                    low, high = sorted((anchor, float(paths.vertices[i + side])))
-                    out[:, chosen] = self._dense[i, side](np.clip(t[chosen], low, high))[:, :D].T
+            own = at == i
+            out[:, own] = pieces[i](np.clip(t[own], edges[i], edges[i + 1]))[:, : len(out)].T
         return out
 
-    def _integrated(self) -> None:
-        """Integrate all segments, which have arrived at their vertices before."""
-        if self._known:
-            return
-        runs, landing = self.paths.carried(dense=True)
+    @cached_property
+    def _pieces(self) -> tuple[np.ndarray, list[Any]]:
+        """Abscissae, and between them functions from t (m,) to states (m, ..); all runs have arrived before."""
+        paths = self.paths
+        runs, landing = paths.carried(dense=True)
         assert landing.dense is not None
-        self._dense.update({(int(i), int(side)): run for (i, side), run in zip(runs, landing.dense, strict=True)})
-        for i in range(len(self.paths.anchors)):
-            if self.paths.end(i) is not None and (arc := self.paths.passage(i)) is not None:
-                self._arcs[i] = arc
-        self._known = True
+        found: list[tuple[float, Any]] = [
+            (float(min(paths.anchors[i], paths.vertices[i + side])), run)
+            for (i, side), run in zip(runs, landing.dense, strict=True)
+        ]
+        for i in paths.arcs:
+            end, passage = paths.end(i), paths.passage(i)
+            assert end is not None
+            assert isinstance(passage, Passage)
+            found.append((float(paths.vertices[i]), end.arc(float(paths.anchors[i]), passage)))
+        found.sort(key=itemgetter(0))
+        return np.array([*(edge for edge, _ in found), 1.0]), [piece for _, piece in found]
