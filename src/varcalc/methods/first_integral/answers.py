@@ -35,7 +35,7 @@ class NotFound(Exception):
 
 
 @dataclass(frozen=True)
-class Ends:
+class EndValues:
     """The two ends of a graph; an ordinate is None where it is free."""
 
     x0: float
@@ -79,7 +79,7 @@ class ConstantCurve:
     """The curve y = const."""
 
     height: float
-    ends: Ends
+    ends: EndValues
 
     @property
     def nodes(self) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from varcalc.methods.first_integral.answers import ROUND_OFF, ConstantCurve, Ends, Evaluate, Reduced, Unsuitable
+from varcalc.methods.first_integral.answers import ROUND_OFF, ConstantCurve, EndValues, Evaluate, Reduced, Unsuitable
 from varcalc.methods.first_integral.contract import Aim, Joined
 from varcalc.methods.first_integral.curves import OrbitCurve
 from varcalc.methods.first_integral.energy import EnergyLines
@@ -42,11 +42,11 @@ class Autonomous(Reduction):
         """What kind of extremal is looked for."""
         return f"no extremal with at most one turning point and L_y'y' {self.sign}"
 
-    def aim(self, ends: Ends) -> Aim:
+    def aim(self, ends: EndValues) -> Aim:
         """A curve must cover the width of the interval."""
         return Aim(ends.width, ends.width, self.integrands.levels)
 
-    def reaching(self, ends: Ends, covered: float) -> Ends:
+    def reaching(self, ends: EndValues, covered: float) -> EndValues:
         """The ends of a curve that covers another width."""
         return replace(ends, x1=ends.x0 + covered)
 
@@ -59,7 +59,7 @@ class Autonomous(Reduction):
         slope = PROBED_SLOPES * self.integrands.scale
         return self.integrands.at(np.zeros_like(slope), np.full_like(slope, y), slope)
 
-    def _points(self, ends: Ends) -> Points:
+    def _points(self, ends: EndValues) -> Points:
         known = [y for y in (ends.y0, ends.y1) if y is not None]
         points = Points(ends.y0, ends.y1, ends.width)
         singular = tuple(y for y in known if not self._regular(y) or self._almost_singular(y, points.size))
@@ -78,7 +78,7 @@ class Autonomous(Reduction):
         tried = [*(middle + steps), *(y + s for y in points.known for s in steps[5:])]
         return next((float(y) for y in tried if self._regular(float(y))), None)
 
-    def curves(self, ends: Ends) -> list[Joined]:
+    def curves(self, ends: EndValues) -> list[Joined]:
         """Every curve found between the ends, over all families."""
         points = self._points(ends)
         inside = self._inside(points)
@@ -103,7 +103,7 @@ class Autonomous(Reduction):
                 "does not look for; use Ritz or Collocation"
             )
 
-    def level(self, ends: Ends) -> Reduced | None:
+    def level(self, ends: EndValues) -> Reduced | None:
         """y = const where that joins the ends and fulfils the Euler-Lagrange equation.
 
         It always fulfils L - y' L_y' = const: the first integral alone proves nothing here.
@@ -124,7 +124,7 @@ class Autonomous(Reduction):
         errors = ROUND_OFF * abs(value), ROUND_OFF * abs(y)
         return Reduced(value, errors[0], curve, errors[1], curve.nodes, np.zeros(0), partials, 1)
 
-    def from_start(self, ends: Ends, start: LevelStart) -> Iterator[Joined]:
+    def from_start(self, ends: EndValues, start: LevelStart) -> Iterator[Joined]:
         """Turning where the start turns, monotone where it does not."""
         if not self.legendre(1.0 if start.convex else -1.0):
             return
@@ -151,7 +151,7 @@ class Autonomous(Reduction):
                 yield found
                 return
 
-    def curve(self, batch: CurveBatch, found: Joined, ends: Ends) -> Evaluate:
+    def curve(self, batch: CurveBatch, found: Joined, ends: EndValues) -> Evaluate:
         """The curve by inversion of x(y)."""
         assert isinstance(found.family, Orbits)
         return OrbitCurve(found.family.lines, batch, found.measured, ends.x0, ends.x1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from varcalc.methods.first_integral.answers import Ends, Evaluate
+from varcalc.methods.first_integral.answers import EndValues, Evaluate
 from varcalc.methods.first_integral.contract import Aim, Joined, measure_one
 from varcalc.methods.first_integral.isoperimetric import LevelStart
 from varcalc.methods.first_integral.lines import CurveBatch
@@ -34,17 +34,17 @@ class Cyclic(Reduction):
         """What kind of extremal is looked for."""
         return f"no extremal whose slope stays finite, with L_y'y' {self.sign},"
 
-    def aim(self, ends: Ends) -> Aim:
+    def aim(self, ends: EndValues) -> Aim:
         """A curve must rise from one ordinate to the other; with a free end any rise will do."""
         known = [y for y in (ends.y0, ends.y1) if y is not None]
         size = max(*map(abs, known), self.integrands.scale * ends.width)
         return Aim(known[1] - known[0] if len(known) > 1 else None, size, self.integrands.levels)
 
-    def reaching(self, ends: Ends, covered: float) -> Ends:
+    def reaching(self, ends: EndValues, covered: float) -> EndValues:
         """The ends of a curve that rises otherwise."""
         return replace(ends, y1=(ends.y0 or 0.0) + covered)
 
-    def _points(self, ends: Ends) -> Abscissae:
+    def _points(self, ends: EndValues) -> Abscissae:
         marks = tuple(b for b in self.integrands.problem.breakpoints if ends.x0 < b < ends.x1)
         stops = (ends.x0, *marks, ends.x1)
         singular = tuple(not np.isfinite(self._probe(x)[:, :, 0]).all() for x in (ends.x0, ends.x1))
@@ -54,7 +54,7 @@ class Cyclic(Reduction):
         slope = PROBED_SLOPES * self.integrands.scale
         return self.integrands.at(np.full_like(slope, x), np.zeros_like(slope), slope)
 
-    def curves(self, ends: Ends) -> list[Joined]:
+    def curves(self, ends: EndValues) -> list[Joined]:
         """The curve with L_y' = c that rises as far as it must; c = 0 where an end is free."""
         none, found = np.zeros(0), []
         for family in self._families(ends, none):
@@ -64,7 +64,7 @@ class Cyclic(Reduction):
                 found += joining(family, SLOPE_GRID, self.aim(ends))
         return found
 
-    def _families(self, ends: Ends, multipliers: np.ndarray) -> list[Rising]:
+    def _families(self, ends: EndValues, multipliers: np.ndarray) -> list[Rising]:
         points = self._points(ends)
         inside = 0.5 * (points.stops[0] + points.stops[1])
         sign = self._probe(inside)[0, 4]
@@ -87,7 +87,7 @@ class Cyclic(Reduction):
             return []
         return [Joined(family, parameter, np.zeros(0), measure_one(family, parameter, np.zeros(0)))]
 
-    def from_start(self, ends: Ends, start: LevelStart) -> Iterator[Joined]:
+    def from_start(self, ends: EndValues, start: LevelStart) -> Iterator[Joined]:
         """Newton's method from the slope the start has at the reference."""
         if not self.legendre(1.0 if start.convex else -1.0):
             return
@@ -101,7 +101,7 @@ class Cyclic(Reduction):
         if found is not None:
             yield found
 
-    def curve(self, batch: CurveBatch, found: Joined, ends: Ends) -> Evaluate:
+    def curve(self, batch: CurveBatch, found: Joined, ends: EndValues) -> Evaluate:
         """The curve as the integral of its slope."""
         assert isinstance(found.family, Rising)
         rise = float(found.measured.x[0])

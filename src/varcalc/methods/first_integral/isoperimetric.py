@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.methods.first_integral.answers import Ends, Unsuitable
+from varcalc.methods.first_integral.answers import EndValues, Unsuitable
 from varcalc.methods.first_integral.integrands import ReducedIntegrands
 from varcalc.numerics.roots import scanned_root
 
@@ -26,7 +26,7 @@ class LevelStart:
     convex: bool
 
 
-def starts(integrands: ReducedIntegrands, ends: Ends, row: int) -> list[LevelStart]:
+def starts(integrands: ReducedIntegrands, ends: EndValues, row: int) -> list[LevelStart]:
     """Curves chord + A x (1 - x) that have the isoperimetric level, with the multiplier fitted to each.
 
     The first integral is linear in the constant and the multiplier: both follow by least squares along the curve.

@@ -12,7 +12,7 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.methods.answer import Deferred
-from varcalc.methods.first_integral.answers import Ends, NotFound, Reduced, Unsuitable
+from varcalc.methods.first_integral.answers import EndValues, NotFound, Reduced, Unsuitable
 from varcalc.methods.first_integral.autonomous import Autonomous
 from varcalc.methods.first_integral.cyclic import Cyclic
 from varcalc.methods.first_integral.integrands import ReducedIntegrands, Stopwatch
@@ -86,15 +86,15 @@ def suitable(problem: Functional) -> Problem:
     return problem
 
 
-def _ends(problem: Problem) -> Ends:
+def _ends(problem: Problem) -> EndValues:
     known = [float(e.values(1)[0]) for e in (problem.start, problem.end)]
     y = [None if math.isnan(value) else value for value in known]
     if y == [None, None]:
         raise Unsuitable("both ends are free, so FirstIntegral has no point to start from; use Ritz or Collocation")
-    return Ends(problem.span[0], y[0], problem.span[1], y[1])
+    return EndValues(problem.span[0], y[0], problem.span[1], y[1])
 
 
-def reduction_of(problem: Problem, ends: Ends, building: Stopwatch) -> Reduction:
+def reduction_of(problem: Problem, ends: EndValues, building: Stopwatch) -> Reduction:
     """The reduction the Lagrangian and the isoperimetric integrands allow, by structure."""
     with building:
         parts = [Lagrangian(problem.symbols, e) for e in (problem.integrand, *(t.expression for t in problem.traced))]
@@ -107,7 +107,7 @@ def reduction_of(problem: Problem, ends: Ends, building: Stopwatch) -> Reduction
     raise Unsuitable("both x and y occur in the Lagrangian, so it has no first integral to integrate; use Collocation")
 
 
-def steep(ends: Ends) -> bool:
+def steep(ends: EndValues) -> bool:
     """True when x(y) keeps more digits than y(x), which decides where both variables are ignorable."""
     return ends.y0 is not None and ends.y1 is not None and ends.mean_slope > 1 and ends.y0 != ends.y1
 
@@ -118,7 +118,7 @@ def _best(problem: Problem, building: Stopwatch) -> Reduced:
     return _best_between_given(problem, _ends(problem), building)
 
 
-def _best_between_given(problem: Problem, ends: Ends, building: Stopwatch) -> Reduced:
+def _best_between_given(problem: Problem, ends: EndValues, building: Stopwatch) -> Reduced:
     if ends.width <= 0:
         raise NotFound("the curve an end slides on does not lie on the far side of the other end")
     reduction = reduction_of(problem, ends, building)
@@ -144,13 +144,13 @@ def _best_sliding(problem: Problem, building: Stopwatch) -> Reduced:
     vertical = Shore.abscissa(problem, problem.end if at_end else problem.start)
     if vertical is not None:
         x0 = float(fixed.x)
-        straight = Ends(x0, y, vertical, None) if at_end else Ends(vertical, None, x0, y)
+        straight = EndValues(x0, y, vertical, None) if at_end else EndValues(vertical, None, x0, y)
         return _best_between_given(problem, straight, building)
     shore = Shore.of(problem, problem.end if at_end else problem.start, np.array([fixed.x, y]))
 
-    def ends(point: np.ndarray) -> Ends:
+    def ends(point: np.ndarray) -> EndValues:
         x1, y1 = map(float, point)
-        return Ends(float(fixed.x), y, x1, y1) if at_end else Ends(x1, y1, float(fixed.x), y)
+        return EndValues(float(fixed.x), y, x1, y1) if at_end else EndValues(x1, y1, float(fixed.x), y)
 
     first = ends(shore.points[0])
     reduction = reduction_of(problem, first, building)
@@ -167,7 +167,7 @@ def _best_sliding(problem: Problem, building: Stopwatch) -> Reduced:
     return found
 
 
-def best_between(reduction: Reduction, ends: Ends) -> Reduced | None:
+def best_between(reduction: Reduction, ends: EndValues) -> Reduced | None:
     """The extremal of best value between two ends; None when there is none of the kind looked for."""
     sense = reduction.integrands.problem.sign
     rough = sorted(((sense * reduction.value(j, ends), k, j) for k, j in enumerate(reduction.all_curves(ends))))

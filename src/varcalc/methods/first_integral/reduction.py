@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.methods.first_integral.answers import ROUND_OFF, Ends, Evaluate, Reduced
+from varcalc.methods.first_integral.answers import ROUND_OFF, EndValues, Evaluate, Reduced
 from varcalc.methods.first_integral.contract import Aim, Joined
 from varcalc.methods.first_integral.errors import sensitivity
 from varcalc.methods.first_integral.integrands import ReducedIntegrands
@@ -28,19 +28,19 @@ class Reduction(ABC):
     integrands: ReducedIntegrands
 
     @abstractmethod
-    def aim(self, ends: Ends) -> Aim:
+    def aim(self, ends: EndValues) -> Aim:
         """What a curve between the ends must cover."""
 
     @abstractmethod
-    def curves(self, ends: Ends) -> list[Joined]:
+    def curves(self, ends: EndValues) -> list[Joined]:
         """Every curve found between the ends, roughly measured; without isoperimetric levels."""
 
     @abstractmethod
-    def from_start(self, ends: Ends, start: LevelStart) -> Iterator[Joined]:
+    def from_start(self, ends: EndValues, start: LevelStart) -> Iterator[Joined]:
         """Curves with the isoperimetric levels that Newton's method finds from a start."""
 
     @abstractmethod
-    def curve(self, batch: CurveBatch, found: Joined, ends: Ends) -> Evaluate:
+    def curve(self, batch: CurveBatch, found: Joined, ends: EndValues) -> Evaluate:
         """The curve as a function of x."""
 
     @property
@@ -61,7 +61,7 @@ class Reduction(ABC):
             else ("> 0 (Legendre's condition for a minimum)")
         )
 
-    def all_curves(self, ends: Ends) -> list[Joined]:
+    def all_curves(self, ends: EndValues) -> list[Joined]:
         """Every curve found between the ends, with or without isoperimetric levels."""
         if not len(self.integrands.levels):
             return self.curves(ends)
@@ -72,18 +72,18 @@ class Reduction(ABC):
     def row(self) -> int:
         """Which part of :meth:`ReducedIntegrands.at` is the first integral: 2 for L - y' L_y', 3 for the momentum."""
 
-    def level(self, ends: Ends) -> Reduced | None:  # noqa: ARG002
+    def level(self, ends: EndValues) -> Reduced | None:  # noqa: ARG002
         """y = const, where a reduction does not find it by itself and it is an extremal."""
         return None
 
-    def value(self, found: Joined, ends: Ends) -> float:
+    def value(self, found: Joined, ends: EndValues) -> float:
         """The functional, as action + constant * target - sum of lambda_j level_j: stationary in both."""
         target = self.aim(ends).target
         covered = float(found.measured.x[0]) if target is None else target
         total = float(found.measured.action[0]) + float(found.batch.constant[0]) * covered
         return found.family.lines.orientation * total - float(found.multipliers @ self.integrands.levels)
 
-    def answer(self, rough: Joined, ends: Ends) -> Reduced | None:
+    def answer(self, rough: Joined, ends: EndValues) -> Reduced | None:
         """The curve refined to double precision, with its value and errors; None when it is lost on the way."""
         aim = self.aim(ends)
         found = refined(rough, aim)
@@ -110,7 +110,7 @@ class Reduction(ABC):
             points=sum(d.shape[1] for d in measured.dx),
         )
 
-    def end_gradient(self, best: Reduced, ends: Ends, at_end: bool) -> tuple[float, float]:
+    def end_gradient(self, best: Reduced, ends: EndValues, at_end: bool) -> tuple[float, float]:
         """The derivatives of the value by the abscissa and the ordinate of one end.
 
         At the end they are L - y' L_y' and L_y' of the Lagrangian function, at the start the negatives
@@ -123,10 +123,10 @@ class Reduction(ABC):
         return sign * float(energy), sign * float(momentum) / self.integrands.scale
 
     @abstractmethod
-    def reaching(self, ends: Ends, covered: float) -> Ends:
+    def reaching(self, ends: EndValues, covered: float) -> EndValues:
         """The ends of a curve that covers something else."""
 
-    def _curve_error(self, found: Joined, ends: Ends, miss: float) -> float:
+    def _curve_error(self, found: Joined, ends: EndValues, miss: float) -> float:
         """How far the curve can be off when what it covers, and its levels, are off by ``miss``."""
         at = ends.x0 + ends.width * ERROR_PLACES
         y = self.curve(found.batch, found, ends)(at, 0)[0]

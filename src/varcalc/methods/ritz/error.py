@@ -64,7 +64,7 @@ SHARED = 0.1
 
 
 @dataclass(frozen=True)
-class Correction:
+class NewtonEstimate:
     """What the Newton step in a richer space says of a curve, or of K curves: then each entry has a first axis more.
 
     ``value`` is the reported functional in the sense that is minimised, ``error`` and ``curve`` its error and the
@@ -92,7 +92,7 @@ class Correction:
 
 def correction(
     system: RitzSystem, z: np.ndarray, at: Evaluation, change: np.ndarray, miss: np.ndarray, decrement: Any, own: Any
-) -> Correction:
+) -> NewtonEstimate:
     """The correction of the curve ``z`` by ``change``, which has the multipliers ``miss``; its value was ``own``.
 
     The finer rule sees the side conditions missed: to first order that costs the multiplier times the miss.
@@ -115,7 +115,7 @@ def correction(
         scale = scale + np.abs(levels) @ np.abs(system.levels)
         integrand = integrand + (at.integrands[..., 1:] * levels[..., None, :]).sum(-1)
     curve = SAFETY * displacement(here, there)
-    return Correction(value, SAFETY * error, curve, scale, integrand, miss, moved, here, there)
+    return NewtonEstimate(value, SAFETY * error, curve, scale, integrand, miss, moved, here, there)
 
 
 def _total(system: RitzSystem, z: np.ndarray, reported: Reported) -> Any:
@@ -134,7 +134,7 @@ def displacement(here: Reported, there: Reported) -> Any:
 
 
 @dataclass(frozen=True)
-class Estimate(Correction):
+class Estimate(NewtonEstimate):
     """The errors of a rung.
 
     ``system`` is the richer space, with the rung's curve ``z``, its evaluation ``at``
@@ -180,7 +180,7 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
     return Estimate(**vars(found), system=system, z=z, at=at, step=step, shares=_shares(rungs, system, step.change))
 
 
-def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, found: Correction) -> bool:
+def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, found: NewtonEstimate) -> bool:
     """Whether there is a minimum near a curve, as far as a second Newton step can tell.
 
     A step that lowers the functional by far less than its own size in the metric

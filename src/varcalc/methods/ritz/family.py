@@ -23,12 +23,12 @@ from varcalc.methods.ritz.error import (
     SOFT,
     SOFT_MODE,
     UNMOVED,
-    Correction,
+    NewtonEstimate,
     correction,
     missed,
 )
 from varcalc.methods.ritz.method import DEGREES
-from varcalc.methods.ritz.newton import Minima, Model, minima, sound
+from varcalc.methods.ritz.newton import Minima, QuadraticModel, minima, sound
 from varcalc.methods.ritz.starts import bends
 from varcalc.methods.ritz.system import Places, RitzSystem, least_eigenvalue, quadrature_points
 from varcalc.numerics.mesh import Space, on_one_element
@@ -226,7 +226,7 @@ def _judged(
     curvature = there.combined(at, trial.multipliers)
     leading = there.leading(curvature)
     good = sound(there, at) & (least_eigenvalue(curvature[:, :, n:, n:]) > 0.0) & np.isfinite(curvature).all((1, 2, 3))
-    model = Model(at, there.hessian(at, trial.multipliers))
+    model = QuadraticModel(at, there.hessian(at, trial.multipliers))
     # what is positive with a part of the leading term taken off has no soft mode, and is no saddle
     good[good] = positive(model.null.reduced(there.assembled(curvature - SOFT_MODE * leading))[good])
     steps = model.step(-solutions(model.reduced, model.slope))
@@ -255,7 +255,7 @@ def _judged(
     return {row: found for row, found in promising.items() if found is not None}
 
 
-def _forwards(system: RitzSystem, found: Correction) -> Any:
+def _forwards(system: RitzSystem, found: NewtonEstimate) -> Any:
     """Where the curve does not turn back in the abscissa, which is not its own parameter; (K,) of bool."""
     if not system.form.stated.is_lifted:
         return True
@@ -264,7 +264,7 @@ def _forwards(system: RitzSystem, found: Correction) -> Any:
     return forward.min(1) >= -(1e-9 + TURNED * found.curve / width) * np.abs(forward).max(1)
 
 
-def _short_of(found: Correction, size: np.ndarray, tol: float, rounded: np.ndarray, *, last: bool) -> np.ndarray:
+def _short_of(found: NewtonEstimate, size: np.ndarray, tol: float, rounded: np.ndarray, *, last: bool) -> np.ndarray:
     """The factor by which the curve or, its root, the value is worse than a climb asks; inf where round-off limits it.
 
     ``size`` (K,) is the largest ordinate of each curve. On the ``last`` rung no more is asked of a curve

@@ -24,7 +24,7 @@ import numpy as np
 
 from varcalc.formulation import SideCondition
 from varcalc.methods.ritz.integrands import pointwise
-from varcalc.methods.ritz.newton import Outcome
+from varcalc.methods.ritz.newton import Descent
 from varcalc.methods.ritz.system import RitzSystem
 from varcalc.numerics.mesh import basis, basis_at_gauss, gauss, lobatto
 
@@ -87,7 +87,7 @@ class _Program:
 
 def optimise(
     system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, ipopt: Ipopt
-) -> tuple[Outcome, dict[Any, Any]]:
+) -> tuple[Descent, dict[Any, Any]]:
     """A minimum near ``z``.
 
     Returns the outcome and the multipliers of pathwise conditions (functions of
@@ -95,7 +95,7 @@ def optimise(
     ``("integral", index)``).
     """
     if not system.size:  # everything is fixed by the ends: there is nothing to optimise
-        return Outcome(z, multipliers, system.evaluate(z).value, 0, ""), {}
+        return Descent(z, multipliers, system.evaluate(z).value, 0, ""), {}
     scale = _scales(system, z)
     size = system.evaluate(z).scale
     size = size if np.isfinite(size) and size > 0 else 1.0
@@ -137,7 +137,7 @@ def optimise(
     status = str(stats["return_status"])
     good = np.isfinite(at.value) and (status in GOOD or (status in FINISHED and _stationary(stats)))
     reason = "" if good else f"IPOPT stopped with {status}"
-    return Outcome(found, equalities, at.value, int(stats["iter_count"]), reason), others
+    return Descent(found, equalities, at.value, int(stats["iter_count"]), reason), others
 
 
 def _only_minimised(system: RitzSystem) -> bool:

@@ -110,7 +110,7 @@ class Step:
 
 
 @dataclass
-class Outcome:
+class Descent:
     """Where an iteration ended. ``reason`` is empty when it converged to a minimum, ``direct`` tells of whole steps."""
 
     z: np.ndarray
@@ -188,7 +188,7 @@ class NullSpace:
         return -solutions(self._r, applied(self._across.swapaxes(-1, -2), slopes))
 
 
-class Model:
+class QuadraticModel:
     """The quadratic model from an evaluation under the linearised conditions, of one value or of many.
 
     ``reduced`` and ``slope`` are its Hessian and its gradient on the directions that keep the conditions.
@@ -214,7 +214,7 @@ class Model:
 def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
     """The step by null-space reduction and dense factorisation."""
     hessian = system.hessian(at, multipliers)
-    model = Model(at, hessian)
+    model = QuadraticModel(at, hessian)
     if not model.null.independent:
         return None
     solved, shift = _solved(model.reduced, model.slope), 0.0
@@ -226,7 +226,7 @@ def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
         zero_mode = abs(lowest) < (NEARLY_SINGULAR if solved is None else ROUND_OFF)
         if zero_mode or lowest < 0:
             shift = DAMPING if zero_mode else SHIFT * lowest
-            model = Model(at, hessian + shift * metric)
+            model = QuadraticModel(at, hessian + shift * metric)
             solved = _solved(model.reduced, model.slope)
         if solved is None:
             return None
@@ -297,11 +297,11 @@ def lowest_eigenvalue(matrix: np.ndarray, metric: np.ndarray) -> float:
     return float(np.linalg.eigvalsh(np.linalg.solve(factor, half.T))[0])
 
 
-def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton: Newton, tol: float = 0.0) -> Outcome:
+def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton: Newton, tol: float = 0.0) -> Descent:
     """Iterate from ``z`` to a minimum of the discretised functional, good enough for a value to the tolerance."""
     at = system.evaluate(z)
     if not _finite(at):
-        return Outcome(z, multipliers, at.value, 0, NO_NUMBER)
+        return Descent(z, multipliers, at.value, 0, NO_NUMBER)
     if len(multipliers) and not multipliers.any():
         multipliers = first_multipliers(at)
     guarded = at.legendre > 0.0 and len(at.conditions) == 0
@@ -311,7 +311,7 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
     for iteration in range(1, newton.iterations + 1):
         step = newton_step(system, at, multipliers)
         if step is None:
-            return Outcome(z, multipliers, at.value, iteration, "the Newton step is not defined (degenerate Hessian)")
+            return Descent(z, multipliers, at.value, iteration, "the Newton step is not defined (degenerate Hessian)")
         multipliers = step.multipliers
         decrement = _decrement(system, at, step, largest)
         late = iteration > EXPECTED
@@ -321,24 +321,24 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
         following = _search(system, z, at, step, guarded)
         if following is None:
             reason = _unmet(system, at) if decrement <= STAGNATED else "no step along the Newton direction descends"
-            return Outcome(z, multipliers, at.value, iteration, reason)
+            return Descent(z, multipliers, at.value, iteration, reason)
         (z, at, whole), before = following, decrement
         direct = direct and whole and step.definite
         if iteration <= SETTLING:
             largest = max(largest, at.scale)
         elif at.value < -RUNAWAY * largest:
-            return Outcome(z, multipliers, at.value, iteration, "the functional appears to have no lower bound")
-    return Outcome(z, multipliers, at.value, newton.iterations, f"no convergence within {newton.iterations} iterations")
+            return Descent(z, multipliers, at.value, iteration, "the functional appears to have no lower bound")
+    return Descent(z, multipliers, at.value, newton.iterations, f"no convergence within {newton.iterations} iterations")
 
 
-def _ended(system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, iteration: int, *, direct: bool) -> Outcome:
+def _ended(system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, iteration: int, *, direct: bool) -> Descent:
     """The end of an iteration one full step from ``z``."""
     if not len(at.conditions):  # the quadratic model is as good as another evaluation
-        return Outcome(z + step.change, step.multipliers, at.value - step.decrement, iteration, "", direct)
+        return Descent(z + step.change, step.multipliers, at.value - step.decrement, iteration, "", direct)
     last = system.evaluate(z + step.change)
     if _finite(last):
         z, at = z + step.change, last
-    return Outcome(z, step.multipliers, at.value, iteration, _unmet(system, at), direct)
+    return Descent(z, step.multipliers, at.value, iteration, _unmet(system, at), direct)
 
 
 def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float) -> float:
@@ -471,7 +471,7 @@ def minima(system: RitzSystem, z: np.ndarray, *, shifting: bool) -> Minima:
         if not len(rows):
             break
         ended.iterations += 1
-        model = Model(at, system.hessian(at, multipliers))
+        model = QuadraticModel(at, system.hessian(at, multipliers))
         kept = definite = positive(model.reduced)
         if not kept.all():
             if not shifting:
@@ -504,7 +504,9 @@ def _end(ended: Minima, rows: np.ndarray, system: RitzSystem, at: Evaluation, st
     ended.value[rows], ended.found[rows] = last.value, np.isfinite(last.value) & ~missed(system, last, MET)
 
 
-def _shifted(system: RitzSystem, at: Evaluation, multipliers: np.ndarray, model: Model, definite: np.ndarray) -> Model:
+def _shifted(
+    system: RitzSystem, at: Evaluation, multipliers: np.ndarray, model: QuadraticModel, definite: np.ndarray
+) -> QuadraticModel:
     """The model with the Hessians made positive that are not so along the conditions."""
     hessians = system.hessian(at, multipliers)
     for k in np.flatnonzero(~definite):
@@ -512,7 +514,7 @@ def _shifted(system: RitzSystem, at: Evaluation, multipliers: np.ndarray, model:
         lowest = lowest_eigenvalue(model.reduced[k], NullSpace(at.jacobian[k]).reduced(metric[0]))
         # along a symmetry, or where there is no metric, nothing tells how far to go
         hessians[k] += (SHIFT * lowest if lowest < -NEARLY_SINGULAR else np.nan) * metric[0]
-    return Model(at, hessians)
+    return QuadraticModel(at, hessians)
 
 
 def _searched(
