@@ -17,6 +17,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from varcalc.numerics.mesh import gauss
+from varcalc.problem.breaks import breaks
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
@@ -104,7 +105,7 @@ def between_two_points(problem: Functional) -> TypeGuard[Problem]:
     """Whether one function of first order is sought between two given points, and nothing else is asked."""
     if not isinstance(problem, Problem) or problem.n > 1 or problem.order > 1:
         return False
-    more = problem.constraints or problem.unknowns or problem.end_cost or problem.breakpoints
+    more = problem.constraints or problem.unknowns or problem.end_cost or breaks(problem)
     return problem.start.fixed and problem.end.fixed and not more
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from varcalc.formulation import formulate
 from varcalc.formulation.singular import forms
 from varcalc.methods.ritz.method import Ritz
+from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
@@ -83,7 +84,7 @@ def _extreme(problem: Functional, constraint: Isoperimetric, greatest: bool) -> 
     if isinstance(problem, Problem):
         bare = Problem(
             constraint.g, problem.start, problem.end, parameters=problem.parameters, unknowns=problem.unknowns,
-            order=problem.order, maximise=greatest, breakpoints=problem.breakpoints,
+            order=problem.order, maximise=greatest, breakpoints=breaks(problem),
         )  # fmt: skip
     else:
         bare = Curve(
@@ -193,7 +194,7 @@ def _elastic(problem: Problem, sizes: dict[int, float], weight: float) -> Proble
             conditions += _loosened(Bound, constraint.h, constraint.interval, sizes[i], shifted)
     return Problem(
         cost, problem.start, problem.end, constraints=conditions, parameters=problem.parameters,
-        unknowns={**problem.unknowns, name: 1.0}, order=problem.order, breakpoints=problem.breakpoints,
+        unknowns={**problem.unknowns, name: 1.0}, order=problem.order, breakpoints=breaks(problem),
     )  # fmt: skip
 
 

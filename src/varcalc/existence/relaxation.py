@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.numerics.mesh import gauss
+from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -57,7 +58,7 @@ def applies(problem: Functional) -> bool:
         isinstance(problem, Problem)
         and problem.n == 1
         and problem.order == 1
-        and not (problem.unknowns or problem.end_cost or problem.breakpoints)
+        and not (problem.unknowns or problem.end_cost or breaks(problem))
         and not any(end.slides or end.periodic for end in (problem.start, problem.end))
         and not any(isinstance(c, Holonomic | Through) for c in problem.constraints)
     )

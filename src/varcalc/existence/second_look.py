@@ -14,6 +14,7 @@ from varcalc.existence.falling import falling
 from varcalc.formulation import formulate
 from varcalc.formulation.singular.abscissa import powers_at_ends
 from varcalc.formulation.singular.detection import GROWN, PROBE
+from varcalc.problem.breaks import breakable
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.search import Extremals, by_slope_alone
@@ -33,8 +34,8 @@ def second_look(problem: Functional, tol: float, failure: Solution) -> Solution:
         if (fall := falling(problem)) is not None:  # asked first: it takes a hundredth of the time of what follows
             return refused(failure, fall.finding)
         failure = with_corners(problem, tol, failure)
-    if failure.status.ok or failure.verdict is not None:
-        return failure
+    if failure.status.ok or failure.verdict is not None or breakable(problem):
+        return failure  # what follows takes the problem to be smooth
     approach = approached(problem)
     if approach is not None and (between := gap(problem, approach)) is not None:
         return refused(failure, between.finding(approach.limit))

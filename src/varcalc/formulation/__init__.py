@@ -10,7 +10,7 @@ method knows of them.
 
 from __future__ import annotations
 
-from varcalc.formulation.broken import Contact, broken_form
+from varcalc.formulation.broken import Contact, Refraction, Ride, broken_form
 from varcalc.formulation.curve import curve_form
 from varcalc.formulation.form import (
     Conditions,
@@ -48,7 +48,9 @@ __all__ = [
     "Ends",
     "Form",
     "Numbers",
+    "Refraction",
     "Reported",
+    "Ride",
     "Sampled",
     "SideCondition",
     "Start",

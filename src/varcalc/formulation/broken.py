@@ -10,7 +10,7 @@ Gelfand and Fomin, "Calculus of Variations", sect. 15.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -19,6 +19,7 @@ import numpy as np
 
 from varcalc.formulation.form import (
     Coordinates,
+    EndConditions,
     Form,
     Sampled,
     SideCondition,
@@ -30,7 +31,9 @@ from varcalc.formulation.form import (
     rewriter,
 )
 from varcalc.formulation.graph import graph_form
+from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import Problem
+from varcalc.symbolic.switches import held
 from varcalc.symbolic.tracing import Expression
 
 SHORTEST = 1e-2
@@ -47,8 +50,33 @@ class Contact:
     end: float
 
 
+@dataclass(frozen=True)
+class Refraction:
+    """A corner where the curve goes through a surface on which the Lagrangian has a kink, or jumps.
+
+    ``surface`` is zero there, an expression in the problem's symbols for x and y; None for a switch of the slope, at
+    which the ordinate is as free as the abscissa ``x``, of which this is a guess.
+    """
+
+    x: float
+    surface: Expression | None
+
+
+@dataclass(frozen=True)
+class Ride:
+    """A stretch along which the curve stays on a surface where the Lagrangian has a kink: it is zero there."""
+
+    start: float
+    end: float
+    surface: Expression
+
+
 def broken_form(
-    problem: Problem, corners: Sequence[float], curve: Sampled, contacts: Sequence[Contact] | None = None
+    problem: Problem,
+    corners: Sequence[float],
+    curve: Sampled,
+    contacts: Sequence[Contact] | None = None,
+    switched: Sequence[Refraction | Ride] = (),
 ) -> Form:
     """The problem with corners near the given abscissae, where only they and ``curve`` are guesses.
 
@@ -56,14 +84,22 @@ def broken_form(
     the ends are fixed abscissae (:class:`varcalc.Fixed` or :class:`varcalc.Free`).
     With ``contacts``, whose ends are corners or ends of the interval, the
     bounds are kept as equations along them and not at all elsewhere, where it
-    is for the caller to look whether they hold.
+    is for the caller to look whether they hold. ``switched`` are more corners, and stretches that end in corners or
+    at the ends: between them everything that switches is left as it is in the middle of ``curve``'s piece.
     """
     plain = graph_form(problem)
+    refractions = [c for c in switched if isinstance(c, Refraction)]
+    rides = [c for c in switched if isinstance(c, Ride)]
+    edges = {e for r in rides for e in (r.start, r.end)} - set(problem.span)
+    corners = sorted({*corners, *(r.x for r in refractions), *edges})
     symbols = extended(problem, problem.n, len(corners))
-    marks = _marks(problem, plain, corners, symbols.unknowns[len(problem.unknowns) :])
+    moving = symbols.unknowns[len(problem.unknowns) :]
+    marks = _marks(problem, plain, corners, moving)
     x, speed = _piecewise(symbols.x, marks)
     slopes = [symbols.dy / speed] + ([symbols.ddy / speed**2] if problem.order == 2 else [])
-    rewrite = rewriter(problem, symbols, x, symbols.y, slopes, speed)
+    rewrite = unheld = rewriter(problem, symbols, x, symbols.y, slopes, speed)
+    if switched:
+        rewrite = _held_between(problem, symbols, marks, curve, rewrite)
     integrand = plain.sign * rewrite(problem.integrand, True)
     conditions = replace(conditions_of(problem, rewrite), knots=tuple(s for s, _ in marks[1:-1]))
     pathwise = conditions.pathwise
@@ -72,17 +108,70 @@ def broken_form(
         pathwise = tuple(
             replace(bounds[c.index], lower=c.level, upper=c.level, where=(c.start, c.end)) for c in contacts
         )
-    elif pathwise:  # the interior-point method is kept from turning a piece inside out
+    elif pathwise or rides:  # the interior-point method is kept from turning a piece inside out
         pathwise += (SideCondition(speed, SHORTEST, math.inf, -1),)
+    pathwise += tuple(SideCondition(unheld(r.surface, False), 0.0, 0.0, -1, (r.start, r.end)) for r in rides)
     stated = Stated(symbols, integrand, integrand, (x, symbols.y, speed, symbols.dy))
     joint = end_conditions(problem, symbols, lambda k, y: (problem.span[k], y))
+    surfaces = [(r.x, r.surface) for r in refractions if r.surface is not None]
+    if surfaces:
+        joint = _with_surfaces(problem, symbols, joint, corners, moving, surfaces)
     return Form(
         problem,
         Coordinates(stated, problem.span, corners=len(corners), note="corners at unknown abscissae"),
         replace(plain.ends, joint=joint),
         replace(conditions, pathwise=pathwise, waypoints=plain.conditions.waypoints),
-        Start(curve, np.array([*problem.unknown_guesses, *sorted(corners)]), plain.start.bumps),
+        Start(curve, np.array([*problem.unknown_guesses, *corners]), plain.start.bumps),
     )
+
+
+def _held_between(
+    problem: Problem,
+    symbols: Symbols,
+    marks: list[tuple[float, Expression]],
+    curve: Sampled,
+    rewrite: Callable[[Expression, bool], Expression],
+) -> Callable[[Expression, bool], Expression]:
+    """``rewrite``, with everything that switches left on each piece as it is in the middle of the curve's piece."""
+    s, points = problem.symbols, []
+    for (first, _), (last, _) in pairwise(marks):
+        at = first + (last - first) * np.array([0.45, 0.5, 0.55])
+        y = curve(at)
+        slope = (y[:, 2] - y[:, 0]) / (at[2] - at[0])
+        level = np.zeros(s.ddy.numel())
+        points.append([at[1:2], y[:, 1], slope, level, problem.parameter_values, problem.unknown_guesses])
+
+    def rewritten(expression: Expression, integrated: bool) -> Expression:
+        pieces = [rewrite(held([expression], s.all, point)[0], integrated) for point in points]
+        joined = pieces[0]
+        for (start, _), piece in zip(marks[1:-1], pieces[1:], strict=True):
+            joined = ca.if_else(symbols.x < start, joined, piece)
+        return joined
+
+    return rewritten
+
+
+def _with_surfaces(
+    problem: Problem,
+    symbols: Symbols,
+    joint: EndConditions | None,
+    corners: Sequence[float],
+    moving: Expression,
+    surfaces: Sequence[tuple[float, Expression]],
+) -> EndConditions:
+    """The conditions of the ends, and that the curve lies on each surface at its corner."""
+    s, kind = problem.symbols, symbols.kind
+    if joint is None:
+        joint = EndConditions(kind.sym("start", problem.n), kind.sym("end", problem.n), kind(0, 1), kind(0))
+    inside, equations = [], []
+    for k, (at, surface) in enumerate(surfaces):
+        y = kind.sym(f"inside{k}", problem.n)
+        here = moving[corners.index(at)]
+        count = len(problem.unknowns)
+        after = [here, y, symbols.unknowns[:count, :]]
+        equations.append(ca.substitute([surface], [s.x, s.y, s.unknowns], after)[0])
+        inside.append((at, y))
+    return replace(joint, equations=ca.vertcat(joint.equations, *equations), inside=tuple(inside))
 
 
 def _marks(

@@ -52,13 +52,20 @@ class EndConditions:
 
     ``equations`` (a column, zero on admissible curves) and ``cost`` (a scalar)
     are expressions in ``start`` and ``end``, the unknown functions at the two
-    ends, and in the parameters and unknowns of the form.
+    ends, in those at the knots ``inside``, each with its abscissa, and in the
+    parameters and unknowns of the form.
     """
 
     start: Expression
     end: Expression
     equations: Expression
     cost: Expression
+    inside: tuple[tuple[float, Expression], ...] = ()
+
+    @property
+    def places(self) -> list[Expression]:
+        """The unknown functions at the ends, and at knots inside."""
+        return [self.start, self.end, *(y for _, y in self.inside)]
 
 
 @dataclass(frozen=True)
@@ -272,6 +279,22 @@ class Form:
         """True where curves run between separate ends under levels at most: smooth, and without unknown numbers."""
         inside = self.conditions.pathwise or self.conditions.knots or len(self.start.unknowns)
         return self.ends.separate and not inside and not self.refused
+
+    @property
+    def held(self) -> tuple[float, ...]:
+        """Abscissae where curves are held: waypoints, and where they go through surfaces of kinks and jumps."""
+        inside = () if self.ends.joint is None else self.ends.joint.inside
+        return tuple(sorted([at for at, _ in (*self.conditions.waypoints, *inside)]))
+
+    @property
+    def rides(self) -> tuple[tuple[float, float], ...]:
+        """Stretches along which curves follow a surface on which the problem has a kink."""
+        return tuple(c.where for c in self.conditions.pathwise if c.index < 0 and c.equality and c.where is not None)
+
+    @property
+    def broken_at_switches(self) -> bool:
+        """True where curves go through surfaces on which the problem is not smooth, or follow them."""
+        return bool(self.rides) or (self.ends.joint is not None and bool(self.ends.joint.inside))
 
     @property
     def has_inequalities(self) -> bool:

@@ -22,6 +22,7 @@ from varcalc.formulation.form import (
     through,
 )
 from varcalc.formulation.numbers import AtPoints, Reported
+from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Through
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import FEW_FUNCTIONS, Problem
@@ -44,7 +45,7 @@ def graph_form(problem: Problem) -> Form:
         problem,
         Coordinates(Stated(s, integrand, integrand), span, numbers=GraphNumbers() if few else None),
         Ends(start, end, joint, problem.start.periodic),
-        conditions_of(problem, lambda expression, _: expression, problem.breakpoints, waypoints),
+        conditions_of(problem, lambda expression, _: expression, breaks(problem), waypoints),
         Start(line, problem.unknown_guesses, np.eye(problem.n)),
         # where ends are moved nothing else changes: the expressions are in the problem's own symbols
         cache=_graph_cache(problem) if joint is None else Cache(),

@@ -13,6 +13,7 @@ from varcalc.formulation import Form, Sampled
 from varcalc.formulation.singular import Infinite, forms
 from varcalc.methods.arguments import check_arguments
 from varcalc.methods.collocation.method import Collocation
+from varcalc.methods.crossings import met_by
 from varcalc.methods.shooting.method import Shooting
 from varcalc.problem.functional import Functional
 from varcalc.search.collected import as_asked, deflated, degenerate, finer
@@ -88,6 +89,7 @@ def extremals(problem: Functional, *, tol: float = 1e-10, period: Any = None, wi
         for number, each in list(wound(problem, period, windings)):
             search = _Search(tol)
             search.run(each)
+            search.leave_out_what_meets_switches()
             solutions += search.found
             numbers += [number] * len(search.found)
             words.append("; ".join(search.words) if period is None else f"winding {number}: {'; '.join(search.words)}")
@@ -117,6 +119,15 @@ class _Search:
         self.words: list[str] = []
         self.complete = False
         """Whether a scan of one number covers all there is, and resolved it."""
+
+    def leave_out_what_meets_switches(self) -> None:
+        """Drop curves that go through a kink or a jump: the equations they were found by do not hold there."""
+        smooth = [s for s in self.found if not met_by(s)]
+        if len(smooth) < len(self.found):
+            self.words.append(
+                f"curves that meet kinks or jumps of the problem, {len(self.found) - len(smooth)}, left out"
+            )
+            self.found, self.complete = smooth, False
 
     def run(self, problem: Functional) -> None:
         """Search the forms of a problem in turn until one gives extremals."""

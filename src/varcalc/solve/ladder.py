@@ -11,11 +11,13 @@ import numpy as np
 from varcalc.existence.approach import outdone
 from varcalc.existence.broken_curve import with_rival
 from varcalc.existence.feasibility import explained
-from varcalc.formulation import Form, Sampled
+from varcalc.existence.refraction import refracted, smooth_or_refused
+from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
 from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
 from varcalc.methods.ritz.method import Ritz
+from varcalc.problem.breaks import breakable, switches_of
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import (
@@ -77,6 +79,7 @@ def solve(
         from varcalc.existence.second_look import second_look  # few solves need all that it imports
 
         solution = second_look(problem, tol, solution)
+    solution = _made_out(solution)
     if (method is None or isinstance(method, Ritz)) and solution.status.ok:
         solution = with_rival(solution)
     if throw and not solution.status.ok:
@@ -121,8 +124,8 @@ def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:
     failure: Solution | None = None
     for method in LADDER:
         solution = _attempt(problem, method, tol, guess)
-        if solution.status.ok or solution.verdict is not None:
-            return solution
+        if solution.status.ok or solution.verdict is not None or breakable(problem):
+            return solution  # where the problem is not smooth, the other routes are none
         failure = failure or solution
     for guide in _guides():
         extremal = _attempt(problem, guide, tol, guess)
@@ -135,6 +138,15 @@ def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:
 
 
 def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
+    """The answer of a method, in pieces where its curve meets what switches, else over all forms."""
+    if isinstance(method, Ritz) and breakable(problem):
+        broken = refracted(problem, method, tol, _sampled(problem, formulate(problem), guess))
+        if broken is not None:
+            return broken
+    return _over_forms(problem, method, tol, guess)
+
+
+def _over_forms(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
     """The first answer of a method that stands, over all forms; else the failure that got furthest."""
     failure: Solution | None = None
     try:
@@ -151,7 +163,7 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
             start = guess if guess is not None or failure is None or failure.curve is None else failure
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 solution = _worth_something(way.solve(form, tol=tol, guess=_sampled(problem, form, start)))
-            solution = _standing(way, form, solution, tol)
+            solution = _made_out(_standing(way, form, solution, tol))
             if solution.status.ok:
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                     return _beyond_doubt(vouched(_compared(solution, failure), form), form, candidates)
@@ -162,6 +174,11 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
     assert failure is not None
     hopeless = all(form is not None and form.refused for form in candidates)
     return failure if hopeless else explained(problem, failure)
+
+
+def _made_out(solution: Solution) -> Solution:
+    """The answer, refused where its curve meets a kink or a jump that its mesh does not know of."""
+    return smooth_or_refused(solution) if switches_of(solution.problem) else solution
 
 
 def _standing(method: Method, form: Form, solution: Solution, tol: float) -> Solution:

@@ -60,6 +60,10 @@ class AlongCurve:
     evaluate: Callable[[np.ndarray, int], np.ndarray]
     numbers: np.ndarray
     slides: bool
+    held: tuple[float, ...] = ()
+    """Waypoints, and where the curve goes through a surface on which the problem is not smooth: momenta jump there."""
+    rides: tuple[tuple[float, float], ...] = ()
+    """Stretches along which the curve follows such a surface."""
 
     @property
     def form(self) -> Form:
@@ -132,8 +136,10 @@ class AlongCurve:
         return composite_gauss(self.vertices, count)
 
     def parts(self) -> list[tuple[float, float]]:
-        """The intervals between the ends and the waypoints."""
-        return list(pairwise([self.span[0], *(at for at, _ in self.form.conditions.waypoints), self.span[1]]))
+        """The intervals between the ends and where the curve is held, but for those along which it is."""
+        edges = {e for ride in self.rides for e in ride}
+        marks = sorted({self.span[0], *self.held, *edges, self.span[1]})
+        return [(a, b) for a, b in pairwise(marks) if (a, b) not in self.rides]
 
 
 def along_curve(extremal: Extremal) -> AlongCurve:
@@ -155,6 +161,8 @@ def along_curve(extremal: Extremal) -> AlongCurve:
         evaluate=extremal.evaluate,
         numbers=extremal.unknowns,
         slides=False,
+        held=form.held,
+        rides=form.rides,
     )
     return _in_own_abscissa(plain) if slides else plain
 

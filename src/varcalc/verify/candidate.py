@@ -16,7 +16,7 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled, conditions_of
 from varcalc.formulation.singular import forms
-from varcalc.methods.answer import Extremal, person_curve
+from varcalc.methods.answer import Extremal, lifted, person_curve
 from varcalc.methods.collocation.error import Assessment, Root
 from varcalc.methods.collocation.newton import Sizes, start_multipliers
 from varcalc.methods.collocation.refinement import Refinement
@@ -243,6 +243,8 @@ def _refined(refinement: Refinement, level: Root) -> Assessment | None:
 def _inapplicable(form: Form) -> str:
     if form.coordinates.weak_only:
         return "at the singular end only regularity decides"
+    if form.broken_at_switches:
+        return "the curve is broken where the problem has kinks or jumps"
     if any(not c.equality for c in (*form.conditions.integrals, *form.conditions.pathwise)):
         return "inequalities are active"
     return ""
@@ -264,6 +266,11 @@ def _staying(solution: Solution, best: Extremal) -> Extremal | str:
     if moved <= max(POLISH_REACH * float(np.abs(given).max()), 10.0 * solution.error.curve):
         return best
     return f"Newton's iteration for the Euler-Lagrange equation moves it by {moved:.2g}"
+
+
+def _in_x(own: Extremal | None, s: tuple[float, ...]) -> tuple[float, ...]:
+    """Abscissae of a form as the user's."""
+    return s if own is None or own.form.lift is None or not s else tuple(lifted(own, np.array(s))[0].tolist())
 
 
 def _in_user_coordinates(candidate: Candidate) -> AlongCurve:
@@ -299,6 +306,8 @@ def _in_user_coordinates(candidate: Candidate) -> AlongCurve:
         evaluate=solution.curve,
         numbers=numbers,
         slides=False,
+        held=_in_x(own, form.held),
+        rides=tuple((a, b) for a, b in (_in_x(own, ride) for ride in form.rides)),
     )
 
 

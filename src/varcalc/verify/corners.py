@@ -85,7 +85,6 @@ def corners(along: AlongCurve) -> list[Corner]:
     )  # fmt: skip
     left, right = function(inner - step), function(inner + step)
     slopes = [along.evaluate(inner + side * step, 1) for side in (-1, 1)]
-    waypoints = {at for at, _ in along.form.conditions.waypoints}
     found = []
     for k, at in enumerate(map(float, inner)):
         before, after = slopes[0][:, k], slopes[1][:, k]
@@ -97,7 +96,7 @@ def corners(along: AlongCurve) -> list[Corner]:
         found.append(
             Corner(
                 at, float(np.abs(after - before).max()), float(np.abs(right[0][k] - left[0][k]).max()) / size,
-                float("nan") if given else energy, at in waypoints,
+                float("nan") if given else energy, bool(np.any(np.abs(np.array(along.held) - at) <= step)),
             )
         )  # fmt: skip
     return found

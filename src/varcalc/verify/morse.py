@@ -68,6 +68,8 @@ class JacobiEquation(Check[JacobiIndex]):
 def index_by_jacobi(along: AlongCurve) -> JacobiIndex:
     """The index from focal points, with the points themselves; None with the reason where that route is closed."""
     try:
+        if along.form.broken_at_switches:
+            return _closed("the curve is broken where the problem has kinks or jumps")
         return _pieces(along) if along.form.conditions.waypoints else _whole(along)
     except (NotSeparate, Unresolved) as reason:
         return _closed(str(reason))

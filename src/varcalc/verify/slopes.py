@@ -12,6 +12,7 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.methods.answer import Along
+from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -295,7 +296,7 @@ def _functions(problem: Functional) -> _Functions:
 def _corners(solution: Solution) -> np.ndarray:
     """The inner vertices, but for the problem's own, at which the slope jumps."""
     assert solution.curve is not None
-    own = (*solution.problem.breakpoints, *(c.x for c in solution.problem.of_type(Through)))
+    own = (*breaks(solution.problem), *(c.x for c in solution.problem.of_type(Through)))
     inner = np.array([x for x in solution.x[1:-1] if x not in own])
     if not len(inner):
         return inner

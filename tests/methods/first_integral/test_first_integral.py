@@ -190,11 +190,11 @@ def test_what_is_built_is_timed_apart() -> None:
 
 
 def test_both_catenaries_are_seen() -> None:
-    from varcalc.methods.first_integral.method import Ends, Stopwatch, reduction_of
+    from varcalc.methods.first_integral.method import EndValues, Stopwatch, reduction_of
 
     a = critical() - 1e-7
     problem = Problem(film, Fixed(-a, 1), Fixed(a, 1))
-    ends = Ends(-a, 1.0, a, 1.0)
+    ends = EndValues(-a, 1.0, a, 1.0)
     found = reduction_of(problem, ends, Stopwatch()).all_curves(ends)
     assert sorted(j.parameter for j in found) == pytest.approx(sorted(necks(a)), abs=1e-6)
 

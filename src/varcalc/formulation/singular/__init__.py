@@ -37,6 +37,7 @@ from varcalc.formulation.singular.energy import Energy, energy_forms
 from varcalc.formulation.singular.graph import applies, factored_graph
 from varcalc.formulation.singular.powers import power_form
 from varcalc.formulation.singular.units import in_unit, restated
+from varcalc.problem.breaks import breaks
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.symbolic.derived import derived
@@ -222,5 +223,5 @@ def _simple(problem: Problem) -> bool:
     """Whether other coordinates than the person's are available: one function, one end fixed at least."""
     ends = (problem.start, problem.end)
     some_fixed = any(e.fixed for e in ends) and not any(e.periodic for e in ends)
-    bare = not (problem.constraints or problem.end_cost or problem.breakpoints)
+    bare = not (problem.constraints or problem.end_cost or breaks(problem))
     return problem.n == 1 and problem.order == 1 and some_fixed and bare

@@ -37,6 +37,7 @@ from varcalc.formulation import through as broken
 from varcalc.formulation.singular.departure import Departure
 from varcalc.formulation.singular.detection import end_points
 from varcalc.formulation.singular.offsets import gathered
+from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Through
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import Problem
@@ -102,7 +103,7 @@ def factored_graph(problem: Problem, departures: tuple[Departure | None, Departu
             note="powers of t as factors", singular=singular, weak_only=True,
         ),
         Ends(fixed[0][None], fixed[1][None], end_conditions(problem, symbols, at_end)),
-        conditions_of(problem, rewrite, {_parameter(place, x) for x in problem.breakpoints}, waypoints),
+        conditions_of(problem, rewrite, {_parameter(place, x) for x in breaks(problem)}, waypoints),
         Start(broken((0.0, 1.0), straight((0.0, 1.0), *guesses), waypoints), guess, np.eye(problem.n)),
     )  # fmt: skip
 

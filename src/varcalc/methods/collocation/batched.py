@@ -22,6 +22,7 @@ from varcalc.methods.ritz.system import Places
 from varcalc.numerics.damped_newton import CONVERGED
 from varcalc.numerics.mesh import basis_at_gauss, gauss
 from varcalc.numerics.stacked import positive, solutions
+from varcalc.problem.breaks import on_curve
 from varcalc.solution import ErrorEstimate, Solution, Stats
 from varcalc.symbolic.derived import derived
 
@@ -38,7 +39,7 @@ def applies(form: Form) -> bool:
     """Whether a form can be solved so: a first-order functional of one graph between fixed ends, nothing else asked."""
     graph = form.order == 1 and form.n == 1 and not form.stated.is_lifted and not any(form.coordinates.singular)
     fixed = not (np.isnan(form.ends.start).any() or np.isnan(form.ends.end).any())
-    return graph and fixed and form.bare and not form.conditions.integrals
+    return graph and fixed and form.bare and not on_curve(form.problem) and not form.conditions.integrals
 
 
 def system_at(form: Form, degree: int, places: Places) -> CollocationSystem:

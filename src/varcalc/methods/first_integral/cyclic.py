@@ -15,6 +15,7 @@ from varcalc.methods.first_integral.momentum import SLOPE_GRID, Abscissae, Momen
 from varcalc.methods.first_integral.reduction import Reduction
 from varcalc.methods.first_integral.search import joining, solved
 from varcalc.numerics.roots import scanned_root
+from varcalc.problem.breaks import breaks
 
 PROBED_SLOPES = np.array([1e-3, 0.3, -0.3, 1.0, -1.0, 4.0, -4.0])
 START_CLOSE = 1e-8
@@ -45,7 +46,7 @@ class Cyclic(Reduction):
         return replace(ends, y1=(ends.y0 or 0.0) + covered)
 
     def _points(self, ends: EndValues) -> Abscissae:
-        marks = tuple(b for b in self.integrands.problem.breakpoints if ends.x0 < b < ends.x1)
+        marks = tuple(b for b in breaks(self.integrands.problem) if ends.x0 < b < ends.x1)
         stops = (ends.x0, *marks, ends.x1)
         singular = tuple(not np.isfinite(self._probe(x)[:, :, 0]).all() for x in (ends.x0, ends.x1))
         return Abscissae(stops, ends.width, (singular[0], singular[1]))

@@ -33,6 +33,7 @@ from varcalc.methods.ritz.starts import bends
 from varcalc.methods.ritz.system import Places, RitzSystem, least_eigenvalue, quadrature_points
 from varcalc.numerics.mesh import Space, on_one_element
 from varcalc.numerics.stacked import positive, solutions
+from varcalc.problem.breaks import on_curve
 from varcalc.solution import ErrorEstimate, Solution, Stats
 
 BEYOND = 1.5
@@ -100,7 +101,7 @@ def applies(form: Form) -> bool:
     levels = form.conditions.integrals
     if levels and not (form.same_functional and all(c.equality for c in levels)):
         return False
-    return form.order == 1 and form.bare
+    return form.order == 1 and form.bare and not on_curve(form.problem)
 
 
 def system_at(form: Form, degree: int, places: Places) -> RitzSystem:

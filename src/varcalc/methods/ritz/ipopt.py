@@ -25,7 +25,7 @@ import numpy as np
 from varcalc.formulation import SideCondition
 from varcalc.methods.ritz.integrands import pointwise
 from varcalc.methods.ritz.newton import Descent
-from varcalc.methods.ritz.system import RitzSystem
+from varcalc.methods.ritz.system import RitzSystem, joint_vertices
 from varcalc.numerics.mesh import basis, basis_at_gauss, gauss, lobatto
 
 GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
@@ -247,9 +247,9 @@ def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray, start: n
 
     unknowns = program.w[free:] * scale[free:]
     joint = form.ends.joint
-    symbols = [joint.start, joint.end, form.symbols.unknowns, form.symbols.parameters]
+    symbols = [*joint.places, form.symbols.unknowns, form.symbols.parameters]
     function = ca.Function("ends", symbols, [joint.cost, joint.equations])
-    cost, equations = function(end(0), end(space.elements), unknowns, form.problem.parameter_values)
+    cost, equations = function(*map(end, joint_vertices(system)), unknowns, form.problem.parameter_values)
     program.objective += cost
     if equations.numel():
         for row in ca.vertsplit(equations):

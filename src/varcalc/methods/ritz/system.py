@@ -461,12 +461,11 @@ class RitzSystem:
         at.jacobian = np.vstack([at.jacobian, block])
 
     def _end_positions(self) -> tuple[np.ndarray, np.ndarray]:
-        """Places in z, and in (y_start, y_end, unknowns), of the end variables that are free."""
-        last = self.space.elements
-        numbers = [self.space.vertex_number(v, 0, a) for v in (0, last) for a in range(self.n)]
+        """Places in z, and in (y_start, y_end, y at knots, unknowns), of the end variables that are free."""
+        numbers = [self.space.vertex_number(v, 0, a) for v in joint_vertices(self) for a in range(self.n)]
         place = {int(c): i for i, c in enumerate(self.free)}
         pairs = [(place[c], i) for i, c in enumerate(numbers) if c in place]
-        pairs += [(len(self.free) + j, 2 * self.n + j) for j in range(self.extra)]
+        pairs += [(len(self.free) + j, len(numbers) + j) for j in range(self.extra)]
         rows = np.array(pairs, dtype=int).reshape(-1, 2)
         return rows[:, 0], rows[:, 1]
 
@@ -474,13 +473,11 @@ class RitzSystem:
         """End cost, its gradient, the end equations, their Jacobian, all Hessians, and the sizes of the equations."""
         form = self.form
         c = self.coefficients(z)
-        first, last = (
-            np.array([c[self.space.vertex_number(v, 0, a)] for a in range(self.n)]) for v in (0, self.space.elements)
-        )
-        out: Any = at_ends(form)(first, last, self.unknowns(z), form.problem.parameter_values)
+        places = [np.array([c[self.space.vertex_number(v, 0, a)] for a in range(self.n)]) for v in joint_vertices(self)]
+        out: Any = at_ends(form)(*places, self.unknowns(z), form.problem.parameter_values)
         found = [np.asarray(o) for o in out]
         # by how much each equation changes when its variables change by the size of the largest
-        reach = np.abs(np.concatenate([first, last, self.unknowns(z)])).max(initial=0.0)
+        reach = np.abs(np.concatenate([*places, self.unknowns(z)])).max(initial=0.0)
         sizes = np.abs(found[3]).max(1, initial=0.0) * reach
         return [*found, np.where(sizes > 0, sizes, 1.0)]
 
@@ -497,6 +494,13 @@ class RitzSystem:
         out = np.zeros((self.size, self.size))
         out[np.ix_(z, z)] = total[np.ix_(v, v)]
         return out
+
+
+def joint_vertices(system: RitzSystem) -> list[int]:
+    """The vertices whose values the ends' cost and equations are about: the ends, and knots between them."""
+    space, joint = system.space, system.form.ends.joint
+    inside = () if joint is None else joint.inside
+    return [0, space.elements, *(int(np.argmin(np.abs(space.vertices - s))) for s, _ in inside)]
 
 
 def _rule(spans: np.ndarray, count: int, order: int, n: int, extra: int) -> tuple[Any, ...]:

@@ -1,0 +1,158 @@
+"""Minima that meet kinks and jumps of the Lagrangian: broken into pieces where it is smooth.
+
+A coarse solve, in which everything that switches is rounded off, shows where the curve meets what; the abscissae of
+these places then become unknowns, with Weierstrass and Erdmann's conditions of refraction there (Gelfand and Fomin,
+"Calculus of Variations", sect. 15), and the curve follows a kink where that held it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
+from varcalc.methods.answer import lifted
+from varcalc.methods.crossings import ROUND_OFF, Crossing, crossings, met_by, sentence, unmet
+from varcalc.methods.ritz.method import Ritz
+from varcalc.problem.breaks import breakable, crowded
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
+from varcalc.problem.reading import names, text
+from varcalc.solution import Solution, Status, no_answer
+from varcalc.symbolic.derived import Cache
+from varcalc.symbolic.switches import sizes, smoothed
+from varcalc.symbolic.tracing import Expression
+
+Curve = Callable[[np.ndarray, int], np.ndarray]
+
+ROUNDED = (0.3, 0.05, 0.01, 2e-3)
+"""Widths over which switches are rounded off, in turn, relative to the size of what switches."""
+FOLLOWED = 4.0
+"""What is as small as so many widths is followed rather than crossed."""
+COARSE = Ritz(elements=24, degree=3, refine=False)
+FOLLOWED_TO = 1e-6
+"""Size of what is zero along a stretch, in its own units, to which an interior-point method holds it."""
+ROUNDS = 6
+"""Times that pieces are put together anew."""
+MOST = 8
+"""Crossings of one curve that are treated."""
+
+
+def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | None) -> Solution | None:
+    """The minimum with its crossings made out, or the refusal that says what was met; None where no switch is met."""
+    if not (isinstance(problem, Problem) and breakable(problem)):
+        return None
+    curve, width = _rounded(problem, guess)
+    if curve is None:
+        return None
+    nodes = np.linspace(*problem.span, 49)
+    first = found = crossings(problem, curve, nodes, problem.unknown_guesses, max(FOLLOWED * width, ROUND_OFF))
+    if not found:
+        return None
+    for _ in range(ROUNDS):
+        solution = None if len(found) > MOST else _broken_at(problem, method, tol, curve, found)
+        if solution is None or solution.curve is None:
+            break
+        curve = solution.curve
+        rides = any(c.until is not None for c in found)
+        found = met_by(solution, FOLLOWED_TO if rides else ROUND_OFF)
+        if not unmet(problem, found, _corners(solution)):
+            return solution
+    told = "; ".join(sentence(problem, c) for c in first[:2])
+    return no_answer(
+        problem, method, Status.NOT_CONVERGED, f"{told}; curves that are broken there were tried, and none stands"
+    )
+
+
+def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
+    """The least curve that is broken near where ``curve`` meets switches; None where none is found."""
+    if any(_held_in_place(problem, c) for c in found):
+        return None
+    form = broken_form(problem, [], partial(_ordinates, curve), None, [_piece(problem, c) for c in found])
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        solution = replace(method, starts=1).solve(form, tol=tol, guess=None)
+    return solution if solution.status.ok and np.all(np.diff(solution.x) > 0) else None
+
+
+def _held_in_place(problem: Problem, crossing: Crossing) -> bool:
+    """Whether a curve follows a switch of its place: a saddle in the abscissae of the ends, which no descent finds."""
+    return crossing.until is not None and not crossing.switch.depends_on(problem.symbols.dy)
+
+
+def _corners(solution: Solution) -> np.ndarray:
+    """The abscissae of corners that were among the unknowns."""
+    extremal = solution.extremal
+    if extremal is None or not extremal.form.coordinates.corners:
+        return np.zeros(0)
+    return np.array([*lifted(extremal, np.array(extremal.form.conditions.knots))[0], *solution.problem.span])
+
+
+def _piece(problem: Problem, crossing: Crossing) -> Refraction | Ride:
+    switch, s = crossing.switch, problem.symbols
+    surface = switch.argument - crossing.level
+    if crossing.until is not None:
+        first, last = problem.span
+        near = 1e-3 * (last - first)
+        start = first if crossing.x - first < near else crossing.x
+        return Ride(start, last if last - crossing.until < near else crossing.until, surface)
+    return Refraction(crossing.x, None if switch.depends_on(s.dy) else surface)
+
+
+def _rounded(problem: Problem, guess: Sampled | None) -> tuple[Curve | None, float]:
+    """A coarse minimum with all switches rounded off, less and less, and the last width."""
+    plain = formulate(problem)
+    curve: Curve | None = None
+    last = 0.0
+    for width in ROUNDED:
+        form = _smooth(problem, plain, guess or plain.start.curve, width)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            solution = COARSE.solve(form, tol=1e-6, guess=guess)
+        if solution.curve is None or not np.isfinite(solution.value):
+            break
+        curve, last = solution.curve, width
+        guess = partial(_ordinates, curve)
+    return curve, last
+
+
+def _ordinates(curve: Curve, x: np.ndarray) -> np.ndarray:
+    return curve(x, 0)
+
+
+def _smooth(problem: Problem, plain: Form, line: Sampled, width: float) -> Form:
+    s = problem.symbols
+    x = np.linspace(*problem.span, 33)
+    y = line(x)
+    slope = np.gradient(y, x, axis=1)
+    numbers = [[np.array(v) for v in values] for values in (problem.parameter_values, problem.unknown_guesses)]
+    points = [[x], list(y), list(slope), [], *numbers]
+
+    def rewrite(expression: Expression, _: bool) -> Expression:
+        units = sizes([expression], s.all, points)
+        return smoothed([expression], s.all, [width * unit for unit in units])[0]
+
+    integrand = problem.sign * rewrite(problem.integrand, True)
+    coordinates = replace(plain.coordinates, stated=Stated(s, integrand, integrand), numbers=None)
+    conditions = conditions_of(problem, rewrite, plain.conditions.knots, plain.conditions.waypoints)
+    return replace(plain, coordinates=coordinates, conditions=conditions, cache=Cache(), elsewhere=None)
+
+
+def smooth_or_refused(solution: Solution) -> Solution:
+    """The solution, refused where its curve meets a switch that its mesh does not know of."""
+    problem = solution.problem
+    if not solution.status.ok or solution.curve is None:
+        return solution
+    if (switch := crowded(problem)) is not None:
+        told = text(switch.argument, names(problem))
+        message = (
+            f"the problem switches ({switch.word} of {told}) at more abscissae than a mesh is broken at; smooth it"
+        )
+        return replace(solution, status=Status.NOT_CONVERGED, message=message)
+    missed = unmet(problem, met_by(solution), _corners(solution))
+    if not missed:
+        return solution
+    told = sentence(problem, missed[0])
+    message = f"{told}, where the equations of a smooth problem do not hold"
+    return replace(solution, status=Status.NOT_CONVERGED, message=message)

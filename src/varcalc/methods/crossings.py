@@ -1,0 +1,163 @@
+"""Where a curve meets what switches on it: kinks and jumps of the Lagrangian in y, in (x, y) or in the slope.
+
+The equations that methods solve hold on either side of a switch, not across it: there momenta and energy obey
+Weierstrass and Erdmann's conditions of refraction. A curve whose mesh does not know of a crossing is no answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from varcalc.problem.breaks import on_curve
+from varcalc.problem.functional import Functional
+from varcalc.problem.reading import names, text
+from varcalc.solution import Solution
+from varcalc.symbolic.derived import derived
+from varcalc.symbolic.switches import Switch
+
+AN_ELEMENT = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, 16) / 16)
+"""Places in an element at which the switches are looked at, besides its ends."""
+ROUND_OFF = 1e-11
+"""Size of a switch's argument, in units of its own along the curve, that counts as zero."""
+MADE_OUT = 1e-9
+"""Distance, relative to the interval, within which a crossing is at a vertex that the mesh was given for it."""
+RIDDEN = 1e-3
+"""Share of the interval along which an argument is zero, and not at a point."""
+WAVERING = 30.0
+"""Argument, in units of what counts as zero, up to which a curve comes back to a kink that it follows."""
+STRAIGHT = 0.6
+"""Pace in the middle of where an argument is small, in units of what takes it straight through, that is as good."""
+BISECTIONS = 60
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Where a curve goes from one side of a switch to the other, or, with an ``until``, follows it."""
+
+    switch: Switch
+    x: float
+    level: float = 0.0
+    until: float | None = None
+
+
+@derived
+def _arguments(problem: Functional) -> ca.Function:
+    s = problem.symbols
+    found = [ca.densify(switch.argument) for switch in on_curve(problem)]
+    return ca.Function("arguments", s.all, [ca.vertcat(*found)])
+
+
+def crossings(
+    problem: Functional,
+    curve: Callable[[np.ndarray, int], np.ndarray],
+    nodes: np.ndarray,
+    unknowns: np.ndarray,
+    small: float = ROUND_OFF,
+) -> list[Crossing]:
+    """All crossings of a curve, seen at points of the elements between ``nodes``, in their order along it.
+
+    An argument so ``small``, in units of its size along the curve, counts as zero.
+    """
+    switched = on_curve(problem)
+    if not switched:
+        return []
+    nodes = np.unique(nodes)
+    x = np.unique(np.concatenate([nodes, (nodes[:-1, None] + np.diff(nodes)[:, None] * AN_ELEMENT).ravel()]))
+
+    def arguments(at: np.ndarray) -> np.ndarray:
+        y, dy = curve(at, 0), curve(at, 1)
+        ddy = curve(at, 2) if problem.order == 2 else np.zeros((0, len(at)))
+        columns = [np.tile(v[:, None], (1, len(at))) for v in (problem.parameter_values, unknowns)]
+        with np.errstate(all="ignore"):
+            return np.asarray(_arguments(problem)(at[None], y, dy, ddy, *columns)).reshape(len(switched), -1)
+
+    found: list[Crossing] = []
+    for k, (switch, values) in enumerate(zip(switched, arguments(x), strict=True)):
+        found += _of_one(switch, x, values, small, lambda at, k=k: float(arguments(np.array([at]))[k, 0]))
+    return sorted(found, key=lambda c: c.x)
+
+
+def met_by(solution: Solution, small: float = ROUND_OFF) -> list[Crossing]:
+    """The switches that a solution's curve meets."""
+    if solution.curve is None or not on_curve(solution.problem):
+        return []
+    numbers = np.array(list(solution.unknowns.values()))
+    return crossings(solution.problem, solution.curve, solution.x, numbers, small)
+
+
+def _of_one(
+    switch: Switch, x: np.ndarray, values: np.ndarray, small: float, at: Callable[[float], float]
+) -> list[Crossing]:
+    small *= max(float(np.nanmax(np.abs(values), initial=0.0)), 1e-300)
+    signs = np.where(np.abs(values) <= small, 0.0, np.sign(values))
+    side = np.floor(values + small) if switch.stepped else signs
+    found: list[Crossing] = []
+    still = np.flatnonzero(side == 0.0) if not switch.stepped else np.zeros(0, dtype=int)
+    still = _joined(still, np.abs(values) <= WAVERING * small)
+    runs = np.split(still, 1 + np.flatnonzero(np.diff(still) > 1)) if len(still) else []
+    for run in runs:
+        long = x[run[-1]] - x[run[0]] > RIDDEN * (x[-1] - x[0])
+        if long and not switch.jumps and _lingers(values[run], x[run], small):
+            found.append(Crossing(switch, float(x[run[0]]), until=float(x[run[-1]])))
+    known = np.flatnonzero(side != 0.0) if not switch.stepped else np.arange(len(x))
+    for i, j in pairwise(known.tolist()):
+        if side[i] == side[j] or any(c.until is not None and c.x <= x[j] and x[i] <= c.until for c in found):
+            continue
+        low, high = sorted((int(side[i]), int(side[j])))
+        levels = range(low + 1, high + 1) if switch.stepped else (0,)
+        found += [Crossing(switch, _place(at, level, float(x[i]), float(x[j])), float(level)) for level in levels]
+    return found
+
+
+def _joined(still: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Where an argument is zero, with what lies between if that is ``near`` zero throughout."""
+    out = still.tolist()
+    for i, j in pairwise(still.tolist()):
+        if j - i > 1 and near[i:j].all():
+            out += range(i + 1, j)
+    return np.unique(np.array(out, dtype=int))
+
+
+def _lingers(values: np.ndarray, x: np.ndarray, small: float) -> bool:
+    """Whether an argument that is ``small`` goes along zero rather than straight through it."""
+    if len(x) < 3:
+        return False
+    inner = slice(len(x) // 4, max(len(x) // 4 + 2, len(x) - len(x) // 4))
+    pace = np.ptp(values[inner]) / np.ptp(x[inner]) * np.ptp(x)
+    return bool(pace < STRAIGHT * 2 * small)
+
+
+def _place(at: Callable[[float], float], level: float, low: float, high: float) -> float:
+    """Where the argument meets the level between two abscissae, by bisection."""
+    rises = at(high) > at(low)
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if (at(middle) < level) == rises else (low, middle)
+    return 0.5 * (low + high)
+
+
+def unmet(problem: Functional, found: list[Crossing], knots: np.ndarray) -> list[Crossing]:
+    """The crossings at which there is no vertex of those that a mesh was given for such places."""
+    width = problem.span[1] - problem.span[0]
+
+    def missed(x: float) -> bool:
+        return not np.any(np.abs(knots - x) <= MADE_OUT * width)
+
+    return [c for c in found if missed(c.x) or (c.until is not None and missed(c.until))]
+
+
+def sentence(problem: Functional, crossing: Crossing) -> str:
+    """What was seen, in the user's words."""
+    what = "jump" if crossing.switch.jumps else "kink"
+    where = text(crossing.switch.argument, names(problem))
+    level = "a whole number" if crossing.switch.stepped else "0"
+    until = "" if crossing.until is None else f", and follows it to {crossing.until:.6g}"
+    return (
+        f"the problem has a {what} ({crossing.switch.word}) where {where} = {level}, "
+        f"and the curve meets it at x = {crossing.x:.6g}{until}"
+    )

@@ -1,0 +1,155 @@
+"""Where the Lagrangian and the constraints of a problem stop being smooth, as its expressions say.
+
+What switches on x alone switches at abscissae that can be found beforehand; what switches on the curve does so where
+the curve comes by.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from varcalc.problem.functional import Functional
+from varcalc.symbolic.derived import derived
+from varcalc.symbolic.intervals import Interval, enclosures
+from varcalc.symbolic.switches import SWITCHING, Switch, switches
+
+CUTS = 16
+"""Pieces of the interval that are looked at to begin with."""
+MOST_PIECES = 4096
+"""Pieces at one time beyond which abscissae are too many to be placed."""
+MOST_BREAKS = 256
+FINEST = 1e-13
+"""Width of a piece, relative to the interval, that is a point."""
+
+
+@derived
+def switches_of(problem: Functional) -> tuple[Switch, ...]:
+    """All switches of the Lagrangian and the constraints."""
+    expressions = [problem.integrand, *(t.expression for t in problem.traced)]
+    if problem.symbols.kind is not ca.SX:
+        return ()
+    function = ca.Function("all", problem.symbols.all, expressions)
+    if SWITCHING.isdisjoint(map(function.instruction_id, range(function.n_instructions()))):
+        return ()  # as in most problems, of which no more is read
+    return switches(expressions, problem.symbols.all)
+
+
+def along_x(problem: Functional, switch: Switch) -> bool:
+    """Whether a switch is a matter of the abscissa alone (of the parameter, for a Curve)."""
+    s = problem.symbols
+    return not switch.depends_on(ca.vertcat(s.y, s.dy, s.ddy, s.unknowns))
+
+
+@derived
+def on_curve(problem: Functional) -> tuple[Switch, ...]:
+    """The switches that are a matter of where the curve goes; with an end that slides all are."""
+    return tuple(s for s in switches_of(problem) if any(problem.slides) or not along_x(problem, s))
+
+
+def breakable(problem: Functional) -> bool:
+    """Whether a problem has switches on the curve, and is a graph whose curves can be broken there."""
+    if not on_curve(problem) or problem.order != 1 or any(problem.slides) or problem.start.periodic:
+        return False
+    return problem.start.of_space is False
+
+
+def breaks(problem: Functional) -> tuple[float, ...]:
+    """The abscissae inside the interval where something switches, whatever the curve: those given, and those read.
+
+    Where there are too many of them to be placed (:func:`crowded`), or an end slides, those that are read are left out.
+    """
+    known = _placed(problem)
+    return known if isinstance(known, tuple) else problem.breakpoints
+
+
+def crowded(problem: Functional) -> Switch | None:
+    """A switch along x that switches too often for a mesh to be broken at each place; None where there is none."""
+    known = _placed(problem)
+    return known if isinstance(known, Switch) else None
+
+
+def _placed(problem: Functional) -> tuple[float, ...] | Switch | None:
+    """All abscissae, or the switch that has too many; None where nothing is read along x."""
+    read = [s for s in switches_of(problem) if along_x(problem, s)]
+    if not read or any(problem.slides):
+        return None
+    return _placed_at(problem, problem.span, tuple(problem.parameters.values()))
+
+
+@derived
+def _placed_at(problem: Functional, span: tuple[float, float], values: tuple[float, ...]) -> tuple[float, ...] | Switch:
+    found = list(problem.breakpoints)
+    for switch in switches_of(problem):
+        if along_x(problem, switch):
+            here = _abscissae(problem, switch, span, values)
+            if here is None:
+                return switch
+            found += [x for x in here if not any(abs(x - y) <= FINEST * (span[1] - span[0]) for y in found)]
+    return tuple(sorted(x for x in found if span[0] < x < span[1]))
+
+
+def _abscissae(
+    problem: Functional, switch: Switch, span: tuple[float, float], values: tuple[float, ...]
+) -> list[float] | None:
+    """Where the argument of a switch along x is zero, or a whole number, by bisection of enclosures; None: too many."""
+    s = problem.symbols
+    slope = ca.jacobian(switch.argument, s.x)
+    function = ca.Function("argument", [s.x, s.parameters], [switch.argument, slope])
+    numbers = [(np.array(v), np.array(v)) for v in values]
+    edges = np.linspace(*span, CUTS + 1)
+    low, high = edges[:-1], edges[1:]
+    found: list[float] = []
+    while len(low):
+        if len(low) > MOST_PIECES or len(found) > MOST_BREAKS:
+            return None
+        (value,), slope = enclosures(function, [[(low, high)], numbers])
+        least, greatest = (np.broadcast_to(v, low.shape) for v in value)
+        hit = np.floor(greatest) >= np.ceil(least) if switch.stepped else (least <= 0) & (greatest >= 0)
+        hit &= (least < greatest) | (low == high)  # constant there, it does not switch inside
+        single = hit & _one_way(slope, low.shape)
+        if switch.stepped and (greatest - least)[single].sum() > MOST_BREAKS:
+            return None
+        for a, b in zip(low[single].tolist(), high[single].tolist(), strict=True):
+            found += _crossings(function, switch, a, b, values)
+        rest = hit & ~single
+        fine = rest & (high - low <= FINEST * (span[1] - span[0]))
+        found += (0.5 * (low[fine] + high[fine])).tolist()
+        low, high = low[rest & ~fine], high[rest & ~fine]
+        middle = 0.5 * (low + high)
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+    return _apart(sorted(found), 4 * FINEST * (span[1] - span[0]))
+
+
+def _one_way(slope: list[Interval], shape: tuple[int, ...]) -> np.ndarray:
+    """Whether the argument only rises, or only falls."""
+    if not slope:
+        return np.zeros(shape, dtype=bool)
+    least, greatest = (np.broadcast_to(v, shape) for v in slope[0])
+    return (least > 0) | (greatest < 0)
+
+
+def _crossings(function: ca.Function, switch: Switch, a: float, b: float, values: tuple[float, ...]) -> list[float]:
+    """Where an argument that only rises or falls between a and b meets zero, or whole numbers."""
+    from scipy.optimize import brentq
+
+    def at(x: float) -> float:
+        return float(function(x, list(values))[0])
+
+    first, last = at(a), at(b)
+    low, high = min(first, last), max(first, last)
+    levels = np.arange(np.ceil(low), np.floor(high) + 1) if switch.stepped else np.zeros(1)
+    out = []
+    for level in levels.tolist():
+        if level in (first, last):
+            out.append(a if level == first else b)
+        elif low < level < high:
+            out.append(float(brentq(lambda x, level=level: at(x) - level, a, b, xtol=1e-15, rtol=1e-15)))
+    return out
+
+
+def _apart(found: list[float], least: float) -> list[float]:
+    """Abscissae in order, those nearer to each other than ``least`` taken for one."""
+    return [*found[:1], *(b for a, b in pairwise(found) if b - a > least)]

@@ -1,0 +1,204 @@
+"""Where an expression stops being smooth, read from its instructions.
+
+A kink or a jump that is read is never missed, however narrow: |u| has its kink where u = 0, a comparison of a and b
+its jump where a - b = 0, floor(u) one at each whole number u.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from varcalc.symbolic.instructions import BINARY, NAMES, UNARY, interpret
+from varcalc.symbolic.tracing import Expression
+
+ONE_SIDED = {ca.OP_FABS, ca.OP_SIGN}
+PAIRED = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_COPYSIGN}
+STEPPED = {ca.OP_FLOOR, ca.OP_CEIL}
+SWITCHING = ONE_SIDED | PAIRED | STEPPED | {ca.OP_FMOD, ca.OP_REMAINDER}
+"""Operations that are not smooth in what they are done to."""
+CONTINUOUS = {ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}
+"""Those whose result does not jump."""
+SAME = 1e-12
+"""Relative difference that is round-off."""
+WORDS = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
+
+
+@dataclass(frozen=True)
+class Switch:
+    """A place where an expression is not smooth: where ``argument`` is zero, or, ``stepped``, any whole number.
+
+    ``word`` is what was written there (``fabs``, ``fmax``, ``<``), ``jumps`` whether the operation itself jumps.
+    """
+
+    argument: Expression
+    word: str
+    jumps: bool
+    stepped: bool = False
+
+    def depends_on(self, symbols: Expression) -> bool:
+        """Whether the place moves with any of the ``symbols``."""
+        return bool(ca.depends_on(self.argument, symbols))
+
+
+def switches(expressions: Sequence[Expression], symbols: Sequence[Expression]) -> tuple[Switch, ...]:
+    """The switches of SX ``expressions`` in ``symbols``, each once, in the order in which they are carried out.
+
+    Expressions of another kind than SX have none that could be read.
+    """
+    if not all(isinstance(e, ca.SX) for e in expressions):
+        return ()
+    function = ca.Function("read", list(symbols), list(expressions))
+    found: list[Switch] = []
+
+    def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+        if operation in SWITCHING:
+            _noted(found, operation, operands)
+        return ca.SX.unary(operation, *operands) if len(operands) == 1 else ca.SX.binary(operation, *operands)
+
+    interpret(function, [s.nonzeros() if s.numel() else [] for s in symbols], ca.SX, applied)
+    return tuple(found)
+
+
+def _noted(found: list[Switch], operation: int, operands: Sequence[Expression]) -> None:
+    a, b = operands[0], operands[-1]
+    stepped = operation in STEPPED or operation in (ca.OP_FMOD, ca.OP_REMAINDER)
+    argument = a if operation in ONE_SIDED | STEPPED else a / b if stepped else a - b
+    if argument.is_constant():
+        return
+    name = NAMES[operation]
+    switch = Switch(argument, WORDS.get(name, name), operation not in CONTINUOUS, stepped)
+    same = (k for k, s in enumerate(found) if s.stepped == stepped and _one(s.argument, argument))
+    known = next(same, None)
+    if known is None:
+        found.append(switch)
+    elif switch.jumps and not found[known].jumps:
+        found[known] = switch
+
+
+def _one(a: Expression, b: Expression) -> bool:
+    """Whether two arguments vanish together: at every point tried they are the same, or one is minus the other."""
+    if ca.is_equal(a, b, 8):
+        return True
+    symbols = ca.symvar(ca.vertcat(a, b))
+    points = np.modf(np.outer(np.sqrt([2.0, 3.0, 5.0]), 1.0 + np.arange(len(symbols))))[0]
+    pairs = ca.Function("pair", [ca.vertcat(*symbols)], [a, b])
+    found = [[float(v) for v in pairs(point)] for point in points]
+    return any(all(abs(p - sign * q) <= SAME * (abs(p) + abs(q)) for p, q in found) for sign in (1.0, -1.0))
+
+
+def held(
+    expressions: Sequence[Expression], symbols: Sequence[Expression], point: Sequence[np.ndarray]
+) -> list[Expression]:
+    """SX ``expressions`` of ``symbols`` with every switch left on the side on which it is at a ``point``.
+
+    What is returned is smooth, and is what was given as far as the next switch.
+    """
+    function = ca.Function("held", list(symbols), [ca.densify(ca.vertcat(*expressions))])
+
+    def applied(operation: int, operands: Sequence[_Held]) -> _Held:
+        value = float(numbers[operation](*(o.value for o in operands)))
+        written = _side(operation, operands, value)
+        if written is None:
+            parts = [o.written for o in operands]
+            written = ca.SX.unary(operation, *parts) if len(parts) == 1 else ca.SX.binary(operation, *parts)
+        return _Held(written, value)
+
+    numbers = {**UNARY, **BINARY}
+    given = [
+        [_Held(e, float(v)) for e, v in zip(s.nonzeros(), np.ravel(at), strict=True)] if s.numel() else []
+        for s, at in zip(symbols, point, strict=True)
+    ]
+    with np.errstate(all="ignore"):
+        (results,) = interpret(function, given, lambda c: _Held(ca.SX(c), c), applied)
+    return [r.written for r in results]
+
+
+@dataclass(frozen=True)
+class _Held:
+    """An expression, and its value at the point."""
+
+    written: Expression
+    value: float
+
+
+def _side(operation: int, operands: Sequence[_Held], value: float) -> Expression | None:
+    """What an operation that switches is on one side; None for one that does not."""
+    a, b = operands[0], operands[-1]
+    if operation == ca.OP_FABS:
+        return a.written if a.value >= 0 else -a.written
+    if operation in (ca.OP_FMIN, ca.OP_FMAX):
+        return a.written if (a.value <= b.value) == (operation == ca.OP_FMIN) else b.written
+    if operation == ca.OP_COPYSIGN:
+        return a.written if (a.value >= 0) == (b.value >= 0) else -a.written
+    if operation in (ca.OP_FMOD, ca.OP_REMAINDER):
+        return a.written - b.written * round((a.value - value) / b.value)
+    if operation == ca.OP_IF_ELSE_ZERO:
+        return b.written if a.value else ca.SX(0)
+    return ca.SX(value) if operation in SWITCHING else None
+
+
+def sizes(
+    expressions: Sequence[Expression], symbols: Sequence[Expression], points: Sequence[Sequence[np.ndarray]]
+) -> list[float]:
+    """How large the argument of each operation that switches is at ``points``, one array for each entry of a symbol."""
+    found: list[float] = []
+
+    def applied(operation: int, operands: Sequence[np.ndarray]) -> np.ndarray:
+        if operation in SMOOTHED:
+            argument = operands[0] if operation in ONE_SIDED else operands[0] - operands[-1]
+            known = np.abs(argument[np.isfinite(argument)]) if np.ndim(argument) else np.abs(np.ravel(argument))
+            found.append(float(known.max(initial=0.0)) or 1.0)
+        return numbers[operation](*operands)
+
+    numbers = {**UNARY, **BINARY}
+    function = ca.Function("sizes", list(symbols), [ca.densify(ca.vertcat(*expressions))])
+    with np.errstate(all="ignore"):
+        interpret(function, points, np.array, applied)
+    return found
+
+
+def smoothed(
+    expressions: Sequence[Expression], symbols: Sequence[Expression], widths: Sequence[float]
+) -> list[Expression]:
+    """SX ``expressions`` with each operation that switches, in their order, smooth over one of the ``widths``."""
+    left = iter(widths)
+
+    def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+        if operation in SMOOTHED:
+            return SMOOTHED[operation](*operands, next(left))
+        if operation in LOGICAL:
+            return LOGICAL[operation](*operands)
+        return ca.SX.unary(operation, *operands) if len(operands) == 1 else ca.SX.binary(operation, *operands)
+
+    function = ca.Function("smoothed", list(symbols), [ca.densify(ca.vertcat(*expressions))])
+    given = [s.nonzeros() if s.numel() else [] for s in symbols]
+    return interpret(function, given, ca.SX, applied)[0]
+
+
+def _size(a: Expression, width: float) -> Expression:
+    return ca.sqrt(a**2 + width**2)
+
+
+def _step(a: Expression, width: float) -> Expression:
+    return 0.5 * (1 + ca.tanh(a / width))
+
+
+SMOOTHED: dict[int, Callable[..., Expression]] = {
+    ca.OP_FABS: _size,
+    ca.OP_SIGN: lambda a, width: ca.tanh(a / width),
+    ca.OP_FMAX: lambda a, b, width: 0.5 * (a + b + _size(a - b, width)),
+    ca.OP_FMIN: lambda a, b, width: 0.5 * (a + b - _size(a - b, width)),
+    ca.OP_LT: lambda a, b, width: _step(b - a, width),
+    ca.OP_LE: lambda a, b, width: _step(b - a, width),
+}
+LOGICAL: dict[int, Callable[..., Expression]] = {
+    ca.OP_NOT: lambda a: 1 - a,
+    ca.OP_AND: lambda a, b: a * b,
+    ca.OP_OR: lambda a, b: a + b - a * b,
+    ca.OP_IF_ELSE_ZERO: lambda condition, value: condition * value,
+}
+"""Operations on what is true or not, where that is a number between 0 and 1."""

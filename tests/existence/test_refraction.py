@@ -1,0 +1,96 @@
+"""Minima that meet kinks and jumps of the Lagrangian in y, in (x, y) and in the slope, against closed forms."""
+
+import casadi as ca
+import pytest
+from mpmath import findroot, mp, mpf, quad, sqrt
+
+import varcalc as vc
+
+mp.dps = 30
+
+
+def refracted(level, inclined, below, above):
+    """Least optical length from (0, 0) to (1, 1) through the line y = level + inclined x: a root of its derivative."""
+
+    def length(c):
+        y = level + inclined * c
+        return below * sqrt(c**2 + y**2) + above * sqrt((1 - c) ** 2 + (1 - y) ** 2)
+
+    return length(findroot(lambda c: mp.diff(length, c), 0.5))
+
+
+def two_media(level, inclined, below, above):
+    return vc.Problem(
+        lambda x, y, dy: ca.if_else(y > level + inclined * x, above, below) * ca.sqrt(1 + dy**2),
+        vc.Fixed(0, 0), vc.Fixed(1, 1),
+    )  # fmt: skip
+
+
+def stuck(friction, load, shift=0.0):
+    """int y'^2/2 + friction |y' - shift| - load (y - shift x): sliding, held along the middle, sliding back."""
+    problem = vc.Problem(
+        lambda x, y, dy: (dy - shift) ** 2 / 2 + friction * ca.fabs(dy - shift) - load * (y - shift * x),
+        vc.Fixed(0, 0), vc.Fixed(1, shift),
+    )  # fmt: skip
+    m = mpf(load) / 2 - mpf(friction)
+    return problem, -(m**3) / (3 * load)  # y' - shift falls from m to 0 at the rate of the load
+
+
+def across(stiffness):
+    """int y'^2/2 + stiffness |y - 1/2| from (0, 0) to (1, 1), by symmetry through (1/2, 1/2)."""
+    slope = 1 + mpf(stiffness) / 4
+
+    def integrand(x):
+        return (slope - stiffness * x) ** 2 / 2 + stiffness * (0.5 - slope * x + stiffness * x**2 / 2)
+
+    problem = vc.Problem(lambda x, y, dy: dy**2 / 2 + stiffness * ca.fabs(y - 0.5), vc.Fixed(0, 0), vc.Fixed(1, 1))
+    return problem, 2 * quad(integrand, [0, 0.5])
+
+
+CASES = {
+    "a level interface": (two_media(0.4, 0.0, 1.0, 1.5), refracted(mpf("0.4"), 0, 1, mpf("1.5"))),
+    "into the thinner medium": (two_media(0.6, 0.0, 1.3, 1.0), refracted(mpf("0.6"), 0, mpf("1.3"), 1)),
+    "an inclined interface": (two_media(0.3, 0.2, 1.0, 1.4), refracted(mpf("0.3"), mpf("0.2"), 1, mpf("1.4"))),
+    "friction": stuck(1.0, 12.0),
+    "less friction": stuck(0.3, 5.0),
+    "friction against a moving belt": stuck(1.0, 12.0, 0.5),
+    "a kink in y": across(3.0),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_crossing_is_made_out(name):
+    problem, exact = CASES[name]
+    solution = vc.solve(problem)
+    assert abs(solution.value - float(exact)) <= solution.error.value + 1e-14 * abs(float(exact))
+    assert solution.error.value < 1e-8
+    assert vc.verify(solution).verdict is vc.Verdict.MINIMUM
+
+
+@pytest.mark.parametrize("method", [vc.Collocation(), vc.Shooting(), vc.FirstIntegral()])
+@pytest.mark.parametrize("name", ["a level interface", "friction", "a kink in y"])
+def test_no_other_method_calls_a_wrong_answer_right(name, method):
+    problem, exact = CASES[name]
+    solution = vc.solve(problem, method, throw=False)
+    right = abs(solution.value - float(exact)) <= solution.error.value + 1e-14 * abs(float(exact))
+    assert right or not solution.status.ok
+
+
+def test_a_refusal_says_what_was_met_and_where():
+    problem, _ = CASES["friction"]
+    solution = vc.solve(problem, vc.Collocation(), throw=False)
+    assert "a kink (fabs) where y' = 0, and the curve meets it at x = 0.5" in solution.message
+
+
+def test_a_switch_that_no_curve_meets_changes_nothing():
+    line = vc.Problem(lambda x, y, dy: ca.sqrt(1 + dy**2) + ca.fmax(y - 5, 0), vc.Fixed(0, 0), vc.Fixed(1, 1))
+    for method in (None, vc.Collocation(), vc.Shooting(), vc.FirstIntegral()):
+        assert vc.solve(line, method).value == pytest.approx(2**0.5, rel=1e-13)
+
+
+def test_where_a_level_is_followed_it_is_refused_by_name():
+    """A dead core: y'' = 50 down to y = 0, which is kept in between."""
+    core = vc.Problem(lambda x, y, dy: dy**2 / 2 + 50 * ca.fmax(y, 0), vc.Fixed(0, 1), vc.Fixed(1, 1))
+    solution = vc.solve(core, throw=False)
+    assert not solution.status.ok
+    assert "a kink (fmax) where y = 0" in solution.message
