@@ -49,22 +49,29 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     if curve is None:
         return None
     nodes = np.linspace(*problem.span, 49)
-    first = found = crossings(problem, curve, nodes, problem.unknown_guesses, max(FOLLOWED * width, ROUND_OFF))
+    found = crossings(problem, curve, nodes, problem.unknown_guesses, max(FOLLOWED * width, ROUND_OFF))
     if not found:
         return None
+    solution = _settled(problem, method, tol, curve, found)
+    if solution is not None:
+        return solution
+    told = "; ".join(sentence(problem, c) for c in found[:2])
+    message = f"{told}; curves that are broken there were tried, and none stands"
+    return no_answer(problem, method, Status.NOT_CONVERGED, message)
+
+
+def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
+    """The least curve broken where ``curve`` meets switches, or where that one does, until it meets no others."""
     for _ in range(ROUNDS):
         solution = None if len(found) > MOST else _broken_at(problem, method, tol, curve, found)
         if solution is None or solution.curve is None:
-            break
+            return None
         curve = solution.curve
         rides = any(c.until is not None for c in found)
         found = met_by(solution, FOLLOWED_TO if rides else ROUND_OFF)
         if not unmet(problem, found, _corners(solution)):
             return solution
-    told = "; ".join(sentence(problem, c) for c in first[:2])
-    return no_answer(
-        problem, method, Status.NOT_CONVERGED, f"{told}; curves that are broken there were tried, and none stands"
-    )
+    return None
 
 
 def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
@@ -140,19 +147,22 @@ def _smooth(problem: Problem, plain: Form, line: Sampled, width: float) -> Form:
 
 
 def smooth_or_refused(solution: Solution) -> Solution:
-    """The solution, refused where its curve meets a switch that its mesh does not know of."""
+    """The solution, refused where its curve meets a switch that its mesh does not know of.
+
+    A kink that the direct method's curve goes straight through is none of these: the integrand is continuous there, so
+    what the mesh makes of it shows in the error.
+    """
     problem = solution.problem
     if not solution.status.ok or solution.curve is None:
         return solution
     if (switch := crowded(problem)) is not None:
         told = text(switch.argument, names(problem))
-        message = (
-            f"the problem switches ({switch.word} of {told}) at more abscissae than a mesh is broken at; smooth it"
-        )
+        message = f"the problem switches ({switch.word} of {told}) at more abscissae than a mesh can be broken at"
         return replace(solution, status=Status.NOT_CONVERGED, message=message)
     missed = unmet(problem, met_by(solution), _corners(solution))
+    if isinstance(solution.method, Ritz):
+        missed = [c for c in missed if c.switch.jumps or c.until is not None or c.switch.depends_on(problem.symbols.dy)]
     if not missed:
         return solution
-    told = sentence(problem, missed[0])
-    message = f"{told}, where the equations of a smooth problem do not hold"
+    message = f"{sentence(problem, missed[0])}, where the equations of a smooth problem do not hold"
     return replace(solution, status=Status.NOT_CONVERGED, message=message)

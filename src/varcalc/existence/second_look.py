@@ -14,7 +14,6 @@ from varcalc.existence.falling import falling
 from varcalc.formulation import formulate
 from varcalc.formulation.singular.abscissa import powers_at_ends
 from varcalc.formulation.singular.detection import GROWN, PROBE
-from varcalc.problem.breaks import breakable
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.search import Extremals, by_slope_alone
@@ -28,14 +27,17 @@ VANISHING_SHARE = 1e-5
 """Share of its median below which L_y'y' is taken to vanish."""
 
 
-def second_look(problem: Functional, tol: float, failure: Solution) -> Solution:
-    """A minimum with corners, or the failure with the verdict that says why there is no minimum at all."""
+def second_look(problem: Functional, tol: float, failure: Solution, *, smooth: bool) -> Solution:
+    """A minimum with corners, or the failure with the verdict that says why there is no minimum at all.
+
+    Where the curves that were tried are not ``smooth``, nothing is asked that takes the problem to be so.
+    """
     if failure.verdict in (None, Verdict.WEAK_MINIMUM, Verdict.SADDLE):
         if (fall := falling(problem)) is not None:  # asked first: it takes a hundredth of the time of what follows
             return refused(failure, fall.finding)
         failure = with_corners(problem, tol, failure)
-    if failure.status.ok or failure.verdict is not None or breakable(problem):
-        return failure  # what follows takes the problem to be smooth
+    if failure.status.ok or failure.verdict is not None or not smooth:
+        return failure
     approach = approached(problem)
     if approach is not None and (between := gap(problem, approach)) is not None:
         return refused(failure, between.finding(approach.limit))

@@ -72,14 +72,16 @@ def solve(
     if known is not None:
         return known
     check_guess(problem, guess)
-    solution = _linear(problem, method or LADDER[0])
+    solution = _linear(problem, method or LADDER[0]) or _broken(problem, method or LADDER[0], tol, guess)
+    smooth = solution is None
     if solution is None:
         solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
     if method is None and not solution.status.ok:
         from varcalc.existence.second_look import second_look  # few solves need all that it imports
 
-        solution = second_look(problem, tol, solution)
-    solution = _made_out(solution)
+        solution = _made_out(second_look(problem, tol, solution, smooth=smooth))
+    elif method is not None:
+        solution = _made_out(solution)
     if (method is None or isinstance(method, Ritz)) and solution.status.ok:
         solution = with_rival(solution)
     if throw and not solution.status.ok:
@@ -123,30 +125,28 @@ def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:
     """
     failure: Solution | None = None
     for method in LADDER:
-        solution = _attempt(problem, method, tol, guess)
-        if solution.status.ok or solution.verdict is not None or breakable(problem):
-            return solution  # where the problem is not smooth, the other routes are none
+        solution = _made_out(_attempt(problem, method, tol, guess))
+        if solution.status.ok or solution.verdict is not None:
+            return solution
         failure = failure or solution
     for guide in _guides():
         extremal = _attempt(problem, guide, tol, guess)
         if extremal.status.ok:
-            solution = _attempt(problem, replace(LADDER[0], starts=1), tol, extremal)
+            solution = _made_out(_attempt(problem, replace(LADDER[0], starts=1), tol, extremal))
             if solution.status.ok or solution.verdict is Verdict.DEGENERATE:
                 return solution
     assert failure is not None
     return failure
 
 
+def _broken(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution | None:
+    """The answer of the direct method in pieces, or a refusal, where its curve meets what switches; None elsewhere."""
+    if not (isinstance(method, Ritz) and breakable(problem)):
+        return None
+    return refracted(problem, method, tol, _sampled(problem, formulate(problem), guess))
+
+
 def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
-    """The answer of a method, in pieces where its curve meets what switches, else over all forms."""
-    if isinstance(method, Ritz) and breakable(problem):
-        broken = refracted(problem, method, tol, _sampled(problem, formulate(problem), guess))
-        if broken is not None:
-            return broken
-    return _over_forms(problem, method, tol, guess)
-
-
-def _over_forms(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
     """The first answer of a method that stands, over all forms; else the failure that got furthest."""
     failure: Solution | None = None
     try:
@@ -163,7 +163,7 @@ def _over_forms(problem: Functional, method: Method, tol: float, guess: Guess) -
             start = guess if guess is not None or failure is None or failure.curve is None else failure
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 solution = _worth_something(way.solve(form, tol=tol, guess=_sampled(problem, form, start)))
-            solution = _made_out(_standing(way, form, solution, tol))
+            solution = _standing(way, form, solution, tol)
             if solution.status.ok:
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                     return _beyond_doubt(vouched(_compared(solution, failure), form), form, candidates)
