@@ -53,6 +53,8 @@ CASES = {
     "an inclined interface": (two_media(0.3, 0.2, 1.0, 1.4), refracted(mpf("0.3"), mpf("0.2"), 1, mpf("1.4"))),
     "friction": stuck(1.0, 12.0),
     "less friction": stuck(0.3, 5.0),
+    "friction nearly as strong as the load": stuck(2.5, 9.0),
+    "hardly any friction": stuck(0.15, 15.0),
     "friction against a moving belt": stuck(1.0, 12.0, 0.5),
     "a kink in y": across(3.0),
 }
@@ -94,3 +96,12 @@ def test_where_a_level_is_followed_it_is_refused_by_name():
     solution = vc.solve(core, throw=False)
     assert not solution.status.ok
     assert "a kink (fmax) where y = 0" in solution.message
+
+
+@pytest.mark.parametrize(("friction", "load"), [(1.0, 1.5), (2.0, 0.6), (3.0, 5.9)])
+def test_where_friction_holds_all_the_way_no_sliding_is_called_an_answer(friction, load):
+    """y = 0 is least: what slides anywhere costs more than it gains."""
+    problem = vc.Problem(lambda x, y, dy: dy**2 / 2 + friction * ca.fabs(dy) - load * y, vc.Fixed(0, 0), vc.Fixed(1, 0))
+    solution = vc.solve(problem, throw=False)
+    assert not solution.status.ok or abs(solution.value) <= solution.error.value
+    assert "a kink (fabs) where y' = 0" in solution.message

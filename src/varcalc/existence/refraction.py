@@ -14,8 +14,8 @@ from functools import partial
 import numpy as np
 
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
-from varcalc.methods.answer import lifted
-from varcalc.methods.crossings import ROUND_OFF, Crossing, crossings, met_by, sentence, unmet
+from varcalc.methods.answer import composite_gauss, lifted
+from varcalc.methods.crossings import ROUND_OFF, Crossing, argument_sizes, crossings, met_by, sentence, unmet
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.breaks import breakable, crowded
 from varcalc.problem.functional import Functional
@@ -30,13 +30,19 @@ Curve = Callable[[np.ndarray, int], np.ndarray]
 
 ROUNDED = (0.3, 0.05, 0.01, 2e-3)
 """Widths over which switches are rounded off, in turn, relative to the size of what switches."""
-FOLLOWED = 4.0
-"""What is as small as so many widths is followed rather than crossed."""
+FOLLOWED = (4.0, 40.0, 400.0)
+"""What is as small as so many widths is followed rather than crossed, where that leads to a curve that stands."""
 COARSE = Ritz(elements=24, degree=3, refine=False)
 FOLLOWED_TO = 1e-6
 """Size of what is zero along a stretch, in its own units, to which an interior-point method holds it."""
+NEAR_ENDS = 1e-3
+"""Share of the interval within which what is followed is followed from an end, or to it."""
 ROUNDS = 6
 """Times that pieces are put together anew."""
+GAUSS_POINTS = 24
+"""Points an element at which a curve's functional is summed again."""
+HELD = 1e-7
+"""Difference, relative to what is summed, of a curve's functional and that of its pieces, which the sum may make."""
 MOST = 8
 """Crossings of one curve that are treated."""
 
@@ -49,13 +55,17 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     if curve is None:
         return None
     nodes = np.linspace(*problem.span, 49)
-    found = crossings(problem, curve, nodes, problem.unknown_guesses, max(FOLLOWED * width, ROUND_OFF))
-    if not found:
+    units = argument_sizes(problem, np.linspace(*problem.span, 33), formulate(problem).start.curve)
+    met: list[Crossing] = []
+    for followed in FOLLOWED:
+        small = max(followed * width, ROUND_OFF)
+        found = crossings(problem, curve, nodes, problem.unknown_guesses, small, units)
+        if found and (solution := _settled(problem, method, tol, curve, found)) is not None:
+            return solution
+        met = met or found
+    if not met:
         return None
-    solution = _settled(problem, method, tol, curve, found)
-    if solution is not None:
-        return solution
-    told = "; ".join(sentence(problem, c) for c in found[:2])
+    told = "; ".join(sentence(problem, c) for c in met[:2])
     message = f"{told}; curves that are broken there were tried, and none stands"
     return no_answer(problem, method, Status.NOT_CONVERGED, message)
 
@@ -69,9 +79,22 @@ def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: li
         curve = solution.curve
         rides = any(c.until is not None for c in found)
         found = met_by(solution, FOLLOWED_TO if rides else ROUND_OFF)
+        if not _as_held(problem, solution):
+            return None
         if not unmet(problem, found, _corners(solution)):
             return solution
     return None
+
+
+def _as_held(problem: Problem, solution: Solution) -> bool:
+    """Whether a curve's functional, with its switches where the curve puts them, is what was found of its pieces."""
+    assert solution.curve is not None
+    x, weights = composite_gauss(solution.x, GAUSS_POINTS)
+    values = problem.integrand_values(x, solution.curve(x, 0), solution.curve(x, 1))
+    value, size = float(values @ weights), float(np.abs(values) @ weights)
+    if problem.end_cost is not None:
+        return True  # the pieces are held against one another by their ends' cost as well
+    return abs(value - solution.value) <= solution.error.value + HELD * size
 
 
 def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
@@ -85,8 +108,12 @@ def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: 
 
 
 def _held_in_place(problem: Problem, crossing: Crossing) -> bool:
-    """Whether a curve follows a switch of its place: a saddle in the abscissae of the ends, which no descent finds."""
-    return crossing.until is not None and not crossing.switch.depends_on(problem.symbols.dy)
+    """Whether a curve follows a switch from end to end, or one of its place: a saddle in where it begins to."""
+    if crossing.until is None:
+        return False
+    first, last = problem.span
+    whole = crossing.until - crossing.x >= (1 - NEAR_ENDS) * (last - first)
+    return whole or not crossing.switch.depends_on(problem.symbols.dy)
 
 
 def _corners(solution: Solution) -> np.ndarray:
@@ -102,7 +129,7 @@ def _piece(problem: Problem, crossing: Crossing) -> Refraction | Ride:
     surface = switch.argument - crossing.level
     if crossing.until is not None:
         first, last = problem.span
-        near = 1e-3 * (last - first)
+        near = NEAR_ENDS * (last - first)
         start = first if crossing.x - first < near else crossing.x
         return Ride(start, last if last - crossing.until < near else crossing.until, surface)
     return Refraction(crossing.x, None if switch.depends_on(s.dy) else surface)
@@ -114,7 +141,7 @@ def _rounded(problem: Problem, guess: Sampled | None) -> tuple[Curve | None, flo
     curve: Curve | None = None
     last = 0.0
     for width in ROUNDED:
-        form = _smooth(problem, plain, guess or plain.start.curve, width)
+        form = _smooth(problem, plain, width)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             solution = COARSE.solve(form, tol=1e-6, guess=guess)
         if solution.curve is None or not np.isfinite(solution.value):
@@ -128,10 +155,10 @@ def _ordinates(curve: Curve, x: np.ndarray) -> np.ndarray:
     return curve(x, 0)
 
 
-def _smooth(problem: Problem, plain: Form, line: Sampled, width: float) -> Form:
+def _smooth(problem: Problem, plain: Form, width: float) -> Form:
     s = problem.symbols
     x = np.linspace(*problem.span, 33)
-    y = line(x)
+    y = plain.start.curve(x)
     slope = np.gradient(y, x, axis=1)
     numbers = [[np.array(v) for v in values] for values in (problem.parameter_values, problem.unknown_guesses)]
     points = [[x], list(y), list(slope), [], *numbers]

@@ -10,7 +10,7 @@ Gelfand and Fomin, "Calculus of Variations", sect. 15.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -111,6 +111,11 @@ def broken_form(
     elif pathwise or rides:  # the interior-point method is kept from turning a piece inside out
         pathwise += (SideCondition(speed, SHORTEST, math.inf, -1),)
     pathwise += tuple(SideCondition(unheld(r.surface, False), 0.0, 0.0, -1, (r.start, r.end)) for r in rides)
+    pathwise += tuple(
+        SideCondition(unheld(r.surface, False), *((0.0, math.inf) if side > 0 else (-math.inf, 0.0)), -1, piece)
+        for r in rides
+        for piece, side in _sides(problem, r, marks, curve)
+    )
     stated = Stated(symbols, integrand, integrand, (x, symbols.y, speed, symbols.dy))
     joint = end_conditions(problem, symbols, lambda k, y: (problem.span[k], y))
     surfaces = [(r.x, r.surface) for r in refractions if r.surface is not None]
@@ -125,6 +130,28 @@ def broken_form(
     )
 
 
+def _points(
+    problem: Problem, marks: list[tuple[float, Expression]], curve: Sampled
+) -> Iterator[tuple[tuple[float, float], list[np.ndarray]]]:
+    """Each piece between marks, and the arguments of the problem's expressions in the middle of the curve's piece."""
+    level = np.zeros(problem.symbols.ddy.numel())
+    for (first, _), (last, _) in pairwise(marks):
+        at = first + (last - first) * np.array([0.45, 0.5, 0.55])
+        y = curve(at)
+        slope = (y[:, 2] - y[:, 0]) / (at[2] - at[0])
+        yield (first, last), [at[1:2], y[:, 1], slope, level, problem.parameter_values, problem.unknown_guesses]
+
+
+def _sides(
+    problem: Problem, ride: Ride, marks: list[tuple[float, Expression]], curve: Sampled
+) -> Iterator[tuple[tuple[float, float], float]]:
+    """The pieces along which a surface is not followed, and the side of it on which the curve's piece is."""
+    surface = ca.Function("surface", problem.symbols.all, [ride.surface])
+    for (first, last), point in _points(problem, marks, curve):
+        if not ride.start <= first < ride.end:
+            yield (first, last), float(surface(*point))
+
+
 def _held_between(
     problem: Problem,
     symbols: Symbols,
@@ -133,13 +160,7 @@ def _held_between(
     rewrite: Callable[[Expression, bool], Expression],
 ) -> Callable[[Expression, bool], Expression]:
     """``rewrite``, with everything that switches left on each piece as it is in the middle of the curve's piece."""
-    s, points = problem.symbols, []
-    for (first, _), (last, _) in pairwise(marks):
-        at = first + (last - first) * np.array([0.45, 0.5, 0.55])
-        y = curve(at)
-        slope = (y[:, 2] - y[:, 0]) / (at[2] - at[0])
-        level = np.zeros(s.ddy.numel())
-        points.append([at[1:2], y[:, 1], slope, level, problem.parameter_values, problem.unknown_guesses])
+    s, points = problem.symbols, [point for _, point in _points(problem, marks, curve)]
 
     def rewritten(expression: Expression, integrated: bool) -> Expression:
         pieces = [rewrite(held([expression], s.all, point)[0], integrated) for point in points]

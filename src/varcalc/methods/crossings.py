@@ -13,6 +13,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from varcalc.formulation import Sampled
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.functional import Functional
 from varcalc.problem.reading import names, text
@@ -59,10 +60,11 @@ def crossings(
     nodes: np.ndarray,
     unknowns: np.ndarray,
     small: float = ROUND_OFF,
+    units: np.ndarray | None = None,
 ) -> list[Crossing]:
     """All crossings of a curve, seen at points of the elements between ``nodes``, in their order along it.
 
-    An argument so ``small``, in units of its size along the curve, counts as zero.
+    An argument so ``small``, in ``units`` (by switch; else its size along the curve), counts as zero.
     """
     switched = on_curve(problem)
     if not switched:
@@ -79,8 +81,19 @@ def crossings(
 
     found: list[Crossing] = []
     for k, (switch, values) in enumerate(zip(switched, arguments(x), strict=True)):
-        found += _of_one(switch, x, values, small, lambda at, k=k: arguments(at)[k])
+        size = max(float(np.nanmax(np.abs(values), initial=0.0)), 1e-300) if units is None else float(units[k])
+        found += _of_one(switch, x, values, small * size, lambda at, k=k: arguments(at)[k])
     return sorted(found, key=lambda c: c.x)
+
+
+def argument_sizes(problem: Functional, x: np.ndarray, line: Sampled) -> np.ndarray:
+    """The largest size of each switch's argument along a line at x (m,), 1 where it is zero."""
+    y = line(x)
+    columns = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, problem.unknown_guesses)]
+    with np.errstate(all="ignore"):
+        found = np.asarray(_arguments(problem)(x[None], y, np.gradient(y, x, axis=1), np.zeros((0, len(x))), *columns))
+    sizes = np.nanmax(np.abs(found.reshape(-1, len(x))), axis=1, initial=0.0)
+    return np.where(sizes > 0.0, sizes, 1.0)
 
 
 def met_by(solution: Solution, small: float = ROUND_OFF) -> list[Crossing]:
@@ -94,7 +107,6 @@ def met_by(solution: Solution, small: float = ROUND_OFF) -> list[Crossing]:
 def _of_one(
     switch: Switch, x: np.ndarray, values: np.ndarray, small: float, at: Callable[[np.ndarray], np.ndarray]
 ) -> list[Crossing]:
-    small *= max(float(np.nanmax(np.abs(values), initial=0.0)), 1e-300)
     signs = np.where(np.abs(values) <= small, 0.0, np.sign(values))
     side = np.floor(values + small) if switch.stepped else signs
     found: list[Crossing] = []
