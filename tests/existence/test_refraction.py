@@ -105,3 +105,12 @@ def test_where_friction_holds_all_the_way_no_sliding_is_called_an_answer(frictio
     solution = vc.solve(problem, throw=False)
     assert not solution.status.ok or abs(solution.value) <= solution.error.value
     assert "a kink (fabs) where y' = 0" in solution.message
+
+
+@pytest.mark.parametrize("method", [None, vc.Collocation(), vc.Shooting(), vc.FirstIntegral()])
+def test_a_natural_condition_on_a_kink_is_none(method):
+    """int y'^2/2 + |y'| - 3 y to a free end: y' = 2 - 3 x, held from x = 2/3 on; y' = 3 - 3 x ends on the kink."""
+    problem = vc.Problem(lambda x, y, dy: dy**2 / 2 + ca.fabs(dy) - 3 * y, vc.Fixed(0, 0), vc.Free(1))
+    solution = vc.solve(problem, method, throw=False)
+    assert not solution.status.ok or abs(solution.value + 4 / 9) <= solution.error.value + 1e-14
+    assert solution.status.ok or method is not None

@@ -101,7 +101,9 @@ def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: 
     """The least curve that is broken near where ``curve`` meets switches; None where none is found."""
     if any(_held_in_place(problem, c) for c in found):
         return None
-    form = broken_form(problem, [], partial(_ordinates, curve), None, [_piece(problem, c) for c in found])
+    # what is met at an end itself leaves nothing to be broken
+    pieces = [_piece(problem, c) for c in found if c.until is not None or c.x not in problem.span]
+    form = broken_form(problem, [], partial(_ordinates, curve), None, pieces)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         solution = replace(method, starts=1).solve(form, tol=tol, guess=None)
     return solution if solution.status.ok and np.all(np.diff(solution.x) > 0) else None

@@ -82,6 +82,10 @@ def crossings(
     found: list[Crossing] = []
     for k, (switch, values) in enumerate(zip(switched, arguments(x), strict=True)):
         size = max(float(np.nanmax(np.abs(values), initial=0.0)), 1e-300) if units is None else float(units[k])
+        for end, at_end in ((problem.start, 0), (problem.end, -1)):
+            # what is asked at a free end is asked on the switch itself
+            if np.isnan(end.values(problem.n)).any() and not end.periodic and abs(values[at_end]) <= small * size:
+                found.append(Crossing(switch, float(x[at_end])))
         found += _of_one(switch, x, values, small * size, lambda at, k=k: arguments(at)[k])
     return sorted(found, key=lambda c: c.x)
 

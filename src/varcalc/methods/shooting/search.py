@@ -59,7 +59,7 @@ FLOOR = 1e-3
 
 
 @dataclass(frozen=True)
-class StartingCurve:
+class ShootingStart:
     """A starting curve with its units, isoperimetric multipliers and first vertices, in t."""
 
     curve: Sampled
@@ -138,7 +138,7 @@ class Search:
             return min(found, key=lambda f: f.value)
         return NoneFound(f"no starting curve led to an extremal; of the first one: {last}", iterations)
 
-    def _starts(self, guess: Sampled | None) -> Iterator[tuple[bool, StartingCurve]]:
+    def _starts(self, guess: Sampled | None) -> Iterator[tuple[bool, ShootingStart]]:
         """Starting curves; those marked True are tried whatever the others gave."""
         form = self.equations.form
         if guess is not None:
@@ -160,17 +160,17 @@ class Search:
         if not steep:
             yield from ((False, start) for start in self._flat())
 
-    def _flat(self) -> list[StartingCurve]:
+    def _flat(self) -> list[ShootingStart]:
         """The ordinates of one end all along: a start need not meet the ends, and steep ends make steep starts."""
         form = self.equations.form
         levels = [form.start.curve(np.array([end])) for end in form.span]
         starts = [self._start(lambda s, level=level: np.repeat(level, len(s), axis=1)) for level in levels]
         return sorted(starts, key=lambda start: start.planned)
 
-    def _start(self, curve: Sampled) -> StartingCurve:
+    def _start(self, curve: Sampled) -> ShootingStart:
         """A starting curve with what it calls for."""
         units, lam = scales(self.equations, curve), lambdas(self.equations, curve)
-        return StartingCurve(curve, units, lam, self._vertices(curve, units, lam))
+        return ShootingStart(curve, units, lam, self._vertices(curve, units, lam))
 
     def _vertices(self, curve: Sampled, units: Scales, lam: np.ndarray) -> np.ndarray:
         """The vertices of the first segments, in t."""
@@ -218,7 +218,7 @@ class Search:
         columns = [np.repeat(v[:, None], len(middle), axis=1) for v in numbers]
         return float(np.asarray(self.equations.densities(middle[None, :], *tower, *columns))[1] @ width)
 
-    def _attempt(self, start: StartingCurve, budget: int) -> Found | NoneFound:
+    def _attempt(self, start: ShootingStart, budget: int) -> Found | NoneFound:
         """Newton from one starting curve, cutting segments where that is called for; ``budget`` 0 is the usual one.
 
         A look finds most extremals as well as an exact integration; what it does not find is looked for again.
@@ -270,7 +270,7 @@ class Search:
         return ~marked if result.at is not None and segments.count < 4 * FEWEST else marked
 
     def _cut(
-        self, segments: Segments, result: Matched, marked: np.ndarray, start: StartingCurve
+        self, segments: Segments, result: Matched, marked: np.ndarray, start: ShootingStart
     ) -> tuple[Segments, np.ndarray]:
         paths = None if result.at is None else segments.paths(result.x, 0)
 
@@ -282,7 +282,7 @@ class Search:
 
         return segments.halved(result.x, marked, states_at)
 
-    def _first(self, start: StartingCurve) -> tuple[Segments, np.ndarray]:
+    def _first(self, start: ShootingStart) -> tuple[Segments, np.ndarray]:
         """The first segments and the unknowns of a starting curve."""
         equations, form = self.equations, self.equations.form
         units, lam, vertices = start.units, start.lambdas, start.vertices
@@ -304,7 +304,7 @@ class Search:
         regular = self._regular(start.curve, units)
         return Segments(equations, self.flow, self.work, units, vertices, anchors, knots, regular), x
 
-    def _first_anchor(self, start: StartingCurve, state: np.ndarray) -> float:
+    def _first_anchor(self, start: ShootingStart, state: np.ndarray) -> float:
         """The start; another place in the first segment where the system is no number at the ``state`` (D,) there."""
         equations, form = self.equations, self.equations.form
         line = equations.line(0.0, 1.0, (True, False))
