@@ -11,10 +11,12 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from varcalc.problem.conditions import Bound, Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.intervals import Interval, enclosures
 from varcalc.symbolic.switches import SWITCHING, Switch, switches
+from varcalc.symbolic.tracing import Expression
 
 CUTS = 16
 """Pieces of the interval that are looked at to begin with."""
@@ -26,15 +28,40 @@ FINEST = 1e-13
 
 
 @derived
+def whole(problem: Functional) -> ca.Function:
+    """The Lagrangian and, after it, what the constraints are stated with, of all symbols: what is read."""
+    return ca.Function("all", problem.symbols.all, _expressions(problem))
+
+
+@derived
+def integrals(problem: Functional) -> ca.Function:
+    """What is integrated: the Lagrangian, and what is prescribed an integral."""
+    if not problem.constraints:
+        return whole(problem)
+    levels = [t.expression for t in problem.traced if isinstance(t.constraint, Isoperimetric)]
+    return ca.Function("integrals", problem.symbols.all, [problem.integrand, *levels])
+
+
+@derived
+def bounds(problem: Functional) -> ca.Function:
+    """What is bounded all along the curve, one below the other."""
+    held = [t.expression for t in problem.traced if isinstance(t.constraint, Bound)]
+    return ca.Function("bounds", problem.symbols.all, [ca.densify(ca.vertcat(*held))])
+
+
+def _expressions(problem: Functional) -> list[Expression]:
+    return [problem.integrand, *(t.expression for t in problem.traced)]
+
+
+@derived
 def switches_of(problem: Functional) -> tuple[Switch, ...]:
     """All switches of the Lagrangian and the constraints."""
-    expressions = [problem.integrand, *(t.expression for t in problem.traced)]
     if problem.symbols.kind is not ca.SX:
         return ()
-    function = ca.Function("all", problem.symbols.all, expressions)
+    function = whole(problem)
     if SWITCHING.isdisjoint(map(function.instruction_id, range(function.n_instructions()))):
         return ()  # as in most problems, of which no more is read
-    return switches(expressions, problem.symbols.all)
+    return switches(_expressions(problem), problem.symbols.all)
 
 
 def along_x(problem: Functional, switch: Switch) -> bool:

@@ -9,8 +9,7 @@ that keeps track of small differences.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -21,8 +20,7 @@ NAMES = {code: name.removeprefix("OP_").lower() for name, code in vars(ca).items
 """CasADi's name of each operation code."""
 
 
-@dataclass(frozen=True, slots=True)
-class Instruction:
+class Instruction(NamedTuple):
     """``work[target] = operation(*(work[s] for s in sources))``.
 
     For OP_CONST ``constant`` is the number; for OP_INPUT ``sources`` is

@@ -29,14 +29,16 @@ def enclosures(function: ca.Function, boxes: Sequence[Sequence[Interval]]) -> li
     everything. Raises TypeError for a function that is not an SXFunction.
     """
     with np.errstate(all="ignore"):
-        return interpret(function, boxes, _constant, _applied)
+        return interpret(function, boxes, constant, applied)
 
 
-def _constant(value: float) -> Interval:
+def constant(value: float) -> Interval:
+    """The interval of one number."""
     return np.array(value), np.array(value)
 
 
-def _applied(operation: int, operands: Sequence[Interval]) -> Interval:
+def applied(operation: int, operands: Sequence[Interval]) -> Interval:
+    """An enclosure of an operation, given by CasADi's code, on enclosures of its operands."""
     rule = RULES.get(operation)
     if rule is None:
         return EVERYTHING

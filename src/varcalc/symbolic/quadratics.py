@@ -1,0 +1,260 @@
+"""Polynomials of degree two whose coefficients depend on the abscissa, and proofs that they bend one way.
+
+A coefficient is a number, or an expression in x that is enclosed on the pieces of an interval when its sign is asked
+for, and not before: most are never asked. The ends of an enclosure are rounded to nearest, so what is proved is proved
+up to the round-off of the coefficients.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from fractions import Fraction
+from typing import Any, NamedTuple, TypeAlias
+
+import casadi as ca
+import numpy as np
+
+from varcalc.symbolic.instructions import BINARY, UNARY
+from varcalc.symbolic.intervals import EVERYTHING, Interval, applied
+
+PIECES = 16
+"""Pieces of the interval on which a coefficient is enclosed."""
+SHARES = np.arange(PIECES + 1) / PIECES
+
+DEFINED = {
+    ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_TWICE, ca.OP_SQ, ca.OP_EXP, ca.OP_SIN, ca.OP_COS,
+    ca.OP_ATAN, ca.OP_TANH, ca.OP_COSH, ca.OP_SINH, ca.OP_ASINH, ca.OP_ERF, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX,
+    ca.OP_FLOOR, ca.OP_CEIL, ca.OP_SIGN, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_AND, ca.OP_OR, ca.OP_NOT,
+    ca.OP_IF_ELSE_ZERO, ca.OP_HYPOT,
+}  # fmt: skip
+"""Operations that give a number whatever numbers they are given."""
+FORGETTING = {
+    ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_AND, ca.OP_OR, ca.OP_NOT, ca.OP_HYPOT,
+    ca.OP_POW, ca.OP_CONSTPOW,
+}  # fmt: skip
+"""Operations that may give a number where they are given none: an enclosure of their arguments says nothing there."""
+
+
+class Along:
+    """What depends on the abscissa alone: ``operation`` on ``operands``, enclosed on the pieces when asked.
+
+    ``defined`` tells that it is a number at every x.
+    """
+
+    __slots__ = ("_enclosure", "defined", "operands", "operation")
+
+    def __init__(self, operation: int, operands: tuple[Coefficient, ...], enclosure: Interval | None = None) -> None:
+        self.operation, self.operands = operation, operands
+        known = all(map(defined, operands))
+        self.defined = known and operation in DEFINED
+        self._enclosure = enclosure
+        if not known and (operation in FORGETTING or (operation == ca.OP_IF_ELSE_ZERO and not defined(operands[0]))):
+            self._enclosure = EVERYTHING
+
+    @classmethod
+    def abscissa(cls, low: float, high: float) -> Along:
+        """The abscissa itself, between two numbers."""
+        edges = low + (high - low) * SHARES
+        edges[-1] = high
+        return cls(ca.OP_ASSIGN, (), (edges[:-1], edges[1:]))
+
+    @property
+    def enclosure(self) -> Interval:
+        """Least and greatest values on each piece."""
+        if self._enclosure is None:
+            self._enclosure = applied(self.operation, [_enclosed(o) for o in self.operands])
+        return self._enclosure
+
+    def __add__(self, other: Coefficient) -> Coefficient:
+        return self if other == 0.0 else Along(ca.OP_ADD, (self, other))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Coefficient) -> Coefficient:
+        return Along(ca.OP_SUB, (self, other))
+
+    def __rsub__(self, other: float) -> Coefficient:
+        return Along(ca.OP_SUB, (other, self))
+
+    def __mul__(self, other: Coefficient) -> Coefficient:
+        if other is self:
+            return Along(ca.OP_SQ, (self,))
+        if isinstance(other, float) and other in (0.0, 1.0):
+            return self if other else 0.0
+        return Along(ca.OP_MUL, (self, other))
+
+    __rmul__ = __mul__
+
+    def __neg__(self) -> Coefficient:
+        return Along(ca.OP_NEG, (self,))
+
+    def __truediv__(self, other: Coefficient) -> Coefficient:
+        return Along(ca.OP_DIV, (self, other))
+
+    def __rtruediv__(self, other: float) -> Coefficient:
+        return Along(ca.OP_DIV, (other, self))
+
+
+Coefficient: TypeAlias = float | Along
+"""A number, or what depends on the abscissa alone."""
+
+
+def defined(value: Coefficient) -> bool:
+    """Whether a coefficient is a number at every x."""
+    return value.defined if isinstance(value, Along) else math.isfinite(value)
+
+
+NOWHERE_KNOWN = Along(ca.OP_ERFINV, (), EVERYTHING)
+"""A coefficient of which nothing is known."""
+
+
+def coefficient(operation: int, *operands: Coefficient) -> Coefficient:
+    """An operation on what depends on the abscissa at most; a number where the operands are."""
+    if Along in map(type, operands):
+        return Along(operation, operands)
+    carried_out = (UNARY if len(operands) == 1 else BINARY).get(operation)
+    if carried_out is None:
+        return NOWHERE_KNOWN
+    with np.errstate(all="ignore"):
+        value = float(carried_out(*operands))
+    return value if math.isfinite(value) else NOWHERE_KNOWN
+
+
+def _enclosed(value: Coefficient) -> Interval:
+    if isinstance(value, Along):
+        return value.enclosure
+    number = np.asarray(value)
+    return number, number
+
+
+def least(value: Any) -> float:
+    """No value of a coefficient is less; a number itself, a Fraction included."""
+    if not isinstance(value, Along):
+        return value
+    with np.errstate(all="ignore"):
+        return float(np.min(value.enclosure[0]))
+
+
+def greatest(value: Any) -> float:
+    """No value of a coefficient is greater."""
+    if not isinstance(value, Along):
+        return value
+    with np.errstate(all="ignore"):
+        return float(np.max(value.enclosure[1]))
+
+
+Squares: TypeAlias = dict[tuple[int, int], Any]
+"""Coefficients of a quadratic form by the pair of its entries, the lesser first."""
+
+
+class Polynomial(NamedTuple):
+    """``constant + sum linear[i] z_i + sum quadratic[i, j] z_i z_j``: never changed once it is made."""
+
+    constant: Coefficient
+    linear: dict[int, Coefficient]
+    quadratic: Squares
+
+    def plus(self, other: Polynomial) -> Polynomial:
+        """The sum of two."""
+        return Polynomial(
+            self.constant + other.constant,
+            _summed(self.linear, other.linear),
+            _summed(self.quadratic, other.quadratic),
+        )
+
+    def times(self, factor: Coefficient) -> Polynomial:
+        """Every coefficient times one."""
+        return Polynomial(
+            self.constant * factor,
+            {i: c * factor for i, c in self.linear.items()},
+            {pair: c * factor for pair, c in self.quadratic.items()},
+        )
+
+    def where(self, condition: Along) -> Polynomial:
+        """The polynomial where a condition on x is true, nothing where it is not."""
+        return Polynomial(
+            coefficient(ca.OP_IF_ELSE_ZERO, condition, self.constant),
+            {i: coefficient(ca.OP_IF_ELSE_ZERO, condition, c) for i, c in self.linear.items()},
+            {pair: coefficient(ca.OP_IF_ELSE_ZERO, condition, c) for pair, c in self.quadratic.items()},
+        )
+
+    def product(self, other: Polynomial) -> Polynomial:
+        """The product of two of degree one."""
+        squares: Squares = {}
+        for i, c in self.linear.items():
+            for j, d in other.linear.items():
+                pair = (i, j) if i <= j else (j, i)
+                squares[pair] = squares[pair] + c * d if pair in squares else c * d
+        lines = ({i: d * c for i, d in p.linear.items()} if (c := q.constant) != 0.0 else {}
+                 for p, q in ((self, other), (other, self)))  # fmt: skip
+        return Polynomial(self.constant * other.constant, _summed(*lines), squares)
+
+    @property
+    def affine(self) -> bool:
+        """Whether it is of degree one at most."""
+        return not self.quadratic
+
+    @property
+    def convex(self) -> bool:
+        """Whether its matrix is proved positive semidefinite at every x."""
+        return semidefinite(self.quadratic)
+
+    @property
+    def concave(self) -> bool:
+        """Whether its matrix is proved negative semidefinite at every x."""
+        return semidefinite({pair: -1.0 * c for pair, c in self.quadratic.items()})
+
+    @property
+    def nonnegative(self) -> bool:
+        """Whether it is proved nowhere negative; its root is then the length of an affine vector, hence convex.
+
+        It is the value at t = 1 of a quadratic form in t and its entries, and nowhere negative if and only if that is.
+        """
+        lines = {(-1, i): c for i, c in self.linear.items()}
+        return semidefinite({(-1, -1): self.constant, **lines, **self.quadratic})
+
+
+def _summed(a: dict[Any, Any], b: dict[Any, Any]) -> dict[Any, Any]:
+    if not a or not b:
+        return a or b
+    total = dict(a)
+    for key, c in b.items():
+        total[key] = total[key] + c if key in total else c
+        if total[key] == 0.0:
+            del total[key]
+    return total
+
+
+def semidefinite(squares: Squares) -> bool:
+    """Whether a quadratic form is proved nowhere negative, at any x, by elimination.
+
+    Numbers are eliminated exactly, as fractions, coefficients that depend on x as intervals.
+    """
+    if all(i == j for i, j in squares):
+        return all(least(c) >= 0 for c in squares.values())
+    if any(least(squares.get((i, i), 0.0)) <= 0 for pair in squares if pair[0] != pair[1] for i in pair):
+        return False  # an entry that is coupled to others, and has no square of its own
+    if not any(isinstance(c, Along) for c in squares.values()):
+        if not all(map(math.isfinite, squares.values())):
+            return False
+        squares = {pair: Fraction(c) for pair, c in squares.items()}
+    matrix = {(i, j): c if i != j else c + c for (i, j), c in squares.items()}
+    entries = sorted({i for pair in matrix for i in pair})
+    while entries:
+        pivot = entries.pop()
+        beside = [i for i in entries if matrix.get((i, pivot), 0) != 0]
+        size = matrix.get((pivot, pivot), 0)
+        if least(size) < 0 or (beside and least(size) == 0):
+            return False
+        _eliminate(matrix, pivot, beside, size)
+    return True
+
+
+def _eliminate(matrix: Squares, pivot: int, beside: Iterable[int], size: Any) -> None:
+    """Take from the matrix of the entries before ``pivot`` what the square completed with it takes."""
+    rows = [(i, matrix[i, pivot]) for i in beside]
+    for place, (i, b) in enumerate(rows):
+        for j, c in rows[place:]:
+            taken, known = b * c / size, matrix.get((i, j))
+            matrix[i, j] = -taken if known is None else known - taken
