@@ -53,6 +53,16 @@ class Along:
 
 
 @dataclass(frozen=True)
+class Samples:
+    """Where a method evaluated the problem: ascending ``s`` (m,), the user's ``x`` (m,), ordinates, slopes (n, m)."""
+
+    s: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    dy: np.ndarray
+
+
+@dataclass(frozen=True)
 class Extremal:
     """An extremal of a form: what every method produces.
 
@@ -78,6 +88,8 @@ class Extremal:
     """What was evaluated along the curve last, where the method has it at hand."""
     in_a_row: int = 0
     """How many solutions in a row, up to this one, were each begun from the one before."""
+    samples: Samples | None = None
+    """Where the problem was evaluated along the curve, where the method has that at hand."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         number = number_of(self.form)

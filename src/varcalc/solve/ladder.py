@@ -31,7 +31,13 @@ from varcalc.solution import (
     refused,
 )
 from varcalc.solve.warm_start import resolved
+from varcalc.symbolic.derived import Cache
+from varcalc.verify.between import balanced, unseen
 from varcalc.verify.slopes import vouched
+
+
+CLOSER_MESHES = 6
+"""Times that a problem is solved anew on a mesh that sees what lay between the points of the one before."""
 
 
 class Method(Protocol):
@@ -79,7 +85,7 @@ def solve(
     if method is None and not solution.status.ok:
         from varcalc.existence.second_look import second_look  # few solves need all that it imports
 
-        solution = _made_out(second_look(problem, tol, solution, smooth=smooth))
+        solution = _nothing_between(_made_out(second_look(problem, tol, solution, smooth=smooth)))
     elif method is not None:
         solution = _made_out(solution)
     if (method is None or isinstance(method, Ritz)) and solution.status.ok:
@@ -163,6 +169,8 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
             start = guess if guess is not None or failure is None or failure.curve is None else failure
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 solution = _worth_something(way.solve(form, tol=tol, guess=_sampled(problem, form, start)))
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                solution = _seen_between(way, form, solution, tol)
             solution = _standing(way, form, solution, tol)
             if solution.status.ok:
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -190,6 +198,34 @@ def _standing(method: Method, form: Form, solution: Solution, tol: float) -> Sol
     if solution.status is Status.ROUND_OFF:  # at an extreme level no multiplier exists, and digits are lost
         solution = explained(solution.problem, solution)
     return solution
+
+
+def _seen_between(method: Method, form: Form, solution: Solution, tol: float) -> Solution:
+    """The answer on a mesh fine enough to see what lies between its points, refused where there is none.
+
+    What was not found is looked for again where it was a feature between the points that stood in the way.
+    """
+    for _ in range(CLOSER_MESHES):
+        if solution.verdict is not None or (missed := unseen(solution)) is None or solution.extremal is None:
+            return solution
+        knots = tuple(sorted({*form.conditions.knots, *missed.marks.tolist()}))
+        form = replace(form, conditions=replace(form.conditions, knots=knots), cache=Cache())
+        start = solution.extremal.evaluate
+        again = method.solve(form, tol=tol, guess=lambda s, start=start: start(s, 0))
+        if not again.status.ok and not isinstance(method, Ritz) and balanced(solution, missed):
+            return solution
+        if again.extremal is None:
+            message = f"{missed.sentence}, and on a mesh that can there was no answer: {again.message}"
+            return replace(solution, status=Status.NOT_CONVERGED, message=message)
+        solution = again
+    return _nothing_between(solution)
+
+
+def _nothing_between(solution: Solution) -> Solution:
+    """The answer, refused where something lies between its points."""
+    if not solution.status.ok or (missed := unseen(solution)) is None:
+        return solution
+    return replace(solution, status=Status.NOT_CONVERGED, message=missed.sentence)
 
 
 def _beyond_doubt(solution: Solution, form: Form, candidates: Forms) -> Solution:

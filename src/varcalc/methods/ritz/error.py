@@ -51,6 +51,8 @@ SLIGHT = 3e-6
 """Relative move of the curve that no merging of extremals explains: they are apart by the root of what is missing."""
 CONTRACTION = 0.1
 """Largest ratio of successive Newton steps that counts as evidence of a minimum."""
+LAST_STEPS, NOTHING_LEFT = 8, 1e-15
+"""Steps that are looked at where L has narrow features, and decrement, relative to what is summed, that is round-off."""
 RESOLVED = 1e-14
 """Share of the integral of the absolute value that one panel may miss; samples carry round-off of a tenth of it."""
 MOST_ROUNDS = 40
@@ -189,6 +191,8 @@ def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, fo
     falls by is no error of anything. Newton's steps do not shrink there (the theorem of
     Newton and Kantorovich).
     """
+    if system.form.conditions.knots:  # beside what is narrow no step is short beforehand
+        return _ends(system, z, step, at.scale)
     if 0.0 < step.compliance < COMPLIANT or system.size > LARGEST:
         return True
     there, moved = found.there, found.curve / SAFETY
@@ -202,6 +206,19 @@ def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, fo
         return False
     beyond = system.reported(again, system.moved(following.change))
     return bool(displacement(there, beyond) <= CONTRACTION * moved)
+
+
+def _ends(system: RitzSystem, z: np.ndarray, step: Step, scale: float) -> bool:
+    """Whether Newton's steps shrink until nothing is left to gain, and do not crawl along a bent valley."""
+    for _ in range(LAST_STEPS):
+        if step.decrement <= NOTHING_LEFT * scale:
+            return True
+        z = z + step.change
+        following = newton_step(system, system.evaluate(z), step.multipliers)
+        if following is None or not following.definite or following.decrement > CONTRACTION * step.decrement:
+            return False
+        step = following
+    return True
 
 
 def moves_as_it_gains(system: RitzSystem, at: Evaluation, moved: np.ndarray, decrement: Any) -> Any:

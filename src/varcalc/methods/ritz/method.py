@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.answer import Along, Extremal, answer, unsettled
+from varcalc.methods.answer import Along, Extremal, Samples, answer, unsettled
 from varcalc.methods.ritz.degeneracy import degenerate
 from varcalc.methods.ritz.error import CURVE, Estimate, estimate, settled
 from varcalc.methods.ritz.ipopt import Ipopt, optimise
@@ -56,7 +56,8 @@ FEW = 2
 """Elements: a refinement of no more is local, on its way into a layer that it must reach before the error falls."""
 LOCAL = 0.25
 """What a slow refinement counts that is local."""
-MOST_UNKNOWNS = 4000
+MOST_UNKNOWNS, MOST_AN_ELEMENT = 4000, 24
+"""Unknowns with which a solve is given up that needs more: in all, or an element of the mesh that it was given."""
 WORTHLESS = 1e-3
 """Relative round-off at which a value is no answer."""
 RESTART_DEGREE = 24
@@ -380,7 +381,7 @@ class _Climb:
         self.slow = 0.0 if found.error < SLOW * previous else self.slow + (LOCAL if local else 1.0)
         if self.slow >= PATIENCE:
             return "refinement after refinement hardly lowered the error"
-        if rung.system.size > MOST_UNKNOWNS:
+        if rung.system.size > max(MOST_UNKNOWNS, MOST_AN_ELEMENT * (1 + len(self.form.conditions.knots))):
             return f"{rung.system.size} unknowns did not suffice"
         space = rung.system.space
         stalled = found.error > STALLED * previous or space.degree >= DEGREES[self.form.order][-1]
@@ -424,10 +425,19 @@ class _Climb:
         )  # fmt: skip
         curve = max(float(found.curve), 4e-16 * found.size)
         extremal = self.rungs.extremal(rung, found.here.dx, self.along(found))
+        extremal = replace(extremal, samples=self.samples(found))
         return answer(
             extremal, self.method, self.form.sign * value, ErrorEstimate(error, curve), space.vertices, stats,
             status, message, rule=found.system.count,
         )  # fmt: skip
+
+    def samples(self, found: Estimate) -> Samples | None:
+        """Where the curve was judged, for a graph of first order."""
+        if self.form.order > 1:
+            return None
+        here = found.here
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return Samples(found.system.x, here.x, here.y.T, (here.dy / here.dx[:, None]).T)
 
     def along(self, found: Estimate) -> Along | None:
         """What was evaluated along a smooth graph in the user's own coordinates; None for other curves."""

@@ -32,6 +32,9 @@ ENOUGH = 1e-2
 """Share of the tolerance by which the quadratic model may be wrong about the last step: its decrement to the 3/2."""
 QUICK = 1e-2
 """Share of the decrement before that tells of quadratic convergence: next to a fold an eighth is left each time."""
+CRAWLING, RESOLVED = 0.5, 1e-14
+"""Share of the decrement before, and relative decrement beyond round-off, that tell of steps that do not shrink: along a
+bent valley, where what each gains says nothing of what is left."""
 ARMIJO = 1e-4
 SHRINK = 0.5
 SMALLEST_STEP = 1e-10
@@ -316,7 +319,8 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
         decrement = _decrement(system, at, step, largest)
         late = iteration > EXPECTED
         quick = decrement <= min(last, QUICK * before)
-        if quick or decrement <= CONVERGED or (late and _is_round_off(system, at, step, decrement)):
+        crawls = decrement > max(CRAWLING * before, RESOLVED) and before > 0.0
+        if quick or (decrement <= CONVERGED and not crawls) or (late and _is_round_off(system, at, step, decrement)):
             return _ended(system, z, at, step, iteration, direct=direct)
         following = _search(system, z, at, step, guarded)
         if following is None:

@@ -1,0 +1,198 @@
+"""Whether anything of a problem lies between the samples of its answer.
+
+A curve is found, and its value is summed, from what L is at points. Between neighbouring points L is enclosed
+(:mod:`varcalc.symbolic.variation`): where it may vary faster than the points can tell, it is looked at closer, until
+nothing narrower can hide. What is found is marked, for a mesh that sees it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from varcalc.methods.answer import Extremal, functional_value, lifted
+from varcalc.problem.breaks import bounds, integrals
+from varcalc.problem.conditions import Bound
+from varcalc.solution import Solution
+from varcalc.symbolic.variation import excess, gentle
+from varcalc.verify.along_curve import along_curve
+from varcalc.verify.candidate import undivided
+from varcalc.verify.residual import residual
+
+BOXES = 32
+"""Boxes an element, where the points of a method are not known and elements are few."""
+FEW_ELEMENTS = 4
+LEAST_BOXES = 4
+"""Boxes an element where there are more."""
+BESIDE_SINGULAR = 0.1
+"""Share of s beside a singular end that is left out: there everything varies by factors, and s is made for that."""
+BEYOND_ENDS = 0.1
+"""By what share of their difference a curve may leave the range of two neighbouring samples."""
+BETWEEN_SAMPLES = 2.0
+"""How far beyond what is gentle L may vary between two samples of a mesh that sees it."""
+AN_ELEMENT = 6.0
+"""The same of an element."""
+NARROWEST = 1e-9
+"""Width of a box, relative to the interval, that is not looked into."""
+MOST_BOXES = 20_000
+POINTS = 24
+"""Gauss points between marks."""
+BELIED, SAME_SUM = 10.0, 1e-9
+"""By how many times its claimed error, and a relative difference, two sums of a functional may differ."""
+BALANCED = 1e-6
+"""Residual of the Euler-Lagrange equation, relative to its terms, of a curve that solves it."""
+BROKEN = 1e-7
+"""By how much a bound may be missed between the points at which it was asked, relative to its range along the curve."""
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """What the samples of a curve may have missed: ``marks`` in s at which a mesh sees it, its ``place`` in x."""
+
+    marks: np.ndarray
+    place: float
+
+    @property
+    def sentence(self) -> str:
+        """What was seen, in the user's words."""
+        return f"near x = {self.place:.9g} L or a constraint varies faster than the points of the mesh can tell"
+
+
+def unseen(solution: Solution) -> Unseen | None:
+    """What the samples of a solution's curve may have missed; None where nothing lies between them.
+
+    A bound may vary as it likes where the curve keeps it.
+    """
+    extremal, problem = solution.extremal, solution.problem
+    if extremal is None or problem.symbols.kind is not ca.SX or (problem.order == 2 and any(problem.slides)):
+        return None
+    return _in_integrals(extremal) or _beyond_bounds(extremal)
+
+
+def balanced(solution: Solution, missed: Unseen) -> bool:
+    """Whether a root of the Euler-Lagrange equation is one on the points that its mesh missed as well.
+
+    A minimum that was found without them may still lie in a bent valley, of which no residual tells.
+    """
+    extremal = solution.extremal
+    if extremal is None or extremal.form.conditions.pathwise or not solution.status.ok:
+        return False
+    finer = replace(extremal, vertices=np.unique(np.concatenate([extremal.vertices, missed.marks])))
+    value, size = functional_value(finer, POINTS), max(abs(solution.value), 1e-300)
+    if not abs(value - solution.value) <= BELIED * solution.error.value + SAME_SUM * size:
+        return False
+    return residual(along_curve(undivided(finer, solution.value))) <= BALANCED
+
+
+def _in_integrals(extremal: Extremal) -> Unseen | None:
+    looked = _looked(extremal, integrals(extremal.form.problem))
+    return None if looked is None or not len(looked[0]) else Unseen(looked[0], float(looked[2]))
+
+
+def _beyond_bounds(extremal: Extremal) -> Unseen | None:
+    problem = extremal.form.problem
+    held = [t for t in problem.traced if isinstance(t.constraint, Bound)]
+    if not held:
+        return None
+    function = bounds(problem)
+    looked = _looked(extremal, function)
+    if looked is None:
+        return None
+    marks, points, _ = looked
+    values = np.asarray(function(*_arguments(extremal, points)))
+    for row, t in zip(values, held, strict=True):
+        lower, upper = t.constraint.interval
+        beyond = np.maximum(lower - row, row - upper)
+        if beyond.max() > BROKEN * max(1.0, float(np.ptp(row))):
+            return Unseen(marks, float(points[0, np.argmax(beyond)]))
+    return None
+
+
+def _looked(extremal: Extremal, function: ca.Function) -> tuple[np.ndarray, np.ndarray, float] | None:
+    """Marks in s that a mesh needs for a function, all points of the curve that were looked at, and the narrowest's x.
+
+    None where nothing may hide.
+    """
+    if gentle(function):
+        return None
+    s, points = _samples(extremal)
+    marks, seen = [np.zeros(0)], [points]
+    place, beyond = 0.0, BETWEEN_SAMPLES
+    low, high, first, last = s[:-1], s[1:], points[:, :-1], points[:, 1:]
+    narrowest = NARROWEST * (extremal.form.span[1] - extremal.form.span[0])
+    while len(low) <= MOST_BOXES:
+        over = _excess(extremal, function, first, last)
+        # what is infinite at an end is a matter of its coordinates, not of the mesh
+        hides = (over > 1.0) & (high - low > narrowest) & ~(((low == s[0]) | (high == s[-1])) & np.isinf(over))
+        if not hides.any():
+            break
+        low, high, first, last, over = low[hides], high[hides], first[:, hides], last[:, hides], over[hides]
+        middle = 0.5 * (low + high)
+        halfway = _points(extremal, middle)
+        found = over > beyond
+        if found.any():
+            place = float(halfway[0, np.argmax(over)])
+            marks.append(middle[found])
+        seen.append(halfway)
+        beyond = AN_ELEMENT
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+        first, last = np.hstack([first, halfway]), np.hstack([halfway, last])
+    return None if len(seen) == 1 else (np.concatenate(marks), np.hstack(seen), place)
+
+
+def _samples(extremal: Extremal) -> tuple[np.ndarray, np.ndarray]:
+    """Ascending s (m,), and :func:`_points` there; ends at which the coordinates are singular are left out."""
+    known, vertices, (first, last) = extremal.samples, extremal.vertices, extremal.form.span
+    if known is not None:
+        s, points = known.s, np.vstack([known.x, known.y, known.dy])
+        before, after = _led_on(s, points, first, 0, 1), _led_on(s, points, last, -1, -2)
+        s, points = np.concatenate([[first], s, [last]]), np.column_stack([before, points, after])
+    else:
+        pieces = BOXES if len(vertices) <= FEW_ELEMENTS + 1 else LEAST_BOXES
+        inner = vertices[:-1, None] + np.diff(vertices)[:, None] * (np.arange(pieces) / pieces)
+        s = np.append(inner.ravel(), last)
+        points = _points(extremal, s)
+    start, end = extremal.form.coordinates.singular
+    if start or end:
+        room = BESIDE_SINGULAR * (last - first)
+        kept = (s >= first + room * start) & (s <= last - room * end)
+        s, points = s[kept], points[:, kept]
+    return s, points
+
+
+def _led_on(s: np.ndarray, points: np.ndarray, at: float, near: int, next_one: int) -> np.ndarray:
+    """Where the straight line through two of the points (rows, m) at s (m,) is ``at`` an end."""
+    share = (at - s[near]) / (s[next_one] - s[near])
+    return points[:, near] + (points[:, next_one] - points[:, near]) * share
+
+
+def _points(extremal: Extremal, s: np.ndarray) -> np.ndarray:
+    """The user's abscissa, ordinates and their derivatives at s (m,), one below the other."""
+    if not extremal.form.stated.is_lifted:
+        return np.vstack([s, *(extremal.evaluate(s, k) for k in range(extremal.form.order + 1))])
+    x, y, dx, dy = lifted(extremal, s)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.vstack([x, y, dy / dx])
+
+
+def _arguments(extremal: Extremal, points: np.ndarray) -> list[np.ndarray]:
+    """The arguments of the problem's expressions at points of the curve (rows, m), each with m columns."""
+    problem, count = extremal.form.problem, points.shape[1]
+    n = problem.n
+    numbers = problem.parameter_values, extremal.unknowns[: len(problem.unknowns)]
+    fixed = [np.tile(np.asarray(v, dtype=float)[:, None], (1, count)) for v in numbers]
+    return [points[:1], points[1 : 1 + n], points[1 + n : 1 + 2 * n], points[1 + 2 * n :], *fixed]
+
+
+def _excess(extremal: Extremal, function: ca.Function, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """By what factor something varies too much between neighbouring points of the curve; 0 where one is no number."""
+    low, high = np.minimum(first, last), np.maximum(first, last)
+    room = BEYOND_ENDS * (high - low)
+    room[0] = 0.0
+    ends = [_arguments(extremal, side) for side in (low - room, high + room)]
+    boxes = [list(zip(*sides, strict=True)) for sides in zip(*ends, strict=True)]
+    over = excess(function, boxes, low.shape[1:])
+    over[~np.isfinite(first + last).all(0)] = 0.0
+    return over

@@ -1,0 +1,119 @@
+"""Features narrower than a mesh: spots, loads, walls and fast changes at places that no mesh was told of."""
+
+import casadi as ca
+import mpmath as mp
+import numpy as np
+import pytest
+
+import varcalc as vc
+from varcalc.verify.between import unseen
+
+RNG = np.random.default_rng(1733)
+PLACES = [(float(10 ** RNG.uniform(-6, -2)), float(RNG.uniform(0.1, 0.9))) for _ in range(4)]
+METHODS = [vc.Ritz(), vc.Collocation()]
+
+
+def graph(L, first=(0, 0), last=(1, 1), constraints=()):
+    return vc.Problem(L, vc.Fixed(*first), vc.Fixed(*last), constraints)
+
+
+def marks_about(place, width):
+    return [0, *(p for k in range(-12, 13) if 0 < (p := place + k * width) < 1), 1]
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: type(m).__name__)
+@pytest.mark.parametrize(("width", "place"), PLACES)
+def test_weak_spot(method, width, place):
+    # c(x) y' is constant, so the least integral of c y'^2 is 1 over that of 1 / c
+    problem = graph(lambda x, y, v: (1 - 0.999 * ca.exp(-(((x - place) / width) ** 2))) * v**2)
+    found = vc.solve(problem, method)
+    with mp.workdps(20):
+        compliance = mp.quad(
+            lambda x: 1 / (1 - mp.mpf(0.999) * mp.exp(-(((x - place) / width) ** 2))), marks_about(place, width)
+        )
+    assert found.value == pytest.approx(float(1 / compliance), abs=1e-9)
+    assert abs(found.value - float(1 / compliance)) <= 10 * found.error.value + 1e-12
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: type(m).__name__)
+@pytest.mark.parametrize(("width", "place"), PLACES)
+def test_narrow_load(method, width, place):
+    # y' = c - q(x), q the integral of the load; half its variance is what the load gains
+    problem = graph(
+        lambda x, y, v: v**2 / 2 - 10 * ca.exp(-(((x - place) / width) ** 2)) / (width * np.sqrt(np.pi)) * y,
+        last=(1, 0),
+    )
+    found = vc.solve(problem, method)
+    with mp.workdps(20):
+        marks = marks_about(place, width)
+
+        def shear(x):
+            return 5 * (mp.erf((x - place) / width) + mp.erf(place / width))
+
+        mean = mp.quad(shear, marks)
+        exact = -(mp.quad(lambda x: shear(x) ** 2, marks) - mean**2) / 2
+    assert found.value == pytest.approx(float(exact), rel=1e-8)
+
+
+@pytest.mark.parametrize("width", [3e-2, 1e-2, 1e-5])
+def test_wall_across_the_way(width):
+    """v^2/2 - V(y) is constant along the curve: the energy at which it takes the time 1, by one integral."""
+    problem = graph(lambda x, y, v: v**2 / 2 + 0.1 / width * ca.exp(-(((y - 0.37) / width) ** 2)))
+    found = vc.solve(problem)
+    with mp.workdps(20):
+        marks = marks_about(0.37, width)
+
+        def speed(y, energy):
+            return mp.sqrt(2 * (energy + 0.1 / width * mp.exp(-(((y - 0.37) / width) ** 2))))
+
+        energy = mp.findroot(lambda e: mp.quad(lambda y: 1 / speed(y, e), marks) - 1, (mp.mpf("0.4"), mp.mpf("0.5")))
+        exact = mp.quad(lambda y: speed(y, energy), marks) - energy
+    assert found.value == pytest.approx(float(exact), abs=1e-9)
+
+
+def test_fast_load():
+    # y'' = -a cos(a x) with zero ends: y = (cos(a x) - 1) / a + c x
+    a = 3000.0
+    found = vc.solve(graph(lambda x, y, v: v**2 / 2 - a * ca.cos(a * x) * y, last=(1, 0)))
+    c = (1 - np.cos(a)) / a
+    exact = -0.5 * (0.5 - np.sin(2 * a) / (4 * a) - 2 * c * c + c * c)
+    assert found.value == pytest.approx(exact, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", [vc.Ritz(), vc.Collocation(), vc.Shooting(), vc.FirstIntegral()])
+def test_no_method_calls_right_what_it_did_not_see(method):
+    # least where most of the change falls on the weak spot: 1 is what a mesh finds that does not see it
+    problem = graph(lambda x, y, v: (1 - 0.999 * ca.exp(-(((x - 0.71) / 1e-4) ** 2))) * v**2)
+    found = vc.solve(problem, method, throw=False)
+    with mp.workdps(20):
+        compliance = mp.quad(
+            lambda x: 1 / (1 - mp.mpf(0.999) * mp.exp(-(((x - 0.71) / 1e-4) ** 2))), marks_about(0.71, 1e-4)
+        )
+    assert not found.status.ok or found.value == pytest.approx(float(1 / compliance), abs=1e-9)
+
+
+def test_slot_in_a_bound():
+    # a ceiling at 1 with a slot down to a half: the taut string from 0 over the slot's edge, which is the least length
+    slot = lambda x: 1 - 0.5 * ca.exp(-(((x - 0.4) / 1e-3) ** 2))
+    problem = graph(lambda x, y, v: v**2, (0, 0.9), (1, 0.9), [vc.Bound(lambda x, y, v: y - slot(x), upper=0)])
+    found = vc.solve(problem, throw=False)
+    assert not found.status.ok or found.value == pytest.approx(0.4**2 / 0.4 + 0.4**2 / 0.6, rel=2e-2)
+
+
+@pytest.mark.parametrize(
+    "L",
+    [
+        lambda x, y, v: (1 + y) * ca.sqrt(1 + v**2),
+        lambda x, y, v: ca.sqrt(ca.cos(y) ** 2 + v**2),
+        lambda x, y, v: v**2 / 2 - ca.exp(y),
+        lambda x, y, v: v**2 / 2 + ca.cos(y),
+        lambda x, y, v: (2 + ca.sin(20 * x)) * v**2,
+        lambda x, y, v: (1 + 2 * ca.exp(-((x - 0.5) ** 2 + (y - 0.1) ** 2) / 0.04)) * ca.sqrt(1 + v**2),
+    ],
+)
+def test_gentle_problems_hide_nothing(L):
+    assert unseen(vc.solve(graph(L))) is None
+
+
+def test_an_end_where_the_slope_is_infinite_hides_nothing():
+    assert unseen(vc.solve(graph(lambda x, y, v: ca.sqrt((1 + v**2) / y)))) is None
