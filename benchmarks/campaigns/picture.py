@@ -45,10 +45,30 @@ def stability_picture(
         panel.set_title(family.title, fontsize=10, color=INK, loc="left")
     tried = {record.route for record in pairs}
     _random(panels[-1], [route for route in routes if route in tried], pairs)
-    shown = {record.outcome for record in (*records, *pairs)} | {Outcome.FALSE.name}
+    _legend(figure, [*records, *pairs])
+    return figure
+
+
+def adversarial_picture(titles: Mapping[str, str], routes: Sequence[str], records: Sequence[Record]) -> Figure:
+    """One column a family, named by its title, a row for each route, the shares of its outcomes stacked."""
+    figure = Figure(figsize=(10.4, 6.2), layout="constrained")
+    panel = figure.subplots()
+    cells = {(family, route): [] for family in titles for route in routes}
+    for record in records:
+        if (record.family, record.route) in cells:
+            cells[record.family, record.route].append(record.outcome)
+    _rows(panel, list(titles), list(titles.values()), routes, cells)
+    count = len({(record.family, record.case) for record in records})
+    panel.set_title(f"{count} problems made to mislead, by every route", fontsize=10, color=INK, loc="left")
+    _legend(figure, records)
+    return figure
+
+
+def _legend(figure: Figure, records: Sequence[Record]) -> None:
+    """The colours of what the records hold, and red, which must not be."""
+    shown = {record.outcome for record in records} | {Outcome.FALSE.name}
     handles = [Patch(fc=COLOURS[o], ec="0.6", lw=0.5, label=o.value) for o in Outcome if o.name in shown]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=10)
-    return figure
 
 
 def _random(panel: Axes, routes: Sequence[str], pairs: Sequence[Record]) -> None:

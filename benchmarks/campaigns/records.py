@@ -74,16 +74,20 @@ def write(path: Path, records: Sequence[Record]) -> None:
 
 
 def completed(
-    path: Path, wanted: Sequence[Record], solve: Callable[[Record], Record], *, seconds: float, workers: int
-) -> list[Record]:
+    path: Path, wanted: Sequence[Record], solve: Callable[[Record], Record], *, seconds: float, workers: int,
+    keep: bool = False,
+) -> list[Record]:  # fmt: skip
     """The ``wanted`` records, those that the file lacks being computed by ``solve`` and stored one by one.
 
-    A solve of more than ``seconds`` of processor time, or one that ends its process, is recorded as such.
+    A solve of more than ``seconds`` of processor time, or one that ends its process, is recorded as such. What the
+    file holds besides is left out of it, unless it is to be kept, where only a part of a campaign is asked for.
     """
     known = {record.key: record for record in read(path)}
+    asked = {task.key for task in wanted}
+    others = [record for key, record in known.items() if keep and key not in asked]
     records = {task.key: known[task.key] for task in wanted if task.key in known}
     missing = [task for task in wanted if task.key not in records]
-    write(path, list(records.values()))
+    write(path, [*others, *records.values()])
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with path.open("a", newline="", encoding="utf-8") as file, Progress(*columns, disable=not missing) as progress:
         rows = csv.DictWriter(file, NAMES, lineterminator="\n")
@@ -95,7 +99,7 @@ def completed(
             records[record.key] = record
             progress.advance(shown)
     ordered = [records[task.key] for task in wanted]
-    write(path, ordered)
+    write(path, [*others, *ordered])
     return ordered
 
 

@@ -1,0 +1,88 @@
+"""All families, and the problem of each number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from campaigns.adversaries import (
+    bottomless,
+    curves,
+    eigenvalues,
+    energy,
+    fast,
+    kinked,
+    landscapes,
+    layers,
+    narrow,
+    obstacles,
+    slopes,
+    switches,
+)
+from campaigns.statement import Adversary, Disguise, Statement, disguised
+
+SEED = 1696
+"""The year of Johann Bernoulli's challenge."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """Problems of one kind; ``shifted`` where their origin may be moved without blurring a singularity."""
+
+    title: str
+    drawn: Callable[[np.random.Generator], Statement]
+    shifted: bool = True
+
+
+FAMILIES = {
+    "jumps": Family("jumps of a stiffness in x", switches.jumps),
+    "stairs": Family("floor and fmod of x", switches.stairs),
+    "kinks": Family("kinks of a stiffness in x", switches.kinks),
+    "loads": Family("kinks and jumps of a load in x", switches.loads),
+    "friction": Family("kinks in the slope", kinked.friction),
+    "crossings": Family("kinks in y that are crossed", kinked.crossed_levels),
+    "dead cores": Family("kinks in y that may be followed", kinked.dead_cores),
+    "refraction": Family("layers of different index", layers.refraction),
+    "spots": Family("soft spots of width 1e-6 to 0.1", narrow.spots),
+    "grains": Family("loads on a width of 1e-6 to 0.1", narrow.grains),
+    "fast loads": Family("loads of frequency 10 to 1e5", fast.fast_loads),
+    "fast coefficients": Family("stiffnesses of frequency 10 to 1e5", fast.fast_coefficients),
+    "walls": Family("walls and wells in y", energy.walls),
+    "double wells": Family("long kinks of a double well", energy.double_wells),
+    "heteroclinic": Family("long kinks of no energy", energy.heteroclinic),
+    "sine-Gordon": Family("long kinks of a pendulum", energy.sine_gordon),
+    "superquadratic": Family("no bound: v² - cyᵖ", bottomless.superquadratic),
+    "oscillators": Family("oscillators about their conjugate length", bottomless.oscillators),
+    "weights": Family("singular weights |x|ᵃ", bottomless.weights, shifted=False),
+    "polar": Family("straight lines about an origin", bottomless.polar, shifted=False),
+    "rims": Family("films that tear at a rim", bottomless.rims),
+    "films": Family("films next to their fold", curves.films),
+    "torn": Family("films beyond their fold", curves.torn),
+    "descents": Family("descents with a guard", curves.guarded_descents, shifted=False),
+    "corners": Family("non-convex slopes under a load", slopes.loaded_corners),
+    "zigzags": Family("non-convex slopes alone", slopes.zigzags),
+    "Bolza": Family("Bolza's example", slopes.bolza),
+    "bumps": Family("strings over narrow bumps", obstacles.bumps),
+    "tents": Family("strings over sharp tents", obstacles.tents),
+    "posts": Family("strings over narrow posts", obstacles.posts),
+    "oscillating": Family("eigenvalues of wide and periodic wells", eigenvalues.oscillating),
+    "wells": Family("eigenvalues of pairs of wells", eigenvalues.wells),
+    "hills": Family("landscapes of hills", landscapes.hills),
+    "tilted wells": Family("tilted double wells", landscapes.tilted_wells),
+}
+
+
+def statement(family: str, number: int) -> Statement:
+    """The problem of a family that has this number, as its least value is known."""
+    seeds = [SEED, *family.encode(), number]
+    return FAMILIES[family].drawn(np.random.default_rng(seeds))
+
+
+@lru_cache(maxsize=8)
+def adversary(family: str, number: int) -> Adversary:
+    """The problem of a family that has this number, in coordinates of its own; the same in every process."""
+    seeds = [SEED, *family.encode(), number, 1]
+    return disguised(statement(family, number), Disguise.drawn(np.random.default_rng(seeds), FAMILIES[family].shifted))
