@@ -214,9 +214,11 @@ class CarriedPlane:
     def _passages(self) -> list[float]:
         found: list[float] = []
         before: Angle | None = None
+        leaving = True  # the start is left when every angle is: that of a level not before it is felt
         for k, panel in enumerate(self.frames):
             for s in np.linspace(panel.left, panel.right, SAMPLES_PER_PANEL + 1)[0 if k == 0 else 1 :]:
-                at = self.angle(panel, float(s), k == 0)
+                at = self.angle(panel, float(s), leaving or k == 0)
+                leaving = leaving and bool((at.angles < ZERO_ANGLE).any())
                 if before is not None:
                     found += self._between(panel, before, at, 0)
                 elif at.angles.size:
@@ -247,7 +249,8 @@ class CarriedPlane:
     def _halved(self, panel: Panel, left: Angle, right: Angle, depth: int) -> list[float]:
         if depth > DEEPEST_BRACKET:
             raise Unresolved(f"the Jacobi fields turn too fast near {left.s:.6g}")
-        middle = self.angle(panel, 0.5 * (left.s + right.s), panel is self.frames[0])
+        starting = panel is self.frames[0] or bool((left.angles < ZERO_ANGLE).any())
+        middle = self.angle(panel, 0.5 * (left.s + right.s), starting)
         return self._between(panel, left, middle, depth + 1) + self._between(panel, middle, right, depth + 1)
 
     def _located(self, panel: Panel, left: Angle, right: Angle, j: int) -> float:
