@@ -43,6 +43,8 @@ GAUSS_POINTS = 24
 """Points an element at which a curve's functional is summed again."""
 HELD = 1e-7
 """Difference, relative to what is summed, of a curve's functional and that of its pieces, which the sum may make."""
+BESIDE_KINK = 1e-3
+"""Change of the slope, in units of 1 and of the slope, over which it is seen which way a kink points."""
 MOST = 8
 """Crossings of one curve that are treated."""
 
@@ -99,7 +101,7 @@ def _as_held(problem: Problem, solution: Solution) -> bool:
 
 def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
     """The least curve that is broken near where ``curve`` meets switches; None where none is found."""
-    if any(_held_in_place(problem, c) for c in found):
+    if any(_held_in_place(problem, c) or _repels(problem, curve, c) for c in found):
         return None
     # what is met at an end itself leaves nothing to be broken
     pieces = [_piece(problem, c) for c in found if c.until is not None or c.x not in problem.span]
@@ -116,6 +118,18 @@ def _held_in_place(problem: Problem, crossing: Crossing) -> bool:
     first, last = problem.span
     whole = crossing.until - crossing.x >= (1 - NEAR_ENDS) * (last - first)
     return whole or not crossing.switch.depends_on(problem.symbols.dy)
+
+
+def _repels(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
+    """Whether L has a maximum, of the kink that a curve follows, in the slope: no minimum stays there."""
+    if crossing.until is None or not crossing.switch.depends_on(problem.symbols.dy):
+        return False
+    x = np.full(3, 0.5 * (crossing.x + crossing.until))
+    y, slope = curve(x, 0), curve(x, 1)
+    step = BESIDE_KINK * max(1.0, float(np.abs(slope).max()))
+    slopes = slope + step * np.array([-1.0, 0.0, 1.0])
+    left, here, right = problem.sign * problem.integrand_values(x, y, slopes)
+    return bool(left + right - 2 * here < 0.0)
 
 
 def _corners(solution: Solution) -> np.ndarray:

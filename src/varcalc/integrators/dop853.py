@@ -346,9 +346,10 @@ class Pieces:
     steps: Interpolant
 
     @classmethod
-    def of(cls, kept: Sequence[tuple[np.ndarray, Interpolant]], row: int) -> Pieces:
-        """The steps of one run among all that were ``kept`` with their rows."""
-        return cls(Interpolant.joined([step[np.flatnonzero(rows == row)] for rows, step in kept if row in rows]))
+    def of(cls, kept: Sequence[tuple[np.ndarray, Interpolant]], row: int) -> Pieces | None:
+        """The steps of one run among all that were ``kept`` with their rows; None where there was none."""
+        own = [step[np.flatnonzero(rows == row)] for rows, step in kept if row in rows]
+        return cls(Interpolant.joined(own)) if own else None
 
     def __call__(self, times: np.ndarray) -> np.ndarray:
         """States (m, N) at ``times`` (m,)."""

@@ -30,6 +30,9 @@ ZERO = 1e-9
 """Eigenvalues of the second variation, in units of its leading term, that are none."""
 LOOSEST = 1e-6
 """The same where the curve is known poorly."""
+RISE_PLACES = 1001
+RISE_NOISE, RISE_LEAST, BEND_LEAST = 1e-6, 1e-5, 1e-4
+"""Slope below zero, relative to the largest, that is made of rounding, and slope and bend at an end that are none."""
 SETTLED = 0.9
 """Share of an eigenvalue that a richer space leaves when it is resolved."""
 LARGEST = 800
@@ -61,6 +64,8 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
             return Verdict.SADDLE, f"no minimum: in a richer space the second variation is negative ({lowest:.2g})"
         if lowest <= threshold:
             zero = modes[:, eigenvalues <= threshold]
+            if _rises_throughout(system, z):
+                return None
             return None if _are_rigid_motions(system, z, zero) else _sentence(zero.shape[1], lowest)
         if not lowest < SETTLED * previous:
             break
@@ -69,6 +74,29 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
         following = newton_step(system, system.evaluate(z), following.multipliers)
         z = z if following is None else z + following.change
     return None
+
+
+def _rises_throughout(system: RitzSystem, z: np.ndarray) -> bool:
+    """Whether the slope of one function has one sign from end to end, where the integrand does not hold s.
+
+    That slope solves Jacobi's equation then, and a solution without a zero shows that no point is conjugate to the
+    start (Gelfand and Fomin, sect. 26), however soft the mode: that of a kink that is hardly held falls exponentially
+    toward the ends. A slope that goes to zero there in a straight line has zeros: the ends are conjugate.
+    """
+    form = system.form
+    if form.n > 1 or form.order > 1 or not form.ends.separate or ca.depends_on(form.integrand, form.symbols.x):
+        return False
+    if form.conditions.integrals or form.conditions.pathwise or form.conditions.knots:
+        return False
+    curve = system.space.curve(system.coefficients(z))
+    s = np.linspace(*form.span, RISE_PLACES)
+    slope = curve(s, 1)[0]
+    slope = slope * np.sign(slope.sum())
+    bend = np.abs(np.gradient(slope))
+    size = slope.max()
+    if not size > 0.0 or slope.min() < -RISE_NOISE * size:
+        return False
+    return all(slope[k] > RISE_LEAST * size or bend[k] <= BEND_LEAST * bend.max() for k in (0, -1))
 
 
 def _sentence(count: int, lowest: float) -> tuple[Verdict, str]:

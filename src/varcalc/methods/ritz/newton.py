@@ -33,8 +33,9 @@ ENOUGH = 1e-2
 QUICK = 1e-2
 """Share of the decrement before that tells of quadratic convergence: next to a fold an eighth is left each time."""
 CRAWLING, RESOLVED = 0.5, 1e-14
-"""Share of the decrement before, and relative decrement beyond round-off, that tell of steps that do not shrink: along a
-bent valley, where what each gains says nothing of what is left."""
+"""Share of the decrement before, and relative decrement beyond round-off, that tell of steps that do not shrink.
+
+They go along a bent valley, where what each gains says nothing of what is left."""
 ARMIJO = 1e-4
 SHRINK = 0.5
 SMALLEST_STEP = 1e-10
@@ -324,7 +325,8 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
             return _ended(system, z, at, step, iteration, direct=direct)
         following = _search(system, z, at, step, guarded)
         if following is None:
-            reason = _unmet(system, at) if decrement <= STAGNATED else "no step along the Newton direction descends"
+            nothing_left = decrement <= STAGNATED or _is_round_off(system, at, step, decrement)
+            reason = _unmet(system, at) if nothing_left else "no step along the Newton direction descends"
             return Descent(z, multipliers, at.value, iteration, reason)
         (z, at, whole), before = following, decrement
         direct = direct and whole and step.definite
