@@ -74,6 +74,10 @@ class Stats:
     degree: int = 0
 
 
+PROVED = "L is proved convex"
+"""How what was searched begins where nothing had to be."""
+
+
 @dataclass(frozen=True)
 class Solution:
     """An extremal of ``problem`` as one method found it.
@@ -85,7 +89,7 @@ class Solution:
     at singular ends, at second order, beside pathwise conditions and costs of the ends), ``unknowns`` the optimised
     unknowns by name, ``rung`` the name of the method that answered,
     ``message`` why there is no answer, when there is none. ``local`` is True
-    when a better value, ``lower``, is known of.
+    when a better value, ``lower``, is known of; ``searched`` says where better ones were looked for.
     """
 
     problem: Functional
@@ -103,8 +107,55 @@ class Solution:
     verdict: Verdict | None = None
     local: bool = False
     lower: float | None = None
+    searched: str = ""
     extremal: Any = field(default=None, repr=False, compare=False)
     """The curve in the coordinates it was solved in (:class:`varcalc.methods.answer.Extremal`), where there are any."""
+
+    def __str__(self) -> str:
+        """Five lines: the value and its claim, what it is, on what evidence, by which route, where others were sought.
+
+        >>> import casadi as ca
+        >>> import varcalc as vc
+        >>> line = vc.Problem(lambda x, y, dy: ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.Fixed(3, 4))
+        >>> print(vc.solve(line))  # doctest: +ELLIPSIS
+        value:    5, known to ... (solved to the tolerance asked for)
+        kind:     a minimum, the least of all curves
+        evidence: the curve is known to ..., on a mesh of 1 element of degree 6
+        route:    Ritz, 5 unknowns, 1 iteration in ... s
+        searched: L is proved convex in the curve and its slope: there is no other valley
+        """
+        lines = {"value": self._told_value(), "kind": self._kind(), "evidence": self._evidence()}
+        stats = self.stats
+        steps = f"{stats.iterations} iteration{'' if stats.iterations == 1 else 's'}"
+        lines["route"] = f"{self.rung}, {stats.unknowns} unknowns, {steps} in {stats.build + stats.solve:.2g} s"
+        lines["searched"] = self.searched or "no other curves were looked for"
+        return "\n".join(f"{name + ':':<9} {line}" for name, line in lines.items())
+
+    def _told_value(self) -> str:
+        if math.isnan(self.value):
+            return f"none ({self.status.value})"
+        claim = f", known to {self.error.value:.1g}" if math.isfinite(self.error.value) else ""
+        return f"{self.value:.12g}{claim} ({self.status.value})"
+
+    def _kind(self) -> str:
+        if not self.status.ok:
+            return f"no answer: {self.message}"
+        kind = "maximum" if self.problem.maximise else "minimum"
+        if self.local:
+            return self.message or f"a local {kind} only: {self.lower} is reached elsewhere"
+        if self.searched.startswith(PROVED):
+            return f"a {kind}, the {'greatest' if self.problem.maximise else 'least'} of all curves"
+        if getattr(self.method, "minimises", False):
+            return f"a {kind} among the curves near it"
+        return "a curve that solves the Euler-Lagrange equation; varcalc.verify tells what it is"
+
+    def _evidence(self) -> str:
+        if self.curve is None:
+            return "no curve was found"
+        known = f"the curve is known to {self.error.curve:.1g}" if math.isfinite(self.error.curve) else "a curve"
+        elements, degree = self.stats.elements, self.stats.degree
+        mesh = f", on a mesh of {elements} element{'' if elements == 1 else 's'}" if elements else ""
+        return known + mesh + (f" of degree {degree}" if elements and degree else "")
 
     @property
     def rung(self) -> str:

@@ -7,6 +7,7 @@ directions of least curvature of the functional and into its lowest modes.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +16,14 @@ from varcalc.formulation import Form, formulate
 from varcalc.methods.ritz.method import Rungs
 from varcalc.methods.ritz.newton import Newton
 from varcalc.methods.ritz.system import RitzSystem
+from varcalc.numerics.mesh import gauss
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Verdict
 
 LINE_DEGREE = 12
+LINE_POINTS = 8
+"""Gauss points on a piece of a polygon."""
 LEAST_CURVED = 3
 """Directions of least curvature, and modes, that are tried both ways."""
 DISTANCE_DOUBLINGS = 40
@@ -76,6 +80,28 @@ def falling(problem: Functional) -> Fall | None:
                 if fall is not None:
                     return fall
     return None
+
+
+def falls_along(problem: Problem, x: np.ndarray, y: np.ndarray, away: np.ndarray) -> Fall | None:
+    """The line of polygons y + t ``away`` on vertices x (m,), of one function, where it leads down for ever."""
+    nodes, weights = gauss(LINE_POINTS)
+    steps = np.diff(x)
+    share = 0.5 * (1 + nodes)
+    s = x[:-1, None] + steps[:, None] * share
+
+    def between(v: np.ndarray) -> np.ndarray:
+        return v[:-1, None] + np.diff(v)[:, None] * share
+
+    far = np.concatenate([[0.0], 2.0 ** np.arange(-DOUBLINGS_FALLING, 1)])[:, None, None]
+    slopes = (np.diff(y) / steps)[:, None] + far * (np.diff(away) / steps)[:, None]
+    with np.errstate(all="ignore"):
+        values = problem.sign * problem.integrand_on(s, between(y) + far * between(away), slopes)
+        sums = np.einsum("tkq,k,q->t", np.broadcast_to(values, (len(far), *s.shape)), 0.5 * steps, weights)
+        falls = sums[2:] - sums[0]
+        deepens = bool(np.all((falls[1:] <= DEEPENING * falls[:-1]) | (falls[1:] == -np.inf)))
+    if not math.isfinite(sums[0]) or not deepens or not falls[-1] < -DEEP_FALL * (abs(sums[0]) + abs(falls[0]) * 1e-3):
+        return None
+    return Fall(float(np.abs(away).max()) * far[2:, 0, 0], problem.sign * sums[2:])
 
 
 def _directions(system: RitzSystem, start: np.ndarray) -> list[np.ndarray]:

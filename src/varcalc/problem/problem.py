@@ -199,6 +199,22 @@ class Problem(Functional):
         numbers = self.parameter_values[None] if parameters is None else parameters, self.unknown_guesses[None]
         return _integrand(self)(len(x), x[:, None], y.T, dy.T, self._level, *numbers)[:, 0]
 
+    @property
+    def vectorised(self) -> bool:
+        """Whether :meth:`integrand_on` has L: it holds nothing that NumPy has no form of, such as a table."""
+        try:
+            return _integrand(self).columns is not None
+        except (TypeError, ValueError):
+            return False
+
+    def integrand_on(self, x: np.ndarray, y: np.ndarray, dy: np.ndarray) -> np.ndarray:
+        """L of one unknown function on arrays that broadcast; unknowns at their guesses.
+
+        Raises TypeError or ValueError where L holds what NumPy has no form of, such as a table.
+        """
+        numbers = self.parameter_values.tolist(), self.unknown_guesses.tolist()
+        return _integrand(self).columns(x, [y], [dy], [], *numbers)[0]
+
     def integrand_derivatives(
         self, x: np.ndarray, y: np.ndarray, dy: np.ndarray, parameters: np.ndarray | None = None
     ) -> Derivatives:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 
 from varcalc.existence.approach import outdone
-from varcalc.existence.broken_curve import with_rival
 from varcalc.existence.feasibility import explained
+from varcalc.existence.global_look import looked_around
 from varcalc.existence.refraction import refracted, smooth_or_refused
 from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
@@ -32,10 +33,11 @@ from varcalc.solution import (
 )
 from varcalc.solve.warm_start import resolved
 from varcalc.symbolic.derived import Cache
-from varcalc.verify.between import balanced, unseen
+from varcalc.verify.between import Unseen, balanced, unseen
 from varcalc.verify.slopes import vouched
 
-
+FINER_DEGREE = 8
+"""Degree at most with which a finer mesh is begun."""
 CLOSER_MESHES = 6
 """Times that a problem is solved anew on a mesh that sees what lay between the points of the one before."""
 
@@ -82,14 +84,18 @@ def solve(
     smooth = solution is None
     if solution is None:
         solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
+    if method is not None and not solution.status.ok:
+        solution = _once_more(solution, method, tol)
     if method is None and not solution.status.ok:
         from varcalc.existence.second_look import second_look  # few solves need all that it imports
 
         solution = _nothing_between(_made_out(second_look(problem, tol, solution, smooth=smooth)))
     elif method is not None:
         solution = _made_out(solution)
-    if (method is None or isinstance(method, Ritz)) and solution.status.ok:
-        solution = with_rival(solution)
+    if solution.status.ok:
+        # whoever gives a guess asks for the valley it lies in
+        followed = (method is None or isinstance(method, Ritz)) and guess is None
+        solution = looked_around(solution, partial(_polished, problem, tol), followed=followed)
     if throw and not solution.status.ok:
         raise (InfeasibleError if solution.verdict is Verdict.INFEASIBLE else VariationalError)(solution)
     return solution
@@ -98,6 +104,12 @@ def solve(
 LADDER: tuple[Ritz, ...] = (Ritz(),)
 """The route taken first: the direct method is the cheapest for most single solves, and it alone ends at a
 minimum by construction (see docs/methods.md for the figures)."""
+
+
+def _polished(problem: Functional, tol: float, method: Ritz, start: Sampled) -> Solution:
+    """The answer of the direct method next to a curve."""
+    known = _broken(problem, method, tol, start)
+    return known if known is not None else _made_out(_attempt(problem, method, tol, start))
 
 
 def _guides() -> tuple[Method, ...]:
@@ -132,6 +144,8 @@ def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:
     failure: Solution | None = None
     for method in LADDER:
         solution = _made_out(_attempt(problem, method, tol, guess))
+        if not solution.status.ok:
+            solution = _once_more(solution, method, tol)
         if solution.status.ok or solution.verdict is not None:
             return solution
         failure = failure or solution
@@ -169,7 +183,7 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
             start = guess if guess is not None or failure is None or failure.curve is None else failure
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 solution = _worth_something(way.solve(form, tol=tol, guess=_sampled(problem, form, start)))
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            if solution.status.ok:
                 solution = _seen_between(way, form, solution, tol)
             solution = _standing(way, form, solution, tol)
             if solution.status.ok:
@@ -205,20 +219,45 @@ def _seen_between(method: Method, form: Form, solution: Solution, tol: float) ->
 
     What was not found is looked for again where it was a feature between the points that stood in the way.
     """
+    missed = unseen(solution)
     for _ in range(CLOSER_MESHES):
-        if solution.verdict is not None or (missed := unseen(solution)) is None or solution.extremal is None:
+        if missed is None or solution.extremal is None:
             return solution
-        knots = tuple(sorted({*form.conditions.knots, *missed.marks.tolist()}))
-        form = replace(form, conditions=replace(form.conditions, knots=knots), cache=Cache())
-        start = solution.extremal.evaluate
-        again = method.solve(form, tol=tol, guess=lambda s, start=start: start(s, 0))
+        again = _on_finer_mesh(method, form, solution, missed, tol)
         if not again.status.ok and not isinstance(method, Ritz) and balanced(solution, missed):
             return solution
         if again.extremal is None:
             message = f"{missed.sentence}, and on a mesh that can there was no answer: {again.message}"
             return replace(solution, status=Status.NOT_CONVERGED, message=message)
-        solution = again
+        solution, form = again, again.extremal.form
+        missed = None if solution.verdict is not None else unseen(solution)
     return _nothing_between(solution)
+
+
+def _on_finer_mesh(method: Method, form: Form, solution: Solution, missed: Unseen, tol: float) -> Solution:
+    """The answer from a known curve on its own mesh with the marks of what that one missed."""
+    # what the mesh has learnt is kept: its vertices, and its degree
+    start, vertices = solution.extremal.evaluate, solution.extremal.vertices
+    knots = tuple(sorted({*form.conditions.knots, *vertices[1:-1].tolist(), *missed.marks.tolist()}))
+    form = replace(form, conditions=replace(form.conditions, knots=knots), cache=Cache())
+    finer = replace(method, degree=min(solution.stats.degree, FINER_DEGREE)) if _free(method) else method
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        again = finer.solve(form, tol=tol, guess=lambda s: start(s, 0))
+    return replace(again, method=method)
+
+
+def _once_more(failure: Solution, method: Method, tol: float) -> Solution:
+    """The answer on a mesh that sees what lay between the points, where that stood in the way; else the failure."""
+    if failure.verdict is not None or failure.extremal is None:
+        return failure
+    form = failure.extremal.form
+    again = _seen_between(method, form, failure, tol)
+    return vouched(again, form) if again.status.ok else failure
+
+
+def _free(method: Method) -> bool:
+    """Whether the degree is the direct method's own affair."""
+    return isinstance(method, Ritz) and method.refine and method.degree is None
 
 
 def _nothing_between(solution: Solution) -> Solution:

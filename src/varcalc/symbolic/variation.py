@@ -1,128 +1,159 @@
-"""Whether an expression may vary between samples of its arguments: read from its operations.
+"""Whether an expression may do something between two samples that neither of them shows: read from its operations.
 
 Sums and products of what varies gently vary gently. What is narrower than the box it lies in comes of an operation
-whose argument goes, inside the box, through more than the scale on which the operation itself varies: exp(u) where u
-changes by more than a few, 1/u where u changes by a factor. The arguments are enclosed, so nothing lies between.
+whose argument goes, inside the box, further than it is at the two samples, by more than the scale on which the
+operation itself varies: exp(u) where u comes to be larger by more than a few, 1/u where u comes nearer to zero by a
+factor; or through more than a wave of what oscillates. The arguments are enclosed, so nothing lies between.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import instructions, interpret
+from varcalc.symbolic.instructions import BINARY, UNARY, instructions, interpret
 from varcalc.symbolic.intervals import Interval, applied, constant
 
 CHANGE = 1.5
-"""By how much the argument of a function of scale 1 (exp, sin, tanh) may change inside a box."""
+"""By how much the argument of a function of scale 1 (exp, sin, tanh) may change."""
 FACTOR = 4.0
-"""By what factor the argument of a root, a logarithm or a reciprocal may change inside a box."""
+"""By what factor the argument of a root, a logarithm or a reciprocal may change."""
 VANISHED = -50.0
 """Exponent below which what is left of an exponential is nothing, whatever it is multiplied by."""
-CONSTANT_TANH, CONSTANT_ERF = 20.0, 6.0
-"""Sizes of the argument beyond which a function is constant to round-off."""
 LEAST_POWER = 12
 """Whole power from which on it matters by what factor its base changes."""
+NUMBERS = {**UNARY, **BINARY}
+Rules = Mapping[int, Callable[..., np.ndarray]]
+"""By what factor operations, by CasADi's codes, may go too far between samples of their operands."""
 
 
-def gentle(function: ca.Function) -> bool:
-    """Whether nothing narrow can come of any operation of an SX function, whatever its arguments."""
+@dataclass(frozen=True)
+class Between:
+    """What lies between two samples: the values ``first`` and ``last`` there, and the ``range`` of all between."""
+
+    range: Interval
+    first: np.ndarray
+    last: np.ndarray
+
+
+def gentle(function: ca.Function, rules: Rules) -> bool:
+    """Whether no operation of an SX function has one of the ``rules``: nothing narrow can come of any."""
     fixed: dict[int, bool] = {}
     for i in instructions(function):
         fixed[i.target] = i.operation == ca.OP_CONST
         varied = i.sources[-1:] if i.operation == ca.OP_DIV else i.sources
-        if i.operation in VARYING and not all(fixed.get(s, False) for s in varied):
+        if i.operation in rules and not all(fixed.get(s, False) for s in varied):
             return False
     return True
 
 
-def excess(function: ca.Function, boxes: Sequence[Sequence[Interval]], shape: tuple[int, ...]) -> np.ndarray:
-    """By what factor the worst operation of an SX function varies too much over each box; at most 1 where none does.
+def excess(
+    function: ca.Function, boxes: Sequence[Sequence[Between]], shape: tuple[int, ...], rules: Rules
+) -> np.ndarray:
+    """By what factor the worst operation of an SX function may go too far between samples; at most 1 where none does.
 
-    ``boxes`` are the intervals of the nonzeros of each argument, arrays that broadcast to ``shape``.
+    ``boxes`` hold the nonzeros of each argument, arrays that broadcast to ``shape``. Operations without one of the
+    ``rules`` count as gentle.
     """
     worst = np.zeros(shape)
 
-    def watched(operation: int, operands: Sequence[Interval]) -> Interval:
-        variation = VARYING.get(operation)
+    def watched(operation: int, operands: Sequence[Between]) -> Between:
+        variation = rules.get(operation)
         if variation is not None:
             np.fmax(worst, variation(*operands), out=worst)
-        return applied(operation, operands)
+        of = NUMBERS.get(operation, _unknown)
+        ends = [of(*side) for side in zip(*((o.first, o.last) for o in operands), strict=True)]
+        return Between(applied(operation, [o.range for o in operands]), *ends)
 
     with np.errstate(all="ignore"):
-        interpret(function, boxes, constant, watched)
+        interpret(function, boxes, _constant, watched)
     return worst
 
 
-def _change(a: Interval) -> np.ndarray:
-    return (a[1] - a[0]) / CHANGE
+def _unknown(*operands: np.ndarray) -> np.ndarray:
+    """What a table makes of its operands: no number that is known here."""
+    return np.full(np.broadcast_shapes(*(np.shape(o) for o in operands)), np.nan)
 
 
-def _exponent(a: Interval) -> np.ndarray:
-    return np.where(a[1] < VANISHED, 0.0, _change((np.maximum(a[0], VANISHED), a[1])))
+def _constant(value: float) -> Between:
+    range_ = constant(value)
+    return Between(range_, range_[0], range_[0])
 
 
-def _saturated(beyond: float) -> Callable[[Interval], np.ndarray]:
-    """The change inside the range of arguments within which a function is not constant."""
-    return lambda a: _change((np.clip(a[0], -beyond, beyond), np.clip(a[1], -beyond, beyond)))
+def _beyond(a: Between) -> np.ndarray:
+    """How far the range goes beyond the two samples, on a scale of 1."""
+    low, high = a.range
+    return np.fmax(high - np.maximum(a.first, a.last), np.minimum(a.first, a.last) - low) / CHANGE
 
 
-def _beyond_one(a: Interval) -> np.ndarray:
-    """The change of the argument of a function that varies on the scale of max(1, abs(u))."""
-    return _change(a) / np.maximum(1.0, _least_size(a))
+def _exponent(a: Between) -> np.ndarray:
+    low, high = (np.maximum(v, VANISHED) for v in a.range)
+    return _beyond(Between((low, high), np.maximum(a.first, VANISHED), np.maximum(a.last, VANISHED)))
+
+
+def _phase(a: Between) -> np.ndarray:
+    return (a.range[1] - a.range[0]) / CHANGE
+
+
+def _on_own_scale(a: Between) -> np.ndarray:
+    """The same as :func:`_beyond` where a function varies on the scale of max(1, abs(u))."""
+    return _beyond(a) / np.maximum(1.0, _least_size(a.range))
 
 
 def _least_size(a: Interval) -> np.ndarray:
     return np.where((a[0] <= 0) & (a[1] >= 0), 0.0, np.minimum(np.abs(a[0]), np.abs(a[1])))
 
 
-def _factor(a: Interval) -> np.ndarray:
-    """By what factor of its size an interval changes; infinite for one that holds zero and more."""
-    size, least = np.maximum(np.abs(a[0]), np.abs(a[1])), _least_size(a)
-    return np.where(a[0] == a[1], 0.0, np.where(least > 0, size / least, np.inf) / FACTOR)
+def _factor(a: Between) -> np.ndarray:
+    """By what factor the size goes beyond that of both samples; infinite where it comes to be zero between them."""
+    low, high = a.range
+    first, last = np.abs(a.first), np.abs(a.last)
+    size, least = np.maximum(np.abs(low), np.abs(high)), _least_size(a.range)
+    far = np.fmax(size / np.maximum(first, last), np.minimum(first, last) / least) / FACTOR
+    return np.where(low == high, 0.0, far)
 
 
-def _from(edge: float) -> Callable[[Interval], np.ndarray]:
-    """The factor by which the distance from an ``edge`` of the domain changes."""
-    return lambda a: _factor((a[0] - edge, a[1] - edge))
+def _from(edge: float) -> Callable[[Between], np.ndarray]:
+    """The factor by which the distance from an ``edge`` of the domain goes beyond that at the samples."""
+    return lambda a: _factor(Between((a.range[0] - edge, a.range[1] - edge), a.first - edge, a.last - edge))
 
 
-def _from_one(a: Interval) -> np.ndarray:
+def _from_one(a: Between) -> np.ndarray:
     return np.fmax(_from(1.0)(a), _from(-1.0)(a))
 
 
-def _power(a: Interval, b: Interval) -> np.ndarray:
-    """Of a whole power nothing narrow comes unless it is high, of another where the base changes by a factor."""
-    fixed = b[0] == b[1]
-    whole = fixed & (b[0] == np.round(b[0])) & (b[0] >= 0)
-    size = np.maximum(np.abs(a[0]), np.abs(a[1]))
-    # the largest of u^k is what counts: what is small beside it varies as it likes
-    high = np.where(a[0] == a[1], 0.0, b[1] * (1.0 - _least_size(a) / np.where(size > 0, size, 1.0)) / LEAST_POWER)
-    varying = np.where(fixed, _factor(a), np.fmax(_factor(a), _change(_times_logarithm(a, b))))
-    return np.where(whole, np.where(b[0] < LEAST_POWER, 0.0, high), varying)
+def _power(a: Between, b: Between) -> np.ndarray:
+    """Of a whole power nothing narrow comes unless it is high, of another where the base goes by a factor."""
+    exponent, fixed = b.range[0], b.range[0] == b.range[1]
+    whole = fixed & (exponent == np.round(exponent)) & (exponent >= 0)
+    size = np.maximum(np.abs(a.range[0]), np.abs(a.range[1]))
+    high = exponent * np.log(size / np.maximum(np.abs(a.first), np.abs(a.last))) / CHANGE
+    whole_power = np.where((exponent < LEAST_POWER) | (a.range[0] == a.range[1]), 0.0, high)
+    return np.where(whole, whole_power, np.where(fixed, _factor(a), np.fmax(_factor(a), _beyond(b))))
 
 
-def _times_logarithm(a: Interval, b: Interval) -> Interval:
-    return applied(ca.OP_MUL, [b, applied(ca.OP_LOG, [a])])
-
-
-def _divided(_: Interval, b: Interval) -> np.ndarray:
+def _divided(_: Between, b: Between) -> np.ndarray:
     return _factor(b)
 
 
-def _length(a: Interval, b: Interval) -> np.ndarray:
+def _length(a: Between, b: Between) -> np.ndarray:
     """The factor of the distance from the origin."""
-    return _factor(applied(ca.OP_HYPOT, [a, b]))
+    range_ = applied(ca.OP_HYPOT, [a.range, b.range])
+    return _factor(Between(range_, np.hypot(a.first, b.first), np.hypot(a.last, b.last)))
 
 
-VARYING: dict[int, Callable[..., np.ndarray]] = {
-    ca.OP_EXP: _exponent, ca.OP_EXPM1: _exponent, ca.OP_SINH: _change, ca.OP_COSH: _change, ca.OP_SIN: _change,
-    ca.OP_COS: _change, ca.OP_TAN: _change, ca.OP_TANH: _saturated(CONSTANT_TANH), ca.OP_ERF: _saturated(CONSTANT_ERF),
-    ca.OP_ATAN: _beyond_one, ca.OP_ASINH: _beyond_one, ca.OP_SQRT: _factor, ca.OP_LOG: _factor, ca.OP_INV: _factor,
-    ca.OP_DIV: _divided, ca.OP_LOG1P: _from(-1.0), ca.OP_ACOSH: _from(1.0), ca.OP_ASIN: _from_one,
-    ca.OP_ACOS: _from_one, ca.OP_ATANH: _from_one, ca.OP_POW: _power, ca.OP_CONSTPOW: _power, ca.OP_HYPOT: _length,
-    ca.OP_ATAN2: _length,
+LOCAL: Rules = {
+    ca.OP_EXP: _exponent, ca.OP_EXPM1: _exponent, ca.OP_SINH: _beyond, ca.OP_COSH: _beyond, ca.OP_SIN: _phase,
+    ca.OP_COS: _phase, ca.OP_TAN: _phase, ca.OP_TANH: _beyond, ca.OP_ERF: _beyond, ca.OP_ATAN: _on_own_scale,
+    ca.OP_ASINH: _on_own_scale,
 }  # fmt: skip
-"""By what factor an operation varies too much over intervals of its operands, by CasADi's codes."""
+"""By what factor an operation that varies on a scale of its own may go too far between samples, by CasADi's codes."""
+VARYING: Rules = {
+    **LOCAL, ca.OP_SQRT: _factor, ca.OP_LOG: _factor, ca.OP_INV: _factor, ca.OP_DIV: _divided,
+    ca.OP_LOG1P: _from(-1.0), ca.OP_ACOSH: _from(1.0), ca.OP_ASIN: _from_one, ca.OP_ACOS: _from_one,
+    ca.OP_ATANH: _from_one, ca.OP_POW: _power, ca.OP_CONSTPOW: _power, ca.OP_HYPOT: _length, ca.OP_ATAN2: _length,
+}  # fmt: skip
+"""The same with the operations that vary by the factor by which their operand changes."""

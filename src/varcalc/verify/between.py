@@ -16,7 +16,7 @@ from varcalc.methods.answer import Extremal, functional_value, lifted
 from varcalc.problem.breaks import bounds, integrals
 from varcalc.problem.conditions import Bound
 from varcalc.solution import Solution
-from varcalc.symbolic.variation import excess, gentle
+from varcalc.symbolic.variation import LOCAL, VARYING, Between, Rules, excess, gentle
 from varcalc.verify.along_curve import along_curve
 from varcalc.verify.candidate import undivided
 from varcalc.verify.residual import residual
@@ -26,14 +26,12 @@ BOXES = 32
 FEW_ELEMENTS = 4
 LEAST_BOXES = 4
 """Boxes an element where there are more."""
-BESIDE_SINGULAR = 0.1
+BESIDE_SINGULAR = 0.25
 """Share of s beside a singular end that is left out: there everything varies by factors, and s is made for that."""
 BEYOND_ENDS = 0.1
 """By what share of their difference a curve may leave the range of two neighbouring samples."""
-BETWEEN_SAMPLES = 2.0
-"""How far beyond what is gentle L may vary between two samples of a mesh that sees it."""
-AN_ELEMENT = 6.0
-"""The same of an element."""
+AN_ELEMENT = 3.0
+"""By how many times more than is gentle something may vary from the middle of an element."""
 NARROWEST = 1e-9
 """Width of a box, relative to the interval, that is not looked into."""
 MOST_BOXES = 20_000
@@ -63,12 +61,15 @@ class Unseen:
 def unseen(solution: Solution) -> Unseen | None:
     """What the samples of a solution's curve may have missed; None where nothing lies between them.
 
-    A bound may vary as it likes where the curve keeps it.
+    A bound may vary as it likes where the curve keeps it. A curve that is no answer may be steep: what roots and
+    reciprocals make of it says nothing.
     """
     extremal, problem = solution.extremal, solution.problem
     if extremal is None or problem.symbols.kind is not ca.SX or (problem.order == 2 and any(problem.slides)):
         return None
-    return _in_integrals(extremal) or _beyond_bounds(extremal)
+    if not solution.status.ok:
+        return _in_integrals(extremal, LOCAL, everywhere=True)
+    return _in_integrals(extremal, VARYING, everywhere=False) or _beyond_bounds(extremal)
 
 
 def balanced(solution: Solution, missed: Unseen) -> bool:
@@ -86,8 +87,8 @@ def balanced(solution: Solution, missed: Unseen) -> bool:
     return residual(along_curve(undivided(finer, solution.value))) <= BALANCED
 
 
-def _in_integrals(extremal: Extremal) -> Unseen | None:
-    looked = _looked(extremal, integrals(extremal.form.problem))
+def _in_integrals(extremal: Extremal, rules: Rules, *, everywhere: bool) -> Unseen | None:
+    looked = _looked(extremal, integrals(extremal.form.problem), rules, everywhere=everywhere)
     return None if looked is None or not len(looked[0]) else Unseen(looked[0], float(looked[2]))
 
 
@@ -97,7 +98,7 @@ def _beyond_bounds(extremal: Extremal) -> Unseen | None:
     if not held:
         return None
     function = bounds(problem)
-    looked = _looked(extremal, function)
+    looked = _looked(extremal, function, VARYING, everywhere=False)
     if looked is None:
         return None
     marks, points, _ = looked
@@ -110,36 +111,37 @@ def _beyond_bounds(extremal: Extremal) -> Unseen | None:
     return None
 
 
-def _looked(extremal: Extremal, function: ca.Function) -> tuple[np.ndarray, np.ndarray, float] | None:
+def _looked(
+    extremal: Extremal, function: ca.Function, rules: Rules, *, everywhere: bool
+) -> tuple[np.ndarray, np.ndarray, float] | None:
     """Marks in s that a mesh needs for a function, all points of the curve that were looked at, and the narrowest's x.
 
-    None where nothing may hide.
+    None where nothing may hide; what varies ``everywhere`` is marked even so.
     """
-    if gentle(function):
+    if gentle(function, rules):
         return None
     s, points = _samples(extremal)
-    marks, seen = [np.zeros(0)], [points]
-    place, beyond = 0.0, BETWEEN_SAMPLES
     low, high, first, last = s[:-1], s[1:], points[:, :-1], points[:, 1:]
+    over = _excess(extremal, function, rules, first, last, first, last)
+    # what is infinite at an end is a matter of its coordinates, not of the mesh
+    over[((low == s[0]) | (high == s[-1])) & np.isinf(over)] = 0.0
+    if not everywhere and not np.any(over > 1.0):
+        return None
+    place = float(points[0, np.argmax(over)])
+    marks, seen = [], [points]
     narrowest = NARROWEST * (extremal.form.span[1] - extremal.form.span[0])
-    while len(low) <= MOST_BOXES:
-        over = _excess(extremal, function, first, last)
-        # what is infinite at an end is a matter of its coordinates, not of the mesh
-        hides = (over > 1.0) & (high - low > narrowest) & ~(((low == s[0]) | (high == s[-1])) & np.isinf(over))
-        if not hides.any():
-            break
-        low, high, first, last, over = low[hides], high[hides], first[:, hides], last[:, hides], over[hides]
+    while 0 < len(low) <= MOST_BOXES:
         middle = 0.5 * (low + high)
         halfway = _points(extremal, middle)
-        found = over > beyond
-        if found.any():
-            place = float(halfway[0, np.argmax(over)])
-            marks.append(middle[found])
-        seen.append(halfway)
-        beyond = AN_ELEMENT
+        over = _excess(extremal, function, rules, first, last, halfway, halfway)
+        varies = (over > 1.0) & (high - low > narrowest)
+        marks.append(middle[varies & (over > AN_ELEMENT)])
+        seen.append(halfway[:, varies])
+        low, high, middle = low[varies], high[varies], middle[varies]
+        first, last, halfway = first[:, varies], last[:, varies], halfway[:, varies]
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
         first, last = np.hstack([first, halfway]), np.hstack([halfway, last])
-    return None if len(seen) == 1 else (np.concatenate(marks), np.hstack(seen), place)
+    return np.concatenate(marks), np.hstack(seen), place
 
 
 def _samples(extremal: Extremal) -> tuple[np.ndarray, np.ndarray]:
@@ -186,13 +188,16 @@ def _arguments(extremal: Extremal, points: np.ndarray) -> list[np.ndarray]:
     return [points[:1], points[1 : 1 + n], points[1 + n : 1 + 2 * n], points[1 + 2 * n :], *fixed]
 
 
-def _excess(extremal: Extremal, function: ca.Function, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """By what factor something varies too much between neighbouring points of the curve; 0 where one is no number."""
-    low, high = np.minimum(first, last), np.maximum(first, last)
+def _excess(extremal: Extremal, function: ca.Function, rules: Rules, *points: np.ndarray) -> np.ndarray:
+    """How far something goes between the first two of four points beyond what it is at the last two; each (rows, m).
+
+    It is 0 where one of the points is no number.
+    """
+    low, high = np.minimum(*points[:2]), np.maximum(*points[:2])
     room = BEYOND_ENDS * (high - low)
     room[0] = 0.0
-    ends = [_arguments(extremal, side) for side in (low - room, high + room)]
-    boxes = [list(zip(*sides, strict=True)) for sides in zip(*ends, strict=True)]
-    over = excess(function, boxes, low.shape[1:])
-    over[~np.isfinite(first + last).all(0)] = 0.0
+    sides = [_arguments(extremal, side) for side in (low - room, high + room, *points[2:])]
+    boxes = [[Between((a, b), c, d) for a, b, c, d in zip(*rows, strict=True)] for rows in zip(*sides, strict=True)]
+    over = excess(function, boxes, low.shape[1:], rules)
+    over[~np.isfinite(points[0] + points[1]).all(0)] = 0.0
     return over

@@ -52,7 +52,7 @@ SLIGHT = 3e-6
 CONTRACTION = 0.1
 """Largest ratio of successive Newton steps that counts as evidence of a minimum."""
 LAST_STEPS, NOTHING_LEFT = 8, 1e-15
-"""Steps that are looked at where L has narrow features, and decrement, relative to what is summed, that is round-off."""
+"""Steps looked at where L has narrow features, and decrement, relative to what is summed, that is round-off."""
 RESOLVED = 1e-14
 """Share of the integral of the absolute value that one panel may miss; samples carry round-off of a tenth of it."""
 MOST_ROUNDS = 40

@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -83,6 +83,8 @@ class Ritz:
     refine: bool = True
     optimiser: Newton | Ipopt | None = None
     starts: int = 12
+    minimises: ClassVar[bool] = True
+    """An answer is a minimum by construction."""
 
     def __post_init__(self) -> None:
         for name, value in (("elements", self.elements), ("degree", self.degree), ("starts", self.starts)):
