@@ -11,11 +11,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
 from varcalc.methods.answer import composite_gauss, lifted
-from varcalc.methods.crossings import ROUND_OFF, Crossing, argument_sizes, crossings, met_by, sentence, unmet
+from varcalc.methods.crossings import ROUND_OFF, Crossing, argument_sizes, crossings, met_by, sentence, slopes_of, unmet
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.breaks import breakable, crowded
 from varcalc.problem.functional import Functional
@@ -62,6 +63,7 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     for followed in FOLLOWED:
         small = max(followed * width, ROUND_OFF)
         found = crossings(problem, curve, nodes, problem.unknown_guesses, small, units)
+        found = [c for c in found if not _repels(problem, curve, c)]
         if found and (solution := _settled(problem, method, tol, curve, found)) is not None:
             return solution
         met = met or found
@@ -101,7 +103,7 @@ def _as_held(problem: Problem, solution: Solution) -> bool:
 
 def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
     """The least curve that is broken near where ``curve`` meets switches; None where none is found."""
-    if any(_held_in_place(problem, c) or _repels(problem, curve, c) for c in found):
+    if any(_held_in_place(problem, c) for c in found):
         return None
     # what is met at an end itself leaves nothing to be broken
     pieces = [_piece(problem, c) for c in found if c.until is not None or c.x not in problem.span]
@@ -124,11 +126,20 @@ def _repels(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
     """Whether L has a maximum, of the kink that a curve follows, in the slope: no minimum stays there."""
     if crossing.until is None or not crossing.switch.depends_on(problem.symbols.dy):
         return False
-    x = np.full(3, 0.5 * (crossing.x + crossing.until))
-    y, slope = curve(x, 0), curve(x, 1)
+    x = np.array([0.5 * (crossing.x + crossing.until)])
+    y, slope, s = curve(x, 0), curve(x, 1), problem.symbols
+    switch = crossing.switch.argument - crossing.level
+    function = ca.Function("switch", s.all, [switch, ca.jacobian(switch, s.dy)])
+    blank = np.zeros(s.ddy.numel())
+    at, rate = function(x, y[:, 0], slope[:, 0], blank, problem.parameter_values, problem.unknown_guesses)
+    rates = np.asarray(rate)[0]
+    size = float(rates @ rates)
+    if not size > 0.0:
+        return False
+    onto, along = slope[:, 0] - float(at) * rates / size, rates / np.sqrt(size)
     step = BESIDE_KINK * max(1.0, float(np.abs(slope).max()))
-    slopes = slope + step * np.array([-1.0, 0.0, 1.0])
-    left, here, right = problem.sign * problem.integrand_values(x, y, slopes)
+    slopes = (onto + step * np.array([[-1.0], [0.0], [1.0]]) * along).T
+    left, here, right = problem.sign * problem.integrand_values(np.repeat(x, 3), np.repeat(y, 3, axis=1), slopes)
     return bool(left + right - 2 * here < 0.0)
 
 
@@ -175,7 +186,7 @@ def _smooth(problem: Problem, plain: Form, width: float) -> Form:
     s = problem.symbols
     x = np.linspace(*problem.span, 33)
     y = plain.start.curve(x)
-    slope = np.gradient(y, x, axis=1)
+    slope = slopes_of(x, y)
     numbers = [[np.array(v) for v in values] for values in (problem.parameter_values, problem.unknown_guesses)]
     points = [[x], list(y), list(slope), [], *numbers]
 

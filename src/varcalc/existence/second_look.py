@@ -14,6 +14,7 @@ from varcalc.existence.falling import falling
 from varcalc.formulation import formulate
 from varcalc.formulation.singular.abscissa import powers_at_ends
 from varcalc.formulation.singular.detection import GROWN, PROBE
+from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.search import Extremals, by_slope_alone
@@ -39,9 +40,11 @@ def second_look(problem: Functional, tol: float, failure: Solution, *, smooth: b
     if failure.status.ok or failure.verdict is not None or not smooth:
         return failure
     approach = approached(problem)
-    if approach is not None and (between := gap(problem, approach)) is not None:
+    # a convex functional has no gap, and where a search finds no extremal of one it was the search that failed
+    convex = proved_jointly_convex(problem)
+    if not convex and approach is not None and (between := gap(problem, approach)) is not None:
         return refused(failure, between.finding(approach.limit))
-    found = by_slope_alone(problem, tol) if regular(problem) else None
+    found = by_slope_alone(problem, tol) if regular(problem) and not convex else None
     if found is not None and len(found):
         return _judged(failure, found)
     if found is not None and found.complete:

@@ -34,13 +34,15 @@ AN_ELEMENT = 3.0
 """By how many times more than is gentle something may vary from the middle of an element."""
 NARROWEST = 1e-9
 """Width of a box, relative to the interval, that is not looked into."""
-MOST_BOXES = 20_000
+MOST_BOXES = 300_000
 POINTS = 24
 """Gauss points between marks."""
 BELIED, SAME_SUM = 10.0, 1e-9
 """By how many times its claimed error, and a relative difference, two sums of a functional may differ."""
 BALANCED = 1e-6
 """Residual of the Euler-Lagrange equation, relative to its terms, of a curve that solves it."""
+WITHIN_BOX = 16
+"""Points in a box at which a bound is asked."""
 BROKEN = 1e-7
 """By how much a bound may be missed between the points at which it was asked, relative to its range along the curve."""
 
@@ -98,10 +100,11 @@ def _beyond_bounds(extremal: Extremal) -> Unseen | None:
     if not held:
         return None
     function = bounds(problem)
+    s, _ = _samples(extremal)
     looked = _looked(extremal, function, VARYING, everywhere=False)
-    if looked is None:
-        return None
-    marks, points, _ = looked
+    marks, edges = (s[1:-1], s) if looked is None else looked[:2]
+    inner = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(WITHIN_BOX) / WITHIN_BOX)
+    points = _points(extremal, np.append(inner.ravel(), edges[-1]))
     values = np.asarray(function(*_arguments(extremal, points)))
     for row, t in zip(values, held, strict=True):
         lower, upper = t.constraint.interval
@@ -114,7 +117,7 @@ def _beyond_bounds(extremal: Extremal) -> Unseen | None:
 def _looked(
     extremal: Extremal, function: ca.Function, rules: Rules, *, everywhere: bool
 ) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """Marks in s that a mesh needs for a function, all points of the curve that were looked at, and the narrowest's x.
+    """Marks in s that a mesh needs for a function, the edges of all boxes looked at, and the x of the worst.
 
     None where nothing may hide; what varies ``everywhere`` is marked even so.
     """
@@ -128,7 +131,7 @@ def _looked(
     if not everywhere and not np.any(over > 1.0):
         return None
     place = float(points[0, np.argmax(over)])
-    marks, seen = [], [points]
+    marks, seen = [np.zeros(0)], [s]
     narrowest = NARROWEST * (extremal.form.span[1] - extremal.form.span[0])
     while 0 < len(low) <= MOST_BOXES:
         middle = 0.5 * (low + high)
@@ -136,12 +139,12 @@ def _looked(
         over = _excess(extremal, function, rules, first, last, halfway, halfway)
         varies = (over > 1.0) & (high - low > narrowest)
         marks.append(middle[varies & (over > AN_ELEMENT)])
-        seen.append(halfway[:, varies])
+        seen.append(middle[varies])
         low, high, middle = low[varies], high[varies], middle[varies]
         first, last, halfway = first[:, varies], last[:, varies], halfway[:, varies]
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
         first, last = np.hstack([first, halfway]), np.hstack([halfway, last])
-    return np.concatenate(marks), np.hstack(seen), place
+    return np.concatenate(marks), np.unique(np.concatenate(seen)), place
 
 
 def _samples(extremal: Extremal) -> tuple[np.ndarray, np.ndarray]:

@@ -33,6 +33,8 @@ LOOSEST = 1e-6
 RISE_PLACES = 1001
 RISE_NOISE, RISE_LEAST, BEND_LEAST = 1e-6, 1e-5, 1e-4
 """Slope below zero, relative to the largest, that is made of rounding, and slope and bend at an end that are none."""
+PLACED = 1e-10
+"""Change of the functional, relative to what is summed, that a curve in its place may still make by being moved."""
 SETTLED = 0.9
 """Share of an eigenvalue that a richer space leaves when it is resolved."""
 LARGEST = 800
@@ -65,7 +67,7 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
         if lowest <= threshold:
             zero = modes[:, eigenvalues <= threshold]
             if _rises_throughout(system, z):
-                return None
+                return _unplaced(system, z)
             return None if _are_rigid_motions(system, z, zero) else _sentence(zero.shape[1], lowest)
         if not lowest < SETTLED * previous:
             break
@@ -97,6 +99,27 @@ def _rises_throughout(system: RitzSystem, z: np.ndarray) -> bool:
     if not size > 0.0 or slope.min() < -RISE_NOISE * size:
         return False
     return all(slope[k] > RISE_LEAST * size or bend[k] <= BEND_LEAST * bend.max() for k in (0, -1))
+
+
+def _unplaced(system: RitzSystem, z: np.ndarray) -> tuple[Verdict, str] | None:
+    """Why a curve that is hardly held is not where it belongs; None where it is.
+
+    To move it along s changes the functional by the difference of the first integral y' H_y' - H at the two ends.
+    """
+    form, curve = system.form, system.space.curve(system.coefficients(z))
+    ends = np.array(form.span)
+    columns = [curve(ends, 0), curve(ends, 1), np.zeros((0, 2))]
+    numbers = [np.repeat(v[:, None], 2, axis=1) for v in (form.problem.parameter_values, system.unknowns(z))]
+    s = form.symbols
+    integral = ca.dot(ca.gradient(form.integrand, s.dy), s.dy) - form.integrand
+    first, last = np.asarray(ca.Function("first", s.all, [integral])(ends[None], *columns, *numbers)).ravel()
+    missed = abs(float(last - first)) * (ends[1] - ends[0])
+    if missed <= PLACED * system.evaluate(z).scale:
+        return None
+    return Verdict.DEGENERATE, (
+        f"the curve is hardly held along the interval, and its place is not found: moved along it the functional may "
+        f"change by {missed:.2g}"
+    )
 
 
 def _sentence(count: int, lowest: float) -> tuple[Verdict, str]:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from varcalc.formulation import Reported
-from varcalc.methods.ritz.newton import NullSpace, Step, newton_step
+from varcalc.methods.ritz.newton import SQUARED_ROUND_OFF, NullSpace, Step, newton_step
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.mesh import gauss
 from varcalc.numerics.stacked import positive
@@ -192,7 +192,7 @@ def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, fo
     Newton and Kantorovich).
     """
     if system.form.conditions.knots:  # beside what is narrow no step is short beforehand
-        return _ends(system, z, step, at.scale)
+        return _ends(system, z, at, step)
     if 0.0 < step.compliance < COMPLIANT or system.size > LARGEST:
         return True
     there, moved = found.there, found.curve / SAFETY
@@ -208,10 +208,11 @@ def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, fo
     return bool(displacement(there, beyond) <= CONTRACTION * moved)
 
 
-def _ends(system: RitzSystem, z: np.ndarray, step: Step, scale: float) -> bool:
+def _ends(system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step) -> bool:
     """Whether Newton's steps shrink until nothing is left to gain, and do not crawl along a bent valley."""
+    nothing = max(NOTHING_LEFT * at.scale, SQUARED_ROUND_OFF * system.quadratic_size(at))
     for _ in range(LAST_STEPS):
-        if step.decrement <= NOTHING_LEFT * scale:
+        if step.decrement <= nothing:
             return True
         z = z + step.change
         following = newton_step(system, system.evaluate(z), step.multipliers)

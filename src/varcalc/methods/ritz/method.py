@@ -58,6 +58,8 @@ LOCAL = 0.25
 """What a slow refinement counts that is local."""
 MOST_UNKNOWNS, MOST_AN_ELEMENT = 4000, 24
 """Unknowns with which a solve is given up that needs more: in all, or an element of the mesh that it was given."""
+MOST_WORTH_WHILE, WORTH_WHILE = 100_000, 0.3
+"""The same while every refinement leaves no more than this share of the error."""
 WORTHLESS = 1e-3
 """Relative round-off at which a value is no answer."""
 RESTART_DEGREE = 24
@@ -383,7 +385,8 @@ class _Climb:
         self.slow = 0.0 if found.error < SLOW * previous else self.slow + (LOCAL if local else 1.0)
         if self.slow >= PATIENCE:
             return "refinement after refinement hardly lowered the error"
-        if rung.system.size > max(MOST_UNKNOWNS, MOST_AN_ELEMENT * (1 + len(self.form.conditions.knots))):
+        given = max(MOST_UNKNOWNS, MOST_AN_ELEMENT * (1 + len(self.form.conditions.knots)))
+        if rung.system.size > (MOST_WORTH_WHILE if found.error < WORTH_WHILE * previous else given):
             return f"{rung.system.size} unknowns did not suffice"
         space = rung.system.space
         stalled = found.error > STALLED * previous or space.degree >= DEGREES[self.form.order][-1]
