@@ -90,12 +90,34 @@ def test_a_switch_that_no_curve_meets_changes_nothing():
         assert vc.solve(line, method).value == pytest.approx(2**0.5, rel=1e-13)
 
 
-def test_where_a_level_is_followed_it_is_refused_by_name():
-    """A dead core: y'' = 50 down to y = 0, which is kept in between."""
-    core = vc.Problem(lambda x, y, dy: dy**2 / 2 + 50 * ca.fmax(y, 0), vc.Fixed(0, 1), vc.Fixed(1, 1))
+@pytest.mark.parametrize("kink", [lambda u: ca.fmax(u, 0), ca.fabs], ids=["fmax", "fabs"])
+@pytest.mark.parametrize(("level", "first", "last", "way"), [(0, 1, 1, 1), (0.7, 1.7, 1.2, 1), (-2, 0.3, 1, -1)])
+def test_a_dead_core(kink, level, first, last, way):
+    """y'' = k down to the level, which is kept in between: each side costs k^2 l^3 / 3 on the length l of its arc."""
+    k = mpf(50)
+    core = vc.Problem(
+        lambda x, y, dy: dy**2 / 2 + 50 * kink(way * (y - level)),
+        vc.Fixed(0, level + way * first), vc.Fixed(1, level + way * last),
+    )  # fmt: skip
+    solution = vc.solve(core)
+    exact = sum(k**2 * sqrt(2 * mpf(depth) / k) ** 3 / 3 for depth in (first, last))
+    assert solution.value == pytest.approx(float(exact), rel=1e-10)
+    assert solution.y(0.5) == pytest.approx(level, abs=1e-9)
+
+
+def test_an_arc_beside_a_level_that_could_hold_it():
+    """The parabola of y'' = k that does not come down to the level, though the arc is near it."""
+    arc = vc.Problem(lambda x, y, dy: dy**2 / 2 + 2 * ca.fabs(y), vc.Fixed(0, 1.4), vc.Fixed(1.4, 0.5))
+    s = (0.5 - 1.4 - 1.4**2) / 1.4
+    exact = quad(lambda x: (s + 2 * x) ** 2 / 2 + 2 * (1.4 + s * x + x * x), [0, 1.4])
+    assert vc.solve(arc).value == pytest.approx(float(exact), rel=1e-12)
+
+
+def test_where_a_level_is_followed_from_one_side_to_the_other_it_is_refused_by_name():
+    core = vc.Problem(lambda x, y, dy: dy**2 / 2 + 50 * ca.fabs(y), vc.Fixed(0, -1), vc.Fixed(1, 1))
     solution = vc.solve(core, throw=False)
     assert not solution.status.ok
-    assert "a kink (fmax) where y = 0" in solution.message
+    assert "a kink (fabs) where y = 0" in solution.message
 
 
 @pytest.mark.parametrize(("friction", "load"), [(1.0, 1.5), (2.0, 0.6), (3.0, 5.9)])

@@ -36,8 +36,8 @@ TURNED = 1e-7
 """Change of that, relative to what is summed, that is none."""
 NEAR = np.array([1 / 16, *np.arange(1, 9) / 4.0])
 """Departures of the nodes, either way, in the problem's own unit."""
-FAR, OUTWARD, REACH = 6, 1.8, 2.0
-"""How many there are further out, by what factor at least each is further, and how many extents the last at least."""
+FAR, OUTWARD, REACH = 9, 1.5, 1000.0
+"""How many there are further out, by what factor the first of them, and how many extents the last at least."""
 STEEPER = 0.1
 """Change of the slope, in units of the problem's and of its own, over which a second derivative is taken."""
 CONCAVE = -1e-7
@@ -100,8 +100,10 @@ class Lattice:
         unit = self._unit(extent)
         self.steep = extent / (b - a)
         last = unit * NEAR[-1]
-        outward = max(OUTWARD, (REACH * extent / last) ** (1 / FAR))
-        side = np.concatenate([unit * NEAR, last * outward ** np.arange(1, FAR + 1)])
+        # each further out than the last by a factor, and the factor grows
+        far = math.log(max(REACH * extent / last, OUTWARD**FAR)) - FAR * math.log(OUTWARD)
+        growing = np.exp(far / (FAR * (FAR - 1) / 2) * np.arange(FAR))
+        side = np.concatenate([unit * NEAR, last * np.cumprod(OUTWARD * growing)])
         self.departures = np.concatenate([-side[::-1], [0.0], side])
         self.own = len(side)
         self.reach = float(side[-1])
@@ -253,7 +255,8 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
 
 def _told(best: Solution, lower: Solution | None, reach: float, number: int) -> Solution:
     """The solution with what was looked at, and marked local where something ``lower`` is known."""
-    looked = f"all polygons of {PIECES} pieces within {reach:.3g} of the curve were compared"
+    nodes = 2 * (len(NEAR) + FAR) + 1
+    looked = f"all polygons on a lattice of {PIECES} by {nodes} within {reach:.3g} of the curve were compared"
     valleys = "1 other valley" if number == 1 else f"{number} other valleys"
     looked += f", and {valleys} followed" if number else ", and showed no other valley"
     if lower is None:

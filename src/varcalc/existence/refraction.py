@@ -14,6 +14,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
+from varcalc.existence.cores import resting
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
 from varcalc.methods.answer import composite_gauss, lifted
 from varcalc.methods.crossings import ROUND_OFF, Crossing, argument_sizes, crossings, met_by, sentence, slopes_of, unmet
@@ -66,7 +67,10 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
         found = [c for c in found if not _repels(problem, curve, c)]
         if found and (solution := _settled(problem, method, tol, curve, found)) is not None:
             return solution
-        met = met or found
+        if (solution := resting(problem, method, tol, curve, found)) is not None:
+            return solution
+        # what is only near a switch, in units of the rounding, is for the smooth problem to decide
+        met = found if followed == FOLLOWED[0] else met
     if not met:
         return None
     told = "; ".join(sentence(problem, c) for c in met[:2])

@@ -1,0 +1,135 @@
+"""Other valleys: lower ones are followed, falls for ever are told of, and where was looked."""
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import varcalc as vc
+
+ENDS = vc.Fixed(0, 0), vc.Fixed(4, 0)
+
+
+def landscape(seed):
+    """Four hills on the way, as an expression and in NumPy."""
+    rng = np.random.default_rng(seed)
+    hills = np.column_stack(
+        [rng.uniform(0.5, 3.5, 4), rng.uniform(-0.8, 0.8, 4), rng.uniform(0.3, 3, 4), rng.uniform(0.15, 0.6, 4)]
+    )
+
+    def lagrangian(x, y, v, exp):
+        return v**2 / 2 + sum(h * exp(-((x - a) ** 2 + (y - b) ** 2) / w**2) for a, b, h, w in hills)
+
+    return lagrangian
+
+
+def least_polygon(lagrangian, pieces=80, nodes=301, reach=2.5):
+    """The least of all polygons on a grid, by the midpoint rule: within a hundredth of the least value."""
+    x, y = np.linspace(0, 4, pieces + 1), np.linspace(-reach, reach, nodes)
+    step = x[1]
+    slopes, middles = (y - y[:, None]) / step, 0.5 * (y + y[:, None])
+    least = np.where(np.arange(nodes) == nodes // 2, 0.0, np.inf)
+    for left in x[:-1]:
+        least = (least[:, None] + step * lagrangian(left + step / 2, middles, slopes, np.exp)).min(0)
+    return least[nodes // 2]
+
+
+@pytest.mark.parametrize("seed", range(7000, 7012))
+def test_random_landscapes(seed):
+    lagrangian = landscape(seed)
+    found = vc.solve(vc.Problem(lambda x, y, v: lagrangian(x, y, v, ca.exp), *ENDS))
+    assert found.value <= least_polygon(lagrangian) + 0.02
+    assert not found.local
+
+
+@pytest.mark.parametrize("shift", [0.0, 300.0])
+def test_a_lower_well_is_followed_whatever_the_origin(shift):
+    # the wells of (u^2 - 1)^2 + 0.3 u; the lower one is worth crossing the ridge twice on so long a way
+    def lagrangian(x, y, v):
+        u = y - shift
+        return v**2 / 2 + (u**2 - 1) ** 2 + 0.3 * u
+
+    found = vc.solve(vc.Problem(lagrangian, vc.Fixed(0, 1 + shift), vc.Fixed(20, 1 + shift)))
+    assert found.y(10) - shift < -1
+    # 20 times the depth of the lower well, and the ridge crossed twice: between the two bounds
+    bottom = min(np.roots([4, 0, -4, 0.3]).real)
+    depth = (bottom**2 - 1) ** 2 + 0.3 * bottom
+    assert 20 * depth < found.value < 20 * depth + 2 * (4 * math.sqrt(2) / 3 + 1)
+    assert "other valley" in found.searched
+
+
+def test_a_named_indirect_method_tells_of_a_lower_valley_and_keeps_its_own():
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + (y**2 - 1) ** 2 + 0.3 * y, vc.Fixed(0, 1), vc.Fixed(20, 1))
+    lower = vc.solve(problem)
+    found = vc.solve(problem, vc.Collocation())
+    if found.value > lower.value + 1e-6:
+        assert found.local
+        assert found.lower == pytest.approx(lower.value, rel=1e-9)
+
+
+def test_a_guess_asks_for_its_own_valley():
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + (y**2 - 1) ** 2 + 0.3 * y, vc.Fixed(0, 1), vc.Fixed(20, 1))
+    upper = vc.solve(problem, guess=lambda x: 1.0)
+    assert upper.y(10) > 0
+    assert upper.local
+    assert upper.lower == pytest.approx(vc.solve(problem).value, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "L",
+    [
+        lambda x, y, v: v**2 - y**4,
+        lambda x, y, v: v**2 / 2 - y**3 / 10,
+        lambda x, y, v: v**2 / 2 - ca.exp(y) / 2,
+        lambda x, y, v: v**2 / 2 + y**2 - ca.cosh(y),
+    ],
+)
+def test_a_functional_that_falls_for_ever_has_no_more_than_a_local_minimum(L):
+    found = vc.solve(vc.Problem(L, vc.Fixed(0, 0), vc.Fixed(1, 0.1)))
+    assert found.local
+    assert found.lower == -math.inf
+    assert "unbounded below" in found.message
+
+
+def test_where_convexity_is_proved_nothing_is_looked_for():
+    found = vc.solve(vc.Problem(lambda x, y, v: v**2 / 2 + ca.cosh(y), vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    assert "proved convex" in found.searched
+    assert "the least of all curves" in str(found)
+
+
+def test_what_is_not_looked_for_is_said():
+    loop = vc.Curve(lambda q, dq: ca.norm_2(dq), vc.At((0, 0)), vc.At((1, 1)))
+    assert "not looked for: the curve is given by a parameter" in vc.solve(loop).searched
+
+
+def test_printed_answers_are_five_lines():
+    for L in (lambda x, y, v: y * ca.sqrt(1 + v**2), lambda x, y, v: v**2 - 20 * y**2):
+        lines = str(vc.solve(vc.Problem(L, vc.Fixed(0, 1), vc.Fixed(1, 1)), throw=False)).splitlines()
+        assert [line.split(":")[0] for line in lines] == ["value", "kind", "evidence", "route", "searched"]
+
+
+@pytest.mark.parametrize(("first", "last", "length"), [(-1, 1, 12), (-1, 1, 25)])
+def test_a_kink_that_is_hardly_held_is_a_minimum(first, last, length):
+    # of v^2/2 + (1 - y^2)^2/4 a whole kink costs 2 sqrt(2) / 3, and on a finite way less than exp(-sqrt(2) T) more
+    kink = vc.solve(
+        vc.Problem(lambda x, y, v: v**2 / 2 + (1 - y**2) ** 2 / 4, vc.Fixed(0, first), vc.Fixed(length, last))
+    )
+    assert kink.value == pytest.approx(2 * math.sqrt(2) / 3, abs=20 * math.exp(-math.sqrt(2) * length) + 1e-10)
+
+
+def test_half_a_swing_is_one_of_a_continuum_however_it_rises():
+    with pytest.raises(vc.VariationalError) as refusal:
+        vc.solve(vc.Problem(lambda x, y, v: v**2 / 2 - y**2 / 2, vc.Fixed(0, -1), vc.Fixed(math.pi, 1)))
+    assert refusal.value.verdict is vc.Verdict.DEGENERATE
+
+
+@pytest.mark.parametrize("reach", [6, 8])
+def test_ground_states_are_minima(reach):
+    ground = vc.Problem(
+        lambda x, y, v: v**2 + x**2 * y**2, vc.Fixed(-reach, 0), vc.Fixed(reach, 0),
+        [vc.Isoperimetric(lambda x, y, v: y**2, 1)],
+    )  # fmt: skip
+    found = vc.solve(ground)
+    assert found.value == pytest.approx(1, abs=1e-8)
+    assert vc.verify(found).verdict is vc.Verdict.MINIMUM
