@@ -65,8 +65,8 @@ def verified(problem):
 @pytest.mark.parametrize(
     ("name", "prepared", "most"),
     [
-        ("solve, a plain problem", lambda: solved(film()), 26),
-        ("solve, a singular end", lambda: solved(descent()), 26),
+        ("solve, a plain problem", lambda: solved(film()), 36),
+        ("solve, a singular end", lambda: solved(descent()), 35),
         ("verify", lambda: verified(film()), 36),
         ("rays", rays, 31),
     ],
