@@ -65,3 +65,12 @@ def test_every_method_has_its_mesh_break_there(method):
         solution = vc.solve(problem(lambda x, y, dy, weight=weight: weight(x) * dy**2), method)
         assert abs(solution.value - 1 / inverse) <= solution.error.value + 1e-14 / inverse
         assert vc.verify(solution).verdict is vc.Verdict.MINIMUM
+
+
+def test_a_comparison_of_what_itself_jumps():
+    # of fmod(8 x, .3) < .1: where a period begins, and a third further on
+    problem = vc.Problem(
+        lambda x, y, v: ca.if_else(ca.fmod(8 * x, 0.3) < 0.1, 2, 1) * v**2, vc.Fixed(0.01, 0), vc.Fixed(0.3, 1)
+    )
+    expected = sorted([k * 0.3 / 8 for k in range(1, 8)] + [(k * 0.3 + 0.1) / 8 for k in range(8)])
+    assert list(breaks(problem)) == pytest.approx([x for x in expected if 0.01 < x < 0.3], abs=1e-12)

@@ -256,7 +256,7 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
 def _told(best: Solution, lower: Solution | None, reach: float, number: int) -> Solution:
     """The solution with what was looked at, and marked local where something ``lower`` is known."""
     nodes = 2 * (len(NEAR) + FAR) + 1
-    looked = f"all polygons on a lattice of {PIECES} by {nodes} within {reach:.3g} of the curve were compared"
+    looked = f"all polygons on a lattice of {PIECES} by {nodes} within {reach:.4g} of the curve were compared"
     valleys = "1 other valley" if number == 1 else f"{number} other valleys"
     looked += f", and {valleys} followed" if number else ", and showed no other valley"
     if lower is None:

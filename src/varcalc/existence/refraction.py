@@ -19,7 +19,7 @@ from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_
 from varcalc.methods.answer import composite_gauss, lifted
 from varcalc.methods.crossings import ROUND_OFF, Crossing, argument_sizes, crossings, met_by, sentence, slopes_of, unmet
 from varcalc.methods.ritz.method import Ritz
-from varcalc.problem.breaks import breakable, crowded
+from varcalc.problem.breaks import breakable, crowded, singular_inside
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.problem.reading import names, text
@@ -218,7 +218,13 @@ def smooth_or_refused(solution: Solution) -> Solution:
         message = f"the problem switches ({switch.word} of {told}) at more abscissae than a mesh can be broken at"
         return replace(solution, status=Status.NOT_CONVERGED, message=message)
     missed = unmet(problem, met_by(solution), _corners(solution))
-    if isinstance(solution.method, Ritz):
+    direct = isinstance(solution.method, Ritz)
+    if not direct and isinstance(problem, Problem) and (inside := singular_inside(problem)) is not None:
+        message = (
+            f"L tends to zero or infinity at x = {inside:.6g}, inside the interval: no polynomial resolves a curve"
+        )
+        return replace(solution, status=Status.NOT_CONVERGED, message=f"{message} there; Ritz may")
+    if direct:
         missed = [c for c in missed if c.switch.jumps or c.until is not None or c.switch.depends_on(problem.symbols.dy)]
     if not missed:
         return solution

@@ -13,6 +13,7 @@ import numpy as np
 
 from varcalc.problem.conditions import Bound, Isoperimetric
 from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.intervals import Interval, enclosures
 from varcalc.symbolic.switches import SWITCHING, Switch, switches
@@ -23,6 +24,8 @@ CUTS = 16
 MOST_PIECES = 4096
 """Pieces at one time beyond which abscissae are too many to be placed."""
 MOST_BREAKS = 256
+BESIDE, GROWN = (1e-4, 1e-8), 1.5
+"""Distances from a break, in units of the interval, and the ratio of what is found at both that is no limit."""
 FINEST = 1e-13
 """Width of a piece, relative to the interval, that is a point."""
 
@@ -92,6 +95,28 @@ def breaks(problem: Functional) -> tuple[float, ...]:
     return known if isinstance(known, tuple) else problem.breakpoints
 
 
+def singular_inside(problem: Problem) -> float | None:
+    """A break at which what L feels of the slope of one function tends to zero or infinity; None where there is none.
+
+    No polynomial on either side of it resolves a curve there.
+    """
+    places = np.array(breaks(problem))
+    if problem.n > 1 or problem.order > 1 or not len(places):
+        return None
+    width = problem.span[1] - problem.span[0]
+    sides = np.concatenate([places + side * near * width for near in BESIDE for side in (-1.0, 1.0)])
+    y = np.interp(sides, problem.span, np.nan_to_num([e.values(1)[0] for e in (problem.start, problem.end)]))
+    slopes = np.array([-1.0, 0.0, 1.0])
+    values = problem.integrand_values(
+        np.repeat(sides, 3), np.repeat(y, 3)[None], np.tile(slopes, len(sides))[None]
+    ).reshape(-1, 3)
+    bend = np.abs(values @ np.array([1.0, -2.0, 1.0])).reshape(2, 2, -1)
+    with np.errstate(all="ignore"):
+        grown = bend[1] / bend[0]
+    bad = (~((grown < GROWN) & (grown > 1 / GROWN))).any(0) & (bend[0] > 0).any(0)
+    return float(places[np.argmax(bad)]) if bad.any() else None
+
+
 def crowded(problem: Functional) -> Switch | None:
     """A switch along x that switches too often for a mesh to be broken at each place; None where there is none."""
     known = _placed(problem)
@@ -111,7 +136,7 @@ def _placed_at(problem: Functional, span: tuple[float, float], values: tuple[flo
     found = list(problem.breakpoints)
     for switch in switches_of(problem):
         if along_x(problem, switch):
-            here = _abscissae(problem, switch, span, values)
+            here = _abscissae(problem, switch, span, values, found)
             if here is None:
                 return switch
             found += [x for x in here if not any(abs(x - y) <= FINEST * (span[1] - span[0]) for y in found)]
@@ -119,15 +144,20 @@ def _placed_at(problem: Functional, span: tuple[float, float], values: tuple[flo
 
 
 def _abscissae(
-    problem: Functional, switch: Switch, span: tuple[float, float], values: tuple[float, ...]
+    problem: Functional, switch: Switch, span: tuple[float, float], values: tuple[float, ...], known: list[float]
 ) -> list[float] | None:
-    """Where the argument of a switch along x is zero, or a whole number, by bisection of enclosures; None: too many."""
+    """Where the argument of a switch along x is zero, or a whole number, by bisection of enclosures; None: too many.
+
+    The argument may itself jump at abscissae ``known`` so far, of what is carried out before.
+    """
     s = problem.symbols
     slope = ca.jacobian(switch.argument, s.x)
     function = ca.Function("argument", [s.x, s.parameters], [switch.argument, slope])
     numbers = [(np.array(v), np.array(v)) for v in values]
-    edges = np.linspace(*span, CUTS + 1)
-    low, high = edges[:-1], edges[1:]
+    cuts = [x for x in known if span[0] < x < span[1]]
+    edges = np.unique([*np.linspace(*span, CUTS + 1), *cuts])
+    beside = FINEST * (span[1] - span[0]) * np.isin(edges, cuts)  # there the argument is on neither side
+    low, high = edges[:-1] + beside[:-1], edges[1:] - beside[1:]
     found: list[float] = []
     while len(low):
         if len(low) > MOST_PIECES or len(found) > MOST_BREAKS:

@@ -144,6 +144,15 @@ def _cosh(a: Interval) -> Interval:
     return np.where((a[0] <= 0) & (a[1] >= 0), 1.0, np.minimum(low, high)), np.maximum(low, high)
 
 
+def _remainder_of(a: Interval, b: Interval) -> Interval:
+    """fmod: what is left of a, with its sign, when whole multiples of b are taken off."""
+    size = np.maximum(np.abs(b[0]), np.abs(b[1]))
+    first, last = np.trunc(a[0] / size), np.trunc(a[1] / size)
+    whole = (b[0] == b[1]) & (first == last)
+    low = np.where(whole, a[0] - first * size, np.where(a[0] >= 0, 0.0, -size))
+    return low, np.where(whole, a[1] - first * size, np.where(a[1] <= 0, 0.0, size))
+
+
 def _compared(below: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Callable[[Interval, Interval], Interval]:
     """1 where ``below`` holds of all pairs, at least 0, and at most 1 where it holds of one."""
     return lambda a, b: (np.where(below(a[1], b[0]), 1.0, 0.0), np.where(below(a[0], b[1]), 1.0, 0.0))
@@ -196,6 +205,7 @@ RULES: dict[int, Callable[..., Interval]] = {
     ca.OP_NE: lambda a, b: _not(_equal(a, b)), ca.OP_IF_ELSE_ZERO: _where,
     ca.OP_AND: lambda a, b: _multiplied(_true(a), _true(b)),
     ca.OP_OR: lambda a, b: _not(_multiplied(_not(a), _not(b))),
+    ca.OP_FMOD: _remainder_of,
     ca.OP_HYPOT: lambda a, b: _increasing(ca.OP_SQRT)(_added(_squared(a), _squared(b))),
 }  # fmt: skip
 """Enclosures of the operations, by CasADi's codes."""
