@@ -250,6 +250,7 @@ EXCEPTIONS: dict[tuple[str, str, str], str] = {
     ("brachistochrone/level", "L with a derivative added", "Newton"): NO_METRIC,
     ("brachistochrone/level", "L with a derivative added", "ladder"): NO_METRIC,
     ("soap_film/local", "L with a derivative added", "Newton"): ONE_WAY,
+    ("soap_film/fold", "L with a derivative added", "FirstIntegral"): ONE_WAY,
 }
 """Reference, transformation and method with the reason why the answer is another, as far as they have been met."""
 

@@ -289,7 +289,7 @@ def _lower(best: Solution, lattice: Lattice, valleys: list[Valley], polish: Poli
                 f"a local {'maximum' if sign < 0 else 'minimum'} only: a polygon has the value {value:.6g}, and leads "
                 "to no minimum that could be found"
             )
-            return replace(best, local=True, lower=value, message=message)
+            return replace(best, local=True, message=message)  # its value says nothing of what is lowest there
     return None
 
 

@@ -226,12 +226,23 @@ def _seen_between(method: Method, form: Form, solution: Solution, tol: float) ->
         again = _on_finer_mesh(method, form, solution, missed, tol)
         if not again.status.ok and not isinstance(method, Ritz) and balanced(solution, missed):
             return solution
+        if again.extremal is None and form.coordinates.energetic and solution.status.ok:
+            return solution  # coordinates made for what roots and reciprocals do beside an end see it themselves
         if again.extremal is None:
             message = f"{missed.sentence}, and on a mesh that can there was no answer: {again.message}"
             return replace(solution, status=Status.NOT_CONVERGED, message=message)
+        if _agree(solution, again):
+            return solution  # nothing was there after all, and the first mesh has more digits
         solution, form = again, again.extremal.form
         missed = None if solution.verdict is not None else unseen(solution)
     return _nothing_between(solution)
+
+
+def _agree(first: Solution, second: Solution) -> bool:
+    """Whether two answers are one within what they claim, and the first claims no more than the second."""
+    error = first.error.value + second.error.value
+    same = first.status.ok and second.status.ok and abs(first.value - second.value) <= error
+    return same and first.error.value <= second.error.value
 
 
 def _on_finer_mesh(method: Method, form: Form, solution: Solution, missed: Unseen, tol: float) -> Solution:

@@ -86,9 +86,9 @@ def _rises_throughout(system: RitzSystem, z: np.ndarray) -> bool:
     toward the ends. A slope that goes to zero there in a straight line has zeros: the ends are conjugate.
     """
     form = system.form
-    if form.n > 1 or form.order > 1 or not form.ends.separate or ca.depends_on(form.integrand, form.symbols.x):
+    if form.n > 1 or form.order > 1 or ca.depends_on(form.integrand, form.symbols.x):
         return False
-    if form.conditions.integrals or form.conditions.pathwise or form.conditions.knots:
+    if form.conditions.integrals or not form.bare:
         return False
     curve = system.space.curve(system.coefficients(z))
     s = np.linspace(*form.span, RISE_PLACES)
