@@ -219,8 +219,9 @@ class Lattice:
 def _ordinates(solution: Solution, x: np.ndarray) -> np.ndarray:
     """The curve at x (m,), straight between the points its method had, where x(s) would have to be inverted."""
     assert solution.curve is not None
-    known = None if solution.extremal is None else solution.extremal.samples
-    if known is None or not solution.extremal.form.stated.is_lifted:
+    extremal = solution.extremal
+    known = None if extremal is None else extremal.samples
+    if extremal is None or known is None or not extremal.form.stated.is_lifted:
         return solution.curve(x, 0)[0]
     ends = [end.values(1)[0] for end in (solution.problem.start, solution.problem.end)]
     y = np.interp(x, known.x, known.y[0])
@@ -240,17 +241,18 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
         return replace(solution, searched=f"other valleys were not looked for: {reason}")
     if proved_jointly_convex(problem):
         return replace(solution, searched=f"{PROVED} in the curve and its slope: there is no other valley")
-    best, number = solution, 0
+    best, number, reach = solution, 0, 0.0
     for _ in range(DESCENTS):
         with np.errstate(all="ignore"):
             lattice = Lattice(best)
             valleys = lattice.others()
+        reach = lattice.reach
         lower = _lower(best, lattice, valleys, polish)
         number += len(valleys)
         if lower is None or not lower.status.ok or lower.local or not followed:
-            return _told(best, lower, lattice.reach, number)
+            return _told(best, lower, reach, number)
         best = replace(lower, method=solution.method)
-    return _told(best, None, lattice.reach, number)
+    return _told(best, None, reach, number)
 
 
 def _told(best: Solution, lower: Solution | None, reach: float, number: int) -> Solution:

@@ -251,7 +251,9 @@ def _on_finer_mesh(method: Method, form: Form, solution: Solution, missed: Unsee
     start, vertices = solution.extremal.evaluate, solution.extremal.vertices
     knots = tuple(sorted({*form.conditions.knots, *vertices[1:-1].tolist(), *missed.marks.tolist()}))
     form = replace(form, conditions=replace(form.conditions, knots=knots), cache=Cache())
-    finer = replace(method, degree=min(solution.stats.degree, FINER_DEGREE)) if _free(method) else method
+    finer = method
+    if isinstance(method, Ritz) and method.refine and method.degree is None:
+        finer = replace(method, degree=min(solution.stats.degree, FINER_DEGREE))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         again = finer.solve(form, tol=tol, guess=lambda s: start(s, 0))
     return replace(again, method=method)
@@ -264,11 +266,6 @@ def _once_more(failure: Solution, method: Method, tol: float) -> Solution:
     form = failure.extremal.form
     again = _seen_between(method, form, failure, tol)
     return vouched(again, form) if again.status.ok else failure
-
-
-def _free(method: Method) -> bool:
-    """Whether the degree is the direct method's own affair."""
-    return isinstance(method, Ritz) and method.refine and method.degree is None
 
 
 def _nothing_between(solution: Solution) -> Solution:

@@ -96,7 +96,7 @@ def _in_integrals(extremal: Extremal, rules: Rules, *, everywhere: bool) -> Unse
 
 def _beyond_bounds(extremal: Extremal) -> Unseen | None:
     problem = extremal.form.problem
-    held = [t for t in problem.traced if isinstance(t.constraint, Bound)]
+    held = [t.constraint for t in problem.traced if isinstance(t.constraint, Bound)]
     if not held:
         return None
     function = bounds(problem)
@@ -106,8 +106,8 @@ def _beyond_bounds(extremal: Extremal) -> Unseen | None:
     inner = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(WITHIN_BOX) / WITHIN_BOX)
     points = _points(extremal, np.append(inner.ravel(), edges[-1]))
     values = np.asarray(function(*_arguments(extremal, points)))
-    for row, t in zip(values, held, strict=True):
-        lower, upper = t.constraint.interval
+    for row, bound in zip(values, held, strict=True):
+        lower, upper = bound.interval
         beyond = np.maximum(lower - row, row - upper)
         if beyond.max() > BROKEN * max(1.0, float(np.ptp(row))):
             return Unseen(marks, float(points[0, np.argmax(beyond)]))

@@ -21,7 +21,7 @@ from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.verify.verification import excesses
 
-SLOPE_TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 9), [0.0], np.geomspace(1e-2, 1e2, 9)])
+SLOPE_TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 25), [0.0], np.geomspace(1e-2, 1e2, 25)])
 """Slopes tried, in units of the larger of 1 and the extremal's own."""
 TELLING_TURNS = np.array([-20.0, 0.3, 4.0])
 """The same, by which it is seen that the square of a Lagrangian is quadratic in the slope."""
