@@ -101,9 +101,10 @@ def solve(
     return solution
 
 
-LADDER: tuple[Ritz, ...] = (Ritz(),)
+LADDER: tuple[Ritz, ...] = (Ritz(), Ritz(elements=24, starts=1))
 """The route taken first: the direct method is the cheapest for most single solves, and it alone ends at a
-minimum by construction (see docs/methods.md for the figures)."""
+minimum by construction (see docs/methods.md for the figures). What one element does not lead to, such as a kink on a
+long way, many may."""
 
 
 def _polished(problem: Functional, tol: float, method: Ritz, start: Sampled) -> Solution:
