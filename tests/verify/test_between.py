@@ -121,3 +121,19 @@ def test_gentle_problems_hide_nothing(L):
 
 def test_an_end_where_the_slope_is_infinite_hides_nothing():
     assert unseen(vc.solve(graph(lambda x, y, v: ca.sqrt((1 + v**2) / y)))) is None
+
+
+def test_a_wall_that_only_the_looks_own_points_hit():
+    # at the middle of the way, which is a point of the look and none of a Gauss rule of even degree
+    width = 2e-4
+    problem = graph(lambda x, y, v: v**2 / 2 + 0.1 * ca.exp(-(((y - 0.5) / width) ** 2)))
+    found = vc.solve(problem, vc.Collocation(), throw=False)
+    with mp.workdps(20):
+        marks = marks_about(0.5, width)
+
+        def speed(y, energy):
+            return mp.sqrt(2 * (energy + mp.mpf(0.1) * mp.exp(-(((y - 0.5) / width) ** 2))))
+
+        energy = mp.findroot(lambda e: mp.quad(lambda y: 1 / speed(y, e), marks) - 1, (mp.mpf("0.49"), mp.mpf("0.5")))
+        exact = mp.quad(lambda y: speed(y, energy), marks) - energy
+    assert not found.status.ok or found.value == pytest.approx(float(exact), abs=1e-9)

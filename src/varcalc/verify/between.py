@@ -126,6 +126,9 @@ def _looked(
     s, points = _samples(extremal)
     low, high, first, last = s[:-1], s[1:], points[:, :-1], points[:, 1:]
     over = _excess(extremal, function, rules, first, last, first, last)
+    if extremal.samples is None:  # these are no points of the method's, which need not have seen what they show
+        inside = _points(extremal, 0.5 * (low + high))
+        over = np.fmax(over, _excess(extremal, function, rules, first, last, inside, inside) / AN_ELEMENT)
     # what is infinite at an end is a matter of its coordinates, not of the mesh
     over[((low == s[0]) | (high == s[-1])) & np.isinf(over)] = 0.0
     if not everywhere and not np.any(over > 1.0):
