@@ -44,7 +44,7 @@ def resting(problem: Problem, method: Ritz, tol: float, curve: Curve, found: lis
         return None
     inner = _one_sided(problem, switch, side, curve)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        solution = replace(method, starts=2).solve(formulate(inner), tol=tol, guess=lambda x: curve(x, 0))
+        solution = replace(method, starts=1).solve(formulate(inner), tol=tol, guess=lambda x: curve(x, 0))
     if not solution.status.ok or solution.curve is None or not _holds(problem, solution.curve, solution, found):
         return None
     lasting = resampled(solution.curve, solution.x.tolist(), 1 + problem.order)
@@ -90,6 +90,7 @@ def _one_sided(problem: Problem, switch: Switch, side: float, curve: Curve) -> P
     names = tuple(problem.parameters)
 
     def stated(expression: Expression) -> Callable[..., Expression]:
+        """An expression of the problem's symbols as a user states it, a function of (x, y, dy[, p])."""
         function = ca.Function("stated", s.all, [expression])
 
         def handed(x: Any, y: Any, dy: Any, p: Any = None) -> Expression:

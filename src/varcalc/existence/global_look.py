@@ -32,7 +32,7 @@ UNITS = 2.0 ** np.arange(-18, 7)
 """Shifts of the whole curve at which its functional is measured, in units of the larger of its extent and interval."""
 LEAST_UNIT = 0.02
 """The least unit, in extents, where there are larger ones."""
-TURNED = 1e-7
+TURN_NOISE = 1e-7
 """Change of that, relative to what is summed, that is none."""
 NEAR = np.array([1 / 16, *np.arange(1, 9) / 4.0])
 """Departures of the nodes, either way, in the problem's own unit."""
@@ -58,7 +58,7 @@ BETWEEN = np.array([0.25, 0.5, 0.75])[:, None]
 """Where on the way from one polygon to another a ridge is looked for."""
 NO_RIDGE = 1e-12
 """Height of a ridge, relative to what is summed, that is round-off."""
-POINTS = (16, 24)
+POLYGON_RULES = (16, 24)
 """Gauss points a piece of two rules by which a polygon's value is told."""
 
 ROUGH, EXACT = Ritz(elements=8, degree=3, refine=False, starts=1), Ritz(starts=1)
@@ -84,7 +84,7 @@ class Valley:
         return np.interp(x, self.x, self.y)[None]
 
 
-class Lattice:
+class PolygonLattice:
     """Polygons about a curve: K pieces, and at each of the vertices J departures, the middle one 0."""
 
     def __init__(self, solution: Solution) -> None:
@@ -118,7 +118,7 @@ class Lattice:
         shifts = extent * np.concatenate([-UNITS[::-1], [0.0], UNITS])
         values = self._values(self.middle[:, None], self.centre[:, None] + shifts, self.slope[:, None])
         sums = np.where(np.isfinite(values), values, np.inf).sum(0)
-        noise = TURNED * float(np.abs(values[:, len(UNITS)]).sum())
+        noise = TURN_NOISE * float(np.abs(values[:, len(UNITS)]).sum())
         found: list[float] = []
         for side in (sums[len(UNITS) :], sums[len(UNITS) :: -1]):
             change = np.diff(side)
@@ -244,7 +244,7 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
     best, number, reach = solution, 0, 0.0
     for _ in range(DESCENTS):
         with np.errstate(all="ignore"):
-            lattice = Lattice(best)
+            lattice = PolygonLattice(best)
             valleys = lattice.others()
         reach = lattice.reach
         lower = _lower(best, lattice, valleys, polish)
@@ -270,7 +270,7 @@ def _told(best: Solution, lower: Solution | None, reach: float, number: int) -> 
     return replace(lower, searched=looked)
 
 
-def _lower(best: Solution, lattice: Lattice, valleys: list[Valley], polish: Polish) -> Solution | None:
+def _lower(best: Solution, lattice: PolygonLattice, valleys: list[Valley], polish: Polish) -> Solution | None:
     """A solution in a valley that is lower, the known one marked or refused for what is lower; None for neither."""
     rivalled = with_rival(best)  # a jump is no polygon, and its cost is known exactly
     if rivalled is not best:
@@ -304,7 +304,7 @@ def _is_lower(value: float, best: Solution, error: float, share: float) -> bool:
 def _along(problem: Problem, valley: Valley) -> float:
     """The functional along a polygon, infinitely bad where two rules differ."""
     sums = []
-    for count in POINTS:
+    for count in POLYGON_RULES:
         x, weights = composite_gauss(valley.x, count)
         slope = np.repeat(np.diff(valley.y) / np.diff(valley.x), count)
         sums.append(float(problem.integrand_values(x, valley(x), slope[None]) @ weights))

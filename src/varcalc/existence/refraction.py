@@ -61,14 +61,17 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     nodes = np.linspace(*problem.span, 49)
     units = argument_sizes(problem, np.linspace(*problem.span, 33), formulate(problem).start.curve)
     met: list[Crossing] = []
+    tried = False
     for followed in FOLLOWED:
         small = max(followed * width, ROUND_OFF)
         found = crossings(problem, curve, nodes, problem.unknown_guesses, small, units)
         found = [c for c in found if not _repels(problem, curve, c)]
         if found and (solution := _settled(problem, method, tol, curve, found)) is not None:
             return solution
-        if (solution := resting(problem, method, tol, curve, found)) is not None:
+        rides = any(c.until is not None for c in found)
+        if rides and not tried and (solution := resting(problem, method, tol, curve, found)) is not None:
             return solution
+        tried = tried or rides  # that side's problem is the same whatever counts as near
         # what is only near a switch, in units of the rounding, is for the smooth problem to decide
         met = found if followed == FOLLOWED[0] else met
     if not met:

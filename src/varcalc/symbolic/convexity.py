@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.symbolic.instructions import interpret
-from varcalc.symbolic.quadratics import Along, Coefficient, Polynomial, coefficient, defined, greatest, least
+from varcalc.symbolic.quadratics import AlongX, Coefficient, Polynomial, coefficient, defined, greatest, least
 
 LONGEST = 300
 """Instructions beyond which a function is not looked into: bounds and signs are asked for down the whole of it."""
@@ -114,7 +114,7 @@ class Shape:
 UNKNOWN = Shape(rest_convex=False, rest_concave=False)
 """Of this nothing is known."""
 
-Element: TypeAlias = float | Along | Shape
+Element: TypeAlias = float | AlongX | Shape
 """What instructions work on: what does not depend on the watched entries stays a coefficient."""
 
 Entry: TypeAlias = float | tuple[float, float] | None
@@ -151,7 +151,7 @@ def proved_convex(function: ca.Function, arguments: Sequence[Sequence[Entry]]) -
 def _entry(entry: Entry, following: Callable[[], int]) -> Element:
     if entry is None:
         return Shape(Polynomial(0.0, {following(): 1.0}, {}), bare=True, total=True)
-    return Along.abscissa(*map(float, entry)) if isinstance(entry, tuple) else float(entry)
+    return AlongX.abscissa(*map(float, entry)) if isinstance(entry, tuple) else float(entry)
 
 
 def _constant(value: float) -> Element:
@@ -467,7 +467,7 @@ def _where(condition: Element, value: Element) -> Shape:
     """The value where a condition is true, zero where it is not; the condition is a matter of x alone."""
     if isinstance(condition, Shape) or not isinstance(value, Shape):
         return UNKNOWN
-    if not isinstance(condition, Along):
+    if not isinstance(condition, AlongX):
         return value if condition else _lifted(0.0)
     return replace(
         value, part=value.part.where(condition), total=value.total and condition.defined,

@@ -36,7 +36,7 @@ FORGETTING = {
 """Operations that may give a number where they are given none: an enclosure of their arguments says nothing there."""
 
 
-class Along:
+class AlongX:
     """What depends on the abscissa alone: ``operation`` on ``operands``, enclosed on the pieces when asked.
 
     ``defined`` tells that it is a number at every x.
@@ -53,7 +53,7 @@ class Along:
             self._enclosure = EVERYTHING
 
     @classmethod
-    def abscissa(cls, low: float, high: float) -> Along:
+    def abscissa(cls, low: float, high: float) -> AlongX:
         """The abscissa itself, between two numbers."""
         edges = low + (high - low) * SHARES
         edges[-1] = high
@@ -67,52 +67,52 @@ class Along:
         return self._enclosure
 
     def __add__(self, other: Coefficient) -> Coefficient:
-        return self if other == 0.0 else Along(ca.OP_ADD, (self, other))
+        return self if other == 0.0 else AlongX(ca.OP_ADD, (self, other))
 
     __radd__ = __add__
 
     def __sub__(self, other: Coefficient) -> Coefficient:
-        return Along(ca.OP_SUB, (self, other))
+        return AlongX(ca.OP_SUB, (self, other))
 
     def __rsub__(self, other: float) -> Coefficient:
-        return Along(ca.OP_SUB, (other, self))
+        return AlongX(ca.OP_SUB, (other, self))
 
     def __mul__(self, other: Coefficient) -> Coefficient:
         if other is self:
-            return Along(ca.OP_SQ, (self,))
+            return AlongX(ca.OP_SQ, (self,))
         if isinstance(other, float) and other in (0.0, 1.0):
             return self if other else 0.0
-        return Along(ca.OP_MUL, (self, other))
+        return AlongX(ca.OP_MUL, (self, other))
 
     __rmul__ = __mul__
 
     def __neg__(self) -> Coefficient:
-        return Along(ca.OP_NEG, (self,))
+        return AlongX(ca.OP_NEG, (self,))
 
     def __truediv__(self, other: Coefficient) -> Coefficient:
-        return Along(ca.OP_DIV, (self, other))
+        return AlongX(ca.OP_DIV, (self, other))
 
     def __rtruediv__(self, other: float) -> Coefficient:
-        return Along(ca.OP_DIV, (other, self))
+        return AlongX(ca.OP_DIV, (other, self))
 
 
-Coefficient: TypeAlias = float | Along
+Coefficient: TypeAlias = float | AlongX
 """A number, or what depends on the abscissa alone."""
 
 
 def defined(value: Coefficient) -> bool:
     """Whether a coefficient is a number at every x."""
-    return value.defined if isinstance(value, Along) else math.isfinite(value)
+    return value.defined if isinstance(value, AlongX) else math.isfinite(value)
 
 
-NOWHERE_KNOWN = Along(ca.OP_ERFINV, (), EVERYTHING)
+NOWHERE_KNOWN = AlongX(ca.OP_ERFINV, (), EVERYTHING)
 """A coefficient of which nothing is known."""
 
 
 def coefficient(operation: int, *operands: Coefficient) -> Coefficient:
     """An operation on what depends on the abscissa at most; a number where the operands are."""
-    if Along in map(type, operands):
-        return Along(operation, operands)
+    if AlongX in map(type, operands):
+        return AlongX(operation, operands)
     carried_out = (UNARY if len(operands) == 1 else BINARY).get(operation)
     if carried_out is None:
         return NOWHERE_KNOWN
@@ -122,7 +122,7 @@ def coefficient(operation: int, *operands: Coefficient) -> Coefficient:
 
 
 def _enclosed(value: Coefficient) -> Interval:
-    if isinstance(value, Along):
+    if isinstance(value, AlongX):
         return value.enclosure
     number = np.asarray(value)
     return number, number
@@ -130,7 +130,7 @@ def _enclosed(value: Coefficient) -> Interval:
 
 def least(value: Any) -> float:
     """No value of a coefficient is less; a number itself, a Fraction included."""
-    if not isinstance(value, Along):
+    if not isinstance(value, AlongX):
         return value
     with np.errstate(all="ignore"):
         return float(np.min(value.enclosure[0]))
@@ -138,7 +138,7 @@ def least(value: Any) -> float:
 
 def greatest(value: Any) -> float:
     """No value of a coefficient is greater."""
-    if not isinstance(value, Along):
+    if not isinstance(value, AlongX):
         return value
     with np.errstate(all="ignore"):
         return float(np.max(value.enclosure[1]))
@@ -171,7 +171,7 @@ class Polynomial(NamedTuple):
             {pair: c * factor for pair, c in self.quadratic.items()},
         )
 
-    def where(self, condition: Along) -> Polynomial:
+    def where(self, condition: AlongX) -> Polynomial:
         """The polynomial where a condition on x is true, nothing where it is not."""
         return Polynomial(
             coefficient(ca.OP_IF_ELSE_ZERO, condition, self.constant),
@@ -235,7 +235,7 @@ def semidefinite(squares: Squares) -> bool:
         return all(least(c) >= 0 for c in squares.values())
     if any(least(squares.get((i, i), 0.0)) <= 0 for pair in squares if pair[0] != pair[1] for i in pair):
         return False  # an entry that is coupled to others, and has no square of its own
-    if not any(isinstance(c, Along) for c in squares.values()):
+    if not any(isinstance(c, AlongX) for c in squares.values()):
         if not all(map(math.isfinite, squares.values())):
             return False
         squares = {pair: Fraction(c) for pair, c in squares.items()}

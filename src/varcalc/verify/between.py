@@ -35,7 +35,7 @@ AN_ELEMENT = 3.0
 NARROWEST = 1e-9
 """Width of a box, relative to the interval, that is not looked into."""
 MOST_BOXES = 300_000
-POINTS = 24
+SUM_POINTS = 24
 """Gauss points between marks."""
 BELIED, SAME_SUM = 10.0, 1e-9
 """By how many times its claimed error, and a relative difference, two sums of a functional may differ."""
@@ -83,7 +83,7 @@ def balanced(solution: Solution, missed: Unseen) -> bool:
     if extremal is None or extremal.form.conditions.pathwise or not solution.status.ok:
         return False
     finer = replace(extremal, vertices=np.unique(np.concatenate([extremal.vertices, missed.marks])))
-    value, size = functional_value(finer, POINTS), max(abs(solution.value), 1e-300)
+    value, size = functional_value(finer, SUM_POINTS), max(abs(solution.value), 1e-300)
     if not abs(value - solution.value) <= BELIED * solution.error.value + SAME_SUM * size:
         return False
     return residual(along_curve(undivided(finer, solution.value))) <= BALANCED
