@@ -142,7 +142,8 @@ class Solution:
             return f"no answer: {self.message}"
         kind = "maximum" if self.problem.maximise else "minimum"
         if self.local:
-            return self.message or f"a local {kind} only: {self.lower} is reached elsewhere"
+            lower = "a better value" if self.lower is None else f"{self.lower:.12g}"
+            return self.message or f"a local {kind} only: {lower} is reached elsewhere"
         if self.searched.startswith(PROVED):
             return f"a {kind}, the {'greatest' if self.problem.maximise else 'least'} of all curves"
         if getattr(self.method, "minimises", False):

@@ -133,3 +133,24 @@ def test_ground_states_are_minima(reach):
     found = vc.solve(ground)
     assert found.value == pytest.approx(1, abs=1e-8)
     assert vc.verify(found).verdict is vc.Verdict.MINIMUM
+
+
+@pytest.mark.parametrize("share", [0.2, 0.25, 0.75, 0.8])
+def test_a_kink_that_starts_off_its_well_is_found_near_the_end_that_draws_it(share):
+    # between heights of tanh((x - x0)/sqrt 2) that curve is the least; far from both ends a kink is held by nothing,
+    # and one in the middle costs some 1e-6 more
+    length, root = 30.0, math.sqrt(2)
+    x0 = share * length
+    y0, y1 = math.tanh(-x0 / root), math.tanh((length - x0) / root)
+    kink = vc.solve(vc.Problem(lambda x, y, v: v**2 / 2 + (1 - y**2) ** 2 / 4, vc.Fixed(0, y0), vc.Fixed(length, y1)))
+    assert kink.value == pytest.approx(((y1 - y1**3 / 3) - (y0 - y0**3 / 3)) / root, abs=1e-10)
+
+
+@pytest.mark.parametrize(("stiffness", "length"), [(1.40223, 22.527433045361153), (1.0, 40.0), (2.0, 60.0)])
+def test_a_soliton_on_a_long_way_is_found_from_the_least_polygons(stiffness, length):
+    # of v^2/2 + k (1 - cos y) a whole turn costs 8 sqrt(k), and on a finite way less than exp(-sqrt(k) T) more
+    turn = vc.Problem(
+        lambda x, y, v: v**2 / 2 + stiffness * (1 - ca.cos(y)), vc.Fixed(0, 0), vc.Fixed(length, 2 * math.pi)
+    )
+    cost = 8 * math.sqrt(stiffness)
+    assert vc.solve(turn).value == pytest.approx(cost, abs=50 * math.exp(-math.sqrt(stiffness) * length) + 1e-9)

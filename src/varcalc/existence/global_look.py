@@ -9,11 +9,12 @@ followed to its bottom by the direct method, and what that ends in counts by its
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import islice
 
+import casadi as ca
 import numpy as np
 
 from varcalc.existence.broken_curve import with_rival
@@ -46,6 +47,8 @@ WORTH_FOLLOWING = 0.5
 """How far above the known curve's polygon a valley may lie to be followed, in units of what that one sums."""
 MOST_NODES = 16
 """Minima among the nodes from which valleys are read, the lowest first."""
+FAR_LOWER = 0.5
+"""How far below the chord a polygon lies that is worth starting from, in units of what the chord sums."""
 FOLLOWED = 3
 """Valleys that are followed from one curve."""
 DESCENTS = 4
@@ -63,6 +66,10 @@ POLYGON_RULES = (16, 24)
 
 ROUGH, EXACT = Ritz(elements=8, degree=3, refine=False, starts=1), Ritz(starts=1)
 """The direct method, to see whether a valley may be lower, and to its bottom."""
+STEP_PIECES, AT_REST = 4, 0.2
+"""Pieces on which a curve makes its step, and the share of its rises that it makes on all others, at rest there."""
+FINE = Ritz(elements=64, starts=1)
+"""The same from a curve that is steep in one place."""
 ROUGHLY = 0.05
 """How far above the known value a rough one may be, in units of what is summed, for the valley to be lower."""
 
@@ -87,17 +94,18 @@ class Valley:
 class PolygonLattice:
     """Polygons about a curve: K pieces, and at each of the vertices J departures, the middle one 0."""
 
-    def __init__(self, solution: Solution) -> None:
-        assert isinstance(solution.problem, Problem)
-        self.problem = problem = solution.problem
+    def __init__(
+        self, problem: Problem, ordinates: Callable[[np.ndarray], np.ndarray], unit: float | None = None
+    ) -> None:
+        self.problem = problem
         a, b = problem.span
         self.x = np.linspace(a, b, PIECES + 1)
-        self.c = _ordinates(solution, self.x)
+        self.c = ordinates(self.x)
         self.steps = np.diff(self.x)
         self.middle, self.centre = 0.5 * (self.x[1:] + self.x[:-1]), 0.5 * (self.c[1:] + self.c[:-1])
         self.slope = np.diff(self.c) / self.steps
         extent = max(float(np.ptp(self.c)), b - a)
-        unit = self._unit(extent)
+        unit = unit or self._unit(extent)
         self.steep = extent / (b - a)
         last = unit * NEAR[-1]
         # each further out than the last by a factor, and the factor grows
@@ -244,7 +252,7 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
     best, number, reach = solution, 0, 0.0
     for _ in range(DESCENTS):
         with np.errstate(all="ignore"):
-            lattice = PolygonLattice(best)
+            lattice = PolygonLattice(problem, partial(_ordinates, best))
             valleys = lattice.others()
         reach = lattice.reach
         lower = _lower(best, lattice, valleys, polish)
@@ -253,6 +261,30 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
             return _told(best, lower, reach, number)
         best = replace(lower, method=solution.method)
     return _told(best, None, reach, number)
+
+
+def least_polygons(problem: Functional) -> list[Valley]:
+    """The least polygons about the chord, where they are far lower, to start from where the chord led nowhere."""
+    if _not_looked(problem) or not (problem.start.fixed and problem.end.fixed):
+        return []
+    assert isinstance(problem, Problem)
+    ends = [float(end.values(1)[0]) for end in (problem.start, problem.end)]
+    levels = abs(ends[1] - ends[0]) / (PIECES * NEAR[1])  # so that polygons rest on the level of either end
+    with np.errstate(all="ignore"):
+        lattice = PolygonLattice(problem, lambda x: np.interp(x, problem.span, ends), levels)
+        enough = float(lattice.own_costs.sum()) - FAR_LOWER * lattice.summed
+        found = [valley for valley in lattice.valleys() if valley.value < enough][:FOLLOWED]
+    return found if ca.depends_on(problem.integrand, problem.symbols.x) else list(map(_in_the_middle, found))
+
+
+def _in_the_middle(valley: Valley) -> Valley:
+    """The polygon with its pieces in an order in which what rises or falls most lies half way."""
+    rises = np.diff(valley.y)
+    size = np.abs(rises)
+    if not size.any():
+        return valley
+    turned = np.roll(rises, round(0.5 * (len(rises) - 1) - float(size @ np.arange(len(rises)) / size.sum())))
+    return replace(valley, y=valley.y[0] + np.concatenate([[0.0], np.cumsum(turned)]))
 
 
 def _told(best: Solution, lower: Solution | None, reach: float, number: int) -> Solution:
@@ -292,7 +324,21 @@ def _lower(best: Solution, lattice: PolygonLattice, valleys: list[Valley], polis
                 "to no minimum that could be found"
             )
             return replace(best, local=True, message=message)  # its value says nothing of what is lowest there
+    for start in _displaced(best, lattice):
+        found = polish(FINE, start)
+        if found.status.ok and _is_lower(found.value, best, found.error.value, 0.0):
+            return found
     return None
+
+
+def _displaced(best: Solution, lattice: PolygonLattice) -> Iterable[Sampled]:
+    """Lower curves with their step elsewhere, where most of the way the curve rests."""
+    rises = np.sort(np.abs(np.diff(lattice.c)))
+    if rises[:-STEP_PIECES].sum() > AT_REST * rises.sum():
+        return ()
+    from varcalc.existence.displaced import displaced  # few curves come to this
+
+    return displaced(best)
 
 
 def _is_lower(value: float, best: Solution, error: float, share: float) -> bool:

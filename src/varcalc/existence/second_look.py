@@ -113,7 +113,10 @@ def _judged(failure: Solution, found: Extremals) -> Solution:
     best = found[0]
     check = best.verification
     if check.verdict in (Verdict.MINIMUM, Verdict.MAXIMUM):
-        return replace(best, verdict=None, local=True)
+        kind = "maximum" if best.problem.maximise else "minimum"
+        number = f"the best of {len(found)} extremals" if len(found) > 1 else "the one extremal"
+        message = f"a local {kind} as far as is shown: {number} found by search, to which minimising did not lead"
+        return replace(best, verdict=None, local=True, message=message)
     others = f", one of {len(found)} extremals" if len(found) > 1 else ""
     message = (
         f"there is no minimum that could be vouched for; the best extremal{others} has the value {best.value:.12g} "

@@ -17,7 +17,7 @@ import numpy as np
 
 from varcalc.integrators.dop853 import Dop853
 from varcalc.integrators.lowering import CannotLower
-from varcalc.integrators.protocol import Flow, Landing, Run
+from varcalc.integrators.protocol import COMPLETED, Flow, Landing, Run
 from varcalc.integrators.taylor import Taylor
 
 STEPS = 800
@@ -100,8 +100,13 @@ class FlowOnDemand:
         leaving: tuple[int, ...] = (),
     ) -> Landing:
         """See :meth:`varcalc.integrators.protocol.Flow.ensemble`."""
-        landing = (self.first if dense else self._chosen()).ensemble(
-            states, constants, start=start, until=until, level=level, longest=longest, dense=dense, leaving=leaving
-        )
+        chosen = self._chosen()
+        # what Taylor carried may be too much for DOP853
+        for flow in (self.first, chosen) if dense and chosen is not self.first else (chosen,):
+            landing = flow.ensemble(
+                states, constants, start=start, until=until, level=level, longest=longest, dense=dense, leaving=leaving
+            )
+            if (landing.outcomes == COMPLETED).all():
+                break
         self.taken += landing.rounds + int(landing.steps.sum()) // SIDE_BY_SIDE
         return landing

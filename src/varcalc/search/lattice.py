@@ -22,7 +22,7 @@ from varcalc.methods.shooting.initial_states import nus
 from varcalc.methods.shooting.newton import Termination, iterate
 from varcalc.methods.shooting.regular_arc import Work
 from varcalc.methods.shooting.segments import Segments
-from varcalc.methods.shooting.shots import Trajectories
+from varcalc.methods.shooting.shots import Failure
 from varcalc.search.end_map import TRAJECTORY_POINTS
 
 SLOPE_SIZES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
@@ -85,11 +85,12 @@ class Lattice:
             result = iterate(segments, x, floor, WORST_GROWTH, WORK_PER_START)
             if result.ending is Termination.CONVERGED and not any(_same(result.x, other) for other in found):
                 found.append(result.x)
-        n = self.form.n
+        n, curves = self.form.n, [self._curve(segments, x) for x in found]
         starts = [replace(self.form.start, unknowns=segments.parts(x)[1]) for x in found]
         return [
-            (x[n : 2 * n], replace(self.form, start=start), self._curve(segments, x))
-            for x, start in zip(found, starts, strict=True)
+            (x[n : 2 * n], replace(self.form, start=start), curve)
+            for x, start, curve in zip(found, starts, curves, strict=True)
+            if curve is not None
         ]
 
     def _numbers(self) -> list[np.ndarray]:
@@ -111,11 +112,13 @@ class Lattice:
         nu = nus(self.equations, segments.scales, np.array(states), numbers, np.zeros(0))
         return np.concatenate([states[0], numbers, nu])
 
-    def _curve(self, segments: Segments, x: np.ndarray) -> Sampled:
+    def _curve(self, segments: Segments, x: np.ndarray) -> Sampled | None:
         """The trajectory of a root, linear between its points."""
         t = np.linspace(0.0, 1.0, TRAJECTORY_POINTS)
-        states = Trajectories(segments.paths(x, 0))(t)[: self.form.n]
-        rows = states * segments.scales.ordinates[:, None]
+        trajectories = segments.paths(x, 0).trajectories()
+        if isinstance(trajectories, Failure):
+            return None
+        rows = trajectories(t)[: self.form.n] * segments.scales.ordinates[:, None]
         a, b = self.form.span
         return lambda s: np.array([np.interp((s - a) / (b - a), t, row) for row in rows])
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from varcalc.existence.approach import outdone
 from varcalc.existence.feasibility import explained
-from varcalc.existence.global_look import looked_around
+from varcalc.existence.global_look import FINE, least_polygons, looked_around
 from varcalc.existence.refraction import refracted, smooth_or_refused
 from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
@@ -150,6 +150,10 @@ def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:
         if solution.status.ok or solution.verdict is not None:
             return solution
         failure = failure or solution
+    for polygon in least_polygons(problem):
+        solution = _polished(problem, tol, FINE, polygon)
+        if solution.status.ok:
+            return solution
     for guide in _guides():
         extremal = _attempt(problem, guide, tol, guess)
         if extremal.status.ok:

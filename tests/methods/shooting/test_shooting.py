@@ -492,3 +492,10 @@ def test_a_curve_that_runs_back_is_no_answer():
     refused = answer(back, Shooting(), -math.sqrt(2), ErrorEstimate(0.0, 0.0), back.vertices, Stats())
     assert refused.status is Status.NOT_CONVERGED
     assert "runs backwards" in refused.message
+
+
+@pytest.mark.parametrize("power", [-0.897, 0.424])
+def test_a_place_that_one_integrator_steps_over_and_another_does_not_ends_in_a_refusal(power):
+    weighted = vc.Problem(lambda x, y, v: ca.fabs(x) ** power * v**2, vc.Fixed(-0.815, 0), vc.Fixed(1, 1.314))
+    found = vc.solve(weighted, Shooting(), throw=False)
+    assert found.status is Status.NOT_CONVERGED

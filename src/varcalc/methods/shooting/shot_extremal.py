@@ -94,7 +94,10 @@ def finish(segments: Segments, x: np.ndarray, floor: np.ndarray) -> Finished | F
     form = segments.equations.form
     a, b = form.span
     vertices = a + (b - a) * segments.vertices
-    curve = ShotCurve(segments, x, Trajectories(segments.paths(x, 1, 0)))
+    states = segments.paths(x, 1, 0).trajectories()
+    if isinstance(states, Failure):
+        return states
+    curve = ShotCurve(segments, x, states)
     extremal = Extremal(form, curve.evaluate, unknowns, vertices, lambdas, {})
     value, error = value_of(segments, x, at.shots), ErrorEstimate(math.inf, math.inf)
     step = segments.solve(check, -check.residual, np.maximum(np.abs(x), floor))

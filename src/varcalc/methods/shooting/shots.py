@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from operator import itemgetter
 from typing import Any
 
@@ -98,15 +98,42 @@ class Paths:
         failures = {i: arc for i, arc in arcs.items() if isinstance(arc, Failure)}
         runs, landing = self.carried(dense=False)
         self.work.add(landing)
-        a, b = self.equations.form.span
-        for row in np.flatnonzero(landing.outcomes != COMPLETED)[::-1]:
-            outcome = OUTCOMES[landing.outcomes[row]]
-            failures[int(runs[row, 0])] = Failure((), a + (b - a) * float(landing.reached[row]), outcome)
+        failures |= self._failures(runs, landing)
         if failures:
             failed = sorted(failures)
             first = failures[failed[0]]
             return Failure(tuple(failed if every else failed[:1]), first.s, first.outcome)
         return self._assembled(runs, landing, {i: a for i, a in arcs.items() if isinstance(a, Passage)}), landing.steps
+
+    def _failures(self, runs: np.ndarray, landing: Landing) -> dict[int, Failure]:
+        """By segment, where and how integrations ended that did not reach their vertices."""
+        a, b = self.equations.form.span
+        return {
+            int(runs[row, 0]): Failure(
+                (int(runs[row, 0]),), a + (b - a) * float(landing.reached[row]), OUTCOMES[landing.outcomes[row]]
+            )
+            for row in np.flatnonzero(landing.outcomes != COMPLETED)[::-1]
+        }
+
+    def trajectories(self) -> Trajectories | Failure:
+        """The states everywhere, integrated once more; another integrator than before may get less far."""
+        runs, landing = self.carried(dense=True)
+        if failures := self._failures(runs, landing):
+            return failures[min(failures)]
+        assert landing.dense is not None
+        found: list[tuple[float, Any]] = [
+            (float(min(self.anchors[i], self.vertices[i + side])), run)
+            for (i, side), run in zip(runs, landing.dense, strict=True)
+        ]
+        for i in self.arcs:
+            end, passage = self.end(i), self.passage(i)
+            assert end is not None
+            if isinstance(passage, Failure):
+                return passage
+            found.append((float(self.vertices[i]), end.arc(float(self.anchors[i]), passage)))
+        found.sort(key=itemgetter(0))
+        edges = np.array([*(edge for edge, _ in found), 1.0])
+        return Trajectories(edges, [piece for _, piece in found], self.equations.dimension)
 
     def carried(self, *, dense: bool) -> tuple[np.ndarray, Landing]:
         """All integrations: the segment and the vertex (0 left, 1 right) of each (m, 2), and where they came to."""
@@ -177,34 +204,18 @@ class Paths:
 
 @dataclass(frozen=True)
 class Trajectories:
-    """The states between all vertices, integrated once more when they are first asked for."""
+    """The states between all vertices: ``edges`` (K + 1,) in t, and in between ``pieces`` (K), functions of t (m,)."""
 
-    paths: Paths
+    edges: np.ndarray
+    pieces: Sequence[Any]
+    dimension: int
 
     def __call__(self, t: np.ndarray) -> np.ndarray:
         """The scaled states (D, m) at t (m,)."""
-        edges, pieces = self._pieces
+        edges, pieces = self.edges, self.pieces
         at = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, len(pieces) - 1)
-        out = np.empty((self.paths.equations.dimension, len(t)))
+        out = np.empty((self.dimension, len(t)))
         for i in map(int, np.unique(at)):
             own = at == i
             out[:, own] = pieces[i](np.clip(t[own], edges[i], edges[i + 1]))[:, : len(out)].T
         return out
-
-    @cached_property
-    def _pieces(self) -> tuple[np.ndarray, list[Any]]:
-        """Abscissae, and between them functions from t (m,) to states (m, ..); all runs have arrived before."""
-        paths = self.paths
-        runs, landing = paths.carried(dense=True)
-        assert landing.dense is not None
-        found: list[tuple[float, Any]] = [
-            (float(min(paths.anchors[i], paths.vertices[i + side])), run)
-            for (i, side), run in zip(runs, landing.dense, strict=True)
-        ]
-        for i in paths.arcs:
-            end, passage = paths.end(i), paths.passage(i)
-            assert end is not None
-            assert isinstance(passage, Passage)
-            found.append((float(paths.vertices[i]), end.arc(float(paths.anchors[i]), passage)))
-        found.sort(key=itemgetter(0))
-        return np.array([*(edge for edge, _ in found), 1.0]), [piece for _, piece in found]
