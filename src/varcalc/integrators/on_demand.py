@@ -100,13 +100,15 @@ class FlowOnDemand:
         leaving: tuple[int, ...] = (),
     ) -> Landing:
         """See :meth:`varcalc.integrators.protocol.Flow.ensemble`."""
-        chosen = self._chosen()
-        # what Taylor carried may be too much for DOP853
-        for flow in (self.first, chosen) if dense and chosen is not self.first else (chosen,):
-            landing = flow.ensemble(
+
+        def carried(flow: Flow) -> Landing:
+            return flow.ensemble(
                 states, constants, start=start, until=until, level=level, longest=longest, dense=dense, leaving=leaving
             )
-            if (landing.outcomes == COMPLETED).all():
-                break
+
+        chosen = self._chosen()
+        landing = carried(self.first if dense else chosen)
+        if dense and chosen is not self.first and not (landing.outcomes == COMPLETED).all():
+            landing = carried(chosen)  # what Taylor carried may be too much for DOP853
         self.taken += landing.rounds + int(landing.steps.sum()) // SIDE_BY_SIDE
         return landing
