@@ -249,6 +249,7 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
         return replace(solution, searched=f"other valleys were not looked for: {reason}")
     if proved_jointly_convex(problem):
         return replace(solution, searched=f"{PROVED} in the curve and its slope: there is no other valley")
+    assert isinstance(problem, Problem)
     best, number, reach = solution, 0, 0.0
     for _ in range(DESCENTS):
         with np.errstate(all="ignore"):
