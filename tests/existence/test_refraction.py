@@ -136,3 +136,21 @@ def test_a_natural_condition_on_a_kink_is_none(method):
     solution = vc.solve(problem, method, throw=False)
     assert not solution.status.ok or abs(solution.value + 4 / 9) <= solution.error.value + 1e-14
     assert solution.status.ok or method is not None
+
+
+@pytest.mark.parametrize("last", [-0.3, -0.02, -1e-4])
+@pytest.mark.parametrize("load", [0.1, 0.8])
+def test_a_curve_that_all_but_comes_to_rest_is_not_held(last, load):
+    # v^2/2 + |v|/2 - load y with the slope -load x + const below zero throughout: -|v| is then a null Lagrangian
+    first, length = last - load * 3.0, 3.0
+    fall = 0.5 * (first + last) * length
+
+    def value(slopes):
+        x, weights = np.polynomial.legendre.leggauss(8)
+        x, weights = 1.5 * (x + 1), 1.5 * weights
+        v = slopes[0] + (slopes[1] - slopes[0]) * x / length
+        y = slopes[0] * x + (slopes[1] - slopes[0]) * x**2 / (2 * length)
+        return weights @ (v**2 / 2 - v / 2 + load * y)
+
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + ca.fabs(v) / 2 + load * y, vc.Fixed(0, 0), vc.Fixed(length, fall))
+    assert vc.solve(problem).value == pytest.approx(value((first, last)), abs=1e-10)

@@ -16,6 +16,7 @@ import numpy as np
 
 from varcalc.existence.cores import resting
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
+from varcalc.formulation.broken import SHORTEST
 from varcalc.methods.answer import composite_gauss, lifted
 from varcalc.methods.crossings import ROUND_OFF, Crossing, argument_sizes, crossings, met_by, sentence, slopes_of, unmet
 from varcalc.methods.ritz.method import Ritz
@@ -39,6 +40,8 @@ FOLLOWED_TO = 1e-6
 """Size of what is zero along a stretch, in its own units, to which an interior-point method holds it."""
 NEAR_ENDS = 1e-3
 """Share of the interval within which what is followed is followed from an end, or to it."""
+VANISHED = 1.01
+"""Of the least length that a piece may have: one that is no longer has vanished."""
 ROUNDS = 6
 """Times that pieces are put together anew."""
 GAUSS_POINTS = 24
@@ -87,6 +90,9 @@ def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: li
         solution = None if len(found) > MOST else _broken_at(problem, method, tol, curve, found)
         if solution is None or solution.curve is None:
             return None
+        if len(lasting := _lasting(solution, found)) < len(found):
+            found = lasting
+            continue
         curve = solution.curve
         rides = any(c.until is not None for c in found)
         found = met_by(solution, FOLLOWED_TO if rides else ROUND_OFF)
@@ -95,6 +101,17 @@ def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: li
         if not unmet(problem, found, _corners(solution)):
             return solution
     return None
+
+
+def _lasting(solution: Solution, found: list[Crossing]) -> list[Crossing]:
+    """The crossings but those along which no stretch is left: the pieces would be shorter if they could."""
+    extremal = solution.extremal
+    if extremal is None or not extremal.form.coordinates.corners:
+        return found
+    begun = np.sort([*extremal.form.conditions.knots, *solution.problem.span])
+    share = np.diff(np.sort(_corners(solution))) / np.diff(begun)
+    middles = 0.5 * (begun[1:] + begun[:-1])[share <= VANISHED * SHORTEST]
+    return [c for c in found if c.until is None or not np.any((middles > c.x) & (middles < c.until))]
 
 
 def _as_held(problem: Problem, solution: Solution) -> bool:

@@ -17,6 +17,8 @@ import numpy as np
 
 from varcalc.numerics.one_coordinate.potential import Potential, PotentialNodes, PotentialValues
 
+DOUBTFUL = 1e-10
+"""Of g: what is left of it at a node, where that is less, is told from its change."""
 TOGETHER = 2048
 """Motions looked at together; bounds the memory."""
 
@@ -203,6 +205,9 @@ def _bounds(
     start, slope = potential.at(u0)
     away = sign * (u - u0[:, None])
     left = PotentialValues(g, g, g - start[:, None], g).above(C[:, None], squared[:, None])
+    # where a motion all but comes to rest, a difference of values is round-off
+    row, node = np.nonzero(np.abs(left) <= DOUBTFUL * np.maximum(C[:, None], np.abs(start[:, None])))
+    left[row, node] = potential(u0[row], u[node] - u0[row]).above(C[row], squared[row])
     stopped = (away > 0) & (left <= 0)
     found = np.any(stopped, axis=1)
     first = np.argmax(stopped, axis=1)

@@ -44,14 +44,16 @@ def _panel(way: CoordinateMotion, low: np.ndarray, high: np.ndarray) -> np.ndarr
 
 
 def integrals(
-    way: CoordinateMotion, low: np.ndarray, high: np.ndarray, known: np.ndarray | float = 0.0, halvings: int = HALVINGS
-) -> np.ndarray:
+    way: CoordinateMotion, low: np.ndarray, high: np.ndarray, known: np.ndarray | float = 0.0, halvings: int = HALVINGS,
+    agreed: np.ndarray | float = AGREED,
+) -> np.ndarray:  # fmt: skip
     """The integrals (m, columns) from ``low`` to ``high`` (m,); not numbers where they are not resolved.
 
-    They are to be added to what is ``known`` (m, columns), to whose digits they are resolved.
+    They are to be added to what is ``known`` (m, columns), to whose digits they are resolved. Panels must agree with
+    their halves to ``agreed`` (m,), where integrands have fewer digits than most.
     """
     with np.errstate(all="ignore"):
-        rows, left, right = np.arange(len(low)), low, high
+        rows, left, right, agreed = np.arange(len(low)), low, high, np.broadcast_to(agreed, np.shape(low))
         whole = _panel(way, left, right)
         total = np.zeros_like(whole)
         size = np.abs(whole) + np.abs(np.transpose(known)) + np.finfo(float).tiny
@@ -60,7 +62,7 @@ def integrals(
             first, second = _panel(part, left, middle), _panel(part, middle, right)
             wrong = np.abs(first + second - whole)
             # the derivative by C may add up to nothing but round-off; it is as smooth as the rate itself
-            fine = np.all((wrong <= AGREED * size[:, rows])[:BY_C], axis=0)
+            fine = np.all((wrong <= agreed[rows] * size[:, rows])[:BY_C], axis=0)
             for column, part_sum in zip(total, first + second, strict=True):
                 np.add.at(column, rows[fine], part_sum[fine])
             rest = ~fine & np.all(np.isfinite(first + second), axis=0)

@@ -292,7 +292,7 @@ class PairSearch:
             return _builder(self._problem(one, Invariants()), one)(headings, paths, touching)
 
         try:
-            return found_by_range(self._question(problem, one), careful=careful, easy=True)
+            return found_by_range(self._question(problem, one), careful=careful)
         except DoesNotApply:
             return None
 

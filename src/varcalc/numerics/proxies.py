@@ -1,0 +1,341 @@
+"""All zeros of combinations of smooth functions, by Chebyshev series that stand for them.
+
+A function that is costly to evaluate is replaced, panel by panel, by a Chebyshev series whose last coefficients are
+round-off and which foretells the function between its points (Boyd, "Solving Transcendental Equations", SIAM 2014,
+ch. 3; Battles and Trefethen, SIAM J. Sci. Comput. 25 (2004) 1743). A linear combination of functions is then a
+polynomial on each panel. The panel is halved until the coefficients show that the polynomial has no zero in a part, or
+is monotone there: no zero can be passed over, however many combinations share the functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from varcalc.numerics.roots import bracketed_newton
+
+DEGREE = 15
+"""Of the series: about the cheapest for twelve digits, whatever the function."""
+RESOLVED = 1e-11
+"""Of a function's largest value in a panel: the last coefficients of a series that stands for it."""
+FORETOLD = 10.0
+"""By how many times that the series may be off at places that it has not seen."""
+CHECKED = np.array([-0.613, 0.287])
+"""Where that is looked at, in a panel from -1 to 1."""
+MOST_RATIO = 30.0
+"""Of the largest to the least value in a panel: beside what is large, what is small has no digits."""
+HALVINGS = 12
+"""Of a panel; one that is no smooth function's even so is given up."""
+PARTINGS = 20
+"""Halvings of a panel after which a part in which a polynomial has both a zero and a flat place is one place."""
+SLACK = 1e-10
+"""Of what is summed: what the series may be off."""
+BISECTIONS = 40
+"""To begin with, on the series."""
+BESIDE = 0.1
+"""Of a part: how far beside it a zero may turn out to be."""
+CLOSE, ROUND_OFF, NOISY = 1e-15, 1e-16, 0.25
+"""Of a panel, of what is summed, and of the noise of that: a zero is not told more closely."""
+IS_ZERO = 1e-9
+"""Of what is summed: what is left of a combination at its zero, beside noise."""
+
+
+class Functions(Protocol):
+    """F functions of one unknown, and what need not be known of them."""
+
+    def __call__(self, at: np.ndarray) -> np.ndarray:
+        """Values (m, F) at places (m,), not numbers where a function does not exist."""
+        ...
+
+    @property
+    def scale(self) -> np.ndarray:
+        """Sizes (F,) of the functions below which they need not be told from zero."""
+        ...
+
+    def noise(self, at: np.ndarray) -> np.ndarray:
+        """How much of their values is round-off, in the shape of ``at``."""
+        ...
+
+    def inside(self, at: np.ndarray, way: int) -> np.ndarray:
+        """Where to look in place of the edges ``at`` (P,) of panels on the side ``way``, for those that are breaks."""
+        ...
+
+    def beyond(self, values: np.ndarray) -> np.ndarray:
+        """Which functions (P, F) nobody asks for in panels at whose points they have ``values`` (P, m, F)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Proxies:
+    """Series of F functions on panels from ``low`` to ``high`` (P,): ``coefficients`` (P, F, N).
+
+    ``at_edges`` (P, 2, F) are the functions' own values at ``ends`` (P, 2), the edges or next to those. ``given_up``
+    (k, 2) are panels on which no series stands for what exists.
+    """
+
+    functions: Functions
+    low: np.ndarray
+    high: np.ndarray
+    coefficients: np.ndarray
+    ends: np.ndarray
+    at_edges: np.ndarray
+    given_up: np.ndarray
+    looked_at: int
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """The least and the greatest (P, F) that the series can be on their panels.
+
+        Between 4n Chebyshev points a polynomial of degree n is no more than 1/cos(π/8) times as far from a value as
+        at them (Ehlich and Zeller, Math. Z. 86 (1964) 41).
+        """
+        values = self.coefficients @ _AT_MANY.T
+        middle, half = (values.max(-1) + values.min(-1)) / 2, (values.max(-1) - values.min(-1)) / 2
+        return middle - half / np.cos(np.pi / 8), middle + half / np.cos(np.pi / 8)
+
+
+_ANGLES = np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)
+_POINTS = np.cos(_ANGLES)
+_TO_SERIES = 2 / (DEGREE + 1) * np.cos(np.arange(DEGREE + 1)[:, None] * _ANGLES)
+_TO_SERIES[0] /= 2
+_HALVES = [_TO_SERIES @ chebyshev.chebvander((_POINTS + side) / 2, DEGREE) for side in (-1, 1)]
+"""From a series to those on the left and on the right half of its panel."""
+_AT_MANY = chebyshev.chebvander(np.cos(np.pi * (np.arange(4 * DEGREE) + 0.5) / (4 * DEGREE)), DEGREE)
+_AT_CHECKED = chebyshev.chebvander(CHECKED, DEGREE)
+
+
+def proxies(functions: Functions, edges: np.ndarray) -> Proxies:
+    """Series of the functions between neighbouring ``edges``, which are halved until they stand for them."""
+    low, high = edges[:-1], edges[1:]
+    kept: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    given_up, looked_at = [np.zeros((0, 2))], 0
+    for halving in range(HALVINGS + 1):
+        middle, half = (low + high) / 2, (high - low) / 2
+        places = middle[:, None] + half[:, None] * np.append(_POINTS, CHECKED)
+        values = functions(places.ravel()).reshape(*places.shape, -1)
+        looked_at += places.size
+        fine, series = _series(functions, values, np.maximum(functions.noise(np.stack([low, high])), RESOLVED))
+        kept.append((low[fine], high[fine], series[fine]))
+        if halving == HALVINGS:
+            given_up.append(np.column_stack([low[~fine], high[~fine]]))
+            break
+        low, middle, high = low[~fine], middle[~fine], high[~fine]
+        if len(low) == 0:
+            break
+        low, high = np.append(low, middle), np.append(middle, high)
+    low, high, series = (np.concatenate(parts) for parts in zip(*kept, strict=True))
+    order = np.argsort(low, kind="stable")
+    low, high = low[order], high[order]
+    ends = np.column_stack([functions.inside(low, 1), functions.inside(high, -1)])
+    places, back = np.unique(ends, return_inverse=True)
+    at_edges = functions(places)[back.reshape(-1, 2)]
+    return Proxies(
+        functions, low, high, series[order], ends, at_edges, np.concatenate(given_up), looked_at + len(places)
+    )
+
+
+def _series(functions: Functions, values: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whether (P,) series stand for the functions at points and checked places (P, N + 2, F), and them (P, F, N).
+
+    ``noise`` (2, P) is that at the ends of the panels.
+    """
+    own, checked = values[:, : DEGREE + 1], values[:, DEGREE + 1 :]
+    series = np.einsum("kn,pnf->pfk", _TO_SERIES, own)
+    with np.errstate(all="ignore"):
+        size = np.maximum(np.abs(own).max(axis=1), functions.scale)
+        tail = np.abs(series[..., -2:]).max(axis=-1)
+        off = np.abs(np.einsum("cn,pfn->pcf", _AT_CHECKED, series) - checked).max(axis=1)
+        resolved, alike = noise.max(axis=0)[:, None], (noise.max(axis=0) <= MOST_RATIO * noise.min(axis=0))[:, None]
+        even = alike & (size <= MOST_RATIO * np.maximum(np.abs(own).min(axis=1), functions.scale))
+        idle = np.isnan(values).all(axis=1) | functions.beyond(values)
+        series[idle] = np.nan
+        fine = idle | (even & (tail <= resolved * size) & (off <= FORETOLD * resolved * size))
+    return fine.all(axis=1), series
+
+
+@dataclass(frozen=True)
+class ProxyZeros:
+    """Where combinations vanish: ``at`` (z,) and the numbers ``which`` (z,) of the combinations.
+
+    ``touching`` (z,) says that a combination turns round there. ``lost`` counts zeros of series that are none of the
+    functions.
+    """
+
+    at: np.ndarray
+    which: np.ndarray
+    touching: np.ndarray
+    lost: int
+
+
+def zeros(series: Proxies, panel: np.ndarray, weights: np.ndarray, offset: np.ndarray, touch: float) -> ProxyZeros:
+    """All zeros of the combinations ``weights`` (k, F) of functions less ``offset`` (k,), each on one ``panel`` (k,).
+
+    A weight of 0 leaves a function out, whether it exists or not. A critical point within ``touch`` of zero is a zero
+    at which the combination turns round.
+    """
+    with np.errstate(all="ignore"):
+        used = np.where(weights[:, :, None] != 0, series.coefficients[panel], 0.0)
+        c = np.einsum("kf,kfn->kn", weights, used)
+        c[:, 0] -= offset
+        rest = np.abs(c[:, 1:]).sum(axis=1)
+        size = np.abs(c[:, 0] + offset) + rest + np.abs(offset)
+        maybe = np.flatnonzero(np.isfinite(size) & (np.abs(c[:, 0]) <= rest + SLACK * size))
+        return _Isolation(series, panel[maybe], weights[maybe], offset[maybe], c[maybe], size[maybe], touch).zeros(
+            maybe
+        )
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """Parts from ``low`` to ``high`` (q,) of the panels ``row`` (q,), in units in which those go from -1 to 1."""
+
+    row: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Parts]) -> _Parts:
+        """All of them."""
+        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("row", "low", "high")))
+
+    def take(self, rows: np.ndarray) -> _Parts:
+        """Some of them."""
+        return _Parts(self.row[rows], self.low[rows], self.high[rows])
+
+
+@dataclass
+class _Isolation:
+    """The zeros of k polynomials ``c`` (k, N)."""
+
+    series: Proxies
+    panel: np.ndarray
+    weights: np.ndarray
+    offset: np.ndarray
+    c: np.ndarray
+    size: np.ndarray
+    touch: float
+
+    def __post_init__(self) -> None:
+        self.rate = np.zeros_like(self.c)
+        self.rate[:, :-1] = chebyshev.chebder(self.c, axis=1)
+
+    def zeros(self, numbers: np.ndarray) -> ProxyZeros:
+        """See :func:`zeros`."""
+        monotone, flat = self._parted()
+        parts, values, touching = self._beside_turns(*self._runs(flat))
+        parts = _Parts.joined([monotone, parts])
+        left, right = self._at(monotone.row, monotone.low), self._at(monotone.row, monotone.high)
+        left, right = np.concatenate([left, values[0]]), np.concatenate([right, values[1]])
+        crossing = np.flatnonzero((np.sign(left) != np.sign(right)) & (left != 0))
+        at, lost = self._polished(parts.take(crossing), left[crossing])
+        rows = np.concatenate([parts.row[crossing][~lost], touching[0]])
+        places = np.concatenate([at[~lost], self._place(*touching)])
+        turns = np.arange(len(rows)) >= np.count_nonzero(~lost)
+        return ProxyZeros(places, numbers[rows], turns, int(np.count_nonzero(lost)))
+
+    def _parted(self) -> tuple[_Parts, _Parts]:
+        """Parts on which the polynomials are monotone, and parts that are places at which they are flat and zero."""
+        k = len(self.c)
+        parts, series = _Parts(np.arange(k), -np.ones(k), np.ones(k)), np.stack([self.c, self.rate], axis=1)
+        monotone = []
+        for _ in range(PARTINGS):
+            rest = np.abs(series[..., 1:]).sum(axis=-1)
+            empty = np.abs(series[:, 0, 0]) > rest[:, 0] + SLACK * self.size[parts.row]
+            rising = np.abs(series[:, 1, 0]) > rest[:, 1]
+            monotone.append(parts.take(np.flatnonzero(~empty & rising)))
+            again = np.flatnonzero(~empty & ~rising)
+            parts, series = parts.take(again), series[again]
+            middle = (parts.low + parts.high) / 2
+            halves = _Parts(parts.row, parts.low, middle), _Parts(parts.row, middle, parts.high)
+            parts = _Parts.joined(halves)
+            series = np.concatenate([series @ half.T for half in _HALVES])
+        return _Parts.joined(monotone), parts
+
+    def _runs(self, flat: _Parts) -> tuple[_Parts, np.ndarray]:
+        """Neighbouring flat parts as one, and the turning point (q,) in each, not a number where there is none."""
+        flat = flat.take(np.lexsort((flat.low, flat.row)))
+        new = np.append(True, (np.diff(flat.row) > 0) | (flat.low[1:] > flat.high[:-1]))[: len(flat.row)]
+        first = np.flatnonzero(new)
+        last = np.append(first[1:] - 1, len(flat.row) - 1)[: len(first)]
+        runs = _Parts(flat.row[first], flat.low[first], flat.high[last])
+        slopes = [_summed(self.rate[runs.row], x[:, None])[:, 0] for x in (runs.low, runs.high)]
+        turns = np.sign(slopes[0]) != np.sign(slopes[1])
+        at = self._bisected(self.rate[runs.row], runs.low, runs.high, slopes[0])
+        return runs, np.where(turns, at, np.nan)
+
+    def _beside_turns(
+        self, runs: _Parts, turn: np.ndarray
+    ) -> tuple[_Parts, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+        """The monotone parts of the runs, the values at their ends, and the rows and places of touching turns."""
+        turns = np.flatnonzero(np.isfinite(turn))
+        top = np.full(len(turn), np.nan)
+        top[turns] = self._true(runs.row[turns], turn[turns])
+        left, right = self._at(runs.row, runs.low), self._at(runs.row, runs.high)
+        touches = np.abs(top) <= self.touch
+        whole, split = np.flatnonzero(np.isnan(turn)), np.flatnonzero(np.isfinite(turn) & ~touches)
+        parts = _Parts.joined([
+            runs.take(whole),
+            _Parts(runs.row[split], runs.low[split], turn[split]),
+            _Parts(runs.row[split], turn[split], runs.high[split]),
+        ])  # fmt: skip
+        values = (
+            np.concatenate([left[whole], left[split], top[split]]),
+            np.concatenate([right[whole], top[split], right[split]]),
+        )
+        rows = np.flatnonzero(touches)
+        return parts, values, (runs.row[rows], turn[rows])
+
+    def _at(self, row: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """The combinations at x: their own values at the edges of panels, the series' inside."""
+        used = self.weights[row]
+        edges = self.series.at_edges[self.panel[row], np.where(x < 0, 0, 1)]
+        own = np.where(used != 0, used * edges, 0.0).sum(axis=1) - self.offset[row]
+        return np.where(np.abs(x) == 1, own, _summed(self.c[row], x[:, None])[:, 0])
+
+    def _bisected(self, c: np.ndarray, low: np.ndarray, high: np.ndarray, first: np.ndarray) -> np.ndarray:
+        sign = np.sign(first)
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            same = _summed(c, middle[:, None])[:, 0] * sign > 0
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        return (low + high) / 2
+
+    def _polished(self, parts: _Parts, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The zeros (z,) in parts at whose left end the values are ``first``, and which of them are none."""
+        row, sign = parts.row, np.sign(first)
+        start = self._bisected(self.c[row], parts.low, parts.high, first)
+
+        def function(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return sign * self._true(row, at), sign * _summed(self.rate[row], at[:, None])[:, 0]
+
+        around = self._place(row, start)
+        flat = (ROUND_OFF + NOISY * self.series.functions.noise(around)) * self.size[row]
+        # a series with few digits may put a zero on the wrong side of where its panel was parted
+        room = BESIDE * (parts.high - parts.low)
+        low, high = np.maximum(parts.low - room, -1.0), np.minimum(parts.high + room, 1.0)
+        at, _ = bracketed_newton(function, low, high, start, absolute=CLOSE, flat=flat)
+        places = self._place(row, at)
+        lost = ~(np.abs(self._true(row, at)) <= (IS_ZERO + self.series.functions.noise(places)) * self.size[row])
+        return places, lost
+
+    def _place(self, row: np.ndarray, x: np.ndarray) -> np.ndarray:
+        panel = self.panel[row]
+        low, high = self.series.low[panel], self.series.high[panel]
+        inside = (low + high) / 2 + (high - low) / 2 * x
+        return np.where(np.abs(x) == 1, self.series.ends[panel, np.where(x < 0, 0, 1)], inside)
+
+    def _true(self, row: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """The combinations' own values at x."""
+        if len(row) == 0:
+            return np.zeros(0)
+        values = self.series.functions(self._place(row, x))
+        return np.where(self.weights[row] != 0, values * self.weights[row], 0.0).sum(axis=1) - self.offset[row]
+
+
+def _summed(c: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Series ``c`` (k, N) at x (k, m), row by row."""
+    return np.einsum("kn,kmn->km", c, chebyshev.chebvander(x, c.shape[1] - 1))
