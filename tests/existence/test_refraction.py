@@ -1,6 +1,7 @@
 """Minima that meet kinks and jumps of the Lagrangian in y, in (x, y) and in the slope, against closed forms."""
 
 import casadi as ca
+import numpy as np
 import pytest
 from mpmath import findroot, mp, mpf, quad, sqrt
 
