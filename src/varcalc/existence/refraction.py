@@ -40,7 +40,7 @@ FOLLOWED_TO = 1e-6
 """Size of what is zero along a stretch, in its own units, to which an interior-point method holds it."""
 NEAR_ENDS = 1e-3
 """Share of the interval within which what is followed is followed from an end, or to it."""
-VANISHED = 1.01
+VANISHED = 1.5
 """Of the least length that a piece may have: one that is no longer has vanished."""
 ROUNDS = 6
 """Times that pieces are put together anew."""

@@ -226,9 +226,10 @@ def _bounds(
 def ways(
     potential: Potential, u0: np.ndarray, w0: np.ndarray, below: MotionBounds, above: MotionBounds
 ) -> list[tuple[np.ndarray, CoordinateMotion, np.ndarray]]:
-    """The motions by kind: rows, way, and the last parameter (of the rows) on it."""
+    """The motions by kind: rows, way, and the last parameter (of the rows) on it; those that stay at rest are none."""
     out = []
-    both = below.turning & above.turning
+    rests = (w0 == 0) & (potential.at(u0)[1] == 0)
+    both = below.turning & above.turning & ~rests
     rows = np.flatnonzero(both & (above.x > below.x))
     if len(rows):
         down, up = -below.x[rows], above.x[rows]
@@ -237,7 +238,7 @@ def ways(
         way = TwoTurns(potential, start, u0[rows] - down, u0[rows] + up, down + up)
         out.append((rows, way, np.full(len(rows), np.inf)))
     for sign, here, other in ((1, below, above), (-1, above, below)):
-        rows = np.flatnonzero(here.turning & ~both)
+        rows = np.flatnonzero(here.turning & ~other.turning & ~rests)
         if len(rows):
             offset = -here.x[rows]
             start = sign * np.where(w0[rows] < 0, -1.0, 1.0) * np.sqrt(np.abs(offset))

@@ -12,7 +12,6 @@ from varcalc.optics.arrivals.fan import Bounds, Fan
 from varcalc.optics.arrivals.space import DIRECTIONS, Approaches, search
 from varcalc.optics.arrivals.wavefront_construction import Arrivals, PlanePairs, WavefrontConstruction
 from varcalc.optics.media.medium import Medium, Radial, Stratified
-from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.invariants import Invariants
 from varcalc.optics.models.model import Builder, DoesNotApply, Model, Question, checked_model
 from varcalc.optics.models.range_function import found_by_range
@@ -382,12 +381,9 @@ def _few(sources: np.ndarray) -> np.ndarray:
 
 
 def _has_range_function(propagator: Propagator) -> bool:
-    """Whether one medium of layers or about a centre fills the scene, without a closed form for its rays."""
-    return (
-        isinstance(propagator.media[0], Stratified | Radial)
-        and not propagator.surfaces
-        and isinstance(propagator.models[0], HamiltonRays)
-    )
+    """Whether one medium of layers or about a centre fills the scene."""
+    medium = propagator.media[0]
+    return isinstance(medium, Stratified | Radial) and not propagator.surfaces and not medium.is_uniform
 
 
 def _in_row(which: np.ndarray) -> str:

@@ -21,6 +21,7 @@ from varcalc.optics.validation import point
 from varcalc.problem.functional import named
 from varcalc.symbolic import tracing
 from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.switches import switches
 
 Expression = Any
 """A CasADi SX expression."""
@@ -282,6 +283,16 @@ def _has_root(value: Expression) -> bool:
     if value.is_op(ca.OP_MUL) or value.is_op(ca.OP_DIV):
         return _has_root(value.dep(0)) or _has_root(value.dep(1))
     return bool(value.is_op(ca.OP_SQRT))
+
+
+def switching(medium: Medium, dimension: int) -> bool:
+    """Whether n² has kinks or jumps in the position, told from its expression."""
+    position = ca.SX.sym("r", dimension)
+    try:
+        squared_index = ca.SX(medium.squared_index(position))
+    except (TypeError, NotImplementedError):  # an index that is no expression of SX symbols has none that can be read
+        return False
+    return any(switch.depends_on(position) for switch in switches([squared_index], [position]))
 
 
 def _traced(

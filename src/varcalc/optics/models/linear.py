@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.numerics.roots import first_ahead, growing, quadratic_ahead
-from varcalc.optics.media.medium import Medium
+from varcalc.optics.media.medium import Medium, switching
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model
 from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, first_met
@@ -37,8 +37,8 @@ LAST_STEP = 4 * float(np.finfo(float).eps)
 
 
 def is_linear(medium: Medium, dimension: int) -> bool:
-    """Whether n² is a polynomial of second degree, told from its expression."""
-    if isinstance(medium, Tabulated):
+    """Whether n² is a polynomial of second degree, told from its expression; one with kinks or jumps is none."""
+    if isinstance(medium, Tabulated) or switching(medium, dimension):
         return False
     position = ca.SX.sym("r", dimension)
     return not ca.depends_on(ca.hessian(medium.squared_index(position), position)[0], position)

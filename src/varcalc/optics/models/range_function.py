@@ -154,6 +154,8 @@ class Passages:
         beyond = np.abs(bounds(self.profile, self.nodes, there, w**2 + self.higher, c**2, free, int(self.way)).x)
         x = self.end - self.start
         room = AT_A_TURN * abs(x)
+        if x == 0:
+            out[:, [0, LAYERS]] = 0.0
         with np.errstate(all="ignore"):  # where there is no passage, or it is not resolved, there is no number
             for rows, way, _ in ways(self.profile, u0, self.way * w, below, above):
                 reaches = (below.x[rows] <= x + room) & (x - room <= above.x[rows])
