@@ -43,6 +43,8 @@ FLAT_FAMILY = 1e-10
 """Of the distance: where it changes by less over a share of the angles, all those rays meet the point."""
 CONTINUUM_SHARE = 0.25
 """Of the angles: where as many rays meet the point, all of them do."""
+AIMED, BESIDE_CENTRE = 1e-6, np.array([1e-5, 2e-5, 3e-5])
+"""Rays aimed at a centre, in radians, to within which the logarithm of a radius has too few digits, and their like."""
 BROAD = 0.02
 """Angles, in radians, of rays that stand for a continuum."""
 AT_A_TURN = 1e-13
@@ -120,6 +122,10 @@ class Passages:
         for first in range(0, len(angles), TOGETHER):
             some = slice(first, first + TOGETHER)
             self._write(angles[some], agreed[some], out[some])
+        aimed = np.flatnonzero(np.pi / 2 - angles < AIMED) if self.profile.about_centre else []
+        if len(aimed):
+            beside = np.pi / 2 - angles[aimed]
+            out[aimed] = _through_three(self.at(np.pi / 2 - BESIDE_CENTRE), beside)
         return out
 
     @cached_property
@@ -231,6 +237,17 @@ def _held(g: np.ndarray) -> np.ndarray:
     before = np.minimum.accumulate(g)
     rests = np.flatnonzero((g[:-1] <= before[:-1]) & (g[:-1] < g[1:]))
     return np.append(rests, len(g) - 1) if len(g) and g[-1] <= before[-1] else rests
+
+
+def _through_three(values: np.ndarray, beside: np.ndarray) -> np.ndarray:
+    """What rays past a centre (3, 6) say of those closer to it (m, 6), by the parabola through them."""
+    a, b, c = BESIDE_CENTRE
+    shares = [
+        (beside - b) * (beside - c) / ((a - b) * (a - c)),
+        (beside - a) * (beside - c) / ((b - a) * (b - c)),
+        (beside - a) * (beside - b) / ((c - a) * (c - b)),
+    ]
+    return np.stack(shares, axis=1) @ values
 
 
 @dataclass(frozen=True)
@@ -397,7 +414,7 @@ def launches(profile: Profile, ends: tuple[float, float], distance: float, withi
     whole, families = _continua(spread, series, families, wanted)
     found = zeros(series, families.panel, families.weights, wanted[families.aim], touch)
     angles, which = spread.angles(found.at), families.take(found.which)
-    upright, names = _upright(passages, wanted, touch)
+    upright, names = _upright(passages, wanted, touch, within)
     angles = np.concatenate([whole[0], angles, upright])
     touching = np.concatenate([np.ones(len(whole[0]), bool), found.touching, np.zeros(len(upright), bool)])
     which = np.concatenate([whole[1], which.name, names])
@@ -451,14 +468,19 @@ def _continua(
     return (np.array(angles), names[whole]), families.take(np.flatnonzero(~np.isin(number, whole)))
 
 
-def _upright(passages: Passages, wanted: np.ndarray, touch: float) -> tuple[np.ndarray, np.ndarray]:
+def _upright(
+    passages: Passages, wanted: np.ndarray, touch: float, within: float
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Rays at right angles to the layers, where they come as far as is asked for: the angles and names of families."""
-    here = passages.at(np.array([np.pi / 2]))[0, :LAYERS]
+    here = passages.at(np.array([np.pi / 2]))[0]
     rows = []
     for beyond, behind in ((0, 0), (1, 0), (0, 1), (1, 1)):
-        w = np.array([1.0, 2.0 * beyond, 2.0 * behind])
-        came = np.where(w > 0, w * here, 0.0).sum()
-        rows += [(beyond, behind, 0, aim) for aim in np.flatnonzero(np.abs(came - wanted) <= touch)]
+        for m in range(MOST_TURNS):
+            w = np.array([1.0 + 2 * m, 2.0 * (beyond + m), 2.0 * (behind + m)])
+            came, path = (np.where(w > 0, w * half, 0.0).sum() for half in (here[:LAYERS], here[LAYERS:]))
+            if not (path <= within and (m == 0 or path > 0)):  # what does not exist is no number
+                break
+            rows += [(beyond, behind, m, aim) for aim in np.flatnonzero(np.abs(came - wanted) <= touch)]
     return np.full(len(rows), np.pi / 2), np.array(rows, dtype=int).reshape(-1, 4)
 
 

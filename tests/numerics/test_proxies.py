@@ -1,0 +1,64 @@
+"""Zeros by series that stand for functions: all of them, touching ones, and none beyond what series know."""
+
+import numpy as np
+import pytest
+
+from varcalc.numerics.proxies import proxies, zeros
+
+
+class Known:
+    """sin 40s, cos 3s and log s, to all digits."""
+
+    scale = np.full(3, 1e-3)
+
+    def __call__(self, at):
+        return np.column_stack([np.sin(40 * at), np.cos(3 * at), np.log(at)])
+
+    def noise(self, at):
+        return np.zeros_like(at)
+
+    def inside(self, at, way):
+        return at
+
+    def beyond(self, values):
+        return np.zeros((len(values), 3), dtype=bool)
+
+
+SERIES = proxies(Known(), np.linspace(1e-3, 1, 5))
+
+
+def found(weights, offset):
+    panels = np.arange(len(SERIES.low))
+    return zeros(
+        SERIES, panels, np.tile(np.array(weights, float), (len(panels), 1)), np.full(len(panels), offset), 2e-13
+    )
+
+
+def test_a_function_is_replaced_by_few_series():
+    assert len(SERIES.given_up) == 0
+    assert len(SERIES.low) < 60
+
+
+@pytest.mark.parametrize("offset", [0.3, -0.7, 1 - 1e-9])
+def test_every_zero_is_found(offset):
+    # sin 40s = offset at asin(offset) + 2 pi k and pi - asin(offset) + 2 pi k, over 40
+    turns = 2 * np.pi * np.arange(8)[:, None]
+    exact = (np.array([np.arcsin(offset), np.pi - np.arcsin(offset)]) + turns).ravel() / 40
+    exact = np.sort(exact[(exact > 1e-3) & (exact < 1)])
+    np.testing.assert_allclose(np.sort(found([1, 0, 0], offset).at), exact, rtol=0, atol=1e-9)
+
+
+def test_a_turn_at_zero_touches_and_one_beyond_it_is_no_zero():
+    touching = found([1, 0, 0], 1.0)
+    # an edge of a panel beside a turn may show it once more
+    assert len(np.unique(np.round(touching.at, 6))) == np.count_nonzero(touching.touching) == 7
+    assert len(found([1, 0, 0], 1 + 1e-9).at) == 0
+
+
+def test_combinations_share_the_series():
+    for weights, offset in (([1, 0.5, 0], 0.2), ([0, 0, 1], -5), ([0.1, 1, 0.3], 0.4)):
+        at = found(weights, offset).at
+        dense = np.linspace(1e-3, 1, 200_001)
+        signs = np.sign(Known()(dense) @ np.array(weights, float) - offset)
+        assert len(at) == np.count_nonzero(np.diff(signs))
+        np.testing.assert_allclose(Known()(at) @ np.array(weights, float), offset, atol=1e-12)

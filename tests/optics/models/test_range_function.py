@@ -1,0 +1,122 @@
+"""All rays of layers: weak ducts, wells and barriers, kinks, rods to their edges, against fans and closed forms."""
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from varcalc import optics
+
+
+def heights_at(slope_of_g, start, p_squared, slopes, distance, steps=4000):
+    """Where rays of y'' = g'/(2 p^2) come to after a distance: leapfrog steps of fourth order (Yoshida 1990)."""
+    cube = 2 ** (1 / 3)
+    first, middle = 1 / (2 - cube), -cube / (2 - cube)
+    y, v, h = np.full_like(slopes, start), slopes.copy(), distance / steps
+    for _ in range(steps):
+        for share in (first, middle, first):
+            y = y + 0.5 * share * h * v
+            v = v + share * h * slope_of_g(y) / (2 * p_squared)
+            y = y + 0.5 * share * h * v
+    return y
+
+
+@pytest.mark.parametrize(
+    ("strength", "start", "distance", "end", "count"),
+    [
+        (1e-3, 1.1522, 274.737, 0.0495, 3),
+        (1e-5, -0.1317, 1470.0, -1.6675, 1),
+        (3e-5, 0.2, 900.0, -0.35, 3),
+        (3e-5, -0.6, 1300.0, 0.5, 5),
+    ],
+)
+def test_weak_ducts_hide_no_ray(strength, start, distance, end, count):
+    n = lambda y: 1 + strength * np.exp(-(y**2))  # noqa: E731
+    scene = optics.Scene(optics.Stratified(lambda y: 1 + strength * ca.exp(-(y**2))))
+    rays = scene.rays((0, start), (distance, end))
+    # a fan about the angles of rays that the duct can hold, and about the straight line
+    angles = np.arctan((end - start) / distance) + np.linspace(-3, 3, 6001) * math.sqrt(2 * strength)
+    slope = lambda y: 2 * n(y) * -2 * y * (n(y) - 1)  # noqa: E731
+    there = heights_at(slope, start, n(start) ** 2 * np.cos(angles) ** 2, np.tan(angles), distance)
+    assert np.count_nonzero(np.diff(np.sign(there - end))) == count
+    assert len(rays) == count
+    assert rays.unresolved == 0
+
+
+def test_two_wells_and_the_barrier_between_them():
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(2 + 0.5 * ca.sin(3 * y) + 0.3 * ca.cos(7 * y))))
+    rays = scene.rays((0, 0.3), (6, 0.9), within=15)
+    angles = np.linspace(-1.5, 1.5, 20001)
+    g = 2 + 0.5 * math.sin(0.9) + 0.3 * math.cos(2.1)
+    slope = lambda y: 1.5 * np.cos(3 * y) - 2.1 * np.sin(7 * y)  # noqa: E731
+    there = heights_at(slope, 0.3, g * np.cos(angles) ** 2, np.tan(angles), 6.0, 2000)
+    steep = np.abs(np.diff(there)) > 1.0  # rays that part at a barrier
+    assert np.count_nonzero((np.diff(np.sign(there - 0.9)) != 0) & ~steep) <= len(rays) + rays.unresolved
+
+
+def test_rays_through_a_kink_are_pieces_of_parabolas():
+    # n^2 = a - b |y|: from the axis at the momentum w up or down a ray is back after 4 w / b in sigma, p sigma along it
+    a, b = 1.5, 0.8
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(a - b * ca.fabs(y))))
+    for half_waves, sine in ((1, 0.3), (2, 0.5), (3, 0.1)):
+        w, p = math.sqrt(a) * sine, math.sqrt(a) * math.sqrt(1 - sine**2)
+        distance = half_waves * p * 4 * w / b
+        rays = scene.rays((0, 0), (distance, 0))
+        own = [ray for ray in rays if abs(abs(ray.tangents[0][1]) - sine) < 1e-9]
+        assert len(own) == 2  # up first, and down first
+        # the path is the integral of n^2 over sigma: of w^2 - b w s + b^2 s^2/4 + p^2, n^2 = p^2 + (w - b s/2)^2
+        exact = half_waves * (p**2 * 4 * w / b + 4 * w**3 / (3 * b))
+        assert own[0].optical_path == pytest.approx(exact, rel=1e-11)
+
+
+def test_a_ray_in_a_kinked_index_ends_where_its_parabolas_do():
+    a, b = 1.5, 0.8
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(a - b * ca.fabs(y))))
+    rays = scene.rays((0, 0.2), (2.0, -0.1))
+    assert len(rays) > 3
+    for ray in rays[:4]:
+        p, w = math.sqrt(a - b * 0.2) * np.array(ray.tangents[0])
+        y, left = 0.2, 2.0 / p
+        while True:  # to the next place on the axis, or as far as sigma goes
+            side = math.copysign(1.0, y if y != 0 else w)
+            roots = np.roots([-side * b / 4, w, y])
+            ahead = [r.real for r in roots if abs(r.imag) < 1e-12 and r.real > 1e-9]
+            step = min(ahead) if ahead else math.inf
+            if step >= left:
+                y = y + w * left - side * b / 4 * left**2
+                break
+            y, w, left = 0.0, w - side * b / 2 * step, left - step
+        assert y == pytest.approx(-0.1, abs=1e-9)
+
+
+def test_a_rod_has_all_its_rays_to_the_edge():
+    # n^2 = n0^2 (1 - a^2 y^2): y = A cos(w s) + q/w sin(w s), w = n0 a, s = x/p, p^2 + q^2 = n(A)^2
+    n0, a, A, B, X = 1.5, 0.5, -1.6324, 1.7036, 1.2138
+    scene = optics.Scene(optics.Stratified(lambda y: n0 * ca.sqrt(1 - (a * y) ** 2)))
+    rays = scene.rays((0, A), (X, B), within=5.68)
+    w, n = n0 * a, n0 * math.sqrt(1 - (a * A) ** 2)
+    angle = np.linspace(-math.pi / 2 + 1e-6, math.pi / 2 - 1e-6, 2_000_001)
+    s, q = X / (n * np.cos(angle)), n * np.sin(angle)
+    miss = A * np.cos(w * s) + q / w * np.sin(w * s) - B
+    # the path is the integral of n^2 ds, half of n0^2 + p^2 - q.. on average: kept by the bound asked for
+    change = np.flatnonzero(np.diff(np.sign(miss)))
+    paths = []
+    for k in change:
+        sigma = np.linspace(0, s[k], 4001)
+        y = A * np.cos(w * sigma) + q[k] / w * np.sin(w * sigma)
+        paths.append(np.trapezoid(n0**2 * (1 - (a * y) ** 2), sigma))
+    assert len(rays) == np.count_nonzero(np.array(paths) <= 5.68) == 4
+    assert rays.unresolved == 0
+
+
+def test_a_linear_ionosphere_gives_back_one_ray_beside_the_level_one():
+    # n = 1 below 80, n^2 with the slope -k above: 2 (80 cot a + sin 2a / k) along the layers
+    k = 0.01
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(ca.if_else(y < 80, 1.0, 1 - k * (y - 80)))))
+    rays = scene.rays((0, 0), (700.0, 0))
+    angle = np.linspace(0.02, math.pi / 2 - 1e-6, 400_001)
+    distance = 2 * (80 / np.tan(angle) + np.sin(2 * angle) / k)
+    skies = np.count_nonzero(np.diff(np.sign(distance - 700.0)))
+    assert len(rays) == 1 + skies
+    assert rays[0].optical_path == pytest.approx(700.0, rel=1e-12)
