@@ -59,7 +59,7 @@ def adversarial_picture(titles: Mapping[str, str], routes: Sequence[str], record
             cells[record.family, record.route].append(record.outcome)
     _rows(panel, list(titles), list(titles.values()), routes, cells)
     count = len({(record.family, record.case) for record in records})
-    panel.set_title(f"{count} solves of problems made to mislead", fontsize=10, color=INK, loc="left")
+    panel.set_title(f"{count} problems made to mislead, and {len(records)} solves", fontsize=10, color=INK, loc="left")
     _legend(figure, records)
     return figure
 
