@@ -262,9 +262,10 @@ class Spread:
         return np.where(at % 2 == 0, at + way * BESIDE, at)
 
     def beyond(self, values: np.ndarray) -> np.ndarray:
-        """Which passages (P, 6) are longer than is asked for."""
-        paths = np.nanmin(values[..., LAYERS:], axis=1, initial=np.inf)
-        return np.tile((paths > self.within) | (paths[:, :1] > self.within), 2)  # S is part of every ray
+        """Which passages (P, 6) are longer than is asked for, in either way; S is part of every ray."""
+        least = np.nanmin(values, axis=1, initial=np.inf)
+        longer = (least[:, :LAYERS] > self.distance) | (least[:, LAYERS:] > self.within)
+        return np.tile(longer | longer[:, :1], 2)
 
     def series(self) -> Proxies:
         """Series that stand for them."""
