@@ -42,7 +42,7 @@ PINNED = Ritz(elements=16, starts=1)
 
 
 @dataclass(frozen=True)
-class Step:
+class MovableStep:
     """The steep part of a curve: its ``place`` x, its ``height`` y, and the extent over its slope as a unit of x."""
 
     solution: Solution
@@ -99,7 +99,7 @@ class Step:
         return float(minimize_scalar(self.value, bounds=bounds, method="bounded", options=options).x)
 
 
-def _step(solution: Solution) -> Step | None:
+def _step(solution: Solution) -> MovableStep | None:
     """The step of a curve that may be anywhere; None where its place is fixed, or L has x."""
     problem, curve = solution.problem, solution.curve
     assert isinstance(problem, Problem)
@@ -115,7 +115,7 @@ def _step(solution: Solution) -> Step | None:
     made = abs(float(np.diff(np.interp([place - unit, place + unit], x, y))[0])) if extent > 0 else 0.0
     if not (solution.error.curve > SOFT * extent and x[-1] - x[0] > LONG * unit and made > SHARE * extent):
         return None
-    return Step(solution, place, height, float(unit))
+    return MovableStep(solution, place, height, float(unit))
 
 
 def displaced(solution: Solution) -> Iterator[Sampled]:
