@@ -48,7 +48,7 @@ class Functions(Protocol):
     """F functions of one unknown, and what need not be known of them."""
 
     def __call__(self, at: np.ndarray) -> np.ndarray:
-        """Values (m, F) at places (m,), not numbers where a function does not exist."""
+        """Values (m, F) at places (m,), not numbers where a function does not exist, -∞ where it is not known."""
         ...
 
     @property
@@ -120,6 +120,9 @@ def proxies(functions: Functions, edges: np.ndarray) -> Proxies:
         looked_at += places.size
         fine, series = _series(functions, values, np.maximum(functions.noise(np.stack([low, high])), RESOLVED))
         kept.append((low[fine], high[fine], series[fine]))
+        hopeless = np.isneginf(values).all(axis=1).any(axis=1) & ~fine  # nothing is known anywhere in the panel
+        given_up.append(np.column_stack([low[hopeless], high[hopeless]]))
+        fine |= hopeless
         if halving == HALVINGS:
             given_up.append(np.column_stack([low[~fine], high[~fine]]))
             break

@@ -117,6 +117,11 @@ def _mean_change(operation: int, operands: Sequence[Carried], value: Expression,
     return ca.if_else(near, change, value - base)
 
 
+def _exponential_change(value: Expression, a: Carried) -> Expression:
+    """Told from the larger of the two, beside which the other may be nothing."""
+    return ca.if_else(a.change > 0, -value * ca.expm1(-a.change), ca.exp(a.base) * ca.expm1(a.change))
+
+
 def _power_change(value: Expression, a: Carried, b: Carried) -> Expression | None:
     if not b.value.is_constant():
         return None
@@ -156,7 +161,7 @@ _CHANGES: dict[int, Callable[..., Expression | None]] = {
     ca.OP_IF_ELSE_ZERO: _branch_change,
     ca.OP_POW: _power_change,
     ca.OP_CONSTPOW: _power_change,
-    ca.OP_EXP: lambda _, a: ca.exp(a.base) * ca.expm1(a.change),
+    ca.OP_EXP: _exponential_change,
     ca.OP_LOG: lambda _, a: ca.log1p(a.change / a.base),
     ca.OP_SIN: lambda _, a: 2 * ca.cos(a.base + a.change / 2) * ca.sin(a.change / 2),
     ca.OP_COS: lambda _, a: -2 * ca.sin(a.base + a.change / 2) * ca.sin(a.change / 2),

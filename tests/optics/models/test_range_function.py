@@ -120,3 +120,10 @@ def test_a_linear_ionosphere_gives_back_one_ray_beside_the_level_one():
     skies = np.count_nonzero(np.diff(np.sign(distance - 700.0)))
     assert len(rays) == 1 + skies
     assert rays[0].optical_path == pytest.approx(700.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("width", [1e-1, 1e-3, 1e-4])
+def test_a_wall_far_off_whose_exponential_is_nothing_hides_no_straight_ray(width):
+    scene = optics.Scene(optics.Stratified(lambda y: 1 + 1e-2 * ca.exp(-(((y - 3.3333) / width) ** 2))))
+    [ray] = scene.rays((0, 0), (5.0, 0.3))
+    assert ray.optical_path == pytest.approx(math.hypot(5.0, 0.3), rel=1e-12)

@@ -73,7 +73,10 @@ class Passages:
         return float(self.profile.at(np.array([self.start]))[0][0])
 
     def at(self, angles: np.ndarray) -> np.ndarray:
-        """S, U, D and their optical paths (m, 6) at angles (m,) from 0 to π/2, not numbers where they do not exist."""
+        """S, U, D and their optical paths (m, 6) at angles (m,) from 0 to π/2, not numbers where they do not exist.
+
+        Those that exist and are not resolved are -∞.
+        """
         out = np.full((len(angles), COUNT), np.nan)
         agreed = np.maximum(self.noise(angles), AGREED)
         for first in range(0, len(angles), TOGETHER):
@@ -126,8 +129,9 @@ class Passages:
                     exists = reaches & np.isfinite(low) & np.isfinite(high)
                     part = np.flatnonzero(exists)
                     sums = integrals(way.take(part), low[part], high[part], agreed=agreed[rows[part]])
-                    out[rows[part], k] = c[rows[part]] * sums[:, TAU]
-                    out[rows[part], LAYERS + k] = sums[:, PATH]
+                    known = np.isfinite(sums[:, TAU]) & np.isfinite(sums[:, PATH])
+                    out[rows[part], k] = np.where(known, c[rows[part]] * sums[:, TAU], -np.inf)
+                    out[rows[part], LAYERS + k] = np.where(known, sums[:, PATH], -np.inf)
 
     def _legs(self, way: CoordinateMotion, x: float, beyond: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """From where to where S, U and D go, in the parameter of a way; not numbers where they do not exist.
@@ -263,7 +267,8 @@ class Spread:
 
     def beyond(self, values: np.ndarray) -> np.ndarray:
         """Which passages (P, 6) are longer than is asked for, in either way; S is part of every ray."""
-        least = np.nanmin(values, axis=1, initial=np.inf)
+        known = np.isfinite(values)
+        least = np.where(known.any(axis=1), np.min(values, axis=1, initial=np.inf, where=known), -np.inf)
         longer = (least[:, :LAYERS] > self.distance) | (least[:, LAYERS:] > self.within)
         return np.tile(longer | longer[:, :1], 2)
 

@@ -35,7 +35,8 @@ def found_by_range(question: Question, *, careful: Builder | None = None) -> Ray
     Raises :class:`DoesNotApply` where an end is the centre of the index.
     """
     frame = Frame(question.media[0], question.a, question.b)
-    found = launches(frame.profile, frame.heights, frame.distance, question.within)
+    with np.errstate(invalid="ignore"):  # passages that do not exist, or are not known, are no numbers
+        found = launches(frame.profile, frame.heights, frame.distance, question.within)
     carried = _carried(question, careful, frame, found.found)
     rays = sorted(carried, key=lambda ray: ray.optical_path)
     unresolved = found.unresolved + found.resting + len(found.found) - len(rays)
