@@ -120,7 +120,7 @@ def proxies(functions: Functions, edges: np.ndarray) -> Proxies:
         looked_at += places.size
         fine, series = _series(functions, values, np.maximum(functions.noise(np.stack([low, high])), RESOLVED))
         kept.append((low[fine], high[fine], series[fine]))
-        hopeless = np.isneginf(values).all(axis=1).any(axis=1) & ~fine  # nothing is known anywhere in the panel
+        hopeless = np.any(np.all(np.isneginf(values), axis=1), axis=1) & ~fine  # nothing is known anywhere in the panel
         given_up.append(np.column_stack([low[hopeless], high[hopeless]]))
         fine |= hopeless
         if halving == HALVINGS:
