@@ -226,8 +226,10 @@ def _seen_between(method: Method, form: Form, solution: Solution, tol: float) ->
     """
     missed = unseen(solution)
     for _ in range(CLOSER_MESHES):
-        if missed is None or solution.extremal is None:
+        if missed is None:
             return solution
+        if solution.extremal is None:  # a quadrature has no mesh to be made finer
+            break
         again = _on_finer_mesh(method, form, solution, missed, tol)
         if not again.status.ok and not isinstance(method, Ritz) and balanced(solution, missed):
             return solution

@@ -12,12 +12,14 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from varcalc.formulation import formulate
 from varcalc.methods.answer import Extremal, functional_value, lifted
 from varcalc.problem.breaks import bounds, integrals
 from varcalc.problem.conditions import Bound
 from varcalc.solution import Solution
 from varcalc.symbolic.variation import LOCAL, VARYING, Between, Rules, excess, gentle
 from varcalc.verify.along_curve import along_curve
+from varcalc.verify.given_curve import stated
 from varcalc.verify.candidate import undivided
 from varcalc.verify.residual import residual
 
@@ -67,11 +69,23 @@ def unseen(solution: Solution) -> Unseen | None:
     reciprocals make of it says nothing.
     """
     extremal, problem = solution.extremal, solution.problem
-    if extremal is None or problem.symbols.kind is not ca.SX or (problem.order == 2 and any(problem.slides)):
+    if problem.symbols.kind is not ca.SX or (problem.order == 2 and any(problem.slides)):
         return None
+    if extremal is None:
+        return _beside_nodes(solution) if solution.status.ok else None
     if not solution.status.ok:
         return _in_integrals(extremal, LOCAL, everywhere=True)
     return _in_integrals(extremal, VARYING, everywhere=False) or _beyond_bounds(extremal)
+
+
+def _beside_nodes(solution: Solution) -> Unseen | None:
+    """What a quadrature in the user's coordinates may have missed.
+
+    What roots and reciprocals make of singular ends it sees for itself.
+    """
+    if gentle(integrals(solution.problem), LOCAL):
+        return None
+    return _in_integrals(stated(solution, formulate(solution.problem)), LOCAL, everywhere=False)
 
 
 def balanced(solution: Solution, missed: Unseen) -> bool:

@@ -25,7 +25,8 @@ from varcalc.methods.collocation.system import CollocationSystem, collocation_sp
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.functional import Functional
 from varcalc.solution import Solution
-from varcalc.verify.along_curve import AlongCurve, along_curve, sliding_ends, touches, without_inequalities
+from varcalc.verify.along_curve import AlongCurve, along_curve, touches, without_inequalities
+from varcalc.verify.given_curve import distinct, ordinates_of, stated
 
 if TYPE_CHECKING:
     from varcalc.verify.check import Check
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 POLISH_REACH = 1e-3
 """Relative distance a curve may move while it is polished, when its own error claims less."""
-DISTINCT_NODES = 1e-9
-"""Relative distance of two nodes that are one but for round-off."""
 COMPARED_POINTS = 65
 """Points at which two curves are compared."""
 FIRST_POLISHED_DEGREE = 16
@@ -134,13 +133,13 @@ def _regular(solution: Solution) -> Extremal | None:
         or (form.coordinates.energetic and form.lift is not None)
     ):
         return None
-    return _stated(solution, form)
+    return stated(solution, form)
 
 
 def _in_regular_form(solution: Solution) -> Extremal | None:
     found = (form for form in forms(solution.problem) if form is not None and not form.coordinates.weak_only)
     form = next(found, None)
-    return None if form is None else _stated(solution, form)
+    return None if form is None else stated(solution, form)
 
 
 def _minimised(solution: Solution) -> Extremal | None:
@@ -148,48 +147,10 @@ def _minimised(solution: Solution) -> Extremal | None:
     for form in forms(solution.problem):
         if form is None or not form.coordinates.weak_only:
             continue
-        found = Ritz(starts=1).solve(form, tol=1e-10, guess=form.coordinates.pull(_ordinates(solution)))
+        found = Ritz(starts=1).solve(form, tol=1e-10, guess=form.coordinates.pull(ordinates_of(solution)))
         if found.status.ok and found.extremal is not None and not isinstance(_staying(solution, found.extremal), str):
             return undivided(found.extremal, found.value)
     return None
-
-
-def _stated(solution: Solution, form: Form) -> Extremal:
-    """A solution's curve pulled back to the coordinates of a form."""
-    curve, problem = solution.curve, form.problem
-    assert curve is not None
-    nodes = distinct(solution.x)
-    a, b = float(nodes[0]), float(nodes[-1])
-    unknowns = form.start.unknowns.copy()
-    unknowns[: len(problem.unknowns)] = [solution.unknowns[k] for k in problem.unknowns]
-    lambdas = -form.sign * np.array([float(solution.multipliers[c.index]) for c in form.conditions.integrals])
-    if form.lift is None:
-        return Extremal(form, curve, unknowns, nodes, lambdas, {})
-    if not form.coordinates.energetic and not any(form.coordinates.singular):  # ends that slide
-        for number, value in zip(sliding_ends(form), (a, b), strict=True):
-            if number is not None:
-                unknowns[number] = value
-
-        def evaluate(s: np.ndarray, derivative: int) -> np.ndarray:
-            return curve(np.clip(a + s * (b - a), a, b), derivative) * (b - a) ** derivative
-
-        return Extremal(form, evaluate, unknowns, (nodes - a) / (b - a), lambdas, {})
-    pulled = form.coordinates.pull(_ordinates(solution))
-    return Extremal(form, lambda s, _: pulled(s), unknowns, np.array(form.span), lambdas, {})
-
-
-def _ordinates(solution: Solution) -> Sampled:
-    curve = solution.curve
-    assert curve is not None
-    return lambda x: curve(x, 0)
-
-
-def distinct(nodes: np.ndarray) -> np.ndarray:
-    """Ascending nodes without those that all but coincide with a neighbour."""
-    nodes = np.unique(nodes)
-    kept = np.concatenate([[True], np.diff(nodes) > DISTINCT_NODES * (nodes[-1] - nodes[0])])
-    kept[-1] = True
-    return nodes[kept]
 
 
 def polished(start: Extremal) -> Extremal | str:
