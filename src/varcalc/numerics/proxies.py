@@ -45,46 +45,50 @@ IS_ZERO = 1e-9
 
 
 class Functions(Protocol):
-    """F functions of one unknown, and what need not be known of them."""
+    """Families of F functions of one unknown each, and what need not be known of them; families go by numbers."""
 
-    def __call__(self, at: np.ndarray) -> np.ndarray:
-        """Values (m, F) at places (m,), not numbers where a function does not exist, -∞ where it is not known."""
+    def __call__(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """Values (m, F) of families (m,) at places (m,).
+
+        They are not numbers where a function does not exist, -∞ where it is not known.
+        """
         ...
 
-    @property
-    def scale(self) -> np.ndarray:
-        """Sizes (F,) of the functions below which they need not be told from zero."""
+    def scale(self, family: np.ndarray) -> np.ndarray:
+        """Sizes (m, F) of the functions below which they need not be told from zero."""
         ...
 
-    def noise(self, at: np.ndarray) -> np.ndarray:
-        """How much of their values is round-off, in the shape of ``at``."""
+    def noise(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """How much of the values (m,) of families (m,) at places (m,) is round-off."""
         ...
 
     def inside(self, at: np.ndarray, way: int) -> np.ndarray:
         """Where to look in place of the edges ``at`` (P,) of panels on the side ``way``, for those that are breaks."""
         ...
 
-    def beyond(self, values: np.ndarray) -> np.ndarray:
-        """Which functions (P, F) nobody asks for in panels at whose points they have ``values`` (P, m, F)."""
+    def beyond(self, family: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Which functions (P, F) of families (P,) nobody asks for in panels where they have ``values`` (P, m, F)."""
         ...
 
 
 @dataclass(frozen=True)
 class Proxies:
-    """Series of F functions on panels from ``low`` to ``high`` (P,): ``coefficients`` (P, F, N).
+    """Series of F functions of the ``family`` (P,) on panels from ``low`` to ``high`` (P,): ``coefficients`` (P, F, N).
 
-    ``at_edges`` (P, 2, F) are the functions' own values at ``ends`` (P, 2), the edges or next to those. ``given_up``
-    (k, 2) are panels on which no series stands for what exists.
+    Panels are in order of families, and in each of places. ``at_edges`` (P, 2, F) are the functions' own values at
+    ``ends`` (P, 2), the edges or next to those. ``given_up`` counts by family (n,) panels on which no series stands
+    for what exists, ``looked_at`` (n,) places.
     """
 
     functions: Functions
+    family: np.ndarray
     low: np.ndarray
     high: np.ndarray
     coefficients: np.ndarray
     ends: np.ndarray
     at_edges: np.ndarray
     given_up: np.ndarray
-    looked_at: int
+    looked_at: np.ndarray
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -108,40 +112,43 @@ _AT_MANY = chebyshev.chebvander(np.cos(np.pi * (np.arange(4 * DEGREE) + 0.5) / (
 _AT_CHECKED = chebyshev.chebvander(CHECKED, DEGREE)
 
 
-def proxies(functions: Functions, edges: np.ndarray) -> Proxies:
-    """Series of the functions between neighbouring ``edges``, which are halved until they stand for them."""
-    low, high = edges[:-1], edges[1:]
-    kept: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-    given_up, looked_at = [np.zeros((0, 2))], 0
+def proxies(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray) -> Proxies:
+    """Series of the functions of each ``family`` from ``low`` to ``high`` (P,), halved until they stand for them."""
+    kept: list[tuple[np.ndarray, ...]] = []
+    count = int(family.max(initial=-1)) + 1
+    given_up, looked_at = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
     for halving in range(HALVINGS + 1):
         middle, half = (low + high) / 2, (high - low) / 2
         places = middle[:, None] + half[:, None] * np.append(_POINTS, CHECKED)
-        values = functions(places.ravel()).reshape(*places.shape, -1)
-        looked_at += places.size
-        fine, series = _series(functions, values, np.maximum(functions.noise(np.stack([low, high])), RESOLVED))
-        kept.append((low[fine], high[fine], series[fine]))
+        values = functions(np.repeat(family, places.shape[1]), places.ravel()).reshape(*places.shape, -1)
+        looked_at += places.shape[1] * np.bincount(family, minlength=count)
+        noise = np.maximum(np.stack([functions.noise(family, low), functions.noise(family, high)]), RESOLVED)
+        fine, series = _series(functions, family, values, noise)
+        kept.append((family[fine], low[fine], high[fine], series[fine]))
         hopeless = np.any(np.all(np.isneginf(values), axis=1), axis=1) & ~fine  # nothing is known anywhere in the panel
-        given_up.append(np.column_stack([low[hopeless], high[hopeless]]))
-        fine |= hopeless
         if halving == HALVINGS:
-            given_up.append(np.column_stack([low[~fine], high[~fine]]))
+            hopeless = ~fine
+        given_up += np.bincount(family[hopeless], minlength=count)
+        rest = np.flatnonzero(~fine & ~hopeless)
+        if len(rest) == 0:
             break
-        low, middle, high = low[~fine], middle[~fine], high[~fine]
-        if len(low) == 0:
-            break
-        low, high = np.append(low, middle), np.append(middle, high)
-    low, high, series = (np.concatenate(parts) for parts in zip(*kept, strict=True))
-    order = np.argsort(low, kind="stable")
-    low, high = low[order], high[order]
+        family, low, high = np.tile(family[rest], 2), *(
+            np.append(low[rest], middle[rest]), np.append(middle[rest], high[rest])
+        )  # fmt: skip
+    family, low, high, series = (np.concatenate(parts) for parts in zip(*kept, strict=True))
+    order = np.lexsort((low, family))
+    family, low, high = family[order], low[order], high[order]
     ends = np.column_stack([functions.inside(low, 1), functions.inside(high, -1)])
-    places, back = np.unique(ends, return_inverse=True)
-    at_edges = functions(places)[back.reshape(-1, 2)]
-    return Proxies(
-        functions, low, high, series[order], ends, at_edges, np.concatenate(given_up), looked_at + len(places)
-    )
+    places, back = np.unique(np.stack([np.repeat(family, 2), ends.ravel()]), axis=1, return_inverse=True)
+    own = places[0].astype(int)
+    at_edges = functions(own, places[1])[back.reshape(-1, 2)]
+    looked_at += np.bincount(own, minlength=count)
+    return Proxies(functions, family, low, high, series[order], ends, at_edges, given_up, looked_at)
 
 
-def _series(functions: Functions, values: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _series(
+    functions: Functions, family: np.ndarray, values: np.ndarray, noise: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Whether (P,) series stand for the functions at points and checked places (P, N + 2, F), and them (P, F, N).
 
     ``noise`` (2, P) is that at the ends of the panels.
@@ -149,12 +156,13 @@ def _series(functions: Functions, values: np.ndarray, noise: np.ndarray) -> tupl
     own, checked = values[:, : DEGREE + 1], values[:, DEGREE + 1 :]
     series = np.einsum("kn,pnf->pfk", _TO_SERIES, own)
     with np.errstate(all="ignore"):
-        size = np.maximum(np.abs(own).max(axis=1), functions.scale)
+        scale = functions.scale(family)
+        size = np.maximum(np.abs(own).max(axis=1), scale)
         tail = np.abs(series[..., -2:]).max(axis=-1)
         off = np.abs(np.einsum("cn,pfn->pcf", _AT_CHECKED, series) - checked).max(axis=1)
         resolved, alike = noise.max(axis=0)[:, None], (noise.max(axis=0) <= MOST_RATIO * noise.min(axis=0))[:, None]
-        even = alike & (size <= MOST_RATIO * np.maximum(np.abs(own).min(axis=1), functions.scale))
-        idle = np.isnan(values).all(axis=1) | functions.beyond(values)
+        even = alike & (size <= MOST_RATIO * np.maximum(np.abs(own).min(axis=1), scale))
+        idle = np.isnan(values).all(axis=1) | functions.beyond(family, values)
         series[idle] = np.nan
         fine = idle | (even & (tail <= resolved * size) & (off <= FORETOLD * resolved * size))
     return fine.all(axis=1), series
@@ -164,21 +172,21 @@ def _series(functions: Functions, values: np.ndarray, noise: np.ndarray) -> tupl
 class ProxyZeros:
     """Where combinations vanish: ``at`` (z,) and the numbers ``which`` (z,) of the combinations.
 
-    ``touching`` (z,) says that a combination turns round there. ``lost`` counts zeros of series that are none of the
-    functions.
+    ``touching`` (z,) says that a combination turns round there. ``lost`` (l,) are the numbers of combinations of
+    which zeros of the series are none of the functions.
     """
 
     at: np.ndarray
     which: np.ndarray
     touching: np.ndarray
-    lost: int
+    lost: np.ndarray
 
 
-def zeros(series: Proxies, panel: np.ndarray, weights: np.ndarray, offset: np.ndarray, touch: float) -> ProxyZeros:
+def zeros(series: Proxies, panel: np.ndarray, weights: np.ndarray, offset: np.ndarray, touch: np.ndarray) -> ProxyZeros:
     """All zeros of the combinations ``weights`` (k, F) of functions less ``offset`` (k,), each on one ``panel`` (k,).
 
-    A weight of 0 leaves a function out, whether it exists or not. A critical point within ``touch`` of zero is a zero
-    at which the combination turns round.
+    A weight of 0 leaves a function out, whether it exists or not. A critical point within ``touch`` (k,) of zero is
+    a zero at which the combination turns round.
     """
     with np.errstate(all="ignore"):
         used = np.where(weights[:, :, None] != 0, series.coefficients[panel], 0.0)
@@ -187,9 +195,9 @@ def zeros(series: Proxies, panel: np.ndarray, weights: np.ndarray, offset: np.nd
         rest = np.abs(c[:, 1:]).sum(axis=1)
         size = np.abs(c[:, 0] + offset) + rest + np.abs(offset)
         maybe = np.flatnonzero(np.isfinite(size) & (np.abs(c[:, 0]) <= rest + SLACK * size))
-        return _Isolation(series, panel[maybe], weights[maybe], offset[maybe], c[maybe], size[maybe], touch).zeros(
-            maybe
-        )
+        return _Isolation(
+            series, panel[maybe], weights[maybe], offset[maybe], c[maybe], size[maybe], touch[maybe]
+        ).zeros(maybe)
 
 
 @dataclass(frozen=True)
@@ -220,7 +228,7 @@ class _Isolation:
     offset: np.ndarray
     c: np.ndarray
     size: np.ndarray
-    touch: float
+    touch: np.ndarray
 
     def __post_init__(self) -> None:
         self.rate = np.zeros_like(self.c)
@@ -238,7 +246,7 @@ class _Isolation:
         rows = np.concatenate([parts.row[crossing][~lost], touching[0]])
         places = np.concatenate([at[~lost], self._place(*touching)])
         turns = np.arange(len(rows)) >= np.count_nonzero(~lost)
-        return ProxyZeros(places, numbers[rows], turns, int(np.count_nonzero(lost)))
+        return ProxyZeros(places, numbers[rows], turns, numbers[parts.row[crossing][lost]])
 
     def _parted(self) -> tuple[_Parts, _Parts]:
         """Parts on which the polynomials are monotone, and parts that are places at which they are flat and zero."""
@@ -278,7 +286,7 @@ class _Isolation:
         top = np.full(len(turn), np.nan)
         top[turns] = self._true(runs.row[turns], turn[turns])
         left, right = self._at(runs.row, runs.low), self._at(runs.row, runs.high)
-        touches = np.abs(top) <= self.touch
+        touches = np.abs(top) <= self.touch[runs.row]
         whole, split = np.flatnonzero(np.isnan(turn)), np.flatnonzero(np.isfinite(turn) & ~touches)
         parts = _Parts.joined([
             runs.take(whole),
@@ -316,14 +324,17 @@ class _Isolation:
             return sign * self._true(row, at), sign * _summed(self.rate[row], at[:, None])[:, 0]
 
         around = self._place(row, start)
-        flat = (ROUND_OFF + NOISY * self.series.functions.noise(around)) * self.size[row]
+        flat = (ROUND_OFF + NOISY * self._noise(row, around)) * self.size[row]
         # a series with few digits may put a zero on the wrong side of where its panel was parted
         room = BESIDE * (parts.high - parts.low)
         low, high = np.maximum(parts.low - room, -1.0), np.minimum(parts.high + room, 1.0)
         at, _ = bracketed_newton(function, low, high, start, absolute=CLOSE, flat=flat)
         places = self._place(row, at)
-        lost = ~(np.abs(self._true(row, at)) <= (IS_ZERO + self.series.functions.noise(places)) * self.size[row])
+        lost = ~(np.abs(self._true(row, at)) <= (IS_ZERO + self._noise(row, places)) * self.size[row])
         return places, lost
+
+    def _noise(self, row: np.ndarray, places: np.ndarray) -> np.ndarray:
+        return self.series.functions.noise(self.series.family[self.panel[row]], places)
 
     def _place(self, row: np.ndarray, x: np.ndarray) -> np.ndarray:
         panel = self.panel[row]
@@ -335,7 +346,7 @@ class _Isolation:
         """The combinations' own values at x."""
         if len(row) == 0:
             return np.zeros(0)
-        values = self.series.functions(self._place(row, x))
+        values = self.series.functions(self.series.family[self.panel[row]], self._place(row, x))
         return np.where(self.weights[row] != 0, values * self.weights[row], 0.0).sum(axis=1) - self.offset[row]
 
 

@@ -217,8 +217,9 @@ class Scene:
     ) -> list[Rays]:  # fmt: skip
         """All rays of many pairs of points: what :meth:`rays` gives, one answer for each pair, in one search.
 
-        The rays of a source are shared by all the receivers it is paired with, so that thousands of receivers of
-        one source take not much longer than a few.
+        In layers and about a centre what stands for the rays between two heights is shared by all pairs at these;
+        elsewhere the rays of a source are shared by all the receivers it is paired with, so that thousands of
+        receivers of one source take not much longer than a few.
 
         Parameters
         ----------

@@ -19,8 +19,8 @@ from varcalc.problem.conditions import Bound
 from varcalc.solution import Solution
 from varcalc.symbolic.variation import LOCAL, VARYING, Between, Rules, excess, gentle
 from varcalc.verify.along_curve import along_curve
-from varcalc.verify.given_curve import stated
 from varcalc.verify.candidate import undivided
+from varcalc.verify.given_curve import stated
 from varcalc.verify.residual import residual
 
 BOXES = 32

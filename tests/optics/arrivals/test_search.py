@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from varcalc import optics
-from varcalc.optics.arrivals.search import TwoPoint
 
 FISH_EYE = optics.Scene(optics.fish_eye())
 
@@ -95,13 +94,3 @@ def test_rays_that_go_a_thousand_times_as_far_out_come_back_with_all_digits():
     assert len(rays) == len(exact)
     for ray, length in zip(rays, exact, strict=True):
         assert abs(ray.optical_path - length) <= ray.error <= 1e-11 * length
-
-
-def test_a_shadow_that_the_range_function_is_sure_of_stands_against_a_doubtful_fan(monkeypatch):
-    """n = exp(-y / 2) sends no ray farther than 2 pi along a height."""
-    scene = optics.Scene(optics.Stratified(lambda y: ca.exp(-y / 2)))
-    monkeypatch.setattr("varcalc.optics.arrivals.search.MANY_RECEIVERS", 1)
-    monkeypatch.setattr(TwoPoint, "found", lambda *_: ([optics.Rays((), "none", "a fan", unresolved=3)], [False]))
-    rays = scene.rays((0, 0), (7, 0))
-    assert (len(rays), rays.unresolved) == (0, 0)
-    assert rays.reason.startswith("shadow")

@@ -15,7 +15,7 @@ from typing import Self
 
 import numpy as np
 
-from varcalc.numerics.one_coordinate.potential import Potential, PotentialNodes, PotentialValues
+from varcalc.numerics.one_coordinate.potential import NodesOutwards, Potential, PotentialNodes, PotentialValues
 
 DOUBTFUL = 1e-10
 """Of g: what is left of it at a node, where that is less, is told from its change."""
@@ -62,6 +62,10 @@ class CoordinateMotion(ABC):
     def reaching(self, x: np.ndarray) -> np.ndarray:
         """The parameter (m,) at which the motions have come to u₀ + ``x`` for the last time."""
 
+    @abstractmethod
+    def height(self, u: np.ndarray) -> np.ndarray:
+        """The least parameter (m, k), not negative, at ``u`` (k,); not a number where a motion does not come there."""
+
 
 @dataclass(frozen=True)
 class NoTurn(CoordinateMotion):
@@ -74,7 +78,7 @@ class NoTurn(CoordinateMotion):
     def at(self, q: np.ndarray) -> MotionPoint:
         """See :meth:`CoordinateMotion.at`."""
         sign = self.sign[:, None]
-        values = self.potential(np.broadcast_to(self.u0[:, None], q.shape), sign * q)
+        values = self.potential(self.u0[:, None], sign * q)
         speed = np.sqrt(self.squared[:, None] + values.gain)
         nothing = np.zeros_like(q)
         return MotionPoint(
@@ -85,6 +89,10 @@ class NoTurn(CoordinateMotion):
     def reaching(self, x: np.ndarray) -> np.ndarray:
         """See :meth:`CoordinateMotion.reaching`."""
         return self.sign * x
+
+    def height(self, u: np.ndarray) -> np.ndarray:
+        """See :meth:`CoordinateMotion.height`."""
+        return self.sign[:, None] * (u - self.u0[:, None])
 
 
 @dataclass(frozen=True)
@@ -100,22 +108,26 @@ class OneTurn(CoordinateMotion):
 
     def at(self, q: np.ndarray) -> MotionPoint:
         """See :meth:`CoordinateMotion.at`."""
-        sign, turn = self.sign[:, None], np.broadcast_to(self.turn[:, None], q.shape)
+        sign, turn = self.sign[:, None], self.turn[:, None]
         squared = q**2
-        values = self.potential(turn, sign * squared)
-        _, steep = self.potential.at(turn)
+        start = self.potential.at(turn)
+        values, steep = self.potential.moved(turn, sign * squared, start), start[1]
         mean = np.where(squared > 0, values.gain / np.where(squared > 0, squared, 1.0), sign * steep)
         bend = np.where(squared > 0, values.bend / np.where(squared > 0, squared, 1.0), 0.0)
         by_c = bend / steep
         root = np.sqrt(mean)
         return MotionPoint(
             turn + sign * squared, sign * q * root, 2 / root, values.g, values.slope,
-            1 / steep, sign * q * by_c / (2 * root), -by_c / root**3,
+            np.broadcast_to(1 / steep, q.shape), sign * q * by_c / (2 * root), -by_c / root**3,
         )  # fmt: skip
 
     def reaching(self, x: np.ndarray) -> np.ndarray:
         """See :meth:`CoordinateMotion.reaching`."""
         return np.sqrt(np.maximum(self.sign * (self.offset + x), 0.0))
+
+    def height(self, u: np.ndarray) -> np.ndarray:
+        """See :meth:`CoordinateMotion.height`."""
+        return np.sqrt(self.sign[:, None] * (u - self.turn[:, None]))
 
 
 @dataclass(frozen=True)
@@ -136,33 +148,35 @@ class TwoTurns(CoordinateMotion):
 
     def at(self, q: np.ndarray) -> MotionPoint:
         """See :meth:`CoordinateMotion.at`."""
-        shape = q.shape
-        low, high, span = (np.broadcast_to(a[:, None], shape) for a in (self.low, self.high, self.span))
-        _, low_slope = self.potential.at(self.low)
-        _, high_slope = self.potential.at(self.high)
+        low, high, span = self.low[:, None], self.high[:, None], self.span[:, None]
+        at_low, at_high = self.potential.at(low), self.potential.at(high)
         above, below = span * np.sin(q / 2) ** 2, span * np.cos(q / 2) ** 2
         upper = below < above
         x = np.where(upper, -below, above)
-        values = self.potential(np.where(upper, high, low), x)
+        base, squared, steep = (np.where(upper, *ends) for ends in ((high, low), *zip(at_high, at_low, strict=True)))
+        values = self.potential.moved(base, x, (squared, steep))
         safe = np.where(x == 0, 1.0, x)
-        steep = np.broadcast_to(np.where(upper, high_slope[:, None], low_slope[:, None]), shape)
         mean = np.where(x == 0, steep, values.gain / safe)
         bend = np.where(x == 0, 0.0, values.bend / safe)
         other = np.where(upper, -above, below)  # the product of the distances is x * other
         ease = mean / other
         root = np.sqrt(ease)
-        widening = np.broadcast_to((1 / high_slope - 1 / low_slope)[:, None] / span[:, :1], shape)  # of the span
+        widening = (1 / at_high[1] - 1 / at_low[1]) / span  # of the span
         u_by_c = 1 / steep + widening * x
         ease_by_c = (bend * u_by_c + steep * widening) / other - 2 * widening * ease
         sine = np.sin(q) * span / 2
         return MotionPoint(
-            np.where(upper, high, low) + x, sine * root, 1 / root, values.g, values.slope,
+            base + x, sine * root, 1 / root, values.g, values.slope,
             u_by_c, sine * (widening * root + ease_by_c / (2 * root)), -ease_by_c / (2 * root**3),
         )  # fmt: skip
 
     def reaching(self, x: np.ndarray) -> np.ndarray:
         """Never: there is nothing between the turning points."""
         return np.full(len(x), np.inf)
+
+    def height(self, u: np.ndarray) -> np.ndarray:
+        """See :meth:`CoordinateMotion.height`."""
+        return 2 * np.arctan2(np.sqrt(u - self.low[:, None]), np.sqrt(self.high[:, None] - u))
 
 
 @dataclass(frozen=True)
@@ -186,7 +200,7 @@ def bounds(
 
     ``wall`` (m,) is the distance of the nearest surface there, infinite where there is none.
     """
-    slices = [slice(k, k + TOGETHER) for k in range(0, len(u0), TOGETHER)]
+    slices = [slice(k, k + TOGETHER) for k in range(0, max(len(u0), 1), TOGETHER)]
     parts = [_bounds(potential, nodes, u0[part], squared[part], C[part], wall[part], sign) for part in slices]
     return MotionBounds(np.concatenate([p.x for p in parts]), np.concatenate([p.turning for p in parts]))
 
@@ -200,27 +214,45 @@ def _bounds(
     wall: np.ndarray,
     sign: int,
 ) -> MotionBounds:
-    u, g = nodes.u[::sign], nodes.g[::sign]
-    rows = np.arange(len(u0))
     start, slope = potential.at(u0)
-    away = sign * (u - u0[:, None])
-    left = PotentialValues(g, g, g - start[:, None], g).above(C[:, None], squared[:, None])
-    # where a motion all but comes to rest, a difference of values is round-off
-    row, node = np.nonzero(np.abs(left) <= DOUBTFUL * np.maximum(C[:, None], np.abs(start[:, None])))
-    left[row, node] = potential(u0[row], u[node] - u0[row]).above(C[row], squared[row])
-    stopped = (away > 0) & (left <= 0)
-    found = np.any(stopped, axis=1)
-    first = np.argmax(stopped, axis=1)
-    before = np.maximum(away[rows, np.maximum(first - 1, 0)], 0.0)
-    before = np.where(first > 0, before, 0.0)
+    outwards = nodes.upwards if sign > 0 else nodes.downwards
+    away, found, lower, upper = _brackets(potential, outwards, u0, squared, C, start, sign)
+    before = np.where(lower >= 0, np.maximum(outwards.u[np.maximum(lower, 0)] - sign * u0, 0.0), 0.0)
+    beyond = outwards.u[upper] - sign * u0
     at_once = (squared == 0) & (sign * slope < 0)
     looked_for = np.flatnonzero(found & ~at_once & (before < wall))
-    x = np.maximum(away[:, -1], 0.0)
-    low, high = sign * before[looked_for], sign * away[looked_for, first[looked_for]]
+    x = np.maximum(away, 0.0)
+    low, high = sign * before[looked_for], sign * beyond[looked_for]
     x[looked_for] = sign * potential.zero(u0[looked_for], squared[looked_for], C[looked_for], low, high)
     x[at_once] = 0.0
     turning = (found | at_once) & (x < wall)
     return MotionBounds(sign * np.where(turning, x, np.minimum(x, wall)), turning)
+
+
+def _brackets(
+    potential: Potential, nodes: NodesOutwards, u0: np.ndarray, squared: np.ndarray, C: np.ndarray, start: np.ndarray,
+    sign: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """How far off the last node is, whether motions turn back before it, and the nodes between which they do (m,).
+
+    The first of these is -1 where they do so before the first node. g is monotone from one of its turns to the next,
+    so that it is enough to ask there; where a motion all but comes to rest, a difference of values is round-off, and
+    what is left is told from its change.
+    """
+    turns, row = nodes.turns, np.arange(len(u0))
+    away = nodes.u[turns] - sign * u0[:, None]
+    g = np.broadcast_to(nodes.g[turns], away.shape)
+    left = PotentialValues(g, g, g - start[:, None], g).above(C[:, None], squared[:, None])
+    slack = DOUBTFUL * np.maximum(C, np.abs(start))
+    doubtful, turn = np.nonzero(np.abs(left) <= slack[:, None])
+    left[doubtful, turn] = potential(u0[doubtful], sign * away[doubtful, turn]).above(C[doubtful], squared[doubtful])
+    stopped = (away > 0) & (left <= 0)
+    first = np.argmax(stopped, axis=1)
+    previous = np.where((first > 0) & (away[row, np.maximum(first - 1, 0)] > 0), turns[np.maximum(first - 1, 0)], -1)
+    begin = np.maximum(np.searchsorted(nodes.u, sign * u0, side="right"), previous + 1)
+    upper = np.minimum(nodes.first_below(begin, C - slack), turns[first])
+    lower = np.minimum(nodes.first_below(begin, C + slack), upper) - 1
+    return away[:, -1], np.any(stopped, axis=1), np.where(lower >= begin, lower, previous), upper
 
 
 def ways(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ BENT = 1e-2
 """Of its change over an interval: how well a cubic must foretell g in the middle."""
 ROUNDS = 14
 """Times an interval is halved to meet BENT."""
+_NONE = np.zeros(0)
 DIFFERENT = 0.1
 """Of the larger of two values: their difference is then exact to round-off."""
 
@@ -54,11 +56,55 @@ class PotentialNodes:
     low_edge: bool
     high_edge: bool
 
+    @cached_property
+    def upwards(self) -> NodesOutwards:
+        """The nodes in ascending order."""
+        return NodesOutwards(self.u, self.g)
+
+    @cached_property
+    def downwards(self) -> NodesOutwards:
+        """The nodes of -u, in ascending order."""
+        return NodesOutwards(-self.u[::-1], self.g[::-1])
+
     @property
     def separatrices(self) -> np.ndarray:
         """The values of g at its minima between the ends: with such a C motions take for ever to come to rest."""
         g = self.g
         return g[1:-1][(g[1:-1] <= g[:-2]) & (g[1:-1] <= g[2:])]
+
+
+@dataclass(frozen=True)
+class NodesOutwards:
+    """The nodes ``u`` (k,) as a motion comes to them, and ``g`` (k,) there."""
+
+    u: np.ndarray
+    g: np.ndarray
+
+    @cached_property
+    def turns(self) -> np.ndarray:
+        """The numbers, ascending, of the nodes at which g turns from falling to rising or back; and of the last."""
+        way = np.sign(np.diff(self.g))
+        steep = np.flatnonzero(way)
+        turn = steep[1:][way[steep[1:]] != way[steep[:-1]]]
+        return np.unique(np.append(turn, len(self.u) - 1))
+
+    @cached_property
+    def _least(self) -> list[np.ndarray]:
+        """The least g of 1, 2, 4, ... nodes from each on, infinite beyond the last."""
+        levels = [self.g]
+        while 2 ** len(levels) <= len(self.g):
+            half, last = 2 ** (len(levels) - 1), levels[-1]
+            levels.append(np.minimum(last, np.append(last[half:], np.full(half, np.inf))))
+        return levels
+
+    def first_below(self, number: np.ndarray, bar: np.ndarray) -> np.ndarray:
+        """The first node (m,) from ``number`` (m,) on with a g of no more than ``bar`` (m,); k where there is none."""
+        at = number.copy()
+        for level in reversed(range(len(self._least))):
+            inside = np.minimum(at, len(self.g) - 1)
+            skips = (at + 2**level <= len(self.g)) & (self._least[level][inside] > bar)
+            at[skips] += 2**level
+        return at
 
 
 class Potential(ABC):
@@ -73,7 +119,10 @@ class Potential(ABC):
 
     @abstractmethod
     def changes(self, base: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The changes of g and dg/du from ``base`` to base + x, exact to round-off however small ``x`` is."""
+        """The changes of g and dg/du from ``base`` to base + x, exact to round-off however small ``x`` is.
+
+        They are in the shape of ``x``, to which ``base`` broadcasts.
+        """
 
     def weighted(self, point: MotionPoint) -> tuple[np.ndarray, ...]:  # noqa: ARG002  time alone, to begin with
         """What is integrated over τ beside 1, at points of a motion: the action's integrand, other times, angles."""
@@ -85,15 +134,24 @@ class Potential(ABC):
         return np.isfinite(g) & np.isfinite(slope)
 
     @property
+    def stops(self) -> np.ndarray:
+        """Places (k,), ascending, at which g is less smooth than elsewhere: no panel of an integral goes over one."""
+        return _NONE
+
+    @property
     def reach(self) -> np.ndarray | None:
         """Distances, ascending, at which g is looked at beyond the places asked for; None for multiples of a size."""
         return None
 
     def __call__(self, base: np.ndarray, x: np.ndarray) -> PotentialValues:
-        """The values at base + x, arrays of one shape."""
-        (g, slope), (old, steep) = self.at(base + x), self.at(base)
+        """The values at base + x, arrays that broadcast to the shape of ``x``."""
+        return self.moved(base, x, self.at(base))
+
+    def moved(self, base: np.ndarray, x: np.ndarray, start: tuple[np.ndarray, np.ndarray]) -> PotentialValues:
+        """The same where g and its slope at the base, ``start``, are known."""
+        g, slope = self.at(base + x)
         gain, bend = self.changes(base, x)
-        return PotentialValues(g, slope, _better(g, old, gain), _better(slope, steep, bend))
+        return PotentialValues(g, slope, _better(g, start[0], gain), _better(slope, start[1], bend))
 
     def zero(
         self, base: np.ndarray, squared: np.ndarray, C: np.ndarray, low: np.ndarray, high: np.ndarray
@@ -111,18 +169,32 @@ class Potential(ABC):
             start, flat = (low + high) / 2, 2 * EPSILON * np.minimum(squared, C)
             return bracketed_newton(above, low, high, start, relative=4 * EPSILON, flat=flat)[0]
 
-    def nodes(self, first: float, last: float, low: float, high: float) -> PotentialNodes:
-        """The nodes of g about the places from ``first`` to ``last``, no farther than ``low`` and ``high``."""
-        with np.errstate(all="ignore"):
-            return self._nodes(first, last, low, high)
+    def distances(self, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+        """How far beyond places from ``first`` to ``last`` (p,) g is looked at: ascending, (p, k)."""
+        if self.reach is not None:
+            return np.tile(self.reach, (len(first), 1))
+        size = np.max([np.abs(first), np.abs(last), last - first], axis=0)
+        return np.where(size > 0, size, 1.0)[:, None] * np.geomspace(1e-8, FAR, PLACES)
 
-    def _nodes(self, first: float, last: float, low: float, high: float) -> PotentialNodes:
-        size = max(abs(first), abs(last), last - first) or 1.0
-        reach = self.reach if self.reach is not None else size * np.geomspace(1e-8, FAR, PLACES)
-        inner = np.linspace(first, last, PLACES) if last > first else np.array([first])
-        u = np.concatenate([[low], first - reach[::-1], inner, last + reach, [high]])
-        u = np.unique(u[(u >= low) & (u <= high) & np.isfinite(u)])
-        u, low_edge, high_edge = self._inside(u, first, last)
+    def nodes(
+        self, first: np.ndarray | float, last: np.ndarray | float, low: np.ndarray | float, high: np.ndarray | float
+    ) -> PotentialNodes:
+        """The nodes of g about places from ``first`` to ``last``, no farther than ``low`` and ``high``.
+
+        Of p intervals each brings its own nodes.
+        """
+        with np.errstate(all="ignore"):
+            return self._nodes(*(np.atleast_1d(np.asarray(end, dtype=float)) for end in (first, last, low, high)))
+
+    def _nodes(self, first: np.ndarray, last: np.ndarray, low: np.ndarray, high: np.ndarray) -> PotentialNodes:
+        reach = self.distances(first, last)
+        inner = first[:, None] + np.linspace(0.0, 1.0, PLACES) * (last - first)[:, None]
+        inner[:, -1] = last
+        u = np.column_stack([low, first[:, None] - reach, inner, last[:, None] + reach, high])
+        u = np.unique(u[(u >= low[:, None]) & (u <= high[:, None]) & np.isfinite(u)])
+        stops = self.stops
+        u = np.union1d(u, stops[(stops >= low.min()) & (stops <= high.max())])
+        u, low_edge, high_edge = self._inside(u, first.min(), last.max())
         for _ in range(ROUNDS):
             middle = self._coarse(u)
             if len(middle) == 0:

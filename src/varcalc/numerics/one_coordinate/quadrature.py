@@ -53,23 +53,23 @@ def integrals(
     their halves to ``agreed`` (m,), where integrands have fewer digits than most.
     """
     with np.errstate(all="ignore"):
-        rows, left, right, agreed = np.arange(len(low)), low, high, np.broadcast_to(agreed, np.shape(low))
-        whole = _panel(way, left, right)
-        total = np.zeros_like(whole)
-        size = np.abs(whole) + np.abs(np.transpose(known)) + np.finfo(float).tiny
+        rows, left, right = _cut(way, low, high)
+        agreed = np.broadcast_to(agreed, np.shape(low))
+        whole = _panel(way.take(rows), left, right)
+        total = np.zeros((len(whole), len(low)))
+        size = np.abs(_by_row(rows, whole, total)) + np.abs(np.transpose(known)) + np.finfo(float).tiny
         for _ in range(halvings):
             part, middle = way.take(rows), (left + right) / 2
             first, second = _panel(part, left, middle), _panel(part, middle, right)
             wrong = np.abs(first + second - whole)
             # the derivative by C may add up to nothing but round-off; it is as smooth as the rate itself
             fine = np.all((wrong <= agreed[rows] * size[:, rows])[:BY_C], axis=0)
-            for column, part_sum in zip(total, first + second, strict=True):
-                np.add.at(column, rows[fine], part_sum[fine])
+            total = _by_row(rows[fine], (first + second)[:, fine], total)
             rest = ~fine & np.all(np.isfinite(first + second), axis=0)
             total[:, rows[~fine & ~rest]] = np.nan
             if not np.any(rest):
                 return total.T
-            if np.count_nonzero(rest) > MOST_PANELS * len(low):
+            if np.count_nonzero(rest) > MOST_PANELS * (len(low) + len(way.potential.stops)):
                 rows = rows[rest]
                 break
             rows = np.tile(rows[rest], 2)
@@ -77,6 +77,27 @@ def integrals(
             whole = np.concatenate([first[:, rest], second[:, rest]], axis=1)
         total[:, rows] = np.nan
     return total.T
+
+
+def _by_row(rows: np.ndarray, parts: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """``total`` (columns, m) with the ``parts`` (columns, k) of the ``rows`` (k,) added."""
+    return total + np.stack([np.bincount(rows, part, minlength=total.shape[1]) for part in parts])
+
+
+def _cut(way: CoordinateMotion, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Panels from ``low`` to ``high`` (m,), cut where the motions pass stops: rows, left and right ends."""
+    stops, every = way.potential.stops, np.arange(len(low))
+    if len(stops) == 0:
+        return every, low, high
+    there = way.height(stops)
+    first, last = np.minimum(low, high)[:, None], np.maximum(low, high)[:, None]
+    ways = np.concatenate([there, -there], axis=1)
+    inside = np.where((ways > first) & (ways < last), ways, last)
+    edges = np.sort(np.concatenate([first, inside, last], axis=1), axis=1)
+    row, number = np.nonzero((np.diff(edges, axis=1) > 0) | (np.arange(edges.shape[1] - 1) == 0))
+    left, right = edges[row, number], edges[row, number + 1]
+    backward = (high < low)[row]
+    return row, np.where(backward, right, left), np.where(backward, left, right)
 
 
 @dataclass(frozen=True)

@@ -65,13 +65,10 @@ class Fan:
     looked_at: int = 0
     ends: Counter[RayStatus] = field(default_factory=Counter)
     entered: int = 0
-    left_early: np.ndarray = field(init=False)
-    """True (n,) for sources some of whose rays were left at the bounds though they may come back from beyond them."""
     given_up: np.ndarray = field(init=False)
     """How many rays of each source (n,) took more steps than are allowed."""
 
     def __post_init__(self) -> None:
-        self.left_early = np.zeros(len(self.sources), dtype=bool)
         self.given_up = np.zeros(len(self.sources), dtype=int)
 
     def entries(self, source: np.ndarray, angles: np.ndarray) -> Beam:
@@ -178,7 +175,6 @@ class Fan:
             near = np.zeros(len(angles) + 2, dtype=bool)
             near[rows + 1] = within
             going = near[rows + 1] | near[rows] | near[rows + 2]
-            self._leave(source[rows[~going]], states[~going])
             rows, sigma, states = rows[going], sigma[going], states[going]
             if not np.any(within):
                 break
@@ -192,19 +188,6 @@ class Fan:
             within = self._within(source[rows], states)
             np.add.at(self.given_up, source[rows[within]], 1)
         return stretches
-
-    def _leave(self, source: np.ndarray, states: np.ndarray) -> None:
-        """Note which rays, of ``source`` (m,), are followed no farther though they may come back to a point.
-
-        By Fermat's principle the way back to the source is as long as the way there, and that to a point shorter by
-        no more than the two are apart.
-        """
-        ends, path = self.bounds, states[:, PATH]
-        apart = np.linalg.norm(self.sources - ends.middle, axis=1) + ends.reach
-        apart *= self.propagator.fields[0].index(self.sources)
-        with np.errstate(invalid="ignore"):
-            may = np.maximum(path, 2 * path - apart[source]) < ends.path[source]
-        self.left_early[source[may]] = True
 
     def _between(self, rays: _Stretch) -> Cells:
         """The cells between neighbours of a stretch."""

@@ -12,9 +12,10 @@ from varcalc.optics.arrivals.fan import Bounds, Fan
 from varcalc.optics.arrivals.space import DIRECTIONS, Approaches, search
 from varcalc.optics.arrivals.wavefront_construction import Arrivals, PlanePairs, WavefrontConstruction
 from varcalc.optics.media.medium import Medium, Radial, Stratified
+from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.invariants import Invariants
-from varcalc.optics.models.model import Builder, DoesNotApply, Model, Question, checked_model
-from varcalc.optics.models.range_function import found_by_range
+from varcalc.optics.models.model import Builder, Model, Question, checked_model
+from varcalc.optics.models.range_function import Carry, RangeFunction
 from varcalc.optics.propagation.sequential import CompiledScene, Propagator
 from varcalc.optics.rays.beam import RayStatus, Rows, launched, spreading
 from varcalc.optics.rays.ray import Ray, Rays
@@ -25,11 +26,6 @@ FLAT_SPREADING = 1e-9
 EPS = float(np.finfo(float).eps)
 PAIRS_TOGETHER = 4096
 """Pairs of points searched for together."""
-MANY_RECEIVERS = 32
-"""Receivers of one source for which a fan is laid out where the range function would do. The range function costs as
-much for each receiver, a fan little more for many than for one: 400 receivers of n = 1 + 0.3 tanh y take 0.3 s by the
-fan and 2.7 s by the range function, 40 of them 0.16 s and 0.44 s. What a fan is not sure of, the range function says,
-so that the answers are the same: in a sound channel or a fish-eye that is most of them, and the costs are too."""
 SAME_DIRECTION = 1e-14
 """Directions that differ by less, relative to the scene, are the same."""
 USUAL_RANGE = 5.0
@@ -65,18 +61,14 @@ class TwoPoint:
     planar: Propagator
     full: Propagator
 
-    def found(self, pairs: PointPairs) -> tuple[list[Rays], np.ndarray]:
-        """All rays of each pair, in the planes that hold them or over the sphere of directions.
-
-        Last comes True (k,) for pairs to which rays may come back from beyond the place up to which they were followed.
-        """
+    def found(self, pairs: PointPairs) -> list[Rays]:
+        """All rays of each pair, in the planes that hold them or over the sphere of directions."""
         if pairs.in_planes:
             return self._in_planes(pairs)
         points = zip(pairs.sources, pairs.targets, pairs.within, strict=True)
-        found = [self._over_the_sphere(pairs.take([k]), *ends) for k, ends in enumerate(points)]
-        return found, np.zeros(len(pairs), dtype=bool)
+        return [self._over_the_sphere(pairs.take([k]), *ends) for k, ends in enumerate(points)]
 
-    def _in_planes(self, ends: PointPairs) -> tuple[list[Rays], np.ndarray]:
+    def _in_planes(self, ends: PointPairs) -> list[Rays]:
         """See :meth:`found`."""
         flat = [np.einsum("kad,kd->ka", ends.axes, points - ends.origin) for points in (ends.sources, ends.targets)]
         distance = np.linalg.norm(ends.targets - ends.sources, axis=1)
@@ -89,11 +81,10 @@ class TwoPoint:
         searched = f"all directions of the plane ({fan.looked_at} looked at, %d narrow cells left unresolved), "
         searched += "optical paths up to %.6g, no farther than %.6g from B"
         notes = [searched % note for note in zip(found.unresolved, ends.within, far, strict=True)]
-        told = [
+        return [
             _told(rays[k], fan.ends, fan.entered, notes[k], bool(found.continuum[k]), int(found.unresolved[k]))
             for k in range(len(ends))
         ]
-        return told, fan.left_early[source]
 
     def _largest_index(self, ends: PointPairs) -> np.ndarray:
         """The larger index (k,) of both ends."""
@@ -114,11 +105,13 @@ class TwoPoint:
         return rays
 
     def built(
-        self, ends: PointPairs, headings: np.ndarray, path: np.ndarray, touching: np.ndarray
-    ) -> list[tuple[Ray | None, float]]:
+        self, ends: PointPairs, headings: np.ndarray, path: np.ndarray, touching: np.ndarray,
+        counts: np.ndarray | None = None,
+    ) -> list[tuple[Ray | None, float]]:  # fmt: skip
         """The rays that leave the sources along unit ``headings`` (k, d), to the optical paths ``path`` (k,).
 
-        ``touching`` (k,) says that a ray is known to touch a caustic at its target. With every ray comes how far from
+        ``touching`` (k,) says that a ray is known to touch a caustic at its target, ``counts`` (k,) how many conjugate
+        points are known to be inside. With every ray comes how far from
         its target it ends, relative to the distance of the pair; there is no ray where surfaces are not met in the
         order of the scene.
         """
@@ -131,7 +124,7 @@ class TwoPoint:
         away = ends.targets - end.position
         along, spread = np.sum(end.momentum * away, axis=1), spreading(end)
         flat = touching | (spread <= FLAT_SPREADING * (path / index**2) ** (d - 1))
-        count = self.full.conjugate_points(passages, path, flat)
+        count = self.full.conjugate_points(passages, path, flat) if counts is None else counts
         with np.errstate(divide="ignore"):
             squared = np.where(flat, 0.0, np.sum(away**2, axis=1) * index**2 / spread)  # the path is stationary
         error = np.abs(along) + squared + 16 * EPS * path
@@ -209,6 +202,10 @@ class PairSearch:
 
     compiled: CompiledScene
     _problems: dict[tuple[int, bool, Model | None], TwoPoint] = field(default_factory=dict, init=False, repr=False)
+    _range: RangeFunction = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._range = RangeFunction(self.compiled.media[0])
 
     def arrivals(self, source: str, A: Any, receiver: str, B: Any, within: Any, model: Any) -> list[Rays]:
         """The rays of each pair; the arguments go by the names ``source`` and ``receiver`` in messages."""
@@ -255,45 +252,45 @@ class PairSearch:
     def _found(self, ends: PointPairs, model: Model | None) -> list[Rays]:
         """The rays of each of the pairs, by the model's own search where it has one, by the scene's otherwise.
 
-        Left to choose, the range function is asked where layers or a centre have one and the fan would have to
-        integrate: it looks at a curve, not at the plane, however far rays go out. A fan serves many receivers of
-        one source, and what it leaves unresolved, or beyond its bounds, goes to the range function, so that how
-        many are asked for changes the cost and no answer.
+        Left to choose, the range function is asked where layers or a centre have one: it looks at a curve, not at
+        the plane, and passes over nothing, however far rays go out.
         """
         problem = self._problem(ends, model.companion if model else None)
         answers: list[Rays | None] = [None] * len(ends)
-        curve = model is None and _has_range_function(problem.full)
-        few = _few(ends.sources)
-        for k in range(len(ends)):
-            if model is not None:
-                answers[k] = model.between(self._question(problem, ends.take([k])))
-            elif curve and few[k]:
-                answers[k] = self._by_range(problem, ends.take([k]))
+        if model is not None:
+            answers = [model.between(self._question(problem, ends.take([k]))) for k in range(len(ends))]
+        elif _has_range_function(problem.full):
+            rows = np.flatnonzero(self._range.applies(ends.sources, ends.targets))
+            for row, rays in zip(rows, self._by_range(ends.take(rows)), strict=True):
+                answers[row] = rays
         left = [k for k, answer in enumerate(answers) if answer is None]
         if left:
-            rest, early = problem.found(ends.take(left))
-            for k, rays, beyond in zip(left, rest, early, strict=True):
-                doubtful = beyond or rays.unresolved > 0
-                again = self._by_range(problem, ends.take([k])) if curve and not few[k] and doubtful else None
-                answers[k] = rays if again is None or len(again) < len(rays) else again
+            for k, rays in zip(left, problem.found(ends.take(left)), strict=True):
+                answers[k] = rays
         return [answer for answer in answers if answer is not None]
 
     def _question(self, problem: TwoPoint, one: PointPairs) -> Question:
         """A single pair as models are asked for it."""
         media, surfaces = self.compiled.media, self.compiled.surfaces
         a, b, within = one.sources[0], one.targets[0], float(one.within[0])
-        return Question(media, surfaces, a, b, within, _builder(problem, one), lambda: problem.found(one)[0][0])
+        return Question(media, surfaces, a, b, within, _builder(problem, one), lambda: problem.found(one)[0])
 
-    def _by_range(self, problem: TwoPoint, one: PointPairs) -> Rays | None:
-        """The rays of a single pair by the range function; None where it is no simple one."""
+    def _by_range(self, ends: PointPairs) -> list[Rays]:
+        """The rays of pairs by the range function."""
 
-        def careful(headings: np.ndarray, paths: np.ndarray, touching: np.ndarray) -> list[tuple[Ray | None, float]]:
-            return _builder(self._problem(one, Invariants()), one)(headings, paths, touching)
+        def carried_by(model: Model | None) -> Carry:
+            def carry(
+                question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
+                counts: np.ndarray | None = None,
+            ) -> list[tuple[Ray | None, float]]:  # fmt: skip
+                some = ends.take(question)
+                return self._problem(some, model).built(some, headings, paths, touching, counts)
 
-        try:
-            return found_by_range(self._question(problem, one), careful=careful)
-        except DoesNotApply:
-            return None
+            return carry
+
+        # a table is stepped from height to height as it is
+        careful = None if isinstance(self.compiled.media[0], Tabulated) else carried_by(Invariants())
+        return self._range.rays(ends.sources, ends.targets, ends.within, carried_by(None), careful)
 
     def _with_planes(self, a: np.ndarray, b: np.ndarray, within: np.ndarray) -> PointPairs:
         """The pairs with the planes that hold their rays: all of them in one, each in its own, or none."""
@@ -374,16 +371,10 @@ def _builder(problem: TwoPoint, pair: PointPairs) -> Builder:
     return built
 
 
-def _few(sources: np.ndarray) -> np.ndarray:
-    """True (k,) for pairs whose source has so few receivers that a fan for them all would not pay."""
-    _, number, count = np.unique(sources, axis=0, return_inverse=True, return_counts=True)
-    return count[number.ravel()] < MANY_RECEIVERS
-
-
 def _has_range_function(propagator: Propagator) -> bool:
     """Whether one medium of layers or about a centre fills the scene."""
     medium = propagator.media[0]
-    return isinstance(medium, Stratified | Radial) and not propagator.surfaces and not medium.is_uniform
+    return isinstance(medium, Stratified | Tabulated | Radial) and not propagator.surfaces and not medium.is_uniform
 
 
 def _in_row(which: np.ndarray) -> str:

@@ -20,12 +20,12 @@ from varcalc.numerics.one_coordinate.quadrature import TAU, reached
 from varcalc.optics.media.medium import Field, Medium, Radial, Stratified
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model, Question
-from varcalc.optics.models.range_function import found_by_range
+from varcalc.optics.models.range_function import RangeFunction
 from varcalc.optics.models.reduction import SIGMA, AboutCentre, Profile, ReducedRays, deviations, reduction
 from varcalc.optics.models.straight import StraightRays
 from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, RayStatus
 from varcalc.optics.rays.leg import Leg
-from varcalc.optics.rays.ray import Rays
+from varcalc.optics.rays.ray import Ray, Rays
 from varcalc.optics.surfaces import Geometry, Plane, Sphere
 
 NEIGHBOURS_NEAR_CENTRE = 1e-2
@@ -77,7 +77,20 @@ class Invariants(Model):
         """See :meth:`Model.between`: by the range function, where there is one medium and no surface."""
         if question.surfaces or question.media[0].is_uniform:
             return None
-        return found_by_range(question)
+        function, a, b = RangeFunction(question.media[0]), question.a[None], question.b[None]
+        if not function.applies(a, b)[0]:
+            raise DoesNotApply(
+                "Invariants needs points off the centre of the index, about which all turns; take Hamilton()"
+            )
+        built = question.built
+
+        def carry(
+            question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
+            counts: np.ndarray | None = None,
+        ) -> list[tuple[Ray | None, float]]:  # fmt: skip
+            return built(headings, paths, touching)  # there is one question, and nothing is carried twice
+
+        return function.rays(a, b, np.array([question.within]), carry)[0]
 
 
 def _upright(geometry: Geometry) -> bool:

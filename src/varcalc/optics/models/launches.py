@@ -16,7 +16,7 @@ import numpy as np
 
 from varcalc.numerics.proxies import Proxies, zeros
 from varcalc.optics.models.passages import BESIDE, COUNT, LAYERS, Passages, Spread
-from varcalc.optics.models.reduction import Profile
+from varcalc.optics.models.reduction import RayPotential
 
 MOST_WINDINGS = 64
 """Times about a centre, either way; rays that go round more often are not looked for."""
@@ -36,6 +36,8 @@ SAME_CONTINUUM = 1e-6
 """Optical paths of the rays of one continuum agree so well, relative to their size."""
 SAME_RAY = 1e-9
 """Launches and optical paths, relative, closer than this are one ray."""
+KINDS = ((0, 0), (1, 0), (0, 1), (1, 1))
+"""Of rays: a and b."""
 NEXT, GROWN = 0.02, 1e-6
 """A passage that grows so much, in units of the distance, over the last of the way to an angle grows for ever."""
 
@@ -57,7 +59,7 @@ class Launch:
 
 @dataclass(frozen=True)
 class Launches:
-    """The rays found, and what was searched.
+    """The rays found from one point to another, and what was searched.
 
     ``resting`` counts rays that all but come to rest along a layer, closer to that than angles can be told;
     ``unresolved`` intervals in which a ray may have been passed over.
@@ -68,6 +70,45 @@ class Launches:
     looked_at: int
     resting: int
     unresolved: int
+
+
+@dataclass(frozen=True)
+class Aims:
+    """n distances that rays are to come, each along one of the pairs of heights, up to an optical path ``within`` (n,).
+
+    ``way`` (n,) is 1 or -1, the sense about a centre, and ``question`` the number of the two points asked about.
+    """
+
+    distance: np.ndarray
+    pair: np.ndarray
+    within: np.ndarray
+    way: np.ndarray
+    question: np.ndarray
+
+    @classmethod
+    def of(
+        cls, passages: Passages, pair: np.ndarray, distance: np.ndarray, within: np.ndarray, longest: np.ndarray
+    ) -> Aims:
+        """From one point to another; about a centre both ways round, and with windings.
+
+        There are as many of these as rays of optical paths up to ``longest`` (p,) may come round.
+        """
+        question = np.arange(len(pair))
+        if not passages.profile.about_centre:
+            return cls(distance, pair, within, np.ones(len(pair)), question)
+        pairs = np.arange(len(passages.start))
+        some = np.linspace(1e-3, np.pi / 2 - 1e-3, SOME_ANGLES)
+        asked = passages.at(np.repeat(pairs, SOME_ANGLES), np.tile(some, len(pairs)))
+        with np.errstate(all="ignore"):
+            round_ = (asked[:, :LAYERS] / asked[:, LAYERS:]).reshape(len(pairs), -1)
+            farthest = (longest * np.nanmax(round_, axis=1, initial=0.0))[pair]
+        turns = np.minimum((farthest / (2 * np.pi)).astype(int) + 2, MOST_WINDINGS)
+        row = np.repeat(question, 2 * turns)
+        number = np.arange(len(row)) - np.repeat(np.cumsum(2 * turns) - 2 * turns, 2 * turns)
+        back = number >= turns[row]
+        turn = 2 * np.pi * np.where(back, number - turns[row] + 1, number)
+        distances = np.where(back, turn - distance[row], turn + distance[row])
+        return cls(distances, pair[row], within[row], np.where(back, -1.0, 1.0), row)
 
 
 @dataclass(frozen=True)
@@ -100,92 +141,120 @@ class Families:
         return np.column_stack([self.beyond, self.behind, self.periods, self.aim])
 
     @classmethod
-    def possible(cls, series: Proxies, distances: np.ndarray, within: float) -> Families:
-        """Those that may come one of the distances (q,) far on an optical path of ``within``, by the series' bounds."""
-        least, most = (np.where(np.isnan(bound), np.nan, bound) for bound in series.bounds)
+    def possible(cls, series: Proxies, aims: Aims) -> Families:
+        """Those that may come as far as is asked, on the optical path that is allowed, by the series' bounds."""
+        least, most = series.bounds
+        start, stop = (np.searchsorted(series.family, aims.pair, side=side) for side in ("left", "right"))
+        aim = np.repeat(np.arange(len(start)), stop - start)
+        panel = _counted(start, stop - start)
+        distance, within = aims.distance[aim], aims.within[aim]
+        least, most = least[panel], most[panel]
         parts = []
-        for beyond, behind in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        for beyond, behind in KINDS:
             w = np.array([1.0, 2.0 * beyond, 2.0 * behind])
             near, far = (np.where(w > 0, bound[:, :LAYERS] * w, 0.0).sum(axis=1) for bound in (least, most))
             short = np.where(w > 0, least[:, LAYERS:] * w, 0.0).sum(axis=1)
             period = [2 * bound.sum(axis=1) for bound in (least[:, :LAYERS], most[:, :LAYERS], least[:, LAYERS:])]
             with np.errstate(all="ignore"):
-                first = np.ceil((distances[:, None] - far) / period[1] - 1e-9)
-                last = np.floor((distances[:, None] - near) / np.maximum(period[0], 1e-300) + 1e-9)
+                first = np.ceil((distance - far) / period[1] - 1e-9)
+                last = np.floor((distance - near) / np.maximum(period[0], 1e-300) + 1e-9)
                 longest = np.floor((within - short) / np.maximum(period[2], 1e-300) + 1e-9)
             periodic = np.isfinite(period[1])
             # without a period only the first passage counts, and whether it can come so far
-            once = (near <= distances[:, None] * (1 + 1e-9)) & (far >= distances[:, None] * (1 - 1e-9))
+            once = (near <= distance * (1 + 1e-9)) & (far >= distance * (1 - 1e-9))
             first = np.where(periodic, np.maximum(np.nan_to_num(first), 0), np.where(once, 0, 1))
             last = np.where(periodic, np.minimum(np.minimum(last, longest), MOST_TURNS), 0)
             last = np.where(np.isfinite(near) & (short <= within), last, -1)
-            aim, panel = np.nonzero(last >= first)
-            start, stop = first[aim, panel].astype(int), last[aim, panel].astype(int) + 1
-            count = stop - start
-            row = np.repeat(np.arange(len(count)), count)
-            m = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + start[row]
+            some = np.flatnonzero(last >= first)
+            count = (last - first)[some].astype(int) + 1
+            row = np.repeat(some, count)
+            m = _counted(first[some].astype(int), count)
             parts.append((panel[row], np.full(len(row), beyond), np.full(len(row), behind), m, aim[row]))
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def launches(profile: Profile, ends: tuple[float, float], distance: float, within: float) -> Launches:
-    """The rays from the first height to the second that come ``distance`` far, about a centre either way round."""
-    passages, swapped = Passages.between(profile, ends, within)
-    distances = _distances(profile, distance, passages, within)
-    wanted = np.array([one for one, _ in distances])
-    spread = Spread(passages, float(max(wanted.max(), abs(ends[1] - ends[0]))), within)
+def rounded_up(values: np.ndarray) -> np.ndarray:
+    """To powers of two: what is alike for questions of a size is the same, however many are asked."""
+    with np.errstate(divide="ignore"):
+        return np.exp2(np.ceil(np.log2(values)))
+
+
+def _greatest(number: np.ndarray, values: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """The greatest of the ``values`` (k,) of each ``number`` (k,), and no less than ``least`` (p,)."""
+    out = least.astype(float)
+    np.maximum.at(out, number, values)
+    return out
+
+
+def _counted(start: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """start, start + 1, ... so many of each, one after the other."""
+    return np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - start, count)
+
+
+def launches(
+    profile: RayPotential, ends: np.ndarray, pair: np.ndarray, distance: np.ndarray, within: np.ndarray
+) -> list[Launches]:
+    """The rays between q pairs of points that come ``distance`` (q,) far, about a centre either way round.
+
+    They go from the first to the second of the heights ``ends`` (p, 2), of which each question asks about one
+    ``pair`` (q,), up to optical paths ``within`` (q,). What stands for the rays between two heights serves all
+    questions about them.
+    """
+    longest = rounded_up(_greatest(pair, within, np.zeros(len(ends))))
+    passages, swapped = Passages.between(profile, ends, longest)
+    aims = Aims.of(passages, pair, distance, within, longest)
+    farthest = rounded_up(_greatest(aims.pair, aims.distance, np.abs(ends[:, 1] - ends[:, 0])))
+    spread = Spread(passages, farthest, longest)
     series = spread.series()
-    touch = TOUCHES_FOLD * spread.distance
-    families = Families.possible(series, wanted, within)
-    whole, families = _continua(spread, series, families, wanted)
-    found = zeros(series, families.panel, families.weights, wanted[families.aim], touch)
-    angles, which = spread.angles(found.at), families.take(found.which)
-    upright, names = _upright(passages, wanted, touch, within)
-    angles = np.concatenate([whole[0], angles, upright])
+    touch = TOUCHES_FOLD * farthest[aims.pair]
+    families = Families.possible(series, aims)
+    whole, families = _continua(spread, series, families, aims)
+    weights, offset = families.weights, aims.distance[families.aim]
+    found = zeros(series, families.panel, weights, offset, touch[families.aim])
+    which = families.take(found.which)
+    upright = _upright(passages, aims, touch)
+    angles = [whole[0], spread.angles(aims.pair[which.aim], found.at), np.full(len(upright), np.pi / 2)]
+    names = np.concatenate([whole[1], which.name, upright])
     touching = np.concatenate([np.ones(len(whole[0]), bool), found.touching, np.zeros(len(upright), bool)])
-    which = np.concatenate([whole[1], which.name, names])
-    rays = _launched(passages, angles, which, distances, touching, swapped=swapped)
-    isolated = rays[len(whole[0]) :]
-    if passages.stays_level(distance):
-        root = float(np.sqrt(passages.g))
-        isolated += [Launch(root, 0.0, root * one, way, False, 0.0) for one, way in distances]
-    continua = _one_each([launch for launch in rays[: len(whole[0])] if launch.path <= within])
-    isolated = [
-        launch for launch in isolated
-        if launch.path <= within
-        and not any(abs(launch.path - other.path) <= SAME_CONTINUUM * other.path for other in continua)
-    ]  # fmt: skip
-    resting = _resting(spread, wanted)
-    unresolved = len(series.given_up) + found.lost
-    return Launches(continua + _distinct(isolated), len(continua) > 0, series.looked_at, resting, unresolved)
-
-
-def _distances(profile: Profile, distance: float, passages: Passages, within: float) -> list[tuple[float, int]]:
-    """The distances from one point to the other, with the sense; about a centre both ways and with windings."""
-    if not profile.about_centre:
-        return [(distance, 1)]
-    some = passages.at(np.linspace(1e-3, np.pi / 2 - 1e-3, SOME_ANGLES))
-    with np.errstate(all="ignore"):
-        farthest = within * float(np.nanmax(some[:, :LAYERS] / some[:, LAYERS:], initial=0.0))
-    turns = range(min(int(farthest / (2 * np.pi)) + 2, MOST_WINDINGS))
-    ahead = [(distance + 2 * np.pi * k, 1) for k in turns]
-    return ahead + [(2 * np.pi * (k + 1) - distance, -1) for k in turns]
+    rays = _launched(passages, np.concatenate(angles), names, aims, touching, swapped)
+    root = np.sqrt(passages.g)[aims.pair]
+    for n in np.flatnonzero(passages.stays_level(aims.pair, aims.distance)):
+        path = float(root[n] * aims.distance[n])
+        rays.append((int(n), Launch(float(root[n]), 0.0, path, int(aims.way[n]), False, 0.0)))
+    resting = _resting(spread, aims)
+    own: list[tuple[list[Launch], list[Launch]]] = [([], []) for _ in pair]
+    for k, (n, launch) in enumerate(rays):
+        if launch.path <= aims.within[n]:
+            own[aims.question[n]][0 if k < len(whole[0]) else 1].append(launch)
+    lost = np.bincount(aims.question[families.aim[found.lost]], minlength=len(pair))
+    out = []
+    for q, (level_ones, others) in enumerate(own):
+        continua = _one_each(level_ones)
+        alone = [
+            one for one in others
+            if not any(abs(one.path - other.path) <= SAME_CONTINUUM * other.path for other in continua)
+        ]  # fmt: skip
+        unresolved = int(series.given_up[pair[q]] + lost[q])
+        looked_at = int(series.looked_at[pair[q]])
+        out.append(Launches(continua + _distinct(alone), len(continua) > 0, looked_at, int(resting[q]), unresolved))
+    return out
 
 
 def _continua(
-    spread: Spread, series: Proxies, families: Families, wanted: np.ndarray
+    spread: Spread, series: Proxies, families: Families, aims: Aims
 ) -> tuple[tuple[np.ndarray, np.ndarray], Families]:
     """The most level ray (angle and family's name) of each family all of whose rays meet the point, and the others."""
     weights = families.weights
     used = np.where(weights[:, :, None] != 0, series.coefficients[families.panel], 0.0)
     c = np.einsum("kf,kfn->kn", weights, used)
-    c[:, 0] -= wanted[families.aim]
-    flat = np.abs(c).sum(axis=1) <= FLAT_FAMILY * spread.distance
+    c[:, 0] -= aims.distance[families.aim]
+    flat = np.abs(c).sum(axis=1) <= FLAT_FAMILY * spread.distance[aims.pair[families.aim]]
     if not np.any(flat):
         return (np.zeros(0), np.zeros((0, 4), int)), families
     names, number = np.unique(families.name, axis=0, return_inverse=True)
     number = number.ravel()
-    low, high = spread.angles(series.low[families.panel]), spread.angles(series.high[families.panel])
+    pair = series.family[families.panel]
+    low, high = (spread.angles(pair, edge[families.panel]) for edge in (series.low, series.high))
     share = np.bincount(number, np.where(flat, np.abs(high - low), 0.0), minlength=len(names)) / (np.pi / 2)
     whole = np.flatnonzero(share > CONTINUUM_SHARE)
     low, high = np.minimum(low, high), np.maximum(low, high)
@@ -194,47 +263,58 @@ def _continua(
     return (np.array(angles), names[whole]), families.take(np.flatnonzero(~np.isin(number, whole)))
 
 
-def _upright(
-    passages: Passages, wanted: np.ndarray, touch: float, within: float
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Rays at right angles to the layers, where they come as far as is asked for: the angles and names of families."""
-    here = passages.at(np.array([np.pi / 2]))[0]
+def _upright(passages: Passages, aims: Aims, touch: np.ndarray) -> np.ndarray:
+    """The names (k, 4) of families of rays at right angles to the layers that come as far as is asked for."""
+    pairs = np.arange(len(passages.start))
+    here = passages.at(pairs, np.full(len(pairs), np.pi / 2))[aims.pair]
     rows = []
-    for beyond, behind in ((0, 0), (1, 0), (0, 1), (1, 1)):
-        for m in range(MOST_TURNS):
-            w = np.array([1.0 + 2 * m, 2.0 * (beyond + m), 2.0 * (behind + m)])
-            came, path = (np.where(w > 0, w * half, 0.0).sum() for half in (here[:LAYERS], here[LAYERS:]))
-            if not (path <= within and (m == 0 or path > 0)):  # what does not exist is no number
-                break
-            rows += [(beyond, behind, m, aim) for aim in np.flatnonzero(np.abs(came - wanted) <= touch)]
-    return np.full(len(rows), np.pi / 2), np.array(rows, dtype=int).reshape(-1, 4)
+    for beyond, behind in KINDS:
+        once = np.array([1.0, 2.0 * beyond, 2.0 * behind])
+        came, path = (np.where(once > 0, once * half, 0.0).sum(axis=1) for half in (here[:, :LAYERS], here[:, LAYERS:]))
+        further, longer = 2 * here[:, :LAYERS].sum(axis=1), 2 * here[:, LAYERS:].sum(axis=1)
+        with np.errstate(all="ignore"):  # what does not exist is no number
+            most = np.where(longer > 0, np.minimum((aims.within - path) / longer, MOST_TURNS), 0.0)
+        count = np.where(path <= aims.within, np.nan_to_num(most).astype(int) + 1, 0)
+        aim, m = np.repeat(np.arange(len(count)), count), _counted(np.zeros_like(count), count)
+        there = came[aim] + np.where(m > 0, m * further[aim], 0.0)
+        met = np.flatnonzero(np.abs(there - aims.distance[aim]) <= touch[aim])
+        rows.append(np.column_stack([np.full(len(met), beyond), np.full(len(met), behind), m[met], aim[met]]))
+    return np.concatenate(rows)
 
 
-def _resting(spread: Spread, wanted: np.ndarray) -> int:
-    """How many rays come to rest along a layer more closely than angles can be told: passages grow up to there."""
-    breaks = 2.0 * np.arange(len(spread.breaks))
-    sides = [(at, way) for at in breaks for way in (-NEXT, NEXT) if breaks[0] <= at + way <= breaks[-1]]
-    count, root = 0, np.sqrt(spread.passages.g)
-    for at, way in sides:
-        here, inside = spread(np.array([at, at + way]) + np.array([np.sign(way), 0.0]) * BESIDE)
-        growing = here[:LAYERS] - inside[:LAYERS] > GROWN * spread.distance
-        if np.any(growing):
-            c = root * float(np.cos(spread.angles(np.array([at]))[0]))
-            count += sum(
-                _left_over(here, growing, np.array([1.0, 2.0 * beyond, 2.0 * behind]), wanted, (c, spread.within))
-                for beyond, behind in ((0, 0), (1, 0), (0, 1), (1, 1))
-            )
+def _resting(spread: Spread, aims: Aims) -> np.ndarray:
+    """How many rays to each question come to rest along a layer more closely than angles can be told.
+
+    Passages grow up to there.
+    """
+    count = np.zeros(int(aims.question.max(initial=-1)) + 1, dtype=int)
+    pair = np.repeat(np.arange(len(spread.distance)), spread.passages.count)
+    breaks = 2.0 * _counted(np.zeros_like(spread.passages.count), spread.passages.count)
+    pair, at, way = np.tile(pair, 2), np.tile(breaks, 2), np.repeat([-NEXT, NEXT], len(breaks))
+    inside = (at + way >= 0) & (at + way <= 2.0 * (spread.passages.count[pair] - 1))
+    rows = np.flatnonzero(inside & ~spread.passages.mild[pair, (at / 2).astype(int)])
+    pair, at, way = pair[rows], at[rows], way[rows]
+    here = spread(pair, at + np.sign(way) * BESIDE)
+    growing = here[:, :LAYERS] - spread(pair, at + way)[:, :LAYERS] > GROWN * spread.distance[pair, None]
+    slow = np.sqrt(spread.passages.g)[pair] * np.cos(spread.angles(pair, at))
+    for row in np.flatnonzero(growing.any(axis=1)):
+        own = np.flatnonzero(aims.pair == pair[row])
+        rest = slow[row], aims.within[own]
+        for beyond, behind in KINDS:
+            weights = np.array([1.0, 2.0 * beyond, 2.0 * behind])
+            left = _left_over(here[row], growing[row], weights, aims.distance[own], rest)
+            np.add.at(count, aims.question[own], left)
     return count
 
 
 def _left_over(
-    here: np.ndarray, growing: np.ndarray, weights: np.ndarray, wanted: np.ndarray, rest: tuple[float, float]
-) -> int:
-    """How many of the rays with so many passages, and periods more, have not come far enough where they all but rest.
+    here: np.ndarray, growing: np.ndarray, weights: np.ndarray, wanted: np.ndarray, rest: tuple[float, np.ndarray]
+) -> np.ndarray:
+    """How many rays (n,) with so many passages, and periods more, have not come far enough where they all but rest.
 
-    ``rest`` is the index along the layer and the optical path that is asked for.
+    ``rest`` is the index along the layer and the optical paths (n,) that are asked for.
     """
-    count = 0
+    count = np.zeros(len(wanted), dtype=int)
     for _ in range(MOST_TURNS):
         used = weights > 0
         came, path = (np.where(used, weights * half, 0.0).sum() for half in (here[:LAYERS], here[LAYERS:]))
@@ -242,31 +322,29 @@ def _left_over(
         still = (left > 0) & (path + rest[0] * left <= rest[1])
         if not np.any(still):  # whatever is no number has come nowhere
             break
-        count += int(np.count_nonzero(still)) if np.any(growing & used) else 0
+        count += still & np.any(growing & used)
         weights = weights + 2.0
     return count
 
 
 def _launched(
-    passages: Passages, angles: np.ndarray, names: np.ndarray, distances: list[tuple[float, int]],
-    touching: np.ndarray, *, swapped: bool,
-) -> list[Launch]:  # fmt: skip
-    """The rays of the families ``names`` (k, 4) at ``angles`` (k,)."""
+    passages: Passages, angles: np.ndarray, names: np.ndarray, aims: Aims, touching: np.ndarray, swapped: np.ndarray
+) -> list[tuple[int, Launch]]:
+    """The rays of the families ``names`` (k, 4) at ``angles`` (k,), each with the number of its aim."""
     if len(angles) == 0:
         return []
     beyond, behind, m, aim = names.T
+    pair = aims.pair[aim]
     weights = Families(aim, beyond, behind, m, aim).weights[:, :LAYERS]
-    there = passages.at(angles)[:, LAYERS:]
+    there = passages.at(pair, angles)[:, LAYERS:]
     path = np.where(weights > 0, weights * there, 0.0).sum(axis=1)
-    c, w = np.sqrt(passages.g) * np.cos(angles), np.sqrt(passages.g) * np.sin(angles)
-    last = np.sqrt(passages.higher + w**2)
-    leaving = passages.way * np.where(behind == 1, -w, w)
-    arriving = passages.way * np.where(beyond == 1, -last, last)
-    speed, noise = (-arriving if swapped else leaving), passages.noise(angles)
-    return [
-        Launch(float(c[k]), float(speed[k]), float(path[k]), distances[aim[k]][1], bool(touching[k]), float(noise[k]))
-        for k in range(len(angles))
-    ]
+    root, way = np.sqrt(passages.g)[pair], passages.way[pair]
+    c, w = root * np.cos(angles), root * np.sin(angles)
+    last = np.sqrt(passages.higher[pair] + w**2)
+    leaving, arriving = way * np.where(behind == 1, -w, w), way * np.where(beyond == 1, -last, last)
+    speed, noise = np.where(swapped[pair], -arriving, leaving), passages.noise(pair, angles)
+    columns = (c, speed, path, aims.way[aim].astype(int), touching, noise)
+    return [(int(n), Launch(*row)) for n, *row in zip(aim, *(column.tolist() for column in columns), strict=True)]
 
 
 def _one_each(continua: list[Launch]) -> list[Launch]:

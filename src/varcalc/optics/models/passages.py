@@ -16,7 +16,7 @@ from varcalc.numerics.one_coordinate.motions import CoordinateMotion, NoTurn, On
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import AGREED, TAU, integrals
 from varcalc.numerics.proxies import Proxies, proxies
-from varcalc.optics.models.reduction import PATH, Profile
+from varcalc.optics.models.reduction import PATH, RayPotential
 
 AIMED, BESIDE_CENTRE = 1e-6, np.array([1e-5, 2e-5, 3e-5])
 """Rays aimed at a centre, in radians, to within which the logarithm of a radius has too few digits, and their like."""
@@ -32,7 +32,7 @@ NEAREST = 1e-10
 """How close to an angle at which rays come to rest is looked, in units of what is known of it to round-off."""
 LEAST_SHARE, MOST_SHARE = 1e-14, 1e-2
 """The same in units of half the way to the next one, at least and at most."""
-TOGETHER = 512
+TOGETHER = 2048
 """Angles whose passages are integrated together; bounds the memory."""
 ROUGH_PLACES, ROOM = 240, 2.0
 """Heights at which the index is summed to say how high rays come, and by what factor that may be wrong."""
@@ -46,86 +46,110 @@ LAYERS, COUNT = 3, 6
 
 @dataclass(frozen=True)
 class Passages:
-    """Rays from the height ``start`` to the height ``end`` of ``profile``, with g smaller at the start."""
+    """Rays of p pairs from the heights ``start`` (p,) to the heights ``end`` of ``profile``, g smaller at the start.
 
-    profile: Profile
+    They go no higher than ``high`` (p,) and no deeper than ``low`` (p,).
+    """
+
+    profile: RayPotential
     nodes: PotentialNodes
-    start: float
-    end: float
+    start: np.ndarray
+    end: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
 
     @classmethod
-    def between(cls, profile: Profile, ends: tuple[float, float], within: float) -> tuple[Passages, bool]:
-        """The rays between two heights up to an optical path, and whether they start from the second."""
-        g = profile.at(np.array(ends))[0]
-        swapped = bool(g[1] < g[0])
-        start, end = ends[::-1] if swapped else ends
-        low, high = (_farthest(profile, edge, way, within) for edge, way in ((min(ends), -1), (max(ends), 1)))
-        return cls(profile, profile.nodes(min(ends), max(ends), low, high), start, end), swapped
+    def between(cls, profile: RayPotential, ends: np.ndarray, within: np.ndarray) -> tuple[Passages, np.ndarray]:
+        """The rays between heights (p, 2) up to optical paths (p,), and which pairs (p,) start from the second."""
+        g = profile.at(ends)[0]
+        swapped = g[:, 1] < g[:, 0]
+        start, end = np.where(swapped, *ends.T[::-1]), np.where(swapped, *ends.T)
+        lower, upper = ends.min(axis=1), ends.max(axis=1)
+        reach = profile.distances(lower, upper)[:, -1]
+        low = np.maximum(_farthest(profile, lower, -1, within), lower - reach)
+        high = np.minimum(_farthest(profile, upper, 1, within), upper + reach)
+        return cls(profile, profile.nodes(lower, upper, low, high), start, end, low, high), swapped
 
     @cached_property
-    def way(self) -> float:
-        """1.0 where the end is above the start, or as high, -1.0 where it is below."""
-        return 1.0 if self.end >= self.start else -1.0
+    def way(self) -> np.ndarray:
+        """1.0 (p,) where the end is above the start, or as high, -1.0 where it is below."""
+        return np.where(self.end >= self.start, 1.0, -1.0)
 
     @cached_property
-    def g(self) -> float:
-        """g at the start."""
-        return float(self.profile.at(np.array([self.start]))[0][0])
+    def g(self) -> np.ndarray:
+        """g (p,) at the start."""
+        return self.profile.at(self.start)[0]
 
-    def at(self, angles: np.ndarray) -> np.ndarray:
-        """S, U, D and their optical paths (m, 6) at angles (m,) from 0 to π/2, not numbers where they do not exist.
+    def at(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
+        """S, U, D and their optical paths (m, 6) of pairs (m,) at angles (m,) from 0 to π/2.
 
-        Those that exist and are not resolved are -∞.
+        They are not numbers where they do not exist, and -∞ where they do and are not resolved.
         """
         out = np.full((len(angles), COUNT), np.nan)
-        agreed = np.maximum(self.noise(angles), AGREED)
+        agreed = np.maximum(self.noise(pair, angles), AGREED)
         for first in range(0, len(angles), TOGETHER):
             some = slice(first, first + TOGETHER)
-            self._write(angles[some], agreed[some], out[some])
+            self._write(pair[some], angles[some], agreed[some], out[some])
         aimed = np.flatnonzero(np.pi / 2 - angles < AIMED) if self.profile.about_centre else []
         if len(aimed):
-            beside = np.pi / 2 - angles[aimed]
-            out[aimed] = _through_three(self.at(np.pi / 2 - BESIDE_CENTRE), beside)
+            three = self.at(np.repeat(pair[aimed], 3), np.tile(np.pi / 2 - BESIDE_CENTRE, len(aimed)))
+            out[aimed] = _through_three(three.reshape(-1, 3, COUNT), np.pi / 2 - angles[aimed])
         return out
 
     @cached_property
-    def higher(self) -> float:
-        """How much larger g is at the end."""
-        x = np.array([self.end - self.start])
-        return max(float(self.profile(np.array([self.start]), x).gain[0]), 0.0)
+    def higher(self) -> np.ndarray:
+        """How much larger g is at the end (p,)."""
+        return np.maximum(self.profile(self.start, self.end - self.start).gain, 0.0)
 
     @cached_property
     def rounded(self) -> np.ndarray:
-        """How well the angles of the breaks are known in comparison with others, but for level and upright: (b,).
+        """How well the angles of the breaks are known in comparison with others: (p, b), 0 for level and upright rays.
 
         What is known to round-off is the largest change of g that adds up to that at a break.
         """
-        variation = float(np.ptp(self.nodes.g[np.abs(self.nodes.g) < np.inf])) / self.g
-        inner = self.breaks[1:-1]
-        return EPSILON * np.maximum(inner**2, min(variation, 1.0)) / inner
-
-    def noise(self, angles: np.ndarray) -> np.ndarray:
-        """What round-off makes of the passages at angles (m,), relatively: much beside a break."""
         with np.errstate(all="ignore"):
-            beside = self.rounded / np.abs(angles[..., None] - self.breaks[1:-1])
-        return np.minimum(np.max(beside, axis=-1, initial=0.0), 1.0)
+            known = EPSILON * np.maximum(self.breaks**2, np.minimum(self._variation, 1.0)[:, None]) / self.breaks
+        return np.where(self._inner, known, 0.0)
 
-    def _write(self, angles: np.ndarray, agreed: np.ndarray, out: np.ndarray) -> None:
-        u0 = np.full(len(angles), self.start)
-        c, w = np.sqrt(self.g) * np.cos(angles), np.sqrt(self.g) * np.sin(angles)
+    @cached_property
+    def _variation(self) -> np.ndarray:
+        """How much g varies (p,), in units of that at the start."""
+        out = np.empty(len(self.start))
+        for k, (low, high) in enumerate(zip(self.low, self.high, strict=True)):
+            g = self.nodes.g[slice(*np.searchsorted(self.nodes.u, (low, np.nextafter(high, np.inf))))]
+            out[k] = np.ptp(g[np.abs(g) < np.inf])
+        return out / self.g
+
+    @cached_property
+    def _inner(self) -> np.ndarray:
+        """Which of the breaks (p, b) are neither the first nor the last, and not mild: rays come to rest there."""
+        number = np.arange(self.breaks.shape[1])
+        return (number > 0) & (number < self.count[:, None] - 1) & ~self.mild
+
+    def noise(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
+        """What round-off makes of the passages of pairs (m,) at angles (m,), relatively: much beside a break."""
+        with np.errstate(all="ignore"):
+            beside = self.rounded[pair] / np.abs(angles[:, None] - self.breaks[pair])
+        return np.minimum(np.max(beside, axis=-1, initial=0.0, where=self._inner[pair]), 1.0)
+
+    def _write(self, pair: np.ndarray, angles: np.ndarray, agreed: np.ndarray, out: np.ndarray) -> None:
+        u0, to, root = self.start[pair], self.way[pair], np.sqrt(self.g[pair])
+        c, w = root * np.cos(angles), root * np.sin(angles)
         free = np.full(len(angles), np.inf)
         below, above = (bounds(self.profile, self.nodes, u0, w**2, c**2, free, sign) for sign in (-1, 1))
         # how far beyond the end rays turn is told from there: both ends may be turning points, all but for round-off
-        there = np.full(len(angles), self.end)
-        beyond = np.abs(bounds(self.profile, self.nodes, there, w**2 + self.higher, c**2, free, int(self.way)).x)
-        x = self.end - self.start
-        room = AT_A_TURN * abs(x)
-        if x == 0:
-            out[:, [0, LAYERS]] = 0.0
+        beyond, there, last = np.empty(len(angles)), self.end[pair], w**2 + self.higher[pair]
+        for sign in (-1, 1):
+            some = np.flatnonzero(to == sign)
+            turned = bounds(self.profile, self.nodes, there[some], last[some], c[some] ** 2, free[some], sign)
+            beyond[some] = np.abs(turned.x)
+        x = there - u0
+        room = AT_A_TURN * np.abs(x)
+        out[np.ix_(x == 0, [0, LAYERS])] = 0.0
         with np.errstate(all="ignore"):  # where there is no passage, or it is not resolved, there is no number
-            for rows, way, _ in ways(self.profile, u0, self.way * w, below, above):
-                reaches = (below.x[rows] <= x + room) & (x - room <= above.x[rows])
-                for k, (low, high) in enumerate(self._legs(way, x, beyond[rows])):
+            for rows, way, _ in ways(self.profile, u0, to * w, below, above):
+                reaches = (below.x[rows] <= (x + room)[rows]) & ((x - room)[rows] <= above.x[rows])
+                for k, (low, high) in enumerate(_legs(way, to[rows], np.abs(x[rows]), beyond[rows])):
                     exists = reaches & np.isfinite(low) & np.isfinite(high)
                     part = np.flatnonzero(exists)
                     sums = integrals(way.take(part), low[part], high[part], agreed=agreed[rows[part]])
@@ -133,82 +157,135 @@ class Passages:
                     out[rows[part], k] = np.where(known, c[rows[part]] * sums[:, TAU], -np.inf)
                     out[rows[part], LAYERS + k] = np.where(known, sums[:, PATH], -np.inf)
 
-    def _legs(self, way: CoordinateMotion, x: float, beyond: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        """From where to where S, U and D go, in the parameter of a way; not numbers where they do not exist.
+    @property
+    def count(self) -> np.ndarray:
+        """How many breaks there are (p,)."""
+        return np.count_nonzero(np.isfinite(self.breaks), axis=1)
 
-        The end is at ``x`` from the start, and ``beyond`` (m,) before its turning point.
-        """
-        start, none = way.start, np.full(len(way.start), np.nan)
-        if isinstance(way, NoTurn):
-            return [(np.zeros(len(start)), np.full(len(start), self.way * x)), (none, none), (none, none)]
-        if isinstance(way, OneTurn):
-            zero, ahead = np.zeros(len(start)), way.sign != self.way
-            q = start if x == 0 else np.where(ahead, -np.sqrt(beyond), np.sqrt(start**2 + abs(x)))
-            return [
-                (start, q),
-                (np.where(ahead, q, np.nan), np.where(ahead, zero, np.nan)),
-                (np.where(ahead, np.nan, zero), np.where(ahead, np.nan, start)),
-            ]
-        assert isinstance(way, TwoTurns)
-        behind = way.span * np.where(self.way > 0, np.sin(start / 2), np.cos(start / 2)) ** 2  # as precise as the start
-        far, near = (behind + abs(x), beyond) if self.way > 0 else (beyond, behind + abs(x))
-        q = 2 * np.arctan2(np.sqrt(far), np.sqrt(near))
-        q, begin = (np.abs(start) if x == 0 else q), np.abs(start)
-        bottom, top = np.zeros(len(start)), np.full(len(start), np.pi)
-        if self.way > 0:
-            return [(begin, q), (q, top), (bottom, begin)]
-        return [(q, begin), (bottom, q), (begin, top)]
+    @property
+    def breaks(self) -> np.ndarray:
+        """The angles, ascending from 0 to π/2, between which the passages are smooth: (p, b), infinite after these."""
+        return self._broken[0]
+
+    @property
+    def mild(self) -> np.ndarray:
+        """At which breaks (p, b) the passages are smooth in the root of the angle from there: rays turn at stops."""
+        return self._broken[1]
 
     @cached_property
-    def breaks(self) -> np.ndarray:
-        """The angles, ascending from 0 to π/2, between which the passages are smooth."""
-        u, g = self.nodes.u, self.nodes.g
-        low, high = min(self.start, self.end), max(self.start, self.end)
-        between = np.flatnonzero((u >= low) & (u <= high))
-        above, below = np.flatnonzero(u >= high), np.flatnonzero(u <= low)[::-1]
-        rests = np.concatenate([between[[int(np.argmin(g[between]))]], above[_held(g[above])], below[_held(g[below])]])
+    def _broken(self) -> tuple[np.ndarray, np.ndarray]:
+        rests = [self._rests(*ends) for ends in zip(self.start, self.end, self.low, self.high, strict=True)]
+        pair, node = np.repeat(np.arange(len(rests)), [len(r) for r in rests]), np.concatenate(rests)
         # the change of g is known to its own round-off, however small
-        lost = -self.profile(np.full(len(rests), self.start), u[rests] - self.start).gain
-        lost = np.sort(lost[(lost > SAME_MINIMUM * self.g) & (lost < self.g)])
-        lost = lost[np.diff(lost, prepend=0.0) > SAME_MINIMUM * lost]
-        return np.unique(np.concatenate([[0.0], np.arcsin(np.sqrt(lost / self.g)), [np.pi / 2]]))
+        base = self.start[pair]
+        fallen = -self.profile(base, self.nodes.u[node] - base).gain / self.g[pair]
+        mild = self._stops[node] & ~np.isin(node, self.nodes.upwards.turns)
+        own = []
+        for k in range(len(rests)):
+            lost = sorted(zip(fallen[pair == k], mild[pair == k], strict=True))
+            kept = [(0.0, False)]
+            for place, gentle in lost:
+                if SAME_MINIMUM < place < 1.0 and place - kept[-1][0] > SAME_MINIMUM * place:
+                    kept.append((place, gentle))
+                elif SAME_MINIMUM < place < 1.0:
+                    kept[-1] = (kept[-1][0], kept[-1][1] and gentle)
+            own.append([*((np.arcsin(np.sqrt(place)), gentle) for place, gentle in kept), (np.pi / 2, False)])
+        most = max(map(len, own))
+        padded = np.array([one + [(np.inf, False)] * (most - len(one)) for one in own])
+        return padded[..., 0], padded[..., 1].astype(bool)
 
-    def stays_level(self, distance: float) -> bool:
-        """True where both points lie on a layer along which a ray stays that starts along it."""
-        g, slope = self.profile.at(np.array([self.start]))
-        room = STAYS_LEVEL * g[0] / (1.0 if self.profile.about_centre else max(distance, 1e-300))
-        return bool(self.start == self.end and np.abs(slope[0]) <= room)
+    def _rests(self, start: float, end: float, low: float, high: float) -> np.ndarray:
+        """The nodes at which rays from ``start`` to ``end`` come to rest, or turn where g is less smooth."""
+        u, g = self.nodes.u, self.nodes.g
+        lower, upper = min(start, end), max(start, end)
+        first, last = np.searchsorted(u, lower), np.searchsorted(u, upper, side="right") - 1
+        bottom, top = np.searchsorted(u, low), np.searchsorted(u, high, side="right") - 1
+        own = self._own
+        above = np.concatenate([[last], own[(own > last) & (own < top)], [top]])
+        below = np.concatenate([[first], own[::-1][(own[::-1] < first) & (own[::-1] > bottom)], [bottom]])
+        between = first + int(np.argmin(g[first : last + 1]))
+        return np.concatenate([[between], *(side[_held(g[side], self._stops[side])] for side in (above, below))])
+
+    @cached_property
+    def _stops(self) -> np.ndarray:
+        """Which nodes are stops."""
+        return np.isin(self.nodes.u, self.profile.stops)
+
+    @cached_property
+    def _own(self) -> np.ndarray:
+        """The nodes, ascending, at which g turns or is less smooth."""
+        return np.union1d(self.nodes.upwards.turns, np.flatnonzero(self._stops))
+
+    def stays_level(self, pair: np.ndarray, distance: np.ndarray) -> np.ndarray:
+        """True (n,) where the points of pairs (n,) lie on a layer along which a ray stays that starts so, so far."""
+        g, slope = (values[pair] for values in self.profile.at(self.start))
+        room = STAYS_LEVEL * g / (1.0 if self.profile.about_centre else np.maximum(distance, 1e-300))
+        return (self.start == self.end)[pair] & (np.abs(slope) <= room)
 
 
-def _farthest(profile: Profile, edge: float, way: int, within: float) -> float:
-    """The height beyond which no ray of an optical path ``within`` comes from an ``edge``, about; infinite for none."""
+def _legs(
+    way: CoordinateMotion, to: np.ndarray, x: np.ndarray, beyond: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """From where to where S, U and D go, in the parameter of a way; not numbers where they do not exist.
+
+    The end is ``x`` (m,) from the start, on the side ``to``, and ``beyond`` (m,) before its turning point.
+    """
+    start, none = way.start, np.full(len(way.start), np.nan)
+    if isinstance(way, NoTurn):
+        return [(np.zeros(len(start)), x), (none, none), (none, none)]
+    if isinstance(way, OneTurn):
+        zero, ahead = np.zeros(len(start)), way.sign != to
+        q = np.where(x == 0, start, np.where(ahead, -np.sqrt(beyond), np.sqrt(start**2 + x)))
+        return [
+            (start, q),
+            (np.where(ahead, q, np.nan), np.where(ahead, zero, np.nan)),
+            (np.where(ahead, np.nan, zero), np.where(ahead, np.nan, start)),
+        ]
+    assert isinstance(way, TwoTurns)
+    up = to > 0
+    behind = way.span * np.where(up, np.sin(start / 2), np.cos(start / 2)) ** 2  # as precise as the start
+    far, near = np.where(up, behind + x, beyond), np.where(up, beyond, behind + x)
+    begin = np.abs(start)
+    q = np.where(x == 0, begin, 2 * np.arctan2(np.sqrt(far), np.sqrt(near)))
+    bottom, top = np.zeros(len(start)), np.full(len(start), np.pi)
+    legs = [((begin, q), (q, begin)), ((q, top), (bottom, q)), ((bottom, begin), (begin, top))]
+    return [(np.where(up, a, c), np.where(up, b, d)) for (a, b), (c, d) in legs]
+
+
+def _farthest(profile: RayPotential, edge: np.ndarray, way: int, within: np.ndarray) -> np.ndarray:
+    """The heights (p,) beyond which no ray of optical paths (p,) comes from an edge (p,), about; infinite for none."""
     if profile.about_centre and way < 0:
-        return -np.inf
-    away = np.append(0.0, np.geomspace(1e-6, 1e6, ROUGH_PLACES) * (1.0 if profile.about_centre else within))
+        return np.full(len(edge), -np.inf)
+    away = np.append(0.0, np.geomspace(1e-6, 1e6, ROUGH_PLACES))
     away = away[away <= FARTHEST_LOG] if profile.about_centre else away
-    g = profile.at(edge + way * away)[0]
+    away = away * (np.ones(len(edge)) if profile.about_centre else within)[:, None]
+    g = profile.at(edge[:, None] + way * away)[0]
     with np.errstate(all="ignore"):
-        paths = np.cumsum(np.sqrt(np.fmin(g[1:], g[:-1])) * np.diff(away))
-    enough = np.flatnonzero(paths > ROOM * within)
-    return edge + way * float(away[enough[0] + 1]) if len(enough) else way * np.inf
+        paths = np.cumsum(np.sqrt(np.fmin(g[:, 1:], g[:, :-1])) * np.diff(away), axis=1)
+    enough = paths > ROOM * within[:, None]
+    number = 1 + np.argmax(enough, axis=1)
+    return np.where(enough.any(axis=1), edge + way * away[np.arange(len(edge)), number], way * np.inf)
 
 
-def _held(g: np.ndarray) -> np.ndarray:
-    """The places, outwards, of minima lower than all before, where motions come to rest; and the last one's."""
+def _held(g: np.ndarray, stop: np.ndarray) -> np.ndarray:
+    """The places, outwards, of minima lower than all before, where motions come to rest; and the last one's.
+
+    So are stops that are lower: beyond them motions turn back where g is less smooth than elsewhere.
+    """
     before = np.minimum.accumulate(g)
-    rests = np.flatnonzero((g[:-1] <= before[:-1]) & (g[:-1] < g[1:]))
+    rests = np.flatnonzero((g[:-1] <= before[:-1]) & ((g[:-1] < g[1:]) | stop[:-1]))
     return np.append(rests, len(g) - 1) if len(g) and g[-1] <= before[-1] else rests
 
 
 def _through_three(values: np.ndarray, beside: np.ndarray) -> np.ndarray:
-    """What rays past a centre (3, 6) say of those closer to it (m, 6), by the parabola through them."""
+    """What rays past a centre (m, 3, 6) say of those closer to it, ``beside`` (m,): (m, 6), by parabolas."""
     a, b, c = BESIDE_CENTRE
     shares = [
         (beside - b) * (beside - c) / ((a - b) * (a - c)),
         (beside - a) * (beside - c) / ((b - a) * (b - c)),
         (beside - a) * (beside - b) / ((c - a) * (c - b)),
     ]
-    return np.stack(shares, axis=1) @ values
+    return np.einsum("ms,msf->mf", np.stack(shares, axis=1), values)
 
 
 @dataclass(frozen=True)
@@ -216,62 +293,61 @@ class Spread:
     """The passages as functions of one unknown: of every interval between ``breaks`` two halves, one unit long each.
 
     At 0, 2, 4, .. are the breaks, at 1, 3, .. the middles between them. The passages are those that may be part of a
-    ray of the optical path ``within`` that comes ``distance`` far.
+    ray of the optical path ``within`` (p,) that comes ``distance`` (p,) far.
     """
 
     passages: Passages
-    distance: float
-    within: float
+    distance: np.ndarray
+    within: np.ndarray
 
-    @property
-    def breaks(self) -> np.ndarray:
-        """See :attr:`Passages.breaks`."""
-        return self.passages.breaks
+    def angles(self, pair: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """The angles of pairs (m,) at the unknown (m,), crowded towards breaks but for level and upright rays."""
+        breaks, count = self.passages.breaks, self.passages.count[pair]
+        interval = np.clip(np.floor(at / 2).astype(int), 0, count - 2)
+        low = breaks[pair, interval]
+        half = (breaks[pair, interval + 1] - low) / 2
+        upper = at > 2 * interval + 1  # of the two breaks the nearer one, and how far from it: 1 in the middle
+        number, away = interval + upper, np.where(upper, 2 * (interval + 1) - at, at - 2 * interval)
+        known = np.where(number == count - 1, EPSILON, self.passages.rounded[pair, number])
+        mild = self.passages.mild[pair, number]
+        offset = half * np.where(mild, 2 * np.sin(np.pi / 4 * away) ** 2, _share(known, half, away))
+        return np.where(away >= 1, low + half, np.where(upper, breaks[pair, number] - offset, low + offset))
 
-    def angles(self, at: np.ndarray) -> np.ndarray:
-        """The angles at the unknown (m,), crowded towards breaks but for level and upright rays."""
-        interval = np.clip(np.floor(at / 2).astype(int), 0, len(self.breaks) - 2)
-        low, half = self.breaks[interval], np.diff(self.breaks)[interval] / 2
-        number, away = self._beside(at, interval)
-        offset = half * self._share(number, half, away)
-        upper = number > interval
-        return np.where(away >= 1, low + half, np.where(upper, self.breaks[number] - offset, low + offset))
+    def noise(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """See :meth:`Passages.noise`."""
+        return self.passages.noise(family, self.angles(family, at))
 
-    def _beside(self, at: np.ndarray, interval: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The number of the nearer break, and how far from it the unknown is: 1 in the middle."""
-        upper = at > 2 * interval + 1
-        return interval + upper, np.where(upper, 2 * (interval + 1) - at, at - 2 * interval)
-
-    def _share(self, number: np.ndarray, half: np.ndarray, away: np.ndarray) -> np.ndarray:
-        """How far from a break, in halves of an interval, what is ``away`` from it is: doubly exponential."""
-        own = np.concatenate([[0.0], self.passages.rounded, [EPSILON]])[number]
-        least = np.clip(NEAREST / EPSILON * own / half, LEAST_SHARE, MOST_SHARE)
-        return np.exp(1 - np.exp(np.log(1 - np.log(least)) * (1 - away)))
-
-    def noise(self, at: np.ndarray) -> np.ndarray:
-        """See :meth:`Passages.noise`, in the shape of ``at``."""
-        return self.passages.noise(self.angles(at))
-
-    def __call__(self, at: np.ndarray) -> np.ndarray:
+    def __call__(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
         """The passages (m, 6)."""
-        return self.passages.at(self.angles(at))
+        return self.passages.at(family, self.angles(family, at))
 
-    @property
-    def scale(self) -> np.ndarray:
-        """The distance and the optical path that are asked for."""
-        return np.repeat([self.distance, self.within], LAYERS)
+    def scale(self, family: np.ndarray) -> np.ndarray:
+        """The distances and the optical paths that are asked for."""
+        return np.repeat(np.stack([self.distance, self.within], axis=1)[family], LAYERS, axis=1)
 
     def inside(self, at: np.ndarray, way: int) -> np.ndarray:
         """Next to a break, where ``at`` (P,) are breaks."""
         return np.where(at % 2 == 0, at + way * BESIDE, at)
 
-    def beyond(self, values: np.ndarray) -> np.ndarray:
+    def beyond(self, family: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Which passages (P, 6) are longer than is asked for, in either way; S is part of every ray."""
         known = np.isfinite(values)
         least = np.where(known.any(axis=1), np.min(values, axis=1, initial=np.inf, where=known), -np.inf)
-        longer = (least[:, :LAYERS] > self.distance) | (least[:, LAYERS:] > self.within)
+        longer = (least[:, :LAYERS] > self.distance[family, None]) | (least[:, LAYERS:] > self.within[family, None])
         return np.tile(longer | longer[:, :1], 2)
 
     def series(self) -> Proxies:
-        """Series that stand for them."""
-        return proxies(self, np.linspace(0.0, 2.0 * (len(self.breaks) - 1), 4 * (len(self.breaks) - 1) + 1))
+        """Series that stand for them, to begin with four in each interval."""
+        panels = 4 * (self.passages.count - 1)
+        family = np.repeat(np.arange(len(panels)), panels)
+        low = (np.arange(len(family)) - np.repeat(np.cumsum(panels) - panels, panels)) / 2
+        return proxies(self, family, low, low + 0.5)
+
+
+def _share(known: np.ndarray, half: np.ndarray, away: np.ndarray) -> np.ndarray:
+    """How far from a break, in halves of an interval, what is ``away`` from it is: doubly exponential.
+
+    The angle of the break is ``known`` so well.
+    """
+    least = np.clip(NEAREST / EPSILON * known / half, LEAST_SHARE, MOST_SHARE)
+    return np.exp(1 - np.exp(np.log(1 - np.log(least)) * (1 - away)))

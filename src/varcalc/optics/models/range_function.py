@@ -1,16 +1,18 @@
-"""All rays between two points of layers or about a centre, by the range function: the question and its answer."""
+"""All rays between points of layers or about a centre, by the range function: the questions and their answers."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Protocol
 
 import numpy as np
 
 from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.optics.media.medium import Medium, Radial
-from varcalc.optics.models.launches import Launch, launches
-from varcalc.optics.models.model import Builder, DoesNotApply, Question
-from varcalc.optics.models.reduction import Profile
+from varcalc.optics.media.tabulated import Tabulated
+from varcalc.optics.models.launches import Launch, Launches, launches, rounded_up
+from varcalc.optics.models.reduction import Profile, RayPotential
+from varcalc.optics.models.tables import TableProfile
 from varcalc.optics.rays.beam import frames
 from varcalc.optics.rays.ray import Ray, Rays
 
@@ -26,78 +28,175 @@ PANELS = 32
 """Panels whose errors, each within that to which they are integrated, may add up in an optical path."""
 
 
-def found_by_range(question: Question, *, careful: Builder | None = None) -> Rays:
-    """The rays that answer ``question``, whose one medium is ``Stratified`` or ``Radial`` and has no surfaces.
+TOGETHER = 64
+"""Questions asked together; bounds the memory."""
+ACROSS = 1000
+"""Heights at which it is asked whether there is an index all the way."""
 
-    A ray that misses the point as the question carries it, since it went far out where digits are lost, is carried the
-    ``careful`` way, if there is one.
 
-    Raises :class:`DoesNotApply` where an end is the centre of the index.
-    """
-    frame = Frame(question.media[0], question.a, question.b)
-    with np.errstate(invalid="ignore"):  # passages that do not exist, or are not known, are no numbers
-        found = launches(frame.profile, frame.heights, frame.distance, question.within)
-    carried = _carried(question, careful, frame, found.found)
+class Carry(Protocol):
+    """What takes the rays of questions to their ends."""
+
+    def __call__(
+        self, question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
+        counts: np.ndarray | None = None,
+    ) -> list[tuple[Ray | None, float]]:  # fmt: skip
+        """The rays of questions (k,), as :data:`varcalc.optics.models.model.Builder` gives those of one.
+
+        Last may come how many conjugate points they pass (k,), where that is known.
+        """
+        ...
+
+
+@dataclass
+class RangeFunction:
+    """All rays between points in one medium of layers or about a centre, without surfaces; what is compiled is kept."""
+
+    medium: Medium
+    _profiles: dict[float, RayPotential] = field(default_factory=dict, init=False, repr=False)
+
+    def applies(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """True (q,) for points (q, d) that are not the centre, about which all turns."""
+        if not isinstance(self.medium, Radial):
+            return np.ones(len(a), dtype=bool)
+        middle = self.medium.middle(a.shape[1])
+        return np.any(a != middle, axis=1) & np.any(b != middle, axis=1)
+
+    def rays(
+        self, a: np.ndarray, b: np.ndarray, within: np.ndarray, carry: Carry, careful: Carry | None = None
+    ) -> list[Rays]:
+        """The rays from each point ``a`` (q, d) to ``b`` (q, d) up to an optical path ``within`` (q,).
+
+        A ray that misses the point as ``carry`` takes it, since it went far out where digits are lost, is taken
+        there the ``careful`` way, if there is one.
+        """
+        frames_ = Frames.of(self.medium, a, b)
+        found: list[Launches | None] = [None] * len(a)
+        for unit in np.unique(frames_.unit):
+            rows = np.flatnonzero(frames_.unit == unit)
+            for first in range(0, len(rows), TOGETHER):
+                some = rows[first : first + TOGETHER]
+                for row, own in zip(some, self._launches(float(unit), frames_.take(some), within[some]), strict=True):
+                    found[row] = own
+        known = [own for own in found if own is not None]
+        carried = _carried(frames_, known, carry, careful)
+        return [_answer(*own) for own in zip(known, carried, within, strict=True)]
+
+    def _launches(self, unit: float, frames_: Frames, within: np.ndarray) -> list[Launches]:
+        """Questions about the same two heights, of about the same size, share what stands for their rays."""
+        profile = self._profile(unit, float(frames_.heights[0, 0]))
+        sizes = np.column_stack([frames_.heights, rounded_up(frames_.distance), rounded_up(within)])
+        pairs, pair = np.unique(sizes, axis=0, return_inverse=True)
+        pair = pair.ravel()
+        with np.errstate(invalid="ignore"):  # passages that do not exist, or are not known, are no numbers
+            lowest, highest = pairs[:, :2].min(), pairs[:, :2].max()
+            if np.all(profile.sound(np.linspace(lowest, highest, ACROSS))):
+                return launches(profile, pairs[:, :2], pair, frames_.distance, within)
+            # where there is no index rays end, whoever is asked about
+            first = np.zeros(1, dtype=int)
+            alone = (
+                launches(profile, pairs[[k], :2], first, frames_.distance[[q]], within[[q]])
+                for q, k in enumerate(pair)
+            )  # fmt: skip
+            return [own for one in alone for own in one]
+
+    def _profile(self, unit: float, probe: float) -> RayPotential:
+        """g, with a unit of length near the radii of the points, for a centre."""
+        if unit not in self._profiles:
+            medium = self.medium
+            known = TableProfile(medium) if isinstance(medium, Tabulated) else Profile(medium, unit, probe)
+            self._profiles[unit] = known
+        return self._profiles[unit]
+
+
+def _carried(
+    frames_: Frames, launched: list[Launches], carry: Carry, careful: Carry | None
+) -> list[list[Ray]]:  # fmt: skip
+    """The rays of the launches but those that do not meet the point: radial ones, at the rim of the range function."""
+    question = np.repeat(np.arange(len(launched)), [len(own.found) for own in launched])
+    found = [launch for own in launched for launch in own.found]
+    out: list[list[Ray]] = [[] for _ in launched]
+    if not found:
+        return out
+    c, speed, paths, way, touching, noise = (np.array(column) for column in zip(*map(_row, found), strict=True))
+    headings = frames_.headings(question, c * way, speed)
+    built = carry(question, headings, paths, touching)
+    floor = np.zeros(len(found))
+    miss = np.array([miss for _, miss in built])
+    again = np.flatnonzero((miss > CARRIED_WELL) & np.isfinite(miss) & (noise < TOLD))
+    if careful is not None and len(again):
+        floor[again] = PANELS * AGREED * paths[again]
+        counts = np.array([ray.index for ray in (built[k][0] for k in again) if ray])  # the way is the same
+        better = careful(question[again], headings[again], paths[again], touching[again], counts)
+        for k, own in zip(again, better, strict=True):
+            built[k] = own
+    for k, (ray, miss) in enumerate(built):
+        if ray is not None and miss <= MEETS:
+            # two routes to one number: by quadrature to the point, and along the ray
+            error = max(ray.error, floor[k], ERROR_MARGIN * abs(ray.optical_path - paths[k]))
+            out[question[k]].append(replace(ray, error=float(error)))
+    return out
+
+
+def _row(launch: Launch) -> tuple[float, float, float, int, bool, float]:
+    return launch.c, launch.speed, launch.path, launch.way, launch.touching, launch.noise
+
+
+def _answer(found: Launches, carried: list[Ray], within: float) -> Rays:
+    """What is said of one question."""
     rays = sorted(carried, key=lambda ray: ray.optical_path)
     unresolved = found.unresolved + found.resting + len(found.found) - len(rays)
     resting = f"; {found.resting} rays that all but come to rest along a layer" if found.resting else ""
     searched = (
         f"all launching angles by the range function ({found.looked_at} looked at, {unresolved} narrow "
-        f"intervals left unresolved{resting}), optical paths up to {question.within:.6g}"
+        f"intervals left unresolved{resting}), optical paths up to {within:.6g}"
     )
     reason = "" if rays else f"shadow: no ray of the source comes to B (searched: {searched})"
     return Rays(tuple(rays), reason, searched, found.continuum, unresolved)
 
 
-def _carried(question: Question, careful: Builder | None, frame: Frame, found: list[Launch]) -> list[Ray]:
-    """The rays of the launches but those that do not meet the point: radial ones, at the rim of the range function."""
-    if not found:
-        return []
-    headings = np.array([frame.heading(launch) for launch in found])
-    paths, touching = (np.array([getattr(launch, name) for launch in found]) for name in ("path", "touching"))
-    built = question.built(headings, paths, touching)
-    doubtful = [miss > CARRIED_WELL and launch.noise < TOLD for (_, miss), launch in zip(built, found, strict=True)]
-    floor, again = np.zeros(len(found)), np.flatnonzero(doubtful)
-    if careful is not None and len(again):
-        floor[again] = PANELS * AGREED * paths[again]
-        for k, better in zip(again, careful(headings[again], paths[again], touching[again]), strict=True):
-            built[k] = better
-    # two routes to one number: by quadrature to the point, and along the ray
-    return [
-        replace(ray, error=max(ray.error, floor[k], ERROR_MARGIN * abs(ray.optical_path - paths[k])))
-        for k, (ray, miss) in enumerate(built)
-        if ray is not None and miss <= MEETS
-    ]
+@dataclass(frozen=True)
+class Frames:
+    """Pairs of points as ``heights`` (q, 2) in a profile, and the ``distance`` (q,) between them along the layers.
 
+    ``up`` and ``ahead`` (q, d) are the directions of these at the first point, ``unit`` (q,) that of length.
+    """
 
-class Frame:
-    """Two points as heights in a profile, and the distances between them along the layers."""
+    up: np.ndarray
+    ahead: np.ndarray
+    heights: np.ndarray
+    distance: np.ndarray
+    unit: np.ndarray
 
-    def __init__(self, medium: Medium, a: np.ndarray, b: np.ndarray) -> None:
+    @classmethod
+    def of(cls, medium: Medium, a: np.ndarray, b: np.ndarray) -> Frames:
+        """The frames of points ``a`` and ``b`` (q, d)."""
+        d = a.shape[1]
         if isinstance(medium, Radial):
-            offsets = [end - medium.middle(len(a)) for end in (a, b)]
-            radii = [float(np.linalg.norm(offset)) for offset in offsets]
-            if min(radii) == 0:
-                raise DoesNotApply(
-                    "Invariants needs points off the centre of the index, about which all turns; take Hamilton()"
-                )
-            self.up = offsets[0] / radii[0]
-            unit = float(2.0 ** np.round(np.log2(radii[0])))
-            self.profile = Profile(medium, unit, 0.0)
-            self.heights = float(np.log(radii[0] / unit)), float(np.log(radii[1] / unit))
-            across = offsets[1] - np.dot(offsets[1], self.up) * self.up
-            self.distance = float(np.arctan2(np.linalg.norm(across), np.dot(offsets[1], self.up)))
+            start, end = a - medium.middle(d), b - medium.middle(d)
+            radii = np.stack([np.linalg.norm(start, axis=1), np.linalg.norm(end, axis=1)], axis=1)
+            up = start / radii[:, :1]
+            unit = 2.0 ** np.round(np.log2(radii[:, 0]))
+            heights = np.log(radii / unit[:, None])
+            along = np.sum(end * up, axis=1)
+            across = end - along[:, None] * up
+            length = np.linalg.norm(across, axis=1)
+            distance = np.arctan2(length, along)
         else:
-            self.up = np.eye(len(a))[-1]
-            self.profile = Profile(medium, 1.0, float(a[-1]))
-            self.heights = float(a[-1]), float(b[-1])
-            across = np.append((b - a)[:-1], 0.0)
-            self.distance = float(np.linalg.norm(across))
-        length = float(np.linalg.norm(across))
-        upright = length <= UPRIGHT * np.linalg.norm(b - a)  # what is left of it has no direction
-        self.ahead = frames(self.up[None, :])[0, 0] if upright else across / length
+            up, unit = np.tile(np.eye(d)[-1], (len(a), 1)), np.ones(len(a))
+            heights = np.stack([a[:, -1], b[:, -1]], axis=1)
+            across = np.column_stack([(b - a)[:, :-1], np.zeros(len(a))])
+            length = distance = np.linalg.norm(across, axis=1)
+        upright = length <= UPRIGHT * np.linalg.norm(b - a, axis=1)  # what is left of it has no direction
+        with np.errstate(all="ignore"):
+            ahead = np.where(upright[:, None], frames(up)[:, 0], across / length[:, None])
+        return cls(up, ahead, heights, distance, unit)
 
-    def heading(self, launch: Launch) -> np.ndarray:
-        """The unit vector along which a ray leaves the first point."""
-        heading = launch.speed * self.up + launch.way * launch.c * self.ahead
-        return heading / np.linalg.norm(heading)
+    def take(self, rows: np.ndarray) -> Frames:
+        """Those of some pairs."""
+        return Frames(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    def headings(self, pair: np.ndarray, along: np.ndarray, climb: np.ndarray) -> np.ndarray:
+        """The unit vectors (k, d) of rays of pairs (k,) with momenta ``along`` the layers and ``climb`` (k,)."""
+        heading = climb[:, None] * self.up[pair] + along[:, None] * self.ahead[pair]
+        return heading / np.linalg.norm(heading, axis=1, keepdims=True)

@@ -38,8 +38,17 @@ LEAST_ANGULAR_MOMENTUM = 1e-140
 """Of n r: a ray through the centre is the limit of rays past it."""
 
 
+class RayPotential(Potential):
+    """g of rays; the integrals over τ are the optical path, ∫ g dτ, and σ."""
+
+    @property
+    @abstractmethod
+    def about_centre(self) -> bool:
+        """True for a centre, False for layers."""
+
+
 @dataclass(frozen=True)
-class Profile(Potential):
+class Profile(RayPotential):
     """g of one medium, about ``unit``: the radius u is measured from, or any height in layers.
 
     Parameters

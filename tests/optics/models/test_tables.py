@@ -1,0 +1,109 @@
+"""g of a table: changes to round-off, integrals that stop at its heights, and all rays by pieces of parabolas."""
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from varcalc import optics
+from varcalc.optics.models.tables import TableProfile
+
+HEIGHTS = np.array([-4.1, -2.7, -2.2, -0.4, 0.3, 1.9, 3.0])
+INDEX = np.array([1.31, 1.12, 1.25, 1.4, 1.22, 1.08, 1.2])
+
+
+def exact(medium, u):
+    """n^2 at u by its cubic, in many digits."""
+    k = int(np.clip(np.searchsorted(medium.heights, float(u), side="right") - 1, 0, medium.layers - 1))
+    above = u - mp.mpf(medium.heights[k])
+    return sum(mp.mpf(float(c)) * above**i for i, c in enumerate(medium.coefficients[k]))
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+def test_changes_are_exact_however_small_and_through_any_number_of_layers(smooth):
+    medium = optics.Tabulated(HEIGHTS, INDEX, smooth=smooth)
+    profile, rng = TableProfile(medium), np.random.default_rng(5)
+    base = rng.uniform(HEIGHTS[0], HEIGHTS[-1], 60)
+    base[:6] = HEIGHTS[1:]  # from a height of the table both ways
+    x = np.where(rng.uniform(size=60) < 0.5, -1, 1) * 10.0 ** rng.uniform(-12, 0.5, 60)
+    x = np.clip(x, HEIGHTS[0] - base, HEIGHTS[-1] - base)
+    gain, _ = profile.changes(base, x)
+    with mp.workdps(40):
+        true = [
+            float(exact(medium, mp.mpf(b) + mp.mpf(d)) - exact(medium, mp.mpf(b))) for b, d in zip(base, x, strict=True)
+        ]
+    slopes = np.abs(np.diff(INDEX**2) / np.diff(HEIGHTS)).max()
+    layers = [np.searchsorted(HEIGHTS, at, side="right") for at in (base, base + x)]
+    # cubics meet at the heights to their own round-off
+    allowed = 1e-14 * slopes * np.abs(x) + np.where(layers[0] == layers[1], 1e-30, 1e-15)
+    np.testing.assert_array_less(np.abs(gain - true), allowed)
+
+
+def reached(squared, heights, start, cosine, up, distance):
+    """Where a ray of piecewise linear n^2 is after a distance: parabola by parabola; None where it leaves the table."""
+    slopes = np.diff(squared) / np.diff(heights)
+    g = float(np.interp(start, heights, squared))
+    p2, y, x = g * cosine**2, start, 0.0
+    w = (1 if up else -1) * math.sqrt(max(g - p2, 0.0))
+    while True:
+        k = np.searchsorted(heights, y, side="right") - 1 if w > 0 else np.searchsorted(heights, y, side="left") - 1
+        if not 0 <= k < len(slopes):
+            return None
+        # y'' = slope / 2 in sigma; the first height it comes to
+        times = []
+        for h in (heights[k], heights[k + 1]):
+            roots = np.roots([slopes[k] / 4, w, y - h])
+            times += [(float(t.real), h) for t in roots if abs(t.imag) < 1e-12 and t.real > 1e-9]
+        t, h = min(times, default=(math.inf, None))
+        rest = (distance - x) / math.sqrt(p2)
+        if t >= rest:
+            return y + w * rest + slopes[k] / 4 * rest**2
+        x, y, w = x + t * math.sqrt(p2), h, w + slopes[k] / 2 * t
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_all_rays_of_a_table_of_parabolas(seed):
+    rng = np.random.default_rng(seed)
+    heights = np.sort(rng.uniform(-5, 0, 7))
+    index = 1 + 0.05 * rng.uniform(size=7)
+    (start, end), distance = rng.uniform(heights[1], heights[-2], 2), float(rng.uniform(5, 60))
+    rays = optics.Scene(optics.Tabulated(heights, index, smooth=False)).rays((0, start), (distance, end))
+
+    def beyond(angle):
+        there = reached(index**2, heights, start, math.cos(angle), angle > 0, distance)
+        return math.nan if there is None else there - end
+
+    angles = np.unique(np.concatenate([np.linspace(-1.5, 1.5, 1500), np.linspace(-0.4, 0.4, 3000)]))
+    there = np.array([beyond(t) for t in angles])
+    found = []
+    for k in np.flatnonzero(there[1:] * there[:-1] < 0):
+        low, high = angles[k], angles[k + 1]
+        for _ in range(45):
+            middle = (low + high) / 2
+            low, high = (middle, high) if beyond(middle) * there[k] > 0 else (low, middle)
+        if abs(beyond(low) - beyond(high)) < 1e-6:  # else rays part at a kink
+            found.append(low)
+    assert rays.unresolved == 0
+    assert sorted(math.atan2(*ray.tangents[0][::-1]) for ray in rays) == pytest.approx(found, abs=1e-9)
+
+
+@pytest.mark.parametrize(("strength", "ends"), [(1e-6, (-1000, -300)), (1e-6, (-4800, -10)), (-1e-6, (-300, -1000))])
+@pytest.mark.parametrize("smooth", [True, False])
+def test_rays_that_leave_a_table_take_none_of_their_neighbours_with_them(strength, ends, smooth):
+    heights = np.linspace(-5000, 0, 11)
+    table = optics.Tabulated(heights, 1 + strength * (heights + 2500), smooth=smooth)
+    rays = optics.Scene(table).rays((0, ends[0]), (1e4, ends[1]))
+    assert (len(rays), rays.unresolved) == (1, 0)
+
+
+def test_many_receivers_of_a_table_are_answered_as_each_alone():
+    scene = optics.Scene(optics.Tabulated(HEIGHTS, INDEX))
+    receivers = np.column_stack([np.linspace(2, 9, 40), np.linspace(-3.5, 2.5, 40)])
+    together = scene.arrivals((0, 0.1), receivers)
+    for k in range(0, 40, 13):
+        alone = scene.rays((0, 0.1), receivers[k])
+        assert [ray.optical_path for ray in together[k]] == pytest.approx(
+            [ray.optical_path for ray in alone], rel=1e-12
+        )
+        assert together[k].unresolved == alone.unresolved
