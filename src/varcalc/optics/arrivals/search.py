@@ -13,9 +13,11 @@ from varcalc.optics.arrivals.space import DIRECTIONS, Approaches, search
 from varcalc.optics.arrivals.wavefront_construction import Arrivals, PlanePairs, WavefrontConstruction
 from varcalc.optics.media.medium import Medium, Radial, Stratified
 from varcalc.optics.media.tabulated import Tabulated
+from varcalc.optics.models.aimed import Carry
+from varcalc.optics.models.constant_pull import ConstantPull
 from varcalc.optics.models.invariants import Invariants
 from varcalc.optics.models.model import Builder, Model, Question, checked_model
-from varcalc.optics.models.range_function import Carry, RangeFunction
+from varcalc.optics.models.range_function import RangeFunction
 from varcalc.optics.propagation.sequential import CompiledScene, Propagator
 from varcalc.optics.rays.beam import RayStatus, Rows, launched, spreading
 from varcalc.optics.rays.ray import Ray, Rays
@@ -202,10 +204,7 @@ class PairSearch:
 
     compiled: CompiledScene
     _problems: dict[tuple[int, bool, Model | None], TwoPoint] = field(default_factory=dict, init=False, repr=False)
-    _range: RangeFunction = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        self._range = RangeFunction(self.compiled.media[0])
+    _complete: dict[int, ConstantPull | RangeFunction | None] = field(default_factory=dict, init=False, repr=False)
 
     def arrivals(self, source: str, A: Any, receiver: str, B: Any, within: Any, model: Any) -> list[Rays]:
         """The rays of each pair; the arguments go by the names ``source`` and ``receiver`` in messages."""
@@ -252,16 +251,17 @@ class PairSearch:
     def _found(self, ends: PointPairs, model: Model | None) -> list[Rays]:
         """The rays of each of the pairs, by the model's own search where it has one, by the scene's otherwise.
 
-        Left to choose, the range function is asked where layers or a centre have one: it looks at a curve, not at
-        the plane, and passes over nothing, however far rays go out.
+        Left to choose, what is known of the one medium is asked, which passes over nothing: the equation of parabolas
+        where ∇n² is constant; in layers and about a centre the range function, which looks at a curve, not at the
+        plane, however far rays go out.
         """
         problem = self._problem(ends, model.companion if model else None)
         answers: list[Rays | None] = [None] * len(ends)
         if model is not None:
             answers = [model.between(self._question(problem, ends.take([k]))) for k in range(len(ends))]
-        elif _has_range_function(problem.full):
-            rows = np.flatnonzero(self._range.applies(ends.sources, ends.targets))
-            for row, rays in zip(rows, self._by_range(ends.take(rows)), strict=True):
+        elif (known := self._known(ends.sources.shape[1])) is not None:
+            rows = np.flatnonzero(known.applies(ends.sources, ends.targets))
+            for row, rays in zip(rows, self._all_of(known, ends.take(rows)), strict=True):
                 answers[row] = rays
         left = [k for k, answer in enumerate(answers) if answer is None]
         if left:
@@ -275,8 +275,20 @@ class PairSearch:
         a, b, within = one.sources[0], one.targets[0], float(one.within[0])
         return Question(media, surfaces, a, b, within, _builder(problem, one), lambda: problem.found(one)[0])
 
-    def _by_range(self, ends: PointPairs) -> list[Rays]:
-        """The rays of pairs by the range function."""
+    def _known(self, dimension: int) -> ConstantPull | RangeFunction | None:
+        """What knows all rays of the scene, where there is one medium and no surface."""
+        medium = self.compiled.media[0]
+        if self.compiled.surfaces or medium.is_uniform:
+            return None
+        if dimension not in self._complete:
+            known = ConstantPull.of(medium, dimension)
+            if known is None and isinstance(medium, Stratified | Tabulated | Radial):
+                known = RangeFunction(medium)
+            self._complete[dimension] = known
+        return self._complete[dimension]
+
+    def _all_of(self, known: ConstantPull | RangeFunction, ends: PointPairs) -> list[Rays]:
+        """The rays of pairs that are known to be all."""
 
         def carried_by(model: Model | None) -> Carry:
             def carry(
@@ -290,7 +302,7 @@ class PairSearch:
 
         # a table is stepped from height to height as it is
         careful = None if isinstance(self.compiled.media[0], Tabulated) else carried_by(Invariants())
-        return self._range.rays(ends.sources, ends.targets, ends.within, carried_by(None), careful)
+        return known.rays(ends.sources, ends.targets, ends.within, carried_by(None), careful)
 
     def _with_planes(self, a: np.ndarray, b: np.ndarray, within: np.ndarray) -> PointPairs:
         """The pairs with the planes that hold their rays: all of them in one, each in its own, or none."""
@@ -369,12 +381,6 @@ def _builder(problem: TwoPoint, pair: PointPairs) -> Builder:
         return problem.built(pair.take(every), headings, paths, touching)
 
     return built
-
-
-def _has_range_function(propagator: Propagator) -> bool:
-    """Whether one medium of layers or about a centre fills the scene."""
-    medium = propagator.media[0]
-    return isinstance(medium, Stratified | Tabulated | Radial) and not propagator.surfaces and not medium.is_uniform
 
 
 def _in_row(which: np.ndarray) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
-from typing import Protocol
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.optics.media.medium import Medium, Radial
 from varcalc.optics.media.tabulated import Tabulated
+from varcalc.optics.models.aimed import Aimed, Carry
 from varcalc.optics.models.launches import Launch, Launches, launches, rounded_up
 from varcalc.optics.models.reduction import Profile, RayPotential
 from varcalc.optics.models.tables import TableProfile
@@ -18,34 +17,10 @@ from varcalc.optics.rays.ray import Ray, Rays
 
 UPRIGHT = 1e-13
 """Of the distance of two points: what they lie apart along layers is none."""
-CARRIED_WELL, MEETS = 1e-11, 1e-6
-"""Of the distance of two points: a ray that misses the second by more is carried again, or was none."""
-TOLD = 1e-10
-"""Noise of a ray's angle beyond which carrying it more carefully gains nothing."""
-ERROR_MARGIN = 4.0
-"""By how many times the difference of two optical paths either may be off."""
-PANELS = 32
-"""Panels whose errors, each within that to which they are integrated, may add up in an optical path."""
-
-
 TOGETHER = 64
 """Questions asked together; bounds the memory."""
 ACROSS = 1000
 """Heights at which it is asked whether there is an index all the way."""
-
-
-class Carry(Protocol):
-    """What takes the rays of questions to their ends."""
-
-    def __call__(
-        self, question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
-        counts: np.ndarray | None = None,
-    ) -> list[tuple[Ray | None, float]]:  # fmt: skip
-        """The rays of questions (k,), as :data:`varcalc.optics.models.model.Builder` gives those of one.
-
-        Last may come how many conjugate points they pass (k,), where that is known.
-        """
-        ...
 
 
 @dataclass
@@ -79,7 +54,8 @@ class RangeFunction:
                 for row, own in zip(some, self._launches(float(unit), frames_.take(some), within[some]), strict=True):
                     found[row] = own
         known = [own for own in found if own is not None]
-        carried = _carried(frames_, known, carry, careful)
+        # radial rays, and those at the rim of the range function, may not meet the point
+        carried = _aimed(frames_, known).carried(len(a), carry, careful)
         return [_answer(*own) for own in zip(known, carried, within, strict=True)]
 
     def _launches(self, unit: float, frames_: Frames, within: np.ndarray) -> list[Launches]:
@@ -109,42 +85,21 @@ class RangeFunction:
         return self._profiles[unit]
 
 
-def _carried(
-    frames_: Frames, launched: list[Launches], carry: Carry, careful: Carry | None
-) -> list[list[Ray]]:  # fmt: skip
-    """The rays of the launches but those that do not meet the point: radial ones, at the rim of the range function."""
+def _aimed(frames_: Frames, launched: list[Launches]) -> Aimed:
+    """The launches as rays that leave the first point."""
     question = np.repeat(np.arange(len(launched)), [len(own.found) for own in launched])
-    found = [launch for own in launched for launch in own.found]
-    out: list[list[Ray]] = [[] for _ in launched]
-    if not found:
-        return out
-    c, speed, paths, way, touching, noise = (np.array(column) for column in zip(*map(_row, found), strict=True))
+    rows = [_row(launch) for own in launched for launch in own.found]
+    c, speed, paths, way, touching, noise = np.array(rows, dtype=float).reshape(-1, 6).T
     headings = frames_.headings(question, c * way, speed)
-    built = carry(question, headings, paths, touching)
-    floor = np.zeros(len(found))
-    miss = np.array([miss for _, miss in built])
-    again = np.flatnonzero((miss > CARRIED_WELL) & np.isfinite(miss) & (noise < TOLD))
-    if careful is not None and len(again):
-        floor[again] = PANELS * AGREED * paths[again]
-        counts = np.array([ray.index for ray in (built[k][0] for k in again) if ray])  # the way is the same
-        better = careful(question[again], headings[again], paths[again], touching[again], counts)
-        for k, own in zip(again, better, strict=True):
-            built[k] = own
-    for k, (ray, miss) in enumerate(built):
-        if ray is not None and miss <= MEETS:
-            # two routes to one number: by quadrature to the point, and along the ray
-            error = max(ray.error, floor[k], ERROR_MARGIN * abs(ray.optical_path - paths[k]))
-            out[question[k]].append(replace(ray, error=float(error)))
-    return out
+    return Aimed(question, headings, paths, touching.astype(bool), noise)
 
 
 def _row(launch: Launch) -> tuple[float, float, float, int, bool, float]:
     return launch.c, launch.speed, launch.path, launch.way, launch.touching, launch.noise
 
 
-def _answer(found: Launches, carried: list[Ray], within: float) -> Rays:
+def _answer(found: Launches, rays: list[Ray], within: float) -> Rays:
     """What is said of one question."""
-    rays = sorted(carried, key=lambda ray: ray.optical_path)
     unresolved = found.unresolved + found.resting + len(found.found) - len(rays)
     resting = f"; {found.resting} rays that all but come to rest along a layer" if found.resting else ""
     searched = (

@@ -1,0 +1,76 @@
+"""Rays that are known to go from one point to another, carried there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from varcalc.numerics.one_coordinate.quadrature import AGREED
+from varcalc.optics.rays.ray import Ray
+
+CARRIED_WELL, MEETS = 1e-11, 1e-6
+"""Of the distance of two points: a ray that misses the second by more is carried again, or was none."""
+TOLD = 1e-10
+"""Noise of a ray's angle beyond which carrying it more carefully gains nothing."""
+ERROR_MARGIN = 4.0
+"""By how many times the difference of two optical paths either may be off."""
+PANELS = 32
+"""Panels whose errors, each within that to which they are integrated, may add up in an optical path."""
+
+
+class Carry(Protocol):
+    """What takes the rays of questions to their ends."""
+
+    def __call__(
+        self, question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
+        counts: np.ndarray | None = None,
+    ) -> list[tuple[Ray | None, float]]:  # fmt: skip
+        """The rays of questions (k,), as :data:`varcalc.optics.models.model.Builder` gives those of one.
+
+        Last may come how many conjugate points they pass (k,), where that is known.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Aimed:
+    """k rays that answer ``question`` (k,): unit ``headings`` (k, d), optical ``paths`` (k,), and more.
+
+    ``touching`` (k,) says that a ray touches a caustic at its end, ``noise`` (k,) what round-off of its heading makes
+    of how far it comes.
+    """
+
+    question: np.ndarray
+    headings: np.ndarray
+    paths: np.ndarray
+    touching: np.ndarray
+    noise: np.ndarray
+
+    def carried(self, count: int, carry: Carry, careful: Carry | None) -> list[list[Ray]]:
+        """The rays of each of ``count`` questions but those that do not meet the point.
+
+        A ray that misses the point as ``carry`` takes it, since it went far out where digits are lost, is taken there
+        the ``careful`` way, if there is one.
+        """
+        out: list[list[Ray]] = [[] for _ in range(count)]
+        if len(self.question) == 0:
+            return out
+        built = carry(self.question, self.headings, self.paths, self.touching)
+        floor, miss = np.zeros(len(built)), np.array([miss for _, miss in built])
+        again = np.flatnonzero((miss > CARRIED_WELL) & np.isfinite(miss) & (self.noise < TOLD))
+        if careful is not None and len(again):
+            floor[again] = PANELS * AGREED * self.paths[again]
+            counts = np.array([ray.index for ray in (built[k][0] for k in again) if ray])  # the way is the same
+            better = careful(
+                self.question[again], self.headings[again], self.paths[again], self.touching[again], counts
+            )
+            for k, own in zip(again, better, strict=True):
+                built[k] = own
+        for k, (ray, off) in enumerate(built):
+            if ray is not None and off <= MEETS:
+                # two routes to one number: to the point in one stroke, and along the ray
+                error = max(ray.error, floor[k], ERROR_MARGIN * abs(ray.optical_path - self.paths[k]))
+                out[self.question[k]].append(replace(ray, error=float(error)))
+        return [sorted(rays, key=lambda ray: ray.optical_path) for rays in out]
