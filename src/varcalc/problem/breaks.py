@@ -6,8 +6,6 @@ the curve comes by.
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import casadi as ca
 import numpy as np
 
@@ -15,19 +13,12 @@ from varcalc.problem.conditions import Bound, Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import derived
-from varcalc.symbolic.intervals import Interval, enclosures
+from varcalc.symbolic.places import FINEST, places
 from varcalc.symbolic.switches import SWITCHING, Switch, switches
 from varcalc.symbolic.tracing import Expression
 
-CUTS = 16
-"""Pieces of the interval that are looked at to begin with."""
-MOST_PIECES = 4096
-"""Pieces at one time beyond which abscissae are too many to be placed."""
-MOST_BREAKS = 256
 BESIDE, GROWN = (1e-4, 1e-8), 1.5
 """Distances from a break, in units of the interval, and the ratio of what is found at both that is no limit."""
-FINEST = 1e-13
-"""Width of a piece, relative to the interval, that is a point."""
 
 
 @derived
@@ -136,77 +127,8 @@ def _placed_at(problem: Functional, span: tuple[float, float], values: tuple[flo
     found = list(problem.breakpoints)
     for switch in switches_of(problem):
         if along_x(problem, switch):
-            here = _abscissae(problem, switch, span, values, found)
+            here = places(switch, problem.symbols.x, span, found, problem.symbols.parameters, values)
             if here is None:
                 return switch
             found += [x for x in here if not any(abs(x - y) <= FINEST * (span[1] - span[0]) for y in found)]
     return tuple(sorted(x for x in found if span[0] < x < span[1]))
-
-
-def _abscissae(
-    problem: Functional, switch: Switch, span: tuple[float, float], values: tuple[float, ...], known: list[float]
-) -> list[float] | None:
-    """Where the argument of a switch along x is zero, or a whole number, by bisection of enclosures; None: too many.
-
-    The argument may itself jump at abscissae ``known`` so far, of what is carried out before.
-    """
-    s = problem.symbols
-    slope = ca.jacobian(switch.argument, s.x)
-    function = ca.Function("argument", [s.x, s.parameters], [switch.argument, slope])
-    numbers = [(np.array(v), np.array(v)) for v in values]
-    cuts = [x for x in known if span[0] < x < span[1]]
-    edges = np.unique([*np.linspace(*span, CUTS + 1), *cuts])
-    beside = FINEST * (span[1] - span[0]) * np.isin(edges, cuts)  # there the argument is on neither side
-    low, high = edges[:-1] + beside[:-1], edges[1:] - beside[1:]
-    found: list[float] = []
-    while len(low):
-        if len(low) > MOST_PIECES or len(found) > MOST_BREAKS:
-            return None
-        (value,), slope = enclosures(function, [[(low, high)], numbers])
-        least, greatest = (np.broadcast_to(v, low.shape) for v in value)
-        hit = np.floor(greatest) >= np.ceil(least) if switch.stepped else (least <= 0) & (greatest >= 0)
-        hit &= (least < greatest) | (low == high)  # constant there, it does not switch inside
-        single = hit & _one_way(slope, low.shape)
-        if switch.stepped and (greatest - least)[single].sum() > MOST_BREAKS:
-            return None
-        for a, b in zip(low[single].tolist(), high[single].tolist(), strict=True):
-            found += _crossings(function, switch, a, b, values)
-        rest = hit & ~single
-        fine = rest & (high - low <= FINEST * (span[1] - span[0]))
-        found += (0.5 * (low[fine] + high[fine])).tolist()
-        low, high = low[rest & ~fine], high[rest & ~fine]
-        middle = 0.5 * (low + high)
-        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-    return _apart(sorted(found), 4 * FINEST * (span[1] - span[0]))
-
-
-def _one_way(slope: list[Interval], shape: tuple[int, ...]) -> np.ndarray:
-    """Whether the argument only rises, or only falls."""
-    if not slope:
-        return np.zeros(shape, dtype=bool)
-    least, greatest = (np.broadcast_to(v, shape) for v in slope[0])
-    return (least > 0) | (greatest < 0)
-
-
-def _crossings(function: ca.Function, switch: Switch, a: float, b: float, values: tuple[float, ...]) -> list[float]:
-    """Where an argument that only rises or falls between a and b meets zero, or whole numbers."""
-    from scipy.optimize import brentq
-
-    def at(x: float) -> float:
-        return float(function(x, list(values))[0])
-
-    first, last = at(a), at(b)
-    low, high = min(first, last), max(first, last)
-    levels = np.arange(np.ceil(low), np.floor(high) + 1) if switch.stepped else np.zeros(1)
-    out = []
-    for level in levels.tolist():
-        if level in (first, last):
-            out.append(a if level == first else b)
-        elif low < level < high:
-            out.append(float(brentq(lambda x, level=level: at(x) - level, a, b, xtol=1e-15, rtol=1e-15)))
-    return out
-
-
-def _apart(found: list[float], least: float) -> list[float]:
-    """Abscissae in order, those nearer to each other than ``least`` taken for one."""
-    return [*found[:1], *(b for a, b in pairwise(found) if b - a > least)]

@@ -5,6 +5,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from varcalc import optics
 
@@ -127,3 +128,33 @@ def test_a_wall_far_off_whose_exponential_is_nothing_hides_no_straight_ray(width
     scene = optics.Scene(optics.Stratified(lambda y: 1 + 1e-2 * ca.exp(-(((y - 3.3333) / width) ** 2))))
     [ray] = scene.rays((0, 0), (5.0, 0.3))
     assert ray.optical_path == pytest.approx(math.hypot(5.0, 0.3), rel=1e-12)
+
+
+@pytest.mark.parametrize("fall", [0.03, 0.16, 1.0])
+@pytest.mark.parametrize(("source", "receiver", "distance"), [(0.361, 0.354, 33.86), (0.0, 0.3, 6.0), (0.2, 0.2, 25.0)])
+def test_rays_below_a_kink_are_resolved_down_to_level_ones(fall, source, receiver, distance):
+    # n² = 1 up to the height 1, and falls linearly above: up, over and down again comes as far as
+    # (2 - source - receiver) cot t + 2 sin 2t / fall
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 - fall * ca.fmax(y - 1, 0))))
+    rays = scene.rays((0, source), (distance, receiver), within=4 * distance)
+
+    def beyond(t):
+        return (2 - source - receiver) / np.tan(t) + 2 * np.sin(2 * t) / fall - distance
+
+    angles = np.geomspace(1e-4, 1.5707, 400_001)
+    places = angles[:-1][np.diff(np.sign(beyond(angles))) != 0]
+    exact = [brentq(beyond, t, t * 1.001, xtol=1e-15) for t in places]
+    paths = [math.hypot(distance, receiver - source)]
+    paths += [
+        # ∫n² dσ over the parabola is 2 w (1 - w²)/f + 2 w³/(3 f), times two
+        (2 - source - receiver) / math.sin(t) + 4 * math.sin(t) * (1 - 2 * math.sin(t) ** 2 / 3) / fall
+        for t in exact
+    ]
+    assert rays.unresolved == 0
+    paths = sorted(path for path in paths if path <= 4 * distance)
+    assert [ray.optical_path for ray in rays] == pytest.approx(paths, rel=1e-11)
+
+
+def test_rays_that_turn_where_the_index_is_nothing_are_resolved():
+    scene = optics.Scene(optics.Stratified(lambda z: 1.78 - 0.43 * ca.exp(z / 71)))
+    assert [scene.rays((0, -500), (x, -100)).unresolved for x in (50, 300, 2000)] == [0, 0, 0]

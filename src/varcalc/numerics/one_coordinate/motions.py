@@ -19,6 +19,10 @@ from varcalc.numerics.one_coordinate.potential import NodesOutwards, Potential, 
 
 DOUBTFUL = 1e-10
 """Of g: what is left of it at a node, where that is less, is told from its change."""
+ROUNDED = 64 * float(np.finfo(float).eps)
+"""Of a height: by how much more a turning point is not off."""
+KNOWN = 1e-2
+"""Of the change of g over a height: what is left of it has so many digits more than the height."""
 TOGETHER = 2048
 """Motions looked at together; bounds the memory."""
 
@@ -99,10 +103,11 @@ class NoTurn(CoordinateMotion):
 class OneTurn(CoordinateMotion):
     """u = ``turn`` + ``sign`` q²: Q = q² D with D the mean slope between the turning point and u.
 
-    ``offset`` is u₀ - turn.
+    ``offset`` is u₀ - turn, and ``rest`` what ``turn`` is short of the turning point for being rounded.
     """
 
     turn: np.ndarray
+    rest: np.ndarray
     offset: np.ndarray
     sign: np.ndarray
 
@@ -110,9 +115,10 @@ class OneTurn(CoordinateMotion):
         """See :meth:`CoordinateMotion.at`."""
         sign, turn = self.sign[:, None], self.turn[:, None]
         squared = q**2
-        start = self.potential.at(turn)
+        start, rest = self.potential.at(turn), self.rest[:, None]
         values, steep = self.potential.moved(turn, sign * squared, start), start[1]
-        mean = np.where(squared > 0, values.gain / np.where(squared > 0, squared, 1.0), sign * steep)
+        gain = values.gain + rest * values.bend
+        mean = np.where(squared > 0, gain / np.where(squared > 0, squared, 1.0), sign * steep)
         bend = np.where(squared > 0, values.bend / np.where(squared > 0, squared, 1.0), 0.0)
         by_c = bend / steep
         root = np.sqrt(mean)
@@ -134,11 +140,13 @@ class OneTurn(CoordinateMotion):
 class TwoTurns(CoordinateMotion):
     """u goes to and fro between ``low`` and ``high``, ``span`` apart: u = low + span sin²(q/2).
 
-    Q = (u - low)(high - u) E. Changes are taken from the nearer of the two.
+    Q = (u - low)(high - u) E. Changes are taken from the nearer of the two, which are ``rests`` (m, 2) short of the
+    turning points for being rounded.
     """
 
     low: np.ndarray
     high: np.ndarray
+    rests: np.ndarray
     span: np.ndarray
 
     @property
@@ -153,10 +161,12 @@ class TwoTurns(CoordinateMotion):
         above, below = span * np.sin(q / 2) ** 2, span * np.cos(q / 2) ** 2
         upper = below < above
         x = np.where(upper, -below, above)
-        base, squared, steep = (np.where(upper, *ends) for ends in ((high, low), *zip(at_high, at_low, strict=True)))
+        rest, over = self.rests[:, :1], self.rests[:, 1:]
+        ends = (high, low), (over, rest), *zip(at_high, at_low, strict=True)
+        base, short, squared, steep = (np.where(upper, *pair) for pair in ends)
         values = self.potential.moved(base, x, (squared, steep))
         safe = np.where(x == 0, 1.0, x)
-        mean = np.where(x == 0, steep, values.gain / safe)
+        mean = np.where(x == 0, steep, (values.gain + short * values.bend) / safe)
         bend = np.where(x == 0, 0.0, values.bend / safe)
         other = np.where(upper, -above, below)  # the product of the distances is x * other
         ease = mean / other
@@ -255,6 +265,19 @@ def _brackets(
     return away[:, -1], np.any(stopped, axis=1), np.where(lower >= begin, lower, previous), upper
 
 
+def _turn(potential: Potential, u0: np.ndarray, w0: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The turning points ``x`` from ``u0`` (m,), and how much they are short of being ones for round-off.
+
+    Next to a kink or in a slight slope that matters: what is left of g - C is known better than its place.
+    """
+    turn = u0 + x
+    size, slope = np.maximum(np.abs(x), np.abs(turn)), potential.at(turn)[1]
+    with np.errstate(all="ignore"):
+        left = (w0**2 + potential(u0, x).gain) / slope
+    known = (np.abs(left) <= ROUNDED * size) & (w0**2 <= KNOWN * np.abs(slope) * size)
+    return turn, (u0 - turn) + x - np.where(known, left, 0.0)
+
+
 def ways(
     potential: Potential, u0: np.ndarray, w0: np.ndarray, below: MotionBounds, above: MotionBounds
 ) -> list[tuple[np.ndarray, CoordinateMotion, np.ndarray]]:
@@ -267,14 +290,16 @@ def ways(
         down, up = -below.x[rows], above.x[rows]
         start = 2 * np.arctan2(np.sqrt(down), np.sqrt(up))
         start = np.where(w0[rows] < 0, -start, start)
-        way = TwoTurns(potential, start, u0[rows] - down, u0[rows] + up, down + up)
+        (low, low_rest), (high, high_rest) = (_turn(potential, u0[rows], w0[rows], x) for x in (-down, up))
+        way = TwoTurns(potential, start, low, high, np.column_stack([low_rest, high_rest]), down + up)
         out.append((rows, way, np.full(len(rows), np.inf)))
     for sign, here, other in ((1, below, above), (-1, above, below)):
         rows = np.flatnonzero(here.turning & ~other.turning & ~rests)
         if len(rows):
             offset = -here.x[rows]
             start = sign * np.where(w0[rows] < 0, -1.0, 1.0) * np.sqrt(np.abs(offset))
-            way = OneTurn(potential, start, u0[rows] - offset, offset, np.full(len(rows), float(sign)))
+            turn, rest = _turn(potential, u0[rows], w0[rows], -offset)
+            way = OneTurn(potential, start, turn, rest, offset, np.full(len(rows), float(sign)))
             out.append((rows, way, way.reaching(other.x[rows])))
     rows = np.flatnonzero(~below.turning & ~above.turning & (w0 != 0))
     if len(rows):

@@ -66,8 +66,8 @@ class ConstantPull:
         lit = touching | ((middle > 0) & (inside > 0))
         with np.errstate(all="ignore"):
             sigma = np.sqrt(np.stack([2 * far**2 / (middle + root), 2 * (middle + root) / pull**2], axis=1))
-        start = way[:, None, :] / sigma[..., None] - sigma[..., None] * self.pull / 2
-        path = (squared[:, None] + pull**2 * sigma**2 / 3) * sigma + (start @ self.pull) * sigma**2
+            start = way[:, None, :] / sigma[..., None] - sigma[..., None] * self.pull / 2
+            path = (squared[:, None] + pull**2 * sigma**2 / 3) * sigma + (start @ self.pull) * sigma**2
         wanted = lit[:, None] & (path <= within[:, None]) & ~(touching[:, None] & [False, True])
         question, which = np.nonzero(wanted)
         start = start[question, which]

@@ -24,6 +24,8 @@ AT_A_TURN = 1e-13
 """Of the difference of two heights: so close to a turning point one is at it."""
 SAME_MINIMUM = 1e-15
 """Of g: minima that differ by less are one."""
+DARK = 1e-6
+"""Of g: where it is less, upright rays turn at an index that is all but nothing."""
 STAYS_LEVEL = 1e-15
 """Of g: where it changes by less over the distance, a ray that starts level stays so."""
 EPSILON = 2 * float(np.finfo(float).eps)
@@ -103,34 +105,60 @@ class Passages:
 
     @cached_property
     def rounded(self) -> np.ndarray:
-        """How well the angles of the breaks are known in comparison with others: (p, b), 0 for level and upright rays.
+        """How well the angles of the breaks are known in comparison with others (p, b), 0 where nothing is lost.
 
         What is known to round-off is the largest change of g that adds up to that at a break.
         """
         with np.errstate(all="ignore"):
-            known = EPSILON * np.maximum(self.breaks**2, np.minimum(self._variation, 1.0)[:, None]) / self.breaks
+            known = EPSILON * np.maximum(self.breaks**2, np.minimum(self._variation[0], 1.0)[:, None]) / self.breaks
         return np.where(self._inner, known, 0.0)
 
     @cached_property
-    def _variation(self) -> np.ndarray:
-        """How much g varies (p,), in units of that at the start."""
-        out = np.empty(len(self.start))
+    def _variation(self) -> tuple[np.ndarray, np.ndarray]:
+        """How much g varies (p,), and its least value (p,), in units of that at the start."""
+        varies, least = np.empty(len(self.start)), np.empty(len(self.start))
         for k, (low, high) in enumerate(zip(self.low, self.high, strict=True)):
             g = self.nodes.g[slice(*np.searchsorted(self.nodes.u, (low, np.nextafter(high, np.inf))))]
-            out[k] = np.ptp(g[np.abs(g) < np.inf])
-        return out / self.g
+            varies[k], least[k] = np.ptp(g[np.abs(g) < np.inf]), g.min()
+        return varies / self.g, least / self.g
 
     @cached_property
     def _inner(self) -> np.ndarray:
-        """Which of the breaks (p, b) are neither the first nor the last, and not mild: rays come to rest there."""
-        number = np.arange(self.breaks.shape[1])
-        return (number > 0) & (number < self.count[:, None] - 1) & ~self.mild
+        """At which of the breaks (p, b) digits are lost: where rays come to rest, and upright ones at an index of 0."""
+        number, last = np.arange(self.breaks.shape[1]), self.count[:, None] - 1
+        dark = (number == last) & (self._variation[1] <= DARK)[:, None]
+        return ((number > 0) & (number < last) & ~self.mild) | dark
 
     def noise(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
         """What round-off makes of the passages of pairs (m,) at angles (m,), relatively: much beside a break."""
         with np.errstate(all="ignore"):
             beside = self.rounded[pair] / np.abs(angles[:, None] - self.breaks[pair])
         return np.minimum(np.max(beside, axis=-1, initial=0.0, where=self._inner[pair]), 1.0)
+
+    def at_least(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
+        """What S is, and U and D are no less than (m, 6), told without their turning points.
+
+        Beyond a kink a ray that is all but level turns within round-off of it. U and D are gone half the way to where
+        they turn. Not numbers where there is no telling even so.
+        """
+        u0, to, root = self.start[pair], self.way[pair], np.sqrt(self.g[pair])
+        c, squared = root * np.cos(angles), (root * np.sin(angles)) ** 2
+        there, last = self.end[pair], squared + self.higher[pair]
+        starts, speeds, ways_ = (u0, there, u0), (squared, last, squared), (to, to, -to)
+        free, zero = np.full(len(angles), np.inf), np.zeros(len(angles))
+        out = np.full((len(angles), COUNT), np.nan)
+        for k, (u, w, way) in enumerate(zip(starts, speeds, ways_, strict=True)):
+            if k == 0:
+                far = np.abs(there - u0)
+            else:
+                sides = [bounds(self.profile, self.nodes, u, w, c**2, free, sign) for sign in (-1, 1)]
+                far = np.where(way > 0, sides[1].x, -sides[0].x) / 2
+            part = np.flatnonzero(np.isfinite(far) & (far >= 0))
+            straight = NoTurn(self.profile, zero, u, w, way).take(part)
+            with np.errstate(all="ignore"):
+                sums = integrals(straight, zero[part], far[part])
+            out[part, k], out[part, LAYERS + k] = c[part] * sums[:, TAU], sums[:, PATH]
+        return out
 
     def _write(self, pair: np.ndarray, angles: np.ndarray, agreed: np.ndarray, out: np.ndarray) -> None:
         u0, to, root = self.start[pair], self.way[pair], np.sqrt(self.g[pair])
@@ -318,8 +346,16 @@ class Spread:
         return self.passages.noise(family, self.angles(family, at))
 
     def __call__(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """The passages (m, 6)."""
-        return self.passages.at(family, self.angles(family, at))
+        """The passages (m, 6); what is not known but longer than is asked for is so long at least."""
+        angles = self.angles(family, at)
+        values = self.passages.at(family, angles)
+        rows = np.flatnonzero(np.isneginf(values).any(axis=1))
+        if len(rows):
+            least = self.passages.at_least(family[rows], angles[rows])
+            asked = self.scale(family[rows])
+            asked[:, [0, LAYERS]] = -np.inf
+            values[rows] = np.where(np.isneginf(values[rows]) & (least > asked), least, values[rows])
+        return values
 
     def scale(self, family: np.ndarray) -> np.ndarray:
         """The distances and the optical paths that are asked for."""

@@ -29,6 +29,8 @@ from varcalc.optics.media.medium import Expression, Medium, Radial
 from varcalc.optics.rays.beam import Beam, frames
 from varcalc.symbolic.differences import carry, displaced
 from varcalc.symbolic.evaluation import Columns, PointEvaluator
+from varcalc.symbolic.places import places
+from varcalc.symbolic.switches import switches
 
 LOG_RADIUS_LIMIT = 330.0
 """Of |ln(r/r₀)|: beyond it r² is no number."""
@@ -65,6 +67,7 @@ class Profile(RayPotential):
     probe: float
     _changes: Columns = field(init=False, repr=False, compare=False)
     _index: Columns = field(init=False, repr=False, compare=False)
+    _stops: np.ndarray = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         u, base, x = ca.SX.sym("u"), ca.SX.sym("base"), ca.SX.sym("x")
@@ -77,6 +80,23 @@ class Profile(RayPotential):
         index = self._plain.index(self._position(u))
         results = [g, ca.densify(slope), ca.SX(index)]
         object.__setattr__(self, "_index", PointEvaluator(ca.Function("index", [u], results)).columns)
+        object.__setattr__(self, "_stops", self._switched(g, u))
+
+    def _switched(self, g: Expression, u: Expression) -> np.ndarray:
+        """Where g has kinks or jumps; none where there are too many to be placed."""
+        far = LOG_RADIUS_LIMIT if self.about_centre else FAR * max(1.0, abs(self.probe))
+        found: list[float] = []
+        for switch in switches([g], [u]):
+            here = places(switch, u, (-far, far), found) if switch.depends_on(u) else []
+            if here is None:
+                return np.zeros(0)
+            found += here
+        return np.unique(found)
+
+    @property
+    def stops(self) -> np.ndarray:
+        """See :meth:`Potential.stops`."""
+        return self._stops
 
     @property
     def about_centre(self) -> bool:
