@@ -2,4 +2,4 @@
 
 from setuptools import find_packages, setup
 
-setup(packages=[*find_packages("src"), "varcalc.problems", "varcalc.problems.optics"])
+setup(packages=[*find_packages("src"), "varcalc.problems", "varcalc.problems.mechanics", "varcalc.problems.optics"])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import varcalc as vc
-from varcalc import optics
+from varcalc import mechanics, optics
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
@@ -70,6 +70,12 @@ def test_reference_page_names_every_public_name_of_optics():
     )
     listed = re.findall(r"automodule:: varcalc\.optics\.[\w.]+\n   :members: (.*)$", page, re.MULTILINE)
     assert documented | set(", ".join(listed).split(", ")) == set(optics.__all__)
+
+
+def test_reference_page_names_every_public_name_of_mechanics():
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    documented = re.findall(r"^\.\. auto(?:class|function):: varcalc\.mechanics\.(\w+)$", page, re.MULTILINE)
+    assert set(documented) == set(mechanics.__all__)
 
 
 @pytest.mark.parametrize(("page", "least"), [("architecture", 20), ("extending", 5)])

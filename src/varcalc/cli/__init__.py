@@ -1,4 +1,4 @@
-"""The command line: ``varcalc list``, ``run``, ``chart``, ``sweep`` and ``trace``.
+"""The command line: ``varcalc list``, ``run``, ``chart``, ``sweep``, ``trace`` and ``move``.
 
 What a command needs is imported when it runs, so that help and the list come at once.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import click
 
 from varcalc.cli.measuring import chart, sweep
+from varcalc.cli.moving import move
 from varcalc.cli.problems import list_, run
 from varcalc.cli.tracing import trace
 
@@ -18,5 +19,5 @@ def main() -> None:
     """The calculus of variations as a solver: extremals by independent routes, with honest errors."""
 
 
-for command in (list_, run, chart, sweep, trace):
+for command in (list_, run, chart, sweep, trace, move):
     main.add_command(command)

@@ -30,15 +30,16 @@ if TYPE_CHECKING:
 @click.command("list")
 @click.argument("name", required=False)
 @click.option("--scenes", is_flag=True, help="List the scenes of ray optics instead, for `varcalc trace`.")
-def list_(name: str | None, scenes: bool) -> None:
+@click.option("--systems", is_flag=True, help="Move every system of mechanics, and list the largest error of each.")
+def list_(name: str | None, scenes: bool, systems: bool) -> None:
     """List the reference problems, or the cases of problem NAME."""
     from varcalc.study.reference import catalogue
     from varcalc.study.scenes import scene_catalogue
 
-    if scenes and name is not None:
-        raise click.UsageError("--scenes lists scenes, which have no cases; leave NAME out")
+    if scenes + systems + (name is not None) > 1:
+        raise click.UsageError("--scenes and --systems list what has no cases; give one of them, or NAME")
     if name is None:
-        entries = scene_catalogue() if scenes else catalogue()
+        entries = scene_catalogue() if scenes else _systems() if systems else catalogue()
     else:
         entries = {reference.name: reference.statement.partition("\n")[0] for reference in loaded(name)}
     indent = max(map(len, entries), default=0) + 2
@@ -50,8 +51,16 @@ def list_(name: str | None, scenes: bool) -> None:
         )
         click.echo(f"{entry:{indent}}{text[indent:]}".rstrip())
     if name is None and sys.stdout.isatty():
-        way = "trace NAME traces one." if scenes else "run NAME solves one; varcalc list NAME shows its cases."
+        way = "run NAME solves one; varcalc list NAME shows its cases."
+        way = "trace NAME traces one." if scenes else "move NAME moves one." if systems else way
         click.echo(f"\nvarcalc {way}")
+
+
+def _systems() -> dict[str, str]:
+    """The experiments of mechanics, each with its largest error."""
+    from varcalc.study.experiments import experiment_catalogue, load_experiment
+
+    return {name: f"{load_experiment(name).run().largest:.1e}  {line}" for name, line in experiment_catalogue().items()}
 
 
 @click.command(cls=JsonCommand)

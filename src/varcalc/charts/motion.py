@@ -1,0 +1,58 @@
+"""A motion: its coordinates against time, and its phase portrait or its orbit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from varcalc.charts.colours import OTHER_COLOURS
+
+if TYPE_CHECKING:
+    from varcalc.mechanics.experiment import Moved
+
+LEVELS = 14
+
+
+def motion_picture(moved: Moved) -> Figure:
+    """Coordinates against time on the left; on the right the phase portrait of one coordinate, the orbit of more."""
+    figure = Figure(figsize=(11, 4.6), layout="constrained")
+    left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
+    times, q, v = moved.drawn
+    names = list(moved.names)
+    for number, (name, values) in enumerate(zip(moved.names, q, strict=True)):
+        left.plot(times, values, color=OTHER_COLOURS[number % len(OTHER_COLOURS)], label=name)
+    for event in moved.motion.events:
+        left.axvline(event.t, color="0.8", linewidth=0.8, zorder=0)
+    left.set_xlabel("t")
+    left.set_ylabel(moved.names[0] if len(moved.names) == 1 else "coordinates")
+    if len(q) > 1:
+        left.legend(frameon=False)
+    if len(q) == 1:
+        _phase_portrait(right, moved, q[0], v[0])
+    else:
+        right.plot(q[0], q[1], color=OTHER_COLOURS[0])
+        right.plot(q[0, :1], q[1, :1], "o", color=OTHER_COLOURS[0])
+        right.set_xlabel(names[0])
+        right.set_ylabel(names[1])
+    figure.suptitle(moved.title)
+    return figure
+
+
+def _phase_portrait(axes: Axes, moved: Moved, q: np.ndarray, v: np.ndarray) -> None:
+    portrait = moved.portrait
+    if portrait is not None:
+        levels = np.linspace(portrait.energy.min(), portrait.energy.max(), LEVELS)
+        axes.contour(
+            portrait.q, portrait.v, portrait.energy, levels=levels, colors="0.8", linewidths=0.7, linestyles="solid"
+        )
+        if portrait.separatrices:
+            axes.contour(
+                portrait.q, portrait.v, portrait.energy, levels=sorted(portrait.separatrices), colors=OTHER_COLOURS[1],
+                linewidths=1.2, linestyles="dashed",
+            )  # fmt: skip
+    axes.plot(q, v, color=OTHER_COLOURS[0], linewidth=2)
+    axes.set_xlabel(moved.names[0])
+    axes.set_ylabel(f"d{moved.names[0]}/dt")

@@ -1,0 +1,31 @@
+"""Mechanics from the action principle: a Lagrangian in, its equations, motions, invariants and actions out."""
+
+from __future__ import annotations
+
+from varcalc.mechanics.brackets import poisson
+from varcalc.mechanics.constraints import Holonomic, Pfaffian
+from varcalc.mechanics.equilibria import NormalModes
+from varcalc.mechanics.experiment import Experiment, Moved
+from varcalc.mechanics.frames import charged, rotating
+from varcalc.mechanics.legendre import Hamiltonian
+from varcalc.mechanics.motion import Ensemble, Event, Happening, Motion
+from varcalc.mechanics.symmetries import Symmetry
+from varcalc.mechanics.system import System
+
+__all__ = [
+    "Ensemble",
+    "Event",
+    "Experiment",
+    "Hamiltonian",
+    "Happening",
+    "Holonomic",
+    "Motion",
+    "Moved",
+    "NormalModes",
+    "Pfaffian",
+    "Symmetry",
+    "System",
+    "charged",
+    "poisson",
+    "rotating",
+]

@@ -1,0 +1,143 @@
+"""A motion to look at: a system, how it begins, and what is known of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from varcalc.mechanics.motion import Event, Motion
+from varcalc.mechanics.system import System
+
+LOOKED_AT = 1001
+"""Times at which a motion is held against what is known of it, and drawn."""
+BEYOND = 1.2
+"""By how much a phase portrait goes beyond its motion, in units of that."""
+GRID = 201
+ALIKE = 1e-4
+"""Of the range of energies at rest: crests that differ by less are of one height."""
+
+
+@dataclass(frozen=True)
+class Portrait:
+    """Energies (r, c) over coordinates (c,) and rates (r,), and those of the ``separatrices``."""
+
+    q: np.ndarray
+    v: np.ndarray
+    energy: np.ndarray
+    separatrices: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Moved:
+    """An experiment carried out: its motion, and by how much each thing that is known of it is missed."""
+
+    experiment: Experiment
+    motion: Motion
+    errors: Mapping[str, float]
+
+    @property
+    def largest(self) -> float:
+        """The largest of the errors."""
+        return max(self.errors.values())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The coordinates'."""
+        return self.experiment.system.coordinates
+
+    @property
+    def title(self) -> str:
+        """What a picture is called."""
+        return self.experiment.title or self.experiment.system.name
+
+    @cached_property
+    def drawn(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times (m,), coordinates and rates (n, m)."""
+        times = np.linspace(*self.motion.span, LOOKED_AT)
+        return times, self.motion.q(times), self.motion.v(times)
+
+    @cached_property
+    def portrait(self) -> Portrait | None:
+        """The level curves of the energy about the motion, where there is one coordinate and the energy is kept."""
+        system = self.experiment.system
+        if system.n != 1 or "energy" not in self.motion.drift:
+            return None
+        _, q, v = self.drawn
+        q_line, v_line = (_widened(values[0]) for values in (q, v))
+        grid = np.meshgrid(q_line, v_line)
+        energy = system.energies(grid[0].ravel()[None], grid[1].ravel()[None]).reshape(grid[0].shape)
+        rest = system.energies(q_line[None], np.zeros((1, GRID)))
+        tops = np.flatnonzero((rest[1:-1] > rest[:-2]) & (rest[1:-1] >= rest[2:])) + 1
+        before, top, after = rest[tops - 1], rest[tops], rest[tops + 1]
+        crests = np.sort(
+            top - (after - before) ** 2 / (8 * (before - 2 * top + after))
+        )  # of the parabolas through them
+        apart = np.diff(crests, prepend=-np.inf) > ALIKE * np.ptp(rest)
+        return Portrait(q_line, v_line, energy, tuple(crests[apart].tolist()))
+
+    def document(self) -> dict[str, Any]:
+        """What `varcalc move --json` prints."""
+        motion = self.motion
+        return {
+            "title": self.title,
+            "coordinates": list(self.names),
+            "span": list(motion.span),
+            "outcome": motion.outcome.value,
+            "steps": motion.steps,
+            "error": motion.error,
+            "drift": dict(motion.drift),
+            "errors": dict(self.errors),
+            "events": [
+                {"name": e.name, "t": e.t, "q": e.q.tolist(), "v": e.v.tolist()} for e in motion.events
+            ],
+            "end": {"q": motion.q(motion.span[1]).tolist(), "v": motion.v(motion.span[1]).tolist()},
+        }  # fmt: skip
+
+    def table(self) -> str:
+        """What `varcalc move` prints."""
+        motion = self.motion
+        lines = [f"from t = {motion.span[0]:g} to {motion.span[1]:g}: {motion.outcome.value}, {motion.steps} steps"]
+        lines.append(f"coordinates known to {motion.error:.1g}")
+        lines += [f"{name} kept to {drift:.1g}" for name, drift in motion.drift.items()]
+        lines += [f"{name}: off by {error:.1g}" for name, error in self.errors.items()]
+        lines += [f"t = {e.t:.12g}: {e.name} at {np.array2string(e.q, precision=9)}" for e in motion.events]
+        return "\n".join(lines)
+
+
+def _widened(values: np.ndarray) -> np.ndarray:
+    low, high = float(values.min()), float(values.max())
+    room = BEYOND * max(high - low, 1e-3)
+    return np.linspace(low - room, high + room, GRID)
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A motion of a ``system`` from coordinates ``q0`` and rates ``v0`` (n,) over the times ``span``.
+
+    ``exact`` gives the coordinates (n, m) at times (m,) in closed form, where there is one; ``checks`` are functions of
+    the motion, by name, that are zero where it is right.
+    """
+
+    system: System
+    q0: Sequence[float]
+    v0: Sequence[float]
+    span: tuple[float, float]
+    exact: Callable[[np.ndarray], np.ndarray] | None = None
+    checks: Mapping[str, Callable[[Motion], float]] = field(default_factory=dict)
+    events: tuple[Event, ...] = ()
+    title: str = ""
+
+    def run(self) -> Moved:
+        """The motion, held against what is known of it."""
+        motion = self.system.motion(self.q0, self.v0, self.span, events=self.events)
+        errors: dict[str, float] = {}
+        if self.exact is not None:
+            times = np.linspace(*motion.span, LOOKED_AT)
+            known = np.asarray(self.exact(times))
+            errors["closed form"] = float(np.abs(motion.q(times) - known).max() / max(1.0, np.abs(known).max()))
+        errors |= {name: float(check(motion)) for name, check in self.checks.items()}
+        return Moved(self, motion, errors or {"claimed": motion.error})

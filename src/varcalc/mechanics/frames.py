@@ -1,0 +1,45 @@
+"""Lagrangians seen from a rotating frame, and of charges in electromagnetic potentials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+
+from varcalc.symbolic.tracing import Expression
+
+
+def rotating(lagrangian: Callable[..., Any], angular_velocity: Sequence[float]) -> Callable[..., Any]:
+    """The Lagrangian of one particle in a frame that turns: L(t, q, v + Ω × q).
+
+    ``lagrangian`` is that in a frame at rest, as a function of position (3,) and velocity that no turning changes but
+    by the velocity; ``angular_velocity`` (3,) is Ω in radians for each unit of time. The Coriolis and centrifugal
+    forces follow (Landau and Lifshitz, "Mechanics", sect. 39).
+    """
+    omega = ca.SX(list(angular_velocity))
+
+    def turning(t: Expression, q: Expression, v: Expression, *p: Any) -> Expression:
+        return lagrangian(t, q, v + ca.cross(omega, q), *p)
+
+    return turning
+
+
+def charged(
+    mass: float,
+    charge: float,
+    vector_potential: Callable[[Expression, Expression], Any],
+    potential: Callable[[Expression, Expression], Any] = lambda t, q: 0,
+) -> Callable[..., Any]:
+    """The Lagrangian m v²/2 + e v·A(t, q) - e Φ(t, q) of a charge, in SI units or any others without factors of c.
+
+    ``vector_potential(t, q)`` gives as many numbers as there are coordinates, Cartesian ones. With Gaussian units
+    divide the charge in front of A by c. Source: Landau and Lifshitz, "The Classical Theory of Fields", sect. 16.
+    """
+
+    def lagrangian(t: Expression, q: Expression, v: Expression, *_: Any) -> Expression:
+        a = vector_potential(t, q)
+        a = ca.vertcat(*a) if isinstance(a, list | tuple) else a
+        return mass * ca.sumsqr(v) / 2 + charge * (ca.dot(v, a) - potential(t, q))
+
+    return lagrangian

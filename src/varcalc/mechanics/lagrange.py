@@ -1,0 +1,116 @@
+"""What a Lagrangian says by differentiation: momenta, energy, and the accelerations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.symbolic.tracing import LAST, Expression, Names, check_arity, trace
+
+PLACES = 12
+"""Random places at which it is asked whether a matrix has full rank, or an identity holds."""
+SINGULAR = 1e-11
+"""Of the largest singular value of L_vv: one that is less belongs to a direction in which L has no inertia."""
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """Time, n coordinates, their rates and the parameters, as columns of CasADi symbols."""
+
+    t: Expression
+    q: Expression
+    v: Expression
+    p: Expression
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, coordinates: int, parameters: Sequence[str]) -> Symbols:
+        """For so many coordinates, and parameters of these names."""
+        q, v = ca.SX.sym("q", coordinates), ca.SX.sym("v", coordinates)
+        return cls(ca.SX.sym("t"), q, v, ca.SX.sym("p", len(parameters)), tuple(parameters))
+
+    @property
+    def all(self) -> list[Expression]:
+        """As functions of the state take them."""
+        return [self.t, self.q, self.v, self.p]
+
+    def arguments(self, *columns: Expression) -> list[Expression]:
+        """``columns`` and, where there are parameters, what a person's functions call p."""
+        if not self.names:
+            return list(columns)
+        return [*columns, Names(dict(zip(self.names, ca.vertsplit(self.p), strict=True)))]
+
+    def traced(self, name: str, function: Callable[..., Any], *columns: Expression) -> Expression:
+        """The scalar that a person's ``function`` makes of the columns, and p."""
+        return trace(name, function, self.arguments(*columns), ca.SX, LAST)
+
+    def column(self, name: str, function: Callable[..., Any], size: int, *columns: Expression) -> Expression:
+        """The column of ``size`` numbers that a person's ``function`` makes of the columns, and p."""
+        arguments = self.arguments(*columns)
+        check_arity(name, function, len(arguments), LAST)
+        result = function(*arguments)
+        column = ca.vertcat(*result) if isinstance(result, list | tuple) else ca.SX(result)
+        if column.numel() != size:
+            raise ValueError(f"{name} must return {size} numbers, one for each coordinate, not {column.numel()}")
+        return ca.densify(ca.reshape(column, size, 1))
+
+
+@dataclass(frozen=True)
+class Lagrange:
+    """A Lagrangian ``value`` and what follows (Goldstein, Poole and Safko, "Classical Mechanics", ch. 1, 2)."""
+
+    symbols: Symbols
+    value: Expression
+    forces: Expression
+
+    @cached_property
+    def momenta(self) -> Expression:
+        """L_v (n,)."""
+        return ca.densify(ca.gradient(self.value, self.symbols.v))
+
+    @cached_property
+    def mass(self) -> Expression:
+        """L_vv (n, n)."""
+        return ca.densify(ca.jacobian(self.momenta, self.symbols.v))
+
+    @cached_property
+    def energy(self) -> Expression:
+        """v·L_v - L, Jacobi's integral."""
+        return ca.dot(self.symbols.v, self.momenta) - self.value
+
+    @cached_property
+    def pull(self) -> Expression:
+        """L_q - L_vq v - L_vt and the forces (n,): what L_vv times the accelerations are, without constraints."""
+        s = self.symbols
+        rate = ca.jtimes(self.momenta, s.q, s.v) + ca.jacobian(self.momenta, s.t)
+        return ca.densify(ca.gradient(self.value, s.q) - rate + self.forces)
+
+    def solved(self, right: Expression) -> Expression:
+        """L_vv⁻¹ times columns (n, k), by LDLᵀ: never by an inverse."""
+        diagonal, upper, order = ca.ldl(self.mass, False)
+        return ca.ldl_solve(right, diagonal, upper, order)
+
+    def places(self, parameters: Mapping[str, float]) -> list[list[np.ndarray]]:
+        """Random times, coordinates, rates, and the parameters, at which identities are put to the test."""
+        rng, n = np.random.default_rng(1788), self.symbols.q.numel()
+        numbers = np.array(list(parameters.values()), dtype=float)
+        return [[rng.uniform(0, 1, 1), rng.uniform(0.2, 1, n), rng.uniform(-1, 1, n), numbers] for _ in range(PLACES)]
+
+    def without_inertia(self, parameters: Mapping[str, float]) -> np.ndarray | None:
+        """A direction (n,) in which L_vv has nothing at any of the places; None where it is regular."""
+        mass = ca.Function("mass", self.symbols.all, [self.mass])
+        worst: np.ndarray | None = None
+        for place in self.places(parameters):
+            matrix = np.array(mass(*place))
+            if not np.all(np.isfinite(matrix)):
+                continue
+            _, sizes, rows = np.linalg.svd(matrix)
+            if sizes[-1] > SINGULAR * max(sizes[0], 1e-300):
+                return None
+            worst = rows[-1] * np.sign(rows[-1][np.argmax(np.abs(rows[-1]))])
+        return worst

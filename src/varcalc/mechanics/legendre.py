@@ -1,0 +1,61 @@
+"""Legendre's transformation: the Hamiltonian of a regular Lagrangian, and Hamilton's equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from varcalc.mechanics.lagrange import Lagrange
+
+STEPS = 60
+"""Newton's, for the velocities of momenta that are not linear in them."""
+FOUND = 1e-14
+
+
+@dataclass(frozen=True)
+class Hamiltonian:
+    """H(t, q, p) = p·v - L of a Lagrangian, with the velocities that belong to momenta.
+
+    Arrays are (n,) or (n, m), of m states; ``numbers`` are the values of the parameters.
+    """
+
+    lagrange: Lagrange
+    numbers: np.ndarray
+
+    @cached_property
+    def _parts(self) -> ca.Function:
+        s, one = self.lagrange.symbols, self.lagrange
+        rate_of_p = ca.densify(ca.gradient(one.value, s.q))
+        return ca.Function("parts", s.all, [one.momenta, one.mass, one.energy, rate_of_p])
+
+    def velocity(self, t: float, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """The v of the momenta ``p``: by one solution where they are linear in v, by Newton's iteration elsewhere."""
+        q, p = np.asarray(q, dtype=float), np.asarray(p, dtype=float)
+        if q.ndim == 2:
+            return np.stack([self.velocity(t, a, b) for a, b in zip(q.T, p.T, strict=True)], axis=1)
+        v = np.zeros_like(q)
+        for _ in range(STEPS):
+            momenta, mass, _, _ = (np.array(part) for part in self._parts(t, q, v, self.numbers))
+            step = np.linalg.solve(mass, p - momenta.ravel())
+            best = 1.0
+            while best > FOUND:  # a step may lead out of L's domain
+                there = np.array(self._parts(t, q, v + best * step, self.numbers)[0]).ravel()
+                if np.all(np.isfinite(there)) and np.abs(there - p).max() <= np.abs(momenta.ravel() - p).max():
+                    break
+                best /= 2
+            v = v + best * step
+            if np.abs(step).max() <= FOUND * max(np.abs(v).max(), 1e-300):
+                break
+        return v
+
+    def __call__(self, t: float, q: np.ndarray, p: np.ndarray) -> float:
+        """H at coordinates and momenta (n,)."""
+        return float(self._parts(t, q, self.velocity(t, q, p), self.numbers)[2])
+
+    def equations(self, t: float, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Hamilton's equations: dq/dt = H_p and dp/dt = -H_q (n,), without forces that no Lagrangian gives."""
+        v = self.velocity(t, q, p)
+        return v, np.array(self._parts(t, q, v, self.numbers)[3]).ravel()

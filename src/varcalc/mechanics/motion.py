@@ -1,0 +1,164 @@
+"""Motions of a system: one with its events and what it keeps, and many at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from varcalc.integrators.protocol import OUTCOMES, Outcome
+from varcalc.symbolic.evaluation import PointEvaluator
+
+LOOKED_AT = 257
+"""Times of a motion at which invariants, and the error, are looked at."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Where ``function(t, q, v[, p])`` comes through zero; the motion ends there if it is ``terminal``.
+
+    ``direction`` 1 asks for rising zeros only, -1 for falling ones, 0 for both.
+    """
+
+    function: Callable[..., Any]
+    name: str = "event"
+    direction: int = 0
+    terminal: bool = False
+
+
+@dataclass(frozen=True)
+class Happening:
+    """An event that took place at the time ``t``, in the state ``q``, ``v`` (n,)."""
+
+    name: str
+    t: float
+    q: np.ndarray
+    v: np.ndarray
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion from ``span[0]`` to ``span[1]``: coordinates and rates as functions of time, and what it keeps.
+
+    ``error`` bounds how far the coordinates are off anywhere, as the difference from a motion that is integrated more
+    carefully tells; ``drift`` how far each invariant of L goes from where it was, in its own units, by name.
+    ``outcome`` says why it ended, ``events`` what happened on the way, ``steps`` what it took.
+    """
+
+    span: tuple[float, float]
+    outcome: Outcome
+    error: float
+    drift: Mapping[str, float]
+    events: tuple[Happening, ...]
+    steps: int
+    numbers: np.ndarray = field(repr=False)
+    states: Callable[[np.ndarray], np.ndarray] = field(repr=False)
+    """From times (m,) to states (m, 2n)."""
+    measured: PointEvaluator = field(repr=False)
+    """Of the state: the energy and the reactions (n,)."""
+
+    @property
+    def completed(self) -> bool:
+        """True when it came to its last time, or to an event that ends it."""
+        return self.outcome is Outcome.COMPLETED
+
+    def _at(self, t: Any) -> tuple[np.ndarray, tuple[int, ...]]:
+        times = np.asarray(t, dtype=float)
+        low, high = min(self.span), max(self.span)
+        if times.size and not (times.min() >= low and times.max() <= high):
+            raise ValueError(f"t must lie between {low:.17g} and {high:.17g}, where the motion is known")
+        return self.states(times.ravel()), times.shape
+
+    def q(self, t: Any) -> np.ndarray:
+        """The coordinates, shape (n,) + t.shape, at times of any shape."""
+        states, shape = self._at(t)
+        return states[:, : states.shape[1] // 2].T.reshape(-1, *shape)
+
+    def v(self, t: Any) -> np.ndarray:
+        """The rates of the coordinates, shape (n,) + t.shape."""
+        states, shape = self._at(t)
+        return states[:, states.shape[1] // 2 :].T.reshape(-1, *shape)
+
+    def _measured(self, t: Any) -> tuple[np.ndarray, tuple[int, ...]]:
+        states, shape = self._at(t)
+        n, times = states.shape[1] // 2, np.asarray(t, dtype=float).reshape(-1, 1)
+        columns = times, states[:, :n], states[:, n:], self.numbers[None, :]
+        return self.measured(len(states), *columns), shape
+
+    def energy(self, t: Any) -> np.ndarray:
+        """Jacobi's integral v·L_v - L, in the shape of ``t``."""
+        values, shape = self._measured(t)
+        return values[:, 0].reshape(shape)
+
+    def reactions(self, t: Any) -> np.ndarray:
+        """The generalised forces by which constraints hold the motion, shape (n,) + t.shape; zero without any."""
+        values, shape = self._measured(t)
+        return values[:, 1:].T.reshape(-1, *shape)
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """m motions at k ``times``: coordinates ``q`` and rates ``v`` (m, n, k), not numbers beyond where one ended.
+
+    ``outcomes`` (m,) say how each ended.
+    """
+
+    times: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def completed(self) -> np.ndarray:
+        """True (m,) for motions that came to the last time."""
+        return np.array([outcome is Outcome.COMPLETED for outcome in self.outcomes])
+
+
+def carried(flow: Any, states: np.ndarray, numbers: np.ndarray, times: np.ndarray) -> Ensemble:
+    """Many initial states (m, 2n) at the first of the ``times`` (k,), to the others."""
+    m, n = len(states), states.shape[1] // 2
+    out = np.full((m, len(times), 2 * n), np.nan)
+    out[:, 0], codes, going = states, np.zeros(m, dtype=int), np.arange(m)
+    constants = np.broadcast_to(numbers, (m, len(numbers)))
+    for k in range(1, len(times)):
+        if len(going) == 0:
+            break
+        landing = flow.ensemble(out[going, k - 1], constants[going], start=times[k - 1], until=times[k])
+        done = landing.outcomes == OUTCOMES.index(Outcome.COMPLETED)
+        out[going[done], k] = landing.states[done]
+        codes[going] = landing.outcomes
+        going = going[done]
+    every = np.swapaxes(out, 1, 2)
+    return Ensemble(times, every[:, :n], every[:, n:], tuple(OUTCOMES[c] for c in codes))
+
+
+def happenings(
+    flow: Any, state: np.ndarray, numbers: np.ndarray, span: tuple[float, float], events: tuple[Event, ...],
+    rates: PointEvaluator,
+) -> tuple[tuple[Happening, ...], float]:  # fmt: skip
+    """What happens on a motion, and the time at which it ends: one event after the other, located to round-off.
+
+    The states of ``flow`` end with the time; ``rates`` gives how fast the functions of the events change.
+    """
+    found: list[Happening] = []
+    n, t, here, leaving = len(state) // 2, span[0], np.append(state, span[0]), ()
+    level = rates(1, here[None, :], numbers[None, :])[0, : len(events)]
+    leaving = tuple(np.flatnonzero(level == 0).tolist())
+    while t < span[1]:
+        landing = flow.ensemble(
+            here[None, :], numbers[None, :], start=np.array([t]), until=np.array([span[1]]), leaving=leaving
+        )
+        here, t = landing.states[0], float(landing.states[0, -1])
+        if OUTCOMES[int(landing.outcomes[0])] is not Outcome.STOPPED:
+            return tuple(found), span[1] if math.isclose(t, span[1]) else t
+        number = int(landing.stopped_by[0])
+        event, leaving = events[number], (number,)
+        slope = rates(1, here[None, :], numbers[None, :])[0, len(events) + number]
+        if event.direction * slope >= 0:
+            found.append(Happening(event.name, t, here[:n].copy(), here[n : 2 * n].copy()))
+            if event.terminal:
+                return tuple(found), t
+    return tuple(found), span[1]

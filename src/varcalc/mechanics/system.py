@@ -1,0 +1,382 @@
+"""A mechanical system declared by its Lagrangian."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc import integrators
+from varcalc.integrators import Flow
+from varcalc.integrators.protocol import Outcome
+from varcalc.mechanics.constraints import RATE, Held, Holonomic, Pfaffian, started
+from varcalc.mechanics.equilibria import NormalModes, normal_modes
+from varcalc.mechanics.lagrange import Lagrange, Symbols
+from varcalc.mechanics.legendre import Hamiltonian
+from varcalc.mechanics.motion import LOOKED_AT, Ensemble, Event, Motion, carried, happenings
+from varcalc.mechanics.symmetries import Symmetry, noether
+from varcalc.problem.conditions import Fixed, Periodic
+from varcalc.problem.problem import Problem
+from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.tracing import Expression
+
+MOST_STEPS = 2_000_000
+"""Of one motion."""
+
+
+ROUND_OFF = 4 * float(np.finfo(float).eps)
+"""Of the coordinates: what a step adds at random."""
+
+
+class System:
+    """A system of n coordinates whose motions make the action, the integral of L over time, stationary.
+
+    Parameters
+    ----------
+    lagrangian : callable
+        ``L(t, q, v)``, with ``p`` last where there are parameters: a scalar of the time, the coordinates (n,) and
+        their rates (n,), written with CasADi or NumPy functions.
+    coordinates : sequence of str
+        A name for each.
+    parameters : mapping, optional
+        Numbers that the formulas know as attributes of ``p``.
+    constraints : sequence of Holonomic and Pfaffian
+        Conditions that the motion keeps; their reactions are :meth:`Motion.reactions`.
+    forces : callable, optional
+        ``forces(t, q, v[, p])``: n generalised forces that no Lagrangian gives, such as damping and drive.
+    symmetries : sequence of Symmetry
+        Symmetries of L whose invariants are watched along motions, beside the energy and ignorable momenta.
+    name : str
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the argument, where one of them is not what it should be, and where L is singular: L_vv without inertia
+        in some direction, which is given.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> pendulum = System(lambda t, q, v, p: v[0]**2 / 2 + p.g * ca.cos(q[0]), ("theta",), parameters={"g": 9.81})
+    >>> motion = pendulum.motion([1.0], [0.0], (0, 10))
+    >>> motion.drift["energy"] < 1e-13
+    True
+    """
+
+    def __init__(
+        self,
+        lagrangian: Callable[..., Any],
+        coordinates: Sequence[str],
+        *,
+        parameters: Mapping[str, float] | None = None,
+        constraints: Sequence[Holonomic | Pfaffian] = (),
+        forces: Callable[..., Any] | None = None,
+        symmetries: Sequence[Symmetry] = (),
+        name: str = "",
+    ) -> None:
+        self.coordinates = _names(coordinates)
+        self.n = len(self.coordinates)
+        self.parameters = {key: _number(f"parameters[{key!r}]", value) for key, value in (parameters or {}).items()}
+        self.name, self.symmetries = name, tuple(symmetries)
+        self._given, self._forces_given = lagrangian, forces
+        symbols = Symbols.of(self.n, tuple(self.parameters))
+        value = symbols.traced("lagrangian", lagrangian, symbols.t, symbols.q, symbols.v)
+        pushed = symbols.column("forces", forces, self.n, *symbols.all[:3]) if forces else ca.SX.zeros(self.n)
+        self._lagrange = Lagrange(symbols, value, pushed)
+        self.constraints = tuple(constraints)
+        self._held = Held.of(symbols, self.constraints)
+        self._numbers = np.array(list(self.parameters.values()), dtype=float)
+        self._flows: dict[tuple[Event, ...] | str, Flow] = {}
+        self._invariants = {one.name: noether(self._lagrange, one, self.parameters) for one in self.symmetries}
+
+    def __repr__(self) -> str:
+        return f"System({', '.join(self.coordinates)}{': ' + self.name if self.name else ''})"
+
+    @cached_property
+    def ignorable(self) -> tuple[str, ...]:
+        """The names of coordinates that L and the forces do not depend on: their momenta are kept."""
+        read = ca.vertcat(self._lagrange.value, self._lagrange.forces)
+        held = read if self._held is None else ca.vertcat(read, *map(ca.vec, self._held.rate), self._held.level)
+        q = self._lagrange.symbols.q
+        pushed = [not force.is_zero() for force in ca.vertsplit(self._lagrange.forces)]
+        free = self._held is None
+        return tuple(
+            name for k, name in enumerate(self.coordinates) if free and not pushed[k] and not ca.depends_on(held, q[k])
+        )
+
+    @cached_property
+    def _kept(self) -> dict[str, Expression]:
+        """The invariants that L has, by name."""
+        one = self._lagrange
+        kept = {f"p_{name}": one.momenta[self.coordinates.index(name)] for name in self.ignorable}
+        steady = not ca.depends_on(one.value, one.symbols.t) and one.forces.is_zero()
+        if self._held is not None:
+            steady = steady and self._held.drift.is_zero()
+        return ({"energy": one.energy} if steady else {}) | kept | self._invariants
+
+    def invariant(self, symmetry: Symmetry) -> Callable[..., float]:
+        """Noether's invariant of a symmetry, as a function of t, q (n,) and v (n,).
+
+        Raises ValueError where it is no symmetry of L.
+        """
+        value = noether(self._lagrange, symmetry, self.parameters)
+        function = ca.Function("invariant", self._lagrange.symbols.all, [value])
+        return lambda t, q, v: float(function(t, q, v, self._numbers))
+
+    def momenta(self, t: float, q: Sequence[float], v: Sequence[float]) -> np.ndarray:
+        """The momenta L_v (n,)."""
+        return self._evaluated("momenta", self._lagrange.momenta, t, q, v).ravel()
+
+    def energy(self, t: float, q: Sequence[float], v: Sequence[float]) -> float:
+        """Jacobi's integral v·L_v - L."""
+        return float(self._evaluated("energy", self._lagrange.energy, t, q, v)[0, 0])
+
+    def energies(self, q: np.ndarray, v: np.ndarray, t: float = 0.0) -> np.ndarray:
+        """The energy (m,) of many states (n, m)."""
+        function = PointEvaluator(ca.Function("energies", self._lagrange.symbols.all, [self._lagrange.energy]))
+        columns = np.full((1, 1), t), np.asarray(q, dtype=float).T, np.asarray(v, dtype=float).T, self._numbers[None, :]
+        return function(np.shape(q)[1], *columns)[:, 0]
+
+    def accelerations(self, t: float, q: Sequence[float], v: Sequence[float]) -> np.ndarray:
+        """The second derivatives of the coordinates (n,), with forces and constraints."""
+        self._check_regular()
+        return self._evaluated("accelerations", self._bare, t, q, v).ravel()
+
+    def _evaluated(self, name: str, value: Expression, t: float, q: Sequence[float], v: Sequence[float]) -> np.ndarray:
+        state = _column("q", q, self.n), _column("v", v, self.n)
+        return np.array(ca.Function(name, self._lagrange.symbols.all, [value])(t, *state, self._numbers))
+
+    def _check_regular(self) -> None:
+        if self._null is not None:
+            direction = ", ".join(f"{x:.6g}" for x in self._null)
+            raise ValueError(
+                f"L is singular: L_vv has no inertia along ({direction}) in ({', '.join(self.coordinates)}), so that "
+                "it fixes no acceleration there and has no Hamiltonian"
+            )
+
+    @cached_property
+    def _null(self) -> np.ndarray | None:
+        return self._lagrange.without_inertia(self.parameters)
+
+    @cached_property
+    def _bare(self) -> Expression:
+        return self._accelerations(ca.SX(0))[0]
+
+    def _accelerations(self, alpha: Expression) -> tuple[Expression, Expression]:
+        """The accelerations, and the reactions of constraints (n,)."""
+        if self._held is None:
+            return self._lagrange.solved(self._lagrange.pull), ca.SX.zeros(self.n)
+        accelerations, multipliers = self._held.accelerations(self._lagrange, alpha)
+        return accelerations, ca.mtimes(self._held.rows.T, multipliers)
+
+    def hamiltonian(self) -> Hamiltonian:
+        """H(t, q, p), with the velocities of momenta and Hamilton's equations.
+
+        Raises ValueError, with the null direction, where L is singular.
+        """
+        self._check_regular()
+        return Hamiltonian(self._lagrange, self._numbers)
+
+    def normal_modes(self, q0: Sequence[float]) -> NormalModes:
+        """Small oscillations about the equilibrium ``q0`` (n,): ``frequencies`` (angular), ``shapes``, ``stable``.
+
+        Raises ValueError where ``q0`` is none.
+        """
+        self._check_regular()
+        return normal_modes(self._lagrange, _column("q0", q0, self.n), self._numbers)
+
+    def gauged(self, gauge: Callable[..., Any]) -> System:
+        """The system of L + dF/dt with F = ``gauge(t, q[, p])``, which has the same motions."""
+        s = self._lagrange.symbols
+        f = s.traced("gauge", gauge, s.t, s.q)
+        total = ca.Function("total", s.all, [self._lagrange.value + ca.jtimes(f, s.q, s.v) + ca.jacobian(f, s.t)])
+        names = tuple(self.parameters)
+
+        def lagrangian(t: Expression, q: Expression, v: Expression, *p: Any) -> Expression:
+            return total(t, q, v, ca.vertcat(*(getattr(p[0], name) for name in names)) if names else ca.SX(0, 1))
+
+        return System(
+            lagrangian, self.coordinates, parameters=self.parameters, constraints=self.constraints,
+            forces=self._forces_given, name=self.name,
+        )  # fmt: skip
+
+    def routhian(self, momenta: Mapping[str, float]) -> System:
+        """The reduced system of the other coordinates, where the ``momenta`` of ignorable ones have these values.
+
+        Its Lagrangian is Routh's R = L - Σ p v (Goldstein, Poole and Safko, "Classical Mechanics", sect. 8.3). Raises
+        ValueError for coordinates that are not ignorable, and where L is not of second degree in their rates.
+        """
+        wrong = [name for name in momenta if name not in self.ignorable]
+        if wrong or not momenta or len(momenta) == self.n:
+            raise ValueError(f"momenta must name some of the ignorable coordinates {self.ignorable}, not {wrong}")
+        s, one = self._lagrange.symbols, self._lagrange
+        gone = [self.coordinates.index(name) for name in momenta]
+        left = [k for k in range(self.n) if k not in gone]
+        rates = s.v[gone]
+        inertia = one.mass[gone, gone]
+        if ca.depends_on(inertia, rates):
+            raise ValueError("L must be of second degree in the rates of ignorable coordinates to be reduced")
+        rest = ca.substitute(one.momenta[gone], rates, ca.SX.zeros(len(gone)))
+        values = ca.SX(list(momenta.values()))
+        found = ca.solve(inertia, values - rest)
+        reduced = ca.substitute(one.value - ca.dot(values, rates), rates, found)
+        free_q, free_v = s.q[left], s.v[left]
+        reduced = ca.substitute(reduced, s.q[gone], ca.SX.zeros(len(gone)))
+        function = ca.Function("routhian", [s.t, free_q, free_v, s.p], [reduced])
+        names = tuple(self.parameters)
+
+        def lagrangian(t: Expression, q: Expression, v: Expression, *p: Any) -> Expression:
+            return function(t, q, v, ca.vertcat(*(getattr(p[0], name) for name in names)) if names else ca.SX(0, 1))
+
+        return System(lagrangian, [self.coordinates[k] for k in left], parameters=self.parameters, name=self.name)
+
+    def between(self, q0: Sequence[float], q1: Sequence[float], duration: float) -> Problem:
+        """The action of motions from ``q0`` to ``q1`` (n,) in the time ``duration``: a problem to solve and verify."""
+        self._check_free("between")
+        first, last = _column("q0", q0, self.n), _column("q1", q1, self.n)
+        start, end = Fixed(0.0, first.tolist()), Fixed(float(duration), last.tolist())
+        return Problem(self._given, start, end, parameters=self.parameters or None, name=self.name)
+
+    def periodic(self, period: float) -> Problem:
+        """The action of closed motions of a ``period``: a problem to solve or to verify."""
+        self._check_free("periodic")
+        closed = Periodic(0.0, float(period), self.n)
+        return Problem(self._given, closed, closed, parameters=self.parameters or None, name=self.name)
+
+    def _check_free(self, what: str) -> None:
+        if self.constraints or self._forces_given:
+            raise ValueError(f"{what}() is of the action alone: leave forces and constraints out, or use motion()")
+
+    def motion(
+        self, q0: Sequence[float], v0: Sequence[float], span: tuple[float, float], *, events: Sequence[Event] = ()
+    ) -> Motion:
+        """The motion from coordinates ``q0`` and rates ``v0`` (n,) over the times ``span``, with its ``events``.
+
+        Raises ValueError for a start that breaks a constraint, and for a singular L.
+        """
+        first, last = (_number(f"span[{k}]", value) for k, value in enumerate(span))
+        if not last > first:
+            raise ValueError(f"span must be two ascending times, not {span!r}")
+        q, v = self._started(first, q0, v0)
+        numbers, state = self._with_rate(first, q, v, last - first), np.concatenate([q, v])
+        happened, end = self._happened(tuple(events), state, numbers, (first, last))
+        flow, times = self._flow(), np.array([first, end])
+        run = flow.trajectory(times, state, numbers, dense=True)
+        if run.trajectory is None or run.outcome is Outcome.NOT_FINITE:
+            raise ValueError(f"the motion cannot begin: {run.outcome.value}")
+        reached = end if run.completed else run.reached
+        looked = np.linspace(first, reached, LOOKED_AT)
+        states = run.trajectory(looked)
+        careful = flow.trajectory(looked, state, numbers, level=1)
+        apart = float(np.nanmax(np.abs(careful.states[:, : self.n] - states[:, : self.n])))
+        error = 2 * apart + ROUND_OFF * run.steps**0.5 * float(np.abs(states[:, : self.n]).max())
+        return Motion(
+            (first, reached), run.outcome, error, self._drift(looked, states), happened, run.steps, numbers,
+            run.trajectory, self._measured,
+        )  # fmt: skip
+
+    def ensemble(self, q0: Any, v0: Any, times: Sequence[float]) -> Ensemble:
+        """Motions from many states at once: ``q0`` and ``v0`` (m, n) at the first of the ascending ``times`` (k,)."""
+        q, v = (np.atleast_2d(np.asarray(part, dtype=float)) for part in (q0, v0))
+        when = np.asarray(times, dtype=float)
+        if q.shape != v.shape or q.shape[1] != self.n:
+            raise ValueError(f"q0 and v0 must both have the shape (m, {self.n}), not {q.shape} and {v.shape}")
+        if when.ndim != 1 or len(when) < 2 or not np.all(np.diff(when) > 0):
+            raise ValueError(f"times must be two or more, ascending, not {times!r}")
+        states = [np.concatenate(self._started(when[0], *pair)) for pair in zip(q, v, strict=True)]
+        numbers = self._with_rate(when[0], q[0], v[0], when[-1] - when[0])
+        return carried(self._flow(), np.array(states), numbers, when)
+
+    def _started(self, t: float, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
+        self._check_regular()
+        q, v = _column("q0", q0, self.n), _column("v0", v0, self.n)
+        return (q, v) if self._held is None else started(self._lagrange, self._held, t, q, v, self._numbers)
+
+    def _with_rate(self, t: float, q: np.ndarray, v: np.ndarray, duration: float) -> np.ndarray:
+        """The parameters and Baumgarte's rate, from how fast the motion begins."""
+        if self._held is None:
+            return np.append(self._numbers, 0.0)
+        pull, speed = float(np.abs(self.accelerations(t, q.tolist(), v.tolist())).max()), float(np.abs(v).max())
+        size = max(float(np.abs(q).max()), speed**2 / pull if pull > 0 else speed * duration, 1e-150)
+        rate = max(speed / size, (pull / size) ** 0.5, 1 / duration)
+        return np.append(self._numbers, RATE * rate)
+
+    @cached_property
+    def _rates(self) -> tuple[ca.Function, Expression]:
+        """d(q, v)/dt of (t, (q, v), (parameters, α)), and α."""
+        s, alpha = self._lagrange.symbols, ca.SX.sym("alpha")
+        rates = ca.densify(ca.vertcat(s.v, self._accelerations(alpha)[0]))
+        columns = [s.t, ca.vertcat(s.q, s.v), ca.vertcat(s.p, alpha)]
+        return ca.Function("motion", columns, [rates], {"cse": True}), alpha
+
+    def _flow(self) -> Flow:
+        if "free" not in self._flows:
+            self._flows["free"] = integrators.for_many(MOST_STEPS).compile(self._rates[0])
+        return self._flows["free"]
+
+    def _happened(
+        self, events: tuple[Event, ...], state: np.ndarray, numbers: np.ndarray, span: tuple[float, float]
+    ) -> tuple[Any, float]:
+        """What happens on a motion, and when it ends; the time is a state like others there."""
+        if not events:
+            return (), span[1]
+        s = self._lagrange.symbols
+        levels = [s.traced(f"events[{k}]", e.function, s.t, s.q, s.v) for k, e in enumerate(events)]
+        free, alpha = self._rates
+        state_and_time, never = ca.vertcat(s.q, s.v, s.t), ca.SX.sym("s")
+        constants = ca.vertcat(s.p, alpha)
+        rates = ca.vertcat(free(s.t, ca.vertcat(s.q, s.v), constants), 1)
+        level = ca.densify(ca.vertcat(*levels))
+        if events not in self._flows:
+            system, stops = (
+                ca.Function(name, [never, state_and_time, constants], [value])
+                for name, value in (("with_time", rates), ("events", level))
+            )
+            self._flows[events] = integrators.for_many(MOST_STEPS).compile(system, stops)
+        slope = ca.densify(ca.jtimes(level, state_and_time, rates))
+        slopes = PointEvaluator(ca.Function("slopes", [state_and_time, constants], [level, slope]))
+        return happenings(self._flows[events], state, numbers, span, events, slopes)
+
+    @cached_property
+    def _measured(self) -> PointEvaluator:
+        s, alpha = self._lagrange.symbols, ca.SX.sym("alpha")
+        columns = [s.t, s.q, s.v, ca.vertcat(s.p, alpha)]
+        reactions = ca.densify(self._accelerations(alpha)[1])
+        return PointEvaluator(ca.Function("measured", columns, [self._lagrange.energy, reactions]))
+
+    def _drift(self, times: np.ndarray, states: np.ndarray) -> dict[str, float]:
+        """How far each invariant goes from where it was."""
+        kept = self._kept
+        if not kept:
+            return {}
+        function = PointEvaluator(ca.Function("kept", self._lagrange.symbols.all, [ca.vertcat(*kept.values())]))
+        columns = times[:, None], states[:, : self.n], states[:, self.n :], self._numbers[None, :]
+        values = function(len(times), *columns)
+        return dict(zip(kept, np.abs(values - values[0]).max(axis=0).tolist(), strict=True))
+
+
+def _names(coordinates: Sequence[str]) -> tuple[str, ...]:
+    names = (coordinates,) if isinstance(coordinates, str) else tuple(coordinates)
+    if not names or not all(isinstance(name, str) and name for name in names) or len(set(names)) != len(names):
+        raise ValueError(f"coordinates must be different names, one for each coordinate, not {coordinates!r}")
+    return names
+
+
+def _number(name: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be a number, not {value!r}") from None
+    if not np.isfinite(number):
+        raise ValueError(f"{name} must be finite, not {value!r}")
+    return number
+
+
+def _column(name: str, values: Any, n: int) -> np.ndarray:
+    column = np.atleast_1d(np.asarray(values, dtype=float))
+    if column.shape != (n,) or not np.all(np.isfinite(column)):
+        raise ValueError(f"{name} must be {n} finite numbers, one for each coordinate, not {values!r}")
+    return column

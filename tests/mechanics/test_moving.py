@@ -1,0 +1,76 @@
+"""`varcalc move` and `varcalc list --systems`: from the catalogue, from a file, as JSON, as a picture."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from varcalc.charts import motion_picture
+from varcalc.cli import main
+from varcalc.study.experiments import experiment_catalogue, load_experiment
+
+OWN = """
+from varcalc import mechanics
+system = mechanics.System(lambda t, q, v: (v[0]**2 - q[0]**2) / 2, ("x",))
+experiment = mechanics.Experiment(system, [1.0], [0.0], (0, 3.0))
+"""
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, list(arguments))
+
+
+def test_a_system_of_the_catalogue_is_moved_and_drawn(tmp_path):
+    picture = tmp_path / "pendulum.png"
+    result = run("move", "pendulum", "-o", str(picture))
+    assert result.exit_code == 0
+    assert "closed form: off by" in result.output
+    assert picture.stat().st_size > 10_000
+
+
+def test_a_file_of_ones_own_as_json(tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text(OWN, encoding="utf-8")
+    document = json.loads(run("move", str(path), "--json").output)
+    assert document["coordinates"] == ["x"]
+    assert document["drift"]["energy"] < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x = 1\n", "defines no `experiment`"),
+        ("experiment = 3\n", "must be a mechanics.Experiment"),
+        ("1/0\n", "line 1"),
+    ],
+)
+def test_files_that_do_not_work(tmp_path, text, said):
+    path = tmp_path / "wrong.py"
+    path.write_text(text, encoding="utf-8")
+    result = run("move", str(path))
+    assert result.exit_code == 2
+    assert said in result.output
+
+
+def test_the_list_gives_the_largest_error_of_every_system():
+    result = run("list", "--systems")
+    assert result.exit_code == 0
+    lines = result.output.splitlines()
+    assert [line.split()[0] for line in lines] == list(experiment_catalogue())
+    assert all(float(line.split()[1]) <= 1e-12 for line in lines)
+    assert run("list", "--systems", "--scenes").exit_code == 2
+
+
+@pytest.mark.parametrize("name", ["pendulum", "double_pendulum", "bead_on_a_hoop"])
+def test_pictures_name_their_axes(name):
+    moved = load_experiment(name).run()
+    left, right = motion_picture(moved).axes
+    assert left.get_xlabel() == "t"
+    assert right.get_xlabel() == moved.names[0]
+    assert right.get_ylabel() == (moved.names[1] if len(moved.names) > 1 else f"d{moved.names[0]}/dt")
+
+
+def test_the_separatrix_is_in_the_phase_portrait():
+    portrait = load_experiment("pendulum").run().portrait
+    assert portrait is not None
+    assert portrait.separatrices == pytest.approx((9.81,), abs=1e-3)  # the upright pendulum
