@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.integrators.protocol import OUTCOMES, Outcome
+from varcalc.integrators.protocol import OUTCOMES, Flow, Outcome
 from varcalc.symbolic.evaluation import PointEvaluator
 
 LOOKED_AT = 257
@@ -100,6 +100,29 @@ class Motion:
 
 
 @dataclass(frozen=True)
+class Checkpoints:
+    """A long motion, known at ``times`` (k,) by its ``states`` (k, 2n), and carried on from there when asked for."""
+
+    flow: Flow
+    numbers: np.ndarray
+    times: np.ndarray
+    states: np.ndarray
+
+    def __call__(self, t: np.ndarray) -> np.ndarray:
+        """States (m, 2n) at times (m,)."""
+        known = np.flatnonzero(np.isfinite(self.states[:, 0]))
+        piece = np.clip(np.searchsorted(self.times[known], t, side="right") - 1, 0, len(known) - 1)
+        out = self.states[known[piece]]
+        for number in np.unique(piece[t > self.times[known[piece]]]):
+            rows = np.flatnonzero((piece == number) & (t > self.times[known[number]]))
+            ahead, back = np.unique(t[rows], return_inverse=True)
+            begin = known[number]
+            run = self.flow.trajectory(np.append(self.times[begin], ahead), self.states[begin], self.numbers)
+            out[rows] = run.states[1:][back]
+        return out
+
+
+@dataclass(frozen=True)
 class Ensemble:
     """m motions at k ``times``: coordinates ``q`` and rates ``v`` (m, n, k), not numbers beyond where one ended.
 
@@ -117,7 +140,7 @@ class Ensemble:
         return np.array([outcome is Outcome.COMPLETED for outcome in self.outcomes])
 
 
-def carried(flow: Any, states: np.ndarray, numbers: np.ndarray, times: np.ndarray) -> Ensemble:
+def carried(flow: Flow, states: np.ndarray, numbers: np.ndarray, times: np.ndarray) -> Ensemble:
     """Many initial states (m, 2n) at the first of the ``times`` (k,), to the others."""
     m, n = len(states), states.shape[1] // 2
     out = np.full((m, len(times), 2 * n), np.nan)
@@ -136,7 +159,7 @@ def carried(flow: Any, states: np.ndarray, numbers: np.ndarray, times: np.ndarra
 
 
 def happenings(
-    flow: Any, state: np.ndarray, numbers: np.ndarray, span: tuple[float, float], events: tuple[Event, ...],
+    flow: Flow, state: np.ndarray, numbers: np.ndarray, span: tuple[float, float], events: tuple[Event, ...],
     rates: PointEvaluator,
 ) -> tuple[tuple[Happening, ...], float]:  # fmt: skip
     """What happens on a motion, and the time at which it ends: one event after the other, located to round-off.

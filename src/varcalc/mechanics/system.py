@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -16,15 +17,15 @@ from varcalc.mechanics.constraints import RATE, Held, Holonomic, Pfaffian, start
 from varcalc.mechanics.equilibria import NormalModes, normal_modes
 from varcalc.mechanics.lagrange import Lagrange, Symbols
 from varcalc.mechanics.legendre import Hamiltonian
-from varcalc.mechanics.motion import LOOKED_AT, Ensemble, Event, Motion, carried, happenings
+from varcalc.mechanics.motion import LOOKED_AT, Checkpoints, Ensemble, Event, Motion, carried, happenings
 from varcalc.mechanics.symmetries import Symmetry, noether
 from varcalc.problem.conditions import Fixed, Periodic
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
-MOST_STEPS = 2_000_000
-"""Of one motion."""
+DENSE_STEPS, MOST_STEPS = 20_000, 100_000_000
+"""Of a motion that is kept everywhere, and of any."""
 
 
 ROUND_OFF = 4 * float(np.finfo(float).eps)
@@ -89,7 +90,7 @@ class System:
         self.constraints = tuple(constraints)
         self._held = Held.of(symbols, self.constraints)
         self._numbers = np.array(list(self.parameters.values()), dtype=float)
-        self._flows: dict[tuple[Event, ...] | str, Flow] = {}
+        self._flows: dict[tuple[Event, ...] | int, Flow] = {}
         self._invariants = {one.name: noether(self._lagrange, one, self.parameters) for one in self.symmetries}
 
     def __repr__(self) -> str:
@@ -263,8 +264,12 @@ class System:
         q, v = self._started(first, q0, v0)
         numbers, state = self._with_rate(first, q, v, last - first), np.concatenate([q, v])
         happened, end = self._happened(tuple(events), state, numbers, (first, last))
-        flow, times = self._flow(), np.array([first, end])
-        run = flow.trajectory(times, state, numbers, dense=True)
+        flow, looked = self._flow(DENSE_STEPS), np.linspace(first, end, LOOKED_AT)
+        run = flow.trajectory(np.array([first, end]), state, numbers, dense=True)
+        if run.outcome is Outcome.TOO_MANY_STEPS:  # too long a motion to be kept everywhere
+            flow = self._flow(MOST_STEPS)
+            run = flow.trajectory(looked, state, numbers)
+            run = replace(run, trajectory=Checkpoints(flow, numbers, looked, run.states))
         if run.trajectory is None or run.outcome is Outcome.NOT_FINITE:
             raise ValueError(f"the motion cannot begin: {run.outcome.value}")
         reached = end if run.completed else run.reached
@@ -288,7 +293,7 @@ class System:
             raise ValueError(f"times must be two or more, ascending, not {times!r}")
         states = [np.concatenate(self._started(when[0], *pair)) for pair in zip(q, v, strict=True)]
         numbers = self._with_rate(when[0], q[0], v[0], when[-1] - when[0])
-        return carried(self._flow(), np.array(states), numbers, when)
+        return carried(self._flow(MOST_STEPS), np.array(states), numbers, when)
 
     def _started(self, t: float, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
         self._check_regular()
@@ -312,10 +317,10 @@ class System:
         columns = [s.t, ca.vertcat(s.q, s.v), ca.vertcat(s.p, alpha)]
         return ca.Function("motion", columns, [rates], {"cse": True}), alpha
 
-    def _flow(self) -> Flow:
-        if "free" not in self._flows:
-            self._flows["free"] = integrators.for_many(MOST_STEPS).compile(self._rates[0])
-        return self._flows["free"]
+    def _flow(self, most_steps: int) -> Flow:
+        if most_steps not in self._flows:
+            self._flows[most_steps] = integrators.for_many(most_steps).compile(self._rates[0])
+        return self._flows[most_steps]
 
     def _happened(
         self, events: tuple[Event, ...], state: np.ndarray, numbers: np.ndarray, span: tuple[float, float]
