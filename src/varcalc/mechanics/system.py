@@ -21,6 +21,7 @@ from varcalc.mechanics.motion import LOOKED_AT, Checkpoints, Ensemble, Event, Mo
 from varcalc.mechanics.symmetries import Symmetry, noether
 from varcalc.problem.conditions import Fixed, Periodic
 from varcalc.problem.problem import Problem
+from varcalc.problem.reading import equation_latex, equation_text
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
@@ -117,6 +118,48 @@ class System:
         if self._held is not None:
             steady = steady and self._held.drift.is_zero()
         return ({"energy": one.energy} if steady else {}) | kept | self._invariants
+
+    def equations(self) -> str:
+        """The equations of motion as text, one line a coordinate; the multipliers of constraints are lambda_1, ...
+
+        >>> import casadi as ca
+        >>> print(System(lambda t, q, v: (v[0]**2 + q[0]**2 * v[1]**2) / 2 + 1 / q[0], ("r", "phi")).equations())
+        r^2 r'' - r^3 phi'^2 + 1 = 0
+        r^2 phi'' + 2 r phi' r' = 0
+        """
+        return "\n".join(equation_text(left, self._named) for left in self._balance)
+
+    def equations_latex(self) -> str:
+        r"""The equations of motion as LaTeX, one line a coordinate.
+
+        >>> print(System(lambda t, q, v: (v[0]**2 - q[0]**2) / 2, ("theta",)).equations_latex())
+        \theta'' + \theta = 0
+        """
+        return "\n".join(equation_latex(left, self._named) for left in self._balance)
+
+    @cached_property
+    def _rate_symbols(self) -> tuple[Expression, Expression]:
+        """Accelerations (n,) and multipliers (k,) as symbols."""
+        return ca.SX.sym("a", self.n), ca.SX.sym("lambda", len(self.constraints))
+
+    @cached_property
+    def _balance(self) -> list[Expression]:
+        """What vanishes along a motion, for each coordinate: d/dt L_v - L_q - Q less the reactions."""
+        accelerations, multipliers = self._rate_symbols
+        left = ca.mtimes(self._lagrange.mass, accelerations) - self._lagrange.pull
+        if self._held is not None:
+            left -= ca.mtimes(self._held.rows.T, multipliers)
+        return ca.vertsplit(ca.densify(left))
+
+    @cached_property
+    def _named(self) -> list[tuple[Expression, Sequence[str]]]:
+        """The symbols of the equations with their names."""
+        s, (accelerations, multipliers) = self._lagrange.symbols, self._rate_symbols
+        q = self.coordinates
+        v, a = [f"{name}'" for name in q], [f"{name}''" for name in q]
+        lambdas = [f"lambda_{k + 1}" for k in range(len(self.constraints))]
+        pairs = [(s.t, ["t"]), (s.q, q), (s.v, v), (accelerations, a), (s.p, s.names), (multipliers, lambdas)]
+        return [(symbols, labels) for symbols, labels in pairs if labels]
 
     def invariant(self, symmetry: Symmetry) -> Callable[..., float]:
         """Noether's invariant of a symmetry, as a function of t, q (n,) and v (n,).

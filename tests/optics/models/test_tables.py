@@ -99,9 +99,9 @@ def test_rays_that_leave_a_table_take_none_of_their_neighbours_with_them(strengt
 
 def test_many_receivers_of_a_table_are_answered_as_each_alone():
     scene = optics.Scene(optics.Tabulated(HEIGHTS, INDEX))
-    receivers = np.column_stack([np.linspace(2, 9, 40), np.linspace(-3.5, 2.5, 40)])
+    receivers = np.column_stack([np.linspace(2, 9, 9), np.linspace(-3.5, 2.5, 9)])
     together = scene.arrivals((0, 0.1), receivers)
-    for k in range(0, 40, 13):
+    for k in range(0, 9, 4):
         alone = scene.rays((0, 0.1), receivers[k])
         assert [ray.optical_path for ray in together[k]] == pytest.approx(
             [ray.optical_path for ray in alone], rel=1e-12

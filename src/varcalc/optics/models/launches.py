@@ -10,7 +10,9 @@ combination less the distance asked for is found (:mod:`varcalc.numerics.proxies
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 
@@ -357,15 +359,15 @@ def _one_each(continua: list[Launch]) -> list[Launch]:
 
 
 def _distinct(found: list[Launch]) -> list[Launch]:
-    """None twice."""
+    """None twice: rays alike start with about the same speed, in whose order they come."""
     kept: list[Launch] = []
-    for launch in sorted(found, key=lambda f: f.path):
-        scale = float(np.hypot(launch.c, launch.speed))
+    for launch in sorted(found, key=lambda f: f.speed):
+        near = SAME_RAY * math.hypot(launch.c, launch.speed)
+        beside = takewhile(lambda other, launch=launch, near=near: launch.speed - other.speed <= near, reversed(kept))
         if not any(
-            abs(launch.speed - other.speed) <= SAME_RAY * scale
-            and abs(launch.way * launch.c - other.way * other.c) <= SAME_RAY * scale
+            abs(launch.way * launch.c - other.way * other.c) <= near
             and abs(launch.path - other.path) <= SAME_RAY * launch.path
-            for other in kept
+            for other in beside
         ):
             kept.append(launch)
     return kept

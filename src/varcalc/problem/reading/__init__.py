@@ -14,7 +14,16 @@ from varcalc.problem.reading.sums import Sum
 from varcalc.problem.reading.writing import LATEX, TEXT, Style, write
 from varcalc.symbolic.tracing import Expression
 
-__all__ = ["euler_lagrange_latex", "euler_lagrange_text", "first_integrals_text", "latex", "names", "text"]
+__all__ = [
+    "equation_latex",
+    "equation_text",
+    "euler_lagrange_latex",
+    "euler_lagrange_text",
+    "first_integrals_text",
+    "latex",
+    "names",
+    "text",
+]
 
 
 def _written(expression: Expression, named: Named, style: Style) -> str:
@@ -49,9 +58,23 @@ def _equations(problem: Functional) -> Iterator[Sum]:
     lagrangian = Lagrangian.of(problem)
     named = names_of(problem, lagrangian)
     for k in range(problem.n):
-        component = lagrangian.euler_lagrange[k]
-        left = simplified(EXPANDED.read(component, named))
-        yield left if len(left.terms) <= MOST_TERMS else FACTORED.read(component, named)
+        yield _shortened(lagrangian.euler_lagrange[k], named)
+
+
+def _shortened(component: Expression, named: Named) -> Sum:
+    """What is to vanish, over a common denominator, which is left out."""
+    left = simplified(EXPANDED.read(component, named))
+    return left if len(left.terms) <= MOST_TERMS else FACTORED.read(component, named)
+
+
+def equation_text(left: Expression, named: Named) -> str:
+    """The equation that makes an SX scalar vanish, as short as algebra makes it; ``named`` as for :func:`text`."""
+    return f"{write(_shortened(left, named), TEXT)} = 0"
+
+
+def equation_latex(left: Expression, named: Named) -> str:
+    """The same as LaTeX."""
+    return f"{write(_shortened(left, named), LATEX)} = 0"
 
 
 def _integrals(problem: Functional, lagrangian: Lagrangian) -> Iterator[tuple[str, Expression]]:
