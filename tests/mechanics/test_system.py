@@ -165,3 +165,27 @@ def test_normal_modes_of_a_chain_of_springs():
 def test_errors_name_the_argument(build, said):
     with pytest.raises((TypeError, ValueError), match=said):
         build()
+
+
+def test_all_equilibria_of_a_bead_on_a_hoop_on_either_side_of_the_critical_turn():
+    def bead(turn):
+        return mechanics.System(
+            lambda t, q, v: (v[0] ** 2 + (turn * ca.sin(q[0])) ** 2) / 2 + 9.81 * ca.cos(q[0]), ("theta",)
+        )
+
+    slow, fast = (bead(turn).equilibria([-1.0], [4.0]) for turn in (3.0, 5.0))
+    assert slow.unresolved == fast.unresolved == 0
+    assert slow.places[:, 0] == pytest.approx([0, math.pi], abs=1e-12)
+    assert fast.places[:, 0] == pytest.approx([0, math.acos(9.81 / 25), math.pi], abs=1e-12)
+
+
+def test_equilibria_of_two_coordinates_are_saddles_and_bottoms():
+    # V = (x² - 1)²/4 + y²/2 + x y/4: x³ - x + y/4 = 0 and y = -x/4
+    system = mechanics.System(
+        lambda t, q, v: ca.sumsqr(v) / 2 - (q[0] ** 2 - 1) ** 2 / 4 - q[1] ** 2 / 2 - q[0] * q[1] / 4, ("x", "y")
+    )
+    found = system.equilibria([-2, -2], [2, 2.1])
+    x = math.sqrt(1 + 1 / 16)
+    np.testing.assert_allclose(found.places, [[-x, x / 4], [0, 0], [x, -x / 4]], rtol=0, atol=1e-12)
+    assert found.unresolved == 0
+    assert [bool(system.normal_modes(place).stable.all()) for place in found.places] == [True, False, True]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from varcalc.mechanics.brackets import poisson
 from varcalc.mechanics.constraints import Holonomic, Pfaffian
-from varcalc.mechanics.equilibria import NormalModes
+from varcalc.mechanics.equilibria import Equilibria, NormalModes
 from varcalc.mechanics.experiment import Experiment, Moved
 from varcalc.mechanics.frames import charged, rotating
 from varcalc.mechanics.legendre import Hamiltonian
@@ -14,6 +14,7 @@ from varcalc.mechanics.system import System
 
 __all__ = [
     "Ensemble",
+    "Equilibria",
     "Event",
     "Experiment",
     "Hamiltonian",

@@ -46,7 +46,7 @@ def noether(lagrange: Lagrange, symmetry: Symmetry, parameters: Mapping[str, flo
 
     turned = rate(xi) - s.v * rate(tau)
     terms = ca.vertcat(
-        ca.dot(ca.gradient(lagrange.value, s.q), xi), ca.dot(lagrange.momenta, turned),
+        ca.gradient(lagrange.value, s.q) * xi, lagrange.momenta * turned,  # each for itself: what cancels has a size
         ca.gradient(lagrange.value, s.t) * tau, lagrange.value * rate(tau), -rate(gauge),
     )  # fmt: skip
     function = ca.Function("identity", s.all, [terms])

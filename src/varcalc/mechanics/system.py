@@ -14,7 +14,7 @@ from varcalc import integrators
 from varcalc.integrators import Flow
 from varcalc.integrators.protocol import Outcome
 from varcalc.mechanics.constraints import RATE, Held, Holonomic, Pfaffian, started
-from varcalc.mechanics.equilibria import NormalModes, normal_modes
+from varcalc.mechanics.equilibria import Equilibria, NormalModes, equilibria, normal_modes
 from varcalc.mechanics.lagrange import Lagrange, Symbols
 from varcalc.mechanics.legendre import Hamiltonian
 from varcalc.mechanics.motion import LOOKED_AT, Checkpoints, Ensemble, Event, Motion, carried, happenings
@@ -223,6 +223,21 @@ class System:
         """
         self._check_regular()
         return Hamiltonian(self._lagrange, self._numbers)
+
+    def equilibria(self, low: Sequence[float], high: Sequence[float]) -> Equilibria:
+        """All places between ``low`` and ``high`` (n,) at which the system can rest, and how they were searched for.
+
+        >>> import casadi as ca
+        >>> pendulum = System(lambda t, q, v: v[0]**2 / 2 + ca.cos(q[0]), ("theta",))
+        >>> [round(float(x), 6) for x in pendulum.equilibria([-1], [7]).places[:, 0]]
+        [0.0, 3.141593, 6.283185]
+        """
+        if self.constraints:
+            raise ValueError("equilibria() is of systems without constraints: give coordinates that need none")
+        corners = _column("low", low, self.n), _column("high", high, self.n)
+        if not np.all(corners[1] > corners[0]):
+            raise ValueError(f"high must lie above low in every coordinate, not {high!r} and {low!r}")
+        return equilibria(self._lagrange, *corners, self._numbers)
 
     def normal_modes(self, q0: Sequence[float]) -> NormalModes:
         """Small oscillations about the equilibrium ``q0`` (n,): ``frequencies`` (angular), ``shapes``, ``stable``.

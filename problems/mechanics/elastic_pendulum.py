@@ -1,0 +1,35 @@
+"""A pendulum on a rubber string: how it hangs, and its two frequencies.
+
+L = m (r'² + r² θ'²)/2 + m g r cos θ - k (r - l)²/2. It hangs at r = l + m g/k, and swings with √(g/r) and √(k/m).
+
+Source: A. J. Brizard, "An Introduction to Lagrangian Mechanics" (2nd ed., 2015), ch. 2, problem 7.
+"""
+
+import casadi as ca
+import numpy as np
+
+from varcalc import mechanics
+
+G, MASS, STIFF, LENGTH = 9.81, 0.4, 30.0, 0.8
+HANGS = LENGTH + MASS * G / STIFF
+system = mechanics.System(
+    lambda t, q, v: (
+        MASS * (v[0] ** 2 + q[0] ** 2 * v[1] ** 2) / 2 + MASS * G * q[0] * ca.cos(q[1])
+        - STIFF * (q[0] - LENGTH) ** 2 / 2
+    ),
+    ("r", "theta"),
+    name="elastic pendulum",
+)  # fmt: skip
+
+
+def frequencies(_):
+    """How far the normal modes are off."""
+    found = system.normal_modes([HANGS, 0.0]).frequencies
+    return np.abs(found / np.sort([np.sqrt(G / HANGS), np.sqrt(STIFF / MASS)]) - 1).max()
+
+
+experiment = mechanics.Experiment(
+    system, [HANGS + 0.1, 0.4], [0.0, 0.0], (0.0, 10.0), None,
+    {"frequencies": frequencies, "energy": lambda motion: motion.drift["energy"] / (MASS * G)},
+    title="A pendulum on a rubber string",
+)  # fmt: skip
