@@ -70,7 +70,8 @@ class Aimed:
                 built[k] = own
         for k, (ray, off) in enumerate(built):
             if ray is not None and off <= MEETS:
-                # two routes to one number: to the point in one stroke, and along the ray
-                error = max(ray.error, floor[k], ERROR_MARGIN * abs(ray.optical_path - self.paths[k]))
+                # two routes to one number, in one stroke and along the ray; what went astray did so along it as well
+                apart = ERROR_MARGIN * abs(ray.optical_path - self.paths[k])
+                error = max(ray.error, floor[k], apart, off * self.paths[k])
                 out[self.question[k]].append(replace(ray, error=float(error)))
         return [sorted(rays, key=lambda ray: ray.optical_path) for rays in out]
