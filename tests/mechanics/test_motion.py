@@ -189,3 +189,24 @@ def test_the_figure_eight_makes_the_action_least_and_closes():
     np.testing.assert_allclose(motion.q(period), bodies(z), rtol=0, atol=1e-9)
     third = motion.q(period / 3)  # each is where another was a third of the period ago
     assert min(np.abs(np.roll(third, k) - bodies(z)).max() for k in (2, 4)) < 1e-9
+
+
+def test_a_kink_is_not_stepped_over_and_arguments_are_named():
+    bouncing = mechanics.System(lambda t, q, v: v[0] ** 2 / 2 - ca.fabs(q[0]), ("x",))
+    with pytest.raises(ValueError, match=r"switches \(fabs\) where x is zero"):
+        bouncing.motion([1.0], [0.0], (0, 4))
+    with pytest.raises(ValueError, match="switches"):
+        bouncing.ensemble([[1.0]], [[0.0]], [0, 4])
+    with pytest.raises(TypeError, match=r"events\[0\] must be"):
+        PENDULUM.motion([1.0], [0.0], (0, 1), events=[lambda t, q, v: q[0]])
+    apart = [mechanics.Holonomic(lambda t, q: q[0]), mechanics.Holonomic(lambda t, q: q[0] - 1)]
+    system = mechanics.System(lambda t, q, v: ca.sumsqr(v) / 2, ("x", "y"), constraints=apart)
+    with pytest.raises(ValueError, match=r"1 off constraints\[1\]"):
+        system.motion([0, 0], [0, 1], (0, 1))
+
+
+def test_no_inertia_at_rest_and_a_ring_of_equilibria():
+    # p = v³ and H = 3 v⁴/4
+    assert mechanics.System(lambda t, q, v: v[0] ** 4 / 4, ("x",)).hamiltonian()(0, [0.0], [8.0]) == pytest.approx(12)
+    ring = mechanics.System(lambda t, q, v: ca.sumsqr(v) / 2 - (ca.sumsqr(q) - 1) ** 2, ("x", "y"))
+    assert ring.equilibria([-2, -2], [2, 2.1]).unresolved > 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from varcalc.mechanics.brackets import poisson
-from varcalc.mechanics.constraints import Holonomic, Pfaffian
+from varcalc.mechanics.constraints import Pfaffian
 from varcalc.mechanics.equilibria import Equilibria, NormalModes
 from varcalc.mechanics.experiment import Experiment, Moved
 from varcalc.mechanics.frames import charged, rotating
@@ -11,6 +11,7 @@ from varcalc.mechanics.legendre import Hamiltonian
 from varcalc.mechanics.motion import Ensemble, Event, Happening, Motion
 from varcalc.mechanics.symmetries import Symmetry
 from varcalc.mechanics.system import System
+from varcalc.problem.conditions import Holonomic
 
 __all__ = [
     "Ensemble",

@@ -13,7 +13,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.mechanics.lagrange import Lagrange, Symbols
+from varcalc.mechanics.lagrange import Lagrange, StateSymbols
+from varcalc.problem.conditions import Holonomic
 from varcalc.symbolic.tracing import Expression
 
 FAR_OFF = 1e-6
@@ -23,13 +24,6 @@ DEPENDENT = 1e-10
 PROJECTIONS = 8
 RATE = 2.0
 """Baumgarte's α, in units of the rate at which the motion begins."""
-
-
-@dataclass(frozen=True)
-class Holonomic:
-    """``phi(t, q[, p])`` is zero along the motion: a function of time and coordinates."""
-
-    phi: Callable[..., Any]
 
 
 @dataclass(frozen=True)
@@ -56,7 +50,7 @@ class Held:
         return self.rows, self.drift
 
     @classmethod
-    def of(cls, symbols: Symbols, constraints: Sequence[Holonomic | Pfaffian]) -> Held | None:
+    def of(cls, symbols: StateSymbols, constraints: Sequence[Holonomic | Pfaffian]) -> Held | None:
         """The constraints of a system; None where there are none."""
         rows, drifts, levels = [], [], []
         n = symbols.q.numel()
@@ -104,8 +98,6 @@ def started(
     )
     rows = np.array(function(t, q, v, numbers)[0])
     sizes = np.linalg.svd(rows, compute_uv=False)
-    if len(rows) > len(q) or sizes[-1] <= DEPENDENT * sizes[0]:
-        raise ValueError("constraints say the same thing twice at the start: leave one of them out")
     scales = max(float(np.abs(q).max()), 1e-300), max(float(np.abs(v).max()), 1e-300)
     for what, (scale, number) in {"phi": (scales[0], 1), "rate": (scales[1], 2)}.items():
         off = np.abs(np.array(function(t, q, v, numbers)[number]).ravel()) / np.linalg.norm(rows, axis=1)
@@ -114,6 +106,8 @@ def started(
             raise ValueError(
                 f"the start is {off[worst]:.3g} off constraints[{worst}] in its {what}; begin on the constraint"
             )
+    if len(rows) > len(q) or sizes[-1] <= DEPENDENT * sizes[0]:
+        raise ValueError("constraints say the same thing twice at the start: leave one of them out")
     for _ in range(PROJECTIONS):
         rows, level, _, mass = (np.array(part) for part in function(t, q, v, numbers))
         q = q - np.linalg.solve(mass, rows.T @ np.linalg.solve(rows @ np.linalg.solve(mass, rows.T), level)).ravel()

@@ -18,8 +18,10 @@ ROUND_OFF = 1e-12
 """Of the largest squared frequency: less is a zero mode."""
 FINEST = 1e-5
 """Of the box: a part so small is not divided further."""
-MOST_PARTS = 50_000
+MOST_PARTS = 4000
 NEWTON = 40
+ALONE = 1e-7
+"""Of the largest singular value of the slopes: a place at which one is less need not be alone."""
 SLACK = 1e-12
 """For the round-off of what is enclosed."""
 SAME = 1e-7
@@ -72,6 +74,9 @@ def equilibria(lagrange: Lagrange, low: np.ndarray, high: np.ndarray, numbers: n
         place = _rest(both, middles[k], numbers)
         inside = place is not None and np.all((place >= low - SAME * size) & (place <= high + SAME * size))
         if place is None or not inside:
+            continue
+        isolated = np.linalg.svd(np.array(both(place, numbers)[1]), compute_uv=False)
+        if isolated[-1] <= ALONE * isolated[0]:  # there may be a line of them
             continue
         if not len(found) or np.min(np.max(np.abs(found - place) / size, axis=1)) > SAME:
             found = np.vstack([found, place])

@@ -19,7 +19,7 @@ SINGULAR = 1e-11
 
 
 @dataclass(frozen=True)
-class Symbols:
+class StateSymbols:
     """Time, n coordinates, their rates and the parameters, as columns of CasADi symbols."""
 
     t: Expression
@@ -29,7 +29,7 @@ class Symbols:
     names: tuple[str, ...]
 
     @classmethod
-    def of(cls, coordinates: int, parameters: Sequence[str]) -> Symbols:
+    def of(cls, coordinates: int, parameters: Sequence[str]) -> StateSymbols:
         """For so many coordinates, and parameters of these names."""
         q, v = ca.SX.sym("q", coordinates), ca.SX.sym("v", coordinates)
         return cls(ca.SX.sym("t"), q, v, ca.SX.sym("p", len(parameters)), tuple(parameters))
@@ -64,7 +64,7 @@ class Symbols:
 class Lagrange:
     """A Lagrangian ``value`` and what follows (Goldstein, Poole and Safko, "Classical Mechanics", ch. 1, 2)."""
 
-    symbols: Symbols
+    symbols: StateSymbols
     value: Expression
     forces: Expression
 

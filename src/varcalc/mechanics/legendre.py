@@ -12,7 +12,8 @@ from varcalc.mechanics.lagrange import Lagrange
 
 STEPS = 60
 """Newton's, for the velocities of momenta that are not linear in them."""
-FOUND = 1e-14
+FOUND, MISSED = 1e-14, 1e-9
+"""Of velocities and momenta: a step that is none, and what may be left."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,12 @@ class Hamiltonian:
         q, p = np.asarray(q, dtype=float), np.asarray(p, dtype=float)
         if q.ndim == 2:
             return np.stack([self.velocity(t, a, b) for a, b in zip(q.T, p.T, strict=True)], axis=1)
-        v = np.zeros_like(q)
+        v, step = np.zeros_like(q), np.full_like(q, np.inf)
+        if np.linalg.matrix_rank(np.array(self._parts(t, q, v, self.numbers)[1])) < len(q):
+            v = p.copy()  # no inertia at rest, as of v⁴
         for _ in range(STEPS):
             momenta, mass, _, _ = (np.array(part) for part in self._parts(t, q, v, self.numbers))
-            step = np.linalg.solve(mass, p - momenta.ravel())
+            step = np.linalg.lstsq(mass, p - momenta.ravel(), rcond=None)[0]
             best = 1.0
             while best > FOUND:  # a step may lead out of L's domain
                 there = np.array(self._parts(t, q, v + best * step, self.numbers)[0]).ravel()
@@ -49,6 +52,9 @@ class Hamiltonian:
             v = v + best * step
             if np.abs(step).max() <= FOUND * max(np.abs(v).max(), 1e-300):
                 break
+        short = np.abs(np.array(self._parts(t, q, v, self.numbers)[0]).ravel() - p).max()
+        if not short <= MISSED * max(np.abs(p).max(), 1e-300):
+            raise ValueError(f"no velocity was found whose momenta are p = {p} at t = {t:.6g}, q = {q}")
         return v
 
     def __call__(self, t: float, q: np.ndarray, p: np.ndarray) -> float:

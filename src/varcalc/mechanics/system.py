@@ -13,16 +13,17 @@ import numpy as np
 from varcalc import integrators
 from varcalc.integrators import Flow
 from varcalc.integrators.protocol import Outcome
-from varcalc.mechanics.constraints import RATE, Held, Holonomic, Pfaffian, started
+from varcalc.mechanics.constraints import RATE, Held, Pfaffian, started
 from varcalc.mechanics.equilibria import Equilibria, NormalModes, equilibria, normal_modes
-from varcalc.mechanics.lagrange import Lagrange, Symbols
+from varcalc.mechanics.lagrange import Lagrange, StateSymbols
 from varcalc.mechanics.legendre import Hamiltonian
 from varcalc.mechanics.motion import LOOKED_AT, Checkpoints, Ensemble, Event, Motion, carried, happenings
 from varcalc.mechanics.symmetries import Symmetry, noether
-from varcalc.problem.conditions import Fixed, Periodic
+from varcalc.problem.conditions import Fixed, Holonomic, Periodic
 from varcalc.problem.problem import Problem
-from varcalc.problem.reading import equation_latex, equation_text
+from varcalc.problem.reading import equation_latex, equation_text, text
 from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.switches import switches
 from varcalc.symbolic.tracing import Expression
 
 DENSE_STEPS, MOST_STEPS = 20_000, 100_000_000
@@ -31,6 +32,10 @@ DENSE_STEPS, MOST_STEPS = 20_000, 100_000_000
 
 ROUND_OFF = 4 * float(np.finfo(float).eps)
 """Of the coordinates: what a step adds at random."""
+
+
+ERROR_MARGIN = 8.0
+"""By how many times the difference of two integrations either may be off, where motions part."""
 
 
 class System:
@@ -84,7 +89,7 @@ class System:
         self.parameters = {key: _number(f"parameters[{key!r}]", value) for key, value in (parameters or {}).items()}
         self.name, self.symmetries = name, tuple(symmetries)
         self._given, self._forces_given = lagrangian, forces
-        symbols = Symbols.of(self.n, tuple(self.parameters))
+        symbols = StateSymbols.of(self.n, tuple(self.parameters))
         value = symbols.traced("lagrangian", lagrangian, symbols.t, symbols.q, symbols.v)
         pushed = symbols.column("forces", forces, self.n, *symbols.all[:3]) if forces else ca.SX.zeros(self.n)
         self._lagrange = Lagrange(symbols, value, pushed)
@@ -201,6 +206,20 @@ class System:
                 "it fixes no acceleration there and has no Hamiltonian"
             )
 
+    def _check_smooth(self) -> None:
+        """A step of an integration would go over a kink or a jump, and its error would not tell."""
+        s = self._lagrange.symbols
+        read = [self._lagrange.value, *ca.vertsplit(self._lagrange.forces)]
+        if self._held is not None:
+            read += [*ca.vertsplit(ca.vec(self._held.rows)), *ca.vertsplit(self._held.level)]
+        state = ca.vertcat(s.t, s.q, s.v)
+        found = next((one for one in switches(read, s.all) if one.depends_on(state)), None)
+        if found is not None:
+            raise ValueError(
+                f"L, the forces or a constraint switches ({found.word}) where {text(found.argument, self._named)} is "
+                "zero, and a motion would step over that; move each side by itself, up to a terminal event there"
+            )
+
     @cached_property
     def _null(self) -> np.ndarray | None:
         return self._lagrange.without_inertia(self.parameters)
@@ -294,20 +313,20 @@ class System:
 
     def between(self, q0: Sequence[float], q1: Sequence[float], duration: float) -> Problem:
         """The action of motions from ``q0`` to ``q1`` (n,) in the time ``duration``: a problem to solve and verify."""
-        self._check_free("between")
         first, last = _column("q0", q0, self.n), _column("q1", q1, self.n)
         start, end = Fixed(0.0, first.tolist()), Fixed(float(duration), last.tolist())
-        return Problem(self._given, start, end, parameters=self.parameters or None, name=self.name)
+        return self._action(start, end)
 
     def periodic(self, period: float) -> Problem:
         """The action of closed motions of a ``period``: a problem to solve or to verify."""
-        self._check_free("periodic")
         closed = Periodic(0.0, float(period), self.n)
-        return Problem(self._given, closed, closed, parameters=self.parameters or None, name=self.name)
+        return self._action(closed, closed)
 
-    def _check_free(self, what: str) -> None:
-        if self.constraints or self._forces_given:
-            raise ValueError(f"{what}() is of the action alone: leave forces and constraints out, or use motion()")
+    def _action(self, start: Fixed | Periodic, end: Fixed | Periodic) -> Problem:
+        held = [c for c in self.constraints if isinstance(c, Holonomic)]
+        if len(held) < len(self.constraints) or self._forces_given:
+            raise ValueError("forces and Pfaffian constraints have no action: leave them out, or use motion()")
+        return Problem(self._given, start, end, held, parameters=self.parameters or None, name=self.name)
 
     def motion(
         self, q0: Sequence[float], v0: Sequence[float], span: tuple[float, float], *, events: Sequence[Event] = ()
@@ -317,6 +336,9 @@ class System:
         Raises ValueError for a start that breaks a constraint, and for a singular L.
         """
         first, last = (_number(f"span[{k}]", value) for k, value in enumerate(span))
+        for k, event in enumerate(events):
+            if not isinstance(event, Event):
+                raise TypeError(f"events[{k}] must be a mechanics.Event, not {event!r}")
         if not last > first:
             raise ValueError(f"span must be two ascending times, not {span!r}")
         q, v = self._started(first, q0, v0)
@@ -335,7 +357,7 @@ class System:
         states = run.trajectory(looked)
         careful = flow.trajectory(looked, state, numbers, level=1)
         apart = float(np.nanmax(np.abs(careful.states[:, : self.n] - states[:, : self.n])))
-        error = 2 * apart + ROUND_OFF * run.steps**0.5 * float(np.abs(states[:, : self.n]).max())
+        error = ERROR_MARGIN * apart + ROUND_OFF * run.steps**0.5 * float(np.abs(states[:, : self.n]).max())
         return Motion(
             (first, reached), run.outcome, error, self._drift(looked, states), happened, run.steps, numbers,
             run.trajectory, self._measured,
@@ -355,6 +377,7 @@ class System:
 
     def _started(self, t: float, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
         self._check_regular()
+        self._check_smooth()
         q, v = _column("q0", q0, self.n), _column("v0", v0, self.n)
         return (q, v) if self._held is None else started(self._lagrange, self._held, t, q, v, self._numbers)
 

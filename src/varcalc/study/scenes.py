@@ -7,10 +7,9 @@ A scene file is an ordinary Python file that defines ``study``, a
 from __future__ import annotations
 
 from pathlib import Path
-from types import ModuleType
 
 from varcalc.optics.results.study import Study
-from varcalc.study.user_file import SUFFIX, ProblemFileError, catalogued, listed, run_file
+from varcalc.study.user_file import defined, listed
 
 SCENES_PACKAGE = "varcalc.problems.optics"
 """The package the scenes are installed as."""
@@ -26,18 +25,5 @@ def load_study(path_or_name: str | Path) -> Study:
 
     Raises :class:`varcalc.study.reference.ProblemFileError`, a ValueError, naming the file and the remedy.
     """
-    text = str(path_or_name)
-    if text.endswith(SUFFIX):
-        return _study(run_file(Path(text), "`study`"), text)
-    return _study(catalogued(SCENES_PACKAGE, text, text, "scene"), text)
-
-
-def _study(module: ModuleType, where: str) -> Study:
-    study = getattr(module, "study", None)
-    if isinstance(study, Study):
-        return study
-    if study is not None:
-        raise ProblemFileError(f"`study` in {where} must be a varcalc.optics.Study, not {study!r}")
-    raise ProblemFileError(
-        f"{where} defines no `study`; end it with study = optics.Study(scene, source, rays, optical_path)"
-    )
+    example = "study = optics.Study(scene, source, rays, optical_path)"
+    return defined(SCENES_PACKAGE, path_or_name, "scene", "study", Study, "varcalc.optics.Study", example)

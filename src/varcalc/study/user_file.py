@@ -11,9 +11,11 @@ import pkgutil
 import traceback
 from pathlib import Path
 from types import ModuleType
+from typing import TypeVar
 
 from varcalc.solution import VariationalError
 
+T = TypeVar("T")
 SUFFIX = ".py"
 """What tells a person's own file from a name in a catalogue."""
 
@@ -62,6 +64,24 @@ def catalogued(package: str, name: str, text: str, kind: str) -> ModuleType:
             f"a file of your own is given by its path, ending in {SUFFIX}"
         )
     return importlib.import_module(f"{package}.{name}")
+
+
+def defined(
+    package: str, path_or_name: str | Path, kind: str, name: str, wanted: type[T], called: str, example: str
+) -> T:  # fmt: skip
+    """What a file of a catalogue, or of one's own, defines as ``name``.
+
+    ``kind`` says what such files are, ``called`` what people call the class ``wanted``, ``example`` how one ends.
+    Raises :class:`ProblemFileError`, naming the file and the remedy.
+    """
+    text = str(path_or_name)
+    module = run_file(Path(text), f"`{name}`") if text.endswith(SUFFIX) else catalogued(package, text, text, kind)
+    value = getattr(module, name, None)
+    if isinstance(value, wanted):
+        return value
+    if value is not None:
+        raise ProblemFileError(f"`{name}` in {text} must be a {called}, not {value!r}")
+    raise ProblemFileError(f"{text} defines no `{name}`; end it with {example}")
 
 
 def _first_line(module_name: str) -> str:

@@ -155,7 +155,7 @@ def _soft_modes(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> t
 
 
 @dataclass(frozen=True)
-class Motion:
+class FreeMotion:
     """The velocity of a rigid motion: of the unknowns, as a matrix on (y, s, 1), and of the unknown numbers."""
 
     velocity: np.ndarray
@@ -176,7 +176,7 @@ def _are_rigid_motions(system: RitzSystem, z: np.ndarray, modes: np.ndarray) -> 
     return bool(np.all(left <= IN_SPAN)) and all(_invariant(system, z, at, motions, share) for share in shares.T)
 
 
-def _motions(system: RitzSystem, z: np.ndarray) -> list[Motion]:
+def _motions(system: RitzSystem, z: np.ndarray) -> list[FreeMotion]:
     """The rigid motions that leave the ends as they are prescribed.
 
     Shifts of a function no value of which is fixed, for a second-order
@@ -194,21 +194,21 @@ def _motions(system: RitzSystem, z: np.ndarray) -> list[Motion]:
                 entries.append([(a, n, 1.0)])
     if not len(fixed):
         entries += [[(a, b, 1.0), (b, a, -1.0)] for a in range(n) for b in range(a)]
-    out: list[Motion] = []
+    out: list[FreeMotion] = []
     still, nowhere = np.zeros(system.extra), np.zeros((n, n + 2))
     for places in entries:
         matrix = nowhere.copy()
         for row, column, entry in places:
             matrix[row, column] = entry
-        out.append(Motion(system.pack(_applied(system, coefficients, matrix), still), matrix, still))
+        out.append(FreeMotion(system.pack(_applied(system, coefficients, matrix), still), matrix, still))
     own = len(system.form.problem.unknowns)
     if system.extra - own - system.form.coordinates.gauged == 2:
         numbers = still.copy()
         numbers[own : own + 2] = 1.0
-        out.append(Motion(system.pack(np.zeros(space.size), numbers), nowhere, numbers))
+        out.append(FreeMotion(system.pack(np.zeros(space.size), numbers), nowhere, numbers))
     if space.periodic and not _depends_on_place(system):
         around = space.fit(lambda s: space.evaluate(coefficients, s, 1))
-        out.append(Motion(system.pack(around, still), nowhere, still))
+        out.append(FreeMotion(system.pack(around, still), nowhere, still))
     return [m for m in out if m.velocity.any()]
 
 
@@ -226,7 +226,7 @@ def _applied(system: RitzSystem, coefficients: np.ndarray, matrix: np.ndarray) -
     return out + space.fit(lambda s: matrix[:, n:] @ np.array([s, np.ones_like(s)]))
 
 
-def _invariant(system: RitzSystem, z: np.ndarray, at: Evaluation, motions: list[Motion], share: np.ndarray) -> bool:
+def _invariant(system: RitzSystem, z: np.ndarray, at: Evaluation, motions: list[FreeMotion], share: np.ndarray) -> bool:
     """Whether the finite motion, not only the infinitesimal one, leaves the functional and its conditions alone."""
     n = system.n
     velocity = sum((c * m.matrix for c, m in zip(share, motions, strict=True)), np.zeros((n, n + 2)))

@@ -75,7 +75,7 @@ class Launches:
 
 
 @dataclass(frozen=True)
-class Aims:
+class Distances:
     """n distances that rays are to come, each along one of the pairs of heights, up to an optical path ``within`` (n,).
 
     ``way`` (n,) is 1 or -1, the sense about a centre, and ``question`` the number of the two points asked about.
@@ -90,7 +90,7 @@ class Aims:
     @classmethod
     def of(
         cls, passages: Passages, pair: np.ndarray, distance: np.ndarray, within: np.ndarray, longest: np.ndarray
-    ) -> Aims:
+    ) -> Distances:
         """From one point to another; about a centre both ways round, and with windings.
 
         There are as many of these as rays of optical paths up to ``longest`` (p,) may come round.
@@ -143,7 +143,7 @@ class Families:
         return np.column_stack([self.beyond, self.behind, self.periods, self.aim])
 
     @classmethod
-    def possible(cls, series: Proxies, aims: Aims) -> Families:
+    def possible(cls, series: Proxies, aims: Distances) -> Families:
         """Those that may come as far as is asked, on the optical path that is allowed, by the series' bounds."""
         least, most = series.bounds
         start, stop = (np.searchsorted(series.family, aims.pair, side=side) for side in ("left", "right"))
@@ -204,7 +204,7 @@ def launches(
     """
     longest = rounded_up(_greatest(pair, within, np.zeros(len(ends))))
     passages, swapped = Passages.between(profile, ends, longest)
-    aims = Aims.of(passages, pair, distance, within, longest)
+    aims = Distances.of(passages, pair, distance, within, longest)
     farthest = rounded_up(_greatest(aims.pair, aims.distance, np.abs(ends[:, 1] - ends[:, 0])))
     spread = Spread(passages, farthest, longest)
     series = spread.series()
@@ -243,7 +243,7 @@ def launches(
 
 
 def _continua(
-    spread: Spread, series: Proxies, families: Families, aims: Aims
+    spread: Spread, series: Proxies, families: Families, aims: Distances
 ) -> tuple[tuple[np.ndarray, np.ndarray], Families]:
     """The most level ray (angle and family's name) of each family all of whose rays meet the point, and the others."""
     weights = families.weights
@@ -265,7 +265,7 @@ def _continua(
     return (np.array(angles), names[whole]), families.take(np.flatnonzero(~np.isin(number, whole)))
 
 
-def _upright(passages: Passages, aims: Aims, touch: np.ndarray) -> np.ndarray:
+def _upright(passages: Passages, aims: Distances, touch: np.ndarray) -> np.ndarray:
     """The names (k, 4) of families of rays at right angles to the layers that come as far as is asked for."""
     pairs = np.arange(len(passages.start))
     here = passages.at(pairs, np.full(len(pairs), np.pi / 2))[aims.pair]
@@ -284,7 +284,7 @@ def _upright(passages: Passages, aims: Aims, touch: np.ndarray) -> np.ndarray:
     return np.concatenate(rows)
 
 
-def _resting(spread: Spread, aims: Aims) -> np.ndarray:
+def _resting(spread: Spread, aims: Distances) -> np.ndarray:
     """How many rays to each question come to rest along a layer more closely than angles can be told.
 
     Passages grow up to there.
@@ -330,7 +330,12 @@ def _left_over(
 
 
 def _launched(
-    passages: Passages, angles: np.ndarray, names: np.ndarray, aims: Aims, touching: np.ndarray, swapped: np.ndarray
+    passages: Passages,
+    angles: np.ndarray,
+    names: np.ndarray,
+    aims: Distances,
+    touching: np.ndarray,
+    swapped: np.ndarray,
 ) -> list[tuple[int, Launch]]:
     """The rays of the families ``names`` (k, 4) at ``angles`` (k,), each with the number of its aim."""
     if len(angles) == 0:

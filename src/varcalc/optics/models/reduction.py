@@ -165,7 +165,7 @@ class ReducedRays:
 
 
 @dataclass(frozen=True)
-class Moved:
+class Deviated:
     """Where motions have come: places, integrals (m, COUNT), and the deviations (m, k) of u, w and τ."""
 
     place: MotionPoint
@@ -182,7 +182,7 @@ class RayReduction(ABC):
     motions: ReducedRays
 
     @abstractmethod
-    def carried(self, moved: Moved) -> Beam:
+    def carried(self, moved: Deviated) -> Beam:
         """The rays where their motions have come."""
 
 
@@ -198,7 +198,7 @@ class InLayers(RayReduction):
             2 * np.einsum("md,mkd->mk", along, beam.turned[:, :, :-1]),
         )  # fmt: skip
 
-    def carried(self, moved: Moved) -> Beam:
+    def carried(self, moved: Deviated) -> Beam:
         """See :meth:`RayReduction.carried`."""
         beam, tau = self.beam, moved.integrals[:, TAU]
         along = beam.momentum[:, :-1]
@@ -236,7 +236,7 @@ class AboutCentre(RayReduction):
             out * p_out + around * p_around + r * out_turned, 2 * self.c[:, None] * self.c_moved,
         )  # fmt: skip
 
-    def carried(self, moved: Moved) -> Beam:
+    def carried(self, moved: Deviated) -> Beam:
         """See :meth:`RayReduction.carried`."""
         beam, tau, c = self.beam, moved.integrals[:, TAU], self.c
         angle = c * tau
@@ -302,9 +302,9 @@ def started_later(motions: ReducedRays, start: MotionPoint) -> np.ndarray:
     return np.where(u_worth >= w_worth, from_u, from_w)
 
 
-def deviations(motions: ReducedRays, start: MotionPoint, end: MotionPoint, integrals: np.ndarray) -> Moved:
+def deviations(motions: ReducedRays, start: MotionPoint, end: MotionPoint, integrals: np.ndarray) -> Deviated:
     """The deviations at the end, at equal q: ``start`` and ``end`` hold arrays (m, 1)."""
     c = motions.c_moved
     tau = integrals[:, [BY_C]] * c - start.rate * started_later(motions, start)
     place = MotionPoint(*(getattr(end, name)[:, 0] for name in MotionPoint.__dataclass_fields__))
-    return Moved(place, integrals, end.u_by_c * c, end.w_by_c * c, tau)
+    return Deviated(place, integrals, end.u_by_c * c, end.w_by_c * c, tau)
