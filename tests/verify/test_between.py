@@ -94,6 +94,19 @@ def test_no_method_calls_right_what_it_did_not_see(method):
     assert not found.status.ok or found.value == pytest.approx(float(1 / compliance), abs=1e-9)
 
 
+@pytest.mark.parametrize("method", [vc.Ritz(), vc.Collocation(), vc.FirstIntegral()])
+@pytest.mark.parametrize("width", [1e-4, 1e-6])
+def test_no_method_calls_right_a_dip_of_a_reciprocal_that_it_did_not_see(method, width):
+    # the value is the square of the length in the metric: 1 without the dip
+    problem = graph(lambda x, y, v: (1 - 0.99 / (1 + ((y - 0.371) / width) ** 2)) * v**2)
+    found = vc.solve(problem, method, throw=False)
+    with mp.workdps(20):
+        marks = sorted({0, 1, *(mp.mpf(0.371) + side * 10**k * width for side in (-1, 0, 1) for k in range(4))})
+        marks = [mark for mark in marks if 0 <= mark <= 1]
+        length = mp.quad(lambda y: mp.sqrt(1 - 0.99 / (1 + ((y - 0.371) / mp.mpf(width)) ** 2)), marks)
+    assert not found.status.ok or found.value == pytest.approx(float(length**2), abs=1e-9)
+
+
 def test_slot_in_a_bound():
     # a ceiling at 1 with a slot down to a half: the string is drawn down to the tip of it
     def slot(x):

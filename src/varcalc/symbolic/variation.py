@@ -21,8 +21,11 @@ CHANGE = 1.5
 """By how much the argument of a function of scale 1 (exp, sin, tanh) may change."""
 FACTOR = 4.0
 """By what factor the argument of a root, a logarithm or a reciprocal may change."""
-VANISHED = -50.0
-"""Exponent below which what is left of an exponential is nothing, whatever it is multiplied by."""
+VANISHED, OVERFLOW = -50.0, 710.0
+"""Exponents below which what is left of an exponential is nothing, whatever it is multiplied by, and above which it is
+no number."""
+NARROWEST = 1e-12
+"""Width of a box, relative to where it lies, that is not looked into."""
 LEAST_POWER = 12
 """Whole power from which on it matters by what factor its base changes."""
 NUMBERS = {**UNARY, **BINARY}
@@ -73,6 +76,27 @@ def excess(
     return worst
 
 
+def gentle_boxes(function: ca.Function, edges: np.ndarray, most: int) -> np.ndarray:
+    """Edges (k,), from ascending ``edges`` (m,) on, between which an SX function of one variable varies gently.
+
+    Boxes are halved until nothing may hide in one, or round-off ends it; and no more of them than ``most``, those
+    next to the middle of the edges first.
+    """
+    if gentle(function, VARYING):
+        return edges[[0, -1]]
+    found, low, high = [edges], edges[:-1], edges[1:]
+    here = edges[len(edges) // 2]
+    while len(low) > 0 and sum(map(len, found)) < most:
+        over = excess(function, [[Between((low, high), low, high)]], low.shape, VARYING)
+        middle = (low + high) / 2
+        wide = (middle > low) & (middle < high) & (high - low > NARROWEST * np.maximum(np.abs(low), np.abs(high)))
+        varies = np.flatnonzero((over > 1.0) & wide)
+        nearest = varies[np.argsort(np.abs(middle[varies] - here))[:most]]
+        found.append(middle[nearest])
+        low, high = np.append(low[nearest], middle[nearest]), np.append(middle[nearest], high[nearest])
+    return np.unique(np.concatenate(found))
+
+
 def _unknown(*operands: np.ndarray) -> np.ndarray:
     """What a table makes of its operands: no number that is known here."""
     return np.full(np.broadcast_shapes(*(np.shape(o) for o in operands)), np.nan)
@@ -90,8 +114,8 @@ def _beyond(a: Between) -> np.ndarray:
 
 
 def _exponent(a: Between) -> np.ndarray:
-    low, high = (np.maximum(v, VANISHED) for v in a.range)
-    return _beyond(Between((low, high), np.maximum(a.first, VANISHED), np.maximum(a.last, VANISHED)))
+    low, high, first, last = (np.clip(v, VANISHED, OVERFLOW) for v in (*a.range, a.first, a.last))
+    return _beyond(Between((low, high), first, last))
 
 
 def _phase(a: Between) -> np.ndarray:

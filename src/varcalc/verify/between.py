@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation import formulate
+from varcalc.formulation.singular import forms
 from varcalc.methods.answer import Extremal, functional_value, lifted
 from varcalc.problem.breaks import bounds, integrals
 from varcalc.problem.conditions import Bound
@@ -79,13 +79,11 @@ def unseen(solution: Solution) -> Unseen | None:
 
 
 def _beside_nodes(solution: Solution) -> Unseen | None:
-    """What a quadrature in the user's coordinates may have missed.
-
-    What roots and reciprocals make of singular ends it sees for itself.
-    """
-    if gentle(integrals(solution.problem), LOCAL):
+    """What a quadrature in the user's coordinates may have missed."""
+    if gentle(integrals(solution.problem), VARYING):
         return None
-    return _in_integrals(stated(solution, formulate(solution.problem)), LOCAL, everywhere=False)
+    form = next(filter(None, forms(solution.problem)))
+    return _in_integrals(stated(solution, form), VARYING, everywhere=False)
 
 
 def balanced(solution: Solution, missed: Unseen) -> bool:

@@ -3,6 +3,7 @@
 import math
 
 import casadi as ca
+import mpmath as mp
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -128,6 +129,31 @@ def test_a_wall_far_off_whose_exponential_is_nothing_hides_no_straight_ray(width
     scene = optics.Scene(optics.Stratified(lambda y: 1 + 1e-2 * ca.exp(-(((y - 3.3333) / width) ** 2))))
     [ray] = scene.rays((0, 0), (5.0, 0.3))
     assert ray.optical_path == pytest.approx(math.hypot(5.0, 0.3), rel=1e-12)
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-3, 1e-4, 1e-6])
+def test_narrow_wall_turns_level_rays_back_and_lets_steep_ones_through(width):
+    # n² dips to a half within a few widths of a height
+    middle, depth = 0.5173, 0.5
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 - depth * ca.exp(-(((y - middle) / width) ** 2)))))
+
+    def squared(y):
+        return 1 - mp.mpf(depth) * mp.exp(-(((y - middle) / width) ** 2))
+
+    def passed(p):
+        return mp.quad(lambda y: p / mp.sqrt(squared(y) - p**2), marks)
+
+    marks = [0, *(middle + k * width for k in (-10, -3, 0, 3, 10)), 0.8]
+    p = mp.findroot(lambda p: passed(p) - 0.5, (0.52, 0.53))
+    through = mp.quad(lambda y: squared(y) / mp.sqrt(squared(y) - p**2), marks)
+    [ray] = scene.rays((0, 0), (0.5, 0.8))
+    assert ray.optical_path == pytest.approx(float(through), rel=1e-13)
+
+    straight, mirrored = scene.rays((0, 0), (4.0, 0.2))
+    assert straight.optical_path == pytest.approx(math.hypot(4.0, 0.2), rel=1e-13)
+    # a mirror at most four widths before the middle
+    assert mirrored.optical_path == pytest.approx(math.hypot(4.0, 2 * middle - 0.2), abs=4 * width)
+    assert not list(scene.rays((0, 0), (4.0, 0.8)))  # too level to come through
 
 
 @pytest.mark.parametrize("fall", [0.03, 0.16, 1.0])

@@ -139,6 +139,14 @@ class Potential(ABC):
         return _NONE
 
     @property
+    def gentle(self) -> np.ndarray:
+        """Places (k,), ascending, between which g varies gently.
+
+        Two samples of g with several of them in between may miss what is narrower.
+        """
+        return _NONE
+
+    @property
     def reach(self) -> np.ndarray | None:
         """Distances, ascending, at which g is looked at beyond the places asked for; None for multiples of a size."""
         return None
@@ -195,6 +203,7 @@ class Potential(ABC):
         stops = self.stops
         u = np.union1d(u, stops[(stops >= low.min()) & (stops <= high.max())])
         u, low_edge, high_edge = self._inside(u, first.min(), last.max())
+        u = np.union1d(u, self.gentle[(self.gentle > u[0]) & (self.gentle < u[-1])])
         for _ in range(ROUNDS):
             middle = self._coarse(u)
             if len(middle) == 0:

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.numerics.mesh import gauss
-from varcalc.numerics.one_coordinate.motions import CoordinateMotion
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionPoint
+from varcalc.numerics.one_coordinate.potential import Potential
 
 NODES, WEIGHTS = gauss(16)
 AGREED = 1e-13
@@ -33,14 +34,22 @@ TAU, BY_C = 0, -1
 
 def integrands(way: CoordinateMotion, q: np.ndarray) -> np.ndarray:
     """Shape (columns, m, k) at the parameters ``q`` (m, k)."""
-    at = way.at(q)
-    return np.stack([at.rate, *(at.rate * weight for weight in way.potential.weighted(at)), at.rate_by_c])
+    return _integrands(way.potential, way.at(q))
 
 
-def _panel(way: CoordinateMotion, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Gauss's rule for the integrals (columns, m) from ``low`` to ``high`` (m,)."""
-    half = (high - low) / 2
-    return half * (integrands(way, ((low + high) / 2)[:, None] + half[:, None] * NODES) @ WEIGHTS)
+def _integrands(potential: Potential, at: MotionPoint) -> np.ndarray:
+    return np.stack([at.rate, *(at.rate * weight for weight in potential.weighted(at)), at.rate_by_c])
+
+
+def _panel(way: CoordinateMotion, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss's rule for the integrals (columns, m) from ``low`` to ``high`` (m,), and whether its points tell all."""
+    half, potential = (high - low) / 2, way.potential
+    at = way.at(((low + high) / 2)[:, None] + half[:, None] * NODES)
+    told = np.ones(len(low), bool)
+    if len(potential.gentle):
+        passed = np.searchsorted(potential.gentle, at.u)
+        told = np.all(np.abs(np.diff(passed, axis=1)) <= 1, axis=1)
+    return half * (_integrands(potential, at) @ WEIGHTS), told
 
 
 def integrals(
@@ -55,15 +64,15 @@ def integrals(
     with np.errstate(all="ignore"):
         rows, left, right = _cut(way, low, high)
         agreed = np.broadcast_to(agreed, np.shape(low))
-        whole = _panel(way.take(rows), left, right)
+        whole, _ = _panel(way.take(rows), left, right)
         total = np.zeros((len(whole), len(low)))
         size = np.abs(_by_row(rows, whole, total)) + np.abs(np.transpose(known)) + np.finfo(float).tiny
         for _ in range(halvings):
             part, middle = way.take(rows), (left + right) / 2
-            first, second = _panel(part, left, middle), _panel(part, middle, right)
+            (first, told), (second, told_too) = _panel(part, left, middle), _panel(part, middle, right)
             wrong = np.abs(first + second - whole)
             # the derivative by C may add up to nothing but round-off; it is as smooth as the rate itself
-            fine = np.all((wrong <= agreed[rows] * size[:, rows])[:BY_C], axis=0)
+            fine = np.all((wrong <= agreed[rows] * size[:, rows])[:BY_C], axis=0) & told & told_too
             total = _by_row(rows[fine], (first + second)[:, fine], total)
             rest = ~fine & np.all(np.isfinite(first + second), axis=0)
             total[:, rows[~fine & ~rest]] = np.nan

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -31,11 +32,14 @@ from varcalc.symbolic.differences import carry, displaced
 from varcalc.symbolic.evaluation import Columns, PointEvaluator
 from varcalc.symbolic.places import places
 from varcalc.symbolic.switches import switches
+from varcalc.symbolic.variation import gentle_boxes
 
 LOG_RADIUS_LIMIT = 330.0
 """Of |ln(r/r₀)|: beyond it r² is no number."""
 PATH, SIGMA = 1, 2
 """The columns of the integrals, after τ, that hold the optical path and σ."""
+MOST_BOXES = 20_000
+"""Places at which an index that varies fast is looked at, those next to the scene first."""
 LEAST_ANGULAR_MOMENTUM = 1e-140
 """Of n r: a ray through the centre is the limit of rays past it."""
 
@@ -97,6 +101,18 @@ class Profile(RayPotential):
     def stops(self) -> np.ndarray:
         """See :meth:`Potential.stops`."""
         return self._stops
+
+    @property
+    def gentle(self) -> np.ndarray:
+        """See :meth:`Potential.gentle`."""
+        return self._gentle
+
+    @cached_property
+    def _gentle(self) -> np.ndarray:
+        u = ca.SX.sym("u")
+        reach = LOG_RADIUS_LIMIT if self.about_centre else FAR * abs(self.unit)
+        edges = self.probe + reach * np.array([-1.0, 0.0, 1.0])
+        return gentle_boxes(ca.Function("g", [u], [self._squared(u)]), edges, MOST_BOXES)[1:-1]
 
     @property
     def about_centre(self) -> bool:
