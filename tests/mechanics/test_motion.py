@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk
 
-import varcalc as vc
 from varcalc import mechanics
 from varcalc.integrators.protocol import Outcome
 from varcalc.study.experiments import experiment_catalogue, load_experiment
@@ -154,41 +153,6 @@ def test_a_long_motion_keeps_its_energy_and_is_known_everywhere():
     t = np.array([0.3, 1234.5, 2000 * period + 0.1, 5000 * period])
     exact = 2 * np.arcsin(k * ellipj(t % period + ellipk(k**2), k**2)[0])
     np.testing.assert_allclose(motion.q(t)[0], exact, rtol=0, atol=1e-9)
-
-
-def eight(t, z, v):
-    """Three bodies by Jacobi's vectors u and w, in coordinates in which a twelfth of the eight has ends of its own."""
-    u, du = z[:2], v[:2]
-    w, dw = ca.vertcat(z[3] - 3 * z[0], z[2] + z[1]), ca.vertcat(v[3] - 3 * v[0], v[2] + v[1])
-    kinetic = 0.75 * ca.sumsqr(du) + 0.25 * ca.sumsqr(dw)
-    return kinetic + 1 / ca.norm_2(w) + 1 / ca.norm_2(1.5 * u - w / 2) + 1 / ca.norm_2(1.5 * u + w / 2)
-
-
-def test_the_figure_eight_makes_the_action_least_and_closes():
-    # from a line through all three to an isosceles triangle in T/12 (Chenciner and Montgomery, Ann. Math. 152 (2000))
-    period = 2 * math.pi
-    start, end = vc.Fixed(0, [0, 0, None, None]), vc.Fixed(period / 12, [None, None, 0, 0])
-    problem = vc.Problem(eight, start, end)
-    least = vc.solve(
-        problem, guess=lambda t: np.outer([-0.54, -0.35, 0.486, -1.94], 12 * t / period) - [[0], [0], [0.486], [-1.94]]
-    )
-    assert 4 * least.value == pytest.approx(8.123975492, abs=1e-9)
-    solution = vc.solve(problem, vc.Collocation(), guess=least)  # whose slopes are as good as its value
-    z, rate = (solution.curve(np.zeros(1), k)[:, 0] for k in (0, 1))
-
-    def bodies(z):
-        u, w = z[:2], np.array([z[3] - 3 * z[0], z[2] + z[1]])
-        return np.concatenate([(w - u) / 2, -(w + u) / 2, u])
-
-    def lagrangian(t, q, v):
-        pairs = ((0, 2), (2, 4), (4, 0))
-        return ca.sumsqr(v) / 2 + sum(1 / ca.norm_2(q[a : a + 2] - q[b : b + 2]) for a, b in pairs)
-
-    three = mechanics.System(lagrangian, ["x1", "y1", "x2", "y2", "x3", "y3"])
-    motion = three.motion(bodies(z), bodies(rate), (0, period))
-    np.testing.assert_allclose(motion.q(period), bodies(z), rtol=0, atol=1e-9)
-    third = motion.q(period / 3)  # each is where another was a third of the period ago
-    assert min(np.abs(np.roll(third, k) - bodies(z)).max() for k in (2, 4)) < 1e-9
 
 
 def test_a_kink_is_not_stepped_over_and_arguments_are_named():

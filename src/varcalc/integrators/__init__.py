@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import casadi as ca
 
+from varcalc.integrators.attentive import Attentive
 from varcalc.integrators.dop853 import Dop853
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.on_demand import STEPS, OnDemand
@@ -24,6 +25,7 @@ from varcalc.symbolic.derived import Owner, derived
 __all__ = [
     "NONE",
     "OUTCOMES",
+    "Attentive",
     "CannotLower",
     "Dop853",
     "Engine",
@@ -85,5 +87,5 @@ def default(steps: int = STEPS, most_steps: int | None = None) -> Engine:
 
 
 def for_many(most_steps: int | None = None) -> Engine:
-    """The engine for a system that is run very often: as :func:`default`, compiled at once where it can be."""
-    return default(0, most_steps)
+    """The engine for a system that is run very often: compiled at once where it can be, and past nothing narrow."""
+    return Attentive(default(0, most_steps))

@@ -22,6 +22,16 @@ from varcalc.integrators.protocol import OUTCOMES, Landing, Outcome, Run, begun,
 from varcalc.integrators.taylor_ensemble import TaylorEnsemble
 from varcalc.integrators.threads import threads_for
 
+BLIND = 2.0
+"""By how many times more than all the terms of its series allow a first step may be."""
+SAME = 1e-12
+"""Relative difference of two runs that come to the same."""
+SMALL = 1e-6
+"""The same of two runs that differ by what round-off has grown to."""
+SHORT = 0.1
+"""Of the mean of steps: a bound below that is none on a step made blindly."""
+SAME = 1e-12
+"""Relative difference of two runs that come to the same."""
 MANY = 64
 """Runs without stops from which on heyoka's batches are worth compiling."""
 
@@ -106,7 +116,7 @@ class TaylorFlow:
     ) -> Run:  # fmt: skip
         """One run with steps of at most ``longest``, if that is given; else each ``level`` halves them."""
         bound = math.inf if longest is None else longest
-        run = self._propagate(abscissae, state, constants, bound)
+        run, bound = self._seeing(abscissae, state, constants, bound)
         if longest is None and level > 0 and run.completed:
             bound = abs(abscissae[-1] - abscissae[0]) / (2**level * run.steps + 1)
             run = self._propagate(abscissae, state, constants, bound)
@@ -132,8 +142,8 @@ class TaylorFlow:
         landing, ends = begun(states, start, until, stopping=False)
         begin, rows = landing.reached.copy(), np.flatnonzero(landing.reached != ends)
         if len(states) >= MANY and level <= 0 and longest is None and not dense:
-            self._in_batches(landing, constants, ends)
-            rows = np.flatnonzero((landing.reached != ends) | ~np.all(np.isfinite(landing.states), axis=1))
+            blind = self._in_batches(landing, constants, ends)
+            rows = np.flatnonzero((landing.reached != ends) | ~np.all(np.isfinite(landing.states), axis=1) | blind)
         between: list[Any] = [None] * len(states)
         for row in rows:
             span = np.array([begin[row], ends[row]])
@@ -148,9 +158,13 @@ class TaylorFlow:
             landing.dense = between
         return landing
 
-    def _in_batches(self, landing: Landing, constants: np.ndarray, until: np.ndarray) -> None:
-        """Carry all runs from where they are, as many as the processor takes side by side, on all cores."""
+    def _in_batches(self, landing: Landing, constants: np.ndarray, until: np.ndarray) -> np.ndarray:
+        """Carry all runs from where they are, as many as the processor takes side by side, on all cores.
+
+        True (m,) for those that may have made their first step blindly.
+        """
         m, size, begin = len(until), self._side_by_side.batch_size, landing.reached.copy()
+        blind = np.zeros(m, dtype=bool)
         lanes = [np.minimum(np.arange(k, k + size), m - 1) for k in range(0, m, size)]
         threads = threads_for(m)
 
@@ -161,15 +175,21 @@ class TaylorFlow:
                 integrator.set_time(begin[rows])
                 integrator.state[:] = landing.states[rows].T
                 integrator.pars[:] = constants[rows, :used].T
+                integrator.step(write_tc=True)
+                first = np.abs([step for _, step in integrator.step_res])
+                blind[rows] = first > BLIND * self._allowed(integrator.tc)
+                integrator.set_time(begin[rows])
+                integrator.state[:] = landing.states[rows].T
                 integrator.propagate_until(until[rows], max_steps=self.engine.most_steps)
                 landing.states[rows], landing.reached[rows] = integrator.state.T, integrator.time
                 landing.steps[rows] = [result[3] for result in integrator.propagate_res]
 
         if threads == 1:
             share(0)
-            return
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(share, range(threads)))
+        else:
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(share, range(threads)))
+        return blind
 
     def _set(self, time: float, state: np.ndarray, constants: np.ndarray) -> None:
         self.integrator.time = float(time)
@@ -177,7 +197,50 @@ class TaylorFlow:
         used = len(self.integrator.pars)  # heyoka counts up to the last constant that occurs in the system
         self.integrator.pars[:] = constants[:used]
 
+    def _seeing(
+        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, bound: float
+    ) -> tuple[Run, float]:
+        """A run, and the bound on its steps under which the first was not made blindly.
+
+        heyoka goes by the last two terms of the series, and both may be nothing where a motion begins: of what is
+        even in time, every other one. A bound counts where a run with half of it comes to the same.
+        """
+        first, reach = self._begun(state, constants, abscissae[0])
+        run = self._propagate(abscissae, state, constants, bound)
+        if not min(first, bound) > BLIND * reach or run.steps == 0:
+            return run, bound
+        least = SHORT * abs(run.reached - abscissae[0]) / run.steps
+        bound = min(bound, reach)
+        run, last = self._propagate(abscissae, state, constants, bound), math.inf
+        while bound > least:
+            bound /= 2
+            before, run = run, self._propagate(abscissae, state, constants, bound)
+            with np.errstate(invalid="ignore"):
+                apart = np.nanmax(np.abs(run.states - before.states), initial=0.0)
+                size = np.nanmax(np.abs(run.states))
+            # what halving does not make less is round-off
+            if before.outcome is run.outcome and (apart <= SAME * size or last / 2 < apart <= SMALL * size):
+                break
+            last = apart
+        return run, bound
+
+    def _begun(self, state: np.ndarray, constants: np.ndarray, time: float) -> tuple[float, float]:
+        """The step that heyoka makes from a state, and the one that all the later terms of its series allow."""
+        self._set(time, state, constants)
+        _, step = self.integrator.step(write_tc=True)
+        return abs(step), float(self._allowed(self.integrator.tc[:, :, None])[0])
+
+    def _allowed(self, terms: np.ndarray) -> np.ndarray:
+        """The steps (m,) that the later of the ``terms`` (N, order + 1, m) of series allow."""
+        sizes = np.abs(terms).max(axis=0)
+        order = np.arange(len(sizes))[:, None]
+        with np.errstate(all="ignore"):
+            radii = (sizes[1] / sizes) ** (1 / np.maximum(order - 1, 1))
+        radii[(order <= len(sizes) // 2) | ~(sizes > 0) | ~(radii > 0)] = np.inf
+        return self.engine.tolerance ** (1 / (len(sizes) - 1)) * radii.min(axis=0)
+
     def _propagate(self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, longest: float) -> Run:
+        """A run with steps of at most ``longest``."""
         integrator, most = self.integrator, self.engine.most_steps
         self._set(abscissae[0], state, constants)
         states = np.full((len(abscissae), len(state)), math.nan)

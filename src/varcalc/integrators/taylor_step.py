@@ -37,6 +37,8 @@ LENGTHEN = 8.0
 """A step may be so many times as long as the last."""
 UNBOUNDED = 1e8
 """In units of the time in which the state changes by its own size: where the series ends, no step is too long."""
+GAP = 8
+"""Terms of a series that may be nothing one after another."""
 GRAZE = 1e-9
 """A stop that leaves no more of a step than this touches the solution, and is passed over."""
 ROUNDS = 4
@@ -64,7 +66,7 @@ class TaylorStep:
         time, bound, until, leaving = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("e"), ca.SX.sym("l", len(levels))
         # what stands on a stop is asked for its next zero: its own is divided out
         ahead = [ca.if_else(leaving[j], ca.vertcat(level[1:], 0), level) for j, level in enumerate(levels)]
-        free, graze = _free_step(solution, time, self.tolerance * SHARE)
+        free, graze = _free_step(solution, time, until - time, self.tolerance * SHARE)
         length, certain = _allowed(ahead, ca.fmin(bound, free), graze)
         length = ca.fmin(length, until - time)
         crossed = [_crossed(level, length) for level in ahead]
@@ -136,7 +138,9 @@ def _largest(columns: Sequence[Expression], k: int) -> Expression:
     return reduce(ca.fmax, (ca.fabs(column[k]) for column in columns))
 
 
-def _free_step(solution: Sequence[Expression], time: Expression, share: float) -> tuple[Expression, Expression]:
+def _free_step(
+    solution: Sequence[Expression], time: Expression, left: Expression, share: float
+) -> tuple[Expression, Expression]:
     """The step after which the last terms of the series are ``share`` of what the step changes, and what is a graze.
 
     The measure is the change and not the state, which may be at the origin
@@ -144,9 +148,17 @@ def _free_step(solution: Sequence[Expression], time: Expression, share: float) -
     """
     order = solution[0].numel() - 1
     change, tiny = _largest(solution, 1), np.finfo(float).tiny
+    # a series may have gaps: of what is even in time every other term is nothing. Terms before the last two tell of
+    # its radius too, and what grows less than others, such as a sine, gets k/order of it
+    radii = [
+        order / k * ((change + tiny) / (_largest(solution, k) + tiny)) ** (1 / (k - 1))
+        for k in range(order - GAP, order - 1)
+    ]
     steps = [(share * (change + tiny) / (_largest(solution, k) + tiny)) ** (1 / (k - 1)) for k in (order - 1, order)]
+    free = ca.fmin(reduce(ca.fmin, steps), reduce(ca.fmin, radii) * share ** (1 / (order - 1)))
     whole = time + _largest(solution, 0) / change
-    free = ca.fmin(*steps)
+    # at the origin, at the time 0, there is no size to go by
+    whole = ca.if_else(whole > 0, whole, ca.fmin(free, ca.if_else(left < np.inf, left, 1.0)))
     return ca.fmin(free, UNBOUNDED * whole), GRAZE * ca.fmin(free, whole)
 
 

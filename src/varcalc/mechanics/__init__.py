@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from varcalc.mechanics.brackets import poisson
+from varcalc.mechanics.closed_orbits import ClosedOrbit, ClosedOrbits
 from varcalc.mechanics.constraints import Pfaffian
 from varcalc.mechanics.equilibria import Equilibria, NormalModes
 from varcalc.mechanics.experiment import Experiment, Moved
 from varcalc.mechanics.frames import charged, rotating
 from varcalc.mechanics.legendre import Hamiltonian
 from varcalc.mechanics.motion import Ensemble, Event, Happening, Motion
+from varcalc.mechanics.orbit_symmetry import Repeats, Returns
 from varcalc.mechanics.symmetries import Symmetry
 from varcalc.mechanics.system import System
 from varcalc.problem.conditions import Holonomic
 
 __all__ = [
+    "ClosedOrbit",
+    "ClosedOrbits",
     "Ensemble",
     "Equilibria",
     "Event",
@@ -25,6 +29,8 @@ __all__ = [
     "Moved",
     "NormalModes",
     "Pfaffian",
+    "Repeats",
+    "Returns",
     "Symmetry",
     "System",
     "charged",

@@ -49,6 +49,17 @@ class StateSymbols:
         """The scalar that a person's ``function`` makes of the columns, and p."""
         return trace(name, function, self.arguments(*columns), ca.SX, LAST)
 
+    def function(self, value: Expression, *columns: Expression) -> Callable[..., Expression]:
+        """A ``value`` as a person would write it: a function of the ``columns``, and p where there are parameters."""
+        inner = ca.Function("value", [*columns, self.p], [value])
+
+        def outer(*arguments: Any) -> Expression:
+            if not self.names:
+                return inner(*arguments, ca.SX(0, 1))
+            return inner(*arguments[:-1], ca.vertcat(*(getattr(arguments[-1], name) for name in self.names)))
+
+        return outer
+
     def column(self, name: str, function: Callable[..., Any], size: int, *columns: Expression) -> Expression:
         """The column of ``size`` numbers that a person's ``function`` makes of the columns, and p."""
         arguments = self.arguments(*columns)

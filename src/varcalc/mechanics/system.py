@@ -13,13 +13,16 @@ import numpy as np
 from varcalc import integrators
 from varcalc.integrators import Flow
 from varcalc.integrators.protocol import Outcome
+from varcalc.mechanics.action import Action
+from varcalc.mechanics.closed_orbits import ClosedOrbit, ClosedOrbits, Monodromy, closed_orbit, closed_state
 from varcalc.mechanics.constraints import RATE, Held, Pfaffian, started
 from varcalc.mechanics.equilibria import Equilibria, NormalModes, equilibria, normal_modes
 from varcalc.mechanics.lagrange import Lagrange, StateSymbols
 from varcalc.mechanics.legendre import Hamiltonian
 from varcalc.mechanics.motion import LOOKED_AT, Checkpoints, Ensemble, Event, Motion, carried, happenings
+from varcalc.mechanics.orbit_symmetry import Repeats, Returns
 from varcalc.mechanics.symmetries import Symmetry, noether
-from varcalc.problem.conditions import Fixed, Holonomic, Periodic
+from varcalc.problem.conditions import Fixed, Holonomic
 from varcalc.problem.problem import Problem
 from varcalc.problem.reading import equation_latex, equation_text, text
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -270,15 +273,10 @@ class System:
         """The system of L + dF/dt with F = ``gauge(t, q[, p])``, which has the same motions."""
         s = self._lagrange.symbols
         f = s.traced("gauge", gauge, s.t, s.q)
-        total = ca.Function("total", s.all, [self._lagrange.value + ca.jtimes(f, s.q, s.v) + ca.jacobian(f, s.t)])
-        names = tuple(self.parameters)
-
-        def lagrangian(t: Expression, q: Expression, v: Expression, *p: Any) -> Expression:
-            return total(t, q, v, ca.vertcat(*(getattr(p[0], name) for name in names)) if names else ca.SX(0, 1))
-
+        total = self._lagrange.value + ca.jtimes(f, s.q, s.v) + ca.jacobian(f, s.t)
         return System(
-            lagrangian, self.coordinates, parameters=self.parameters, constraints=self.constraints,
-            forces=self._forces_given, name=self.name,
+            s.function(total, s.t, s.q, s.v), self.coordinates, parameters=self.parameters,
+            constraints=self.constraints, forces=self._forces_given, name=self.name,
         )  # fmt: skip
 
     def routhian(self, momenta: Mapping[str, float]) -> System:
@@ -303,30 +301,55 @@ class System:
         reduced = ca.substitute(one.value - ca.dot(values, rates), rates, found)
         free_q, free_v = s.q[left], s.v[left]
         reduced = ca.substitute(reduced, s.q[gone], ca.SX.zeros(len(gone)))
-        function = ca.Function("routhian", [s.t, free_q, free_v, s.p], [reduced])
-        names = tuple(self.parameters)
-
-        def lagrangian(t: Expression, q: Expression, v: Expression, *p: Any) -> Expression:
-            return function(t, q, v, ca.vertcat(*(getattr(p[0], name) for name in names)) if names else ca.SX(0, 1))
-
+        lagrangian = s.function(reduced, s.t, free_q, free_v)
         return System(lagrangian, [self.coordinates[k] for k in left], parameters=self.parameters, name=self.name)
 
     def between(self, q0: Sequence[float], q1: Sequence[float], duration: float) -> Problem:
         """The action of motions from ``q0`` to ``q1`` (n,) in the time ``duration``: a problem to solve and verify."""
         first, last = _column("q0", q0, self.n), _column("q1", q1, self.n)
         start, end = Fixed(0.0, first.tolist()), Fixed(float(duration), last.tolist())
-        return self._action(start, end)
+        return self._action.problem(start, end)
 
-    def periodic(self, period: float) -> Problem:
-        """The action of closed motions of a ``period``: a problem to solve or to verify."""
-        closed = Periodic(0.0, float(period), self.n)
-        return self._action(closed, closed)
+    def periodic(self, period: float | str, symmetry: Sequence[Repeats | Returns] = ()) -> Problem:
+        """The action of closed motions of a ``period``: a problem to solve or to verify.
 
-    def _action(self, start: Fixed | Periodic, end: Fixed | Periodic) -> Problem:
-        held = [c for c in self.constraints if isinstance(c, Holonomic)]
+        Where the motions have a ``symmetry`` it is the action of the part from which the rest follows, on that part of
+        the period. A period that names one of the parameters is that parameter, to be followed by
+        :func:`varcalc.continue_branch`; the problem's abscissa is then the share of the period. The problem's
+        coordinates, and whole orbits of its solutions, are those of :meth:`closed_orbits`.
+        """
+        return self.closed_orbits(period, symmetry).problem
+
+    def closed_orbits(self, period: float | str, symmetry: Sequence[Repeats | Returns] = ()) -> ClosedOrbits:
+        """The same with the way there and back: guesses for the ``problem``, and the orbits of its solutions."""
+        return ClosedOrbits(self._action, self._orbit, period, symmetry)
+
+    def orbit(self, q0: Sequence[float], v0: Sequence[float], period: float) -> ClosedOrbit:
+        """The closed orbit of a ``period`` next to the motion from ``q0`` and ``v0`` (n,), with what becomes of others.
+
+        Raises ValueError where no closed orbit is next to it.
+        """
+        return self._orbit(np.asarray(q0, dtype=float), np.asarray(v0, dtype=float), period, None)
+
+    def _orbit(self, q0: np.ndarray, v0: np.ndarray, period: float, back: np.ndarray | None) -> ClosedOrbit:
+        if self._held is not None:
+            raise ValueError("orbit() is of systems without constraints: give coordinates that need none")
+        q, v = self._started(0.0, q0, v0)
+        numbers = self._with_rate(0.0, q, v, period)
+        state = closed_state(self._monodromy, np.concatenate([q, v]), numbers, float(period), back)
+        motion = self.motion(state[: self.n].tolist(), state[self.n :].tolist(), (0.0, float(period)))
+        return closed_orbit(self._monodromy, motion, self._summed, self._second_variation)
+
+    @cached_property
+    def _monodromy(self) -> Monodromy:
+        return Monodromy.of(self._rates[0])
+
+    @cached_property
+    def _action(self) -> Action:
+        held = tuple(c for c in self.constraints if isinstance(c, Holonomic))
         if len(held) < len(self.constraints) or self._forces_given:
             raise ValueError("forces and Pfaffian constraints have no action: leave them out, or use motion()")
-        return Problem(self._given, start, end, held, parameters=self.parameters or None, name=self.name)
+        return Action(self._given, self._lagrange, held, self.parameters, self.name)
 
     def motion(
         self, q0: Sequence[float], v0: Sequence[float], span: tuple[float, float], *, events: Sequence[Event] = ()
@@ -386,7 +409,8 @@ class System:
         if self._held is None:
             return np.append(self._numbers, 0.0)
         pull, speed = float(np.abs(self.accelerations(t, q.tolist(), v.tolist())).max()), float(np.abs(v).max())
-        size = max(float(np.abs(q).max()), speed**2 / pull if pull > 0 else speed * duration, 1e-150)
+        size = max(float(np.abs(q).max()), speed**2 / pull if pull > 0 else speed * duration)
+        size = size if size > 0 else max(pull * duration**2, 1e-150)  # at rest at the origin
         rate = max(speed / size, (pull / size) ** 0.5, 1 / duration)
         return np.append(self._numbers, RATE * rate)
 
@@ -425,6 +449,23 @@ class System:
         slope = ca.densify(ca.jtimes(level, state_and_time, rates))
         slopes = PointEvaluator(ca.Function("slopes", [state_and_time, constants], [level, slope]))
         return happenings(self._flows[events], state, numbers, span, events, slopes)
+
+    @cached_property
+    def _summed(self) -> PointEvaluator:
+        """L of the state."""
+        s = self._lagrange.symbols
+        return PointEvaluator(
+            ca.Function("L", [s.t, s.q, s.v, ca.vertcat(s.p, self._rates[1])], [self._lagrange.value])
+        )
+
+    @cached_property
+    def _second_variation(self) -> PointEvaluator:
+        """L_vv, L_vq and L_qq (n, n) of the state, by their columns."""
+        s, one = self._lagrange.symbols, self._lagrange
+        columns = [s.t, s.q, s.v, ca.vertcat(s.p, self._rates[1])]
+        mixed, bent = ca.jacobian(one.momenta, s.q), ca.jacobian(ca.gradient(one.value, s.q), s.q)
+        parts = [ca.densify(ca.vec(part)) for part in (one.mass, mixed, bent)]
+        return PointEvaluator(ca.Function("second_variation", columns, parts))
 
     @cached_property
     def _measured(self) -> PointEvaluator:

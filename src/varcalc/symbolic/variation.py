@@ -181,3 +181,5 @@ VARYING: Rules = {
     ca.OP_ATANH: _from_one, ca.OP_POW: _power, ca.OP_CONSTPOW: _power, ca.OP_HYPOT: _length, ca.OP_ATAN2: _length,
 }  # fmt: skip
 """The same with the operations that vary by the factor by which their operand changes."""
+SEEN_FROM_AFAR = {ca.OP_SIN, ca.OP_COS, ca.OP_TAN}
+"""Operations that are nowhere nothing: a series tells of them wherever it is begun."""

@@ -147,7 +147,8 @@ def test_narrow_wall_turns_level_rays_back_and_lets_steep_ones_through(width):
     p = mp.findroot(lambda p: passed(p) - 0.5, (0.52, 0.53))
     through = mp.quad(lambda y: squared(y) / mp.sqrt(squared(y) - p**2), marks)
     [ray] = scene.rays((0, 0), (0.5, 0.8))
-    assert ray.optical_path == pytest.approx(float(through), rel=1e-13)
+    # heights are rounded to 1e-16, which is much of a wall as thin as this
+    assert ray.optical_path == pytest.approx(float(through), rel=max(1e-13, 1e-17 / width))
 
     straight, mirrored = scene.rays((0, 0), (4.0, 0.2))
     assert straight.optical_path == pytest.approx(math.hypot(4.0, 0.2), rel=1e-13)

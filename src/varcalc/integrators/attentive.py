@@ -1,0 +1,184 @@
+"""Integration that does not step over what is narrow.
+
+An integrator knows a system from where it has been. What is nothing there and something farther on, such as a load
+exp(-u²) with u far from zero, its step goes over, and no tolerance tells. The arguments u of such operations are
+therefore enclosed in the box in which a run has been; where one has gone through more there than its operation lets
+through unseen, the run is made anew with one state more for each operation, arsinh u or ln |u|. Its series ends where
+the operation begins to matter, however far off that is, so that steps become short on the way there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from varcalc.integrators.companions import RULES, with_companions
+from varcalc.integrators.lowering import CannotLower, scalar_function
+from varcalc.integrators.protocol import Engine, Flow, Landing, Outcome, Run
+from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.variation import Between, excess, gentle
+
+WIDE = 20.0
+"""By how many times more than is gentle an argument may go from the middle of where a run has been."""
+LOOKS = 65
+"""Places of a run at which it is asked where it has been."""
+
+
+@dataclass(frozen=True)
+class Attentive:
+    """An ``engine`` whose runs do not step over what is narrow."""
+
+    engine: Engine
+
+    @property
+    def name(self) -> str:
+        """What to call it in a message."""
+        return self.engine.name
+
+    def compile(self, system: ca.Function, stops: ca.Function | None = None) -> Flow:
+        """See :meth:`Engine.compile`."""
+        flow = self.engine.compile(system, stops)
+        try:
+            formula = scalar_function(system)
+        except CannotLower:
+            return flow
+        return flow if gentle(formula, RULES) else AttentiveFlow(self.engine, formula, stops, flow)
+
+
+@dataclass(frozen=True)
+class AttentiveFlow:
+    """A ``system`` that may hold something narrow; both verbs are the protocol's."""
+
+    engine: Engine
+    system: ca.Function
+    stops: ca.Function | None
+    free: Flow
+
+    @property
+    def compiled(self) -> bool:
+        """See :attr:`Flow.compiled`."""
+        return self.free.compiled
+
+    @cached_property
+    def watched(self) -> Flow:
+        """The system with its companions."""
+        stops = self.stops
+        if stops is not None:
+            s, state, numbers = (ca.SX.sym(name, self._accompanied.numel_in(k)) for k, name in enumerate("sYc"))
+            stops = ca.Function("stops", [s, state, numbers], [stops(s, state[: self._size], numbers)])
+        return self.engine.compile(self._accompanied, stops)
+
+    @cached_property
+    def _accompanied(self) -> ca.Function:
+        return with_companions(self.system)
+
+    @cached_property
+    def _rates(self) -> PointEvaluator:
+        return PointEvaluator(self.system)
+
+    @property
+    def _size(self) -> int:
+        return self.system.numel_in(1)
+
+    def _extended(self, states: np.ndarray) -> np.ndarray:
+        """States (..., N) with companions, which begin at zero."""
+        extra = self._accompanied.numel_in(1) - self._size
+        return np.concatenate([states, np.zeros((*states.shape[:-1], extra))], axis=-1)
+
+    def _wide(self, low: np.ndarray, high: np.ndarray, s: np.ndarray, constants: np.ndarray) -> np.ndarray:
+        """True (m,) for boxes of states (m, N) in which something narrow may be; ``s`` (m, 2), ``constants`` (m, c)."""
+
+        def sides(first: np.ndarray, last: np.ndarray) -> list[Between]:
+            return [Between((a, b), (a + b) / 2, (a + b) / 2) for a, b in zip(first.T, last.T, strict=True)]
+
+        with np.errstate(all="ignore"):
+            boxes = [sides(s[:, :1], s[:, 1:]), sides(low, high), sides(constants, constants)]
+            return ~(excess(self.system, boxes, (len(low),), RULES) <= WIDE)
+
+    def trajectory(
+        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0, dense: bool = False
+    ) -> Run:
+        """See :meth:`varcalc.integrators.protocol.Flow.trajectory`."""
+        grid, own = np.asarray(abscissae, dtype=float), np.arange(len(abscissae))
+        if len(grid) < LOOKS:
+            grid = np.union1d(np.linspace(grid[0], grid[-1], LOOKS), grid)[:: 1 if grid[-1] > grid[0] else -1]
+            own = np.flatnonzero(np.isin(grid, abscissae))
+        run = self.free.trajectory(grid, state, constants, level=level, dense=dense)
+        been = run.states[np.all(np.isfinite(run.states), axis=1)]
+        ends, numbers = np.sort([[grid[0], run.reached]], axis=1), np.reshape(constants, (1, -1))
+        if self._wide(been.min(0)[None], been.max(0)[None], ends, numbers)[0]:
+            more = self.watched.trajectory(grid, self._extended(state), constants, level=level, dense=dense)
+            if more.outcome is not Outcome.NOT_FINITE:
+                inner = more.trajectory
+                run = replace(
+                    more, states=more.states[:, : self._size],
+                    trajectory=None if inner is None else _Shortened(inner, self._size),
+                )  # fmt: skip
+        return replace(run, abscissae=np.asarray(abscissae), states=run.states[own])
+
+    def ensemble(
+        self,
+        states: np.ndarray,
+        constants: np.ndarray,
+        *,
+        start: np.ndarray | float = 0.0,
+        until: np.ndarray | float = math.inf,
+        level: int = 0,
+        longest: np.ndarray | None = None,
+        dense: bool = False,
+        leaving: tuple[int, ...] = (),
+    ) -> Landing:
+        """See :meth:`varcalc.integrators.protocol.Flow.ensemble`."""
+        landing = self.free.ensemble(
+            states, constants, start=start, until=until, level=level, longest=longest, dense=dense, leaving=leaving
+        )
+        rows = self._doubtful(states, constants, np.broadcast_to(start, len(states)), landing)
+        if len(rows) == 0:
+            return landing
+        begin, end = (np.broadcast_to(values, len(states))[rows] for values in (start, until))
+        more = self.watched.ensemble(
+            self._extended(states[rows]), constants[rows], start=begin, until=end, level=level,
+            longest=None if longest is None else longest[rows], dense=dense, leaving=leaving,
+        )  # fmt: skip
+        landing.states[rows] = more.states[:, : self._size]
+        for name in ("reached", "outcomes", "stopped_by", "steps"):
+            getattr(landing, name)[rows] = getattr(more, name)
+        landing.rounds += more.rounds
+        if dense and landing.dense is not None and more.dense is not None:
+            between = list(landing.dense)
+            for row, inner in zip(rows, more.dense, strict=True):
+                between[row] = None if inner is None else _Shortened(inner, self._size)
+            landing.dense = between
+        return landing
+
+    def _doubtful(self, states: np.ndarray, constants: np.ndarray, start: np.ndarray, landing: Landing) -> np.ndarray:
+        """The numbers of runs that may have gone over something; of all together first, which is mostly enough."""
+        taken = np.abs(landing.reached - start)
+        ends = (start, states), (landing.reached, landing.states)
+        rates = [np.abs(self._rates(len(states), s[:, None], y, constants)) for s, y in ends]
+        with np.errstate(all="ignore"):
+            strayed = (taken[:, None] * np.fmax(*rates) - np.abs(landing.states - states)) / 2
+        strayed = np.nan_to_num(np.maximum(strayed, 0.0), nan=np.inf)
+        low, high = np.minimum(states, landing.states) - strayed, np.maximum(states, landing.states) + strayed
+        times = np.sort(np.column_stack([start, landing.reached]), axis=1)
+        all_times = np.array([[times[:, 0].min(), times[:, 1].max()]])
+        alike = len(constants) > 0 and bool(np.all(constants == constants[:1]))
+        if alike and not self._wide(low.min(0)[None], high.max(0)[None], all_times, constants[:1])[0]:
+            return np.zeros(0, dtype=int)
+        return np.flatnonzero(self._wide(low, high, times, constants))
+
+
+@dataclass(frozen=True)
+class _Shortened:
+    """A trajectory without the companions."""
+
+    trajectory: Callable[[np.ndarray], np.ndarray]
+    size: int
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        return self.trajectory(times)[:, : self.size]
