@@ -51,9 +51,19 @@ def followed(_):
     return float(last.index == orbit(0.95).index) + float(abs(last.q(0.0)[1] - start(0.98)[0]) > 1e-11)
 
 
+def section():
+    """Motions of the energy 1/8 that come through x = 0, from a line of places and one of rates."""
+    y = np.append(np.linspace(-0.25, 0.55, 13), np.zeros(8))
+    rate = np.append(np.zeros(13), np.linspace(-0.42, 0.42, 8))
+    along = np.sqrt(1 / 4 - rate**2 - y**2 + 2 * y**3 / 3)
+    event = mechanics.Event(lambda t, q, v, p: q[0], "x = 0", direction=1)
+    zero = np.zeros_like(y)
+    return mechanics.Section(event, np.column_stack([zero, y]), np.column_stack([along, rate]), (0.0, 3000.0), 300)
+
+
 experiment = mechanics.Experiment(
-    system, [0.1, 0.0], [0.2, 0.35], (0.0, 100.0), None,
+    system, [0.0, 0.1], [0.4, 0.27], (0.0, 100.0), None,
     {"branching": lambda _: max(abs(brentq(across, 0.965, 0.973, xtol=1e-12) - BRANCHES) - 5e-7, 0.0),
      "followed": followed},
-    title="Hénon and Heiles",
+    title="Hénon and Heiles", beside=section(),
 )  # fmt: skip

@@ -1,10 +1,13 @@
 """`varcalc move` and `varcalc list --systems`: from the catalogue, from a file, as JSON, as a picture."""
 
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from varcalc import mechanics
 from varcalc.charts import motion_picture
 from varcalc.cli import main
 from varcalc.study.experiments import experiment_catalogue, load_experiment
@@ -61,13 +64,34 @@ def test_the_list_gives_the_largest_error_of_every_system():
     assert run("list", "--systems", "--scenes").exit_code == 2
 
 
-@pytest.mark.parametrize("name", ["pendulum", "double_pendulum", "bead_on_a_hoop"])
+@pytest.mark.parametrize("name", ["pendulum", "elastic_pendulum", "bead_on_a_hoop"])
 def test_pictures_name_their_axes(name):
     moved = load_experiment(name).run()
     left, right = motion_picture(moved).axes
     assert left.get_xlabel() == "t"
     assert right.get_xlabel() == moved.names[0]
     assert right.get_ylabel() == (moved.names[1] if len(moved.names) > 1 else f"d{moved.names[0]}/dt")
+
+
+def test_a_section_and_a_map_are_drawn_where_they_are_asked_for():
+    asked = load_experiment("henon_heiles")
+    section = asked.beside
+    assert isinstance(section, mechanics.Section)
+    few = replace(section, q0=section.q0[:3], v0=section.v0[:3], most=20)
+    _, right = motion_picture(replace(asked, checks={}, beside=few).run()).axes
+    assert (right.get_xlabel(), right.get_ylabel()) == ("y", "dy/dt")
+    assert [len(line.get_xdata()) for line in right.lines] == [20] * 3
+    asked = load_experiment("double_pendulum")
+    flights = asked.beside
+    assert isinstance(flights, mechanics.Flights)
+    few = replace(flights, first=np.array([-3.0, 0.0, 3.0]), second=np.array([0.0, 3.0]), span=(0.0, 10.0))
+    moved = replace(asked, beside=few).run()
+    assert moved.many is not None
+    times = moved.many.times.reshape(2, 3)
+    assert np.isnan(times[0, 1])  # at rest
+    assert times[0, 0] == pytest.approx(times[0, 2], rel=1e-9)  # the mirrored motion
+    _, right, bar = motion_picture(moved).axes
+    assert (right.get_xlabel(), bar.get_ylabel()) == ("theta1 at rest", "time to the lower rod upright")
 
 
 def test_the_separatrix_is_in_the_phase_portrait():

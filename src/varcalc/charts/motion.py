@@ -1,4 +1,4 @@
-"""A motion: its coordinates against time, and its phase portrait or its orbit."""
+"""A motion: its coordinates against time, and its phase portrait, its orbit, or what many motions beside it do."""
 
 from __future__ import annotations
 
@@ -6,18 +6,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from varcalc.charts.colours import OTHER_COLOURS
+from varcalc.mechanics.experiment import Flights, Section
 
 if TYPE_CHECKING:
     from varcalc.mechanics.experiment import Moved
 
 LEVELS = 14
+MOST_NAMES = 6
+"""In a line of the legend."""
 
 
 def motion_picture(moved: Moved) -> Figure:
-    """Coordinates against time on the left; on the right the phase portrait of one coordinate, the orbit of more."""
+    """Coordinates against time on the left; on the right what the experiment asks for.
+
+    Without that it is the phase portrait of one coordinate, and the orbit of more.
+    """
     figure = Figure(figsize=(11, 4.6), layout="constrained")
     left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
     times, q, v = moved.drawn
@@ -29,8 +36,12 @@ def motion_picture(moved: Moved) -> Figure:
     left.set_xlabel("t")
     left.set_ylabel(moved.names[0] if len(moved.names) == 1 else "coordinates")
     if len(q) > 1:
-        left.legend(frameon=False)
-    if len(q) == 1:
+        left.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=MOST_NAMES)
+    if isinstance(asked := moved.experiment.beside, Section):
+        _section(right, moved, asked)
+    elif isinstance(asked, Flights):
+        _flights(right, moved, asked)
+    elif len(q) == 1:
         _phase_portrait(right, moved, q[0], v[0])
     else:
         right.plot(q[0], q[1], color=OTHER_COLOURS[0])
@@ -39,6 +50,27 @@ def motion_picture(moved: Moved) -> Figure:
         right.set_ylabel(names[1])
     figure.suptitle(moved.title)
     return figure
+
+
+def _section(axes: Axes, moved: Moved, asked: Section) -> None:
+    many, name = moved.many, moved.names[asked.shown]
+    assert many is not None
+    for number, (q, v) in enumerate(zip(many.q[:, asked.shown], many.v[:, asked.shown], strict=True)):
+        axes.plot(q, v, ".", markersize=1.5, color=OTHER_COLOURS[number % len(OTHER_COLOURS)])
+    axes.set_xlabel(name)
+    axes.set_ylabel(f"d{name}/dt")
+    axes.set_title(f"{len(many.q)} motions at {asked.event.name}", fontsize="medium")
+
+
+def _flights(axes: Axes, moved: Moved, asked: Flights) -> None:
+    many = moved.many
+    assert many is not None
+    times = many.times[:, 0].reshape(len(asked.second), len(asked.first))
+    image = axes.pcolormesh(asked.first, asked.second, times, norm=LogNorm(), shading="nearest", cmap="viridis")
+    axes.figure.colorbar(image, ax=axes, label=f"time to {asked.event.name}")
+    axes.set_facecolor("0.9")  # where it does not come to that
+    axes.set_xlabel(f"{moved.names[0]} at rest")
+    axes.set_ylabel(f"{moved.names[1]} at rest")
 
 
 def _phase_portrait(axes: Axes, moved: Moved, q: np.ndarray, v: np.ndarray) -> None:

@@ -52,6 +52,8 @@ class VectorisedStep:
 
     def __call__(self, columns: np.ndarray, results: np.ndarray) -> None:
         """The function of each of the ``columns`` (n, m), written into ``results`` (k, m); both contiguous."""
+        if self._left <= 0:
+            self.expects(columns.shape[1])
         if self._compiled is not None:
             self._compiled(columns, outputs=results)
             return

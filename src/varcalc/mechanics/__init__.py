@@ -6,11 +6,12 @@ from varcalc.mechanics.brackets import poisson
 from varcalc.mechanics.closed_orbits import ClosedOrbit, ClosedOrbits
 from varcalc.mechanics.constraints import Pfaffian
 from varcalc.mechanics.equilibria import Equilibria, NormalModes
-from varcalc.mechanics.experiment import Experiment, Moved
+from varcalc.mechanics.experiment import Experiment, Flights, Moved, Section
 from varcalc.mechanics.frames import charged, rotating
 from varcalc.mechanics.legendre import Hamiltonian
 from varcalc.mechanics.motion import Ensemble, Event, Happening, Motion
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns
+from varcalc.mechanics.passages import Passages
 from varcalc.mechanics.symmetries import Symmetry
 from varcalc.mechanics.system import System
 from varcalc.problem.conditions import Holonomic
@@ -22,15 +23,18 @@ __all__ = [
     "Equilibria",
     "Event",
     "Experiment",
+    "Flights",
     "Hamiltonian",
     "Happening",
     "Holonomic",
     "Motion",
     "Moved",
     "NormalModes",
+    "Passages",
     "Pfaffian",
     "Repeats",
     "Returns",
+    "Section",
     "Symmetry",
     "System",
     "charged",

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.mechanics.motion import Event, Motion
+from varcalc.mechanics.passages import Passages
 from varcalc.mechanics.system import System
 
 LOOKED_AT = 1001
@@ -29,6 +30,36 @@ class Portrait:
     v: np.ndarray
     energy: np.ndarray
     separatrices: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Section:
+    """Poincaré's section to draw: the first ``most`` passages through an ``event`` of motions from many states.
+
+    ``q0`` and ``v0`` are (m, n); coordinate number ``shown`` and its rate are drawn.
+    """
+
+    event: Event
+    q0: np.ndarray
+    v0: np.ndarray
+    span: tuple[float, float]
+    most: int
+    shown: int = 1
+
+
+@dataclass(frozen=True)
+class Flights:
+    """A map to draw: the times to an ``event`` of motions from rest, over values of the first two coordinates."""
+
+    event: Event
+    first: np.ndarray
+    second: np.ndarray
+    span: tuple[float, float]
+
+    @property
+    def starts(self) -> np.ndarray:
+        """Coordinates (m, n) of all pairs, the first coordinate changing fastest."""
+        return np.column_stack([values.ravel() for values in np.meshgrid(self.first, self.second)])
 
 
 @dataclass(frozen=True)
@@ -79,6 +110,16 @@ class Moved:
         apart = np.diff(crests, prepend=-np.inf) > ALIKE * np.ptp(rest)
         return Portrait(q_line, v_line, energy, tuple(crests[apart].tolist()))
 
+    @cached_property
+    def many(self) -> Passages | None:
+        """What many motions of the system do, where the experiment asks for a section or a map."""
+        system, asked = self.experiment.system, self.experiment.beside
+        if isinstance(asked, Section):
+            return system.passages(asked.q0, asked.v0, asked.event, asked.span, most=asked.most)
+        if isinstance(asked, Flights):
+            return system.passages(asked.starts, np.zeros_like(asked.starts), asked.event, asked.span)
+        return None
+
     def document(self) -> dict[str, Any]:
         """What `varcalc move --json` prints."""
         motion = self.motion
@@ -119,7 +160,8 @@ class Experiment:
     """A motion of a ``system`` from coordinates ``q0`` and rates ``v0`` (n,) over the times ``span``.
 
     ``exact`` gives the coordinates (n, m) at times (m,) in closed form, where there is one; ``checks`` are functions of
-    the motion, by name, that are zero where it is right.
+    the motion, by name, that are zero where it is right. ``beside`` is what a picture shows beside the motion, in the
+    place of its phase portrait or orbit.
     """
 
     system: System
@@ -130,6 +172,7 @@ class Experiment:
     checks: Mapping[str, Callable[[Motion], float]] = field(default_factory=dict)
     events: tuple[Event, ...] = ()
     title: str = ""
+    beside: Section | Flights | None = None
 
     def run(self) -> Moved:
         """The motion, held against what is known of it."""

@@ -21,6 +21,7 @@ from varcalc.mechanics.lagrange import Lagrange, StateSymbols
 from varcalc.mechanics.legendre import Hamiltonian
 from varcalc.mechanics.motion import LOOKED_AT, Checkpoints, Ensemble, Event, Motion, carried, happenings
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns
+from varcalc.mechanics.passages import Passages, passages
 from varcalc.mechanics.symmetries import Symmetry, noether
 from varcalc.problem.conditions import Fixed, Holonomic
 from varcalc.problem.problem import Problem
@@ -388,15 +389,36 @@ class System:
 
     def ensemble(self, q0: Any, v0: Any, times: Sequence[float]) -> Ensemble:
         """Motions from many states at once: ``q0`` and ``v0`` (m, n) at the first of the ascending ``times`` (k,)."""
-        q, v = (np.atleast_2d(np.asarray(part, dtype=float)) for part in (q0, v0))
         when = np.asarray(times, dtype=float)
-        if q.shape != v.shape or q.shape[1] != self.n:
-            raise ValueError(f"q0 and v0 must both have the shape (m, {self.n}), not {q.shape} and {v.shape}")
         if when.ndim != 1 or len(when) < 2 or not np.all(np.diff(when) > 0):
             raise ValueError(f"times must be two or more, ascending, not {times!r}")
-        states = [np.concatenate(self._started(when[0], *pair)) for pair in zip(q, v, strict=True)]
-        numbers = self._with_rate(when[0], q[0], v[0], when[-1] - when[0])
-        return carried(self._flow(MOST_STEPS), np.array(states), numbers, when)
+        states, numbers = self._many(q0, v0, when[0], when[-1])
+        return carried(self._flow(MOST_STEPS), states, numbers, when)
+
+    def passages(self, q0: Any, v0: Any, event: Event, span: tuple[float, float], *, most: int = 1) -> Passages:
+        """The first ``most`` passages through an ``event`` of motions from many states ``q0`` and ``v0`` (m, n).
+
+        Of many passages it is Poincaré's section; of the first one, the time that each motion takes to it. An event
+        counts as many times as it happens, whether or not it is ``terminal``.
+        """
+        if isinstance(most, bool) or not isinstance(most, int) or most < 1:
+            raise ValueError(f"most must be a whole number from 1 on, not {most!r}")
+        if not isinstance(event, Event):
+            raise TypeError(f"event must be a mechanics.Event, not {event!r}")
+        first, last = (_number(f"span[{k}]", value) for k, value in enumerate(span))
+        if not last > first:
+            raise ValueError(f"span must be two ascending times, not {span!r}")
+        states, numbers = self._many(q0, v0, first, last)
+        flow, slopes = self._with_events((event,))
+        return passages(flow, states, numbers, (first, last), slopes, event.direction, most)
+
+    def _many(self, q0: Any, v0: Any, first: float, last: float) -> tuple[np.ndarray, np.ndarray]:
+        """Many states (m, 2n) at the ``first`` time, and the constants of their motions up to the ``last``."""
+        q, v = (np.atleast_2d(np.asarray(part, dtype=float)) for part in (q0, v0))
+        if q.shape != v.shape or q.shape[1] != self.n:
+            raise ValueError(f"q0 and v0 must both have the shape (m, {self.n}), not {q.shape} and {v.shape}")
+        states = np.array([np.concatenate(self._started(first, *pair)) for pair in zip(q, v, strict=True)])
+        return states, self._with_rate(first, q[0], v[0], last - first)
 
     def _started(self, t: float, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
         self._check_regular()
@@ -430,9 +452,14 @@ class System:
     def _happened(
         self, events: tuple[Event, ...], state: np.ndarray, numbers: np.ndarray, span: tuple[float, float]
     ) -> tuple[Any, float]:
-        """What happens on a motion, and when it ends; the time is a state like others there."""
+        """What happens on a motion, and when it ends."""
         if not events:
             return (), span[1]
+        flow, slopes = self._with_events(events)
+        return happenings(flow, state, numbers, span, events, slopes)
+
+    def _with_events(self, events: tuple[Event, ...]) -> tuple[Flow, PointEvaluator]:
+        """Motions, with the time as a state like others, up to events; and the events' functions and their rates."""
         s = self._lagrange.symbols
         levels = [s.traced(f"events[{k}]", e.function, s.t, s.q, s.v) for k, e in enumerate(events)]
         free, alpha = self._rates
@@ -448,7 +475,7 @@ class System:
             self._flows[events] = integrators.for_many(MOST_STEPS).compile(system, stops)
         slope = ca.densify(ca.jtimes(level, state_and_time, rates))
         slopes = PointEvaluator(ca.Function("slopes", [state_and_time, constants], [level, slope]))
-        return happenings(self._flows[events], state, numbers, span, events, slopes)
+        return self._flows[events], slopes
 
     @cached_property
     def _summed(self) -> PointEvaluator:
