@@ -8,6 +8,7 @@ from varcalc.mechanics.constraints import Pfaffian
 from varcalc.mechanics.equilibria import Equilibria, NormalModes
 from varcalc.mechanics.experiment import Experiment, Flights, Moved, Section
 from varcalc.mechanics.frames import charged, rotating
+from varcalc.mechanics.galerkin import Stepped
 from varcalc.mechanics.legendre import Hamiltonian
 from varcalc.mechanics.motion import Ensemble, Event, Happening, Motion
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns
@@ -35,6 +36,7 @@ __all__ = [
     "Repeats",
     "Returns",
     "Section",
+    "Stepped",
     "Symmetry",
     "System",
     "charged",
