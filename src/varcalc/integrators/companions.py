@@ -12,6 +12,8 @@ from varcalc.symbolic.variation import LEAST_POWER, LOCAL, SEEN_FROM_AFAR, VARYI
 
 OFF_CENTRE = 0.5
 """Added to u in arsinh u: what is odd or even in time has a series with gaps, and what looks ahead must have none."""
+SOFT = 1e-9
+"""Below that ln |u| is smooth: a run may go through u = 0 where nothing comes of it."""
 POWERS = {ca.OP_POW, ca.OP_CONSTPOW}
 BY_SIZE = {ca.OP_SQRT, ca.OP_LOG, ca.OP_INV}
 LENGTHS = {ca.OP_HYPOT, ca.OP_ATAN2}
@@ -45,7 +47,7 @@ def with_companions(system: ca.Function) -> ca.Function:
     def rate(u: Expression) -> Expression:
         return ca.jtimes(u, state, rates) + ca.jacobian(u, s)
 
-    by_size = [rate(u) / u for u in logarithms]
+    by_size = [u * rate(u) / (u**2 + SOFT**2) for u in logarithms]
     on_own_scale = [rate(u) / ca.sqrt(1 + (u + OFF_CENTRE) ** 2) for u in arguments]
     count = len(by_size) + len(on_own_scale)
     longer = ca.SX.sym("Z", state.numel() + count)

@@ -83,7 +83,9 @@ def _beside_nodes(solution: Solution) -> Unseen | None:
     if gentle(integrals(solution.problem), VARYING):
         return None
     form = next(filter(None, forms(solution.problem)))
-    return _in_integrals(stated(solution, form), VARYING, everywhere=False)
+    # coordinates made for what roots and reciprocals do beside an end are the quadrature's too
+    rules = LOCAL if form.coordinates.energetic else VARYING
+    return _in_integrals(stated(solution, form), rules, everywhere=False)
 
 
 def balanced(solution: Solution, missed: Unseen) -> bool:
