@@ -19,6 +19,7 @@ import numpy as np
 from varcalc.mechanics.constraints import Held
 from varcalc.mechanics.lagrange import Lagrange
 from varcalc.numerics.mesh import lobatto
+from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 NEWTON = 12
@@ -146,8 +147,7 @@ class GalerkinSteps:
         Raises ValueError where a step has no solution that is found: it is too long.
         """
         s, n, h = self.lagrange.symbols, len(q), float(times[1] - times[0])
-        told = ca.Function("told", s.all, [self.lagrange.momenta, self.lagrange.energy])
-        p = np.array(told(times[0], q, v, numbers)[0]).ravel()
+        p = np.array(ca.Function("momenta", s.all, [self.lagrange.momenta])(times[0], q, v, numbers)).ravel()
         x = self._rule[0]
         guess = np.concatenate([np.concatenate([c * h * v for c in x[1:]]), np.zeros(self._constraints * self.degree)])
         state, states, rates = np.concatenate([q, p, guess]), [np.concatenate([q, p])], [v]
@@ -163,7 +163,6 @@ class GalerkinSteps:
             rates += list(np.array(along).T)
             state = columns[:, -1]
         both, v_all = np.array(states).T, np.array(rates).T
-        energy = np.array(
-            [float(told(t, a, b, numbers)[1]) for t, a, b in zip(times, both[:n].T, v_all.T, strict=True)]
-        )
+        energies = PointEvaluator(ca.Function("energies", s.all, [self.lagrange.energy]))
+        energy = energies(len(times), times[:, None], both[:n].T, v_all.T, np.reshape(numbers, (1, -1)))[:, 0]
         return Stepped(times, both[:n], v_all, both[n:], energy)
