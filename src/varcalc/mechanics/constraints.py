@@ -84,6 +84,30 @@ class Held:
         return free[:, 0] + ca.mtimes(free[:, 1:], multipliers), multipliers
 
 
+def _check_independent(lagrange: Lagrange, held: Held, rows: np.ndarray, state: tuple[Any, ...]) -> None:
+    """Refuse constraints of which one follows from others at the start, or contradicts them; naming them."""
+    scale = np.linalg.norm(rows, axis=1)
+    if np.any(scale == 0):
+        raise ValueError(
+            f"constraints[{int(np.argmin(scale))}] holds nothing at the start: its gradient vanishes there"
+        )
+    left, sizes, _ = np.linalg.svd(rows / scale[:, None])
+    if len(rows) <= rows.shape[1] and sizes[-1] > DEPENDENT * sizes[0]:
+        return
+    # a combination in which the gradients cancel: what it leaves of levels, rates and accelerations is a contradiction
+    share = left[:, -1] / scale
+    involved = np.flatnonzero(np.abs(left[:, -1]) > DEPENDENT**0.5)
+    names = " and ".join(f"constraints[{k}]" for k in involved)
+    speed, s = ca.mtimes(held.rows, lagrange.symbols.v) + held.drift, lagrange.symbols
+    bend = ca.jtimes(speed, s.q, s.v) + ca.jacobian(speed, s.t)
+    parts = ca.Function("parts", s.all, [held.level, held.drift, bend])(*state)
+    for part in parts:
+        values = np.array(part).ravel()
+        if abs(share @ values) > FAR_OFF * np.abs(share * values).max(initial=0.0):
+            raise ValueError(f"{names} contradict each other: no motion keeps them all")
+    raise ValueError(f"{names} say the same thing twice at the start: leave one of them out")
+
+
 def started(
     lagrange: Lagrange, held: Held, t: float, q: np.ndarray, v: np.ndarray, numbers: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -97,7 +121,7 @@ def started(
         "held", s.all, [held.rows, held.level, ca.mtimes(held.rows, s.v) + held.drift, lagrange.mass]
     )
     rows = np.array(function(t, q, v, numbers)[0])
-    sizes = np.linalg.svd(rows, compute_uv=False)
+    _check_independent(lagrange, held, rows, (t, q, v, numbers))
     scales = max(float(np.abs(q).max()), 1e-300), max(float(np.abs(v).max()), 1e-300)
     for what, (scale, number) in {"phi": (scales[0], 1), "rate": (scales[1], 2)}.items():
         off = np.abs(np.array(function(t, q, v, numbers)[number]).ravel()) / np.linalg.norm(rows, axis=1)
@@ -106,8 +130,6 @@ def started(
             raise ValueError(
                 f"the start is {off[worst]:.3g} off constraints[{worst}] in its {what}; begin on the constraint"
             )
-    if len(rows) > len(q) or sizes[-1] <= DEPENDENT * sizes[0]:
-        raise ValueError("constraints say the same thing twice at the start: leave one of them out")
     for _ in range(PROJECTIONS):
         rows, level, _, mass = (np.array(part) for part in function(t, q, v, numbers))
         q = q - np.linalg.solve(mass, rows.T @ np.linalg.solve(rows @ np.linalg.solve(mass, rows.T), level)).ravel()
