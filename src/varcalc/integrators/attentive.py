@@ -25,8 +25,12 @@ from varcalc.symbolic.variation import Between, excess, gentle
 
 WIDE = 20.0
 """By how many times more than is gentle an argument may go from the middle of where a run has been."""
-LOOKS = 65
-"""Places of a run at which it is asked where it has been."""
+LOOKS, CLOSER_LOOKS = 65, 1025
+"""Places of a run at which it is asked where it has been, and where that leaves a doubt."""
+MISSED = 1e-6
+"""Of the largest rate: by how much the rates of a run may miss the system's."""
+ROOM = 0.1
+"""By what share of their difference a run may leave the range of two neighbouring places."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,40 @@ class AttentiveFlow:
             boxes = [sides(s[:, :1], s[:, 1:]), sides(low, high), sides(constants, constants)]
             return ~(excess(self.system, boxes, (len(low),), RULES) <= WIDE)
 
+    def _wide_along(self, run: Run, constants: np.ndarray) -> bool:
+        """Whether something narrow may be in the box of all places where a run has been."""
+        been = run.states[np.all(np.isfinite(run.states), axis=1)]
+        ends = np.sort([[run.abscissae[0], run.reached]], axis=1)
+        return bool(self._wide(been.min(0)[None], been.max(0)[None], ends, np.reshape(constants, (1, -1)))[0])
+
+    def _unseen_along(self, run: Run, constants: np.ndarray) -> bool:
+        """The same of the boxes between closer places, as enclosures are wide in wide boxes.
+
+        What the places themselves show the run need not have seen: there its rates must be the system's.
+        """
+        if not run.completed:
+            return True
+        grid = np.linspace(run.abscissae[0], run.reached, CLOSER_LOOKS)
+        states = self.free.trajectory(grid, run.states[0], constants).states
+        if not np.all(np.isfinite(states)):
+            return True
+        s, numbers = np.sort(np.column_stack([grid[:-1], grid[1:]]), axis=1), np.reshape(constants, (1, -1))
+        rates = self._rates(len(grid), grid[:, None], states, numbers)
+        missed = np.abs(_differentiated(states, grid[1] - grid[0]) - rates)
+        if not np.all(missed <= MISSED * np.abs(rates).max(axis=0) + np.finfo(float).tiny):
+            return True
+
+        def sides(values: np.ndarray) -> list[Between]:
+            first, last = values[:-1].T, values[1:].T
+            room = ROOM * np.abs(last - first)
+            ranges = zip(np.minimum(first, last) - room, np.maximum(first, last) + room, strict=True)
+            return [Between(box, a, b) for box, a, b in zip(ranges, first, last, strict=True)]
+
+        fixed = [Between((value, value), value, value) for value in numbers.T]
+        with np.errstate(all="ignore"):
+            boxes = [[Between((s[:, 0], s[:, 1]), s[:, 0], s[:, 1])], sides(states), fixed]
+            return not bool(np.all(excess(self.system, boxes, (len(s),), RULES) <= 1.0))
+
     def trajectory(
         self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0, dense: bool = False
     ) -> Run:
@@ -109,9 +147,7 @@ class AttentiveFlow:
             grid = np.union1d(np.linspace(grid[0], grid[-1], LOOKS), grid)[:: 1 if grid[-1] > grid[0] else -1]
             own = np.flatnonzero(np.isin(grid, abscissae))
         run = self.free.trajectory(grid, state, constants, level=level, dense=dense)
-        been = run.states[np.all(np.isfinite(run.states), axis=1)]
-        ends, numbers = np.sort([[grid[0], run.reached]], axis=1), np.reshape(constants, (1, -1))
-        if self._wide(been.min(0)[None], been.max(0)[None], ends, numbers)[0]:
+        if self._wide_along(run, constants) and self._unseen_along(run, constants):
             more = self.watched.trajectory(grid, self._extended(state), constants, level=level, dense=dense)
             if more.outcome is not Outcome.NOT_FINITE:
                 inner = more.trajectory
@@ -171,6 +207,17 @@ class AttentiveFlow:
         if alike and not self._wide(low.min(0)[None], high.max(0)[None], all_times, constants[:1])[0]:
             return np.zeros(0, dtype=int)
         return np.flatnonzero(self._wide(low, high, times, constants))
+
+
+def _differentiated(values: np.ndarray, step: float) -> np.ndarray:
+    """The derivatives of columns (m, N) at equal steps, by polynomials through nine neighbours."""
+    offsets = np.arange(9.0) - 4
+    powers = np.arange(9)
+    table = np.vander(offsets, increasing=True)
+    slopes = np.column_stack([np.zeros(9), table[:, :-1] * powers[1:]])
+    weights = np.linalg.solve(table.T, slopes.T).T / step  # of the nine values for the slope at each of them
+    windows = np.lib.stride_tricks.sliding_window_view(values, 9, axis=0)
+    return np.concatenate([weights[:4] @ values[:9], windows @ weights[4], weights[5:] @ values[-9:]])
 
 
 @dataclass(frozen=True)

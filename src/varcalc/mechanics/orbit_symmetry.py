@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from varcalc.problem.conditions import Fixed, Free, Periodic
+from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 SAME = 1e-9
@@ -84,12 +86,16 @@ class TurningFrame:
 
     def at(self, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """M (m, n, n) and its derivatives by the share, after shares (m,) of the part."""
-        n, symbol = len(self.axes), ca.SX.sym("share")
-        matrix = self.matrix(symbol)
-        function = ca.Function("frame", [symbol], [ca.densify(matrix), ca.densify(ca.jacobian(ca.vec(matrix), symbol))])
-        both = [function(float(s)) for s in share]
-        values = np.array([np.asarray(value) for value, _ in both])
-        return values, np.array([np.asarray(slope).reshape(n, n).T for _, slope in both])
+        n = len(self.axes)
+        columns = self._columns(len(share), np.reshape(share, (-1, 1)))
+        values, slopes = (part.reshape(-1, n, n).swapaxes(1, 2) for part in np.split(columns, 2, axis=1))
+        return values, slopes
+
+    @cached_property
+    def _columns(self) -> PointEvaluator:
+        symbol = ca.SX.sym("share")
+        columns = ca.densify(ca.vec(self.matrix(symbol)))
+        return PointEvaluator(ca.Function("frame", [symbol], [columns, ca.densify(ca.jacobian(columns, symbol))]))
 
     def ends(self, length: float) -> tuple[Any, Any]:
         """The ends in z of a problem on [0, length]."""
