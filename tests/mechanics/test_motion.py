@@ -155,6 +155,10 @@ def test_every_experiment_is_right_to_twelve_digits(name):
     moved = load_experiment(name).run()
     assert moved.motion.completed
     assert moved.largest <= 1e-12
+    exact = moved.experiment.exact
+    if exact is not None:
+        t = np.linspace(*moved.motion.span, 301)
+        assert np.abs(moved.motion.q(t) - exact(t)).max() <= moved.motion.error
 
 
 def test_a_long_motion_keeps_its_energy_and_is_known_everywhere():

@@ -383,10 +383,11 @@ class System:
         careful = flow.trajectory(looked, state, numbers, level=1)
         apart = float(np.nanmax(np.abs(careful.states[:, : self.n] - states[:, : self.n])))
         error = ERROR_MARGIN * apart + ROUND_OFF * run.steps**0.5 * float(np.abs(states[:, : self.n]).max())
+        drift = self._drift(looked, states)
+        error += self._out_of_step(looked, states, drift.get("energy", 0.0))
         return Motion(
-            (first, reached), run.outcome, error, self._drift(looked, states), happened, run.steps, numbers,
-            run.trajectory, self._measured,
-        )  # fmt: skip
+            (first, reached), run.outcome, error, drift, happened, run.steps, numbers, run.trajectory, self._measured
+        )
 
     def ensemble(self, q0: Any, v0: Any, times: Sequence[float]) -> Ensemble:
         """Motions from many states at once: ``q0`` and ``v0`` (m, n) at the first of the ascending ``times`` (k,)."""
@@ -523,6 +524,15 @@ class System:
         columns = [s.t, s.q, s.v, ca.vertcat(s.p, alpha)]
         reactions = ca.densify(self._accelerations(alpha)[1])
         return PointEvaluator(ca.Function("measured", columns, [self._lagrange.energy, reactions]))
+
+    def _out_of_step(self, times: np.ndarray, states: np.ndarray, drift: float) -> float:
+        """How far a motion is out of step whose energy is off by its ``drift``: by a share of all its way."""
+        s = self._lagrange.symbols
+        twice_kinetic = PointEvaluator(ca.Function("twice_kinetic", s.all, [ca.dot(s.v, self._lagrange.momenta)]))
+        columns = times[:, None], states[:, : self.n], states[:, self.n :], self._numbers[None, :]
+        size = float(np.nanmax(np.abs(twice_kinetic(len(times), *columns)), initial=0.0))
+        way = (times[-1] - times[0]) * float(np.nanmax(np.abs(states[:, self.n :]), initial=0.0))
+        return way * drift / size if size > 0 else 0.0
 
     def _drift(self, times: np.ndarray, states: np.ndarray) -> dict[str, float]:
         """How far each invariant goes from where it was."""
