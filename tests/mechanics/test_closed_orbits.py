@@ -114,5 +114,5 @@ def test_arguments_are_named():
         oscillator.periodic("T")
     with pytest.raises(ValueError, match="period must be positive"):
         oscillator.periodic(-1.0)
-    with pytest.raises(ValueError, match="no closed orbit"):
+    with pytest.raises(ValueError, match="no closed orbit is next to"):
         pendulum.orbit([1.0], [3.0], 2.0)

@@ -222,7 +222,9 @@ def closed_state(
         if least <= CLOSED * size:
             break
         state = state - kept @ np.linalg.lstsq((by_first - np.eye(len(state))) @ kept, miss, rcond=KEPT)[0]
-    if not least <= OPEN * size or np.abs(best - given).max() > NEAR * size:
+    if (away := float(np.abs(best - given).max())) > NEAR * size:
+        raise ValueError(f"no closed orbit is next to this motion: the one that was looked for lies {away:.2g} off")
+    if not least <= OPEN * size:
         raise ValueError(f"no closed orbit was found next to this motion, which misses its start by {least:.2g}")
     return best
 

@@ -403,7 +403,8 @@ class System:
         """The motion by a variational integrator: in each of equal ``steps`` a polynomial makes the action stationary.
 
         Of order 2 ``degree``. It keeps momenta of symmetries and the symplectic form to round-off, and its energy does
-        not drift, however long; :meth:`motion` is the quicker and the more accurate (docs/mechanics.md). Raises
+        not drift, however long; :meth:`motion` is the quicker and the more accurate (docs/mechanics.md), and it alone
+        claims an error: what is narrower than a step is not seen here. Raises
         ValueError for Pfaffian constraints, and for steps that are too long to have a solution.
         """
         first, last = (_number(f"span[{k}]", value) for k, value in enumerate(span))

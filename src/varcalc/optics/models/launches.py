@@ -17,7 +17,7 @@ from itertools import takewhile
 import numpy as np
 
 from varcalc.numerics.proxies import Proxies, zeros
-from varcalc.optics.models.passages import BESIDE, COUNT, LAYERS, Passages, Spread
+from varcalc.optics.models.passages import BESIDE, COUNT, LAYERS, RayPassages, Spread
 from varcalc.optics.models.reduction import RayPotential
 
 MOST_WINDINGS = 64
@@ -89,7 +89,7 @@ class Distances:
 
     @classmethod
     def of(
-        cls, passages: Passages, pair: np.ndarray, distance: np.ndarray, within: np.ndarray, longest: np.ndarray
+        cls, passages: RayPassages, pair: np.ndarray, distance: np.ndarray, within: np.ndarray, longest: np.ndarray
     ) -> Distances:
         """From one point to another; about a centre both ways round, and with windings.
 
@@ -203,7 +203,7 @@ def launches(
     questions about them.
     """
     longest = rounded_up(_greatest(pair, within, np.zeros(len(ends))))
-    passages, swapped = Passages.between(profile, ends, longest)
+    passages, swapped = RayPassages.between(profile, ends, longest)
     aims = Distances.of(passages, pair, distance, within, longest)
     farthest = rounded_up(_greatest(aims.pair, aims.distance, np.abs(ends[:, 1] - ends[:, 0])))
     spread = Spread(passages, farthest, longest)
@@ -265,7 +265,7 @@ def _continua(
     return (np.array(angles), names[whole]), families.take(np.flatnonzero(~np.isin(number, whole)))
 
 
-def _upright(passages: Passages, aims: Distances, touch: np.ndarray) -> np.ndarray:
+def _upright(passages: RayPassages, aims: Distances, touch: np.ndarray) -> np.ndarray:
     """The names (k, 4) of families of rays at right angles to the layers that come as far as is asked for."""
     pairs = np.arange(len(passages.start))
     here = passages.at(pairs, np.full(len(pairs), np.pi / 2))[aims.pair]
@@ -287,7 +287,7 @@ def _upright(passages: Passages, aims: Distances, touch: np.ndarray) -> np.ndarr
 def _resting(spread: Spread, aims: Distances) -> np.ndarray:
     """How many rays to each question come to rest along a layer more closely than angles can be told.
 
-    Passages grow up to there.
+    RayPassages grow up to there.
     """
     count = np.zeros(int(aims.question.max(initial=-1)) + 1, dtype=int)
     pair = np.repeat(np.arange(len(spread.distance)), spread.passages.count)
@@ -330,7 +330,7 @@ def _left_over(
 
 
 def _launched(
-    passages: Passages,
+    passages: RayPassages,
     angles: np.ndarray,
     names: np.ndarray,
     aims: Distances,

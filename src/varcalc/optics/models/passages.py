@@ -43,11 +43,11 @@ FARTHEST_LOG = 300.0
 BESIDE = 1e-9
 """Of the unknown, that much beside a break the passages are those of its side."""
 LAYERS, COUNT = 3, 6
-"""Passages S, U and D: how far they come along the layers, and together with their optical paths."""
+"""RayPassages S, U and D: how far they come along the layers, and together with their optical paths."""
 
 
 @dataclass(frozen=True)
-class Passages:
+class RayPassages:
     """Rays of p pairs from the heights ``start`` (p,) to the heights ``end`` of ``profile``, g smaller at the start.
 
     They go no higher than ``high`` (p,) and no deeper than ``low`` (p,).
@@ -61,7 +61,7 @@ class Passages:
     high: np.ndarray
 
     @classmethod
-    def between(cls, profile: RayPotential, ends: np.ndarray, within: np.ndarray) -> tuple[Passages, np.ndarray]:
+    def between(cls, profile: RayPotential, ends: np.ndarray, within: np.ndarray) -> tuple[RayPassages, np.ndarray]:
         """The rays between heights (p, 2) up to optical paths (p,), and which pairs (p,) start from the second."""
         g = profile.at(ends)[0]
         swapped = g[:, 1] < g[:, 0]
@@ -324,7 +324,7 @@ class Spread:
     ray of the optical path ``within`` (p,) that comes ``distance`` (p,) far.
     """
 
-    passages: Passages
+    passages: RayPassages
     distance: np.ndarray
     within: np.ndarray
 
@@ -342,7 +342,7 @@ class Spread:
         return np.where(away >= 1, low + half, np.where(upper, breaks[pair, number] - offset, low + offset))
 
     def noise(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """See :meth:`Passages.noise`."""
+        """See :meth:`RayPassages.noise`."""
         return self.passages.noise(family, self.angles(family, at))
 
     def __call__(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
