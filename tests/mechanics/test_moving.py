@@ -39,6 +39,21 @@ def test_a_file_of_ones_own_as_json(tmp_path):
     assert document["drift"]["energy"] < 1e-14
 
 
+def test_numbers_that_are_no_motion_are_held_against_what_is_known(tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text(
+        "from varcalc import mechanics\n"
+        'experiment = mechanics.Examination("A triangle", {"angles": lambda: 1e-16, "area": lambda: 0.25})\n',
+        encoding="utf-8",
+    )
+    assert "area: off by 0.2" in run("move", str(path)).output
+    assert json.loads(run("move", str(path), "--json").output)["errors"] == {"angles": 1e-16, "area": 0.25}
+    drawn = run("move", str(path), "-o", str(tmp_path / "none.png"))
+    assert (drawn.exit_code, "no motion" in drawn.output) == (2, True)
+    with pytest.raises(ValueError, match="checks"):
+        mechanics.Examination("nothing", {})
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -14,7 +14,11 @@ import click
 from varcalc.cli.options import PICTURE_TEXT, JsonCommand, picture_option, save_figure
 
 if TYPE_CHECKING:
-    from varcalc.mechanics import Moved
+    from collections.abc import Callable
+
+    from matplotlib.figure import Figure
+
+    from varcalc.mechanics import Examined, Moved
 
 
 @click.command(cls=JsonCommand)
@@ -25,23 +29,32 @@ def move(name_or_file: str, as_json: bool, output: Path | None) -> None:
     """Move a mechanical system, and hold the motion against what is known of it.
 
     NAME_OR_FILE is an experiment (see `varcalc list --systems`), or a Python file of your own that defines
-    `experiment`, a varcalc.mechanics.Experiment.
+    `experiment`, a varcalc.mechanics.Experiment (or an Examination, of what is no motion).
 
     The exit status is 0 when the motion came to its end, 1 when not, 2 when there was nothing to move: a wrong
     option, or a file that does not work.
     """
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
         moved = _carried_out(name_or_file)
+    figure = None if output is None else _drawing(moved, name_or_file)
     click.echo(json.dumps(moved.document(), indent=2) if as_json else f"{moved.title}\n\n{moved.table()}")
-    if output is not None:
-        from varcalc.charts import motion_picture
-
-        save_figure(partial(motion_picture, moved), output)
-    if not moved.motion.completed:
+    if output is not None and figure is not None:
+        save_figure(figure, output)
+    if not moved.completed:
         raise SystemExit(1)
 
 
-def _carried_out(name_or_file: str) -> Moved:
+def _drawing(moved: Moved | Examined, name_or_file: str) -> Callable[[], Figure]:
+    from varcalc.mechanics import Moved
+
+    if not isinstance(moved, Moved):
+        raise click.UsageError(f"{name_or_file} is no motion, so there is no picture of it; leave -o out")
+    from varcalc.charts import motion_picture
+
+    return partial(motion_picture, moved)
+
+
+def _carried_out(name_or_file: str) -> Moved | Examined:
     from varcalc.study.experiments import load_experiment
 
     try:

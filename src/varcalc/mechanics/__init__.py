@@ -6,6 +6,7 @@ from varcalc.mechanics.brackets import poisson
 from varcalc.mechanics.closed_orbits import ClosedOrbit, ClosedOrbits
 from varcalc.mechanics.constraints import Pfaffian
 from varcalc.mechanics.equilibria import Equilibria, NormalModes
+from varcalc.mechanics.examination import Examination, Examined
 from varcalc.mechanics.experiment import Experiment, Flights, Moved, Section
 from varcalc.mechanics.frames import charged, rotating
 from varcalc.mechanics.galerkin import Stepped
@@ -23,6 +24,8 @@ __all__ = [
     "Ensemble",
     "Equilibria",
     "Event",
+    "Examination",
+    "Examined",
     "Experiment",
     "Flights",
     "Hamiltonian",

@@ -76,6 +76,11 @@ class Moved:
         return max(self.errors.values())
 
     @property
+    def completed(self) -> bool:
+        """Whether the motion came to its end."""
+        return self.motion.completed
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The coordinates'."""
         return self.experiment.system.coordinates

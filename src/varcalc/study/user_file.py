@@ -67,11 +67,18 @@ def catalogued(package: str, name: str, text: str, kind: str) -> ModuleType:
 
 
 def defined(
-    package: str, path_or_name: str | Path, kind: str, name: str, wanted: type[T], called: str, example: str
-) -> T:  # fmt: skip
+    package: str,
+    path_or_name: str | Path,
+    kind: str,
+    name: str,
+    wanted: type[T] | tuple[type[T], ...],
+    called: str,
+    example: str,
+) -> T:
     """What a file of a catalogue, or of one's own, defines as ``name``.
 
-    ``kind`` says what such files are, ``called`` what people call the class ``wanted``, ``example`` how one ends.
+    ``kind`` says what such files are, ``called`` what people call the class or classes ``wanted``, ``example`` how one
+    ends.
     Raises :class:`ProblemFileError`, naming the file and the remedy.
     """
     text = str(path_or_name)
