@@ -47,7 +47,7 @@ def reduced(motion):
 
 
 experiment = mechanics.Experiment(
-    system, [HIGH, 0.0], [0.0, MOMENTUM / (SINE * HIGH) ** 2], (0.0, 6.0), exact,
+    system, [HIGH, 0.0], [0.0, MOMENTUM / (SINE * HIGH) ** 2], (0.0, 10 * PERIOD), exact,
     {"period": lambda motion: abs(motion.events[0].t - PERIOD), "Routhian": reduced},
     (mechanics.Event(lambda t, q, v: v[0], "upper turning point", direction=-1),), title="A particle in a cone",
 )  # fmt: skip

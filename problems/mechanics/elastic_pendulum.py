@@ -28,8 +28,23 @@ def frequencies(_):
     return np.abs(found / np.sort([np.sqrt(G / HANGS), np.sqrt(STIFF / MASS)]) - 1).max()
 
 
+def equations(motion):
+    """How far r'' - r θ'² = g cos θ - (k/m)(r - l) and (r² θ')' = -g r sin θ are from being kept, in units of g."""
+    t = 0.37 * motion.span[1]
+    (r, a), (u, w) = motion.q(t), motion.v(t)
+    out, round_ = system.accelerations(t, [r, a], [u, w])
+    along = out - r * w**2 - G * np.cos(a) + STIFF / MASS * (r - LENGTH)
+    return max(abs(along), abs(r * round_ + 2 * u * w + G * np.sin(a))) / G
+
+
+def hangs(_):
+    """How far the place of rest is from l + m g/k."""
+    return np.abs(system.equilibria([LENGTH / 2, -1.0], [2 * HANGS, 1.0]).places - [[HANGS, 0.0]]).max()
+
+
 experiment = mechanics.Experiment(
     system, [HANGS + 0.1, 0.4], [0.0, 0.0], (0.0, 10.0), None,
-    {"frequencies": frequencies, "energy": lambda motion: motion.drift["energy"] / (MASS * G)},
+    {"frequencies": frequencies, "equations": equations, "hangs": hangs,
+     "energy": lambda motion: motion.drift["energy"] / (MASS * G)},
     title="A pendulum on a rubber string",
 )  # fmt: skip

@@ -27,7 +27,7 @@ def exact(t):
 
 
 experiment = mechanics.Experiment(
-    system, [AMPLITUDE], [0.0], (0.0, 10.0), exact,
+    system, [AMPLITUDE], [0.0], (0.0, 10 * PERIOD), exact,
     {"period": lambda motion: abs(motion.events[1].t - PERIOD)},
     (mechanics.Event(lambda t, q, v, p: v[0], "turning point"),),
     title="Plane pendulum",

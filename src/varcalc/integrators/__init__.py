@@ -46,6 +46,10 @@ __all__ = [
 ]
 
 
+BEYOND = 1e-18
+"""Local tolerance of a series that is cut off far below round-off: two terms more, a quarter more time a step."""
+
+
 @derived
 def flows(owner: Owner) -> dict[tuple[Engine, str], Flow]:
     """The systems compiled for a problem, for other parameter values and later solves."""
@@ -70,12 +74,15 @@ def available() -> tuple[Taylor | Dop853, ...]:
     return tuple(engines)
 
 
-def default(steps: int = STEPS, most_steps: int | None = None) -> Engine:
+def default(steps: int = STEPS, most_steps: int | None = None, *, beyond_round_off: bool = False) -> Engine:
     """The engine to use when none is named: what is installed, and :class:`OnDemand`, after so many ``steps``, of both.
 
-    ``most_steps`` bounds the steps of one run. Raises ImportError when neither is installed.
+    ``most_steps`` bounds the steps of one run. Series that go ``beyond_round_off`` keep what a long motion keeps where
+    one coordinate grows large, by whose size errors are measured. Raises ImportError when neither is installed.
     """
     engines = available()
+    if beyond_round_off:
+        engines = tuple(replace(e, tolerance=BEYOND) if isinstance(e, Taylor) else e for e in engines)
     if most_steps is not None:
         engines = tuple(replace(engine, most_steps=most_steps) for engine in engines)
     match engines:
@@ -86,6 +93,6 @@ def default(steps: int = STEPS, most_steps: int | None = None) -> Engine:
     raise ImportError("no engine is installed; install scipy, or heyoka where there is a wheel for it")
 
 
-def for_many(most_steps: int | None = None) -> Engine:
+def for_many(most_steps: int | None = None, *, beyond_round_off: bool = False) -> Engine:
     """The engine for a system that is run very often: compiled at once where it can be, and past nothing narrow."""
-    return Attentive(default(0, most_steps))
+    return Attentive(default(0, most_steps, beyond_round_off=beyond_round_off))

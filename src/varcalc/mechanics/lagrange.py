@@ -91,8 +91,11 @@ class Lagrange:
 
     @cached_property
     def energy(self) -> Expression:
-        """v·L_v - L, Jacobi's integral."""
-        return ca.dot(self.symbols.v, self.momenta) - self.value
+        """v·L_v - L, Jacobi's integral; of an L of second degree in v without what is of first, which cancels."""
+        v = self.symbols.v
+        if ca.depends_on(self.mass, v):
+            return ca.dot(v, self.momenta) - self.value
+        return ca.bilin(self.mass, v, v) / 2 - ca.substitute(self.value, v, ca.SX.zeros(v.numel()))
 
     @cached_property
     def pull(self) -> Expression:

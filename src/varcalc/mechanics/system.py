@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc import integrators
-from varcalc.integrators import Flow
+from varcalc.integrators import Engine, Flow
 from varcalc.integrators.protocol import Outcome
 from varcalc.mechanics.action import Action
 from varcalc.mechanics.closed_orbits import ClosedOrbit, ClosedOrbits, Monodromy, closed_orbit, closed_state
@@ -101,7 +101,7 @@ class System:
         self.constraints = tuple(constraints)
         self._held = Held.of(symbols, self.constraints)
         self._numbers = np.array(list(self.parameters.values()), dtype=float)
-        self._flows: dict[tuple[Event, ...] | int, Flow] = {}
+        self._flows: dict[tuple[Event, ...] | Engine, Flow] = {}
         self._invariants = {one.name: noether(self._lagrange, one, self.parameters) for one in self.symmetries}
 
     def __repr__(self) -> str:
@@ -211,19 +211,21 @@ class System:
                 "it fixes no acceleration there and has no Hamiltonian"
             )
 
-    def _check_smooth(self) -> None:
-        """A step of an integration would go over a kink or a jump, and its error would not tell."""
+    @cached_property
+    def _switch(self) -> str | None:
+        """What is said of a kink or a jump: a step of an integration would go over it, and its error would not tell."""
         s = self._lagrange.symbols
         read = [self._lagrange.value, *ca.vertsplit(self._lagrange.forces)]
         if self._held is not None:
             read += [*ca.vertsplit(ca.vec(self._held.rows)), *ca.vertsplit(self._held.level)]
         state = ca.vertcat(s.t, s.q, s.v)
         found = next((one for one in switches(read, s.all) if one.depends_on(state)), None)
-        if found is not None:
-            raise ValueError(
-                f"L, the forces or a constraint switches ({found.word}) where {text(found.argument, self._named)} is "
-                "zero, and a motion would step over that; move each side by itself, up to a terminal event there"
-            )
+        if found is None:
+            return None
+        return (
+            f"L, the forces or a constraint switches ({found.word}) where {text(found.argument, self._named)} is "
+            "zero, and a motion would step over that; move each side by itself, up to a terminal event there"
+        )
 
     @cached_property
     def _null(self) -> np.ndarray | None:
@@ -369,10 +371,10 @@ class System:
         q, v = self._started(first, q0, v0)
         numbers, state = self._with_rate(first, q, v, last - first), np.concatenate([q, v])
         happened, end = self._happened(tuple(events), state, numbers, (first, last))
-        flow, looked = self._flow(DENSE_STEPS), np.linspace(first, end, LOOKED_AT)
+        flow, looked = self._flow(_for_one(DENSE_STEPS)), np.linspace(first, end, LOOKED_AT)
         run = flow.trajectory(np.array([first, end]), state, numbers, dense=True)
         if run.outcome is Outcome.TOO_MANY_STEPS:  # too long a motion to be kept everywhere
-            flow = self._flow(MOST_STEPS)
+            flow = self._flow(_for_one(MOST_STEPS))
             run = flow.trajectory(looked, state, numbers)
             run = replace(run, trajectory=Checkpoints(flow, numbers, looked, run.states))
         if run.trajectory is None or run.outcome is Outcome.NOT_FINITE:
@@ -395,7 +397,7 @@ class System:
         if when.ndim != 1 or len(when) < 2 or not np.all(np.diff(when) > 0):
             raise ValueError(f"times must be two or more, ascending, not {times!r}")
         states, numbers = self._many(q0, v0, when[0], when[-1])
-        return carried(self._flow(MOST_STEPS), states, numbers, when)
+        return carried(self._flow(integrators.for_many(MOST_STEPS)), states, numbers, when)
 
     def galerkin(
         self, q0: Sequence[float], v0: Sequence[float], span: tuple[float, float], *, steps: int, degree: int = 3
@@ -442,12 +444,22 @@ class System:
         q, v = (np.atleast_2d(np.asarray(part, dtype=float)) for part in (q0, v0))
         if q.shape != v.shape or q.shape[1] != self.n:
             raise ValueError(f"q0 and v0 must both have the shape (m, {self.n}), not {q.shape} and {v.shape}")
-        states = np.array([np.concatenate(self._started(first, *pair)) for pair in zip(q, v, strict=True)])
+        if not (np.all(np.isfinite(q)) and np.all(np.isfinite(v))):
+            raise ValueError("q0 and v0 must be finite numbers")
+        states = np.concatenate([q, v], axis=1)
+        self._check_motion()
+        if self._held is not None:
+            states = np.array([np.concatenate(self._started(first, *pair)) for pair in zip(q, v, strict=True)])
         return states, self._with_rate(first, q[0], v[0], last - first)
 
-    def _started(self, t: float, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
+    def _check_motion(self) -> None:
+        """Refuse what fixes no accelerations, or switches them."""
         self._check_regular()
-        self._check_smooth()
+        if self._switch is not None:
+            raise ValueError(self._switch)
+
+    def _started(self, t: float, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
+        self._check_motion()
         q, v = _column("q0", q0, self.n), _column("v0", v0, self.n)
         return (q, v) if self._held is None else started(self._lagrange, self._held, t, q, v, self._numbers)
 
@@ -469,10 +481,10 @@ class System:
         columns = [s.t, ca.vertcat(s.q, s.v), ca.vertcat(s.p, alpha)]
         return ca.Function("motion", columns, [rates], {"cse": True}), alpha
 
-    def _flow(self, most_steps: int) -> Flow:
-        if most_steps not in self._flows:
-            self._flows[most_steps] = integrators.for_many(most_steps).compile(self._rates[0])
-        return self._flows[most_steps]
+    def _flow(self, engine: Engine) -> Flow:
+        if engine not in self._flows:
+            self._flows[engine] = engine.compile(self._rates[0])
+        return self._flows[engine]
 
     def _happened(
         self, events: tuple[Event, ...], state: np.ndarray, numbers: np.ndarray, span: tuple[float, float]
@@ -544,6 +556,10 @@ class System:
         columns = times[:, None], states[:, : self.n], states[:, self.n :], self._numbers[None, :]
         values = function(len(times), *columns)
         return dict(zip(kept, np.abs(values - values[0]).max(axis=0).tolist(), strict=True))
+
+
+def _for_one(most_steps: int) -> Engine:
+    return integrators.for_many(most_steps, beyond_round_off=True)
 
 
 def _names(coordinates: Sequence[str]) -> tuple[str, ...]:
