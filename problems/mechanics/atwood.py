@@ -18,6 +18,8 @@ system = mechanics.System(
         + G * (FIRST * q[0] + SECOND * (q[1] - q[0]) - THIRD * (q[0] + q[1]))
     ),
     ("x", "y"),
+    units=("m", "m"),
+    time_unit="s",
     name="compound Atwood machine",
 )
 COUPLED = FIRST * (SECOND + THIRD)

@@ -17,7 +17,7 @@ system = mechanics.System(
         - STIFF * (q[0] + q[1] - LENGTH) ** 2 / 2
     ),
     ("x", "y"),
-    name="Atwood machine with a spring",
+    units=("m", "m"), time_unit="s", name="Atwood machine with a spring",
 )  # fmt: skip
 TOTAL, REDUCED, START = FIRST + SECOND, FIRST * SECOND / (FIRST + SECOND), 1.0
 

@@ -19,7 +19,7 @@ PULL, TURN, START = 9.81 / 0.8, 5.0, 1.8
 def hoop(turn):
     return mechanics.System(
         lambda t, q, v: (v[0] ** 2 + (turn * ca.sin(q[0])) ** 2) / 2 + PULL * ca.cos(q[0]), ("theta",),
-        name="bead across the hoop",
+        units=("rad",), time_unit="s", name="bead across the hoop",
     )  # fmt: skip
 
 

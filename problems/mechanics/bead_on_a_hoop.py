@@ -16,7 +16,7 @@ from varcalc import mechanics
 G, RADIUS, TURN = 9.81, 0.8, 5.0
 system = mechanics.System(
     lambda t, q, v: RADIUS**2 * (v[0] ** 2 + (TURN * ca.sin(q[0])) ** 2) / 2 + G * RADIUS * ca.cos(q[0]), ("theta",),
-    name="bead on a turning hoop",
+    units=("rad",), time_unit="s", name="bead on a turning hoop",
 )  # fmt: skip
 RATIO = G / (RADIUS * TURN**2)
 REST, SWING = np.arccos(RATIO), TURN * np.sqrt(1 - RATIO**2)

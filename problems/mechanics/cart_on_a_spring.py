@@ -21,7 +21,7 @@ def cart(*constraints):
             (CART + BOB) * v[0] ** 2 / 2 + BOB * LENGTH * v[0] * v[1] * ca.cos(q[1]) + BOB * (LENGTH * v[1]) ** 2 / 2
             - STIFF * q[0] ** 2 / 2 + BOB * G * LENGTH * ca.cos(q[1])
         ),
-        ("x", "theta"), constraints=constraints, name="cart on a spring",
+        ("x", "theta"), constraints=constraints, units=("m", "rad"), time_unit="s", name="cart on a spring",
     )  # fmt: skip
 
 

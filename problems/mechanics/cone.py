@@ -18,7 +18,11 @@ from varcalc.problems.mechanics._elliptic import third_kind
 G, OPENING, LOW, HIGH = 9.81, 0.6, 0.3, 2.0
 SINE, PULL = np.sin(OPENING), G * np.cos(OPENING)
 system = mechanics.System(
-    lambda t, q, v: (v[0] ** 2 + (q[0] * SINE * v[1]) ** 2) / 2 - PULL * q[0], ("s", "phi"), name="particle in a cone"
+    lambda t, q, v: (v[0] ** 2 + (q[0] * SINE * v[1]) ** 2) / 2 - PULL * q[0],
+    ("s", "phi"),
+    units=("m", "rad"),
+    time_unit="s",
+    name="particle in a cone",
 )
 BELOW = -LOW * HIGH / (LOW + HIGH)
 MOMENTUM = SINE * np.sqrt(-2 * PULL * BELOW * LOW * HIGH)

@@ -16,6 +16,8 @@ system = mechanics.System(
     ),
     ("theta1", "theta2"),
     parameters={"g": 9.81},
+    units=("rad", "rad"),
+    time_unit="s",
     name="double pendulum",
 )
 

@@ -18,7 +18,7 @@ system = mechanics.System(
         - STIFF * (q[0] - LENGTH) ** 2 / 2
     ),
     ("r", "theta"),
-    name="elastic pendulum",
+    units=("m", "rad"), time_unit="s", name="elastic pendulum",
 )  # fmt: skip
 
 

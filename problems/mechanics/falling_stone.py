@@ -19,7 +19,7 @@ G, LATITUDE, HEIGHT, TURN = 9.81, 0.8, 200.0, 7.2921159e-5
 AXIS, UP = np.array([-np.cos(LATITUDE), 0.0, np.sin(LATITUDE)]), np.array([0.0, 0.0, 1.0])
 system = mechanics.System(
     lambda t, q, v: ca.sumsqr(v) / 2 + TURN * ca.dot(v, ca.cross(ca.DM(AXIS), q)) - G * q[2], ("x", "y", "z"),
-    name="stone on the turning Earth",
+    units=("m", "m", "m"), time_unit="s", name="stone on the turning Earth",
 )  # fmt: skip
 SPEED, FALL, W = np.sqrt(2 * G * HEIGHT), np.sqrt(2 * HEIGHT / G), 2 * TURN
 

@@ -13,7 +13,9 @@ import varcalc as vc
 from varcalc import mechanics
 
 G, TIME, GOAL = 9.81, 1.7, (6.0, 2.5)
-system = mechanics.System(lambda t, q, v: ca.sumsqr(v) / 2 - G * q[1], ("x", "z"), name="thrown stone")
+system = mechanics.System(
+    lambda t, q, v: ca.sumsqr(v) / 2 - G * q[1], ("x", "z"), units=("m", "m"), time_unit="s", name="thrown stone"
+)
 RATES = GOAL[0] / TIME, GOAL[1] / TIME + G * TIME / 2
 
 

@@ -22,6 +22,8 @@ def lever(second):
             (FIRST * ARM**2 + second * OTHER**2) * v[0] ** 2 / 2 + G * (second * OTHER - FIRST * ARM) * ca.sin(q[0])
         ),
         ("theta",),
+        units=("rad",),
+        time_unit="s",
         name="lever",
     )
 

@@ -19,7 +19,7 @@ G, CURVE, TURN, WIDTH = 9.81, 0.8, 2.5, 1.5
 def wire(turn):
     return mechanics.System(
         lambda t, q, v: ((1 + (2 * CURVE * q[0]) ** 2) * v[0] ** 2 + (turn * q[0]) ** 2) / 2 - G * CURVE * q[0] ** 2,
-        ("r",), name="parabolic wire",
+        ("r",), units=("m",), time_unit="s", name="parabolic wire",
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from varcalc import mechanics
 AMPLITUDE = 1.0
 system = mechanics.System(
     lambda t, q, v, p: v[0] ** 2 / 2 + p.g / p.l * ca.cos(q[0]), ("theta",), parameters={"g": 9.81, "l": 1.0},
-    name="plane pendulum",
+    units=("rad",), time_unit="s", name="plane pendulum",
 )  # fmt: skip
 K, OMEGA = np.sin(AMPLITUDE / 2), np.sqrt(9.81)
 PERIOD = 4 * ellipk(K**2) / OMEGA

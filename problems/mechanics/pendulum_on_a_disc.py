@@ -22,6 +22,8 @@ def disc(g):
             (LENGTH * v[0]) ** 2 / 2 + RIM * LENGTH * TURN * v[0] * ca.sin(q[0] - TURN * t) + g * LENGTH * ca.cos(q[0])
         ),
         ("theta",),
+        units=("rad",),
+        time_unit="s",
         name="pendulum on a disc",
     )
 

@@ -13,7 +13,8 @@ from varcalc import mechanics
 MASS, GRAVITY, START = 1.3, 9.81, 2.0
 system = mechanics.System(
     lambda t, q, v: MASS * ca.sumsqr(v) / 2 - MASS * GRAVITY * q[1], ("x", "y"),
-    constraints=[mechanics.Holonomic(lambda t, q: ca.sumsqr(q) / 2 - 0.5)], name="pendulum on a rod",
+    constraints=[mechanics.Holonomic(lambda t, q: ca.sumsqr(q) / 2 - 0.5)],
+    units=("m", "m"), time_unit="s", name="pendulum on a rod",
 )  # fmt: skip
 
 

@@ -13,7 +13,9 @@ from varcalc import mechanics
 
 RATE = 2.05
 M = 4 / RATE**2
-system = mechanics.System(lambda t, q, v: v[0] ** 2 / 2 + ca.cos(q[0]), ("theta",), name="pendulum that goes round")
+system = mechanics.System(
+    lambda t, q, v: v[0] ** 2 / 2 + ca.cos(q[0]), ("theta",), units=("rad",), name="pendulum that goes round"
+)
 
 
 def exact(t):

@@ -10,7 +10,9 @@ import numpy as np
 
 from varcalc import mechanics
 
-system = mechanics.System(lambda t, q, v: v[0] ** 2 / 2 + ca.cos(q[0]), ("theta",), name="pendulum on its separatrix")
+system = mechanics.System(
+    lambda t, q, v: v[0] ** 2 / 2 + ca.cos(q[0]), ("theta",), units=("rad",), name="pendulum on its separatrix"
+)
 
 
 def exact(t):

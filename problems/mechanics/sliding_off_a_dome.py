@@ -17,7 +17,8 @@ G, START = 9.81, 0.3
 M = np.cos(START / 2) ** 2
 system = mechanics.System(
     lambda t, q, v: ca.sumsqr(v) / 2 - G * q[1], ("x", "y"),
-    constraints=[mechanics.Holonomic(lambda t, q: ca.sumsqr(q) / 2 - 0.5)], name="particle on a dome",
+    constraints=[mechanics.Holonomic(lambda t, q: ca.sumsqr(q) / 2 - 0.5)],
+    units=("m", "m"), time_unit="s", name="particle on a dome",
 )  # fmt: skip
 
 

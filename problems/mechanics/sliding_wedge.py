@@ -18,6 +18,8 @@ system = mechanics.System(
         (WEDGE + BLOCK) * v[0] ** 2 / 2 + BLOCK * (v[1] ** 2 / 2 + v[0] * v[1] * COSINE) + BLOCK * G * SINE * q[1]
     ),
     ("X", "s"),
+    units=("m", "m"),
+    time_unit="s",
     name="block on a wedge",
 )
 

@@ -15,7 +15,7 @@ from varcalc import mechanics
 G, SIZE, HEIGHTS = 9.81, 0.7, (2.6, 0.4)
 system = mechanics.System(
     lambda t, q, v: (SIZE * v[0]) ** 2 * (1 + ca.cos(q[0])) - G * SIZE * (1 - ca.cos(q[0])), ("phi",),
-    name="bead on a cycloid",
+    units=("rad",), time_unit="s", name="bead on a cycloid",
 )  # fmt: skip
 bottom = mechanics.Event(lambda t, q, v: q[0], "bottom")
 

@@ -18,7 +18,8 @@ STEEP, FLAT = np.sin(0.7), np.sin(0.4)
 def blocks(second):
     return mechanics.System(
         lambda t, q, v: FIRST * (v[0] ** 2 / 2 + G * STEEP * q[0]) + second * (v[1] ** 2 / 2 + G * FLAT * q[1]),
-        ("s1", "s2"), constraints=[mechanics.Holonomic(lambda t, q: ca.sum1(q) - ROPE)], name="blocks on two slopes",
+        ("s1", "s2"), constraints=[mechanics.Holonomic(lambda t, q: ca.sum1(q) - ROPE)],
+    units=("m", "m"), time_unit="s", name="blocks on two slopes",
     )  # fmt: skip
 
 

@@ -83,9 +83,17 @@ def test_the_list_gives_the_largest_error_of_every_system():
 def test_pictures_name_their_axes(name):
     moved = load_experiment(name).run()
     left, right = motion_picture(moved).axes
-    assert left.get_xlabel() == "t"
-    assert right.get_xlabel() == moved.names[0]
-    assert right.get_ylabel() == (moved.names[1] if len(moved.names) > 1 else f"d{moved.names[0]}/dt")
+    first = moved.names[0]
+    assert left.get_xlabel() == "t (s)"
+    if len(moved.names) > 1:
+        assert (right.get_xlabel(), right.get_ylabel()) == (f"{first} (m)", f"{moved.names[1]} (rad)")
+    else:
+        assert (right.get_xlabel(), right.get_ylabel()) == (f"{first} (rad)", f"d{first}/dt (rad/s)")
+
+
+def test_units_are_one_a_coordinate():
+    with pytest.raises(ValueError, match="units must be 2 strings"):
+        mechanics.System(lambda t, q, v: v[0] ** 2 + v[1] ** 2, ("x", "y"), units=("m",))
 
 
 def test_a_section_and_a_map_are_drawn_where_they_are_asked_for():
@@ -106,7 +114,10 @@ def test_a_section_and_a_map_are_drawn_where_they_are_asked_for():
     assert np.isnan(times[0, 1])  # at rest
     assert times[0, 0] == pytest.approx(times[0, 2], rel=1e-9)  # the mirrored motion
     _, right, bar = motion_picture(moved).axes
-    assert (right.get_xlabel(), bar.get_ylabel()) == ("theta1 at rest", "time to the lower rod upright")
+    assert (right.get_xlabel(), bar.get_ylabel()) == (
+        "theta1 (rad) at rest",
+        "time to the lower rod upright (s)",
+    )
 
 
 def test_the_separatrix_is_in_the_phase_portrait():

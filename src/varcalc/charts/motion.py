@@ -28,13 +28,13 @@ def motion_picture(moved: Moved) -> Figure:
     figure = Figure(figsize=(11, 4.6), layout="constrained")
     left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
     times, q, v = moved.drawn
-    names = list(moved.names)
-    for number, (name, values) in enumerate(zip(moved.names, q, strict=True)):
+    time, names, _ = moved.axes
+    for number, (name, values) in enumerate(zip(names, q, strict=True)):
         left.plot(times, values, color=OTHER_COLOURS[number % len(OTHER_COLOURS)], label=name)
     for event in moved.motion.events:
         left.axvline(event.t, color="0.8", linewidth=0.8, zorder=0)
-    left.set_xlabel("t")
-    left.set_ylabel(moved.names[0] if len(moved.names) == 1 else "coordinates")
+    left.set_xlabel(time)
+    left.set_ylabel(names[0] if len(names) == 1 else "coordinates")
     if len(q) > 1:
         left.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=MOST_NAMES)
     if isinstance(asked := moved.experiment.beside, Section):
@@ -53,12 +53,12 @@ def motion_picture(moved: Moved) -> Figure:
 
 
 def _section(axes: Axes, moved: Moved, asked: Section) -> None:
-    many, name = moved.many, moved.names[asked.shown]
+    many, (_, names, rates) = moved.many, moved.axes
     assert many is not None
     for number, (q, v) in enumerate(zip(many.q[:, asked.shown], many.v[:, asked.shown], strict=True)):
         axes.plot(q, v, ".", markersize=1.5, color=OTHER_COLOURS[number % len(OTHER_COLOURS)])
-    axes.set_xlabel(name)
-    axes.set_ylabel(f"d{name}/dt")
+    axes.set_xlabel(names[asked.shown])
+    axes.set_ylabel(rates[asked.shown])
     axes.set_title(f"{len(many.q)} motions at {asked.event.name}", fontsize="medium")
 
 
@@ -67,10 +67,12 @@ def _flights(axes: Axes, moved: Moved, asked: Flights) -> None:
     assert many is not None
     times = many.times[:, 0].reshape(len(asked.second), len(asked.first))
     image = axes.pcolormesh(asked.first, asked.second, times, norm=LogNorm(), shading="nearest", cmap="viridis")
-    axes.figure.colorbar(image, ax=axes, label=f"time to {asked.event.name}")
+    _, names, _ = moved.axes
+    unit = moved.experiment.system.time_unit
+    axes.figure.colorbar(image, ax=axes, label=f"time to {asked.event.name}" + (f" ({unit})" if unit else ""))
     axes.set_facecolor("0.9")  # where it does not come to that
-    axes.set_xlabel(f"{moved.names[0]} at rest")
-    axes.set_ylabel(f"{moved.names[1]} at rest")
+    axes.set_xlabel(f"{names[0]} at rest")
+    axes.set_ylabel(f"{names[1]} at rest")
 
 
 def _phase_portrait(axes: Axes, moved: Moved, q: np.ndarray, v: np.ndarray) -> None:
@@ -86,5 +88,6 @@ def _phase_portrait(axes: Axes, moved: Moved, q: np.ndarray, v: np.ndarray) -> N
                 linewidths=1.2, linestyles="dashed",
             )  # fmt: skip
     axes.plot(q, v, color=OTHER_COLOURS[0], linewidth=2)
-    axes.set_xlabel(moved.names[0])
-    axes.set_ylabel(f"d{moved.names[0]}/dt")
+    _, names, rates = moved.axes
+    axes.set_xlabel(names[0])
+    axes.set_ylabel(rates[0])

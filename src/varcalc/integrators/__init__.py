@@ -41,13 +41,16 @@ __all__ = [
     "default",
     "flows",
     "for_many",
+    "for_one",
     "spread",
     "variational",
 ]
 
 
 BEYOND = 1e-18
-"""Local tolerance of a series that is cut off far below round-off: two terms more, a quarter more time a step."""
+"""Local tolerance of a series that is cut off far below round-off: two terms more, a quarter more time a step.
+
+A long motion keeps what it keeps even where one coordinate grows large, by whose size heyoka measures errors."""
 
 
 @derived
@@ -64,25 +67,22 @@ def compiled(owner: Owner, engine: Engine, system: ca.Function) -> Flow:
     return kept[key]
 
 
-def available() -> tuple[Taylor | Dop853, ...]:
-    """The engines whose packages are installed, the preferred one first."""
+def available(taylor: Taylor | None = None) -> tuple[Taylor | Dop853, ...]:
+    """The engines whose packages are installed, the preferred one first, heyoka's with the settings of ``taylor``."""
     engines: list[Taylor | Dop853] = []
     if importlib.util.find_spec("heyoka") is not None:
-        engines.append(Taylor())
+        engines.append(taylor or Taylor())
     if importlib.util.find_spec("scipy") is not None:
         engines.append(Dop853())
     return tuple(engines)
 
 
-def default(steps: int = STEPS, most_steps: int | None = None, *, beyond_round_off: bool = False) -> Engine:
+def default(steps: int = STEPS, most_steps: int | None = None, taylor: Taylor | None = None) -> Engine:
     """The engine to use when none is named: what is installed, and :class:`OnDemand`, after so many ``steps``, of both.
 
-    ``most_steps`` bounds the steps of one run. Series that go ``beyond_round_off`` keep what a long motion keeps where
-    one coordinate grows large, by whose size errors are measured. Raises ImportError when neither is installed.
+    ``most_steps`` bounds the steps of one run. Raises ImportError when neither is installed.
     """
-    engines = available()
-    if beyond_round_off:
-        engines = tuple(replace(e, tolerance=BEYOND) if isinstance(e, Taylor) else e for e in engines)
+    engines = available(taylor)
     if most_steps is not None:
         engines = tuple(replace(engine, most_steps=most_steps) for engine in engines)
     match engines:
@@ -93,6 +93,11 @@ def default(steps: int = STEPS, most_steps: int | None = None, *, beyond_round_o
     raise ImportError("no engine is installed; install scipy, or heyoka where there is a wheel for it")
 
 
-def for_many(most_steps: int | None = None, *, beyond_round_off: bool = False) -> Engine:
+def for_one(most_steps: int, *, quick: bool) -> Engine:
+    """The engine for one motion, whose series are cut off below round-off, compiled ``quick``ly where steps are few."""
+    return Attentive(default(0, most_steps, Taylor(tolerance=BEYOND, quick=quick)))
+
+
+def for_many(most_steps: int | None = None) -> Engine:
     """The engine for a system that is run very often: compiled at once where it can be, and past nothing narrow."""
-    return Attentive(default(0, most_steps, beyond_round_off=beyond_round_off))
+    return Attentive(default(0, most_steps))

@@ -25,8 +25,8 @@ from varcalc.symbolic.variation import Between, excess, gentle
 
 WIDE = 20.0
 """By how many times more than is gentle an argument may go from the middle of where a run has been."""
-LOOKS, CLOSER_LOOKS = 65, 1025
-"""Places of a run at which it is asked where it has been, and where that leaves a doubt."""
+LOOKS = 1025
+"""Places of a run at which it is asked where it has been."""
 MISSED = 1e-6
 """Of the largest rate: by how much the rates of a run may miss the system's."""
 ROOM = 0.1
@@ -117,8 +117,8 @@ class AttentiveFlow:
         """
         if not run.completed:
             return True
-        grid = np.linspace(run.abscissae[0], run.reached, CLOSER_LOOKS)
-        states = self.free.trajectory(grid, run.states[0], constants).states
+        grid = np.linspace(run.abscissae[0], run.abscissae[-1], LOOKS)
+        states = run.states[np.isin(run.abscissae, grid)]
         if not np.all(np.isfinite(states)):
             return True
         s, numbers = np.sort(np.column_stack([grid[:-1], grid[1:]]), axis=1), np.reshape(constants, (1, -1))
@@ -139,16 +139,18 @@ class AttentiveFlow:
             return not bool(np.all(excess(self.system, boxes, (len(s),), RULES) <= 1.0))
 
     def trajectory(
-        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0, dense: bool = False
-    ) -> Run:
+        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0,
+        longest: float | None = None, dense: bool = False,
+    ) -> Run:  # fmt: skip
         """See :meth:`varcalc.integrators.protocol.Flow.trajectory`."""
-        grid, own = np.asarray(abscissae, dtype=float), np.arange(len(abscissae))
-        if len(grid) < LOOKS:
-            grid = np.union1d(np.linspace(grid[0], grid[-1], LOOKS), grid)[:: 1 if grid[-1] > grid[0] else -1]
-            own = np.flatnonzero(np.isin(grid, abscissae))
-        run = self.free.trajectory(grid, state, constants, level=level, dense=dense)
+        first, last = float(abscissae[0]), float(abscissae[-1])
+        grid = np.union1d(np.linspace(first, last, LOOKS), abscissae)[:: 1 if last > first else -1]
+        own = np.flatnonzero(np.isin(grid, abscissae))
+        run = self.free.trajectory(grid, state, constants, level=level, longest=longest, dense=dense)
         if self._wide_along(run, constants) and self._unseen_along(run, constants):
-            more = self.watched.trajectory(grid, self._extended(state), constants, level=level, dense=dense)
+            more = self.watched.trajectory(
+                grid, self._extended(state), constants, level=level, longest=longest, dense=dense
+            )
             if more.outcome is not Outcome.NOT_FINITE:
                 inner = more.trajectory
                 run = replace(

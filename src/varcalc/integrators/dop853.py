@@ -84,14 +84,15 @@ class Dop853Flow:
     compiled = False
 
     def trajectory(
-        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0, dense: bool = False
-    ) -> Run:
+        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0,
+        longest: float | None = None, dense: bool = False,
+    ) -> Run:  # fmt: skip
         """:meth:`varcalc.integrators.protocol.Flow.trajectory`, as an ensemble of one without stops."""
         checked(abscissae, state, constants, self.system)
         inner = len(abscissae) > 2
         ends = Dop853Flow(self.engine, self.system, None).ensemble(
             state[None, :], constants[None, :], start=abscissae[0], until=abscissae[-1], level=level,
-            dense=dense or inner,
+            longest=None if longest is None else np.array([longest]), dense=dense or inner,
         )  # fmt: skip
         outcome, reached = OUTCOMES[ends.outcomes[0]], float(ends.reached[0])
         between = None if ends.dense is None else ends.dense[0]

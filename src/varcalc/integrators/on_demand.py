@@ -80,10 +80,11 @@ class FlowOnDemand:
         return self.flow
 
     def trajectory(
-        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0, dense: bool = False
-    ) -> Run:
+        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0,
+        longest: float | None = None, dense: bool = False,
+    ) -> Run:  # fmt: skip
         """See :meth:`varcalc.integrators.protocol.Flow.trajectory`."""
-        run = self._chosen().trajectory(abscissae, state, constants, level=level, dense=dense)
+        run = self._chosen().trajectory(abscissae, state, constants, level=level, longest=longest, dense=dense)
         self.taken += run.steps
         return run
 

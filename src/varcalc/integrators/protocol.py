@@ -105,12 +105,14 @@ class Flow(Protocol):
         ...
 
     def trajectory(
-        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0, dense: bool = False
-    ) -> Run:
+        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0,
+        longest: float | None = None, dense: bool = False,
+    ) -> Run:  # fmt: skip
         """Carry ``state`` (N,) from the first of the ``abscissae`` (k,), which are monotone, to the others.
 
         Each ``level`` integrates more carefully than the one before, so that
-        the difference between two tells the error of the lower one; ``dense``
+        the difference between two tells the error of the lower one; ``longest`` bounds
+        the steps, where their number at level 0 need not be found out; ``dense``
         keeps the trajectory between the abscissae. Stopping functions do not count.
         """
         ...
@@ -133,8 +135,7 @@ class Flow(Protocol):
         functions crosses zero, located to round-off, whichever comes first; where there are such functions,
         runs go forwards. ``leaving`` are the numbers of those that are zero, to round-off, at the start of
         every run: those zeros do not count, later ones do. ``level`` and ``dense`` are those of :meth:`trajectory`,
-        and level -1 is a look, as careless as the engine can be; ``longest`` (m,) bounds the steps, where their number
-        at level 0 need not be found out.
+        and level -1 is a look, as careless as the engine can be; ``longest`` is (m,).
         ValueError where a run has no end: neither stopping functions nor a finite ``until``.
         """
         ...

@@ -42,13 +42,15 @@ class Taylor:
 
     ``most_steps`` bounds the steps of one run, ``ensemble_steps`` those of each of many that go to their stops.
     ``compact`` compiles loops rather than straight code: five to ten times quicker to compile, about
-    two times slower to run, so it is worth leaving only for long integrations.
+    two times slower to run, so it is worth leaving only for long integrations. ``quick`` leaves out what the compiler
+    does to make code fast: ten times quicker to compile, three times slower to run.
     """
 
     tolerance: float = float(np.finfo(float).eps)
     most_steps: int = 4000
     ensemble_steps: int = 20_000
     compact: bool = True
+    quick: bool = False
 
     @property
     def name(self) -> str:
@@ -93,7 +95,10 @@ class TaylorFlow:
     def integrator(self) -> Any:
         """heyoka's integrator of one trajectory."""
         start, engine = np.zeros(len(self.equations)), self.engine
-        return self.heyoka.taylor_adaptive(self.equations, start, tol=engine.tolerance, compact_mode=engine.compact)
+        return self.heyoka.taylor_adaptive(
+            self.equations, start, tol=engine.tolerance, compact_mode=engine.compact,
+            opt_level=0 if engine.quick else 3,
+        )  # fmt: skip
 
     @cached_property
     def _side_by_side(self) -> Any:
@@ -104,11 +109,12 @@ class TaylorFlow:
         )
 
     def trajectory(
-        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0, dense: bool = False
-    ) -> Run:
+        self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0,
+        longest: float | None = None, dense: bool = False,
+    ) -> Run:  # fmt: skip
         """See :meth:`varcalc.integrators.protocol.Flow.trajectory`."""
         checked(abscissae, state, constants, self.system)
-        return self._carried(abscissae, state, constants, level, None, dense=dense)
+        return self._carried(abscissae, state, constants, level, longest, dense=dense)
 
     def _carried(
         self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, level: int, longest: float | None, *,

@@ -86,6 +86,14 @@ class Moved:
         return self.experiment.system.coordinates
 
     @property
+    def axes(self) -> tuple[str, list[str], list[str]]:
+        """What stands at the axes of pictures: the time, the coordinates and their rates, with their units."""
+        system = self.experiment.system
+        both = list(zip(self.names, system.units, strict=True))
+        rates = [_labelled(f"d{name}/dt", _rate_unit(unit, system.time_unit)) for name, unit in both]
+        return _labelled("t", system.time_unit), [_labelled(*pair) for pair in both], rates
+
+    @property
     def title(self) -> str:
         """What a picture is called."""
         return self.experiment.title or self.experiment.system.name
@@ -152,6 +160,14 @@ class Moved:
         lines += [f"{name}: off by {error:.1g}" for name, error in self.errors.items()]
         lines += [f"t = {e.t:.12g}: {e.name} at {np.array2string(e.q, precision=9)}" for e in motion.events]
         return "\n".join(lines)
+
+
+def _labelled(name: str, unit: str) -> str:
+    return f"{name} ({unit})" if unit else name
+
+
+def _rate_unit(unit: str, of_time: str) -> str:
+    return f"{unit or 1}/{of_time}" if of_time else unit
 
 
 def _widened(values: np.ndarray) -> np.ndarray:

@@ -31,8 +31,8 @@ from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.switches import switches
 from varcalc.symbolic.tracing import Expression
 
-DENSE_STEPS, MOST_STEPS = 20_000, 100_000_000
-"""Of a motion that is kept everywhere, and of any."""
+FEW_STEPS, MOST_STEPS = 4000, 100_000_000
+"""Of a motion that is over before code that runs fast is compiled, and of any."""
 
 
 ROUND_OFF = 4 * float(np.finfo(float).eps)
@@ -61,6 +61,8 @@ class System:
         ``forces(t, q, v[, p])``: n generalised forces that no Lagrangian gives, such as damping and drive.
     symmetries : sequence of Symmetry
         Symmetries of L whose invariants are watched along motions, beside the energy and ignorable momenta.
+    units : sequence of str, optional
+        Of the coordinates, and ``time_unit`` of the time, for the axes of pictures.
     name : str
 
     Raises
@@ -87,10 +89,13 @@ class System:
         constraints: Sequence[Holonomic | Pfaffian] = (),
         forces: Callable[..., Any] | None = None,
         symmetries: Sequence[Symmetry] = (),
+        units: Sequence[str] = (),
+        time_unit: str = "",
         name: str = "",
     ) -> None:
         self.coordinates = _names(coordinates)
         self.n = len(self.coordinates)
+        self.units, self.time_unit = _units(units, self.n), time_unit
         self.parameters = {key: _number(f"parameters[{key!r}]", value) for key, value in (parameters or {}).items()}
         self.name, self.symmetries = name, tuple(symmetries)
         self._given, self._forces_given = lagrangian, forces
@@ -280,7 +285,8 @@ class System:
         total = self._lagrange.value + ca.jtimes(f, s.q, s.v) + ca.jacobian(f, s.t)
         return System(
             s.function(total, s.t, s.q, s.v), self.coordinates, parameters=self.parameters,
-            constraints=self.constraints, forces=self._forces_given, name=self.name,
+            constraints=self.constraints, forces=self._forces_given, units=self.units, time_unit=self.time_unit,
+            name=self.name,
         )  # fmt: skip
 
     def routhian(self, momenta: Mapping[str, float]) -> System:
@@ -306,7 +312,10 @@ class System:
         free_q, free_v = s.q[left], s.v[left]
         reduced = ca.substitute(reduced, s.q[gone], ca.SX.zeros(len(gone)))
         lagrangian = s.function(reduced, s.t, free_q, free_v)
-        return System(lagrangian, [self.coordinates[k] for k in left], parameters=self.parameters, name=self.name)
+        return System(
+            lagrangian, [self.coordinates[k] for k in left], parameters=self.parameters,
+            units=[self.units[k] for k in left], time_unit=self.time_unit, name=self.name,
+        )  # fmt: skip
 
     def between(self, q0: Sequence[float], q1: Sequence[float], duration: float) -> Problem:
         """The action of motions from ``q0`` to ``q1`` (n,) in the time ``duration``: a problem to solve and verify."""
@@ -371,18 +380,21 @@ class System:
         q, v = self._started(first, q0, v0)
         numbers, state = self._with_rate(first, q, v, last - first), np.concatenate([q, v])
         happened, end = self._happened(tuple(events), state, numbers, (first, last))
-        flow, looked = self._flow(_for_one(DENSE_STEPS)), np.linspace(first, end, LOOKED_AT)
-        run = flow.trajectory(np.array([first, end]), state, numbers, dense=True)
-        if run.outcome is Outcome.TOO_MANY_STEPS:  # too long a motion to be kept everywhere
-            flow = self._flow(_for_one(MOST_STEPS))
+        flow, looked = self._flow(integrators.for_one(FEW_STEPS, quick=True)), np.linspace(first, end, LOOKED_AT)
+        run = flow.trajectory(looked, state, numbers, dense=True)
+        if run.outcome is Outcome.TOO_MANY_STEPS:  # worth code that runs fast
+            flow = self._flow(integrators.for_one(MOST_STEPS, quick=False))
             run = flow.trajectory(looked, state, numbers)
             run = replace(run, trajectory=Checkpoints(flow, numbers, looked, run.states))
         if run.trajectory is None or run.outcome is Outcome.NOT_FINITE:
             raise ValueError(f"the motion cannot begin: {run.outcome.value}")
         reached = end if run.completed else run.reached
-        looked = np.linspace(first, reached, LOOKED_AT)
-        states = run.trajectory(looked)
-        careful = flow.trajectory(looked, state, numbers, level=1)
+        states = run.states
+        if reached != looked[-1]:
+            looked = np.linspace(first, reached, LOOKED_AT)
+            states = run.trajectory(looked)
+        half = (reached - first) / (2 * run.steps + 1)
+        careful = flow.trajectory(looked, state, numbers, level=1, longest=half)
         apart = float(np.nanmax(np.abs(careful.states[:, : self.n] - states[:, : self.n])))
         error = ERROR_MARGIN * apart + ROUND_OFF * run.steps**0.5 * float(np.abs(states[:, : self.n]).max())
         drift = self._drift(looked, states)
@@ -558,15 +570,18 @@ class System:
         return dict(zip(kept, np.abs(values - values[0]).max(axis=0).tolist(), strict=True))
 
 
-def _for_one(most_steps: int) -> Engine:
-    return integrators.for_many(most_steps, beyond_round_off=True)
-
-
 def _names(coordinates: Sequence[str]) -> tuple[str, ...]:
     names = (coordinates,) if isinstance(coordinates, str) else tuple(coordinates)
     if not names or not all(isinstance(name, str) and name for name in names) or len(set(names)) != len(names):
         raise ValueError(f"coordinates must be different names, one for each coordinate, not {coordinates!r}")
     return names
+
+
+def _units(units: Sequence[str], n: int) -> tuple[str, ...]:
+    given = (units,) if isinstance(units, str) else tuple(units)
+    if (given and len(given) != n) or not all(isinstance(unit, str) for unit in given):
+        raise ValueError(f"units must be {n} strings, one for each coordinate, not {units!r}")
+    return given or ("",) * n
 
 
 def _number(name: str, value: Any) -> float:
