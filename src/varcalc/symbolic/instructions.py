@@ -9,12 +9,16 @@ that keeps track of small differences.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple, TypeVar
 
 import casadi as ca
 import numpy as np
 
 T = TypeVar("T")
+
+KEPT = 256
+"""Functions whose instructions are kept."""
 
 NAMES = {code: name.removeprefix("OP_").lower() for name, code in vars(ca).items() if name.startswith("OP_")}
 """CasADi's name of each operation code."""
@@ -34,8 +38,16 @@ class Instruction(NamedTuple):
     place: tuple[int, int] = (0, 0)
 
 
-def instructions(function: ca.Function) -> Iterator[Instruction]:
-    """The instructions of an SX function in order; TypeError for a function that is not an SXFunction."""
+@lru_cache(maxsize=KEPT)
+def instructions(function: ca.Function) -> tuple[Instruction, ...]:
+    """The instructions of an SX function in order; TypeError for a function that is not an SXFunction.
+
+    CasADi hands them out one call at a time, which takes as long as carrying them out.
+    """
+    return tuple(_read(function))
+
+
+def _read(function: ca.Function) -> Iterator[Instruction]:
     if not function.is_a("SXFunction"):
         raise TypeError(f"{function.name()} is no SX function, so it has no scalar instructions")
     for k in range(function.n_instructions()):

@@ -44,7 +44,7 @@ def applied(operation: int, operands: Sequence[Interval]) -> Interval:
         return EVERYTHING
     low, high = rule(*operands)
     # not a number: the operation is undefined somewhere in the box
-    return np.where(np.isnan(low), -math.inf, low), np.where(np.isnan(high), math.inf, high)
+    return np.fmax(low, -math.inf), np.fmin(high, math.inf)
 
 
 def _increasing(operation: int) -> Callable[[Interval], Interval]:
@@ -79,8 +79,16 @@ def _subtracted(a: Interval, b: Interval) -> Interval:
 
 def _multiplied(a: Interval, b: Interval) -> Interval:
     corners = [p * q for p in a for q in b]
-    corners = [np.where(np.isnan(c), 0.0, c) for c in corners]  # 0 times an end at infinity
-    return np.minimum.reduce(corners), np.maximum.reduce(corners)
+    low = _of_all(np.minimum, corners)
+    if np.isnan(low).any():  # 0 times an end at infinity
+        corners = [np.where(np.isnan(c), 0.0, c) for c in corners]
+        low = _of_all(np.minimum, corners)
+    return low, _of_all(np.maximum, corners)
+
+
+def _of_all(extreme: np.ufunc, corners: Sequence[np.ndarray]) -> np.ndarray:
+    first, second, third, fourth = corners
+    return extreme(extreme(first, second), extreme(third, fourth))
 
 
 def _inverted(a: Interval) -> Interval:
