@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation.singular import forms
 from varcalc.methods.answer import Extremal, functional_value, lifted
 from varcalc.problem.breaks import bounds, integrals
 from varcalc.problem.conditions import Bound
@@ -20,7 +19,6 @@ from varcalc.solution import Solution
 from varcalc.symbolic.variation import LOCAL, VARYING, Between, Rules, excess, gentle
 from varcalc.verify.along_curve import along_curve
 from varcalc.verify.candidate import undivided
-from varcalc.verify.given_curve import stated
 from varcalc.verify.residual import residual
 
 BOXES = 32
@@ -71,21 +69,11 @@ def unseen(solution: Solution) -> Unseen | None:
     extremal, problem = solution.extremal, solution.problem
     if problem.symbols.kind is not ca.SX or (problem.order == 2 and any(problem.slides)):
         return None
-    if extremal is None:
-        return _beside_nodes(solution) if solution.status.ok else None
+    if extremal is None:  # a quadrature has looked between its own points
+        return None
     if not solution.status.ok:
         return _in_integrals(extremal, LOCAL, everywhere=True)
     return _in_integrals(extremal, VARYING, everywhere=False) or _beyond_bounds(extremal)
-
-
-def _beside_nodes(solution: Solution) -> Unseen | None:
-    """What a quadrature in the user's coordinates may have missed."""
-    if gentle(integrals(solution.problem), VARYING):
-        return None
-    form = next(filter(None, forms(solution.problem)))
-    # coordinates made for what roots and reciprocals do beside an end are the quadrature's too
-    rules = LOCAL if form.coordinates.energetic else VARYING
-    return _in_integrals(stated(solution, form), rules, everywhere=False)
 
 
 def balanced(solution: Solution, missed: Unseen) -> bool:

@@ -61,7 +61,8 @@ class Reduced:
     """An extremal found by quadrature: ``value`` with its error, the curve with its own, and what follows.
 
     ``multipliers`` are those of L + sum of lambda_j g_j; ``partials`` the
-    derivatives of the value by the parameters.
+    derivatives of the value by the parameters. ``doubt`` says, in words, where
+    something of the integrands may hide between the points of the quadrature.
     """
 
     value: float
@@ -72,6 +73,7 @@ class Reduced:
     multipliers: np.ndarray
     partials: np.ndarray
     points: int
+    doubt: str = ""
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,8 @@ class AnchorFunctions:
 class EnergyLines(Lines[AnchorFunctions]):
     """Slopes and integrals of the extremals of a Lagrangian without x: y runs; slopes are given by their logarithms."""
 
+    running = 1
+
     def _build(self, end: float | None) -> AnchorFunctions:
         y = self.integrands.problem.symbols.y
         c, s, multipliers = self.integrands.symbols

@@ -60,6 +60,13 @@ class ReducedIntegrands:
         return ca.substitute(expressions, [s.parameters], [ca.SX(ca.DM(self.problem.parameter_values))])
 
     @cached_property
+    def read(self) -> ca.Function:
+        """(x, y, y') -> L and the isoperimetric integrands: what is read for what may hide between points."""
+        s = self.problem.symbols
+        given = [self.problem.integrand, *(t.expression for t in self.problem.traced)]
+        return ca.Function("read", [s.x, s.y, s.dy], self._put_in(given))
+
+    @cached_property
     def forms(self) -> list[Expression]:
         """The homogeneous forms of L, g_1, g_2, ..."""
         given = [self.problem.integrand, *(t.expression for t in self.problem.traced)]

@@ -14,7 +14,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
 
@@ -81,6 +81,9 @@ class Lines(ABC, Generic[F]):
 
     ``inside`` is a place of the running variable inside the domain of L.
     """
+
+    running: ClassVar[int]
+    """The variable that runs along a leg: 0 for x, 1 for y."""
 
     def __init__(self, integrands: ReducedIntegrands, orientation: float, inside: float) -> None:
         self.integrands = integrands

@@ -188,6 +188,8 @@ def _solution(problem: Problem, method: FirstIntegral, best: Reduced, tol: float
     if not best.value_error <= max(allowed, ACCEPTABLE * max(1.0, abs(best.value))) or not math.isfinite(best.value):
         status = Status.NOT_CONVERGED
         message = f"the quadrature left an error of {best.value_error:.1e}; use Ritz or Collocation"
+    elif best.doubt:
+        status, message = Status.NOT_CONVERGED, f"{best.doubt}; use Ritz or Collocation"
     found = Solution(
         problem=problem,
         method=method,

@@ -11,6 +11,7 @@ import numpy as np
 from varcalc.methods.first_integral.answers import ROUND_OFF, EndValues, Evaluate, Reduced
 from varcalc.methods.first_integral.contract import Aim, Joined
 from varcalc.methods.first_integral.errors import sensitivity
+from varcalc.methods.first_integral.hidden import doubt
 from varcalc.methods.first_integral.integrands import ReducedIntegrands
 from varcalc.methods.first_integral.isoperimetric import LevelStart, starts
 from varcalc.methods.first_integral.lines import CurveBatch
@@ -108,6 +109,7 @@ class Reduction(ABC):
             multipliers=multipliers,
             partials=np.asarray(sum(f[1 + len(levels) :, 0].sum(axis=1) for f in measured.fields)),
             points=sum(d.shape[1] for d in measured.dx),
+            doubt=doubt(found),
         )
 
     def end_gradient(self, best: Reduced, ends: EndValues, at_end: bool) -> tuple[float, float]:

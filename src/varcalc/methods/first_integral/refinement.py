@@ -7,12 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from varcalc.methods.first_integral.contract import Joined, measure_one
+from varcalc.methods.first_integral.hidden import hiding
 from varcalc.methods.first_integral.lines import Measured
 from varcalc.numerics.one_coordinate.panels import GRADED, DistanceMap, Panels, tails
 from varcalc.numerics.roots import EPSILON
 
 ROUNDS = 14
 MOST_PANELS = 120
+LOOKS, MOST_SEEING = 60, 400
+"""Bisections, and panels, with which what is narrow is looked for: the narrowest that is a number, and oscillations."""
 WORTHWHILE = 0.8
 """A round that leaves more than this share of the error counts as stale: what is left is noise."""
 SMALLEST_FIRST = 2e-3
@@ -27,17 +30,29 @@ MISSED = 64 * EPSILON
 
 def refined_panels(joined: Joined) -> tuple[Panels, ...] | None:
     """Rules that resolve the curve to round-off, or as well as its noise allows; None when those it has do already."""
-    given = tuple(leg.panels for leg in joined.batch.legs)
-    best, measured = _bisected(joined, given, joined.measured)
-    toward = _toward_ends(best)
-    closer = measure_one(joined.family.ruled(toward), joined.parameter, joined.multipliers)
-    if not np.isfinite(closer.x[0]):
-        return None if best == given else best
-    if max(_changes(measured, closer)) > MISSED or any(e[0] > ALLOWED for e in _leg_errors(measured)):
-        graded, remeasured = _bisected(joined, toward, closer)
-        missed = max(_changes(measured, remeasured)) > MISSED
-        best = graded if missed or _total(remeasured) < _total(measured) else best
-    return None if best == given else best
+    given = _panels(joined)
+    best = _bisected(joined)
+    toward = _toward_ends(_panels(best))
+    closer = _ruled(joined, toward)
+    if np.isfinite(closer.measured.x[0]) and (
+        max(_changes(best.measured, closer.measured)) > MISSED
+        or any(e[0] > ALLOWED for e in _leg_errors(best.measured))
+    ):
+        graded = _bisected(closer)
+        missed = max(_changes(best.measured, graded.measured)) > MISSED
+        best = graded if missed or _total(graded.measured) < _total(best.measured) else best
+    return None if _panels(best) == given else _panels(best)
+
+
+def _panels(joined: Joined) -> tuple[Panels, ...]:
+    return tuple(leg.panels for leg in joined.batch.legs)
+
+
+def _ruled(joined: Joined, panels: Sequence[Panels]) -> Joined:
+    """The same curve by other rules."""
+    family = joined.family.ruled(tuple(panels))
+    measured = measure_one(family, joined.parameter, joined.multipliers)
+    return Joined(family, joined.parameter, joined.multipliers, measured)
 
 
 def _total(measured: Measured) -> float:
@@ -51,8 +66,7 @@ def unseen(joined: Joined) -> tuple[float, float]:
     A rule cannot tell from its own points that the integrand changes between the anchor and the first of them, as it
     does where L is infinite just beyond an end.
     """
-    toward = _toward_ends(tuple(leg.panels for leg in joined.batch.legs))
-    closer = measure_one(joined.family.ruled(toward), joined.parameter, joined.multipliers)
+    closer = _ruled(joined, _toward_ends(_panels(joined))).measured
     changes = _changes(joined.measured, closer)
     if max(changes) <= MISSED:
         return 0.0, 0.0
@@ -84,21 +98,35 @@ def _sizes(measured: Measured) -> tuple[float, float]:
     return reach, value
 
 
-def _bisected(joined: Joined, given: tuple[Panels, ...], measured: Measured) -> tuple[tuple[Panels, ...], Measured]:
-    """The rules with panels bisected as far as that lowers the error their coefficients tell, and what they measure."""
-    panels, best, least, stale = list(given), (given, measured), np.inf, 0
+def _bisected(joined: Joined) -> Joined:
+    """The curve by rules with panels bisected as far as that lowers the error their coefficients tell."""
+    best, least, stale = joined, np.inf, 0
     for _ in range(ROUNDS):
-        marks, total = [e > ALLOWED for e in _leg_errors(measured)], _total(measured)
+        joined = _seeing(joined)
+        panels = _panels(joined)
+        marks, total = [e > ALLOWED for e in _leg_errors(joined.measured)], _total(joined.measured)
         stale = stale + 1 if total > WORTHWHILE * least else 0
         if total < least:
-            best, least = (tuple(panels), measured), total
+            best, least = joined, total
         if not any(m.any() for m in marks) or stale > 1 or sum(p.count for p in panels) > MOST_PANELS:
             break
-        panels = [_improved(p, m) for p, m in zip(panels, marks, strict=True)]
-        measured = measure_one(joined.family.ruled(tuple(panels)), joined.parameter, joined.multipliers)
-        if not np.isfinite(measured.x[0]):
+        joined = _ruled(joined, [_improved(p, m) for p, m in zip(panels, marks, strict=True)])
+        if not np.isfinite(joined.measured.x[0]):
             break
     return best
+
+
+def _seeing(joined: Joined) -> Joined:
+    """The curve by rules with panels bisected until nothing of the integrands hides between their points."""
+    for _ in range(LOOKS):
+        marks = hiding(joined)
+        if not any(m.any() for m in marks) or not np.isfinite(joined.measured.x[0]):
+            break
+        panels = [p.split(m) if m.any() else p for p, m in zip(_panels(joined), marks, strict=True)]
+        if sum(p.count for p in panels) > MOST_SEEING:
+            break
+        joined = _ruled(joined, panels)
+    return joined
 
 
 def _leg_errors(measured: Measured) -> list[np.ndarray]:
