@@ -14,6 +14,13 @@ from varcalc.mechanics.legendre import Hamiltonian
 from varcalc.mechanics.motion import Ensemble, Event, Happening, Motion
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns
 from varcalc.mechanics.passages import Passages
+from varcalc.mechanics.rigid.body import RigidBody
+from varcalc.mechanics.rigid.free import Cones, Polhode, PolhodeKind, SteadyRotation
+from varcalc.mechanics.rigid.inertia import Inertia, Principal, TopKind, principal
+from varcalc.mechanics.rigid.motion import RigidMotion
+from varcalc.mechanics.rigid.nutation import Nutation, NutationCase
+from varcalc.mechanics.rigid.rotations import EulerAngles, quaternion_of, rotation_matrix
+from varcalc.mechanics.rigid.top import Top
 from varcalc.mechanics.symmetries import Symmetry
 from varcalc.mechanics.system import System
 from varcalc.problem.conditions import Holonomic
@@ -21,8 +28,10 @@ from varcalc.problem.conditions import Holonomic
 __all__ = [
     "ClosedOrbit",
     "ClosedOrbits",
+    "Cones",
     "Ensemble",
     "Equilibria",
+    "EulerAngles",
     "Event",
     "Examination",
     "Examined",
@@ -31,18 +40,32 @@ __all__ = [
     "Hamiltonian",
     "Happening",
     "Holonomic",
+    "Inertia",
     "Motion",
     "Moved",
     "NormalModes",
+    "Nutation",
+    "NutationCase",
     "Passages",
     "Pfaffian",
+    "Polhode",
+    "PolhodeKind",
+    "Principal",
     "Repeats",
     "Returns",
+    "RigidBody",
+    "RigidMotion",
     "Section",
+    "SteadyRotation",
     "Stepped",
     "Symmetry",
     "System",
+    "Top",
+    "TopKind",
     "charged",
     "poisson",
+    "principal",
+    "quaternion_of",
     "rotating",
+    "rotation_matrix",
 ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -12,15 +11,15 @@ import numpy as np
 
 from varcalc import integrators
 from varcalc.integrators import Engine, Flow
-from varcalc.integrators.protocol import Outcome
 from varcalc.mechanics.action import Action
 from varcalc.mechanics.closed_orbits import ClosedOrbit, ClosedOrbits, Monodromy, closed_orbit, closed_state
 from varcalc.mechanics.constraints import RATE, Held, Pfaffian, started
+from varcalc.mechanics.course import MOST_STEPS, course
 from varcalc.mechanics.equilibria import Equilibria, NormalModes, equilibria, normal_modes
 from varcalc.mechanics.galerkin import GalerkinSteps, Stepped
 from varcalc.mechanics.lagrange import Lagrange, StateSymbols
 from varcalc.mechanics.legendre import Hamiltonian
-from varcalc.mechanics.motion import LOOKED_AT, Checkpoints, Ensemble, Event, Motion, carried, happenings
+from varcalc.mechanics.motion import Ensemble, Event, Motion, carried, happenings
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns
 from varcalc.mechanics.passages import Passages, passages
 from varcalc.mechanics.symmetries import Symmetry, noether
@@ -30,17 +29,6 @@ from varcalc.problem.reading import equation_latex, equation_text, text
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.switches import switches
 from varcalc.symbolic.tracing import Expression
-
-FEW_STEPS, MOST_STEPS = 4000, 100_000_000
-"""Of a motion that is over before code that runs fast is compiled, and of any."""
-
-
-ROUND_OFF = 4 * float(np.finfo(float).eps)
-"""Of the coordinates: what a step adds at random."""
-
-
-ERROR_MARGIN = 8.0
-"""By how many times the difference of two integrations either may be off, where motions part."""
 
 
 class System:
@@ -380,28 +368,14 @@ class System:
         q, v = self._started(first, q0, v0)
         numbers, state = self._with_rate(first, q, v, last - first), np.concatenate([q, v])
         happened, end = self._happened(tuple(events), state, numbers, (first, last))
-        flow, looked = self._flow(integrators.for_one(FEW_STEPS, quick=True)), np.linspace(first, end, LOOKED_AT)
-        run = flow.trajectory(looked, state, numbers, dense=True)
-        if run.outcome is Outcome.TOO_MANY_STEPS:  # worth code that runs fast
-            flow = self._flow(integrators.for_one(MOST_STEPS, quick=False))
-            run = flow.trajectory(looked, state, numbers)
-            run = replace(run, trajectory=Checkpoints(flow, numbers, looked, run.states))
-        if run.trajectory is None or run.outcome is Outcome.NOT_FINITE:
-            raise ValueError(f"the motion cannot begin: {run.outcome.value}")
-        reached = end if run.completed else run.reached
-        states = run.states
-        if reached != looked[-1]:
-            looked = np.linspace(first, reached, LOOKED_AT)
-            states = run.trajectory(looked)
-        half = (reached - first) / (2 * run.steps + 1)
-        careful = flow.trajectory(looked, state, numbers, level=1, longest=half)
-        apart = float(np.nanmax(np.abs(careful.states[:, : self.n] - states[:, : self.n])))
-        error = ERROR_MARGIN * apart + ROUND_OFF * run.steps**0.5 * float(np.abs(states[:, : self.n]).max())
-        drift = self._drift(looked, states)
-        error += self._out_of_step(looked, states, drift.get("energy", 0.0))
+        flown = course(self._flow, state, numbers, (first, end))
+        drift = self._drift(flown.looked, flown.states)
+        error = flown.error(slice(self.n), float(np.abs(flown.states[:, : self.n]).max()))
+        error += self._out_of_step(flown.looked, flown.states, drift.get("energy", 0.0))
         return Motion(
-            (first, reached), run.outcome, error, drift, happened, run.steps, numbers, run.trajectory, self._measured
-        )
+            (first, flown.reached), flown.run.outcome, error, drift, happened, flown.run.steps, numbers,
+            flown.trajectory, self._measured,
+        )  # fmt: skip
 
     def ensemble(self, q0: Any, v0: Any, times: Sequence[float]) -> Ensemble:
         """Motions from many states at once: ``q0`` and ``v0`` (m, n) at the first of the ascending ``times`` (k,)."""
