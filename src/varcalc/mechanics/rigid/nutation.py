@@ -25,6 +25,8 @@ from varcalc.numerics.one_coordinate.quadrature import integrals, integrands
 
 SAME = 32 * float(np.finfo(float).eps)
 """Of the terms of a sum: one that is less is round-off."""
+UPRIGHT = float(np.finfo(float).eps) ** 2
+"""Of 1 - |cos θ|: a tilt that is round-off."""
 LOOKED_AT = 33
 """Places of half a period at which rates are looked at for their size."""
 BEYOND = 1.0
@@ -87,9 +89,11 @@ class TopStart:
         """From a quaternion (4,) and the angular velocity (3,) along the top's axes."""
         w, x, y, z = q.tolist()
         along, across, omega3 = omega.tolist()
-        first, second = 2 * (x * z - w * y), 2 * (y * z + w * x)  # of the vertical along the top's axes
+        above, below = (0.0 if d <= UPRIGHT else d for d in (2 * (x * x + y * y), 2 * (w * w + z * z)))
+        tilted = above > 0 and below > 0
+        first, second = (2 * (x * z - w * y), 2 * (y * z + w * x)) if tilted else (0.0, 0.0)  # the vertical, across e3
         return cls(
-            2 * (x * x + y * y), 2 * (w * w + z * z), first * across - second * along, first * along + second * across,
+            above, below, first * across - second * along, first * along + second * across,
             along**2 + across**2, I3 * omega3 / I1, 2 * Mgh / I1, omega3,
         )  # fmt: skip
 
