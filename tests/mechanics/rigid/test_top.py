@@ -66,6 +66,29 @@ def test_the_width_of_a_fast_tops_nutation_keeps_its_digits():
     assert found.precession / found.period == pytest.approx(1.0 / (0.5 * 5e4), rel=1e-8)
 
 
+@pytest.mark.parametrize("theta", [1e-8, 1e-4, math.pi - 1e-4, math.pi - 1e-8])
+def test_an_axis_that_all_but_passes_through_the_vertical(theta):
+    # let go beside it: by Legendre's third integrals, with the distances from the poles in fifty digits
+    for Mgh in (1.0, -1.0):
+        top, rates = Top(1.0, 0.5, Mgh), (0.0, 0.0 if (theta < 1) == (Mgh > 0) else 0.7, 1.3)
+        start = EulerAngles(0.0, theta, 0.0)
+        found = top.nutation(start, start.angular_velocity(rates))
+        with mp.workdps(50):
+            first, second, third = roots(top, start, rates)
+            low, high, far = (first, second, third) if Mgh > 0 else (third, second, first)
+            pull, u = 2 * mp.mpf(Mgh), mp.cos(mp.mpf(theta))
+            beta = mp.mpf(0.5) * mp.mpf(1.3)
+            alpha = beta * u
+            m, n = (high - low) / (far - low), mp.sqrt(pull * (far - low)) / 2
+            period = 2 * mp.ellipk(m) / n
+            up, down = (alpha - beta) / (1 - low), (alpha + beta) / (1 + low)
+            turned = up * mp.ellippi((high - low) / (1 - low), m) + down * mp.ellippi(-(high - low) / (1 + low), m)
+            ends = sorted([float(mp.acos(low)), float(mp.acos(high))])
+        assert found.period == pytest.approx(float(period), rel=1e-12)
+        assert found.precession == pytest.approx(float(turned / n), rel=1e-11)
+        np.testing.assert_allclose(found.theta, ends, rtol=1e-12)
+
+
 @pytest.mark.parametrize("rates", [(0.1, 0.0, 5.0), (0.0, 0.0, 5.0), (-0.1, 0.3, 5.0), (2.0, 0.0, 1.0)])
 def test_the_motion_goes_as_its_nutation_says(rates):
     top, start = Top(1.0, 0.5, 1.0), EulerAngles(0.3, 1.0, -0.7)

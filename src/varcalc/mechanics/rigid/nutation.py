@@ -1,36 +1,27 @@
-"""Nutation of a heavy symmetric top: motion in the one coordinate u = cos θ, by a cubic.
-
-With x = u - u₀ from where the motion begins, s² = 1 - u₀², A = 2 M g h/I1, β = I3 ω3/I1, a = (p_φ - p_ψ u₀)/I1 and the
-angular velocity √k across the axis,
-
-    (dx/dt)² = (s² - 2 u₀ x - x²)(k - A x) - (a - β x)².
-
-The cubic in u itself (Brizard, "An Introduction to Lagrangian Mechanics", eq. 7.65; Goldstein, Poole and Safko,
-"Classical Mechanics", eq. 5.62') has coefficients of the order β², which for a fast top leave no digits of a narrow
-nutation; those in x do, and what begins upright is no exception.
-"""
+"""Nutation of a heavy symmetric top: motion in the one coordinate cos θ, by its cubic."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
-from functools import cached_property
 
 import numpy as np
 
-from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionPoint, bounds, ways
-from varcalc.numerics.one_coordinate.potential import Potential
+from varcalc.mechanics.rigid.top_cubic import TopStart, total
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionBounds, bounds, ways
 from varcalc.numerics.one_coordinate.quadrature import integrals, integrands
+from varcalc.numerics.roots import EPSILON, bracketed_newton
 
-SAME = 32 * float(np.finfo(float).eps)
-"""Of the terms of a sum: one that is less is round-off."""
-UPRIGHT = float(np.finfo(float).eps) ** 2
-"""Of 1 - |cos θ|: a tilt that is round-off."""
 LOOKED_AT = 33
 """Places of half a period at which rates are looked at for their size."""
 BEYOND = 1.0
 """How far beyond upright and upside down the cubic is looked at, so that a root there lies inside."""
+HALVINGS = 500
+"""Of a panel, next to a pole."""
+NEXT_TO = 0.1
+"""Of the way of cos θ: what comes nearer to a pole is measured from there."""
 
 
 class NutationCase(Enum):
@@ -67,98 +58,6 @@ class Nutation:
     stable: bool = True
 
 
-@dataclass(frozen=True)
-class TopStart:
-    """How a top begins, without Euler angles, so that it may be upright.
-
-    ``above`` and ``below`` are 1 - u₀ and 1 + u₀, ``a``, ``k``, ``beta`` and ``A`` as in this module's head, ``w`` the
-    rate of u and ``omega3`` that of the body's own turning.
-    """
-
-    above: float
-    below: float
-    w: float
-    a: float
-    k: float
-    beta: float
-    A: float
-    omega3: float
-
-    @classmethod
-    def of(cls, q: np.ndarray, omega: np.ndarray, I1: float, I3: float, Mgh: float) -> TopStart:
-        """From a quaternion (4,) and the angular velocity (3,) along the top's axes."""
-        w, x, y, z = q.tolist()
-        along, across, omega3 = omega.tolist()
-        above, below = (0.0 if d <= UPRIGHT else d for d in (2 * (x * x + y * y), 2 * (w * w + z * z)))
-        tilted = above > 0 and below > 0
-        first, second = (2 * (x * z - w * y), 2 * (y * z + w * x)) if tilted else (0.0, 0.0)  # the vertical, across e3
-        return cls(
-            above, below, first * across - second * along, first * along + second * across,
-            along**2 + across**2, I3 * omega3 / I1, 2 * Mgh / I1, omega3,
-        )  # fmt: skip
-
-    @property
-    def u(self) -> float:
-        """cos θ, from the nearer end."""
-        return 1 - self.above if self.above < self.below else self.below - 1
-
-    @cached_property
-    def coefficients(self) -> tuple[float, float, float]:
-        """Of x, x² and x³ in (dx/dt)²; round-off of the first is zero."""
-        terms = -self.above * self.below * self.A, -2 * self.u * self.k, 2 * self.a * self.beta
-        first = math.fsum(terms)
-        first = 0.0 if abs(first) <= SAME * sum(map(abs, terms)) else first
-        return first, 2 * self.u * self.A - self.k - self.beta**2, self.A
-
-    def at_pole(self, pole: int) -> float:
-        """(p_φ ∓ p_ψ)/I1, which is zero where the axis may come to be upright (1) or upside down (-1)."""
-        reach = self.above if pole > 0 else -self.below
-        return _sum(self.a, -self.beta * reach)
-
-    def azimuth_rate(self, x: np.ndarray) -> np.ndarray:
-        """φ' = (α - β u)/(1 - u²) at ``x``, with the numerator from where it loses least: a pole, or the start."""
-        up, down, above, below = self.at_pole(1), self.at_pole(-1), self.above - x, self.below + x
-        if up == 0 and down == 0:
-            return np.zeros_like(x)
-        if up == 0 or down == 0:
-            return self.beta / below if up == 0 else -self.beta / above
-        known = np.array([up, down, self.a]).reshape(3, *[1] * np.ndim(x))
-        changes = self.beta * np.array([above, -below, -x])
-        best = np.argmin(np.abs(known) + np.abs(changes), axis=0)[None]
-        numerator = np.take_along_axis(known + changes, best, axis=0)[0]
-        return numerator / (above * below)
-
-    @property
-    def asymptotic(self) -> bool:
-        """Whether it comes to rest on the pole where it has most potential energy."""
-        pole = 1 if self.A > 0 else -1
-        reach = self.above if pole > 0 else -self.below
-        return self.A != 0 and self.at_pole(pole) == 0 and _sum(self.k, -self.A * reach) == 0 and self.k > 0
-
-
-@dataclass(frozen=True)
-class TopCubic(Potential):
-    """The cubic in x without its constant, which is the square of the rate at the start."""
-
-    start: TopStart
-
-    def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See :meth:`Potential.at`."""
-        b, c, d = self.start.coefficients
-        return u * (b + u * (c + d * u)), b + u * (2 * c + 3 * d * u)
-
-    def changes(self, base: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See :meth:`Potential.changes`."""
-        b, c, d = self.start.coefficients
-        slope = b + base * (2 * c + 3 * d * base)
-        return x * (slope + x * (c + d * (3 * base + x))), x * (2 * c + 3 * d * (2 * base + x))
-
-    def weighted(self, point: MotionPoint) -> tuple[np.ndarray, ...]:
-        """The rates of φ and ψ; see :meth:`Potential.weighted`."""
-        rate = self.start.azimuth_rate(point.u)
-        return rate, self.start.omega3 - (self.start.u + point.u) * rate
-
-
 def nutation(start: TopStart, momenta: tuple[float, float], energy: float) -> Nutation:
     """The nutation of a top from its ``start``; its p_φ and p_ψ and its energy are handed on.
 
@@ -167,17 +66,53 @@ def nutation(start: TopStart, momenta: tuple[float, float], energy: float) -> Nu
     b, c, _ = start.coefficients
     if start.w == 0 and b == 0:
         return _steady(start, c, momenta, energy)
-    potential, at, squared = TopCubic(start), np.zeros(1), np.array([start.w**2])
+    potential, at, squared = start.about_start, np.zeros(1), np.array([start.w**2])
     nodes = potential.nodes(0.0, 0.0, -start.below - BEYOND, start.above + BEYOND)
     free = np.full(1, np.inf)
     low, high = (bounds(potential, nodes, at, squared, -squared, free, sign) for sign in (-1, 1))
     limits = max(float(low.x[0]), -start.below), min(float(high.x[0]), start.above)
-    case = _case(start, *limits)
-    period = precession = spin = math.inf
-    if case is not NutationCase.ASYMPTOTIC:
+    ends = [(start.below + x, start.above - x) for x in limits]
+    if start.asymptotic:
+        return _found(NutationCase.ASYMPTOTIC, ends, (math.inf,) * 3, momenta, energy)
+    across, upwards = limits[1] - limits[0], ends[1][1] < ends[0][0]
+    if min(ends[0][0], ends[1][1]) < NEXT_TO * across:
+        near, half = _next_to_pole(start.upside_down if upwards else start, across)
+        ends[upwards] = (2 - near, near) if upwards else (near, 2 - near)
+    else:
         [(_, way, _)] = ways(potential, at, np.array([start.w]), low, high)
-        period, precession, spin = (2 * _half_period(way)).tolist()
-    return Nutation(case, *_limits(start, *limits), period, precession, spin, *momenta, energy)
+        half = _half_period(way)
+    period, precession, spin = (2 * half).tolist()
+    return _found(_case(start, *limits), ends, (period, precession, spin), momenta, energy)
+
+
+def _next_to_pole(start: TopStart, across: float) -> tuple[float, np.ndarray]:
+    """How near a motion that goes so far ``across`` comes to the lower pole, and its half period."""
+    potential, constant = start.about_lower_pole
+    near = np.zeros(1)
+    if constant != 0:
+
+        def above(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            value, slope = potential.at(y)
+            return value + constant, slope
+
+        middle = np.full(1, across / 2)
+        near, _ = bracketed_newton(above, middle, np.zeros(1), middle / 2, relative=4 * EPSILON)
+        # φ changes by nearly π while y is a few times its least value, however small that is
+        potential = replace(potential, steps=near * 4.0 ** np.arange(math.ceil(math.log(2 / near[0], 4)) + 1))
+    below, up = (MotionBounds(np.full(1, x), np.ones(1, dtype=bool)) for x in (0.0, across))
+    [(_, way, _)] = ways(potential, near, np.zeros(1), below, up)
+    return float(near[0]), _half_period(way)
+
+
+def _found(
+    case: NutationCase, ends: Sequence[tuple[float, float]], whole: tuple[float, float, float],
+    momenta: tuple[float, float], energy: float,
+) -> Nutation:  # fmt: skip
+    """The nutation between ``ends``, each so far from the lower and the upper pole; and what a period brings."""
+    lower, upper = ends
+    thetas = [2 * math.atan2(math.sqrt(above), math.sqrt(below)) for below, above in (upper, lower)]
+    us = [1 - above if above < below else below - 1 for below, above in ends]
+    return Nutation(case, (thetas[0], thetas[1]), (us[0], us[1]), *whole, *momenta, energy)
 
 
 def _half_period(way: CoordinateMotion) -> np.ndarray:
@@ -188,19 +123,17 @@ def _half_period(way: CoordinateMotion) -> np.ndarray:
     """
     rates = integrands(way, np.linspace(0.0, way.period / 2, LOOKED_AT)[None])
     known = np.abs(rates[:, 0]).mean(axis=1) * way.period / 2
-    half = integrals(way, np.zeros(1), np.full(1, way.period / 2), known[None])[0, :3]
+    half = integrals(way, np.zeros(1), np.full(1, way.period / 2), known[None], HALVINGS)[0, :3]
     if not np.all(np.isfinite(half)):
-        raise ValueError("the integrals over a period of this nutation are not resolved: it is next to asymptotic")
+        raise ValueError("the integrals over a period of this nutation are not resolved")
     return half
 
 
 def _case(start: TopStart, low: float, high: float) -> NutationCase:
-    if start.asymptotic:
-        return NutationCase.ASYMPTOTIC
     if start.beta == 0 and start.a == 0:
         return NutationCase.PLANE
     # at a pole that the axis comes to φ does not come to rest, though what says so elsewhere vanishes there
-    ends = [_sum(start.a, -start.beta * x) for x, pole in ((low, -1), (high, 1)) if start.at_pole(pole) != 0]
+    ends = [total(start.a, -start.beta * x) for x, pole in ((low, -1), (high, 1)) if start.at_pole(pole) != 0]
     if any(end == 0 for end in ends):
         return NutationCase.CUSP
     return NutationCase.LOOP if len(ends) == 2 and ends[0] * ends[1] < 0 else NutationCase.MONOTONE
@@ -216,16 +149,5 @@ def _steady(start: TopStart, bend: float, momenta: tuple[float, float], energy: 
     stable = bend < 0 or (bend == 0 and start.A * start.u >= 0)
     own = start.omega3 - start.u * rate
     precession, spin = (part * period if part else 0.0 for part in (rate, own))
-    return Nutation(case, *_limits(start, 0.0, 0.0), period, precession, spin, *momenta, energy, stable)
-
-
-def _limits(start: TopStart, low: float, high: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The limits of θ and of u, where those of x are ``low`` and ``high``."""
-    thetas = [2 * math.atan2(math.sqrt(start.above - x), math.sqrt(start.below + x)) for x in (high, low)]
-    return (thetas[0], thetas[1]), (start.u + low, start.u + high)
-
-
-def _sum(first: float, second: float) -> float:
-    """The sum, without round-off where that is all there is."""
-    total = first + second
-    return 0.0 if abs(total) <= SAME * (abs(first) + abs(second)) else total
+    ends = [(start.below, start.above)] * 2
+    return replace(_found(case, ends, (period, precession, spin), momenta, energy), stable=stable)

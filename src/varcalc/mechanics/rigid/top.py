@@ -13,8 +13,9 @@ import numpy as np
 from varcalc.mechanics.rigid.body import RigidBody, oriented
 from varcalc.mechanics.rigid.inertia import Inertia
 from varcalc.mechanics.rigid.motion import RigidMotion
-from varcalc.mechanics.rigid.nutation import Nutation, TopStart, nutation
+from varcalc.mechanics.rigid.nutation import Nutation, nutation
 from varcalc.mechanics.rigid.rotations import EulerAngles, entries
+from varcalc.mechanics.rigid.top_cubic import TopStart
 from varcalc.mechanics.system import System
 
 ALIGNED = 1e-12
