@@ -138,10 +138,10 @@ def test_normal_modes_of_a_chain_of_springs():
     modes = chain.normal_modes([0.0] * n)
     exact = 2 * np.sin(np.arange(1, n + 1) * np.pi / (2 * (n + 1)))
     np.testing.assert_allclose(modes.frequencies, exact, rtol=1e-13)
-    assert modes.stable.all()
+    assert modes.stable
     upright = PENDULUM.normal_modes([math.pi])
-    assert not upright.stable[0]
-    assert upright.frequencies[0] == pytest.approx(math.sqrt(9.81 / 0.7))
+    assert not upright.stable
+    assert upright.rates[0] == pytest.approx(math.sqrt(9.81 / 0.7))
     with pytest.raises(ValueError, match="no equilibrium"):
         PENDULUM.normal_modes([0.5])
 
@@ -188,4 +188,4 @@ def test_equilibria_of_two_coordinates_are_saddles_and_bottoms():
     x = math.sqrt(1 + 1 / 16)
     np.testing.assert_allclose(found.places, [[-x, x / 4], [0, 0], [x, -x / 4]], rtol=0, atol=1e-12)
     assert found.unresolved == 0
-    assert [bool(system.normal_modes(place).stable.all()) for place in found.places] == [True, False, True]
+    assert [system.normal_modes(place).stable for place in found.places] == [True, False, True]

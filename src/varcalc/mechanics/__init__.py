@@ -5,12 +5,13 @@ from __future__ import annotations
 from varcalc.mechanics.brackets import poisson
 from varcalc.mechanics.closed_orbits import ClosedOrbit, ClosedOrbits
 from varcalc.mechanics.constraints import Pfaffian
-from varcalc.mechanics.equilibria import Equilibria, NormalModes
+from varcalc.mechanics.equilibria import Equilibria
 from varcalc.mechanics.examination import Examination, Examined
 from varcalc.mechanics.experiment import Experiment, Flights, Moved, Section
 from varcalc.mechanics.frames import charged, rotating
 from varcalc.mechanics.galerkin import Stepped
 from varcalc.mechanics.legendre import Hamiltonian
+from varcalc.mechanics.linearised import Linearised, NormalModes
 from varcalc.mechanics.motion import Ensemble, Event, Happening, Motion
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns
 from varcalc.mechanics.passages import Passages
@@ -41,6 +42,7 @@ __all__ = [
     "Happening",
     "Holonomic",
     "Inertia",
+    "Linearised",
     "Motion",
     "Moved",
     "NormalModes",

@@ -1,24 +1,31 @@
-"""Equilibria in a box, all of them, and small oscillations about one."""
+"""Equilibria in a box, all of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import combinations
 
 import casadi as ca
 import numpy as np
-import scipy.linalg
 
+from varcalc.mechanics.constraints import Held
 from varcalc.mechanics.lagrange import Lagrange
+from varcalc.mechanics.linearised import check_holonomic, standing_forces
+from varcalc.numerics.stacked import applied
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.symbolic.intervals import enclosures
+from varcalc.symbolic.intervals import Interval, enclosures
+from varcalc.symbolic.tracing import Expression
 
 AT_REST = 1e-8
-"""Of the terms of L_q: what is left of it at an equilibrium."""
-ROUND_OFF = 1e-12
-"""Of the largest squared frequency: less is a zero mode."""
+"""Of the box, times the slopes: what is left of the conditions at an equilibrium."""
+SOME_TIME = 0.7320508
+"""No zero of what is periodic with a period that anybody would write down."""
+OTHER_TIMES = np.geomspace(1e-3, 1e3, 13) * SOME_TIME
 FINEST = 1e-5
 """Of the box: a part so small is not divided further."""
 MOST_PARTS = 4000
+TRIALS, LAST_TRIALS = 2, 64
+"""Of Newton's iteration, each time that the parts are halved, and in the end."""
 NEWTON = 40
 ALONE = 1e-7
 """Of the largest singular value of the slopes: a place at which one is less need not be alone."""
@@ -40,112 +47,181 @@ class Equilibria:
     unresolved: int
 
 
-def equilibria(lagrange: Lagrange, low: np.ndarray, high: np.ndarray, numbers: np.ndarray) -> Equilibria:
-    """Where L_q and the forces vanish at rest, in the box from ``low`` to ``high`` (n,).
+def equilibria(
+    lagrange: Lagrange, held: Held | None, low: np.ndarray, high: np.ndarray, numbers: np.ndarray
+) -> Equilibria:
+    """Where a system rests at all times, in the box from ``low`` to ``high`` (n,).
 
-    The box is halved wherever enclosures of these do not show that one of them has no zero in a part (Neumaier,
-    "Interval Methods for Systems of Equations", ch. 5); Newton's iteration from the middles of parts finds the places.
+    The box is halved wherever enclosures of the conditions do not show that one of them has no zero in a part
+    (Neumaier, "Interval Methods for Systems of Equations", ch. 5); Newton's iteration from the middles of parts finds
+    the places. Raises ValueError for constraints that move, or that hold rates alone.
     """
-    s, n = lagrange.symbols, len(low)
-    pull = ca.densify(ca.substitute(ca.gradient(lagrange.value, s.q) + lagrange.forces, s.v, ca.SX.zeros(n)))
-    pull = ca.substitute(pull, s.t, 0)
-    both = ca.Function("both", [s.q, s.p], [pull, ca.densify(ca.jacobian(pull, s.q))])
-    at_middles = PointEvaluator(ca.Function("pull", [s.q, s.p], [pull]))
-    size, found, looked_at = high - low, np.zeros((0, n)), 0
-    boxes = low[None], high[None]
-    while len(boxes[0]):
-        looked_at += len(boxes[0])
-        kept = _may_vanish(both, at_middles, boxes, numbers)
-        boxes = boxes[0][kept], boxes[1][kept]
-        fine = np.all(boxes[1] - boxes[0] <= FINEST * size, axis=1)
-        if np.all(fine) or len(boxes[0]) > MOST_PARTS:
-            break
-        widest = np.argmax((boxes[1] - boxes[0]) / size, axis=1)
-        row = np.arange(len(widest))
-        middle = (boxes[0] + boxes[1]) / 2
-        upper, lower = boxes[1].copy(), boxes[0].copy()
-        upper[row, widest], lower[row, widest] = middle[row, widest], middle[row, widest]
-        boxes = np.concatenate([boxes[0], lower]), np.concatenate([upper, boxes[1]])
-    middles = (boxes[0] + boxes[1]) / 2
-    away = np.full(len(middles), np.inf)
-    for k in range(len(middles)):
-        if away[k] <= 4 * FINEST:
-            continue
-        place = _rest(both, middles[k], numbers)
-        inside = place is not None and np.all((place >= low - SAME * size) & (place <= high + SAME * size))
-        if place is None or not inside:
-            continue
-        isolated = np.linalg.svd(np.array(both(place, numbers)[1]), compute_uv=False)
-        if isolated[-1] <= ALONE * isolated[0]:  # there may be a line of them
-            continue
-        if not len(found) or np.min(np.max(np.abs(found - place) / size, axis=1)) > SAME:
-            found = np.vstack([found, place])
-            away = np.minimum(away, np.max(np.abs(middles - place) / size, axis=1))
-    unresolved = int(np.count_nonzero(away > 4 * FINEST))
-    order = np.lexsort(found.T[::-1])
-    searched = f"the box was divided into parts, {looked_at} looked at, {unresolved} of which may hide another place"
-    return Equilibria(found[order], searched, unresolved)
+    s, conditions = lagrange.symbols, _conditions(lagrange, held)
+    lasting = _lasting(conditions, s.t)
+    search = _Search(
+        ca.Function("both", [s.q, s.p], [lasting, ca.densify(ca.jacobian(lasting, s.q))]),
+        ca.Function("at_rest", [s.t, s.q, s.p], [conditions]),
+        PointEvaluator(ca.Function("conditions", [s.q, s.p], [lasting])),
+        numbers, low, high,
+    )  # fmt: skip
+    return search.run()
 
 
-def _may_vanish(
-    both: ca.Function, at_middles: PointEvaluator, boxes: tuple[np.ndarray, np.ndarray], numbers: np.ndarray
-) -> np.ndarray:
-    """Whether all components may be zero in boxes (m, n): by their enclosures, and by those of their slopes."""
-    low, high = boxes
-    fixed = [(np.array(x), np.array(x)) for x in numbers]
-    values, slopes = enclosures(both, [list(zip(low.T, high.T, strict=True)), fixed])
-    middle, half = (low + high) / 2, (high - low) / 2
-    centre = at_middles(len(low), middle, numbers[None, :])
-    kept, n = np.ones(len(low), dtype=bool), low.shape[1]
+Boxes = tuple[np.ndarray, np.ndarray]
+"""Least and greatest corners (m, n)."""
+
+
+@dataclass
+class _Search:
+    """Zeros of the conditions ``both`` with their slopes, between ``low`` and ``high``."""
+
+    both: ca.Function
+    at_rest: ca.Function
+    at_middles: PointEvaluator
+    numbers: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    found: list[np.ndarray] = field(default_factory=list)
+    """Inside the box or beside it."""
+
+    def run(self) -> Equilibria:
+        """Halve the box until every part holds nothing, or one known place alone, or is too small."""
+        size, looked_at, boxes = self.high - self.low, 0, (self.low[None], self.high[None])
+        while len(boxes[0]):
+            looked_at += len(boxes[0])
+            kept = self._may_vanish(*boxes)
+            boxes = self._unsettled(boxes[0][kept], boxes[1][kept], TRIALS)
+            if len(boxes[0]) > MOST_PARTS or np.all(boxes[1] - boxes[0] <= FINEST * size):
+                break
+            boxes = _halved(*boxes, size)
+        boxes = self._unsettled(*boxes, LAST_TRIALS)
+        places = [x for x in self.found if np.all((x >= self.low - SAME * size) & (x <= self.high + SAME * size))]
+        inside = np.array(places).reshape(-1, len(size))
+        unresolved = len(boxes[0])
+        searched = (
+            f"the box was divided into parts, {looked_at} looked at, {unresolved} of which may hide another place"
+        )
+        return Equilibria(inside[np.lexsort(inside.T[::-1])], searched, unresolved)
+
+    def _may_vanish(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Whether all components may be zero in boxes (m, n): by their enclosures, and by those of their slopes."""
+        values, slopes = self._enclosed(low, high)
+        centre = self.at_middles(len(low), (low + high) / 2, self.numbers[None, :])
+        middle, half = _stacked(slopes, low.shape)
+        with np.errstate(all="ignore"):
+            reach = ((np.abs(middle) + half) @ ((high - low) / 2)[:, :, None])[:, :, 0]
+            least, greatest = (
+                np.stack(np.broadcast_arrays(low[:, 0], *ends)[1:], 1) for ends in zip(*values, strict=True)
+            )
+            noise = SLACK * np.abs(centre).max(axis=0, initial=0.0)
+            kept = ~np.any((least > 0) | (greatest < 0) | (np.abs(centre) > reach * (1 + SLACK) + noise), axis=1)
+        sound = np.flatnonzero(kept & np.all(np.isfinite(middle + half), axis=(1, 2)))
+        # what is no number is kept; of the others combinations are looked at that single coordinates decide
+        back = np.linalg.pinv(middle[sound])
+        at, near = np.abs(applied(back, centre[sound])), np.abs(back) @ half[sound]
+        near += np.abs(back @ middle[sound])
+        beyond = at > applied(near, (high - low)[sound] / 2) * (1 + SLACK) + applied(np.abs(back), noise[None])
+        kept[sound[np.any(beyond, axis=1)]] = False
+        return kept
+
+    def _enclosed(self, low: np.ndarray, high: np.ndarray) -> list[list[Interval]]:
+        fixed = [(np.array(x), np.array(x)) for x in self.numbers]
+        return enclosures(self.both, [list(zip(low.T, high.T, strict=True)), fixed])
+
+    def _unsettled(self, low: np.ndarray, high: np.ndarray, trials: int) -> Boxes:
+        """The boxes that may hold a place that is not known, after Newton's iteration from some of their middles."""
+        for place in self.found:
+            settled = self._only(place, low, high)
+            low, high = low[~settled], high[~settled]
+        tried = 0
+        while tried < min(trials, len(low)):
+            place = self._rest((low[tried] + high[tried]) / 2)
+            tried += 1
+            if place is None or any(np.all(np.abs(x - place) <= SAME * (self.high - self.low)) for x in self.found):
+                continue
+            sizes = np.linalg.svd(np.array(self.both(place, self.numbers)[1]), compute_uv=False)
+            if sizes[-1] <= ALONE * sizes[0]:  # there may be a line of them
+                continue
+            self.found.append(place)
+            settled = self._only(place, low, high)
+            low, high, tried = low[~settled], high[~settled], 0
+        return low, high
+
+    def _only(self, place: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Whether boxes (m, n) hold no zero but perhaps this place.
+
+        No two zeros are in a box, made large enough to hold the place, over which the slopes differ so little from
+        those at the place that the conditions are one to one (Neumaier, sect. 5.1).
+        """
+        wide_low, wide_high = np.minimum(low, place), np.maximum(high, place)
+        slope = np.array(self.both(place, self.numbers)[1])
+        middle, half = _stacked(self._enclosed(wide_low, wide_high)[1], low.shape)
+        back = np.linalg.pinv(slope)
+        with np.errstate(all="ignore"):
+            spread = np.abs(back @ middle - np.eye(len(place))) + np.abs(back) @ half
+            return spread.sum(axis=2).max(axis=1) < 1
+
+    def _rest(self, place: np.ndarray) -> np.ndarray | None:
+        """Newton's iteration; None where it does not settle, or at what is no place of rest at other times."""
+        step = np.full(len(place), np.inf)
+        for _ in range(NEWTON):
+            pull, slope = (np.array(part) for part in self.both(place, self.numbers))
+            if not (np.all(np.isfinite(pull)) and np.all(np.isfinite(slope))):
+                return None
+            rows = np.abs(slope).max(axis=1, keepdims=True)
+            rows = np.where(rows > 0, rows, 1.0)
+            step = np.linalg.lstsq(slope / rows, (-pull / rows).ravel(), rcond=None)[0]
+            place = place + step
+            if np.abs(step).max() <= 1e-15 * max(1.0, np.abs(place).max()):
+                break
+        settled = np.abs(step).max() <= 1e-10 * max(1.0, np.abs(place).max())
+        return place if settled and self._rests(place) else None
+
+    def _rests(self, place: np.ndarray) -> bool:
+        """Whether the conditions hold at a place, at other times too."""
+        pull, slope = (np.array(part) for part in self.both(place, self.numbers))
+        close = AT_REST * np.abs(slope) @ (self.high - self.low)
+        later = (np.abs(np.array(self.at_rest(t, place, self.numbers)).ravel()) for t in OTHER_TIMES)
+        now = bool(np.all(np.abs(pull).ravel() <= close))
+        return now and all(np.all(left <= close[: len(left)]) for left in later)
+
+
+def _stacked(slopes: list[Interval], boxes: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Middles and half widths (m, count, n) of the enclosures of a matrix, which come by its columns."""
+    ends = (np.stack(np.broadcast_arrays(np.zeros(boxes[0]), *side)[1:], axis=1) for side in zip(*slopes, strict=True))
+    low, high = (side.reshape(*boxes, len(slopes) // boxes[1]).swapaxes(1, 2) for side in ends)
     with np.errstate(all="ignore"):
-        for i, (least, greatest) in enumerate(values):
-            steepest = [np.maximum(np.abs(a), np.abs(b)) for a, b in slopes[i::n]]
-            reach = sum(half[:, j] * steep for j, steep in enumerate(steepest))
-            beyond = np.abs(centre[:, i]) > reach * (1 + SLACK) + SLACK * np.abs(centre).max(initial=0.0)
-            kept &= ~((least > 0) | (greatest < 0) | beyond)  # what is no number is kept
-    return kept
+        return (low + high) / 2, (high - low) / 2
 
 
-def _rest(both: ca.Function, place: np.ndarray, numbers: np.ndarray) -> np.ndarray | None:
-    """Newton's iteration; None where it does not settle."""
-    step = np.full(len(place), np.inf)
-    for _ in range(NEWTON):
-        pull, slope = (np.array(part) for part in both(place, numbers))
-        if not (np.all(np.isfinite(pull)) and np.all(np.isfinite(slope))):
-            return None
-        step = np.linalg.lstsq(slope, -pull.ravel(), rcond=None)[0]
-        place = place + step
-        if np.abs(step).max() <= 1e-15 * max(1.0, np.abs(place).max()):
-            return place
-    return place if np.abs(step).max() <= 1e-10 * max(1.0, np.abs(place).max()) else None
+def _halved(low: np.ndarray, high: np.ndarray, size: np.ndarray) -> Boxes:
+    """Both halves of boxes (m, n), across their widest side."""
+    row, widest = np.arange(len(low)), np.argmax((high - low) / size, axis=1)
+    middle = ((low + high) / 2)[row, widest]
+    upper, lower = high.copy(), low.copy()
+    upper[row, widest], lower[row, widest] = middle, middle
+    return np.concatenate([low, lower]), np.concatenate([upper, high])
 
 
-@dataclass(frozen=True)
-class NormalModes:
-    """Angular ``frequencies`` (n,), ascending by their squares, ``shapes`` (n, n) by columns, and which are ``stable``.
+def _conditions(lagrange: Lagrange, held: Held | None) -> Expression:
+    """What vanishes at places of rest, at all times.
 
-    Of an unstable mode the frequency is the rate at which it grows.
+    Under k constraints the forces are combinations of their gradients: with those, all determinants of k + 1 of their
+    components vanish.
     """
+    forces = standing_forces(lagrange)
+    if held is None:
+        return forces
+    check_holonomic(lagrange, held)
+    both = ca.horzcat(held.rows.T, forces)
+    minors = [ca.det(both[list(rows), :]) for rows in combinations(range(both.shape[0]), both.shape[1])]
+    return ca.densify(ca.vertcat(held.level, *minors))
 
-    frequencies: np.ndarray
-    shapes: np.ndarray
-    stable: np.ndarray
 
-
-def normal_modes(lagrange: Lagrange, q0: np.ndarray, numbers: np.ndarray) -> NormalModes:
-    """The modes of L_vv q'' = L_qq q about ``q0`` (Landau and Lifshitz, "Mechanics", sect. 23).
-
-    Raises ValueError where ``q0`` is no equilibrium, and where gyroscopic terms couple the rates.
-    """
-    s = lagrange.symbols
-    slope = ca.densify(ca.gradient(lagrange.value, s.q))
-    parts = [slope, lagrange.mass, ca.densify(ca.jacobian(slope, s.q)), ca.densify(ca.jacobian(lagrange.momenta, s.q))]
-    function = ca.Function("about", s.all, parts)
-    pull, mass, stiffness, mixed = (np.array(part) for part in function(0.0, q0, np.zeros_like(q0), numbers))
-    if np.abs(pull).max() > AT_REST * max(np.abs(stiffness).max(), 1e-300) * max(1.0, np.abs(q0).max()):
-        raise ValueError(f"q0 = {q0} is no equilibrium: L_q is {pull.ravel()} there")
-    if np.abs(mixed - mixed.T).max() > AT_REST * max(np.abs(mixed).max(), 1e-300):
-        raise ValueError("L couples rates and coordinates (gyroscopic terms), for which these modes are not enough")
-    squared, shapes = scipy.linalg.eigh(-stiffness, mass)
-    squared[np.abs(squared) <= ROUND_OFF * np.abs(squared).max()] = 0.0
-    return NormalModes(np.sqrt(np.abs(squared)), shapes, squared > 0)
+def _lasting(conditions: Expression, t: Expression) -> Expression:
+    """The conditions at some time, with their derivatives by the time: what vanishes with these vanishes at all."""
+    rows, rate = [conditions], conditions
+    for _ in range(2):
+        rate = ca.densify(ca.jacobian(rate, t))
+        rows.append(ca.vertcat(*[part for part in ca.vertsplit(rate) if not part.is_zero()]))
+    return ca.densify(ca.substitute(ca.vertcat(*rows), t, SOME_TIME))

@@ -15,10 +15,11 @@ from varcalc.mechanics.action import Action
 from varcalc.mechanics.closed_orbits import ClosedOrbit, ClosedOrbits, Monodromy, closed_orbit, closed_state
 from varcalc.mechanics.constraints import RATE, Held, Pfaffian, started
 from varcalc.mechanics.course import MOST_STEPS, course
-from varcalc.mechanics.equilibria import Equilibria, NormalModes, equilibria, normal_modes
+from varcalc.mechanics.equilibria import Equilibria, equilibria
 from varcalc.mechanics.galerkin import GalerkinSteps, Stepped
 from varcalc.mechanics.lagrange import Lagrange, StateSymbols
 from varcalc.mechanics.legendre import Hamiltonian
+from varcalc.mechanics.linearised import Linearised, NormalModes, linearised
 from varcalc.mechanics.motion import Ensemble, Event, Motion, carried, happenings
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns
 from varcalc.mechanics.passages import Passages, passages
@@ -246,25 +247,39 @@ class System:
     def equilibria(self, low: Sequence[float], high: Sequence[float]) -> Equilibria:
         """All places between ``low`` and ``high`` (n,) at which the system can rest, and how they were searched for.
 
+        In a frame that turns these are the steady motions; of a system that is driven, places that stand still at all
+        times. Raises ValueError for constraints other than Holonomic ones that stand still.
+
         >>> import casadi as ca
         >>> pendulum = System(lambda t, q, v: v[0]**2 / 2 + ca.cos(q[0]), ("theta",))
         >>> [round(float(x), 6) for x in pendulum.equilibria([-1], [7]).places[:, 0]]
         [0.0, 3.141593, 6.283185]
         """
-        if self.constraints:
-            raise ValueError("equilibria() is of systems without constraints: give coordinates that need none")
         corners = _column("low", low, self.n), _column("high", high, self.n)
         if not np.all(corners[1] > corners[0]):
             raise ValueError(f"high must lie above low in every coordinate, not {high!r} and {low!r}")
-        return equilibria(self._lagrange, *corners, self._numbers)
+        return equilibria(self._lagrange, self._held, *corners, self._numbers)
 
     def normal_modes(self, q0: Sequence[float]) -> NormalModes:
-        """Small oscillations about the equilibrium ``q0`` (n,): ``frequencies`` (angular), ``shapes``, ``stable``.
+        """Small motions about the equilibrium ``q0`` (n,): ``frequencies`` (angular), ``shapes``, ``stable``.
 
-        Raises ValueError where ``q0`` is none.
+        Gyroscopic and dissipative forces are part of them. Raises ValueError where ``q0`` is no equilibrium, and where
+        the equations about it change with the time: see :func:`varcalc.mechanics.floquet`.
+
+        >>> sway = System(lambda t, q, v: (v[0]**2 - 4 * q[0]**2) / 2, ("x",), forces=lambda t, q, v: [-0.4 * v[0]])
+        >>> modes = sway.normal_modes([0.0])
+        >>> print(f"{modes.frequencies[0]:.6f} {modes.rates[0]:.1f} {modes.stable}")
+        1.989975 -0.2 True
+        """
+        return self.linearised(q0).modes()
+
+    def linearised(self, q0: Sequence[float]) -> Linearised:
+        """The equations of small motions about the equilibrium ``q0`` (n,), with gyroscopic and dissipative forces.
+
+        Raises ValueError as :meth:`normal_modes` does.
         """
         self._check_regular()
-        return normal_modes(self._lagrange, _column("q0", q0, self.n), self._numbers)
+        return linearised(self._lagrange, self._held, _column("q0", q0, self.n), self._numbers)
 
     def gauged(self, gauge: Callable[..., Any]) -> System:
         """The system of L + dF/dt with F = ``gauge(t, q[, p])``, which has the same motions."""

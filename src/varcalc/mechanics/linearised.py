@@ -1,0 +1,255 @@
+"""A system linearised about a place of rest: its matrices, characteristic exponents and normal modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+import scipy.linalg
+
+from varcalc.mechanics.constraints import Held
+from varcalc.mechanics.lagrange import Lagrange
+from varcalc.symbolic.tracing import Expression
+
+AT_REST = 1e-8
+"""Of the length over which the stiffness changes: how far off an equilibrium may be said to be."""
+ROUND_OFF = 1e-12
+"""Of the largest squared frequency: less is a zero mode."""
+NOISE = 64 * float(np.finfo(float).eps)
+"""Of the matrix of rates, times the condition of an exponent: by how much that may be rounded."""
+DEFECTIVE = 1e6
+"""Condition of an exponent from which on it may belong to a chain of vectors, along which motions grow as powers."""
+STEADY = 1e-12
+"""Of the matrices, in a time of the system's own: what counts as no change."""
+
+
+@dataclass(frozen=True)
+class NormalModes:
+    """Small motions about an equilibrium, m of them: of a mode they go as exp((rate ± i frequency) t).
+
+    ``frequencies`` (m,) are angular, ascending, and 0 for modes that do not oscillate; ``rates`` (m,) are those of
+    growth, negative for damped modes. ``shapes`` (n, m) are the modes by columns: real, with (shape)ᵀ L_vv (shape) = 1,
+    where there are neither gyroscopic nor dissipative forces, else complex. ``exponents`` (2m,) are all
+    characteristic exponents, the fastest growing first, and ``zero_modes`` tells how many modes nothing brings back.
+    ``stable`` is whether every small motion stays small, as far as the linear equations say: not so where a zero mode
+    drifts away, nor where double exponents do not show that their motions do not grow as powers of the time.
+    Of m = n modes, less one for each constraint.
+    """
+
+    frequencies: np.ndarray
+    shapes: np.ndarray
+    stable: bool
+    rates: np.ndarray
+    exponents: np.ndarray
+    zero_modes: int
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The equations M x'' + (D + G) x' + K x = f of small motions x (n,) about a place of rest, which end in forces f.
+
+    ``mass`` M, ``resistance`` D + G and ``stiffness`` K are (m, m), in coordinates u with x = ``directions`` u; the
+    columns of ``directions`` (n, m) are the n coordinates' own where there are no constraints. ``damping`` D is the
+    symmetric part of the resistance, ``gyroscopic`` G the other (Landau and Lifshitz, "Mechanics", sect. 23, 25, 39;
+    Merkin, "Introduction to the Theory of Stability", ch. 6).
+    """
+
+    mass: np.ndarray
+    resistance: np.ndarray
+    stiffness: np.ndarray
+    directions: np.ndarray
+
+    @property
+    def damping(self) -> np.ndarray:
+        """The symmetric part of the resistance (m, m), which takes energy where it is positive."""
+        return (self.resistance + self.resistance.T) / 2
+
+    @property
+    def gyroscopic(self) -> np.ndarray:
+        """The antisymmetric part of the resistance (m, m), which does no work."""
+        return (self.resistance - self.resistance.T) / 2
+
+    @cached_property
+    def _scaled(self) -> tuple[np.ndarray, float]:
+        """The rates of (u, u'/s) (2m, 2m) in times 1/s of the system's own, and s."""
+        m = len(self.mass)
+        forces = np.linalg.solve(self.mass, np.hstack([self.stiffness, self.resistance]))
+        own = max(float(np.linalg.norm(forces[:, :m], 2)) ** 0.5, float(np.linalg.norm(forces[:, m:], 2))) or 1.0
+        lower = np.hstack([-forces[:, :m] / own**2, -forces[:, m:] / own])
+        return np.vstack([np.hstack([np.zeros((m, m)), np.eye(m)]), lower]), own
+
+    @property
+    def rate(self) -> float:
+        """The rate of the system's own time."""
+        return self._scaled[1]
+
+    @cached_property
+    def _spectrum(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Exponents (2m,) in the system's own time, by falling real parts, their vectors and conditions."""
+        rates = self._scaled[0]
+        found, left, right = (np.asarray(part) for part in scipy.linalg.eig(rates, left=True, right=True))
+        with np.errstate(divide="ignore"):
+            condition = 1 / np.abs(np.sum(left.conj() * right, axis=0))
+        noise = NOISE * np.linalg.norm(rates, 2) * condition
+        real, imaginary = (np.where(np.abs(part) <= noise, 0.0, part) for part in (np.real(found), np.imag(found)))
+        order = np.lexsort([-imaginary, -real])
+        return (real + 1j * imaginary)[order], right[:, order], condition[order]
+
+    @property
+    def exponents(self) -> np.ndarray:
+        """The characteristic exponents λ (2m,) with det(λ² M + λ (D + G) + K) = 0, the fastest growing first."""
+        return self.rate * self._spectrum[0]
+
+    def _alone(self, matrix: np.ndarray, against: float) -> bool:
+        """Whether a matrix of forces is nothing beside others."""
+        return bool(np.abs(matrix).max(initial=0.0) <= ROUND_OFF * against)
+
+    @cached_property
+    def _conservative(self) -> bool:
+        """Whether positive inertia and a potential are all there is."""
+        stiff, slow = float(np.abs(self.stiffness).max(initial=0.0)), float(np.abs(self.mass).max()) * self.rate
+        potential = self._alone(self.stiffness - self.stiffness.T, stiff)
+        return potential and self._alone(self.resistance, slow) and _least(self.mass) > 0
+
+    @cached_property
+    def _holds(self) -> bool:
+        """Whether the energy is least here and nothing adds to it: then motions stay near (Lagrange and Dirichlet)."""
+        symmetric = self._alone(self.stiffness - self.stiffness.T, float(np.abs(self.stiffness).max(initial=0.0)))
+        gains = _least(self.damping) < -NOISE * float(np.abs(self.resistance).max(initial=0.0))
+        firm = _least(self.stiffness) > ROUND_OFF * float(np.abs(self.stiffness).max(initial=0.0))
+        return symmetric and firm and not gains and _least(self.mass) > 0
+
+    @cached_property
+    def _slack(self) -> tuple[np.ndarray, np.ndarray]:
+        """Directions without stiffness, on its right and on its left, by columns."""
+        m = len(self.mass)
+        left, sizes, right = np.linalg.svd(self._scaled[0][m:, :m])
+        return right[sizes <= ROUND_OFF].T, left[:, sizes <= ROUND_OFF]
+
+    @cached_property
+    def stable(self) -> bool:
+        """Whether small motions stay small: see :class:`NormalModes`."""
+        if self._holds or self._conservative:
+            return self._holds
+        exponents, _, condition = self._spectrum
+        if np.any(np.real(exponents) > 0):
+            return False
+        (right, left), m = self._slack, len(self.mass)
+        if right.shape[1]:  # a motion t z + y along z without stiffness needs K y = -(D + G) z
+            held = np.linalg.svd(left.T @ self._scaled[0][m:, m:] @ right, compute_uv=False)
+            if held[-1] <= DEFECTIVE * NOISE:
+                return False
+        undamped = (np.real(exponents) == 0) & (exponents != 0)
+        return bool(np.all(condition[undamped] < DEFECTIVE))
+
+    def modes(self) -> NormalModes:
+        """The normal modes."""
+        zero_modes = self._slack[0].shape[1]
+        if self._conservative:
+            squared, shapes = scipy.linalg.eigh((self.stiffness + self.stiffness.T) / 2, self.mass)
+            squared[np.abs(squared) <= ROUND_OFF * np.abs(squared).max(initial=0.0)] = 0.0
+            frequencies, rates = np.sqrt(np.maximum(squared, 0)), np.sqrt(np.maximum(-squared, 0))
+            one_way = np.concatenate([rates + 1j * frequencies, -rates - 1j * frequencies])
+            exponents = one_way[np.lexsort([-np.imag(one_way), -np.real(one_way)])]
+            return NormalModes(frequencies, self.directions @ shapes, self.stable, rates, exponents, zero_modes)
+        exponents, vectors, _ = self._spectrum
+        pairs, real = np.flatnonzero(np.imag(exponents) > 0), np.flatnonzero(np.imag(exponents) == 0)
+        chosen = np.concatenate([pairs, real[: len(real) // 2]])
+        chosen = chosen[np.lexsort([np.real(exponents[chosen]), np.imag(exponents[chosen])])]
+        shapes = self.directions @ vectors[: len(self.mass), chosen]
+        size = np.take_along_axis(shapes, np.argmax(np.abs(shapes), axis=0)[None], axis=0)
+        found = self.rate * exponents[chosen]
+        return NormalModes(np.imag(found), shapes / size, self.stable, np.real(found), self.exponents, zero_modes)
+
+
+def _least(matrix: np.ndarray) -> float:
+    """The least eigenvalue of the symmetric part of a matrix."""
+    return float(np.linalg.eigvalsh((matrix + matrix.T) / 2)[0])
+
+
+def linearised(lagrange: Lagrange, held: Held | None, q0: np.ndarray, numbers: np.ndarray) -> Linearised:
+    """The equations of small motions about ``q0`` (n,).
+
+    Raises ValueError where ``q0`` is no equilibrium, breaks a constraint, or where the equations change with the time.
+    """
+    s = lagrange.symbols
+    multipliers = ca.SX.sym("lambda", 0 if held is None else held.level.numel())
+    pull = lagrange.pull if held is None else lagrange.pull + ca.mtimes(held.rows.T, multipliers)
+    stiffness = ca.densify(-ca.jacobian(pull, s.q))
+    matrices = [lagrange.mass, ca.densify(-ca.jacobian(pull, s.v)), stiffness]
+    bend = ca.densify(ca.jacobian(ca.vec(stiffness), s.q))
+    rate = ca.jacobian(ca.vertcat(pull, *map(ca.vec, matrices)), s.t)
+    about = ca.Function("about", [*s.all, multipliers], [pull, *matrices, bend, ca.densify(rate)])
+    balance, directions = _balance(lagrange, held, q0, numbers)
+    n = len(q0)
+    pulled, mass, resistance, stiff, bent, changing = (
+        np.array(part) for part in about(0.0, q0, np.zeros(n), numbers, balance)
+    )
+    _check_rest(q0, directions.T @ pulled.ravel(), directions.T @ stiff @ directions, bent)
+    mass, resistance, stiff = (directions.T @ part @ directions for part in (mass, resistance, stiff))
+    one = Linearised(mass, resistance, stiff, directions)
+    if ca.depends_on(rate, s.t) or np.any(changing):
+        _check_steady(about, q0, numbers, balance, one)
+    return one
+
+
+def _balance(
+    lagrange: Lagrange, held: Held | None, q0: np.ndarray, numbers: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The multipliers (k,) that come nearest to rest, and the directions (n, m) that constraints leave."""
+    n, s = len(q0), lagrange.symbols
+    if held is None:
+        return np.zeros(0), np.eye(n)
+    check_holonomic(lagrange, held)
+    function = ca.Function("held", s.all, [held.rows, held.level, lagrange.pull])
+    rows, level, pull = (np.array(part) for part in function(0.0, q0, np.zeros(n), numbers))
+    off = np.abs(level).ravel() / np.linalg.norm(rows, axis=1)
+    if not off.max() <= AT_REST * max(1.0, float(np.abs(q0).max())):
+        raise ValueError(f"q0 = {q0} is {off.max():.3g} off constraints[{int(np.argmax(off))}]")
+    balance = np.linalg.lstsq(rows.T, -pull.ravel(), rcond=None)[0]
+    return balance, scipy.linalg.null_space(rows)
+
+
+def check_holonomic(lagrange: Lagrange, held: Held) -> None:
+    """Refuse constraints under which rest is not a matter of places: of rates alone, or moving."""
+    if any(level.is_zero() for level in ca.vertsplit(held.level)):
+        raise ValueError(
+            "constraints: a Pfaffian one holds rates alone, so that places of rest are never alone; give Holonomic ones"
+        )
+    if ca.depends_on(held.level, lagrange.symbols.t):
+        raise ValueError("constraints: one moves with the time, so that nothing rests; give ones that stand still")
+
+
+def _check_rest(q0: np.ndarray, pull: np.ndarray, stiffness: np.ndarray, bend: np.ndarray) -> None:
+    """Refuse a place from which the forces would move the system by more than round-off.
+
+    It is known to a share of the length over which the stiffness changes, or of the coordinates.
+    """
+    stiff, bent = float(np.abs(stiffness).max(initial=0.0)), float(np.abs(bend).max(initial=0.0))
+    largest = float(np.abs(q0).max())
+    length = min(max(1.0, largest), max(stiff / bent, largest)) if bent > 0 and stiff > 0 else max(1.0, largest)
+    if not np.abs(pull).max(initial=0.0) <= AT_REST * length * max(stiff, bent * length, 1e-300):
+        raise ValueError(f"q0 = {q0} is no equilibrium: the forces left there are {pull}")
+
+
+def _check_steady(
+    about: ca.Function, q0: np.ndarray, numbers: np.ndarray, balance: np.ndarray, one: Linearised
+) -> None:
+    """Refuse equations that change with the time."""
+    sizes = [one.rate**2 * max(1.0, float(np.abs(q0).max())), 1.0, one.rate, one.rate**2]
+    inertia, n = float(np.abs(one.mass).max()), len(q0)
+    scale = inertia * one.rate * np.repeat(sizes, [n, n * n, n * n, n * n])
+    for t in np.random.default_rng(1788).uniform(0, 2 * np.pi / one.rate, 5):
+        changing = np.array(about(t, q0, np.zeros(n), numbers, balance)[5]).ravel()
+        if not np.all(np.abs(changing) <= STEADY * scale):
+            raise ValueError(
+                f"the equations about q0 = {q0} change with the time: if periodically, use mechanics.floquet()"
+            )
+
+
+def standing_forces(lagrange: Lagrange) -> Expression:
+    """What moves a system that is at rest (n,): L_q - L_vt and the forces, without rates."""
+    s = lagrange.symbols
+    return ca.densify(ca.substitute(lagrange.pull, s.v, ca.SX.zeros(s.q.numel())))
