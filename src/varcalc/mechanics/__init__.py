@@ -12,6 +12,7 @@ from varcalc.mechanics.frames import charged, rotating
 from varcalc.mechanics.galerkin import Stepped
 from varcalc.mechanics.legendre import Hamiltonian
 from varcalc.mechanics.linearised import Linearised, NormalModes
+from varcalc.mechanics.monodromy import Floquet
 from varcalc.mechanics.motion import Ensemble, Event, Happening, Motion
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns
 from varcalc.mechanics.passages import Passages
@@ -22,11 +23,13 @@ from varcalc.mechanics.rigid.motion import RigidMotion
 from varcalc.mechanics.rigid.nutation import Nutation, NutationCase
 from varcalc.mechanics.rigid.rotations import EulerAngles, quaternion_of, rotation_matrix
 from varcalc.mechanics.rigid.top import Top
+from varcalc.mechanics.stability.chart import Boundaries, StabilityChart, stability_chart
 from varcalc.mechanics.symmetries import Symmetry
 from varcalc.mechanics.system import System
 from varcalc.problem.conditions import Holonomic
 
 __all__ = [
+    "Boundaries",
     "ClosedOrbit",
     "ClosedOrbits",
     "Cones",
@@ -38,6 +41,7 @@ __all__ = [
     "Examined",
     "Experiment",
     "Flights",
+    "Floquet",
     "Hamiltonian",
     "Happening",
     "Holonomic",
@@ -58,6 +62,7 @@ __all__ = [
     "RigidBody",
     "RigidMotion",
     "Section",
+    "StabilityChart",
     "SteadyRotation",
     "Stepped",
     "Symmetry",
@@ -70,4 +75,5 @@ __all__ = [
     "quaternion_of",
     "rotating",
     "rotation_matrix",
+    "stability_chart",
 ]

@@ -11,10 +11,8 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import block_diag, eigh
 
-from varcalc import integrators
-from varcalc.integrators.protocol import Flow
-from varcalc.integrators.variational import Variational, variational
 from varcalc.mechanics.action import Action
+from varcalc.mechanics.monodromy import BESIDE, Floquet, Monodromy
 from varcalc.mechanics.motion import Motion
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns, TurningFrame, turning_frame
 from varcalc.problem.problem import Problem
@@ -31,8 +29,6 @@ SHOTS = 8
 """Newton's steps that close an orbit."""
 KEPT = 1e-5
 """Of the largest singular value: directions in which a neighbour stays a closed orbit, which closing leaves alone."""
-BESIDE = 1e-5
-"""How far a multiplier may lie outside the unit circle for being rounded, where several are the same."""
 SAMPLES, MOST_SAMPLES = 128, 1 << 16
 """Times at which L is summed over a period."""
 AGREED = 1e-14
@@ -48,15 +44,14 @@ VANISHES = 1e-6
 class ClosedOrbit:
     """A closed orbit of a ``period``: its ``motion`` once round, and the motions beside it.
 
-    ``closure`` is how far the state is from where it began after a period, by the motion; ``multipliers`` (2n,),
-    Floquet's, are the eigenvalues of the monodromy matrix, largest first; ``action`` is the integral of L over the
-    period.
+    ``closure`` is how far the state is from where it began after a period, by the motion; ``floquet`` holds the
+    monodromy matrix with Krein's signatures; ``action`` is the integral of L over the period.
     """
 
     period: float
     motion: Motion
     closure: float
-    multipliers: np.ndarray
+    floquet: Floquet
     action: float
     _second_variation: PointEvaluator = field(repr=False)
 
@@ -67,6 +62,11 @@ class ClosedOrbit:
     def v(self, t: Any) -> np.ndarray:
         """The rates of the coordinates, shape (n,) + t.shape, at any times."""
         return self.motion.v(np.asarray(t, dtype=float) % self.period)
+
+    @property
+    def multipliers(self) -> np.ndarray:
+        """Floquet's multipliers (2n,): the eigenvalues of the monodromy matrix, largest first."""
+        return self.floquet.multipliers
 
     @cached_property
     def _spectrum(self) -> tuple[int, int]:
@@ -178,27 +178,6 @@ class ClosedOrbits:
         return solution.problem.parameters[self.period] if isinstance(self.period, str) else self.duration
 
 
-@dataclass(frozen=True)
-class Monodromy:
-    """Motions with all that begin beside them."""
-
-    equations: Variational
-    flow: Flow
-
-    @classmethod
-    def of(cls, rates: ca.Function) -> Monodromy:
-        """Of a system d(q, v)/dt of (t, (q, v), constants)."""
-        equations = variational(rates, range(rates.numel_in(1)), ())
-        return cls(equations, integrators.for_many().compile(equations.system))
-
-    def __call__(self, state: np.ndarray, numbers: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-        """The state (2n,) after a period, and its derivatives (2n, 2n) by the first."""
-        run = self.flow.trajectory(np.array([0.0, period]), self.equations.start(state), numbers, level=1)
-        if not run.completed:
-            raise ValueError(f"the motion does not last for a period: {run.outcome.value}")
-        return self.equations.split(run.states[-1])
-
-
 def closed_state(
     monodromy: Monodromy, state: np.ndarray, numbers: np.ndarray, period: float, back: np.ndarray | None
 ) -> np.ndarray:
@@ -230,17 +209,15 @@ def closed_state(
 
 
 def closed_orbit(
-    monodromy: Monodromy, motion: Motion, lagrangian: PointEvaluator, second_variation: PointEvaluator
+    monodromy: Monodromy, motion: Motion, form: np.ndarray, lagrangian: PointEvaluator, second_variation: PointEvaluator
 ) -> ClosedOrbit:
     """What there is to know of an orbit that closes, from its ``motion`` once round."""
     first, period = motion.span
     state = np.concatenate([motion.q(first), motion.v(first)])
     after, by_first = monodromy(state, motion.numbers, period)
-    multipliers = np.linalg.eigvals(by_first)
-    order = np.lexsort([np.angle(multipliers), -np.abs(multipliers)])
     return ClosedOrbit(
-        period, motion, float(np.abs(after - state).max()), multipliers[order], _action(motion, lagrangian),
-        second_variation,
+        period, motion, float(np.abs(after - state).max()), Floquet(period, by_first, form),
+        _action(motion, lagrangian), second_variation,
     )  # fmt: skip
 
 

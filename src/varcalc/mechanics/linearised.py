@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -10,17 +10,17 @@ import numpy as np
 import scipy.linalg
 
 from varcalc.mechanics.constraints import Held
-from varcalc.mechanics.lagrange import Lagrange
+from varcalc.mechanics.lagrange import PLACES, Lagrange
+from varcalc.numerics.spectrum import DEFECTIVE, NOISE, Spectrum
+from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 AT_REST = 1e-8
 """Of the length over which the stiffness changes: how far off an equilibrium may be said to be."""
 ROUND_OFF = 1e-12
 """Of the largest squared frequency: less is a zero mode."""
-NOISE = 64 * float(np.finfo(float).eps)
-"""Of the matrix of rates, times the condition of an exponent: by how much that may be rounded."""
-DEFECTIVE = 1e6
-"""Condition of an exponent from which on it may belong to a chain of vectors, along which motions grow as powers."""
+UNLIKE = 1e-9
+"""Relative difference of equations at times that are alike."""
 STEADY = 1e-12
 """Of the matrices, in a time of the system's own: what counts as no change."""
 
@@ -86,21 +86,18 @@ class Linearised:
         return self._scaled[1]
 
     @cached_property
-    def _spectrum(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Exponents (2m,) in the system's own time, by falling real parts, their vectors and conditions."""
-        rates = self._scaled[0]
-        found, left, right = (np.asarray(part) for part in scipy.linalg.eig(rates, left=True, right=True))
-        with np.errstate(divide="ignore"):
-            condition = 1 / np.abs(np.sum(left.conj() * right, axis=0))
-        noise = NOISE * np.linalg.norm(rates, 2) * condition
-        real, imaginary = (np.where(np.abs(part) <= noise, 0.0, part) for part in (np.real(found), np.imag(found)))
-        order = np.lexsort([-imaginary, -real])
-        return (real + 1j * imaginary)[order], right[:, order], condition[order]
+    def _spectrum(self) -> Spectrum:
+        """The exponents in the system's own time, by falling real parts; parts that are round-off are zero."""
+        found = Spectrum.of(self._scaled[0])
+        real, imaginary = (
+            np.where(np.abs(part) <= found.noise, 0.0, part) for part in (np.real(found.values), np.imag(found.values))
+        )
+        return replace(found, values=real + 1j * imaginary)[np.lexsort([-imaginary, -real])]
 
     @property
     def exponents(self) -> np.ndarray:
         """The characteristic exponents λ (2m,) with det(λ² M + λ (D + G) + K) = 0, the fastest growing first."""
-        return self.rate * self._spectrum[0]
+        return self.rate * self._spectrum.values
 
     def _alone(self, matrix: np.ndarray, against: float) -> bool:
         """Whether a matrix of forces is nothing beside others."""
@@ -133,7 +130,7 @@ class Linearised:
         """Whether small motions stay small: see :class:`NormalModes`."""
         if self._holds or self._conservative:
             return self._holds
-        exponents, _, condition = self._spectrum
+        exponents = self._spectrum.values
         if np.any(np.real(exponents) > 0):
             return False
         (right, left), m = self._slack, len(self.mass)
@@ -142,7 +139,7 @@ class Linearised:
             if held[-1] <= DEFECTIVE * NOISE:
                 return False
         undamped = (np.real(exponents) == 0) & (exponents != 0)
-        return bool(np.all(condition[undamped] < DEFECTIVE))
+        return bool(np.all(self._spectrum.alone[undamped]))
 
     def modes(self) -> NormalModes:
         """The normal modes."""
@@ -154,7 +151,7 @@ class Linearised:
             one_way = np.concatenate([rates + 1j * frequencies, -rates - 1j * frequencies])
             exponents = one_way[np.lexsort([-np.imag(one_way), -np.real(one_way)])]
             return NormalModes(frequencies, self.directions @ shapes, self.stable, rates, exponents, zero_modes)
-        exponents, vectors, _ = self._spectrum
+        exponents, vectors = self._spectrum.values, self._spectrum.vectors
         pairs, real = np.flatnonzero(np.imag(exponents) > 0), np.flatnonzero(np.imag(exponents) == 0)
         chosen = np.concatenate([pairs, real[: len(real) // 2]])
         chosen = chosen[np.lexsort([np.real(exponents[chosen]), np.imag(exponents[chosen])])]
@@ -245,7 +242,7 @@ def _check_steady(
         changing = np.array(about(t, q0, np.zeros(n), numbers, balance)[5]).ravel()
         if not np.all(np.abs(changing) <= STEADY * scale):
             raise ValueError(
-                f"the equations about q0 = {q0} change with the time: if periodically, use mechanics.floquet()"
+                f"the equations about q0 = {q0} change with the time: if they repeat themselves, use floquet()"
             )
 
 
@@ -253,3 +250,28 @@ def standing_forces(lagrange: Lagrange) -> Expression:
     """What moves a system that is at rest (n,): L_q - L_vt and the forces, without rates."""
     s = lagrange.symbols
     return ca.densify(ca.substitute(lagrange.pull, s.v, ca.SX.zeros(s.q.numel())))
+
+
+def check_standing(lagrange: Lagrange, q0: np.ndarray, numbers: np.ndarray, periods: np.ndarray) -> None:
+    """Refuse a place (n,) from which forces drive the system, and periods (m,) after which its equations are others.
+
+    Both for parameters (m, c), at some times of the period.
+    """
+    s, n = lagrange.symbols, len(q0)
+    forces = standing_forces(lagrange)
+    slopes = [ca.vec(ca.jacobian(lagrange.pull, x)) for x in (s.q, s.v)]
+    parts = [forces, ca.densify(ca.vertcat(*slopes, ca.vec(lagrange.mass)))]
+    function = PointEvaluator(ca.Function("standing", s.all, parts))
+
+    def at(times: np.ndarray) -> np.ndarray:
+        still = np.zeros((1, n))
+        return function(times.size, times.reshape(-1, 1), q0[None], still, np.repeat(numbers, times.shape[1], axis=0))
+
+    times = periods[:, None] * np.random.default_rng(1788).uniform(0, 1, (1, PLACES))
+    now, later = at(times), at(times + periods[:, None])
+    size = np.abs(now).max(axis=0)
+    pull, stiff = np.abs(now[:, :n]).max(initial=0.0), np.abs(now[:, n : n + n * n]).max(initial=0.0)
+    if not pull <= AT_REST * max(1.0, float(np.abs(q0).max())) * max(stiff, 1e-300):
+        raise ValueError(f"q0 = {q0} does not stand still: it is driven with forces up to {pull:.3g}")
+    if not np.all(np.abs(later - now) <= UNLIKE * size):
+        raise ValueError(f"period: the equations about q0 = {q0} are others after {periods[0]:.6g}")

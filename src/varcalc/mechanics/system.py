@@ -12,14 +12,15 @@ import numpy as np
 from varcalc import integrators
 from varcalc.integrators import Engine, Flow
 from varcalc.mechanics.action import Action
-from varcalc.mechanics.closed_orbits import ClosedOrbit, ClosedOrbits, Monodromy, closed_orbit, closed_state
+from varcalc.mechanics.closed_orbits import ClosedOrbit, ClosedOrbits, closed_orbit, closed_state
 from varcalc.mechanics.constraints import RATE, Held, Pfaffian, started
 from varcalc.mechanics.course import MOST_STEPS, course
 from varcalc.mechanics.equilibria import Equilibria, equilibria
 from varcalc.mechanics.galerkin import GalerkinSteps, Stepped
 from varcalc.mechanics.lagrange import Lagrange, StateSymbols
 from varcalc.mechanics.legendre import Hamiltonian
-from varcalc.mechanics.linearised import Linearised, NormalModes, linearised
+from varcalc.mechanics.linearised import Linearised, NormalModes, check_standing, linearised
+from varcalc.mechanics.monodromy import Floquet, Monodromy, MonodromyAtRest
 from varcalc.mechanics.motion import Ensemble, Event, Motion, carried, happenings
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns
 from varcalc.mechanics.passages import Passages, passages
@@ -264,7 +265,7 @@ class System:
         """Small motions about the equilibrium ``q0`` (n,): ``frequencies`` (angular), ``shapes``, ``stable``.
 
         Gyroscopic and dissipative forces are part of them. Raises ValueError where ``q0`` is no equilibrium, and where
-        the equations about it change with the time: see :func:`varcalc.mechanics.floquet`.
+        the equations about it change with the time: see :meth:`floquet`.
 
         >>> sway = System(lambda t, q, v: (v[0]**2 - 4 * q[0]**2) / 2, ("x",), forces=lambda t, q, v: [-0.4 * v[0]])
         >>> modes = sway.normal_modes([0.0])
@@ -280,6 +281,47 @@ class System:
         """
         self._check_regular()
         return linearised(self._lagrange, self._held, _column("q0", q0, self.n), self._numbers)
+
+    def floquet(self, q0: Sequence[float], period: float) -> Floquet:
+        """What becomes in a ``period`` of small motions about ``q0`` (n,), where a driven system stands still.
+
+        That of a closed orbit is :attr:`ClosedOrbit.floquet`. Raises ValueError where ``q0`` does not stand still,
+        where the equations do not repeat themselves after the period, and for constraints.
+
+        >>> import casadi as ca
+        >>> swing = System(lambda t, q, v: v[0]**2 / 2 + (1 + 0.3 * ca.cos(2 * t)) * ca.cos(q[0]), ("theta",))
+        >>> swing.floquet([0.0], np.pi).stable
+        False
+        """
+        place, last = _column("q0", q0, self.n), _number("period", period)
+        self.check_standing(place, self._numbers[None, :], np.array([last]))
+        matrices, _ = self.about_rest(place, np.append(self._numbers, 0.0)[None, :], np.array([last]))
+        return Floquet(last, matrices[0], self.symplectic_form(0.0, place, np.zeros(self.n)))
+
+    def symplectic_form(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The form dq ∧ dp of changes of the coordinates and rates (2n, 2n), with the momenta p of such a state."""
+        one, n = self._lagrange, self.n
+        function = ca.Function(
+            "momenta", one.symbols.all, [ca.densify(ca.jacobian(one.momenta, one.symbols.q)), one.mass]
+        )
+        change = np.hstack([np.array(part) for part in function(t, q, v, self._numbers)])
+        upper = np.hstack([np.eye(n), np.zeros((n, n))]).T @ change
+        return upper - upper.T
+
+    @cached_property
+    def about_rest(self) -> MonodromyAtRest:
+        """Small motions about places that stand still, compiled for any values of the parameters."""
+        self._check_regular()
+        self._check_smooth()
+        return MonodromyAtRest.of(self._rates[0])
+
+    def check_standing(self, q0: np.ndarray, numbers: np.ndarray, periods: np.ndarray) -> None:
+        """ValueError where ``q0`` (n,) is no place of rest for parameters (m, c), or the equations do not repeat."""
+        if self._held is not None:
+            raise ValueError("constraints: Floquet's multipliers need coordinates that need none")
+        if not np.all(np.isfinite(periods) & (periods > 0)):
+            raise ValueError(f"period must be positive, not {periods.min()}")
+        check_standing(self._lagrange, q0, numbers, periods)
 
     def gauged(self, gauge: Callable[..., Any]) -> System:
         """The system of L + dF/dt with F = ``gauge(t, q[, p])``, which has the same motions."""
@@ -354,7 +396,8 @@ class System:
         numbers = self._with_rate(0.0, q, v, period)
         state = closed_state(self._monodromy, np.concatenate([q, v]), numbers, float(period), back)
         motion = self.motion(state[: self.n].tolist(), state[self.n :].tolist(), (0.0, float(period)))
-        return closed_orbit(self._monodromy, motion, self._summed, self._second_variation)
+        form = self.symplectic_form(0.0, state[: self.n], state[self.n :])
+        return closed_orbit(self._monodromy, motion, form, self._summed, self._second_variation)
 
     @cached_property
     def _monodromy(self) -> Monodromy:

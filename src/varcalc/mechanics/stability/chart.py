@@ -1,0 +1,269 @@
+"""Stability charts of systems that are driven periodically: growth over one or two parameters, and its boundaries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from varcalc.mechanics.stability.surface import Surface
+from varcalc.mechanics.system import System
+from varcalc.numerics.roots import EPSILON, bracketed_newton
+
+CHECKED = 5
+"""Places of a chart, in either parameter, at which the system is asked whether it stands still."""
+SAFE = 16.0
+"""By how many times the error of the series multipliers may be off."""
+CORRECTIONS = 6
+"""Newton's steps by which a boundary is brought to the exact multipliers."""
+SECTIONS = 48
+"""Golden ones, by which the series is followed to where it is least."""
+
+
+@dataclass(frozen=True)
+class Boundaries:
+    """Where a multiplier passes 1 or -1: values of the parameters ``places`` (b, 2) and the ``multipliers`` (b,).
+
+    ``errors`` (b,) are what the values of the first parameter may be off. Where the motions are of period T a
+    multiplier 1 has motions that repeat themselves after T, and -1 after 2 T.
+    """
+
+    places: np.ndarray
+    multipliers: np.ndarray
+    errors: np.ndarray
+
+
+@dataclass(frozen=True)
+class StabilityChart:
+    """Growth of small motions over parameters: ``growth`` (m, k) over ``first`` (m,) and ``second`` (k,) values.
+
+    ``growth`` is ln|largest multiplier|/period, the rate at which motions part at most, known to ``error`` (m, k);
+    ``stable`` (m, k) is where it is not above that. ``names`` are the parameters'.
+    """
+
+    names: tuple[str, ...]
+    first: np.ndarray
+    second: np.ndarray
+    growth: np.ndarray
+    error: np.ndarray
+    _source: MonodromySurface = field(repr=False)
+
+    @property
+    def stable(self) -> np.ndarray:
+        """Where no motion grows (m, k), to the ``error``."""
+        return self.growth <= self.error
+
+    @cached_property
+    def boundaries(self) -> Boundaries:
+        """Where multipliers pass 1 and -1, for each of the ``second`` values: by roots in the first parameter.
+
+        det(Y ∓ 1) of the monodromy matrix Y is followed by its series; every change of its sign between neighbouring
+        values of ``first``, and every pair of roots between which it dips through zero there, is brought to the exact
+        matrix by Newton's steps. Boundaries at which multipliers leave the circle elsewhere (of two coordinates and
+        more) are where :attr:`stable` changes and no root is.
+        """
+        return self._source.boundaries(self.first, self.second)
+
+
+@dataclass(frozen=True)
+class MonodromySurface:
+    """The monodromy matrix of a ``system`` about ``q0`` over parameters ``names``, between ``low`` and ``high``."""
+
+    system: System
+    q0: np.ndarray
+    period: Callable[[Any], Any]
+    names: tuple[str, ...]
+    low: np.ndarray
+    high: np.ndarray
+
+    def numbers(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """All parameters (m, c) and the periods (m,)."""
+        chosen = dict(zip(self.names, (first, second), strict=False))
+        columns = {name: chosen.get(name, np.full(len(first), value)) for name, value in self.system.parameters.items()}
+        periods = np.broadcast_to(np.asarray(self.period(SimpleNamespace(**columns)), dtype=float), first.shape)
+        return np.stack(list(columns.values()), axis=1), np.array(periods)
+
+    def values(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """The entries of the matrix, and the logarithm of its determinant (m, N² + 1)."""
+        numbers, periods = self.numbers(first, second)
+        with_rate = np.hstack([numbers, np.zeros((len(numbers), 1))])
+        matrices, logarithms = self.system.about_rest(self.q0, with_rate, periods)
+        return np.hstack([matrices.reshape(len(first), -1), logarithms[:, None]])
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The series."""
+        return Surface.of(self.values, self.low, self.high)
+
+    def check(self) -> None:
+        """Refuse a place that does not stand still, and periods that are none, somewhere on the chart."""
+        grid = np.meshgrid(*(np.linspace(a, b, CHECKED) for a, b in zip(self.low, self.high, strict=True)))
+        numbers, periods = self.numbers(grid[0].ravel(), grid[1].ravel())
+        self.system.check_standing(self.q0, numbers, periods)
+
+    def chart(self, first: np.ndarray, second: np.ndarray) -> StabilityChart:
+        """The chart over a grid."""
+        values, off = self.surface.on_grid(first, second)
+        _, periods = self.numbers(np.repeat(first, len(second)), np.tile(second, len(first)))
+        size = 2 * self.system.n
+        matrices, logarithm = values[:, :, :-1].reshape(-1, size, size), values[:, :, -1].ravel()
+        largest, condition = _largest(matrices, logarithm)
+        noise = SAFE * off[:, :, :-1].max(axis=2).ravel()
+        rounding = np.minimum(noise * condition, np.sqrt(noise)) / np.maximum(largest, 1e-300) / periods
+        shape = len(first), len(second)
+        with np.errstate(divide="ignore"):
+            growth = np.log(largest) / periods
+        return StabilityChart(self.names, first, second, growth.reshape(shape), rounding.reshape(shape), self)
+
+    def boundaries(self, first: np.ndarray, second: np.ndarray) -> Boundaries:
+        """See :attr:`StabilityChart.boundaries`."""
+        size, found = 2 * self.system.n, []
+        values, _ = self.surface.on_grid(first, second)
+        for multiplier in (1.0, -1.0):
+            crossing = Crossing(self, size, multiplier)
+            at, rows = crossing.brackets(values, first, second)
+            at, errors = crossing.polished(at, second[rows])
+            inside = (at >= first[0]) & (at <= first[-1])
+            places = np.stack([at, second[rows], np.full(len(at), multiplier), errors], axis=1)[inside]
+            found.append(places)
+        both = np.concatenate(found)
+        both = both[np.lexsort([both[:, 0], both[:, 1]])]
+        return Boundaries(both[:, :2], both[:, 2], both[:, 3])
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Roots in the first parameter of det(Y - multiplier), which is real."""
+
+    source: MonodromySurface
+    size: int
+    multiplier: float
+
+    def distance(self, values: np.ndarray) -> np.ndarray:
+        """det(Y - multiplier) of entries and logarithms of determinants (..., N² + 1)."""
+        matrices = values[..., :-1].reshape(*values.shape[:-1], self.size, self.size)
+        if self.size == 2:
+            return 1 + np.exp(values[..., -1]) - self.multiplier * np.trace(matrices, axis1=-2, axis2=-1)
+        return np.linalg.det(matrices - self.multiplier * np.eye(self.size))
+
+    def brackets(self, values: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Roots on the series (b,), with the numbers of their second values."""
+        level = self.distance(values)
+        low, row = np.nonzero(np.sign(level[:-1]) * np.sign(level[1:]) <= 0)
+        left, right, rows = first[low], first[low + 1], row
+        turning, row = np.nonzero(
+            (np.abs(level[1:-1]) <= np.abs(level[2:])) & (np.abs(level[1:-1]) <= np.abs(level[:-2]))
+            & (np.sign(level[:-2]) == np.sign(level[2:])) & (np.sign(level[1:-1]) == np.sign(level[2:]))
+        )  # fmt: skip
+        a, b = first[turning], first[turning + 2]
+        lowest = self._dip(a, b, second[row], np.sign(level[turning + 1, row]))
+        through = self._on_series(lowest, second[row]) * level[turning + 1, row] < 0
+        a, b, lowest, row = a[through], b[through], lowest[through], row[through]
+        left, right = np.concatenate([left, a, lowest]), np.concatenate([right, lowest, b])
+        rows = np.concatenate([rows, row, row])
+        return self._between(left, right, second[rows]), rows
+
+    def _on_series(self, at: np.ndarray, second: np.ndarray) -> np.ndarray:
+        return self.distance(self.source.surface.at(at, second))
+
+    def _dip(self, low: np.ndarray, high: np.ndarray, second: np.ndarray, sign: np.ndarray) -> np.ndarray:
+        """Where the series is least, sign included, by golden sections."""
+        share = (np.sqrt(5) - 1) / 2
+        for _ in range(SECTIONS):
+            left, right = high - share * (high - low), low + share * (high - low)
+            falls = sign * self._on_series(left, second) > sign * self._on_series(right, second)
+            low, high = np.where(falls, left, low), np.where(falls, high, right)
+        return (low + high) / 2
+
+    def _sloped(self, at: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The distance on the series and its slope in the first parameter."""
+        values, slopes = self.source.surface.at(at, second), self.source.surface.slopes(at, second)
+        if self.size == 2:
+            rate = np.exp(values[:, -1]) * slopes[:, -1] - self.multiplier * (slopes[:, 0] + slopes[:, 3])
+            return self.distance(values), rate
+        matrices, rates = (part[:, :-1].reshape(-1, self.size, self.size) for part in (values, slopes))
+        matrices = matrices - self.multiplier * np.eye(self.size)
+        unit = np.eye(self.size, dtype=bool)[:, None, None, :]  # a determinant's rate, by its columns
+        return self.distance(values), np.linalg.det(np.where(unit, rates, matrices)).sum(axis=0)
+
+    def _between(self, low: np.ndarray, high: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Roots of the series between places (b,) at which its signs differ."""
+        falls = self._on_series(low, second) > 0
+        positive, negative = np.where(falls, low, high), np.where(falls, high, low)
+        return bracketed_newton(
+            lambda at: self._sloped(at, second), positive, negative, (low + high) / 2, relative=EPSILON
+        )[0]
+
+    def polished(self, at: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The roots of the exact matrix next to those of the series (b,), and what they may be off."""
+        step = noise = np.full(len(at), np.inf)
+        for _ in range(CORRECTIONS if len(at) else 0):
+            values = self.source.values(at, second)
+            with np.errstate(all="ignore"):
+                slope = self._sloped(at, second)[1]
+                change = -self.distance(values) / slope
+                round_off = (
+                    EPSILON * SAFE * (1 + np.abs(values[:, :-1]).max(axis=1)) ** (self.size // 2) / np.abs(slope)
+                )
+            better = np.abs(change) < np.abs(step)
+            if not np.any(better):
+                break
+            at, step = np.where(better, at + change, at), np.where(better, change, step)
+            noise = np.where(better, round_off, noise)
+        return at, 2 * np.abs(step) + noise + 4 * EPSILON * np.abs(at)
+
+
+def _largest(matrices: np.ndarray, logarithm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The sizes (m,) of the largest eigenvalues of matrices (m, N, N), and how many times more they are off."""
+    if matrices.shape[1] > 2:
+        values = np.abs(np.linalg.eigvals(matrices)).max(axis=1)
+        return values, np.full(len(values), np.inf)
+    half = (matrices[:, 0, 0] + matrices[:, 1, 1]) / 2
+    under = half**2 - np.exp(logarithm)
+    root = np.sqrt(np.abs(under))
+    with np.errstate(divide="ignore"):
+        return np.where(under > 0, np.abs(half) + root, np.exp(logarithm / 2)), np.where(
+            under > 0, np.abs(half) / root, 1
+        )
+
+
+def stability_chart(
+    system: System, q0: Sequence[float], period: float | Callable[[Any], Any], parameters: Mapping[str, Any]
+) -> StabilityChart:
+    """Growth of small motions of a driven ``system`` about ``q0`` (n,), over one or two of its parameters.
+
+    ``parameters`` takes one name or two to ascending values, (m,) and (k,); ``period`` is a number, or a function of
+    the parameters, as in ``lambda p: 2 * np.pi / p.w``. Each point has the largest of Floquet's multipliers
+    (Yakubovich and Starzhinskii, "Linear Differential Equations with Periodic Coefficients", ch. II). The monodromy
+    matrix is carried for so many points that Chebyshev series stand for it, and read from these everywhere. Raises
+    ValueError where ``q0`` does not stand still or the equations do not repeat themselves, somewhere on the chart,
+    and where the matrix is no smooth function of the parameters.
+
+    >>> import casadi as ca
+    >>> mathieu = System(lambda t, q, v, p: (v[0]**2 - (p.a - 2 * p.q * ca.cos(2 * t)) * q[0]**2) / 2, ("x",),
+    ...                  parameters={"a": 0.0, "q": 1.3})
+    >>> chart = stability_chart(mathieu, [0.0], np.pi, {"a": np.linspace(-2, 2, 50)})
+    >>> print(*(f"{a:.10f}" for a in chart.boundaries.places[:, 0]))
+    -0.7058011624 -0.4974834427
+    """
+    if not parameters or len(parameters) > 2 or not set(parameters) <= set(system.parameters):
+        raise ValueError(f"parameters must name one or two of {sorted(system.parameters)}, not {sorted(parameters)}")
+    axes = [np.asarray(values, dtype=float) for values in parameters.values()]
+    for name, values in zip(parameters, axes, strict=True):
+        if values.ndim != 1 or len(values) < 2 or not np.all(np.diff(values) > 0):
+            raise ValueError(f"parameters[{name!r}] must be two ascending values or more, not {values!r}")
+    axes = axes if len(axes) == 2 else [*axes, np.zeros(1)]
+    given = (lambda p: period) if not callable(period) else period
+    low, high = (np.array([at[k] for at in axes]) for k in (0, -1))
+    place = np.asarray(q0, dtype=float).reshape(-1)
+    if place.shape != (system.n,):
+        raise ValueError(f"q0 must be {system.n} numbers, one for each coordinate, not {q0!r}")
+    source = MonodromySurface(system, place, given, tuple(parameters), low, high)
+    source.check()
+    if not source.surface.resolved:
+        raise ValueError("parameters: the monodromy matrix is no smooth function of them there; take a smaller range")
+    return source.chart(axes[0], axes[1])

@@ -1,0 +1,129 @@
+"""Functions of two parameters by Chebyshev series, on as many panels as it takes.
+
+What is costly at a point and smooth is known everywhere from few points (Trefethen, "Approximation Theory and
+Approximation Practice", ch. 8; Townsend and Trefethen, SIAM J. Sci. Comput. 35 (2013) C495).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+DEGREE = 23
+"""Of the series, in either parameter."""
+TAIL = 4
+"""Coefficients at the end of a series, in either parameter, that tell what it leaves out."""
+RESOLVED = 1e-12
+"""Of the largest value in a panel: what may be left out."""
+MOST_PANELS = 400
+
+Values = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""From places (m,) in both parameters to functions (m, F)."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Series ``coefficients`` (N, M, F) between the corners ``low`` and ``high`` (2,), off by ``error`` (F,)."""
+
+    low: np.ndarray
+    high: np.ndarray
+    coefficients: np.ndarray
+    error: np.ndarray
+
+    def basis(self, axis: int, at: np.ndarray) -> np.ndarray:
+        """The polynomials (m, N) in one parameter at places (m,)."""
+        count, width = self.coefficients.shape[axis], self.high[axis] - self.low[axis]
+        if count == 1:
+            return np.ones((len(at), 1))
+        return chebyshev.chebvander((2 * at - self.low[axis] - self.high[axis]) / width, count - 1)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Functions on a rectangle, by ``panels`` that cover it; ``resolved`` tells whether all series came to an end."""
+
+    panels: tuple[Panel, ...]
+    resolved: bool
+
+    @classmethod
+    def of(cls, values: Values, low: np.ndarray, high: np.ndarray) -> Surface:
+        """That of functions between the corners ``low`` and ``high`` (2,); one side may be no longer than a point."""
+        waiting, kept, resolved = [(low, high)], [], True
+        while waiting:
+            panel, tails = _panel(values, *waiting.pop())
+            size = np.abs(panel.coefficients).max(axis=(0, 1))
+            rough = np.any(tails > RESOLVED * size, axis=1)
+            if not np.any(rough) or not np.all(np.isfinite(tails)):
+                kept.append(panel)
+                resolved &= bool(np.all(np.isfinite(tails)))
+            elif len(kept) + len(waiting) >= MOST_PANELS:
+                kept.append(panel)
+                resolved = False
+            else:
+                axis = int(np.argmax((tails / np.where(size > 0, size, 1)).max(axis=1)))
+                middle, first, last = (panel.low + panel.high) / 2, panel.high.copy(), panel.low.copy()
+                first[axis] = last[axis] = middle[axis]
+                waiting += [(panel.low, first), (last, panel.high)]
+        return cls(tuple(kept), resolved)
+
+    def on_grid(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values (m, k, F) over a grid of ascending places (m,) and (k,), and what they may be off."""
+        functions = self.panels[0].coefficients.shape[2]
+        values, error = (np.full((len(first), len(second), functions), np.nan) for _ in range(2))
+        for panel in self.panels:
+            rows, columns = (
+                slice(np.searchsorted(at, panel.low[axis], "left"), np.searchsorted(at, panel.high[axis], "right"))
+                for axis, at in enumerate((first, second))
+            )
+            left, right = panel.basis(0, first[rows]), panel.basis(1, second[columns])
+            values[rows, columns] = np.einsum("in,nmf,jm->ijf", left, panel.coefficients, right, optimize=True)
+            error[rows, columns] = panel.error
+        return values, error
+
+    def at(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Values (m, F) at places (m,)."""
+        return self._read(first, second, 0)
+
+    def slopes(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Derivatives (m, F) by the first parameter at places (m,)."""
+        return self._read(first, second, 1)
+
+    def _read(self, first: np.ndarray, second: np.ndarray, derivative: int) -> np.ndarray:
+        found = np.full((len(first), self.panels[0].coefficients.shape[2]), np.nan)
+        for panel in self.panels:
+            inside = (first >= panel.low[0]) & (first <= panel.high[0])
+            inside &= (second >= panel.low[1]) & (second <= panel.high[1])
+            scale = (2 / (panel.high[0] - panel.low[0])) ** derivative
+            series = scale * chebyshev.chebder(panel.coefficients, derivative, axis=0)
+            left = panel.basis(0, first[inside])[:, : len(series)]
+            along = np.tensordot(left, series, (1, 0))
+            found[inside] = np.einsum("jmf,jm->jf", along, panel.basis(1, second[inside]))
+        return found
+
+
+def _panel(values: Values, low: np.ndarray, high: np.ndarray) -> tuple[Panel, np.ndarray]:
+    """The series between two corners, and the last coefficients in either parameter (2, F)."""
+    counts = [DEGREE + 1 if b > a else 1 for a, b in zip(low, high, strict=True)]
+    nodes, to_series = zip(*(_nodes(count) for count in counts), strict=True)
+    places = [(a + b) / 2 + (b - a) / 2 * x for a, b, x in zip(low, high, nodes, strict=True)]
+    grid = np.meshgrid(*places, indexing="ij")
+    sampled = values(grid[0].ravel(), grid[1].ravel()).reshape(*counts, -1)
+    coefficients = np.einsum("ni,ijf,mj->nmf", to_series[0], sampled, to_series[1], optimize=True)
+    ends = [
+        np.abs(coefficients[-TAIL:]).max(axis=(0, 1)) if counts[0] > 1 else np.zeros(sampled.shape[2]),
+        np.abs(coefficients[:, -TAIL:]).max(axis=(0, 1)) if counts[1] > 1 else np.zeros(sampled.shape[2]),
+    ]
+    tails = np.array(ends)
+    floor = np.finfo(float).eps * np.abs(sampled).max(axis=(0, 1))
+    return Panel(low, high, coefficients, TAIL * (tails.sum(axis=0) + floor)), tails
+
+
+def _nodes(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Chebyshev points (N,) and the matrix from values at them to coefficients."""
+    angles = np.pi * (np.arange(count) + 0.5) / count
+    to_series = 2 / count * np.cos(np.arange(count)[:, None] * angles)
+    to_series[0] /= 2
+    return np.cos(angles), to_series
