@@ -24,11 +24,14 @@ from varcalc.mechanics.rigid.nutation import Nutation, NutationCase
 from varcalc.mechanics.rigid.rotations import EulerAngles, quaternion_of, rotation_matrix
 from varcalc.mechanics.rigid.top import Top
 from varcalc.mechanics.stability.chart import Boundaries, StabilityChart, stability_chart
+from varcalc.mechanics.stability.fast_drive import Averaged, averaged
+from varcalc.mechanics.stability.response import Response
 from varcalc.mechanics.symmetries import Symmetry
 from varcalc.mechanics.system import System
 from varcalc.problem.conditions import Holonomic
 
 __all__ = [
+    "Averaged",
     "Boundaries",
     "ClosedOrbit",
     "ClosedOrbits",
@@ -58,6 +61,7 @@ __all__ = [
     "PolhodeKind",
     "Principal",
     "Repeats",
+    "Response",
     "Returns",
     "RigidBody",
     "RigidMotion",
@@ -69,6 +73,7 @@ __all__ = [
     "System",
     "Top",
     "TopKind",
+    "averaged",
     "charged",
     "poisson",
     "principal",

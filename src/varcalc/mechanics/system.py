@@ -102,6 +102,16 @@ class System:
     def __repr__(self) -> str:
         return f"System({', '.join(self.coordinates)}{': ' + self.name if self.name else ''})"
 
+    @property
+    def lagrange(self) -> Lagrange:
+        """What L says by differentiation, as expressions."""
+        return self._lagrange
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """The values of the parameters (c,), in their order."""
+        return self._numbers
+
     @cached_property
     def ignorable(self) -> tuple[str, ...]:
         """The names of coordinates that L and the forces do not depend on: their momenta are kept."""
