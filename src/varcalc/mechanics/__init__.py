@@ -23,6 +23,13 @@ from varcalc.mechanics.rigid.motion import RigidMotion
 from varcalc.mechanics.rigid.nutation import Nutation, NutationCase
 from varcalc.mechanics.rigid.rotations import EulerAngles, quaternion_of, rotation_matrix
 from varcalc.mechanics.rigid.top import Top
+from varcalc.mechanics.stability.branches import (
+    Bifurcation,
+    BifurcationChart,
+    BifurcationKind,
+    EquilibriumBranch,
+    bifurcation_chart,
+)
 from varcalc.mechanics.stability.chart import Boundaries, StabilityChart, stability_chart
 from varcalc.mechanics.stability.fast_drive import Averaged, averaged
 from varcalc.mechanics.stability.response import Response
@@ -32,12 +39,16 @@ from varcalc.problem.conditions import Holonomic
 
 __all__ = [
     "Averaged",
+    "Bifurcation",
+    "BifurcationChart",
+    "BifurcationKind",
     "Boundaries",
     "ClosedOrbit",
     "ClosedOrbits",
     "Cones",
     "Ensemble",
     "Equilibria",
+    "EquilibriumBranch",
     "EulerAngles",
     "Event",
     "Examination",
@@ -74,6 +85,7 @@ __all__ = [
     "Top",
     "TopKind",
     "averaged",
+    "bifurcation_chart",
     "charged",
     "poisson",
     "principal",

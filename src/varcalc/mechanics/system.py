@@ -102,6 +102,18 @@ class System:
     def __repr__(self) -> str:
         return f"System({', '.join(self.coordinates)}{': ' + self.name if self.name else ''})"
 
+    def with_parameters(self, parameters: Mapping[str, float]) -> System:
+        """The system with other values of some of its ``parameters``.
+
+        Raises ValueError for names that it does not have.
+        """
+        if unknown := sorted(set(parameters) - set(self.parameters)):
+            raise ValueError(f"parameters {unknown} are none of this system's: {sorted(self.parameters)}")
+        return System(
+            self._given, self.coordinates, parameters={**self.parameters, **parameters},
+            constraints=self.constraints, forces=self._forces_given, symmetries=self.symmetries, name=self.name,
+        )  # fmt: skip
+
     @property
     def lagrange(self) -> Lagrange:
         """What L says by differentiation, as expressions."""
