@@ -111,7 +111,8 @@ class System:
             raise ValueError(f"parameters {unknown} are none of this system's: {sorted(self.parameters)}")
         return System(
             self._given, self.coordinates, parameters={**self.parameters, **parameters},
-            constraints=self.constraints, forces=self._forces_given, symmetries=self.symmetries, name=self.name,
+            constraints=self.constraints, forces=self._forces_given, symmetries=self.symmetries,
+            units=self.units, time_unit=self.time_unit, name=self.name,
         )  # fmt: skip
 
     @property
@@ -333,8 +334,7 @@ class System:
     @cached_property
     def about_rest(self) -> MonodromyAtRest:
         """Small motions about places that stand still, compiled for any values of the parameters."""
-        self._check_regular()
-        self._check_smooth()
+        self._check_motion()
         return MonodromyAtRest.of(self._rates[0])
 
     def check_standing(self, q0: np.ndarray, numbers: np.ndarray, periods: np.ndarray) -> None:
