@@ -37,14 +37,15 @@ def equations(motion):
     return max(abs(along), abs(r * round_ + 2 * u * w + G * np.sin(a))) / G
 
 
-def hangs(_):
-    """How far the place of rest is from l + m g/k."""
-    return np.abs(system.equilibria([LENGTH / 2, -1.0], [2 * HANGS, 1.0]).places - [[HANGS, 0.0]]).max()
+def rest(_):
+    """How far the stretch at rest is off."""
+    found = system.equilibria([LENGTH / 2, -0.3], [2 * LENGTH, 0.4])
+    return np.abs(found.places - [HANGS, 0.0]).max() + found.unresolved + len(found.places) - 1
 
 
 experiment = mechanics.Experiment(
     system, [HANGS + 0.1, 0.4], [0.0, 0.0], (0.0, 10.0), None,
-    {"frequencies": frequencies, "equations": equations, "hangs": hangs,
+    {"frequencies": frequencies, "equations": equations, "rest": rest,
      "energy": lambda motion: motion.drift["energy"] / (MASS * G)},
     title="A pendulum on a rubber string",
 )  # fmt: skip

@@ -139,6 +139,8 @@ class _Search:
             tried += 1
             if place is None or any(np.all(np.abs(x - place) <= SAME * (self.high - self.low)) for x in self.found):
                 continue
+            if not self._rests(place):
+                continue
             sizes = np.linalg.svd(np.array(self.both(place, self.numbers)[1]), compute_uv=False)
             if sizes[-1] <= ALONE * sizes[0]:  # there may be a line of them
                 continue
@@ -162,7 +164,7 @@ class _Search:
             return spread.sum(axis=2).max(axis=1) < 1
 
     def _rest(self, place: np.ndarray) -> np.ndarray | None:
-        """Newton's iteration; None where it does not settle, or at what is no place of rest at other times."""
+        """Newton's iteration; None where it does not settle."""
         step = np.full(len(place), np.inf)
         for _ in range(NEWTON):
             pull, slope = (np.array(part) for part in self.both(place, self.numbers))
@@ -175,7 +177,7 @@ class _Search:
             if np.abs(step).max() <= 1e-15 * max(1.0, np.abs(place).max()):
                 break
         settled = np.abs(step).max() <= 1e-10 * max(1.0, np.abs(place).max())
-        return place if settled and self._rests(place) else None
+        return place if settled else None
 
     def _rests(self, place: np.ndarray) -> bool:
         """Whether the conditions hold at a place, at other times too."""

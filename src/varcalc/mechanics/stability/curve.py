@@ -14,7 +14,7 @@ from varcalc.mechanics.system import System
 NEWTON = 12
 CONVERGED = 1e-13
 """Of the box: a correction after which only round-off is left."""
-EDGE_STEPS = 60
+EDGE_STEPS = 32
 """Halvings of a step that leaves the box, or at the end of which another stability begins."""
 SECOND = 1e-3
 """Of the box: how far along the second null vector the curvature of the conditions is measured."""

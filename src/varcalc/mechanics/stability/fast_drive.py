@@ -17,7 +17,7 @@ from varcalc.symbolic.tracing import Expression
 FIRST_TIMES, MOST_TIMES = 8, 512
 """In a period, over which is averaged: twice as many until the averages settle."""
 SETTLED = 1e-14
-"""Of an average: what twice as many times may change."""
+"""Of the forces: what twice as many times may change of their averages."""
 DRAWN = 3
 """Times the usual number of random places."""
 SEPARATE = 1e-13
@@ -77,7 +77,7 @@ def averaged(system: System, period: float | Callable[[Any], Any]) -> Averaged:
     while times < MOST_TIMES:
         times *= 2
         before, (value, swing) = value, _mean(system, length, times)
-        if _same(system, before, value):
+        if _same(system, length, before, value):
             break
     else:
         raise ValueError(f"lagrangian: its drive is not resolved by {MOST_TIMES} times in a period")
@@ -157,13 +157,14 @@ def _check_repeats(system: System, period: Expression) -> None:
             raise ValueError(f"period: L is not the same after {length:.6g}: it changes by {later - now:.3g}")
 
 
-def _same(system: System, one: Expression, other: Expression) -> bool:
-    """Whether two Lagrangians have the same forces, to round-off."""
-    s = system.lagrange.symbols
+def _same(system: System, period: Expression, one: Expression, other: Expression) -> bool:
+    """Whether two Lagrangians have the same forces, to what rounding leaves of the sums of fast ones."""
+    lagrange, s = system.lagrange, system.lagrange.symbols
     forces = [ca.densify(ca.gradient(value, s.q)) for value in (one, other)]
-    function = ca.Function("forces", s.all, forces)
-    for t, q, v, numbers in system.lagrange.places(system.parameters):
-        first, last = (np.array(part) for part in function(t, q, v, numbers))
-        if not np.abs(first - last).max() <= SETTLED * max(1.0, float(np.abs(last).max())):
+    fast = ca.substitute(standing_forces(lagrange), s.t, s.t * period)
+    function = ca.Function("forces", s.all, [*forces, fast])
+    for t, q, v, numbers in lagrange.places(system.parameters):
+        first, last, summed = (np.array(part) for part in function(t, q, v, numbers))
+        if not np.abs(first - last).max() <= SETTLED * max(np.abs(last).max(), np.abs(summed).max()):
             return False
     return True
