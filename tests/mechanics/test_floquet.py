@@ -116,6 +116,36 @@ def test_the_period_may_follow_a_parameter_and_two_coordinates_have_boundaries()
     assert np.sort(misses)[:4].max() < 1e-12
 
 
+def test_multipliers_that_leave_the_circle_elsewhere_are_boundaries_too():
+    # two oscillators, one of negative energy: unstable where the drive is near the difference of their frequencies
+    pair = mechanics.System(
+        lambda t, q, v, p: (
+            v[0] ** 2 - q[0] ** 2 - v[1] ** 2 + 1.44 * q[1] ** 2
+        ) / 2 - 0.05 * ca.cos(p.w * t) * q[0] * q[1],
+        ("x", "y"), parameters={"w": 0.2},
+    )  # fmt: skip
+    chart = mechanics.stability_chart(pair, [0, 0], lambda p: 2 * np.pi / p.w, {"w": np.linspace(0.16, 0.24, 41)})
+    found = chart.boundaries
+    off_axis = found.places[np.abs(np.imag(found.multipliers)) > 1e-3, 0]
+    low, high = off_axis[off_axis < 0.2].max(), off_axis[off_axis > 0.2].min()
+
+    def stable(w):
+        return pair.with_parameters({"w": w}).floquet([0, 0], 2 * math.pi / w).stable
+
+    assert [stable(w) for w in (low - 1e-5, low + 1e-5, high - 1e-5, high + 1e-5)] == [True, False, False, True]
+
+
+def test_damping_that_changes_its_sign_is_a_boundary():
+    brake = mechanics.System(
+        lambda t, q, v, p: v[0] ** 2 / 2 - (1.7 + 0.2 * ca.cos(2 * t)) * q[0] ** 2 / 2, ("x",), parameters={"d": 0.1},
+        forces=lambda t, q, v, p: [-(p.d - 0.03) * v[0]],
+    )  # fmt: skip
+    found = mechanics.stability_chart(brake, [0.0], np.pi, {"d": np.linspace(-0.1, 0.1, 20)}).boundaries
+    assert found.places[:, 0] == pytest.approx([0.03], abs=1e-14)
+    alone = brake.with_parameters({"d": 0.03}).floquet([0.0], np.pi)
+    assert np.abs(alone.multipliers - found.multipliers[0]).min() < 1e-12
+
+
 def test_parametric_resonance_grows_as_first_order_theory_says_to_second_order():
     # Landau and Lifshitz, "Mechanics", sect. 27: ((h w/2)² - eps²)^(1/2)/2, here with eps = share h w/2
     shaken = mechanics.System(

@@ -225,10 +225,15 @@ def _check_rest(q0: np.ndarray, pull: np.ndarray, stiffness: np.ndarray, bend: n
     It is known to a share of the length over which the stiffness changes, or of the coordinates.
     """
     stiff, bent = float(np.abs(stiffness).max(initial=0.0)), float(np.abs(bend).max(initial=0.0))
-    largest = float(np.abs(q0).max())
-    length = min(max(1.0, largest), max(stiff / bent, largest)) if bent > 0 and stiff > 0 else max(1.0, largest)
+    length = _length(q0, stiff, bent)
     if not np.abs(pull).max(initial=0.0) <= AT_REST * length * max(stiff, bent * length, 1e-300):
         raise ValueError(f"q0 = {q0} is no equilibrium: the forces left there are {pull}")
+
+
+def _length(q0: np.ndarray, stiff: float, bent: float) -> float:
+    """Over what length the forces change at a place (n,), from their slopes and those of the slopes; at most 1."""
+    largest = float(np.abs(q0).max())
+    return min(max(1.0, largest), max(stiff / bent, largest)) if bent > 0 and stiff > 0 else max(1.0, largest)
 
 
 def _check_steady(
@@ -260,7 +265,8 @@ def check_standing(lagrange: Lagrange, q0: np.ndarray, numbers: np.ndarray, peri
     s, n = lagrange.symbols, len(q0)
     forces = standing_forces(lagrange)
     slopes = [ca.vec(ca.jacobian(lagrange.pull, x)) for x in (s.q, s.v)]
-    parts = [forces, ca.densify(ca.vertcat(*slopes, ca.vec(lagrange.mass)))]
+    bend = ca.densify(ca.vec(ca.jacobian(slopes[0], s.q)))
+    parts = [forces, ca.densify(ca.vertcat(*slopes, ca.vec(lagrange.mass))), bend]
     function = PointEvaluator(ca.Function("standing", s.all, parts))
 
     def at(times: np.ndarray) -> np.ndarray:
@@ -270,8 +276,10 @@ def check_standing(lagrange: Lagrange, q0: np.ndarray, numbers: np.ndarray, peri
     times = periods[:, None] * np.random.default_rng(1788).uniform(0, 1, (1, PLACES))
     now, later = at(times), at(times + periods[:, None])
     size = np.abs(now).max(axis=0)
-    pull, stiff = np.abs(now[:, :n]).max(initial=0.0), np.abs(now[:, n : n + n * n]).max(initial=0.0)
-    if not pull <= AT_REST * max(1.0, float(np.abs(q0).max())) * max(stiff, 1e-300):
+    pull, stiff, bent = (
+        float(np.abs(part).max(initial=0.0)) for part in (now[:, :n], now[:, n : n + n * n], now[:, -(n**3) :])
+    )
+    if not pull <= AT_REST * _length(q0, stiff, bent) * max(stiff, 1e-300):
         raise ValueError(f"q0 = {q0} does not stand still: it is driven with forces up to {pull:.3g}")
     if not np.all(np.abs(later - now) <= UNLIKE * size):
         raise ValueError(f"period: the equations about q0 = {q0} are others after {periods[0]:.6g}")

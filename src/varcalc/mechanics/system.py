@@ -268,7 +268,7 @@ class System:
         self._check_regular()
         return Hamiltonian(self._lagrange, self._numbers)
 
-    def equilibria(self, low: Sequence[float], high: Sequence[float]) -> Equilibria:
+    def equilibria(self, low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray) -> Equilibria:
         """All places between ``low`` and ``high`` (n,) at which the system can rest, and how they were searched for.
 
         In a frame that turns these are the steady motions; of a system that is driven, places that stand still at all
@@ -284,7 +284,7 @@ class System:
             raise ValueError(f"high must lie above low in every coordinate, not {high!r} and {low!r}")
         return equilibria(self._lagrange, self._held, *corners, self._numbers)
 
-    def normal_modes(self, q0: Sequence[float]) -> NormalModes:
+    def normal_modes(self, q0: Sequence[float] | np.ndarray) -> NormalModes:
         """Small motions about the equilibrium ``q0`` (n,): ``frequencies`` (angular), ``shapes``, ``stable``.
 
         Gyroscopic and dissipative forces are part of them. Raises ValueError where ``q0`` is no equilibrium, and where
@@ -297,7 +297,7 @@ class System:
         """
         return self.linearised(q0).modes()
 
-    def linearised(self, q0: Sequence[float]) -> Linearised:
+    def linearised(self, q0: Sequence[float] | np.ndarray) -> Linearised:
         """The equations of small motions about the equilibrium ``q0`` (n,), with gyroscopic and dissipative forces.
 
         Raises ValueError as :meth:`normal_modes` does.
@@ -305,7 +305,7 @@ class System:
         self._check_regular()
         return linearised(self._lagrange, self._held, _column("q0", q0, self.n), self._numbers)
 
-    def floquet(self, q0: Sequence[float], period: float) -> Floquet:
+    def floquet(self, q0: Sequence[float] | np.ndarray, period: float) -> Floquet:
         """What becomes in a ``period`` of small motions about ``q0`` (n,), where a driven system stands still.
 
         That of a closed orbit is :attr:`ClosedOrbit.floquet`. Raises ValueError where ``q0`` does not stand still,

@@ -68,7 +68,11 @@ class BifurcationChart:
 
 
 def bifurcation_chart(
-    system: System, low: Sequence[float], high: Sequence[float], name: str, between: tuple[float, float]
+    system: System,
+    low: Sequence[float] | np.ndarray,
+    high: Sequence[float] | np.ndarray,
+    name: str,
+    between: tuple[float, float],
 ) -> BifurcationChart:
     """The equilibria of a ``system`` from ``low`` to ``high`` (n,) over the parameter ``name``, ``between`` two values.
 

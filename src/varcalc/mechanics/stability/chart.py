@@ -10,26 +10,23 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.mechanics.stability.crossing import Crossing, passings
 from varcalc.mechanics.stability.surface import Surface
 from varcalc.mechanics.system import System
-from varcalc.numerics.roots import EPSILON, bracketed_newton
 
 CHECKED = 5
 """Places of a chart, in either parameter, at which the system is asked whether it stands still."""
 SAFE = 16.0
 """By how many times the error of the series multipliers may be off."""
-CORRECTIONS = 6
-"""Newton's steps by which a boundary is brought to the exact multipliers."""
-SECTIONS = 48
-"""Golden ones, by which the series is followed to where it is least."""
 
 
 @dataclass(frozen=True)
 class Boundaries:
-    """Where a multiplier passes 1 or -1: values of the parameters ``places`` (b, 2) and the ``multipliers`` (b,).
+    """Where multipliers pass 1 or -1, or meet or leave the unit circle elsewhere.
 
-    ``errors`` (b,) are what the values of the first parameter may be off. Where the motions are of period T a
-    multiplier 1 has motions that repeat themselves after T, and -1 after 2 T.
+    Values of the parameters ``places`` (b, 2), and the ``multipliers`` (b,), complex, those off the real axis by the
+    one above it; ``errors`` (b,) are what the values of the first parameter may be off. A multiplier 1 has motions
+    that repeat themselves after a period, and -1 after two.
     """
 
     places: np.ndarray
@@ -59,12 +56,13 @@ class StabilityChart:
 
     @cached_property
     def boundaries(self) -> Boundaries:
-        """Where multipliers pass 1 and -1, for each of the ``second`` values: by roots in the first parameter.
+        """Where multipliers pass 1 and -1, and leave the unit circle, for each of the ``second`` values.
 
-        det(Y ∓ 1) of the monodromy matrix Y is followed by its series; every change of its sign between neighbouring
+        These are roots in the first parameter: of det(Y ∓ 1) of the monodromy matrix Y, and, off the real axis, where
+        two of the multipliers meet (of systems that keep the symplectic form), or two that are conjugate have the
+        product 1 (of others). They are followed by their series; every change of a sign between neighbouring
         values of ``first``, and every pair of roots between which it dips through zero there, is brought to the exact
-        matrix by Newton's steps. Boundaries at which multipliers leave the circle elsewhere (of two coordinates and
-        more) are where :attr:`stable` changes and no root is.
+        matrix by Newton's steps.
         """
         return self._source.boundaries(self.first, self.second)
 
@@ -121,100 +119,17 @@ class MonodromySurface:
 
     def boundaries(self, first: np.ndarray, second: np.ndarray) -> Boundaries:
         """See :attr:`StabilityChart.boundaries`."""
-        size, found = 2 * self.system.n, []
-        values, _ = self.surface.on_grid(first, second)
-        for multiplier in (1.0, -1.0):
-            crossing = Crossing(self, size, multiplier)
-            at, rows = crossing.brackets(values, first, second)
-            at, errors = crossing.polished(at, second[rows])
-            inside = (at >= first[0]) & (at <= first[-1])
-            places = np.stack([at, second[rows], np.full(len(at), multiplier), errors], axis=1)[inside]
-            found.append(places)
-        both = np.concatenate(found)
-        both = both[np.lexsort([both[:, 0], both[:, 1]])]
-        return Boundaries(both[:, :2], both[:, 2], both[:, 3])
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """Roots in the first parameter of det(Y - multiplier), which is real."""
-
-    source: MonodromySurface
-    size: int
-    multiplier: float
-
-    def distance(self, values: np.ndarray) -> np.ndarray:
-        """det(Y - multiplier) of entries and logarithms of determinants (..., N² + 1)."""
-        matrices = values[..., :-1].reshape(*values.shape[:-1], self.size, self.size)
-        if self.size == 2:
-            return 1 + np.exp(values[..., -1]) - self.multiplier * np.trace(matrices, axis1=-2, axis2=-1)
-        return np.linalg.det(matrices - self.multiplier * np.eye(self.size))
-
-    def brackets(self, values: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Roots on the series (b,), with the numbers of their second values."""
-        level = self.distance(values)
-        low, row = np.nonzero(np.sign(level[:-1]) * np.sign(level[1:]) <= 0)
-        left, right, rows = first[low], first[low + 1], row
-        turning, row = np.nonzero(
-            (np.abs(level[1:-1]) <= np.abs(level[2:])) & (np.abs(level[1:-1]) <= np.abs(level[:-2]))
-            & (np.sign(level[:-2]) == np.sign(level[2:])) & (np.sign(level[1:-1]) == np.sign(level[2:]))
-        )  # fmt: skip
-        a, b = first[turning], first[turning + 2]
-        lowest = self._dip(a, b, second[row], np.sign(level[turning + 1, row]))
-        through = self._on_series(lowest, second[row]) * level[turning + 1, row] < 0
-        a, b, lowest, row = a[through], b[through], lowest[through], row[through]
-        left, right = np.concatenate([left, a, lowest]), np.concatenate([right, lowest, b])
-        rows = np.concatenate([rows, row, row])
-        return self._between(left, right, second[rows]), rows
-
-    def _on_series(self, at: np.ndarray, second: np.ndarray) -> np.ndarray:
-        return self.distance(self.source.surface.at(at, second))
-
-    def _dip(self, low: np.ndarray, high: np.ndarray, second: np.ndarray, sign: np.ndarray) -> np.ndarray:
-        """Where the series is least, sign included, by golden sections."""
-        share = (np.sqrt(5) - 1) / 2
-        for _ in range(SECTIONS):
-            left, right = high - share * (high - low), low + share * (high - low)
-            falls = sign * self._on_series(left, second) > sign * self._on_series(right, second)
-            low, high = np.where(falls, left, low), np.where(falls, high, right)
-        return (low + high) / 2
-
-    def _sloped(self, at: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The distance on the series and its slope in the first parameter."""
-        values, slopes = self.source.surface.at(at, second), self.source.surface.slopes(at, second)
-        if self.size == 2:
-            rate = np.exp(values[:, -1]) * slopes[:, -1] - self.multiplier * (slopes[:, 0] + slopes[:, 3])
-            return self.distance(values), rate
-        matrices, rates = (part[:, :-1].reshape(-1, self.size, self.size) for part in (values, slopes))
-        matrices = matrices - self.multiplier * np.eye(self.size)
-        unit = np.eye(self.size, dtype=bool)[:, None, None, :]  # a determinant's rate, by its columns
-        return self.distance(values), np.linalg.det(np.where(unit, rates, matrices)).sum(axis=0)
-
-    def _between(self, low: np.ndarray, high: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """Roots of the series between places (b,) at which its signs differ."""
-        falls = self._on_series(low, second) > 0
-        positive, negative = np.where(falls, low, high), np.where(falls, high, low)
-        return bracketed_newton(
-            lambda at: self._sloped(at, second), positive, negative, (low + high) / 2, relative=EPSILON
-        )[0]
-
-    def polished(self, at: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The roots of the exact matrix next to those of the series (b,), and what they may be off."""
-        step = noise = np.full(len(at), np.inf)
-        for _ in range(CORRECTIONS if len(at) else 0):
-            values = self.source.values(at, second)
-            with np.errstate(all="ignore"):
-                slope = self._sloped(at, second)[1]
-                change = -self.distance(values) / slope
-                round_off = (
-                    EPSILON * SAFE * (1 + np.abs(values[:, :-1]).max(axis=1)) ** (self.size // 2) / np.abs(slope)
-                )
-            better = np.abs(change) < np.abs(step)
-            if not np.any(better):
-                break
-            at, step = np.where(better, at + change, at), np.where(better, change, step)
-            noise = np.where(better, round_off, noise)
-        return at, 2 * np.abs(step) + noise + 4 * EPSILON * np.abs(at)
+        values, found = self.surface.on_grid(first, second)[0], []
+        conserves = self.system.lagrange.forces.is_zero()
+        for passing in passings(self.system.n, conserves=conserves):
+            crossing = Crossing(passing, self.surface, self.values)
+            at, rows = crossing.on_series(values, first, second)
+            at, errors, multipliers = crossing.exact(at, second[rows])
+            met = (at >= first[0]) & (at <= first[-1]) & np.isfinite(multipliers)
+            found.append([at[met], second[rows][met], multipliers[met], errors[met]])
+        at, other, multipliers, errors = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        order = np.lexsort([at, other])
+        return Boundaries(np.stack([at, other], axis=1)[order], multipliers[order], errors[order])
 
 
 def _largest(matrices: np.ndarray, logarithm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -232,7 +147,10 @@ def _largest(matrices: np.ndarray, logarithm: np.ndarray) -> tuple[np.ndarray, n
 
 
 def stability_chart(
-    system: System, q0: Sequence[float], period: float | Callable[[Any], Any], parameters: Mapping[str, Any]
+    system: System,
+    q0: Sequence[float] | np.ndarray,
+    period: float | Callable[[Any], Any],
+    parameters: Mapping[str, Any],
 ) -> StabilityChart:
     """Growth of small motions of a driven ``system`` about ``q0`` (n,), over one or two of its parameters.
 
