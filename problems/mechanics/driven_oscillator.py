@@ -55,7 +55,7 @@ def causality(_):
     kramers_kronig = max(abs(response.from_absorption(w)[0, 0] - known(w).real) for w in (0.0, 0.8, 2.0))
     t = np.array([-1.0, 0.5, 4.0])
     echo = np.where(t > 0, np.exp(-DAMPING * t) * np.sin(SLOWER * t) / SLOWER, 0.0)
-    below = np.abs(response.poles.imag + DAMPING).max()
+    below = np.abs(np.imag(response.poles) + DAMPING).max()
     return max(kramers_kronig, np.abs(response.impulse(t)[:, 0, 0] - echo).max(), below)
 
 

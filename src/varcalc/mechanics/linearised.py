@@ -176,7 +176,7 @@ def linearised(lagrange: Lagrange, held: Held | None, q0: np.ndarray, numbers: n
     pull = lagrange.pull if held is None else lagrange.pull + ca.mtimes(held.rows.T, multipliers)
     stiffness = ca.densify(-ca.jacobian(pull, s.q))
     matrices = [lagrange.mass, ca.densify(-ca.jacobian(pull, s.v)), stiffness]
-    bend = ca.densify(ca.jacobian(ca.vec(stiffness), s.q))
+    bend = _bend(ca.vec(stiffness), s.q)
     rate = ca.jacobian(ca.vertcat(pull, *map(ca.vec, matrices)), s.t)
     about = ca.Function("about", [*s.all, multipliers], [pull, *matrices, bend, ca.densify(rate)])
     balance, directions = _balance(lagrange, held, q0, numbers)
@@ -230,6 +230,11 @@ def _check_rest(q0: np.ndarray, pull: np.ndarray, stiffness: np.ndarray, bend: n
         raise ValueError(f"q0 = {q0} is no equilibrium: the forces left there are {pull}")
 
 
+def _bend(slopes: Expression, q: Expression) -> Expression:
+    """How much slopes change along a direction that no system prefers: of all directions it would be too long."""
+    return ca.densify(ca.jtimes(slopes, q, ca.SX(np.cos(np.arange(1.0, q.numel() + 1)))))
+
+
 def _length(q0: np.ndarray, stiff: float, bent: float) -> float:
     """Over what length the forces change at a place (n,), from their slopes and those of the slopes; at most 1."""
     largest = float(np.abs(q0).max())
@@ -265,7 +270,7 @@ def check_standing(lagrange: Lagrange, q0: np.ndarray, numbers: np.ndarray, peri
     s, n = lagrange.symbols, len(q0)
     forces = standing_forces(lagrange)
     slopes = [ca.vec(ca.jacobian(lagrange.pull, x)) for x in (s.q, s.v)]
-    bend = ca.densify(ca.vec(ca.jacobian(slopes[0], s.q)))
+    bend = _bend(slopes[0], s.q)
     parts = [forces, ca.densify(ca.vertcat(*slopes, ca.vec(lagrange.mass))), bend]
     function = PointEvaluator(ca.Function("standing", s.all, parts))
 
@@ -277,7 +282,7 @@ def check_standing(lagrange: Lagrange, q0: np.ndarray, numbers: np.ndarray, peri
     now, later = at(times), at(times + periods[:, None])
     size = np.abs(now).max(axis=0)
     pull, stiff, bent = (
-        float(np.abs(part).max(initial=0.0)) for part in (now[:, :n], now[:, n : n + n * n], now[:, -(n**3) :])
+        float(np.abs(part).max(initial=0.0)) for part in (now[:, :n], now[:, n : n + n * n], now[:, -n * n :])
     )
     if not pull <= AT_REST * _length(q0, stiff, bent) * max(stiff, 1e-300):
         raise ValueError(f"q0 = {q0} does not stand still: it is driven with forces up to {pull:.3g}")

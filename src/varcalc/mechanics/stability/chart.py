@@ -86,10 +86,15 @@ class MonodromySurface:
         return np.stack(list(columns.values()), axis=1), np.array(periods)
 
     def values(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """The entries of the matrix, and the logarithm of its determinant (m, N² + 1)."""
+        """The entries of the matrix, and the logarithm of its determinant (m, N² + 1).
+
+        Rates are those in a time that a period is 2π of, so that units do not decide what is round-off.
+        """
         numbers, periods = self.numbers(first, second)
         with_rate = np.hstack([numbers, np.zeros((len(numbers), 1))])
         matrices, logarithms = self.system.about_rest(self.q0, with_rate, periods)
+        unit = np.repeat([0, 1], self.system.n)
+        matrices *= (periods / (2 * np.pi))[:, None, None] ** (unit[:, None] - unit)
         return np.hstack([matrices.reshape(len(first), -1), logarithms[:, None]])
 
     @cached_property
@@ -109,9 +114,11 @@ class MonodromySurface:
         _, periods = self.numbers(np.repeat(first, len(second)), np.tile(second, len(first)))
         size = 2 * self.system.n
         matrices, logarithm = values[:, :, :-1].reshape(-1, size, size), values[:, :, -1].ravel()
-        largest, condition = _largest(matrices, logarithm)
+        conserves = self.system.lagrange.forces.is_zero()
+        largest, condition = _largest(matrices, logarithm, conserves=conserves)
         noise = SAFE * off[:, :, :-1].max(axis=2).ravel()
-        rounding = np.minimum(noise * condition, np.sqrt(noise)) / np.maximum(largest, 1e-300) / periods
+        rounding = np.minimum(noise * condition, np.maximum(noise, np.sqrt(noise)))
+        rounding = rounding / np.maximum(largest, 1e-300) / periods
         shape = len(first), len(second)
         with np.errstate(divide="ignore"):
             growth = np.log(largest) / periods
@@ -132,8 +139,17 @@ class MonodromySurface:
         return Boundaries(np.stack([at, other], axis=1)[order], multipliers[order], errors[order])
 
 
-def _largest(matrices: np.ndarray, logarithm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _largest(matrices: np.ndarray, logarithm: np.ndarray, *, conserves: bool) -> tuple[np.ndarray, np.ndarray]:
     """The sizes (m,) of the largest eigenvalues of matrices (m, N, N), and how many times more they are off."""
+    if matrices.shape[1] == 4 and conserves:
+        # of ρ = µ + 1/µ there are two, with the sum tr Y and the sum of squares tr Y² + 4
+        total, squares = np.trace(matrices, axis1=1, axis2=2), np.einsum("mij,mji->m", matrices, matrices)
+        root = np.sqrt((2 * squares + 8 - total**2).astype(complex))
+        half = np.stack([total + root, total - root]) / 4
+        # on the circle where half is real and at most 1: there the root has no real part, to the last digit
+        found = np.abs(half + np.sqrt(half**2 - 1))
+        on_circle = (half.imag == 0) & (np.abs(half.real) <= 1)
+        return np.where(on_circle, 1, np.maximum(found, 1 / found)).max(axis=0), np.full(len(matrices), np.inf)
     if matrices.shape[1] > 2:
         values = np.abs(np.linalg.eigvals(matrices)).max(axis=1)
         return values, np.full(len(values), np.inf)

@@ -57,7 +57,7 @@ class Real:
 class Meeting:
     """Two multipliers of a symplectic matrix meet on the unit circle, beside 1 and -1."""
 
-    def distance(self, matrices: np.ndarray, _: np.ndarray, /) -> np.ndarray:
+    def distance(self, matrices: np.ndarray, _unused: np.ndarray, /) -> np.ndarray:
         """The discriminant of ρ = µ + 1/µ, of which there are N/2: the determinant of the sums of their powers."""
         n = matrices.shape[-1] // 2
         both = matrices + np.linalg.inv(matrices)
