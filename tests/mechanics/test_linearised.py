@@ -136,3 +136,14 @@ def test_units_do_not_decide_what_rests():
     assert trap.normal_modes([0.0]).frequencies == pytest.approx([math.sqrt(1e-21 / 1e-20) / width], rel=1e-13)
     with pytest.raises(ValueError, match="no equilibrium"):
         trap.normal_modes([width / 2])
+
+
+def test_a_slow_mode_beside_a_fast_one_is_no_zero_mode():
+    # ω = 1 and 1e6, in coordinates of unlike units
+    stiff = mechanics.System(
+        lambda t, q, v: (v[0] ** 2 + 1e-10 * v[1] ** 2 - q[0] ** 2 - 1e2 * q[1] ** 2) / 2,
+        ("x", "y"),
+    )  # fmt: skip
+    modes = stiff.normal_modes([0, 0])
+    assert modes.frequencies == pytest.approx([1.0, 1e6], rel=1e-9)
+    assert (modes.stable, modes.zero_modes) == (True, 0)

@@ -18,7 +18,7 @@ from varcalc.symbolic.tracing import Expression
 AT_REST = 1e-8
 """Of the length over which the stiffness changes: how far off an equilibrium may be said to be."""
 ROUND_OFF = 1e-12
-"""Of the largest squared frequency: less is a zero mode."""
+"""Of all forces: what is twisting or resistance by rounding."""
 UNLIKE = 1e-9
 """Relative difference of equations at times that are alike."""
 STEADY = 1e-12
@@ -99,31 +99,52 @@ class Linearised:
         """The characteristic exponents λ (2m,) with det(λ² M + λ (D + G) + K) = 0, the fastest growing first."""
         return self.rate * self._spectrum.values
 
-    def _alone(self, matrix: np.ndarray, against: float) -> bool:
-        """Whether a matrix of forces is nothing beside others."""
-        return bool(np.abs(matrix).max(initial=0.0) <= ROUND_OFF * against)
+    @cached_property
+    def _own_units(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """The stiffness and the resistance (m, m) in coordinates whose inertia is 1, and times of :attr:`rate`.
+
+        None where the inertia is not positive.
+        """
+        try:
+            lower = np.linalg.cholesky((self.mass + self.mass.T) / 2)
+        except np.linalg.LinAlgError:
+            return None
+        stiffness, resistance = (
+            np.linalg.solve(lower, np.linalg.solve(lower, part).T).T for part in (self.stiffness, self.resistance)
+        )
+        return stiffness / self.rate**2, resistance / self.rate
+
+    @property
+    def _round_off(self) -> float:
+        """Of the largest squared frequency: what is less is a zero mode."""
+        return NOISE * len(self.mass)
 
     @cached_property
     def _conservative(self) -> bool:
         """Whether positive inertia and a potential are all there is."""
-        stiff, slow = float(np.abs(self.stiffness).max(initial=0.0)), float(np.abs(self.mass).max()) * self.rate
-        potential = self._alone(self.stiffness - self.stiffness.T, stiff)
-        return potential and self._alone(self.resistance, slow) and _least(self.mass) > 0
+        if self._own_units is None:
+            return False
+        stiffness, resistance = self._own_units
+        twist = np.abs(stiffness - stiffness.T).max(initial=0.0)
+        return bool(max(twist, np.abs(resistance).max(initial=0.0)) <= ROUND_OFF)
 
     @cached_property
     def _holds(self) -> bool:
         """Whether the energy is least here and nothing adds to it: then motions stay near (Lagrange and Dirichlet)."""
-        symmetric = self._alone(self.stiffness - self.stiffness.T, float(np.abs(self.stiffness).max(initial=0.0)))
-        gains = _least(self.damping) < -NOISE * float(np.abs(self.resistance).max(initial=0.0))
-        firm = _least(self.stiffness) > ROUND_OFF * float(np.abs(self.stiffness).max(initial=0.0))
-        return symmetric and firm and not gains and _least(self.mass) > 0
+        if self._own_units is None:
+            return False
+        stiffness, resistance = self._own_units
+        symmetric = np.abs(stiffness - stiffness.T).max(initial=0.0) <= ROUND_OFF
+        firm = _least(stiffness) > self._round_off * np.abs(np.linalg.eigvalsh((stiffness + stiffness.T) / 2)).max()
+        return bool(symmetric and firm and _least(resistance) >= -NOISE * np.abs(resistance).max(initial=0.0))
 
     @cached_property
     def _slack(self) -> tuple[np.ndarray, np.ndarray]:
         """Directions without stiffness, on its right and on its left, by columns."""
         m = len(self.mass)
         left, sizes, right = np.linalg.svd(self._scaled[0][m:, :m])
-        return right[sizes <= ROUND_OFF].T, left[:, sizes <= ROUND_OFF]
+        none = sizes <= self._round_off
+        return right[none].T, left[:, none]
 
     @cached_property
     def stable(self) -> bool:
@@ -146,7 +167,7 @@ class Linearised:
         zero_modes = self._slack[0].shape[1]
         if self._conservative:
             squared, shapes = scipy.linalg.eigh((self.stiffness + self.stiffness.T) / 2, self.mass)
-            squared[np.abs(squared) <= ROUND_OFF * np.abs(squared).max(initial=0.0)] = 0.0
+            squared[np.abs(squared) <= self._round_off * np.abs(squared).max(initial=0.0)] = 0.0
             frequencies, rates = np.sqrt(np.maximum(squared, 0)), np.sqrt(np.maximum(-squared, 0))
             one_way = np.concatenate([rates + 1j * frequencies, -rates - 1j * frequencies])
             exponents = one_way[np.lexsort([-np.imag(one_way), -np.real(one_way)])]

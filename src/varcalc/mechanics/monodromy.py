@@ -61,8 +61,8 @@ class Floquet:
     def symplectic(self) -> bool:
         """Whether the symplectic form is kept, as it is where all forces come from L."""
         kept = self.monodromy.T @ self.form @ self.monodromy
-        size = np.abs(self.monodromy).max() ** 2 * np.abs(self.form).max()
-        return bool(np.abs(kept - self.form).max() <= SYMPLECTIC * size)
+        sizes = np.abs(self.monodromy)
+        return bool(np.all(np.abs(kept - self.form) <= SYMPLECTIC * (sizes.T @ np.abs(self.form) @ sizes)))
 
     @cached_property
     def signatures(self) -> np.ndarray:
@@ -83,7 +83,8 @@ class Floquet:
             group, left = left[near], left[~near]
             on_them = -1j * vectors[:, group].conj().T @ self.form @ vectors[:, group]
             kinds = np.linalg.eigvalsh((on_them + on_them.conj().T) / 2)
-            sure = np.abs(kinds) > DEFINITE * np.abs(self.form).max()
+            sizes = np.abs(vectors[:, group])
+            sure = np.abs(kinds) > DEFINITE * np.max(np.sum(sizes * (np.abs(self.form) @ sizes), axis=0))
             signs[group] = np.where(sure, np.sign(kinds), 0)[::-1]
         return signs
 

@@ -28,11 +28,12 @@ class Spectrum:
 
     @classmethod
     def of(cls, matrix: np.ndarray) -> Spectrum:
-        """That of a ``matrix`` (N, N)."""
-        values, left, right = (np.asarray(part) for part in scipy.linalg.eig(matrix, left=True, right=True))
+        """That of a ``matrix`` (N, N), in units in which its rows are as large as its columns."""
+        balanced, (units, _) = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
+        values, left, right = (np.asarray(part) for part in scipy.linalg.eig(balanced, left=True, right=True))
         with np.errstate(divide="ignore"):
             conditions = 1 / np.abs(np.sum(left.conj() * right, axis=0))
-        return cls(values, right, conditions, NOISE * float(np.linalg.norm(matrix, 2)) * conditions)
+        return cls(values, units[:, None] * right, conditions, NOISE * float(np.linalg.norm(balanced, 2)) * conditions)
 
     def __getitem__(self, order: np.ndarray) -> Spectrum:
         return Spectrum(self.values[order], self.vectors[:, order], self.conditions[order], self.noise[order])
