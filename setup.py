@@ -2,4 +2,6 @@
 
 from setuptools import find_packages, setup
 
-setup(packages=[*find_packages("src"), "varcalc.problems", "varcalc.problems.mechanics", "varcalc.problems.optics"])
+FOLDERS = ["varcalc.problems", *(f"varcalc.problems.{folder}" for folder in ("figures", "mechanics", "optics"))]
+
+setup(packages=[*find_packages("src"), *FOLDERS])

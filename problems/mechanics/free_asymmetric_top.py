@@ -1,7 +1,7 @@
 """A free asymmetric top over ten periods, by Jacobi's elliptic functions, about its axes of least and greatest moment.
 
-With 2 E I1 < L² < 2 E I3, and L² > 2 E I2: ω1 ~ cn, ω2 ~ sn, ω3 ~ dn of n t, n² = (I3 - I2)(L² - 2 E I1)/(I1 I2 I3)
-and m = (I2 - I1)(2 E I3 - L²)/((I3 - I2)(L² - 2 E I1)); else I1 and I3 change places.
+Where L² > 2 E I2: ω1 ~ cn, ω2 ~ sn, ω3 ~ dn of n t, with n² = (I3 - I2)(L² - 2 E I1)/(I1 I2 I3) and
+m = (I2 - I1)(2 E I3 - L²)/((I3 - I2)(L² - 2 E I1)); else I1 and I3 change places.
 
 Source: L. D. Landau, E. M. Lifshitz, "Mechanics" (3rd ed., 1976), sect. 37; A. J. Brizard, "An Introduction to
 Lagrangian Mechanics" (2nd ed., 2015), sect. 7.2.3.

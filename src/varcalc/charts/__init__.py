@@ -6,6 +6,7 @@ of matplotlib is changed.
 """
 
 from varcalc.charts.comparison import comparison_picture
+from varcalc.charts.drawing import drawing_picture
 from varcalc.charts.motion import motion_picture
 from varcalc.charts.rays import range_picture, rays_picture
 from varcalc.charts.spread import work_precision_picture
@@ -15,6 +16,7 @@ __all__ = [
     "claims_picture",
     "cold_picture",
     "comparison_picture",
+    "drawing_picture",
     "motion_picture",
     "range_picture",
     "rays_picture",

@@ -1,4 +1,4 @@
-"""The command line: ``varcalc list``, ``run``, ``chart``, ``sweep``, ``trace`` and ``move``.
+"""The command line: ``varcalc list``, ``run``, ``chart``, ``sweep``, ``trace``, ``move`` and ``figure``.
 
 What a command needs is imported when it runs, so that help and the list come at once.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import click
 
+from varcalc.cli.figures import figure
 from varcalc.cli.measuring import chart, sweep
 from varcalc.cli.moving import move
 from varcalc.cli.problems import list_, run
@@ -19,5 +20,5 @@ def main() -> None:
     """The calculus of variations as a solver: extremals by independent routes, with honest errors."""
 
 
-for command in (list_, run, chart, sweep, trace, move):
+for command in (list_, run, chart, sweep, trace, move, figure):
     main.add_command(command)

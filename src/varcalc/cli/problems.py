@@ -31,15 +31,18 @@ if TYPE_CHECKING:
 @click.argument("name", required=False)
 @click.option("--scenes", is_flag=True, help="List the scenes of ray optics instead, for `varcalc trace`.")
 @click.option("--systems", is_flag=True, help="Move every system of mechanics, and list the largest error of each.")
-def list_(name: str | None, scenes: bool, systems: bool) -> None:
+@click.option("--figures", is_flag=True, help="List the figures of the literature, for `varcalc figure`.")
+def list_(name: str | None, scenes: bool, systems: bool, figures: bool) -> None:
     """List the reference problems, or the cases of problem NAME."""
+    from varcalc.study.figures import figure_catalogue
     from varcalc.study.reference import catalogue
     from varcalc.study.scenes import scene_catalogue
 
-    if scenes + systems + (name is not None) > 1:
-        raise click.UsageError("--scenes and --systems list what has no cases; give one of them, or NAME")
+    if scenes + systems + figures + (name is not None) > 1:
+        raise click.UsageError("--scenes, --systems and --figures list what has no cases; give one of them, or NAME")
     if name is None:
-        entries = scene_catalogue() if scenes else _systems() if systems else catalogue()
+        lists = ((scenes, scene_catalogue), (systems, _systems), (figures, figure_catalogue), (True, catalogue))
+        entries = next(listed for asked, listed in lists if asked)()
     else:
         entries = {reference.name: reference.statement.partition("\n")[0] for reference in loaded(name)}
     indent = max(map(len, entries), default=0) + 2
@@ -53,6 +56,7 @@ def list_(name: str | None, scenes: bool, systems: bool) -> None:
     if name is None and sys.stdout.isatty():
         way = "run NAME solves one; varcalc list NAME shows its cases."
         way = "trace NAME traces one." if scenes else "move NAME moves one." if systems else way
+        way = "figure NUMBER draws one." if figures else way
         click.echo(f"\nvarcalc {way}")
 
 

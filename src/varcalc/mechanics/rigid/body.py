@@ -102,7 +102,10 @@ class RigidBody:
         return cls(inertia.about(pivot), potential=lambda t, R: -ca.dot(weight, ca.mtimes(R, ca.DM(arm))), name=name)
 
     def motion(
-        self, orientation: EulerAngles | Sequence[float], angular_velocity: Sequence[float], span: tuple[float, float]
+        self,
+        orientation: EulerAngles | Sequence[float] | np.ndarray,
+        angular_velocity: Sequence[float] | np.ndarray,
+        span: tuple[float, float],
     ) -> RigidMotion:
         """The motion from an ``orientation`` and an ``angular_velocity`` (3,) over the times ``span``.
 
@@ -129,7 +132,7 @@ class RigidBody:
             self._measured,
         )  # fmt: skip
 
-    def cones(self, angular_velocity: Sequence[float]) -> Cones:
+    def cones(self, angular_velocity: Sequence[float] | np.ndarray) -> Cones:
         """Body cone and space cone of a symmetric body that turns freely with an ``angular_velocity`` (3,).
 
         >>> RigidBody([1.0, 1.0, 2.0]).cones([0.0, 3.0, 4.0]).body_frequency
@@ -137,7 +140,7 @@ class RigidBody:
         """
         return cones(self.principal, oriented((1.0, 0.0, 0.0, 0.0), angular_velocity)[1])
 
-    def polhode(self, angular_velocity: Sequence[float]) -> Polhode:
+    def polhode(self, angular_velocity: Sequence[float] | np.ndarray) -> Polhode:
         """The way of an ``angular_velocity`` (3,) seen from the body, where that turns freely, and its period."""
         return polhode(self.principal, oriented((1.0, 0.0, 0.0, 0.0), angular_velocity)[1])
 
@@ -206,7 +209,7 @@ def _tensor(inertia: Inertia | Any) -> np.ndarray:
 
 
 def oriented(
-    orientation: EulerAngles | Sequence[float], angular_velocity: Sequence[float]
+    orientation: EulerAngles | Sequence[float] | np.ndarray, angular_velocity: Sequence[float] | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """A quaternion (4,) of length 1 and an angular velocity (3,), or a ValueError that says what is wrong."""
     given = orientation.quaternion if isinstance(orientation, EulerAngles) else orientation

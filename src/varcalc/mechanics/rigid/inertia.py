@@ -173,7 +173,7 @@ class Inertia:
             raise ValueError(f"corners must be four points (4, 3), not {corners!r}")
         return cls.points([m / 20] * 4 + [4 * m / 5], [*r, r.mean(axis=0)])
 
-    def moved(self, displacement: Sequence[float]) -> Inertia:
+    def moved(self, displacement: Sequence[float] | np.ndarray) -> Inertia:
         """The same elsewhere."""
         return Inertia(self.mass, self.centre + _vector("displacement", displacement), self.tensor)
 
@@ -200,12 +200,12 @@ class Inertia:
         centre = self.centre + sign * other.mass / mass * apart
         return Inertia(mass, centre, self.tensor + sign * other.tensor + _spread(reduced, apart[None]))
 
-    def about(self, point: Sequence[float]) -> np.ndarray:
+    def about(self, point: Sequence[float] | np.ndarray) -> np.ndarray:
         """The tensor (3, 3) about a ``point``: parallel axes, J = I + M (d² 1 - d d) (Brizard, eq. 7.8)."""
         away = self.centre - _vector("point", point)
         return self.tensor + _spread(np.array([self.mass]), away[None])
 
-    def moment(self, axis: Sequence[float], point: Sequence[float] | None = None) -> float:
+    def moment(self, axis: Sequence[float] | np.ndarray, point: Sequence[float] | np.ndarray | None = None) -> float:
         """The moment about an ``axis`` (3,), of any length, through a ``point``: the centre of mass unless given."""
         n = _vector("axis", axis)
         if not np.any(n):

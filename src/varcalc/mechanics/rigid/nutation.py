@@ -73,7 +73,7 @@ def nutation(start: TopStart, momenta: tuple[float, float], energy: float) -> Nu
     limits = max(float(low.x[0]), -start.below), min(float(high.x[0]), start.above)
     ends = [(start.below + x, start.above - x) for x in limits]
     if start.asymptotic:
-        return _found(NutationCase.ASYMPTOTIC, ends, (math.inf,) * 3, momenta, energy)
+        return _found(NutationCase.ASYMPTOTIC, ends, (math.inf, math.inf, math.inf), momenta, energy)
     across, upwards = limits[1] - limits[0], ends[1][1] < ends[0][0]
     if min(ends[0][0], ends[1][1]) < NEXT_TO * across:
         near, half = _next_to_pole(start.upside_down if upwards else start, across)

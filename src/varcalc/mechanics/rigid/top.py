@@ -95,12 +95,17 @@ class Top:
         )
 
     def motion(
-        self, orientation: EulerAngles | Sequence[float], angular_velocity: Sequence[float], span: tuple[float, float]
+        self,
+        orientation: EulerAngles | Sequence[float] | np.ndarray,
+        angular_velocity: Sequence[float] | np.ndarray,
+        span: tuple[float, float],
     ) -> RigidMotion:
         """The motion of the :attr:`body`: see :meth:`RigidBody.motion`."""
         return self.body.motion(orientation, angular_velocity, span)
 
-    def nutation(self, orientation: EulerAngles | Sequence[float], angular_velocity: Sequence[float]) -> Nutation:
+    def nutation(
+        self, orientation: EulerAngles | Sequence[float] | np.ndarray, angular_velocity: Sequence[float] | np.ndarray
+    ) -> Nutation:
         """The limits of θ, their case, and what φ and ψ advance by in a period; the arguments are those of a motion."""
         q, omega = oriented(orientation, angular_velocity)
         R = np.array(entries(q))

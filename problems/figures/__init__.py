@@ -1,0 +1,1 @@
+"""Figures of the literature drawn anew, one file each: `varcalc figure NUMBER`."""
