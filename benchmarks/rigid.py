@@ -1,4 +1,4 @@
-"""Free rigid bodies over long times: what they keep, and what a period costs. `python benchmarks/rigid.py [PERIODS]`."""
+"""Free rigid bodies over long times: what they keep, and what it costs. `python benchmarks/rigid.py [PERIODS]`."""
 
 import sys
 import time

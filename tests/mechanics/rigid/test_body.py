@@ -61,11 +61,11 @@ def test_a_free_asymmetric_body_follows_jacobis_functions_over_ten_periods(momen
 
 def test_momentum_and_energy_are_kept_and_the_quaternion_stays_one():
     _, period = jacobi((1.0, 2.0, 3.0), 0.3, 1.0)
-    motion = RigidBody([1.0, 2.0, 3.0]).motion(UPRIGHT, [0.3, 0.0, 1.0], (0, 1000 * period))
+    motion = RigidBody([1.0, 2.0, 3.0]).motion(UPRIGHT, [0.3, 0.0, 1.0], (0, 400 * period))
     assert motion.completed
     assert {motion.drift[name] for name in ("L_x", "L_y", "L_z")} == {0.0}
     assert motion.drift["energy"] <= 1e-13 * motion.energy(0.0)
-    raw = motion.states(np.linspace(0, 1000 * period, 40))[:, :4]
+    raw = motion.states(np.linspace(0, 400 * period, 40))[:, :4]
     np.testing.assert_allclose(np.linalg.norm(raw, axis=1), 1, rtol=1e-15)
     turned = motion.rotation(777.7) @ (np.array([1.0, 2.0, 3.0]) * motion.angular_velocity(777.7))
     np.testing.assert_allclose(turned, [0.3, 0.0, 3.0], atol=1e-14)

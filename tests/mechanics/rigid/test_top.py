@@ -166,6 +166,25 @@ def test_swings_in_a_plane_and_through_the_vertical():
     assert through.case is NutationCase.MONOTONE
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_limits_and_periods_whatever_the_units_and_the_start(seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(12):
+        inertia, scale = 10 ** rng.uniform(-3, 3), 10 ** rng.uniform(-1.5, 1.5)
+        top = Top(inertia, inertia * rng.uniform(0.01, 2), inertia * scale**2 * rng.choice([-1.0, 1.0]))
+        theta = rng.choice([rng.uniform(0, math.pi), 10 ** rng.uniform(-9, 0), math.pi - 10 ** rng.uniform(-9, 0)])
+        rates = scale * rng.choice([0.0, 1.0, -1.0], 3) * 10 ** rng.uniform(-4, 2, 3)
+        start = EulerAngles(rng.uniform(-3, 3), theta, rng.uniform(-3, 3))
+        found = top.nutation(start, start.angular_velocity(rates))
+        first, second, third = roots(top, start, rates.tolist())
+        low, high, far = (first, second, third) if top.Mgh > 0 else (third, second, first)
+        with mp.workdps(50):
+            m, n = (high - low) / (far - low), mp.sqrt(2 * mp.mpf(top.Mgh) / mp.mpf(top.I1) * (far - low)) / 2
+            period = float(2 * mp.ellipk(m) / n)
+        np.testing.assert_allclose(found.u, sorted([float(low), float(high)]), rtol=0, atol=1e-14)
+        assert found.period == pytest.approx(period, rel=1e-13 + 4 * EPS / float(1 - m))
+
+
 def test_a_free_top_goes_round_its_momentum():
     top, start = Top(1.0, 0.5, 0.0), EulerAngles(0.0, 1.0, 0.4)
     omega = start.angular_velocity([0.2, 0.3, 1.0])
@@ -185,7 +204,7 @@ def test_regular_precession(theta, count):
     assert len(found) == count
     for rate in found:
         assert math.cos(theta) * rate**2 - 0.5 * spin * rate + 1.0 == pytest.approx(0, abs=1e-14 * max(1, rate**2))
-        start = EulerAngles(0.0, theta, 0.0)
+        start = EulerAngles(1.9, theta, 0.7)
         omega = start.angular_velocity([rate, 0.0, spin - rate * math.cos(theta)])
         nutation = top.nutation(start, omega)
         assert nutation.case is NutationCase.STEADY

@@ -75,14 +75,15 @@ def nutation(start: TopStart, momenta: tuple[float, float], energy: float) -> Nu
     if start.asymptotic:
         return _found(NutationCase.ASYMPTOTIC, ends, (math.inf, math.inf, math.inf), momenta, energy)
     across, upwards = limits[1] - limits[0], ends[1][1] < ends[0][0]
-    if min(ends[0][0], ends[1][1]) < NEXT_TO * across:
+    case = _case(start, *limits)
+    if case is not NutationCase.PLANE and min(ends[0][0], ends[1][1]) < NEXT_TO * across:
         near, half = _next_to_pole(start.upside_down if upwards else start, across)
         ends[upwards] = (2 - near, near) if upwards else (near, 2 - near)
     else:
         [(_, way, _)] = ways(potential, at, np.array([start.w]), low, high)
         half = _half_period(way)
     period, precession, spin = (2 * half).tolist()
-    return _found(_case(start, *limits), ends, (period, precession, spin), momenta, energy)
+    return _found(case, ends, (period, precession, spin), momenta, energy)
 
 
 def _next_to_pole(start: TopStart, across: float) -> tuple[float, np.ndarray]:

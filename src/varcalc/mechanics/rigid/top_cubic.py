@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from varcalc.numerics.one_coordinate.motions import MotionPoint
-from varcalc.numerics.one_coordinate.potential import Potential
+from varcalc.numerics.one_coordinate.potential import Potential, PotentialValues
 
 SAME = 32 * float(np.finfo(float).eps)
 """Of the terms of a sum: one that is less is round-off."""
@@ -56,7 +56,7 @@ class TopStart:
         tilted = above > 0 and below > 0
         first, second = (2 * (x * z - w * y), 2 * (y * z + w * x)) if tilted else (0.0, 0.0)  # the vertical, across e3
         return cls(
-            above, below, first * across - second * along, first * along + second * across,
+            above, below, total(first * across, -second * along), total(first * along, second * across),
             along**2 + across**2, I3 * omega3 / I1, 2 * Mgh / I1, omega3,
         )  # fmt: skip
 
@@ -155,6 +155,10 @@ class TopCubic(Potential):
         b, c, d = self.coefficients
         slope = b + base * (2 * c + 3 * d * base)
         return x * (slope + x * (c + d * (3 * base + x))), x * (2 * c + 3 * d * (2 * base + x))
+
+    def moved(self, base: np.ndarray, x: np.ndarray, start: tuple[np.ndarray, np.ndarray]) -> PotentialValues:  # noqa: ARG002
+        """See :meth:`Potential.moved`: where terms cancel, differences of values are round-off, and changes are not."""
+        return PotentialValues(*self.at(base + x), *self.changes(base, x))
 
     def weighted(self, point: MotionPoint) -> tuple[np.ndarray, ...]:
         """The rates of φ and ψ; see :meth:`Potential.weighted`."""
