@@ -23,6 +23,11 @@ from varcalc.mechanics.rigid.motion import RigidMotion
 from varcalc.mechanics.rigid.nutation import Nutation, NutationCase
 from varcalc.mechanics.rigid.rotations import EulerAngles, quaternion_of, rotation_matrix
 from varcalc.mechanics.rigid.top import Top
+from varcalc.mechanics.scattering.branches import Rainbow
+from varcalc.mechanics.scattering.collision import Collision
+from varcalc.mechanics.scattering.deflection import Deflections, Orbiting, ScatteringOutcome
+from varcalc.mechanics.scattering.inversion import firsov
+from varcalc.mechanics.scattering.scattering import Glory, Scattering
 from varcalc.mechanics.stability.branches import (
     Bifurcation,
     BifurcationChart,
@@ -45,7 +50,9 @@ __all__ = [
     "Boundaries",
     "ClosedOrbit",
     "ClosedOrbits",
+    "Collision",
     "Cones",
+    "Deflections",
     "Ensemble",
     "Equilibria",
     "EquilibriumBranch",
@@ -56,6 +63,7 @@ __all__ = [
     "Experiment",
     "Flights",
     "Floquet",
+    "Glory",
     "Hamiltonian",
     "Happening",
     "Holonomic",
@@ -66,16 +74,20 @@ __all__ = [
     "NormalModes",
     "Nutation",
     "NutationCase",
+    "Orbiting",
     "Passages",
     "Pfaffian",
     "Polhode",
     "PolhodeKind",
     "Principal",
+    "Rainbow",
     "Repeats",
     "Response",
     "Returns",
     "RigidBody",
     "RigidMotion",
+    "Scattering",
+    "ScatteringOutcome",
     "Section",
     "StabilityChart",
     "SteadyRotation",
@@ -87,6 +99,7 @@ __all__ = [
     "averaged",
     "bifurcation_chart",
     "charged",
+    "firsov",
     "poisson",
     "principal",
     "quaternion_of",

@@ -53,6 +53,22 @@ class CoordinateMotion(ABC):
         """In q; infinite where the motion is not periodic."""
         return np.inf
 
+    @property
+    def stops(self) -> np.ndarray:
+        """See :attr:`Potential.stops`."""
+        return self.potential.stops
+
+    @property
+    def gentle(self) -> np.ndarray:
+        """See :attr:`Potential.gentle`."""
+        return self.potential.gentle
+
+    def integrands(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The places u (m, k) at ``q`` (m, k), and dτ/dq, times what the potential weights it with, and by C."""
+        at = self.at(q)
+        weighted = (at.rate * weight for weight in self.potential.weighted(at))
+        return at.u, np.stack([at.rate, *weighted, at.rate_by_c])
+
     def take(self, rows: np.ndarray) -> Self:
         """The motions of ``rows``."""
         arrays = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "potential"}

@@ -8,12 +8,12 @@ are the integrands.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol, Self
 
 import numpy as np
 
 from varcalc.numerics.mesh import gauss
-from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionPoint
-from varcalc.numerics.one_coordinate.potential import Potential
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion
 
 NODES, WEIGHTS = gauss(16)
 AGREED = 1e-13
@@ -32,44 +32,68 @@ TAU, BY_C = 0, -1
 """The columns of the integrals: τ first, then what :meth:`Potential.weighted` says, the derivative of τ by C last."""
 
 
-def integrands(way: CoordinateMotion, q: np.ndarray) -> np.ndarray:
-    """Shape (columns, m, k) at the parameters ``q`` (m, k)."""
-    return _integrands(way.potential, way.at(q))
+class Integrable(Protocol):
+    """What :func:`integrals` is taken along: m ways, each a curve in a parameter q on which nothing is singular."""
+
+    @property
+    def stops(self) -> np.ndarray:
+        """Places (k,), ascending, over which no panel goes."""
+        ...
+
+    @property
+    def gentle(self) -> np.ndarray:
+        """Places (k,), ascending, between which the integrands vary gently."""
+        ...
+
+    def take(self, rows: np.ndarray) -> Self:
+        """The ways of ``rows``."""
+        ...
+
+    def height(self, u: np.ndarray) -> np.ndarray:
+        """The least parameter (m, k), not negative, at the places ``u`` (k,); not a number where a way passes none."""
+        ...
+
+    def integrands(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The places (m, k) at parameters ``q`` (m, k), and what is integrated over them (columns, m, k).
+
+        The last column is a derivative: as smooth as the others, it may add up to nothing but round-off.
+        """
+        ...
 
 
-def _integrands(potential: Potential, at: MotionPoint) -> np.ndarray:
-    return np.stack([at.rate, *(at.rate * weight for weight in potential.weighted(at)), at.rate_by_c])
+def _panel(way: Integrable, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss's rule for the integrals (columns, m) from ``low`` to ``high`` (m,), and for those of the sizes.
 
-
-def _panel(way: CoordinateMotion, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss's rule for the integrals (columns, m) from ``low`` to ``high`` (m,), and whether its points tell all."""
-    half, potential = (high - low) / 2, way.potential
-    at = way.at(((low + high) / 2)[:, None] + half[:, None] * NODES)
+    With them, whether its points tell all (m,).
+    """
+    half = (high - low) / 2
+    places, values = way.integrands(((low + high) / 2)[:, None] + half[:, None] * NODES)
     told = np.ones(len(low), bool)
-    if len(potential.gentle):
-        passed = np.searchsorted(potential.gentle, at.u)
+    if len(way.gentle):
+        passed = np.searchsorted(way.gentle, places)
         told = np.all(np.abs(np.diff(passed, axis=1)) <= 1, axis=1)
-    return half * (_integrands(potential, at) @ WEIGHTS), told
+    return half * (values @ WEIGHTS), np.abs(half) * (np.abs(values) @ WEIGHTS), told
 
 
 def integrals(
-    way: CoordinateMotion, low: np.ndarray, high: np.ndarray, known: np.ndarray | float = 0.0, halvings: int = HALVINGS,
+    way: Integrable, low: np.ndarray, high: np.ndarray, known: np.ndarray | float = 0.0, halvings: int = HALVINGS,
     agreed: np.ndarray | float = AGREED,
 ) -> np.ndarray:  # fmt: skip
     """The integrals (m, columns) from ``low`` to ``high`` (m,); not numbers where they are not resolved.
 
-    They are to be added to what is ``known`` (m, columns), to whose digits they are resolved. Panels must agree with
-    their halves to ``agreed`` (m,), where integrands have fewer digits than most.
+    They are to be added to what is ``known`` (m, columns), to whose digits they are resolved, and to those of the
+    integral of the size, where integrands change sign. Panels must agree with their halves to ``agreed`` (m,), where
+    integrands have fewer digits than most.
     """
     with np.errstate(all="ignore"):
         rows, left, right = _cut(way, low, high)
         agreed = np.broadcast_to(agreed, np.shape(low))
-        whole, _ = _panel(way.take(rows), left, right)
+        whole, sizes, _ = _panel(way.take(rows), left, right)
         total = np.zeros((len(whole), len(low)))
-        size = np.abs(_by_row(rows, whole, total)) + np.abs(np.transpose(known)) + np.finfo(float).tiny
+        size = _by_row(rows, sizes, total) + np.abs(np.transpose(known)) + np.finfo(float).tiny
         for _ in range(halvings):
             part, middle = way.take(rows), (left + right) / 2
-            (first, told), (second, told_too) = _panel(part, left, middle), _panel(part, middle, right)
+            (first, _, told), (second, _, told_too) = _panel(part, left, middle), _panel(part, middle, right)
             wrong = np.abs(first + second - whole)
             # the derivative by C may add up to nothing but round-off; it is as smooth as the rate itself
             fine = np.all((wrong <= agreed[rows] * size[:, rows])[:BY_C], axis=0) & told & told_too
@@ -78,7 +102,7 @@ def integrals(
             total[:, rows[~fine & ~rest]] = np.nan
             if not np.any(rest):
                 return total.T
-            if np.count_nonzero(rest) > MOST_PANELS * (len(low) + len(way.potential.stops)):
+            if np.count_nonzero(rest) > MOST_PANELS * (len(low) + len(way.stops)):
                 rows = rows[rest]
                 break
             rows = np.tile(rows[rest], 2)
@@ -93,9 +117,9 @@ def _by_row(rows: np.ndarray, parts: np.ndarray, total: np.ndarray) -> np.ndarra
     return total + np.stack([np.bincount(rows, part, minlength=total.shape[1]) for part in parts])
 
 
-def _cut(way: CoordinateMotion, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _cut(way: Integrable, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Panels from ``low`` to ``high`` (m,), cut where the motions pass stops: rows, left and right ends."""
-    stops, every = way.potential.stops, np.arange(len(low))
+    stops, every = way.stops, np.arange(len(low))
     if len(stops) == 0:
         return every, low, high
     there = way.height(stops)
@@ -173,7 +197,7 @@ def _periods(way: CoordinateMotion, targets: np.ndarray) -> np.ndarray:
 def _first_steps(way: CoordinateMotion, last: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """A first guess (m,) of how far in q the targets lie, and the whole way where there are none."""
     with np.errstate(all="ignore"):
-        rates = integrands(way, way.start[:, None])[:BY_C, :, 0].T
+        rates = way.integrands(way.start[:, None])[1][:BY_C, :, 0].T
         guess = np.min(wanted / rates, axis=1)
     whole = np.minimum(last - way.start, way.period)
     return np.where(np.isfinite(guess) & (guess > 0), np.minimum(guess, whole), np.minimum(whole, 1e300))
@@ -190,7 +214,7 @@ def _closed_in(
             break
         part, here = way.take(going), q[going]
         with np.errstate(all="ignore"):
-            rates = integrands(part, here[:, None])[:BY_C, :, 0].T
+            rates = part.integrands(here[:, None])[1][:BY_C, :, 0].T
             step = np.min((wanted[going] - sums[going, :BY_C]) / rates, axis=1)
         scale = 4 * np.finfo(float).eps * np.maximum(np.abs(here), np.abs(way.start[going]))
         new = here + step
