@@ -16,6 +16,10 @@ from varcalc.mechanics.monodromy import Floquet
 from varcalc.mechanics.motion import Ensemble, Event, Happening, Motion
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns
 from varcalc.mechanics.passages import Passages
+from varcalc.mechanics.reduced.inverse import force_of_orbit, well_width
+from varcalc.mechanics.reduced.orbits import End, ReducedOrbit
+from varcalc.mechanics.reduced.reduced import ReducedMotion
+from varcalc.mechanics.reduced.rests import Rest
 from varcalc.mechanics.rigid.body import RigidBody
 from varcalc.mechanics.rigid.free import Cones, Polhode, PolhodeKind, SteadyRotation
 from varcalc.mechanics.rigid.inertia import Inertia, Principal, TopKind, principal
@@ -53,6 +57,7 @@ __all__ = [
     "Collision",
     "Cones",
     "Deflections",
+    "End",
     "Ensemble",
     "Equilibria",
     "EquilibriumBranch",
@@ -81,8 +86,11 @@ __all__ = [
     "PolhodeKind",
     "Principal",
     "Rainbow",
+    "ReducedMotion",
+    "ReducedOrbit",
     "Repeats",
     "Response",
+    "Rest",
     "Returns",
     "RigidBody",
     "RigidMotion",
@@ -100,10 +108,12 @@ __all__ = [
     "bifurcation_chart",
     "charged",
     "firsov",
+    "force_of_orbit",
     "poisson",
     "principal",
     "quaternion_of",
     "rotating",
     "rotation_matrix",
     "stability_chart",
+    "well_width",
 ]

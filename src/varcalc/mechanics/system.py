@@ -24,6 +24,8 @@ from varcalc.mechanics.monodromy import Floquet, Monodromy, MonodromyAtRest
 from varcalc.mechanics.motion import Ensemble, Event, Motion, carried, happenings
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns
 from varcalc.mechanics.passages import Passages, passages
+from varcalc.mechanics.reduced.reduced import ReducedMotion
+from varcalc.mechanics.reduced.routh import OneCoordinate, routh
 from varcalc.mechanics.symmetries import Symmetry, noether
 from varcalc.problem.conditions import Fixed, Holonomic
 from varcalc.problem.problem import Problem
@@ -365,24 +367,41 @@ class System:
         wrong = [name for name in momenta if name not in self.ignorable]
         if wrong or not momenta or len(momenta) == self.n:
             raise ValueError(f"momenta must name some of the ignorable coordinates {self.ignorable}, not {wrong}")
-        s, one = self._lagrange.symbols, self._lagrange
+        s = self._lagrange.symbols
         gone = [self.coordinates.index(name) for name in momenta]
         left = [k for k in range(self.n) if k not in gone]
-        rates = s.v[gone]
-        inertia = one.mass[gone, gone]
-        if ca.depends_on(inertia, rates):
-            raise ValueError("L must be of second degree in the rates of ignorable coordinates to be reduced")
-        rest = ca.substitute(one.momenta[gone], rates, ca.SX.zeros(len(gone)))
-        values = ca.SX(list(momenta.values()))
-        found = ca.solve(inertia, values - rest)
-        reduced = ca.substitute(one.value - ca.dot(values, rates), rates, found)
-        free_q, free_v = s.q[left], s.v[left]
-        reduced = ca.substitute(reduced, s.q[gone], ca.SX.zeros(len(gone)))
-        lagrangian = s.function(reduced, s.t, free_q, free_v)
+        value, _ = routh(self._lagrange, gone, list(momenta.values()))
+        lagrangian = s.function(value, s.t, s.q[left], s.v[left])
         return System(
             lagrangian, [self.coordinates[k] for k in left], parameters=self.parameters,
             units=[self.units[k] for k in left], time_unit=self.time_unit, name=self.name,
         )  # fmt: skip
+
+    def reduced(self, momenta: Mapping[str, float] | None = None) -> ReducedMotion:
+        """The motions in the one coordinate that is left where the ``momenta`` of all ignorable others are given.
+
+        Turning points, periods, angles, separatrices and circular orbits, by quadrature; nothing is moved. Raises
+        ValueError where more or fewer coordinates are left, for coordinates that are not ignorable, and where L knows
+        the time, has forces or constraints, or is not of second degree in the rates.
+
+        >>> kepler = System(lambda t, q, v: (v[0]**2 + q[0]**2 * v[1]**2) / 2 + 1 / q[0], ("r", "phi"))
+        >>> [ellipse] = kepler.reduced({"phi": 0.8}).orbits(-0.5)
+        >>> bool(abs(ellipse.period - 2 * np.pi) < 1e-14), bool(abs(ellipse.precession["phi"]) < 1e-14)
+        (True, True)
+        """
+        given = dict(momenta or {})
+        wrong = [name for name in given if name not in self.ignorable]
+        if wrong:
+            raise ValueError(f"momenta must name ignorable coordinates, which are {self.ignorable}, not {wrong}")
+        left = [name for name in self.coordinates if name not in given]
+        if len(left) != 1:
+            raise ValueError(f"momenta must leave one coordinate, not {left}: give those of all that are ignorable")
+        if self._held is not None or "energy" not in self._kept:
+            raise ValueError("L must keep its energy to be reduced: without the time, forces and constraints")
+        self._check_regular()
+        numbers = [_number(f"momenta[{name!r}]", value) for name, value in given.items()]
+        one = OneCoordinate.of(self._lagrange, [self.coordinates.index(k) for k in given], numbers, self._numbers)
+        return ReducedMotion(one, left[0], tuple(given))
 
     def between(self, q0: Sequence[float], q1: Sequence[float], duration: float) -> Problem:
         """The action of motions from ``q0`` to ``q1`` (n,) in the time ``duration``: a problem to solve and verify."""

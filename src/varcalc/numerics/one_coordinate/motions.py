@@ -23,6 +23,8 @@ ROUNDED = 64 * float(np.finfo(float).eps)
 """Of a height: by how much more a turning point is not off."""
 KNOWN = 1e-2
 """Of the change of g over a height: what is left of it has so many digits more than the height."""
+LEVEL = 1e-3
+"""Of what g would have come to by its slope: where g and C are both less, g - C is told from themselves."""
 TOGETHER = 2048
 """Motions looked at together; bounds the memory."""
 
@@ -94,12 +96,15 @@ class NoTurn(CoordinateMotion):
     u0: np.ndarray
     squared: np.ndarray
     sign: np.ndarray
+    C: np.ndarray
 
     def at(self, q: np.ndarray) -> MotionPoint:
         """See :meth:`CoordinateMotion.at`."""
         sign = self.sign[:, None]
         values = self.potential(self.u0[:, None], sign * q)
-        speed = np.sqrt(self.squared[:, None] + values.gain)
+        squared, C = self.squared[:, None], self.C[:, None]
+        level = np.abs(values.g) + np.abs(C) < LEVEL * squared
+        speed = np.sqrt(np.where(level, values.g - C, squared + values.gain))
         nothing = np.zeros_like(q)
         return MotionPoint(
             self.u0[:, None] + sign * q, sign * speed, 1 / speed, values.g, values.slope,
@@ -126,6 +131,7 @@ class OneTurn(CoordinateMotion):
     rest: np.ndarray
     offset: np.ndarray
     sign: np.ndarray
+    C: np.ndarray
 
     def at(self, q: np.ndarray) -> MotionPoint:
         """See :meth:`CoordinateMotion.at`."""
@@ -133,7 +139,9 @@ class OneTurn(CoordinateMotion):
         squared = q**2
         start, rest = self.potential.at(turn), self.rest[:, None]
         values, steep = self.potential.moved(turn, sign * squared, start), start[1]
-        gain = values.gain + rest * values.bend
+        C = self.C[:, None]
+        level = np.abs(values.g) + np.abs(C) < LEVEL * squared * np.abs(steep)
+        gain = np.where(level, values.g - C, values.gain + rest * values.bend)
         mean = np.where(squared > 0, gain / np.where(squared > 0, squared, 1.0), sign * steep)
         bend = np.where(squared > 0, values.bend / np.where(squared > 0, squared, 1.0), 0.0)
         by_c = bend / steep
@@ -298,7 +306,7 @@ def ways(
     potential: Potential, u0: np.ndarray, w0: np.ndarray, below: MotionBounds, above: MotionBounds
 ) -> list[tuple[np.ndarray, CoordinateMotion, np.ndarray]]:
     """The motions by kind: rows, way, and the last parameter (of the rows) on it; those that stay at rest are none."""
-    out = []
+    out, C = [], potential.at(u0)[0] - w0**2
     rests = (w0 == 0) & (potential.at(u0)[1] == 0)
     both = below.turning & above.turning & ~rests
     rows = np.flatnonzero(both & (above.x > below.x))
@@ -315,11 +323,11 @@ def ways(
             offset = -here.x[rows]
             start = sign * np.where(w0[rows] < 0, -1.0, 1.0) * np.sqrt(np.abs(offset))
             turn, rest = _turn(potential, u0[rows], w0[rows], -offset)
-            way = OneTurn(potential, start, turn, rest, offset, np.full(len(rows), float(sign)))
+            way = OneTurn(potential, start, turn, rest, offset, np.full(len(rows), float(sign)), C[rows])
             out.append((rows, way, way.reaching(other.x[rows])))
     rows = np.flatnonzero(~below.turning & ~above.turning & (w0 != 0))
     if len(rows):
         sign = np.where(w0[rows] < 0, -1.0, 1.0)
-        way = NoTurn(potential, np.zeros(len(rows)), u0[rows], w0[rows] ** 2, sign)
+        way = NoTurn(potential, np.zeros(len(rows)), u0[rows], w0[rows] ** 2, sign, C[rows])
         out.append((rows, way, way.reaching(np.where(sign > 0, above.x[rows], below.x[rows]))))
     return out

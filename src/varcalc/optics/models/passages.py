@@ -154,7 +154,7 @@ class RayPassages:
                 sides = [bounds(self.profile, self.nodes, u, w, c**2, free, sign) for sign in (-1, 1)]
                 far = np.where(way > 0, sides[1].x, -sides[0].x) / 2
             part = np.flatnonzero(np.isfinite(far) & (far >= 0))
-            straight = NoTurn(self.profile, zero, u, w, way).take(part)
+            straight = NoTurn(self.profile, zero, u, w, way, c**2).take(part)
             with np.errstate(all="ignore"):
                 sums = integrals(straight, zero[part], far[part])
             out[part, k], out[part, LAYERS + k] = c[part] * sums[:, TAU], sums[:, PATH]
