@@ -113,7 +113,7 @@ def charts(functions: Sequence[Expression], q: Expression, covering: Expression)
     ends = [*found, found[0] + TURN] if angle else [-np.inf, *np.sinh(found), np.inf]
     mirrors = {float(end) for end in ends if np.isfinite(end) and _mirror(covering, q, float(end))}
     endless = _oscillates(functions, q)
-    parts = [Chart(float(a), float(b), oscillating=endless and np.isinf([a, b]).any()) for a, b in pairwise(ends)]
+    parts = [Chart(float(a), float(b), oscillating=endless and bool(np.isinf([a, b]).any())) for a, b in pairwise(ends)]
     return _once([part for part in parts if _defined(functions, q, part)], mirrors)
 
 

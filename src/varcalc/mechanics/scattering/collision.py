@@ -78,7 +78,7 @@ class Collision:
         """dσ/dΩ in the laboratory at an ``angle``, from the ``cross_section`` about the centre of mass.
 
         Both deflections that give the angle count (Brizard, eq. 5.17): with each goes the factor
-        (1 + 2 α cos Θ + α²)^(3/2)/|1 + α cos Θ|. Zero at angles that no projectile takes.
+        (1 + 2 α cos Θ + α²)^(3/2)/abs(1 + α cos Θ). Zero at angles that no projectile takes.
         """
         alpha, deflections = self.mass_ratio, self.centre_of_mass_angles(angle)
         known = np.isfinite(deflections)

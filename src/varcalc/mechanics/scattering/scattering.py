@@ -128,8 +128,8 @@ class Scattering:
     def cross_section(self, angle: Any) -> np.ndarray:
         """The differential cross-section dσ/dΩ at scattering angles between 0 and π, of any shape.
 
-        The sum of b/(sin Θ |dχ/db|) over all impact parameters that are deflected by ±Θ, and whole turns more (Landau
-        and Lifshitz, "Mechanics", sect. 18). Infinite at a rainbow, 0 where nothing goes.
+        The sum of b/(sin Θ abs(dχ/db)) over all impact parameters that are deflected by ±Θ, and whole turns more
+        (Landau and Lifshitz, "Mechanics", sect. 18). Infinite at a rainbow, 0 where nothing goes.
 
         Raises ValueError for angles beyond, and for those less than what was looked at far away (1e-12).
         """
