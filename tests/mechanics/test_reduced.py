@@ -132,6 +132,16 @@ def test_a_charge_in_a_magnetic_field_has_an_angle_that_goes_with_its_rate():
     assert orbit.angles["x"] / orbit.period == pytest.approx(0.3 / 1.5, rel=1e-13)
 
 
+def test_at_the_bottom_of_a_well_nothing_moves():
+    reduced = central(lambda r: -1 / r).reduced({"phi": 1.0})
+    (circle,) = reduced.rests
+    assert circle.angular_rates["phi"] == pytest.approx(1, rel=1e-14)
+    assert reduced.orbits(circle.energy) == ()
+    (flat,) = mechanics.System(lambda t, q, v: v[0] ** 2 / 2 - q[0] ** 4, ("x",)).reduced().rests
+    assert flat.stable
+    assert flat.rate == 0
+
+
 def test_averages():
     (orbit,) = DOUBLE_WELL.orbits(0.5)
     virial = orbit.average(lambda q, v: v**2 - q * (q**3 - q))

@@ -115,6 +115,11 @@ def test_head_on_and_far_away():
     assert well.angle == 0
 
 
+def test_where_the_potential_is_no_number_nothing_is_claimed():
+    found = mechanics.Scattering(lambda r: np.sqrt(r - 1) * np.exp(-r), 1.0).deflection([0.1, 2.0])
+    assert list(found.outcomes) == [ScatteringOutcome.UNDEFINED, ScatteringOutcome.DEFLECTED]
+
+
 def test_what_is_no_potential_is_refused():
     with pytest.raises(ValueError, match="vanish far away"):
         mechanics.Scattering(lambda r: r**2, 1.0)

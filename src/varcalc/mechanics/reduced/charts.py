@@ -82,13 +82,14 @@ class Chart:
 
 
 def is_angle(functions: Sequence[Expression], q: Expression) -> bool:
-    """Whether functions of q, not all constant, are the same a turn farther on: told at random angles."""
+    """Whether functions of q, of its sine or cosine, are the same a turn farther on: told at random angles."""
     whole = ca.Function("whole", [q], [ca.densify(ca.vertcat(*functions))])
-    if not ca.depends_on(ca.vertcat(*functions), q):
+    if not _oscillates(functions, q):
         return False
     here, there = (np.array(whole(PLACES[None, :] + turn)) for turn in (0.0, TURN))
     size = np.abs(here).max(axis=1, keepdims=True)
-    return bool(np.all(np.abs(here - there) <= PERIODIC * size))
+    with np.errstate(invalid="ignore"):
+        return bool(np.all(np.isfinite(here)) and np.all(np.abs(here - there) <= PERIODIC * size))
 
 
 def charts(functions: Sequence[Expression], q: Expression, covering: Expression) -> tuple[Chart, ...]:

@@ -85,7 +85,8 @@ class ReducedOrbit:
         for end in (first, last):
             if end == middle:
                 continue
-            total += (1.0 if end > middle else -1.0) * _towards(way, middle, end)
+            with np.errstate(invalid="ignore"):  # of what diverges both ways
+                total += (1.0 if end > middle else -1.0) * _towards(way, middle, end)
         return twice * total
 
     @property
@@ -213,8 +214,8 @@ class Regions:
         saddles = [rest for rest in self.rests if not rest.stable and _same(rest.energy, energy)]
         allowed = g > C
         at = {k: rest for rest in saddles for k in self._numbers(rest)}
-        for k in at:
-            allowed[k] = False
+        at_rest = [k for rest in self.rests if rest.stable and _same(rest.energy, energy) for k in self._numbers(rest)]
+        allowed[[*at, *at_rest]] = False
         edges = np.flatnonzero(np.diff(np.concatenate([[False], allowed, [False]]).astype(int)))
         out = []
         for first, stop in edges.reshape(-1, 2):
@@ -298,4 +299,4 @@ def _span(way: CoordinateMotion, below: MotionBounds, above: MotionBounds) -> tu
 
 
 def _same(a: float, b: float) -> bool:
-    return abs(a - b) <= 16 * float(np.finfo(float).eps) * max(abs(a), abs(b))
+    return abs(a - b) <= 64 * float(np.finfo(float).eps) * max(abs(a), abs(b))

@@ -48,7 +48,9 @@ class ReducedMotion:
     def orbits(self, energy: float) -> tuple[ReducedOrbit, ...]:
         """The motions of an ``energy``, one for each well or region in which it allows any, in ascending order.
 
-        An energy that is a separatrix's to round-off is that one. Raises ValueError for an energy that is not finite.
+        An energy that is a separatrix's to round-off is that one. At the energy of a rest that is stable the coordinate
+        does not move: there is no motion but what :attr:`rests` tells of. Raises ValueError for an energy that is not
+        finite.
         """
         if not np.isfinite(energy):
             raise ValueError(f"energy must be finite, not {energy!r}")

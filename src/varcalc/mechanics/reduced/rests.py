@@ -74,7 +74,10 @@ def _rest(one: OneCoordinate, place: float, names: tuple[str, ...]) -> Rest:
         np.array(p, dtype=float).ravel() for p in ca.Function("rest", [one.q], parts)(place)
     )
     squared = float(bent[0] / inertia[0])
-    around = place + BESIDE * max(abs(place), 1.0) * np.array([[-1.0, 1.0]])
+    around = place + BESIDE * (abs(place) or 1.0) * np.array([[-1.0, 1.0]])
     size = np.abs(np.array(ca.Function("bent", [one.q], [parts[1]])(around))).max()
     rate = np.sqrt(abs(squared)) if abs(float(bent[0])) > LEVEL * size else 0.0
-    return Rest(place, float(energy[0]), squared > 0, float(rate), dict(zip(names, rates.tolist(), strict=True)))
+    steep = np.array(ca.Function("slope", [one.q], [slope])(around)).ravel()
+    return Rest(
+        place, float(energy[0]), bool(steep[1] > steep[0]), float(rate), dict(zip(names, rates.tolist(), strict=True))
+    )

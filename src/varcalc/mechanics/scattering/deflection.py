@@ -17,6 +17,8 @@ from varcalc.numerics.roots import bracketed_newton
 ROUND_OFF = float(np.finfo(float).eps)
 SAME = 8 * ROUND_OFF
 """Of the square of an impact parameter: one that is so near to an orbiting one goes round for ever."""
+BESIDE = 1 - 1e-6
+"""Of the least radius at which a potential is a number."""
 FEWER = 4.0
 """By how many times more than round-off what is all but at rest is off."""
 
@@ -26,6 +28,7 @@ class ScatteringOutcome(Enum):
 
     DEFLECTED = "deflected"
     CAPTURED = "falls into the centre"
+    UNDEFINED = "comes to where the potential is no number"
     ORBITING = "goes round for ever: the angle diverges"
     UNRESOLVED = "an integral was not resolved"
 
@@ -101,6 +104,14 @@ class Approach:
             left = np.min(np.where(passed, np.abs(least / squared - 1), np.inf), axis=1, initial=1.0)
             return np.maximum(AGREED, FEWER * ROUND_OFF / left)
 
+    @cached_property
+    def inmost(self) -> ScatteringOutcome:
+        """What becomes of orbits that do not turn back in the piece about the centre."""
+        inside = np.array(BESIDE * np.exp(-self.nodes.u[-1]))
+        with np.errstate(all="ignore"):
+            lost = bool(np.isnan(self.piece.values(inside)[0]))
+        return ScatteringOutcome.UNDEFINED if lost else ScatteringOutcome.CAPTURED
+
     def enters(self, impact: np.ndarray) -> np.ndarray:
         """Whether orbits that come to the outer edge go on into the piece."""
         share, _ = self.medium.values(np.array(self.piece.outer))
@@ -145,6 +156,7 @@ class Inwards:
             closest[alive[turns]], outcomes[alive[turns]] = turning[turns], ScatteringOutcome.DEFLECTED
             alive, edge = alive[~turns], approach.piece.inner
             if edge == 0 or len(alive) == 0:
+                outcomes[alive] = approach.inmost
                 break
             self._walk(total, approach, alive, np.full(len(alive), edge), EdgeLegs)
             last = number + 1 == len(self.approaches)

@@ -12,7 +12,14 @@ import numpy as np
 
 from varcalc.mechanics.scattering.arguments import not_negative, positive
 from varcalc.mechanics.scattering.branches import Branches, Interval, Rainbow, branches
-from varcalc.mechanics.scattering.deflection import Approach, Deflections, Inwards, Orbiting, orbits_round
+from varcalc.mechanics.scattering.deflection import (
+    Approach,
+    Deflections,
+    Inwards,
+    Orbiting,
+    ScatteringOutcome,
+    orbits_round,
+)
 from varcalc.mechanics.scattering.pieces import radial_pieces
 
 VANISHED = 1e-12
@@ -162,7 +169,7 @@ class Scattering:
         edges = [0.0, *self._critical]
         area = 0.0
         for low, high in pairwise(edges):
-            if np.isnan(self.deflection((low + high) / 2).angle):
+            if self.deflection((low + high) / 2).outcomes is ScatteringOutcome.CAPTURED:
                 area += np.pi * (high - low) * (high + low)
         return area
 
