@@ -50,5 +50,13 @@ def test_beside_what_is_narrow_nothing_hides(far):
 
 
 def test_steep_but_shown_by_its_ends_is_not_hidden():
-    for expression in (ca.exp(20 * U), ca.sqrt(1 + 1e6 * U**2), ca.tanh(1e6 * U), 1 / (1e-6 + U)):
+    for expression in (ca.exp(6 * U), ca.sqrt(1 + 1e6 * U**2), ca.tanh(6 * U), 1 / (1e-6 + U)):
         assert found(expression, 0.0, 0.5) <= 1
+
+
+@pytest.mark.parametrize("step", [ca.tanh, ca.erf, ca.atan, lambda u: 1 / (1 + ca.exp(-u))])
+def test_a_step_between_samples_hides_its_form(step):
+    for low, high in ((0.0, 0.5), (-0.5, 0.5), (-0.5, 0.0)):
+        assert found(step(1e6 * U), low, high) > 1
+    assert found(step(1e6 * U), 0.1, 0.5) <= 1
+    assert found(step(1e6 * U), -1e-6, 1e-6) <= 1

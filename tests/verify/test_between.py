@@ -115,6 +115,22 @@ def test_no_method_calls_right_a_dip_of_a_reciprocal_that_it_did_not_see(method,
     assert not found.status.ok or found.value == pytest.approx(float(length**2), abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    "method", [vc.Ritz(), vc.Collocation(), vc.FirstIntegral(), None], ids=lambda m: type(m).__name__
+)
+@pytest.mark.parametrize("width", [3e-4, 1.7e-6])
+def test_a_step_where_two_elements_meet(method, width):
+    # 1 + 3 (1 + tanh u) / 2 times the slope is constant; with e = exp(-2 u) the integral of 1 / n is that of
+    # (1 + e) / (4 + e) = 1/4 + 3/4 e / (4 + e), and e / (4 + e) that of -1/2 ln(4 + e)
+    problem = graph(lambda x, y, v: (1 + 1.5 * (1 + ca.tanh((x - 0.5) / width))) * v**2)
+    found = vc.solve(problem, *([method] if method else []), throw=False)
+    last = 0.5 / width
+    logarithms = np.logaddexp(np.log(4), -2 * last) - np.logaddexp(np.log(4), 2 * last)
+    exact = 1 / (width * (2 * last / 4 - 3 / 8 * logarithms))
+    assert found.status.ok or isinstance(method, vc.Collocation)
+    assert not found.status.ok or abs(found.value - exact) <= 10 * found.error.value + 1e-14
+
+
 def test_slot_in_a_bound():
     # a ceiling at 1 with a slot down to a half: the string is drawn down to the tip of it
     def slot(x):

@@ -29,6 +29,8 @@ STEPS = frozenset(
     }
 )  # fmt: skip
 """Operations that jump or bend, so that a mean derivative says nothing."""
+HIGHEST = 700.0
+"""Size of an argument up to which cosh is a number."""
 NEARBY = 1e-3
 """Relative displacement below which a mean derivative by GAUSS_3 beats a difference."""
 
@@ -122,6 +124,12 @@ def _exponential_change(value: Expression, a: Carried) -> Expression:
     return ca.if_else(a.change > 0, -value * ca.expm1(-a.change), ca.exp(a.base) * ca.expm1(a.change))
 
 
+def _tanh_change(value: Expression, a: Carried) -> Expression:
+    """By the theorem of addition for neighbours, where no cosh of an argument that is far off may overflow."""
+    base, there = (ca.cosh(ca.fmin(ca.fabs(u), HIGHEST)) for u in (a.base, a.value))
+    return ca.if_else(ca.fabs(a.change) < 1, ca.sinh(a.change) / base / there, value - ca.tanh(a.base))
+
+
 def _power_change(value: Expression, a: Carried, b: Carried) -> Expression | None:
     if not b.value.is_constant():
         return None
@@ -168,7 +176,7 @@ _CHANGES: dict[int, Callable[..., Expression | None]] = {
     ca.OP_TAN: lambda _, a: ca.sin(a.change) / (ca.cos(a.value) * ca.cos(a.base)),
     ca.OP_SINH: lambda _, a: 2 * ca.cosh(a.base + a.change / 2) * ca.sinh(a.change / 2),
     ca.OP_COSH: lambda _, a: 2 * ca.sinh(a.base + a.change / 2) * ca.sinh(a.change / 2),
-    ca.OP_TANH: lambda _, a: ca.sinh(a.change) / (ca.cosh(a.value) * ca.cosh(a.base)),
+    ca.OP_TANH: _tanh_change,
     ca.OP_ATAN: lambda _, a: ca.atan2(a.change, 1 + a.value * a.base),
 }
 """The change of each operation, free of cancellation, from the value at the displaced point and the operands."""

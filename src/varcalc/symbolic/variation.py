@@ -19,11 +19,16 @@ from varcalc.symbolic.intervals import Interval, applied, constant
 
 CHANGE = 1.5
 """By how much the argument of a function of scale 1 (exp, sin, tanh) may change."""
+SATURATED, STEP = 6.0, 4.0
+"""Arguments beyond which a step (tanh, a logistic function) has been made but for little, and how much of the way
+from one to the other may lie between two samples. Both may show that there is a step: neither shows its form."""
 FACTOR = 4.0
 """By what factor the argument of a root, a logarithm or a reciprocal may change."""
 VANISHED, OVERFLOW = -50.0, 710.0
 """Exponents below which what is left of an exponential is nothing, whatever it is multiplied by, and above which it is
 no number."""
+FLAT = 20.0
+"""Size of an argument beyond which tanh and erf are 1 to round-off."""
 NARROWEST = 1e-12
 """Width of a box, relative to where it lies, that is not looked into."""
 LEAST_POWER = 12
@@ -113,9 +118,24 @@ def _beyond(a: Between) -> np.ndarray:
     return np.fmax(high - np.maximum(a.first, a.last), np.minimum(a.first, a.last) - low) / CHANGE
 
 
+def _through(a: Interval) -> np.ndarray:
+    """How much of a step lies in a range, on a scale of 1."""
+    low, high = (np.clip(v, -SATURATED, SATURATED) for v in a)
+    return (high - low) / STEP
+
+
+def _within(a: Between, least: float, greatest: float) -> Between:
+    """The same of an argument beyond whose ``least`` and ``greatest`` values nothing changes."""
+    low, high, first, last = (np.clip(v, least, greatest) for v in (*a.range, a.first, a.last))
+    return Between((low, high), first, last)
+
+
 def _exponent(a: Between) -> np.ndarray:
-    low, high, first, last = (np.clip(v, VANISHED, OVERFLOW) for v in (*a.range, a.first, a.last))
-    return _beyond(Between((low, high), first, last))
+    return np.fmax(_beyond(_within(a, VANISHED, OVERFLOW)), _through(a.range))
+
+
+def _step(a: Between) -> np.ndarray:
+    return np.fmax(_beyond(_within(a, -FLAT, FLAT)), _through(a.range))
 
 
 def _phase(a: Between) -> np.ndarray:
@@ -125,6 +145,10 @@ def _phase(a: Between) -> np.ndarray:
 def _on_own_scale(a: Between) -> np.ndarray:
     """The same as :func:`_beyond` where a function varies on the scale of max(1, abs(u))."""
     return _beyond(a) / np.maximum(1.0, _least_size(a.range))
+
+
+def _slow_step(a: Between) -> np.ndarray:
+    return np.fmax(_on_own_scale(a), _through(a.range))
 
 
 def _least_size(a: Interval) -> np.ndarray:
@@ -171,7 +195,7 @@ def _length(a: Between, b: Between) -> np.ndarray:
 
 LOCAL: Rules = {
     ca.OP_EXP: _exponent, ca.OP_EXPM1: _exponent, ca.OP_SINH: _beyond, ca.OP_COSH: _beyond, ca.OP_SIN: _phase,
-    ca.OP_COS: _phase, ca.OP_TAN: _phase, ca.OP_TANH: _beyond, ca.OP_ERF: _beyond, ca.OP_ATAN: _on_own_scale,
+    ca.OP_COS: _phase, ca.OP_TAN: _phase, ca.OP_TANH: _step, ca.OP_ERF: _step, ca.OP_ATAN: _slow_step,
     ca.OP_ASINH: _on_own_scale,
 }  # fmt: skip
 """By what factor an operation that varies on a scale of its own may go too far between samples, by CasADi's codes."""
