@@ -33,6 +33,7 @@ from varcalc.study.work_precision import work_precision
 from varcalc.verify import Finding, Verification, verify
 
 if TYPE_CHECKING:
+    from varcalc.certificates import Certificate, certify
     from varcalc.methods.collocation.method import Collocation
     from varcalc.methods.collocation.scipy_bvp import SciPyBvp
     from varcalc.methods.first_integral.method import FirstIntegral
@@ -44,6 +45,7 @@ __all__ = [
     "At",
     "Bound",
     "Branch",
+    "Certificate",
     "Collocation",
     "Comparison",
     "Curve",
@@ -81,6 +83,7 @@ __all__ = [
     "Verdict",
     "Verification",
     "WorkPrecision",
+    "certify",
     "compare",
     "continue_branch",
     "diagnose",
@@ -103,6 +106,8 @@ _LATER = {
     "euler_lagrange_text": "varcalc.problem.reading",
     "first_integrals_text": "varcalc.problem.reading",
     "Branch": "varcalc.search",
+    "Certificate": "varcalc.certificates",
+    "certify": "varcalc.certificates",
     "Extremals": "varcalc.search",
     "FoundExtremal": "varcalc.search",
     "continue_branch": "varcalc.search",

@@ -117,8 +117,11 @@ UNKNOWN = Shape(rest_convex=False, rest_concave=False)
 Element: TypeAlias = float | AlongX | Shape
 """What instructions work on: what does not depend on the watched entries stays a coefficient."""
 
-Entry: TypeAlias = float | tuple[float, float] | None
-"""An argument's entry: a number, or the ends of the interval it ranges over; None for one that is watched."""
+Entry: TypeAlias = float | tuple[float, float] | AlongX | None
+"""An argument's entry: a number, or the ends of the interval it ranges over; None for one that is watched.
+
+Where several range over intervals of their own they are given on the same boxes, by :meth:`AlongX.between`.
+"""
 
 
 def shapes(function: ca.Function, arguments: Sequence[Sequence[Entry]]) -> list[list[Shape]]:
@@ -151,6 +154,8 @@ def proved_convex(function: ca.Function, arguments: Sequence[Sequence[Entry]]) -
 def _entry(entry: Entry, following: Callable[[], int]) -> Element:
     if entry is None:
         return Shape(Polynomial(0.0, {following(): 1.0}, {}), bare=True, total=True)
+    if isinstance(entry, AlongX):
+        return entry
     return AlongX.abscissa(*map(float, entry)) if isinstance(entry, tuple) else float(entry)
 
 

@@ -73,20 +73,40 @@ def interpret(
     ``constant`` brings a number into the algebra and ``apply`` carries out one
     operation, given by CasADi's code, on one or two elements.
     """
-    work: dict[int, T] = {}
-    results: list[list[T]] = [[constant(0.0)] * function.nnz_out(i) for i in range(function.n_out())]
-    for i in instructions(function):
-        if i.operation == ca.OP_CONST:
-            work[i.target] = constant(i.constant)
-        elif i.operation == ca.OP_INPUT:
-            work[i.target] = arguments[i.sources[0]][i.sources[1]]
-        elif i.operation == ca.OP_OUTPUT:
-            results[i.place[0]][i.place[1]] = work[i.sources[0]]
-        else:
+    return Program(function).run(arguments, constant, apply)
+
+
+class Program:
+    """The instructions of an SX ``function``, read once, to be carried out in any algebra and as often as one likes."""
+
+    def __init__(self, function: ca.Function) -> None:
+        self.steps = [
             # CasADi names the same source twice for an operation of one argument
-            sources = i.sources[: arity(i.operation)]
-            work[i.target] = apply(i.operation, [work[s] for s in sources])
-    return results
+            i if i.operation in (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT)
+            else i._replace(sources=i.sources[: arity(i.operation)])
+            for i in instructions(function)
+        ]  # fmt: skip
+        self.results = [function.nnz_out(i) for i in range(function.n_out())]
+
+    def run(
+        self,
+        arguments: Sequence[Sequence[T]],
+        constant: Callable[[float], T],
+        apply: Callable[[int, Sequence[T]], T],
+    ) -> list[list[T]]:
+        """The nonzeros of each result of the nonzeros ``arguments``, see :func:`interpret`."""
+        work: dict[int, T] = {}
+        results: list[list[T]] = [[constant(0.0)] * count for count in self.results]
+        for i in self.steps:
+            if i.operation == ca.OP_CONST:
+                work[i.target] = constant(i.constant)
+            elif i.operation == ca.OP_INPUT:
+                work[i.target] = arguments[i.sources[0]][i.sources[1]]
+            elif i.operation == ca.OP_OUTPUT:
+                results[i.place[0]][i.place[1]] = work[i.sources[0]]
+            else:
+                work[i.target] = apply(i.operation, [work[s] for s in i.sources])
+        return results
 
 
 def arity(operation: int) -> int:

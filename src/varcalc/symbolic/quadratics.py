@@ -59,6 +59,11 @@ class AlongX:
         edges[-1] = high
         return cls(ca.OP_ASSIGN, (), (edges[:-1], edges[1:]))
 
+    @classmethod
+    def between(cls, low: np.ndarray, high: np.ndarray) -> AlongX:
+        """What lies between two numbers on each of a number of boxes, by arrays of these."""
+        return cls(ca.OP_ASSIGN, (), (low, high))
+
     @property
     def enclosure(self) -> Interval:
         """Least and greatest values on each piece."""

@@ -1,0 +1,138 @@
+"""A certificate: two numbers between which the infimum lies, and the theorem that says so."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+
+from varcalc.certificates.balls import Ball
+from varcalc.solution import Solution
+
+
+class Scope(Enum):
+    """The curves a certificate speaks of: those that meet the ends and, of them, the ones named here."""
+
+    ALL = "all curves"
+    TUBE = "all curves in the tube, of any slope"
+    WEAK = "all curves in the tube whose slopes are near too"
+
+
+class Means(Enum):
+    """How a hypothesis was proved."""
+
+    BALLS = "by ball arithmetic"
+    COMPOSITION = "by the rules of composition of convex functions"
+    CONSTRUCTION = "by construction"
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """What the theorem needs, and how it was proved."""
+
+    sentence: str
+    means: Means
+
+    def __str__(self) -> str:
+        return f"{self.sentence} ({self.means.value})"
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How far any curve as good as the certified one lies from it, in y: root mean square over x, and largest."""
+
+    mean: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A proof that the infimum (the supremum of a maximum) lies between ``lower`` and ``upper``.
+
+    ``lower`` and ``upper`` are doubles, rounded outward, ``enclosure`` the same interval as decimal strings with as
+    many digits as it has. ``scope`` tells of which curves it is the infimum; ``tube`` is the greatest |y(x) - y0(x)|
+    of these (infinite where all curves are meant) and ``slopes`` the greatest |y'(x) - y0'(x)| (infinite where any
+    slope is). Each curve of the scope whose value is as good as that of the certified curve y0 lies within
+    ``distance`` of it. ``proved`` lists the hypotheses of the theorem, each with how it was proved; ``seconds`` is what
+    the proof took.
+
+    y0 is a polynomial close to the curve of ``solution``, which meets the ends exactly.
+    """
+
+    solution: Solution
+    lower: float
+    upper: float
+    enclosure: tuple[str, str]
+    scope: Scope
+    tube: float
+    slopes: float
+    distance: Distance
+    proved: tuple[Hypothesis, ...]
+    seconds: float
+
+    @property
+    def width(self) -> float:
+        """Length of the interval, from its decimal strings."""
+        low, high = map(Fraction, self.enclosure)
+        return float(high - low)
+
+    def __contains__(self, value: float) -> bool:
+        """Whether a number lies in the interval."""
+        low, high = map(Fraction, self.enclosure)
+        return low <= Fraction(value) <= high
+
+    def __str__(self) -> str:
+        what = "supremum" if self.solution.problem.maximise else "infimum"
+        low, high = self.enclosure
+        near = f"{self.distance.largest:.1g} of the curve ({self.distance.mean:.1g} in root mean square)"
+        lines = [
+            f"theorem:  {low}",
+            f"          <= {what} of {self.solution.problem.name} over {self._curves()} <=",
+            f"          {high}",
+            f"          The width is {self.width:.1g}. Whatever is as good lies within {near}.",
+        ]
+        lines += [f"{'proved:' if not k else '':<9} {hypothesis}" for k, hypothesis in enumerate(self.proved)]
+        return "\n".join([*lines, f"seconds:  {self.seconds:.2g}"])
+
+    def _curves(self) -> str:
+        if self.scope is Scope.ALL:
+            return self.scope.value
+        slopes = f" and {self.slopes:.3g} of its slope" if self.scope is Scope.WEAK else ", of any slope"
+        return f"the curves within {self.tube:.3g} of the curve{slopes},"
+
+
+def decimals(lower: Ball, upper: Ball) -> tuple[str, str]:
+    """Two exact balls as decimal strings, rounded outward, with two digits more than their distance tells."""
+    low, high = _fraction(lower), _fraction(upper)
+    size = max(abs(low), abs(high))
+    width = high - low
+    if not size:
+        return "0", "0"
+    digits = 20 if not width else 2 - _exponent(width)
+    return _rounded(low, digits, down=True), _rounded(high, digits, down=False)
+
+
+def _fraction(ball: Ball) -> Fraction:
+    mantissa, exponent = (int(v) for v in ball.mid().man_exp())
+    return Fraction(mantissa) * Fraction(2) ** exponent
+
+
+def _exponent(value: Fraction) -> int:
+    """The power of ten of the leading digit."""
+    e = math.floor((value.numerator.bit_length() - value.denominator.bit_length()) * math.log10(2))
+    while Fraction(10) ** (e + 1) <= value:
+        e += 1
+    while Fraction(10) ** e > value:
+        e -= 1
+    return e
+
+
+def _rounded(value: Fraction, places: int, *, down: bool) -> str:
+    """The number with so many decimal places."""
+    scaled = value * Fraction(10) ** places
+    whole = math.floor(scaled) if down else math.ceil(scaled)
+    if places <= 0:
+        return str(whole * 10**-places)
+    text = f"{abs(whole):0{places + 1}d}"
+    return f"{'-' if whole < 0 else ''}{text[:-places]}.{text[-places:]}"

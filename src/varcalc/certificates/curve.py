@@ -1,0 +1,224 @@
+"""The curve of a certificate and its momenta: polynomials on pieces, exact, close to those of a solution.
+
+The curve y0 meets its ends exactly and is continuous (of order two with its slope). The momenta p are any continuous
+functions close to the curve's own: what they fall short by enters the proof as residuals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from varcalc.certificates.balls import (
+    Around,
+    Ball,
+    Box,
+    Poly,
+    Series,
+    anchored,
+    differentiation,
+    flint,
+    nodes,
+    polynomial,
+    transform,
+)
+from varcalc.certificates.statement import Statement
+from varcalc.verify.given_curve import distinct
+
+DEGREE = 24
+"""Degree of the polynomials of one piece."""
+RESOLVED = 1e-13
+"""Last coefficients of a curve in Chebyshev polynomials, relative to the largest, below which it is resolved."""
+MOST_PIECES = 64
+SHORTEST = 2.0**-14
+"""Length of a piece, relative to the interval, below which it is not cut."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Abscissae x (N + 1,), states (m, N + 1), controls (n, N + 1) and momenta (m, N + 1) at the nodes of a piece."""
+
+    x: np.ndarray
+    states: np.ndarray
+    controls: np.ndarray
+    momenta: np.ndarray
+    hessian: np.ndarray
+
+    @property
+    def half(self) -> float:
+        """Half the length of the piece."""
+        return 0.5 * float(self.x[-1] - self.x[0])
+
+
+@dataclass(frozen=True)
+class Piece:
+    """The polynomials of one piece, in its own variable on [-1, 1]."""
+
+    centre: Ball
+    half: Ball
+    functions: list[Poly]
+    numbers: list[Poly]
+    momenta: list[Poly]
+    order: int
+    switches: list[int | None]
+    """Signs of what H switches on, where they are known all along the piece."""
+
+    def box(self) -> Box:
+        """All of the piece."""
+        return Box(self.centre, self.half, flint().arb(-1), flint().arb(1))
+
+    def lifted(self, around: Around) -> tuple[list[Series], list[Series]]:
+        """The states and the controls as series."""
+        slopes = [around.box.local(p) for p in self.functions]
+        rows, unit = [[around.series(p) for p in slopes]], around.box.unit
+        for k in range(self.order):
+            slopes = [p.derivative() for p in slopes]
+            rows.append([around.series(p) / unit ** (k + 1) for p in slopes])
+        states = [s for row in rows[:-1] for s in row] + [around.series(p) for p in self.numbers]
+        return states, rows[-1]
+
+
+def sampled(statement: Statement) -> list[Samples]:
+    """The solution's curve at the nodes of pieces on which it is resolved."""
+    edges = distinct(statement.along.vertices).tolist()
+    done = [_samples(statement, a, b) for a, b in pairwise(edges)]
+    shortest = SHORTEST * (edges[-1] - edges[0])
+    while len(done) < MOST_PIECES:
+        coarse = [s for s in done if s.half > shortest and not _resolved(s, _largest(statement, done))]
+        if not coarse:
+            break
+        halves = [(s, 0.5 * float(s.x[0] + s.x[-1])) for s in coarse]
+        parts = [_samples(statement, a, b) for s, c in halves for a, b in ((float(s.x[0]), c), (c, float(s.x[-1])))]
+        done = sorted([s for s in done if not any(s is c for c in coarse)] + parts, key=lambda s: float(s.x[0]))
+    return done
+
+
+def _largest(statement: Statement, samples: Sequence[Samples]) -> np.ndarray:
+    """The size of each state and momentum; of the functions, and of their momenta, that of the largest (2 m, 1)."""
+    rows = np.abs(np.hstack([np.vstack([s.states, s.momenta]) for s in samples])).max(axis=1)
+    n, m = statement.n, statement.states
+    for first in range(0, n * statement.order, n):
+        for at in (first, m + first):
+            rows[at : at + n] = rows[at : at + n].max()
+    return rows[:, None]
+
+
+def _samples(statement: Statement, a: float, b: float) -> Samples:
+    along, order = statement.along, statement.order
+    x = 0.5 * (a + b) + 0.5 * (b - a) * nodes(DEGREE)
+    x[0], x[-1] = a, b
+    y = np.array(along.evaluate(x, 0), dtype=float)
+    half = 0.5 * (b - a)
+    rows = [y]
+    for _ in range(order):
+        rows.append(rows[-1] @ differentiation(DEGREE).T / half)
+    numbers = np.repeat(np.asarray(along.numbers, dtype=float)[:, None], len(x), axis=1)
+    states, controls = np.vstack([*rows[:-1], numbers]), rows[-1]
+    # at the ends as from within: L may jump there
+    inner = np.clip(x, np.nextafter(a, b), np.nextafter(b, a))
+    gradient, hessian = statement.sampled(inner, states, controls)
+    return Samples(x, states, controls, _momenta(statement, gradient, half), hessian)
+
+
+def _momenta(statement: Statement, gradient: np.ndarray, half: float) -> np.ndarray:
+    """p with p' = H_z - A^T p, integrated: what is differentiated would be rough. H_u tells where to begin."""
+    n, m, count = statement.n, statement.states, len(gradient)
+    momenta = np.zeros((m, count))
+    xi = nodes(DEGREE)
+    for i in range(n):
+        force = gradient[:, i]
+        if statement.order == 1:
+            p = half * _integrated(force)
+            momenta[i] = p + (gradient[:, m + i] - p).mean()
+            continue
+        # p1' = H_y, p2' = H_y' - p1 and p2 = H_y'': what is left is of first degree in x
+        first = half * _integrated(force)
+        second = half * _integrated(gradient[:, n + i] - first)
+        slope, constant = np.polyfit(xi, gradient[:, m + i] - second, 1)
+        momenta[i], momenta[n + i] = first - slope / half, second + constant + slope * xi
+    for i in range(n * statement.order, m):
+        momenta[i] = half * _integrated(gradient[:, i])
+    return momenta
+
+
+def _integrated(values: np.ndarray) -> np.ndarray:
+    """The integral from -1 to each node of the polynomial through values at the nodes."""
+    return np.r_[0.0, np.linalg.solve(differentiation(DEGREE)[1:, 1:], values[1:])]
+
+
+def _resolved(samples: Samples, sizes: np.ndarray) -> bool:
+    rows = np.vstack([samples.states, samples.momenta])
+    if not np.isfinite(rows).all():
+        return True  # nothing is gained by smaller pieces; the balls will tell
+    coefficients = np.abs(transform(DEGREE) @ rows.T)
+    return bool((coefficients[-3:].max(axis=0) <= RESOLVED * sizes[:, 0]).all())
+
+
+def pieces(statement: Statement, samples: list[Samples]) -> list[Piece]:
+    """The exact polynomials close to samples."""
+    n, order = statement.n, statement.order
+    joints = [np.array([s.states[:, 0] for s in samples] + [samples[-1].states[:, -1]])][0]
+    for end, row in ((0, 0), (1, -1)):
+        joints[row] = np.where(statement.held[end], statement.values[end], joints[row])
+    if statement.periodic:
+        joints[-1] = joints[0]
+    momenta = _joint_momenta(statement, samples, joints)
+    found = flint()
+    built = []
+    for k, s in enumerate(samples):
+        a, b = found.arb(float(s.x[0])), found.arb(float(s.x[-1]))
+        centre, half = (a + b) / 2, (b - a) / 2
+        functions = [
+            _function(s.states[i], joints[k, i::n][:order], joints[k + 1, i::n][:order], half) for i in range(n)
+        ]
+        numbers = [found.arb_poly([found.arb(float(c))]) for c in statement.along.numbers]
+        p = [anchored(polynomial(row), *ends) for row, *ends in zip(s.momenta, momenta[k], momenta[k + 1], strict=True)]
+        built.append(Piece(centre, half, functions, numbers, p, order, statement.switches(centre, half)))
+    return built
+
+
+def _function(values: np.ndarray, start: np.ndarray, end: np.ndarray, half: Ball) -> Poly:
+    """A polynomial close to ``values`` that takes given values, and of order two slopes, at its ends."""
+    found = flint()
+    poly = anchored(polynomial(values), found.arb(float(start[0])), found.arb(float(end[0])))
+    if len(start) == 1:
+        return poly
+    slope = poly.derivative()
+    first = half * found.arb(float(start[1])) - slope(found.arb(-1))
+    last = half * found.arb(float(end[1])) - slope(found.arb(1))
+    # cubics that vanish at both ends and have slope 1 at one of them
+    left = found.arb_poly([1, -1, -1, 1]) * (first / 4)
+    right = found.arb_poly([-1, -1, 1, 1]) * (last / 4)
+    return poly + left + right
+
+
+def _joint_momenta(statement: Statement, samples: list[Samples], joints: np.ndarray) -> list[list[Ball]]:
+    """The momenta where pieces meet: shared by both, and at free ends what the ends ask for."""
+    found, m = flint(), statement.states
+    rows = [samples[0].momenta[:, 0]]
+    rows += [0.5 * (a.momenta[:, -1] + b.momenta[:, 0]) for a, b in pairwise(samples)]
+    rows.append(samples[-1].momenta[:, -1])
+    balls = [[found.arb(float(v)) for v in row] for row in rows]
+    if statement.periodic:
+        balls[-1] = balls[0]
+        return balls
+    for end, row in ((0, 0), (1, -1)):
+        for i in range(m):
+            if not statement.held[end][i]:
+                balls[row][i] = found.arb(0)
+    return balls
+
+
+def state_sizes(samples: Sequence[Samples], statement: Statement) -> np.ndarray:
+    """A power of two of the size of each state, (m,): one for all functions, and of their slopes; each number's own."""
+    n, order = statement.n, statement.order
+    length = float(samples[-1].x[-1] - samples[0].x[0])
+    rows = np.hstack([s.states for s in samples])
+    spread = max(float(np.ptp(rows[:n], axis=1).max()), 1e-3 * float(np.abs(rows[:n]).max()))
+    unit = spread or length
+    sizes = [unit / length**k for k in range(order) for _ in range(n)]
+    sizes += [max(abs(float(c)), 1e-3) for c in statement.along.numbers]
+    return 2.0 ** np.round(np.log2(sizes))

@@ -1,0 +1,124 @@
+"""A field of extremals around the curve: solutions of Jacobi's equation, in numbers that need not be exact.
+
+Q = M U^-1 of a solution (U, M) of the Hamiltonian form of Jacobi's equation solves Riccati's equation. With the second
+derivatives of H lowered a little, such a Q gives Hilbert's invariant integral room to spare (Gelfand and Fomin,
+"Calculus of Variations", sect. 26 and 29; Reid, "Riccati Differential Equations", 1972, ch. II).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.certificates.balls import differentiation
+from varcalc.certificates.curve import DEGREE, Samples
+from varcalc.certificates.statement import Statement
+
+
+@dataclass(frozen=True)
+class Field:
+    """U and M at the nodes of each piece: (pieces, N + 1, m, m); shared where pieces meet.
+
+    ``evenness`` is the least singular value of U over the greatest anywhere: small where a conjugate point is near.
+    """
+
+    U: np.ndarray
+    M: np.ndarray
+    evenness: float
+
+
+def dynamics(n: int, order: int, states: int) -> tuple[np.ndarray, np.ndarray]:
+    """A and B of z' = A z + B u."""
+    A, B = np.zeros((states, states)), np.zeros((states, n))
+    B[(order - 1) * n : order * n] = np.eye(n)
+    if order == 2:
+        A[:n, n : 2 * n] = np.eye(n)
+    return A, B
+
+
+def field(statement: Statement, samples: Sequence[Samples], lowered: np.ndarray) -> Field | None:
+    """A field of Jacobi's equation with the diagonal ``lowered`` (m + n,); None where there is none to be seen."""
+    m = statement.states
+    with np.errstate(all="ignore"):
+        maps = [_solved(statement, s, lowered) for s in samples]
+        if not all(np.isfinite(f).all() for f in maps):
+            return None
+        ends = _boundary(statement)
+        minus = _family(maps, ends[0], m, at_end=True)
+        plus = _family(maps, ends[1], m, at_end=False)
+    if minus is None or plus is None:
+        return None
+    # Wronski's matrix of the two families; its polar factor makes their sum a family of its own
+    wronskian = minus[0][:m].T @ plus[0][m:] - minus[0][m:].T @ plus[0][:m]
+    left, _, right = np.linalg.svd(-wronskian)
+    joints = [a @ (left @ right) + b for a, b in zip(minus, plus, strict=True)]
+    values = np.array([f @ joint for f, joint in zip(maps, joints[:-1], strict=True)])
+    values[:, -1] = joints[1:]
+    U = values[:, :, :m]
+    determinants = np.linalg.det(U)
+    if not (np.isfinite(values).all() and (determinants * determinants[0, 0] > 0).all()):
+        return None
+    singular = np.linalg.svd(U, compute_uv=False)
+    return Field(U, values[:, :, m:], float(singular.min() / singular.max()))
+
+
+def _solved(statement: Statement, samples: Samples, lowered: np.ndarray) -> np.ndarray:
+    """Solutions (z, pi) at the nodes of a piece from those at its first: (N + 1, 2m, 2m)."""
+    n, m, count = statement.n, statement.states, len(samples.x) - 1
+    A, B = dynamics(n, statement.order, m)
+    H = samples.hessian - np.diag(lowered)
+    zz, zu, uu = H[:, :m, :m], H[:, :m, m:], H[:, m:, m:]
+    by_z, by_pi = (
+        -np.linalg.solve(uu, zu.transpose(0, 2, 1)),
+        np.linalg.solve(uu, np.broadcast_to(B.T, (count + 1, n, m))),
+    )
+    G = np.empty((count + 1, 2 * m, 2 * m))
+    G[:, :m, :m], G[:, :m, m:] = A + B @ by_z, B @ by_pi
+    G[:, m:, :m], G[:, m:, m:] = zz + zu @ by_z, zu @ by_pi - A.T
+    D = differentiation(DEGREE) / samples.half
+    size = 2 * m
+    system = np.kron(D[1:, 1:], np.eye(size))
+    for j in range(count):
+        system[j * size : (j + 1) * size, j * size : (j + 1) * size] -= G[j + 1]
+    inner = np.linalg.solve(system, -np.kron(D[1:, :1], np.eye(size)))
+    return np.concatenate([np.eye(size)[None], inner.reshape(count, size, size)])
+
+
+def _boundary(statement: Statement) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (m, 2m) that vanish on families of the start, and of the end."""
+    m = statement.states
+    rows = []
+    for held in statement.held:
+        given = np.ones(m, dtype=bool) if statement.periodic else held
+        row = np.zeros((m, 2 * m))
+        for i in range(m):
+            row[i, i if given[i] else m + i] = 1.0
+        rows.append(row)
+    return rows[0], rows[1]
+
+
+def _family(maps: Sequence[np.ndarray], condition: np.ndarray, m: int, *, at_end: bool) -> list[np.ndarray] | None:
+    """The solutions (2m, m) where pieces meet that satisfy a condition at one end and have z = 1 at the other.
+
+    ``at_end`` tells that z = 1 is asked at the end.
+    """
+    count, size = len(maps), 2 * m
+    system = np.zeros((size * (count + 1), size * (count + 1)))
+    right = np.zeros((size * (count + 1), m))
+    unit = np.hstack([np.eye(m), np.zeros((m, m))])
+    for k, f in enumerate(maps):
+        rows = slice(size * k, size * (k + 1))
+        system[rows, size * k : size * (k + 1)] = f[-1]
+        system[rows, size * (k + 1) : size * (k + 2)] = -np.eye(size)
+    system[-size:-m, :size] = condition if at_end else unit
+    system[-m:, -size:] = unit if at_end else condition
+    right[-m:] = np.eye(m) if at_end else 0.0
+    if not at_end:
+        right[-size:-m] = np.eye(m)
+    try:
+        found = np.linalg.solve(system, right)
+    except np.linalg.LinAlgError:
+        return None
+    return list(found.reshape(count + 1, size, m)) if np.isfinite(found).all() else None

@@ -1,0 +1,118 @@
+"""The functional on the curve, and how far the curve is from stationary, both in balls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.certificates.balls import Around, Ball, Box, Series, enclosed, flint, integral, largest
+from varcalc.certificates.curve import Piece
+from varcalc.certificates.field import dynamics
+from varcalc.certificates.jets import Undecided
+from varcalc.certificates.statement import Statement
+
+TERMS = 20
+"""Order of the Taylor forms of integrals."""
+MOST_BOXES = 600
+MOST_PARTS = 12
+"""Parts that a box is cut into at once."""
+
+
+class Unproved(Exception):
+    """An inequality that a certificate needs is not proved; the message says which, and where."""
+
+
+@dataclass(frozen=True)
+class Along:
+    """What was found along the curve, box by box.
+
+    ``value`` is the integral of H on the curve. ``residuals[b]`` bounds |r| and |q| on box b, in units of the states
+    and controls: r = H_z - p' - A^T p and q = H_u - B^T p. ``boxes`` are pairs of a piece's number and a box.
+    """
+
+    value: Ball
+    residuals: list[tuple[Ball, Ball]]
+    boxes: list[tuple[int, Box]]
+
+
+def along_curve(
+    statement: Statement, pieces: Sequence[Piece], sizes: tuple[np.ndarray, np.ndarray], tolerance: float
+) -> Along:
+    """Integrate H and bound the residuals; each remainder is held below its share of ``tolerance``.
+
+    Raises Unproved where H cannot be enclosed.
+    """
+    length = float((pieces[-1].centre + pieces[-1].half - pieces[0].centre + pieces[0].half).mid())
+    allowed = 2.0 * tolerance / length
+    waiting = [(k, p.box()) for k, p in reversed(list(enumerate(pieces)))]
+    value, residuals, boxes, tried = flint().arb(0), [], [], 0
+    while waiting:
+        k, box = waiting.pop()
+        tried += 1
+        reason, parts = "it is too rough there", 2
+        try:
+            main, rest, r, q = _on_box(statement, pieces[k], box, sizes)
+            excess = float(abs(rest).upper()) / allowed
+            if excess <= 1.0 and r.is_finite() and q.is_finite():
+                value += (main + rest) * box.unit
+                residuals.append((r, q))
+                boxes.append((k, box))
+                continue
+            parts = max(2, math.ceil(min(MOST_PARTS, 1.0 + excess ** (1.0 / (TERMS + 1)))))
+        except Undecided as undecided:
+            reason = str(undecided)
+        if tried > MOST_BOXES:
+            raise Unproved(f"the Lagrangian is not enclosed near {box.at:.6g}: {reason}")
+        waiting += [(k, b) for b in reversed(box.split(parts))]
+    return Along(value, residuals, boxes)
+
+
+def _on_box(
+    statement: Statement, piece: Piece, box: Box, sizes: tuple[np.ndarray, np.ndarray]
+) -> tuple[Ball, Ball, Ball, Ball]:
+    views = [_terms(statement, piece, Around(box, TERMS + whole, whole)) for whole in (False, True)]
+    (L, r, q), (L_, r_, q_) = views
+    main, rest = integral(L, L_, TERMS)
+    if not (main.is_finite() and rest.is_finite()):
+        raise Undecided("it is not a number throughout")
+    bounds = []
+    for centred, whole, unit in ((r, r_, sizes[0]), (q, q_, sizes[1])):
+        squares = flint().arb(0)
+        for c, w, size in zip(centred, whole, unit.tolist(), strict=True):
+            squares += (abs(enclosed(c, w, TERMS - 1)).upper() * size) ** 2
+        bounds.append(squares.sqrt().upper())
+    return main, rest, *bounds
+
+
+def _terms(statement: Statement, piece: Piece, around: Around) -> tuple[Series, list[Series], list[Series]]:
+    """H, and the residuals r and q, as series."""
+    states, controls = piece.lifted(around)
+    jet = statement.jet(around.abscissa(), states, controls, 1, piece.switches)
+    p = [around.series(around.box.local(m)) for m in piece.momenta]
+    A, B = dynamics(statement.n, statement.order, statement.states)
+    m = statement.states
+    r = []
+    for i in range(m):
+        total = jet.first.get(i, 0) - around.slope(p[i])
+        for j in np.flatnonzero(A[:, i]):
+            total = total - p[j]
+        r.append(total)
+    q = [jet.first.get(m + i, 0) - p[int(np.flatnonzero(B[:, i])[0])] for i in range(statement.n)]
+    return jet.value, r, q
+
+
+def total(along: Along, kappa: float, mu: float) -> Ball:
+    """The integral of |r|^2/(2 kappa) + |q|^2/(2 mu): how far below the curve's value the infimum may lie."""
+    found = flint()
+    energy = found.arb(0)
+    for (r, q), (_, box) in zip(along.residuals, along.boxes, strict=True):
+        energy += 2 * box.unit * (r * r / (2 * found.arb(kappa)) + q * q / (2 * found.arb(mu)))
+    return energy.upper()
+
+
+def worst(along: Along) -> tuple[Ball, Ball]:
+    """The largest |r| and |q|."""
+    return largest([r for r, _ in along.residuals]), largest([q for _, q in along.residuals])

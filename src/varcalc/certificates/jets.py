@@ -1,0 +1,443 @@
+"""Lagrangians in ball arithmetic, with their first and second derivatives.
+
+A jet is a value with its gradient and Hessian in chosen variables; its entries are series of balls in x. The
+derivatives of the very expression are enclosed: those that CasADi states are rounded where constants are put
+together, of x^0.3 for one, and are of no use in a proof.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+
+from varcalc.certificates.balls import Series, flint
+from varcalc.symbolic.instructions import NAMES, Program, instructions
+
+
+class Undecided(ArithmeticError):
+    """An operation has no value, or none that is smooth, throughout a box."""
+
+
+class Jet:
+    """``value``, derivatives ``first[i]`` and ``second[i, j]``, i <= j; those that vanish are absent."""
+
+    __slots__ = ("first", "second", "value")
+
+    def __init__(
+        self, value: Series, first: dict[int, Series] | None = None, second: dict[tuple[int, int], Series] | None = None
+    ) -> None:
+        self.value, self.first, self.second = value, first or {}, second or {}
+
+
+class Algebra:
+    """Arithmetic with jets of ``order`` 0, 1 or 2.
+
+    ``switches`` are signs known beforehand of what operations switch on, in the order in which these come, None where
+    they are to be found; ``signs`` are all that came. With ``between`` a sign may vanish at the ends of the interval.
+    """
+
+    def __init__(self, order: int, switches: Sequence[int | None] = (), *, between: bool = False) -> None:
+        self.order, self.switches, self.between = order, switches, between
+        self.signs: list[int | None] = []
+
+    def sign(self, jet: Jet, name: str) -> int:
+        """-1 or 1 where a jet keeps its sign; Undecided where it does not."""
+        known = self.switches[len(self.signs)] if self.switches else None
+        sign = known or _sign(jet)
+        if self.between:
+            sign = sign_between(jet)
+        self.signs.append(sign)
+        if sign is None:
+            if self.between:
+                return 1  # whatever: what follows is thrown away
+            raise Undecided(f"{name}, which switches there")
+        return sign
+
+    def constant(self, value: float) -> Jet:
+        """A number as a jet."""
+        return Jet(flint().arb(value))
+
+    def variable(self, value: Series, index: int) -> Jet:
+        """The variable of that number."""
+        return Jet(value, {index: flint().arb(1)} if self.order else None)
+
+    def apply(self, operation: int, operands: Sequence[Jet]) -> Jet:
+        """An operation by CasADi's code; Undecided where it has no smooth value."""
+        if operation in LINEAR:
+            return LINEAR[operation](self, *operands)
+        if operation in SMOOTH:
+            return self.chained(operands[0], *SMOOTH[operation](operands[0].value, self.order))
+        if operation in SELECTED:
+            return SELECTED[operation](self, *operands)
+        raise Undecided(f"{NAMES[operation]} has no enclosure")
+
+    def sum(self, a: Jet, b: Jet, sign: int = 1) -> Jet:
+        """The sum, or difference."""
+        first, second = dict(a.first), dict(a.second)
+        for mine, other in ((first, b.first), (second, b.second)):
+            for key, term in other.items():
+                signed = term if sign > 0 else -term
+                mine[key] = mine[key] + signed if key in mine else signed  # pyright: ignore[reportArgumentType]
+        return Jet(a.value + b.value if sign > 0 else a.value - b.value, first, second)
+
+    def scaled(self, a: Jet, c: Series) -> Jet:
+        """A multiple by what depends on no variable."""
+        return Jet(a.value * c, {k: v * c for k, v in a.first.items()}, {k: v * c for k, v in a.second.items()})
+
+    def product(self, a: Jet, b: Jet) -> Jet:
+        """The product, by Leibniz's rule."""
+        if not b.first:
+            return self.scaled(a, b.value)
+        if not a.first:
+            return self.scaled(b, a.value)
+        rest = self.sum(
+            self.scaled(Jet(0, a.first, a.second), b.value), self.scaled(Jet(0, b.first, b.second), a.value)
+        )
+        if self.order == 2:
+            rest = self.sum(rest, Jet(0, None, _crossed(a.first, b.first)))
+        return Jet(a.value * b.value, rest.first, rest.second)
+
+    def chained(self, a: Jet, value: Series, slope: Series = None, bend: Series = None) -> Jet:
+        """f(a) from f, f', f'' at the value of a, by the chain rule."""
+        if not a.first:
+            return Jet(value)
+        moved = self.scaled(Jet(0, a.first, a.second), slope)
+        if self.order == 2:
+            keys = sorted(a.first)
+            for n, i in enumerate(keys):
+                left = bend * a.first[i]
+                for j in keys[n:]:
+                    term = left * a.first[j]
+                    moved.second[i, j] = moved.second[i, j] + term if (i, j) in moved.second else term
+        return Jet(value, moved.first, moved.second)
+
+    def quotient(self, a: Jet, b: Jet) -> Jet:
+        """The quotient."""
+        return self.product(a, self.chained(b, *_inverse(b.value, self.order)))
+
+    def power(self, a: Jet, b: Jet) -> Jet:
+        """a^b: by multiplication where b is whole, else for a > 0."""
+        exponent = _number(b)
+        if exponent is None:
+            return self.chained(self.product(b, self.chained(a, *_logarithm(a.value, self.order))), *self._exp(a, b))
+        return self.chained(a, *_power(a.value, exponent, self.order))
+
+    def _exp(self, a: Jet, b: Jet) -> tuple[Series, Series, Series]:
+        value = _exp(_positive(a.value, "pow").log() * b.value)
+        return value, value, value
+
+
+def _crossed(a: dict[int, Series], b: dict[int, Series]) -> dict[tuple[int, int], Series]:
+    second: dict[tuple[int, int], Series] = {}
+    for i, p in a.items():
+        for j, q in b.items():
+            key, term = (min(i, j), max(i, j)), p * q
+            term = term + term if i == j else term
+            second[key] = second[key] + term if key in second else term
+    return second
+
+
+def head(value: Series) -> Any:
+    """The leading coefficient: what the series takes at its point, or points."""
+    return value[0] if isinstance(value, flint().arb_series) else value
+
+
+def _positive(value: Series, name: str) -> Series:
+    if not head(value) > 0:
+        raise Undecided(f"{name} of what is not positive throughout")
+    return value
+
+
+def reciprocal(value: Series) -> Series:
+    """1/value; Undecided where that may vanish."""
+    if head(value).contains(0) or not head(value).is_finite():
+        raise Undecided("a division by what may vanish")
+    return 1 / value
+
+
+def _exp(value: Series) -> Series:
+    return value.exp()
+
+
+def _number(jet: Jet) -> Any:
+    """The one number a jet stands for; None where it is none."""
+    value = jet.value
+    if jet.first or isinstance(value, flint().arb_series) or not value.is_exact():
+        return None
+    return value
+
+
+Chain = tuple[Series, ...]
+"""f, f' and f'' at a value, as far as they are asked for."""
+
+
+def _inverse(a: Series, order: int) -> Chain:
+    value = reciprocal(a)
+    slope = -(value * value)
+    return value, slope, -2 * slope * value if order == 2 else None
+
+
+def _power(a: Series, exponent: Any, order: int) -> Chain:
+    """Of a number c: a^c, c a^(c-1), c (c-1) a^(c-2)."""
+    results, factor = [], flint().arb(1)
+    for k in range(order + 1):
+        results.append(factor * _plain_power(a, exponent - k) if not factor.is_zero() else factor)
+        factor = factor * (exponent - k)
+    return tuple(results)
+
+
+def _plain_power(a: Series, exponent: Any) -> Series:
+    """a^c of an exact number c, to which whole numbers were added."""
+    whole = exponent.unique_fmpz()
+    if whole is not None:
+        n = int(whole)
+        return a**n if n >= 0 else reciprocal(a ** (-n))
+    twice = (2 * exponent).unique_fmpz()
+    _positive(a, "pow")
+    if twice is not None:
+        root = a.sqrt()
+        n = int(twice)
+        return root**n if n > 0 else reciprocal(root ** (-n))
+    return _exp(exponent * a.log())
+
+
+def _root(a: Series, order: int) -> Chain:
+    value = _positive(a, "sqrt").sqrt()
+    if order == 0:
+        return (value,)
+    slope = reciprocal(2 * value)
+    return value, slope, -(slope * reciprocal(2 * a)) if order == 2 else None
+
+
+def _logarithm(a: Series, order: int) -> Chain:
+    value = _positive(a, "log").log()
+    inverse = reciprocal(a)
+    return value, inverse, -(inverse * inverse)
+
+
+def _exponential(a: Series, order: int) -> Chain:
+    value = _exp(a)
+    return value, value, value
+
+
+def _sine(a: Series, order: int) -> Chain:
+    sine = a.sin()
+    return sine, a.cos() if order else None, -sine
+
+
+def _cosine(a: Series, order: int) -> Chain:
+    cosine = a.cos()
+    return cosine, -a.sin() if order else None, -cosine
+
+
+def _tangent(a: Series, order: int) -> Chain:
+    value = a.sin() * reciprocal(a.cos())
+    slope = 1 + value * value
+    return value, slope, 2 * value * slope
+
+
+def _hyperbolic(a: Series) -> tuple[Series, Series]:
+    growing = _exp(a)
+    falling = reciprocal(growing)
+    return (growing - falling) / 2, (growing + falling) / 2
+
+
+def _sinh(a: Series, order: int) -> Chain:
+    sine, cosine = _hyperbolic(a)
+    return sine, cosine, sine
+
+
+def _cosh(a: Series, order: int) -> Chain:
+    sine, cosine = _hyperbolic(a)
+    return cosine, sine, cosine
+
+
+def _tanh(a: Series, order: int) -> Chain:
+    value = 1 - 2 * reciprocal(1 + _exp(2 * a))
+    slope = 1 - value * value
+    return value, slope, -2 * value * slope
+
+
+def _arctangent(a: Series, order: int) -> Chain:
+    slope = reciprocal(1 + a * a)
+    return a.atan(), slope, -2 * a * slope * slope
+
+
+def _arcsine(a: Series, order: int) -> Chain:
+    rest = _positive(1 - a * a, "asin")
+    slope = reciprocal(rest.sqrt())
+    return a.asin(), slope, a * slope * reciprocal(rest)
+
+
+def _arccosine(a: Series, order: int) -> Chain:
+    value, slope, bend = _arcsine(a, order)
+    return flint().arb.pi() / 2 - value, -slope, -bend
+
+
+def _arsinh(a: Series, order: int) -> Chain:
+    rest = 1 + a * a
+    root = rest.sqrt()
+    # odd: of the size, so that no digits are lost where a is negative and large
+    value = (a + root).log() if not head(a) < 0 else -((root - a).log())
+    return value, reciprocal(root), -a * reciprocal(rest * root)
+
+
+def _arcosh(a: Series, order: int) -> Chain:
+    rest = _positive(a * a - 1, "acosh")
+    root = rest.sqrt()
+    return (_positive(a, "acosh") + root).log(), reciprocal(root), -a * reciprocal(rest * root)
+
+
+def _artanh(a: Series, order: int) -> Chain:
+    rest = _positive(1 - a * a, "atanh")
+    slope = reciprocal(rest)
+    return ((1 + a) * reciprocal(1 - a)).log() / 2, slope, 2 * a * slope * slope
+
+
+def _log1p(a: Series, order: int) -> Chain:
+    return _logarithm(1 + a, order)
+
+
+def _expm1(a: Series, order: int) -> Chain:
+    value = _exp(a)
+    return value - 1, value, value
+
+
+def _error_function(a: Series, order: int) -> Chain:
+    slope = 2 * _exp(-(a * a)) / flint().arb.pi().sqrt()
+    return a.erf(), slope, -2 * a * slope
+
+
+def _sign(jet: Jet) -> int | None:
+    value = head(jet.value)
+    return 1 if value > 0 else -1 if value < 0 else None
+
+
+def sign_between(jet: Jet) -> int | None:
+    """The sign for -1 < t < 1 of what is of first degree in x; it may vanish at the ends."""
+    value = jet.value
+    if jet.first or not isinstance(value, flint().arb_series) or value.length() > 2:
+        return None
+    first, last = value[0] - value[1], value[0] + value[1]
+    if value[1].is_zero() or not (first.is_exact() and last.is_exact()):
+        return _sign(jet)
+    return 1 if first >= 0 and last >= 0 else -1 if first <= 0 and last <= 0 else None
+
+
+def _size(algebra: Algebra, a: Jet) -> Jet:
+    return a if algebra.sign(a, "fabs") > 0 else algebra.scaled(a, -1)
+
+
+def _greater(algebra: Algebra, a: Jet, b: Jet) -> Jet:
+    return a if algebra.sign(algebra.sum(a, b, -1), "fmax") > 0 else b
+
+
+def _lesser(algebra: Algebra, a: Jet, b: Jet) -> Jet:
+    return b if algebra.sign(algebra.sum(a, b, -1), "fmin") > 0 else a
+
+
+def _below(name: str) -> Callable[[Algebra, Jet, Jet], Jet]:
+    return lambda algebra, a, b: algebra.constant(1.0 if algebra.sign(algebra.sum(a, b, -1), name) < 0 else 0.0)
+
+
+def _apart(value: float, name: str) -> Callable[[Algebra, Jet, Jet], Jet]:
+    """Equality and its contrary, decided where the two are apart."""
+
+    def compared(algebra: Algebra, a: Jet, b: Jet) -> Jet:
+        algebra.sign(algebra.sum(a, b, -1), name)
+        return algebra.constant(value)
+
+    return compared
+
+
+def _true(jet: Jet) -> bool:
+    """Whether a condition holds; Undecided where it may or may not."""
+    value = head(jet.value)
+    if value.is_zero() and not jet.first:
+        return False
+    if value.contains(0):
+        raise Undecided("a condition, which switches there")
+    return True
+
+
+def _where(algebra: Algebra, condition: Jet, value: Jet) -> Jet:
+    return value if _true(condition) else algebra.constant(0.0)
+
+
+def _hypotenuse(algebra: Algebra, a: Jet, b: Jet) -> Jet:
+    square = algebra.sum(algebra.product(a, a), algebra.product(b, b))
+    return algebra.chained(square, *_root(square.value, algebra.order))
+
+
+def _angle(algebra: Algebra, y: Jet, x: Jet) -> Jet:
+    """atan2(y, x), away from the line x = 0."""
+    if algebra.sign(x, "atan2") > 0:
+        ratio = algebra.quotient(y, x)
+        return algebra.chained(ratio, *_arctangent(ratio.value, algebra.order))
+    ratio = algebra.quotient(x, y)
+    turned = algebra.chained(ratio, *_arctangent(ratio.value, algebra.order))
+    right = flint().arb.pi() / 2 * algebra.sign(y, "atan2")
+    return algebra.sum(Jet(right), turned, -1)
+
+
+LINEAR: dict[int, Callable[..., Jet]] = {
+    ca.OP_ASSIGN: lambda _, a: a,
+    ca.OP_ADD: lambda algebra, a, b: algebra.sum(a, b),
+    ca.OP_SUB: lambda algebra, a, b: algebra.sum(a, b, -1),
+    ca.OP_NEG: lambda algebra, a: algebra.scaled(a, -1),
+    ca.OP_TWICE: lambda algebra, a: algebra.scaled(a, 2),
+    ca.OP_MUL: lambda algebra, a, b: algebra.product(a, b),
+    ca.OP_DIV: lambda algebra, a, b: algebra.quotient(a, b),
+    ca.OP_POW: lambda algebra, a, b: algebra.power(a, b),
+    ca.OP_CONSTPOW: lambda algebra, a, b: algebra.power(a, b),
+}
+"""Operations of arithmetic."""
+
+SMOOTH: dict[int, Callable[[Series, int], Chain]] = {
+    ca.OP_SQ: lambda a, _: (a * a, 2 * a, flint().arb(2)),
+    ca.OP_INV: _inverse, ca.OP_SQRT: _root, ca.OP_EXP: _exponential, ca.OP_LOG: _logarithm,
+    ca.OP_SIN: _sine, ca.OP_COS: _cosine, ca.OP_TAN: _tangent, ca.OP_ASIN: _arcsine, ca.OP_ACOS: _arccosine,
+    ca.OP_ATAN: _arctangent, ca.OP_SINH: _sinh, ca.OP_COSH: _cosh, ca.OP_TANH: _tanh, ca.OP_ASINH: _arsinh,
+    ca.OP_ACOSH: _arcosh, ca.OP_ATANH: _artanh, ca.OP_LOG1P: _log1p, ca.OP_EXPM1: _expm1, ca.OP_ERF: _error_function,
+}  # fmt: skip
+"""Smooth functions of one argument, with their derivatives."""
+
+SELECTED: dict[int, Callable[..., Jet]] = {
+    ca.OP_FABS: _size, ca.OP_FMAX: _greater, ca.OP_FMIN: _lesser, ca.OP_LT: _below("lt"), ca.OP_LE: _below("le"),
+    ca.OP_EQ: _apart(0.0, "eq"), ca.OP_NE: _apart(1.0, "ne"), ca.OP_IF_ELSE_ZERO: _where,
+    ca.OP_SIGN: lambda algebra, a: algebra.constant(float(algebra.sign(a, "sign"))),
+    ca.OP_NOT: lambda algebra, a: algebra.constant(0.0 if _true(a) else 1.0),
+    ca.OP_AND: lambda algebra, a, b: algebra.constant(1.0 if _true(a) and _true(b) else 0.0),
+    ca.OP_OR: lambda algebra, a, b: algebra.constant(1.0 if _true(a) or _true(b) else 0.0),
+    ca.OP_HYPOT: _hypotenuse, ca.OP_ATAN2: _angle,
+}  # fmt: skip
+"""Operations that are smooth between their switches."""
+
+
+def without_enclosure(function: ca.Function) -> str:
+    """The name of an operation of a function that no enclosure is known of; empty where there is none."""
+    if not function.is_a("SXFunction"):
+        return "a table or another function that is no formula"
+    known = {ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT, *LINEAR, *SMOOTH, *SELECTED}
+    strange = {i.operation for i in instructions(function)} - known
+    return ", ".join(sorted(NAMES[s] for s in strange))
+
+
+def jets(
+    program: Program, arguments: Sequence[Sequence[Jet]], order: int, switches: Sequence[int | None] = ()
+) -> list[list[Jet]]:
+    """The nonzeros of each result of an SX function, enclosed with their derivatives up to ``order``."""
+    algebra = Algebra(order, switches)
+    return program.run(arguments, algebra.constant, algebra.apply)
+
+
+def switches_between(program: Program, arguments: Sequence[Sequence[Jet]]) -> list[int | None]:
+    """Signs of what a function switches on, where they hang on x alone; series about the middle of an interval."""
+    algebra = Algebra(0, between=True)
+    try:
+        program.run(arguments, algebra.constant, algebra.apply)
+    except Undecided:
+        return []
+    return algebra.signs

@@ -1,0 +1,145 @@
+"""What a certificate is about: a functional of states and controls, near one curve.
+
+A Lagrangian of order one has the states z = y and the controls u = y', one of order two z = (y, y') and u = y''.
+Unknown numbers are states that do not change. Always z' = A z + B u with constant A and B, so that one theorem serves
+(Clarke, "Functional Analysis, Calculus of Variations and Optimal Control", Springer 2013, ch. 22 and 23).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.certificates.balls import Ball, Series, flint
+from varcalc.certificates.jets import Jet, jets, switches_between
+from varcalc.symbolic.instructions import Program
+from varcalc.verify.along_curve import AlongCurve
+
+
+@dataclass(frozen=True)
+class Statement:
+    """The Lagrangian function H along one curve, what its ends are held at, and its dimensions.
+
+    ``along`` is the curve, in the minimising sense. ``held[e]`` and ``values[e]`` tell for the start (0) and the end
+    (1) which of the m states are given, and their values (NaN where they are free).
+    """
+
+    along: AlongCurve
+    held: tuple[np.ndarray, np.ndarray]
+    values: tuple[np.ndarray, np.ndarray]
+
+    @property
+    def n(self) -> int:
+        """Number of unknown functions, and of controls."""
+        return self.along.n
+
+    @property
+    def order(self) -> int:
+        """Highest derivative in the Lagrangian."""
+        return self.along.order
+
+    @property
+    def states(self) -> int:
+        """Number m of states."""
+        return self.n * self.order + len(self.along.numbers)
+
+    @property
+    def periodic(self) -> bool:
+        """Whether both ends are one."""
+        return self.along.form.ends.periodic
+
+    @cached_property
+    def function(self) -> ca.Function:
+        """H of all symbols, and of the multipliers."""
+        along = self.along
+        arguments = [*along.symbols.all, *along.multiplier_symbols]
+        return ca.Function("H", arguments, [ca.densify(along.whole.expression)])
+
+    @cached_property
+    def variables(self) -> Any:
+        """The symbols of the states and the controls, in one column."""
+        s = self.along.symbols
+        return ca.vertcat(s.y, *s.slopes[:-1], s.unknowns, s.slopes[-1])
+
+    @cached_property
+    def hessian(self) -> Any:
+        """The matrix of second derivatives of H by :attr:`variables`, as CasADi states it."""
+        return ca.hessian(self.along.whole.expression, self.variables)[0]
+
+    @cached_property
+    def quadratic(self) -> bool:
+        """Whether second derivatives of H depend on x alone, so that what holds in a tube holds everywhere."""
+        return not ca.depends_on(self.along.symbols.kind(self.hessian), self.variables)
+
+    @cached_property
+    def quadratic_in_controls(self) -> bool:
+        """Whether the second derivatives by the controls do not depend on these."""
+        m = self.states
+        block = self.along.symbols.kind(self.hessian[m:, m:])
+        return not ca.depends_on(block, self.along.symbols.slopes[-1])
+
+    @cached_property
+    def derivatives(self) -> ca.Function:
+        """H's gradient and Hessian by :attr:`variables`, for numbers that need not be exact."""
+        gradient = ca.gradient(self.along.whole.expression, self.variables)
+        arguments = [*self.along.symbols.all, *self.along.multiplier_symbols]
+        return ca.Function("derivatives", arguments, [ca.densify(gradient), ca.densify(ca.vec(self.hessian))])
+
+    def sampled(self, x: np.ndarray, states: np.ndarray, controls: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The gradient (p, d) and the Hessian (p, d, d) of H at p points; states (m, p), controls (n, p)."""
+        n, m = self.n, self.states
+        slopes = [states[n : 2 * n], controls] if self.order == 2 else [controls, np.zeros((0, len(x)))]
+        constant = [self.along.form.problem.parameter_values, self.along.lambdas]
+        parameters, lambdas = (np.repeat(np.asarray(v, dtype=float)[:, None], len(x), axis=1) for v in constant)
+        forces = np.zeros((0, len(x)))
+        numbers = states[n * self.order :]
+        found: Any = self.derivatives.call([x[None], states[:n], *slopes, parameters, numbers, lambdas, forces])
+        gradient, hessian = (np.asarray(v).T for v in found)
+        return gradient, hessian.reshape(len(x), n + m, n + m)
+
+    @cached_property
+    def program(self) -> Program:
+        """The instructions of H."""
+        return Program(self.function)
+
+    def switches(self, centre: Ball, half: Ball) -> list[int | None]:
+        """Signs of what H switches on, where these hang on x alone, between two abscissae."""
+        found = flint()
+        blank = [Jet(found.arb_series([0, 0, 1], 4)) for _ in range(self.states + self.n)]
+        x = found.arb_series([centre, half], 4)
+        return switches_between(self.program, self._arguments(x, blank[: self.states], blank[self.states :]))
+
+    def jet(
+        self,
+        x: Series,
+        states: Sequence[Series],
+        controls: Sequence[Series],
+        order: int,
+        switches: Sequence[int | None],
+    ) -> Jet:
+        """H in balls; derivatives by the states are numbered from 0, those by the controls follow."""
+        z = [Jet(value, {i: flint().arb(1)}) for i, value in enumerate(states)]
+        u = [Jet(value, {self.states + i: flint().arb(1)}) for i, value in enumerate(controls)]
+        return jets(self.program, self._arguments(x, z, u), order, switches)[0][0]
+
+    def _arguments(self, x: Series, z: list[Jet], u: list[Jet]) -> list[list[Jet]]:
+        """What H takes."""
+        n = self.n
+        y, slopes, numbers = z[:n], z[n : n * self.order], z[n * self.order :]
+        fixed = [self.along.form.problem.parameter_values, self.along.lambdas]
+        parameters, lambdas = ([Jet(flint().arb(float(v))) for v in values] for values in fixed)
+        first, second = (slopes, u) if self.order == 2 else (u, [])
+        return [[Jet(x)], y, first, second, parameters, numbers, lambdas, []]
+
+
+def statement(along: AlongCurve) -> Statement:
+    """The statement of a curve whose ends are given or free each by itself, or one."""
+    ends, numbers = along.form.ends, len(along.numbers)
+    free = np.full(numbers, np.nan)
+    start, end = (np.r_[np.asarray(given)[: along.order].ravel(), free] for given in (ends.start, ends.end))
+    return Statement(along, (~np.isnan(start), ~np.isnan(end)), (start, end))

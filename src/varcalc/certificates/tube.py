@@ -1,0 +1,226 @@
+"""The inequality in a tube around the curve: what makes Hilbert's invariant integral a bound.
+
+With w = z - z0 and S = S0 + p w + w Q w/2 the functional minus its value on the curve is the integral of F(x, w, u)
+and terms at the ends. F vanishes with w and u, its gradient there is (r, q), and its matrix of second derivatives is
+
+    [ H_zz - Q' - Q A - A^T Q    H_zu - Q B ]
+    [ H_uz - B^T Q                  H_uu    ].
+
+Where it exceeds diag(kappa, mu) for |w| <= delta, |u| <= rho, F >= r w + q u + kappa |w|^2/2 + mu |u|^2/2 there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from varcalc.certificates.balls import Around, Ball, Box, Series, enclosed, flint, polynomial
+from varcalc.certificates.curve import Piece
+from varcalc.certificates.field import Field, dynamics
+from varcalc.certificates.integrals import Unproved
+from varcalc.certificates.jets import Undecided
+from varcalc.certificates.statement import Statement
+
+Matrix: TypeAlias = list[list[Any]]
+"""Of polynomials, series or numbers."""
+TERMS = 10
+"""Order of the Taylor forms of the inequality."""
+
+
+@dataclass(frozen=True)
+class Tube:
+    """Widths of a tube, and what is to be proved in it; states and controls in units of ``sizes``.
+
+    ``stiffness`` bounds H_uu from below where |u| <= ``rho`` (one for each piece), ``tilt`` bounds |H_zu - Q B| from
+    above. Infinite widths are for H of second degree.
+    """
+
+    delta: float
+    rho: tuple[float, ...]
+    kappa: float
+    mu: float
+    stiffness: tuple[float, ...]
+    tilt: tuple[float, ...]
+    sizes: tuple[np.ndarray, np.ndarray]
+
+
+class Slopes:
+    """Q on one piece: M U^-1 of two matrices of polynomials, U the identity where there is more than one state.
+
+    So U^T M is symmetric, and the inequality can be multiplied by U from both sides, which leaves no quotient in it.
+    """
+
+    def __init__(self, U: Matrix, M: Matrix) -> None:
+        self.U, self.M = U, M
+
+    @classmethod
+    def through(cls, U: np.ndarray, M: np.ndarray) -> Slopes:
+        """Through values (N + 1, m, m) at the nodes."""
+        m = U.shape[1]
+        if m > 1:
+            Q = np.linalg.solve(U.transpose(0, 2, 1), M.transpose(0, 2, 1))
+            U, M = np.broadcast_to(np.eye(m), U.shape), 0.5 * (Q + Q.transpose(0, 2, 1))
+        fields = [[[None] * m for _ in range(m)] for _ in range(2)]
+        for values, grid in zip((U, M), fields, strict=True):
+            for i in range(m):
+                for j in range(i, m):
+                    grid[i][j] = grid[j][i] = polynomial(values[:, i, j])
+        return cls(*fields)
+
+    @classmethod
+    def none(cls, m: int) -> Slopes:
+        """Q = 0."""
+        return cls.through(np.eye(m)[None].repeat(2, axis=0), np.zeros((2, m, m)))
+
+    def series(self, around: Around) -> tuple[Matrix, Matrix]:
+        """U and M."""
+        U, M = ([[around.series(around.box.local(p)) for p in row] for row in grid] for grid in (self.U, self.M))
+        return U, M
+
+
+def slopes(field: Field | None, count: int, states: int) -> list[Slopes]:
+    """Q of each piece."""
+    if field is None:
+        return [Slopes.none(states)] * count
+    return [Slopes.through(U, M) for U, M in zip(field.U, field.M, strict=True)]
+
+
+@dataclass(frozen=True)
+class Prover:
+    """The inequality of one tube, for any box."""
+
+    statement: Statement
+    pieces: Sequence[Piece]
+    slopes: Sequence[Slopes]
+    tube: Tube
+
+    def wide(self, boxes: Sequence[tuple[int, Box]]) -> bool:
+        """Whether the inequality fails at the middle of a box already, so that smaller boxes would not help."""
+        try:
+            return not all(_positive([p[0] for p in self._pivots(k, Around(box, 2, False), 2)]) for k, box in boxes)
+        except Undecided:
+            return True
+
+    def prove(self, boxes: Sequence[tuple[int, Box]], most: int) -> int:
+        """Prove the inequality on boxes, cut where needed, into ``most`` at most; how many it took. Raises Unproved."""
+        waiting, count = list(reversed(boxes)), 0
+        while waiting:
+            k, box = waiting.pop()
+            count += 1
+            reason = ""
+            try:
+                if self._holds(k, box):
+                    continue
+            except Undecided as undecided:
+                reason = f" ({undecided})"
+            if count > most or self.wide([(k, box)]):
+                raise Unproved(
+                    f"the matrix of second derivatives, with Q from Jacobi's equation, is not proved to exceed "
+                    f"diag(kappa, mu) in the tube near {box.at:.6g}{reason}"
+                )
+            waiting += [(k, b) for b in reversed(box.halves())]
+        return count
+
+    def _holds(self, k: int, box: Box) -> bool:
+        centred, whole = (self._pivots(k, Around(box, TERMS + 1 + w, w), TERMS + 1 + w) for w in (False, True))
+        return _positive([enclosed(c, w, TERMS) for c, w in zip(centred, whole, strict=True)])
+
+    def _pivots(self, k: int, around: Around, terms: int) -> list[Series]:
+        """What must be positive, as series: the pivots of the matrix less diag(kappa, mu), and what rho must meet."""
+        statement, tube = self.statement, self.tube
+        m, n = statement.states, statement.n
+        zero = flint().arb_series([0], terms)
+        second = self._second(k, around)
+        U, M = self.slopes[k].series(around)
+        demands = [U[0][0]] if m == 1 else []
+        mixed = [[second[i][m + j] for j in range(n)] for i in range(m)]
+        mixed = _less_scaled(_product(_transposed(U), mixed), _over_controls(_transposed(M), statement), tube.sizes)
+        uu = [[zero + second[m + i][m + j] for j in range(n)] for i in range(n)]
+        if tube.delta < np.inf:
+            demands += _eliminated(_less(uu, tube.stiffness[k]))
+            room = tube.tilt[k] ** 2 * (U[0][0] * U[0][0] if m == 1 else 1)
+            demands.append(zero + room - sum(v * v for row in mixed for v in row))
+        zz = self._bent(second, U, M, around)
+        corner = _less(uu, tube.mu)
+        across = _transposed(mixed)
+        full = [[*a, *b] for a, b in zip(corner, across, strict=True)]
+        full += [[*a, *b] for a, b in zip(mixed, zz, strict=True)]
+        return demands + _eliminated([[zero + v for v in row] for row in full])
+
+    def _bent(self, second: Matrix, U: Matrix, M: Matrix, around: Around) -> Matrix:
+        """U^T (H_zz - kappa) U - (U^T M' - M^T U') - M^T A U - U^T A^T M, in units of the states."""
+        statement, sizes = self.statement, self.tube.sizes[0].tolist()
+        m = statement.states
+        A = dynamics(statement.n, statement.order, m)[0]
+        turned = _transposed(U)
+        zz = _product(_product(turned, _less([row[:m] for row in second[:m]], self.tube.kappa)), U)
+        steps = [[[around.slope(v) for v in row] for row in grid] for grid in (M, U)]
+        rest = _minus(_product(turned, steps[0]), _product(_transposed(M), steps[1]))
+        if A.any():
+            bent = _product(_product(_transposed(M), A.tolist()), U)
+            rest = _minus(
+                rest,
+                [[-(a + b) for a, b in zip(*rows, strict=True)] for rows in zip(bent, _transposed(bent), strict=True)],
+            )
+        return [[zz[i][j] - rest[i][j] * (sizes[i] * sizes[j]) for j in range(m)] for i in range(m)]
+
+    def _second(self, k: int, around: Around) -> Matrix:
+        """The second derivatives of H over the tube, in units of the states and controls."""
+        statement, piece = self.statement, self.pieces[k]
+        d = statement.states + statement.n
+        states, controls = piece.lifted(around)
+        if self.tube.delta < np.inf:
+            found = flint()
+            widths = [self.tube.delta * self.tube.sizes[0], self.tube.rho[k] * self.tube.sizes[1]]
+            states, controls = (
+                [s + found.arb(0, float(w)) for s, w in zip(rows, width.tolist(), strict=True)]
+                for rows, width in zip((states, controls), widths, strict=True)
+            )
+        second = statement.jet(around.abscissa(), states, controls, 2, piece.switches).second
+        scale = [*self.tube.sizes[0].tolist(), *self.tube.sizes[1].tolist()]
+        return [[second.get((min(i, j), max(i, j)), 0) * (scale[i] * scale[j]) for j in range(d)] for i in range(d)]
+
+
+def _over_controls(M: Matrix, statement: Statement) -> Matrix:
+    """M^T B."""
+    return _product(M, dynamics(statement.n, statement.order, statement.states)[1].tolist())
+
+
+def _less_scaled(a: Matrix, b: Matrix, sizes: tuple[np.ndarray, np.ndarray]) -> Matrix:
+    """a - b, b brought to units of states and controls."""
+    scale = np.outer(*sizes).tolist()
+    return [[v - w * s for v, w, s in zip(*rows, strict=True)] for rows in zip(a, b, scale, strict=True)]
+
+
+def _minus(a: Matrix, b: Matrix) -> Matrix:
+    return [[v - w for v, w in zip(*rows, strict=True)] for rows in zip(a, b, strict=True)]
+
+
+def _less(matrix: Matrix, number: float) -> Matrix:
+    """The matrix less a multiple of the identity."""
+    return [[v - number if i == j else v for j, v in enumerate(row)] for i, row in enumerate(matrix)]
+
+
+def _transposed(matrix: Matrix) -> Matrix:
+    return [list(column) for column in zip(*matrix, strict=True)]
+
+
+def _product(a: Matrix, b: Matrix) -> Matrix:
+    return [[sum(v * w for v, w in zip(row, column, strict=True)) for column in zip(*b, strict=True)] for row in a]
+
+
+def _eliminated(matrix: Matrix) -> list[Series]:
+    """The pivots of elimination without division: a symmetric matrix is positive definite where all are positive."""
+    work, pivots = [list(row) for row in matrix], []
+    while work:
+        (head, *across), *rest = work
+        pivots.append(head)
+        work = [[head * v - row[0] * w for v, w in zip(row[1:], across, strict=True)] for row in rest]
+    return pivots
+
+
+def _positive(balls: Sequence[Ball]) -> bool:
+    return all(bool(ball > 0) for ball in balls)

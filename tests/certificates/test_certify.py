@@ -1,0 +1,202 @@
+"""The infimum lies in the interval: closed forms at the doubles of the problem, in 60 digits."""
+
+from fractions import Fraction
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+
+import varcalc as vc
+from varcalc.certificates import Means, Scope
+
+
+@pytest.fixture(autouse=True)
+def _sixty_digits():
+    with mpmath.workdps(60):
+        yield
+
+
+def between(certificate, exact):
+    """Whether a number of 60 digits lies in the interval, and the doubles around it."""
+    low, high = (mpmath.mpf(f.numerator) / f.denominator for f in map(Fraction, certificate.enclosure))
+    return low <= exact <= high and certificate.lower <= low and high <= certificate.upper
+
+
+def certified(*problem, **options):
+    return vc.certify(vc.solve(vc.Problem(*problem, **options)))
+
+
+def oscillator(x, y, v):
+    return (v**2 - y**2) / 2
+
+
+def area(x, y, v):
+    return y * ca.sqrt(1 + v**2)
+
+
+def film(a):
+    """Least area over 2 pi between rings of radius 1 at -a and a: c cosh(x/c) with c cosh(a/c) = 1."""
+    # t/cosh(t) is concave up to the fold, so Newton's iteration climbs to the shallow catenary from a < t
+    t = mpmath.findroot(lambda t: t / mpmath.cosh(t) - a, a, solver="newton", maxsteps=200)
+    c = a / t
+    return c * a + c * c * mpmath.sinh(2 * t) / 2
+
+
+def test_an_action_that_is_of_second_degree_is_certified_among_all_curves():
+    certificate = certified(oscillator, vc.Fixed(0, 0), vc.Fixed(3, 1))
+    assert between(certificate, mpmath.cot(3) / 2)
+    assert certificate.scope is Scope.ALL
+    assert certificate.tube == np.inf
+    assert certificate.width < 1e-17
+
+
+@pytest.mark.parametrize("a", [0.3, 0.5, 0.6, 0.65, 0.662])
+def test_a_soap_film_is_certified_in_a_tube(a):
+    certificate = certified(area, vc.Fixed(-a, 1), vc.Fixed(a, 1))
+    assert between(certificate, film(mpmath.mpf(a)))
+    assert certificate.scope is Scope.TUBE  # two discs may have less area
+    assert certificate.width < 1e-17
+    assert 0 < certificate.distance.largest < certificate.tube
+
+
+def test_a_convex_problem_is_certified_among_all_curves_in_its_own_parameters():
+    """int (g v^2 + y^4 + c y)/2 has no closed form; int (a v^2 + b y^2)/2 has: sqrt(a b) coth(sqrt(b/a) T)/2."""
+    certificate = certified(
+        lambda x, y, v, p: (p.a * v**2 + p.b * y**2) / 2,
+        vc.Fixed(0, 0),
+        vc.Fixed(1.5, 1),
+        parameters={"a": 0.1, "b": 0.7},
+    )
+    a, b = mpmath.mpf(0.1), mpmath.mpf(0.7)
+    assert between(certificate, mpmath.sqrt(a * b) * mpmath.coth(mpmath.sqrt(b / a) * mpmath.mpf(1.5)) / 2)
+    assert certificate.scope is Scope.ALL
+
+
+def test_a_jointly_convex_problem_that_is_not_of_second_degree_is_certified_among_all_curves():
+    """int sqrt(1 + y'^2) is the distance."""
+    certificate = certified(lambda x, y, v: ca.sqrt(1 + v**2), vc.Fixed(0, 0), vc.Fixed(1, 2.5))
+    assert between(certificate, mpmath.sqrt(mpmath.mpf("7.25")))
+    assert certificate.scope is Scope.ALL
+    assert any(h.means is Means.COMPOSITION for h in certificate.proved)
+
+
+def test_a_maximum_is_certified_as_one():
+    certificate = certified(lambda x, y, v: (y**2 - v**2) / 2, vc.Fixed(0, 0), vc.Fixed(2, 1), maximise=True)
+    assert between(certificate, -mpmath.cot(2) / 2)
+    assert "supremum" in str(certificate)
+
+
+def test_a_free_end():
+    certificate = certified(oscillator, vc.Fixed(0, 1), vc.Free(1))
+    assert between(certificate, -mpmath.tan(1) / 2)
+
+
+def test_periodic_ends():
+    """int (v^2 + y^2)/2 - x y over a period of length 1: y = x - sinh(x - 1/2)/(2 sinh(1/2))."""
+    ring = vc.Periodic(0, 1)
+    certificate = certified(lambda x, y, v: (v**2 + y**2) / 2 - x * y, ring, ring)
+    s, c = mpmath.sinh(mpmath.mpf("0.5")), mpmath.cosh(mpmath.mpf("0.5"))
+    assert between(certificate, -(mpmath.mpf(1) / 3 - (c - 2 * s) / (2 * s)) / 2)
+
+
+def test_breakpoints_are_gone_through_piece_by_piece():
+    """int a(x) v^2 with a = 1, 3: the values of springs in series, 1/(1/1 + 1/3) over [0, 2]."""
+    certificate = certified(
+        lambda x, y, v: ca.if_else(x < 1, 1, 3) * v**2, vc.Fixed(0, 0), vc.Fixed(2, 1), breakpoints=[1.0]
+    )
+    assert between(certificate, mpmath.mpf(3) / 4)
+
+
+def test_several_functions():
+    """Two oscillators, the axes turned by an angle of sine 0.6: the actions add up."""
+
+    def action(t, q, v):
+        a, b = 0.8 * q[0] + 0.6 * q[1], 0.8 * q[1] - 0.6 * q[0]
+        return (ca.sumsqr(v) - a**2 - b**2 / 4) / 2
+
+    certificate = certified(action, vc.Fixed(0, (0, 0)), vc.Fixed(2, (1, 0)))
+    # the doubles 0.6 and 0.8 are not quite sine and cosine: the stiffness is theirs
+    c, s = mpmath.mpf(0.8), mpmath.mpf(0.6)
+    K = mpmath.matrix([[c * c + s * s / 4, c * s * 3 / 4], [c * s * 3 / 4, s * s + c * c / 4]])
+    values, vectors = mpmath.eigsy(K)
+    exact = (
+        sum(vectors[0, k] ** 2 * mpmath.sqrt(values[k]) * mpmath.cot(2 * mpmath.sqrt(values[k])) for k in (0, 1)) / 2
+    )
+    assert between(certificate, exact)
+    assert certificate.scope is Scope.ALL
+
+
+def test_second_order():
+    """A clamped beam under a uniform load: -q^2 l^5/1440."""
+    certificate = certified(lambda x, y, v, a: a**2 / 2 - y, vc.Fixed(0, 0, 0), vc.Fixed(1, 0, 0), order=2)
+    assert between(certificate, -mpmath.mpf(1) / 1440)
+
+
+def test_unknown_numbers():
+    """int v^2/2 + (y - c)^2/2 from 0 to 1 on [0, 1], c free: y - c = cosh, sinh with ends -+1/2; tanh(1/2)..."""
+    certificate = certified(
+        lambda x, y, v, p: (v**2 + (y - p.c) ** 2) / 2, vc.Fixed(0, 0), vc.Fixed(1, 1), unknowns={"c": 0.2}
+    )
+    assert between(certificate, mpmath.coth(mpmath.mpf(1) / 2) / 4)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_units_do_not_matter(scale):
+    certificate = certified(lambda x, y, v: v**2 / 2 + scale**2 * ca.cos(y / scale), vc.Fixed(0, 0), vc.Fixed(2, scale))
+    one = certified(lambda x, y, v: v**2 / 2 + ca.cos(y), vc.Fixed(0, 0), vc.Fixed(2, 1))
+    assert certificate.lower / scale**2 == pytest.approx(one.lower, rel=1e-14)
+    assert certificate.width < 1e-16 * abs(certificate.lower)
+
+
+def test_beyond_a_conjugate_point_nothing_is_proved():
+    solution = vc.solve(vc.Problem(oscillator, vc.Fixed(0, 0), vc.Fixed(3.2, 1)), vc.Collocation())
+    with pytest.raises(vc.VariationalError, match="conjugate point"):
+        vc.certify(solution)
+
+
+def test_a_saddle_is_not_certified():
+    """The deep catenary between rings at +-0.5."""
+    problem = vc.Problem(area, vc.Fixed(-0.5, 1), vc.Fixed(0.5, 1))
+    saddle = vc.solve(problem, vc.Collocation(), guess=lambda x: 0.235 * np.cosh(x / 0.235))
+    assert saddle.value > 1.0
+    with pytest.raises(vc.VariationalError, match="conjugate point"):
+        vc.certify(saddle)
+
+
+def test_a_minimum_of_what_is_not_convex_in_the_slope_is_one_among_near_slopes():
+    certificate = certified(lambda x, y, v: v**2 + 4 * ca.exp(-((v - 4) ** 2)), vc.Fixed(0, 0), vc.Fixed(1, 0.5))
+    assert certificate.scope is Scope.WEAK
+    assert certificate.slopes < 3.5
+    assert between(certificate, mpmath.mpf("0.25") + 4 * mpmath.exp(mpmath.mpf("-12.25")))
+    assert "of its slope" in str(certificate)
+
+
+def test_what_is_asked_for_and_not_reached_is_refused():
+    solution = vc.solve(vc.Problem(oscillator, vc.Fixed(0, 0), vc.Fixed(2, 1)))
+    assert vc.certify(solution, digits=15).width < 1e-15
+    with pytest.raises(vc.VariationalError, match="too much for 60 digits"):
+        vc.certify(solution, digits=60)
+
+
+def test_arguments_are_checked():
+    solution = vc.solve(vc.Problem(oscillator, vc.Fixed(0, 0), vc.Fixed(2, 1)))
+    with pytest.raises(TypeError, match="solution must be what"):
+        vc.certify(3.0)
+    with pytest.raises(ValueError, match="digits must be at least 1"):
+        vc.certify(solution, digits=0)
+    with pytest.raises(TypeError, match="digits must be a whole number"):
+        vc.certify(solution, digits=1.5)
+
+
+def test_what_has_no_enclosure_is_refused_by_name():
+    solution = vc.solve(vc.Problem(lambda x, y, v: v**2 + ca.fmod(x, 0.3) * y, vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    with pytest.raises(vc.VariationalError, match="fmod"):
+        vc.certify(solution)
+
+
+def test_it_states_its_theorem():
+    text = str(certified(area, vc.Fixed(-0.5, 1), vc.Fixed(0.5, 1)))
+    assert "infimum of area over the curves within" in text
+    assert text.count("by ball arithmetic") >= 3
+    assert "by the rules of composition" in text
