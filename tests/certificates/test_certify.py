@@ -200,3 +200,24 @@ def test_it_states_its_theorem():
     assert "infimum of area over the curves within" in text
     assert text.count("by ball arithmetic") >= 3
     assert "by the rules of composition" in text
+
+
+def test_what_the_ends_cost():
+    """int (v^2 + y^2)/2 + y(1)^2 from y(0) = 1: the Riccati solution s at 0, s' = s^2 - 1 back from s(1) = 2."""
+    certificate = certified(
+        lambda x, y, v: (v**2 + y**2) / 2, vc.Fixed(0, 1), vc.Free(1), end_cost=lambda x0, y0, x1, y1: y1**2
+    )
+    c, s = mpmath.cosh(1), mpmath.sinh(1)
+    assert between(certificate, (2 * c + s) / (c + 2 * s) / 2)
+    assert certificate.scope is Scope.ALL
+
+
+def test_a_length_is_certified_through_its_energy():
+    """The hyperbolic distance between (0, 1) and (1, 2): arcosh(1 + 2/4)."""
+    half_plane = vc.Curve(lambda q, dq: ca.sqrt(ca.sumsqr(dq)) / q[1], vc.At((0, 1)), vc.At((1, 2)))
+    certificate = vc.certify(vc.solve(half_plane))
+    assert between(certificate, mpmath.acosh(mpmath.mpf("1.5")))
+    line = vc.Curve(lambda q, dq: ca.norm_2(dq), vc.At((0, 0)), vc.At((1, 2)))
+    certificate = vc.certify(vc.solve(line))
+    assert between(certificate, mpmath.sqrt(5))
+    assert certificate.scope is Scope.ALL

@@ -77,6 +77,12 @@ class Certificate:
         low, high = map(Fraction, self.enclosure)
         return float(high - low)
 
+    @property
+    def digits(self) -> int:
+        """How many decimal digits of the value are proved."""
+        size = max(abs(self.lower), abs(self.upper))
+        return max(0, math.floor(-math.log10(self.width / size))) if self.width and size else 0
+
     def __contains__(self, value: float) -> bool:
         """Whether a number lies in the interval."""
         low, high = map(Fraction, self.enclosure)

@@ -157,14 +157,19 @@ def _resolved(samples: Samples, sizes: np.ndarray) -> bool:
     return bool((coefficients[-3:].max(axis=0) <= RESOLVED * sizes[:, 0]).all())
 
 
-def pieces(statement: Statement, samples: list[Samples]) -> list[Piece]:
-    """The exact polynomials close to samples."""
-    n, order = statement.n, statement.order
-    joints = [np.array([s.states[:, 0] for s in samples] + [samples[-1].states[:, -1]])][0]
+def joint_states(statement: Statement, samples: list[Samples]) -> np.ndarray:
+    """The states (pieces + 1, m) where pieces meet: what the ends are held at, and what the samples are elsewhere."""
+    joints = np.array([s.states[:, 0] for s in samples] + [samples[-1].states[:, -1]])
     for end, row in ((0, 0), (1, -1)):
         joints[row] = np.where(statement.held[end], statement.values[end], joints[row])
     if statement.periodic:
         joints[-1] = joints[0]
+    return joints
+
+
+def pieces(statement: Statement, samples: list[Samples], joints: np.ndarray) -> list[Piece]:
+    """The exact polynomials close to samples, with the states ``joints`` where they meet."""
+    n, order = statement.n, statement.order
     momenta = _joint_momenta(statement, samples, joints)
     found = flint()
     built = []
@@ -205,11 +210,23 @@ def _joint_momenta(statement: Statement, samples: list[Samples], joints: np.ndar
     if statement.periodic:
         balls[-1] = balls[0]
         return balls
+    cost = statement.cost
+    jet = None if cost is None else cost.jet(*end_values(statement, joints), 1)
     for end, row in ((0, 0), (1, -1)):
         for i in range(m):
             if not statement.held[end][i]:
-                balls[row][i] = found.arb(0)
+                at = None if cost is None else cost.index(end, i)
+                slope = found.arb(0) if jet is None or at is None else found.arb(0) + jet.first.get(at, 0)
+                balls[row][i] = -slope if end else slope
     return balls
+
+
+def end_values(statement: Statement, joints: np.ndarray) -> tuple[list[Ball], list[Ball], list[Ball]]:
+    """The functions at the start and the end, and the numbers, of states (pieces + 1, m) where pieces meet."""
+    n, order = statement.n, statement.order
+    ball = flint().arb
+    start, end = ([ball(float(v)) for v in row[:n]] for row in (joints[0], joints[-1]))
+    return start, end, [ball(float(v)) for v in joints[-1][n * order :]]
 
 
 def state_sizes(samples: Sequence[Samples], statement: Statement) -> np.ndarray:

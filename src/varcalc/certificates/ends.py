@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 from varcalc.certificates.balls import Ball, flint
 from varcalc.certificates.certificate import Hypothesis, Means
+from varcalc.certificates.curve import end_values
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.tube import Prover
 
@@ -18,17 +22,39 @@ def prove_ends(prover: Prover) -> list[Hypothesis]:
         if not _nonnegative(matrix):
             raise Unproved("Q at the end is not proved to exceed Q at the start, as a periodic curve needs")
         return [Hypothesis("Q at the end exceeds Q at the start", Means.BALLS)]
-    proved = []
+    proved, bends = [], _bends(prover)
     for end, name in ((0, "start"), (1, "end")):
         free = [i for i, held in enumerate(stated.held[end]) if not held]
         if not free:
             continue
         Q = _slopes(prover, end)
         sign = 1 if end else -1
-        if not _nonnegative([[sign * Q[i][j] for j in free] for i in free]):
+        if not _nonnegative([[sign * Q[i][j] + bends(end, i, j) for j in free] for i in free]):
             raise Unproved(f"the term of the free {name} is not proved positive: a focal point lies near")
         proved.append(Hypothesis(f"the term of the free {name} is not negative", Means.BALLS))
     return proved
+
+
+def _bends(prover: Prover) -> Callable[[int, int, int], Ball]:
+    """The second derivatives of what the ends cost, by two states of one end, over the tube."""
+    cost, found = prover.statement.cost, flint()
+    if cost is None:
+        return lambda end, i, j: found.arb(0)
+    start, end, numbers = end_values(prover.statement, prover.joints)
+    if prover.tube.delta < math.inf:
+        units = prover.tube.sizes[0]
+        room = [found.arb(0, prover.tube.delta * float(u)) for u in units]
+        n, count = prover.statement.n, len(numbers)
+        start, end = ([v + w for v, w in zip(values, room[:n], strict=True)] for values in (start, end))
+        numbers = [v + w for v, w in zip(numbers, room[len(room) - count :], strict=True)]
+    second = cost.jet(start, end, numbers, 2).second
+
+    def bend(at: int, i: int, j: int) -> Ball:
+        places = cost.index(at, i), cost.index(at, j)
+        known = sorted(p for p in places if p is not None)
+        return found.arb(0) + second.get((known[0], known[1]), 0) if len(known) == 2 else found.arb(0)
+
+    return bend
 
 
 def _slopes(prover: Prover, end: int) -> list[list[Ball]]:

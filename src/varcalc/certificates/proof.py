@@ -12,7 +12,8 @@ import numpy as np
 from varcalc.certificates.balls import Ball, above, below, flint, working
 from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
 from varcalc.certificates.convexity import convex_in_slope
-from varcalc.certificates.curve import Piece, Samples, pieces, sampled, state_sizes
+from varcalc.certificates.cost import Cost
+from varcalc.certificates.curve import Piece, Samples, end_values, joint_states, pieces, sampled, state_sizes
 from varcalc.certificates.ends import prove_ends
 from varcalc.certificates.field import Field, dynamics, field
 from varcalc.certificates.integrals import Along, Unproved, along_curve, total, worst
@@ -22,6 +23,7 @@ from varcalc.certificates.tube import Prover, Tube, slopes
 from varcalc.problem.conditions import whole
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.solution import Solution, Status, VariationalError
+from varcalc.symbolic.convexity import Entry, proved_convex
 from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.candidate import candidate
 
@@ -58,6 +60,7 @@ class Setting:
 
     statement: Statement
     samples: Sequence[Samples]
+    joints: np.ndarray
     pieces: Sequence[Piece]
     sizes: tuple[np.ndarray, np.ndarray]
     along: Along
@@ -126,7 +129,7 @@ def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
         raise VariationalError(solution)
     try:
         with working(BITS, TERMS):
-            found = _certified(solution)
+            found = certified(solution, _curve_of(solution))
     except Unproved as unproved:
         raise _refusal(solution, str(unproved)) from None
     certificate = replace(found, seconds=time.perf_counter() - began)
@@ -139,15 +142,30 @@ def _refusal(solution: Solution, reason: str) -> VariationalError:
     return VariationalError(replace(solution, status=Status.REFUSED, message=f"no certificate: {reason}"))
 
 
-def _certified(solution: Solution) -> Certificate:
-    setting = _setting(solution)
+def _curve_of(solution: Solution) -> AlongCurve:
+    """The curve of a solution, polished, in coordinates in which it is regular."""
+    found = candidate(solution)
+    along = found.along_best
+    if along is None:
+        raise Unproved(found.reason or "no coordinates are known in which the curve is regular")
+    reason = _out_of_reach(along)
+    if reason:
+        raise Unproved(reason)
+    return along
+
+
+def certified(solution: Solution, along: AlongCurve) -> Certificate:
+    """The certificate of a curve, whatever it is: where it is no minimum, Unproved is raised."""
+    setting = _setting(solution, along)
     prover = _proved_tube(setting)
     end_terms = prove_ends(prover)
     distance = _distance(setting, prover.tube)
     drop = total(setting.along, prover.tube.kappa, prover.tube.mu)
     scope, hypotheses = _scope(setting, prover, distance, solution)
-    value = setting.along.value - _levels(setting.statement)
+    value = setting.along.value + _end_cost(setting) - _levels(setting.statement)
     low, high = (value - drop).lower(), value.upper()
+    if setting.statement.along.form.coordinates.energetic:
+        low, high = _length(setting.statement, solution, low, high)
     if solution.problem.maximise:
         low, high = -high, -low
     unit = float(setting.sizes[0][0])
@@ -161,14 +179,7 @@ def _certified(solution: Solution) -> Certificate:
     )  # fmt: skip
 
 
-def _setting(solution: Solution) -> Setting:
-    found = candidate(solution)
-    along = found.along_best
-    if along is None:
-        raise Unproved(found.reason or "no coordinates are known in which the curve is regular")
-    reason = _out_of_reach(along)
-    if reason:
-        raise Unproved(reason)
+def _setting(solution: Solution, along: AlongCurve) -> Setting:
     stated = statement(along)
     strange = without_enclosure(stated.function)
     if strange:
@@ -176,13 +187,14 @@ def _setting(solution: Solution) -> Setting:
     samples = sampled(stated)
     if not all(np.isfinite(s.hessian).all() and np.isfinite(s.momenta).all() for s in samples):
         raise Unproved("the Lagrangian or its derivatives are no numbers on the curve")
-    exact = pieces(stated, samples)
+    joints = joint_states(stated, samples)
+    exact = pieces(stated, samples, joints)
     states = state_sizes(samples, stated)
     length = float(samples[-1].x[-1] - samples[0].x[0])
     controls = states[(stated.order - 1) * stated.n : stated.order * stated.n] / 2.0 ** round(math.log2(length))
     sizes = states, controls
     tolerance = VALUE_TOLERANCE * (abs(solution.value) or 1.0)
-    return Setting(stated, samples, exact, sizes, along_curve(stated, exact, sizes, tolerance))
+    return Setting(stated, samples, joints, exact, sizes, along_curve(stated, exact, sizes, tolerance))
 
 
 def _out_of_reach(along: AlongCurve) -> str:
@@ -190,14 +202,33 @@ def _out_of_reach(along: AlongCurve) -> str:
     form = along.form
     reasons = {
         f"curves in coordinates of their own ({form.coordinates.note}) are not covered": form.lift is not None
-        or form.coordinates.energetic
         or form.coordinates.gauged,
         "conditions all along the curve are not covered": bool(along.paths),
         "prescribed integrals are not covered": bool(along.integrals),
-        "ends that slide or cost something are not covered": form.ends.joint is not None,
+        "ends that slide, or cost something together, are not covered": form.ends.joint is not None
+        and (form.ends.equations > 0 or bool(form.ends.joint.inside) or not Cost(form).separate or form.ends.periodic),
         "waypoints are not covered": bool(form.held),
     }
     return next((reason for reason, holds in reasons.items() if holds), "")
+
+
+def _length(stated: Statement, solution: Solution, low: Ball, high: Ball) -> tuple[Ball, Ball]:
+    """Bounds of a length from those of its energy, the integral of its square over an interval of length 1.
+
+    J^2 <= E by Cauchy and Schwarz, with equality where the speed is constant, as any curve may be run through. The
+    integrand, a root of a positive definite form in the velocities, has one sign throughout the tube.
+    """
+    if not stated.quadratic_in_controls:
+        raise Unproved("the integrand is no root of a quadratic form in the velocities, so its energy tells no length")
+    if not (solution.problem.sign * solution.value > 0 and low > 0):
+        raise Unproved("the length is not proved positive")
+    return low.sqrt().lower(), high.sqrt().upper()
+
+
+def _end_cost(setting: Setting) -> Ball:
+    """What the ends of the curve cost."""
+    cost = setting.statement.cost
+    return flint().arb(0) if cost is None else cost.jet(*end_values(setting.statement, setting.joints), 0).value
 
 
 def _levels(stated: Statement) -> Ball:
@@ -215,7 +246,7 @@ def _proved_tube(setting: Setting) -> Prover:
     boxes, reason = setting.along.boxes, ""
 
     def prover(delta: float) -> Prover:
-        return Prover(setting.statement, setting.pieces, Q, _tube(setting, found, kappa, mu, delta))
+        return Prover(setting.statement, setting.pieces, Q, _tube(setting, found, kappa, mu, delta), setting.joints)
 
     if setting.statement.quadratic:
         prover(math.inf).prove(boxes, MOST_BOXES)
@@ -341,12 +372,21 @@ def _inequality(tube: Tube) -> str:
     return f"the second derivatives of L - dS/dx, S = S0 + p w + w Q w/2, exceed diag(kappa, mu) {where}"
 
 
+def _jointly_convex(stated: Statement, solution: Solution) -> bool:
+    """Whether what is minimised is proved jointly convex; of a length, its energy."""
+    if not stated.along.form.coordinates.energetic:
+        return proved_jointly_convex(solution.problem)
+    entries: list[list[Entry]] = [[None] * n for n in (stated.n, stated.n)]
+    parameters: list[Entry] = [float(v) for v in stated.along.form.problem.parameter_values]
+    return proved_convex(stated.function, [[0.0], *entries, [], parameters, [], [], []])
+
+
 def _scope(setting: Setting, prover: Prover, distance: Distance, solution: Solution) -> tuple[Scope, list[Hypothesis]]:
     """The curves the interval speaks of: as many as is proved."""
     tube = prover.tube
     if tube.delta == math.inf:
         return Scope.ALL, [Hypothesis("L is of second degree in the curve and its slope", Means.CONSTRUCTION)]
-    if proved_jointly_convex(solution.problem):
+    if _jointly_convex(setting.statement, solution):
         return Scope.ALL, [Hypothesis("L is jointly convex in the curve and its slope", Means.COMPOSITION)]
     if setting.statement.quadratic_in_controls:
         return Scope.TUBE, [Hypothesis("L is of second degree in the slope", Means.CONSTRUCTION)]

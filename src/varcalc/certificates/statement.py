@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.certificates.balls import Ball, Series, flint
+from varcalc.certificates.cost import Cost
 from varcalc.certificates.jets import Jet, jets, switches_between
 from varcalc.symbolic.instructions import Program
 from varcalc.verify.along_curve import AlongCurve
@@ -54,11 +55,22 @@ class Statement:
         return self.along.form.ends.periodic
 
     @cached_property
+    def cost(self) -> Cost | None:
+        """What the ends cost, if anything."""
+        return None if self.along.form.ends.joint is None else Cost(self.along.form)
+
+    @cached_property
+    def lagrangian(self) -> Any:
+        """H as an expression; for a length, the square of its integrand, written so that its second degree shows."""
+        form = self.along.form
+        return squared(form.functional) if form.coordinates.energetic else self.along.whole.expression
+
+    @cached_property
     def function(self) -> ca.Function:
         """H of all symbols, and of the multipliers."""
         along = self.along
         arguments = [*along.symbols.all, *along.multiplier_symbols]
-        return ca.Function("H", arguments, [ca.densify(along.whole.expression)])
+        return ca.Function("H", arguments, [ca.densify(self.lagrangian)])
 
     @cached_property
     def variables(self) -> Any:
@@ -69,12 +81,13 @@ class Statement:
     @cached_property
     def hessian(self) -> Any:
         """The matrix of second derivatives of H by :attr:`variables`, as CasADi states it."""
-        return ca.hessian(self.along.whole.expression, self.variables)[0]
+        return ca.hessian(self.lagrangian, self.variables)[0]
 
     @cached_property
     def quadratic(self) -> bool:
         """Whether second derivatives of H depend on x alone, so that what holds in a tube holds everywhere."""
-        return not ca.depends_on(self.along.symbols.kind(self.hessian), self.variables)
+        costs = self.cost is None or self.cost.quadratic
+        return costs and not ca.depends_on(self.along.symbols.kind(self.hessian), self.variables)
 
     @cached_property
     def quadratic_in_controls(self) -> bool:
@@ -86,7 +99,7 @@ class Statement:
     @cached_property
     def derivatives(self) -> ca.Function:
         """H's gradient and Hessian by :attr:`variables`, for numbers that need not be exact."""
-        gradient = ca.gradient(self.along.whole.expression, self.variables)
+        gradient = ca.gradient(self.lagrangian, self.variables)
         arguments = [*self.along.symbols.all, *self.along.multiplier_symbols]
         return ca.Function("derivatives", arguments, [ca.densify(gradient), ca.densify(ca.vec(self.hessian))])
 
@@ -135,6 +148,24 @@ class Statement:
         parameters, lambdas = ([Jet(flint().arb(float(v))) for v in values] for values in fixed)
         first, second = (slopes, u) if self.order == 2 else (u, [])
         return [[Jet(x)], y, first, second, parameters, numbers, lambdas, []]
+
+
+def squared(expression: Any) -> Any:
+    """The square of an SX expression: of roots without the roots, factor by factor.
+
+    >>> x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    >>> squared(ca.sqrt(x) / y)
+    SX((x/sq(y)))
+    """
+    if expression.is_op(ca.OP_SQRT):
+        return expression.dep(0)
+    if expression.is_op(ca.OP_NEG):
+        return squared(expression.dep(0))
+    if expression.is_op(ca.OP_MUL):
+        return squared(expression.dep(0)) * squared(expression.dep(1))
+    if expression.is_op(ca.OP_DIV):
+        return squared(expression.dep(0)) / squared(expression.dep(1))
+    return expression**2
 
 
 def statement(along: AlongCurve) -> Statement:

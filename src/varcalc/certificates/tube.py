@@ -96,6 +96,8 @@ class Prover:
     pieces: Sequence[Piece]
     slopes: Sequence[Slopes]
     tube: Tube
+    joints: np.ndarray
+    """The states where pieces meet."""
 
     def wide(self, boxes: Sequence[tuple[int, Box]]) -> bool:
         """Whether the inequality fails at the middle of a box already, so that smaller boxes would not help."""

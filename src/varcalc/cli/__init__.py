@@ -1,4 +1,4 @@
-"""The command line: ``varcalc list``, ``run``, ``chart``, ``sweep``, ``trace``, ``move`` and ``figure``.
+"""The command line: ``varcalc list``, ``run``, ``certify``, ``chart``, ``sweep``, ``trace``, ``move``, ``figure``.
 
 What a command needs is imported when it runs, so that help and the list come at once.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import click
 
+from varcalc.cli.certifying import certify
 from varcalc.cli.figures import figure
 from varcalc.cli.measuring import chart, sweep
 from varcalc.cli.moving import move
@@ -20,5 +21,5 @@ def main() -> None:
     """The calculus of variations as a solver: extremals by independent routes, with honest errors."""
 
 
-for command in (list_, run, chart, sweep, trace, move, figure):
+for command in (list_, run, certify, chart, sweep, trace, move, figure):
     main.add_command(command)

@@ -32,15 +32,19 @@ if TYPE_CHECKING:
 @click.option("--scenes", is_flag=True, help="List the scenes of ray optics instead, for `varcalc trace`.")
 @click.option("--systems", is_flag=True, help="Move every system of mechanics, and list the largest error of each.")
 @click.option("--figures", is_flag=True, help="List the figures of the literature, for `varcalc figure`.")
-def list_(name: str | None, scenes: bool, systems: bool, figures: bool) -> None:
+@click.option("--certified", is_flag=True, help="Certify every reference problem, and list the digits proved of each.")
+def list_(name: str | None, scenes: bool, systems: bool, figures: bool, certified: bool) -> None:
     """List the reference problems, or the cases of problem NAME."""
     from varcalc.study.figures import figure_catalogue
     from varcalc.study.reference import catalogue
     from varcalc.study.scenes import scene_catalogue
 
-    if scenes + systems + figures + (name is not None) > 1:
+    without_cases = scenes + systems + figures
+    if without_cases + (name is not None or certified) > 1:
         raise click.UsageError("--scenes, --systems and --figures list what has no cases; give one of them, or NAME")
-    if name is None:
+    if certified:
+        entries = _certified([name] if name is not None else list(catalogue()))
+    elif name is None:
         lists = ((scenes, scene_catalogue), (systems, _systems), (figures, figure_catalogue), (True, catalogue))
         entries = next(listed for asked, listed in lists if asked)()
     else:
@@ -67,6 +71,13 @@ def _systems() -> dict[str, str]:
     return {name: f"{load_experiment(name).run().largest:.1e}  {line}" for name, line in experiment_catalogue().items()}
 
 
+def _certified(names: list[str]) -> dict[str, str]:
+    """Every case of some problems, with the digits of its value that are proved or the reason why none are."""
+    from varcalc.study.certified import proved_digits
+
+    return {reference.name: proved_digits(reference.problem) for name in names for reference in loaded(name)}
+
+
 @click.command(cls=JsonCommand)
 @click.argument("name_or_file")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
@@ -75,7 +86,8 @@ def _systems() -> dict[str, str]:
     "--tol", type=click.FloatRange(0, min_open=True), default=1e-10, show_default=True,
     help="Error of the value to stay below, relative to max(1, |value|).",
 )  # fmt: skip
-def run(name_or_file: str, as_json: bool, output: Path | None, tol: float) -> None:
+@click.option("--certify", "certified", is_flag=True, help="Say how many digits are proved as well.")
+def run(name_or_file: str, as_json: bool, output: Path | None, tol: float, certified: bool) -> None:
     """Solve a problem by every method and compare the answers.
 
     NAME_OR_FILE is a reference problem (see `varcalc list`), one case of it
@@ -94,9 +106,12 @@ def run(name_or_file: str, as_json: bool, output: Path | None, tol: float) -> No
         routes = with_progress(methods_for(reference.problem), reference.name)
         comparison = compare(reference.problem, routes, reference.exact, tol=tol, inapplicable=reference.inapplicable)
     if as_json:
-        click.echo(json.dumps(_document(reference, comparison), indent=2, allow_nan=False))
+        told = _document(reference, comparison) | ({"certificate": comparison.certified()} if certified else {})
+        click.echo(json.dumps(told, indent=2, allow_nan=False))
     else:
         click.echo(_page(reference, comparison))
+        if certified:
+            click.echo(f"certificate: {comparison.certified()}")
     if output is not None:
         _write_picture(comparison, reference, output)
     if not (comparison.agree and comparison.rows[-1].ok):

@@ -126,6 +126,13 @@ class Comparison:
         headings = ("value", "error", "claimed", "build ms", "solve ms", "unknowns")
         return table(("method", "status"), headings, rows, notes=_notes(self))
 
+    def certified(self) -> str:
+        """How many digits of the ladder's value are proved, and for which curves, in one line; or why none are."""
+        from varcalc.study.certified import certified_line  # python-flint is an extra
+
+        ladder = next((row.solution for row in self.rows if row.method is None and row.ok), None)
+        return "the ladder has no answer to certify" if ladder is None else certified_line(ladder)
+
     def record(self) -> dict[str, Any]:
         """The comparison as plain numbers, strings, lists and dicts, ready for JSON; None where there is no number."""
         return {

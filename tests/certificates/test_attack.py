@@ -1,0 +1,131 @@
+"""Nothing false is proved: wrong curves, saddles, conjugate points, narrow features, hidden terms."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+
+import varcalc as vc
+from varcalc.certificates.balls import working
+from varcalc.certificates.integrals import Unproved
+from varcalc.certificates.proof import BITS, TERMS, certified
+from varcalc.verify.candidate import candidate
+
+
+@pytest.fixture(autouse=True)
+def _sixty_digits():
+    with mpmath.workdps(60):
+        yield
+
+
+def area(x, y, v):
+    return y * ca.sqrt(1 + v**2)
+
+
+def pendulum(x, y, v):
+    return v**2 / 2 + ca.cos(y)
+
+
+def bounds(certificate):
+    return [mpmath.mpf(f.numerator) / f.denominator for f in map(Fraction, certificate.enclosure)]
+
+
+def displaced(solution, bump):
+    """The certificate of another curve than the solution's: bump(x, k) is the k-th derivative of what is added."""
+    along = candidate(solution).along_best
+    wrong = replace(along, evaluate=lambda x, k: along.evaluate(x, k) + bump(x, k))
+    with working(BITS, TERMS):
+        return certified(solution, wrong)
+
+
+def wave(height, count):
+    """height sin(count pi s), which vanishes at the ends 0 and 2."""
+    w = count * np.pi / 2
+    return lambda x, k: height * w**k * np.sin(w * x + k * np.pi / 2)
+
+
+@pytest.mark.parametrize("count", [1, 5])
+@pytest.mark.parametrize("power", range(1, 15, 2))
+def test_a_wrong_curve_widens_the_interval_or_is_refused(power, count):
+    """Of whatever curve: the least action of the oscillator is cot(2)/2."""
+    solution = vc.solve(vc.Problem(lambda x, y, v: (v**2 - y**2) / 2, vc.Fixed(0, 0), vc.Fixed(2, 1)))
+    low, high = bounds(displaced(solution, wave(10.0**-power, count)))
+    assert low <= mpmath.cot(2) / 2 <= high
+
+
+@pytest.mark.parametrize("power", range(1, 13, 3))
+def test_a_wrong_curve_of_a_problem_that_is_not_of_second_degree(power):
+    """The interval of the wrong curve holds that of the right one, or there is none."""
+    solution = vc.solve(vc.Problem(pendulum, vc.Fixed(0, 0), vc.Fixed(2, 1)))
+    low, high = bounds(vc.certify(solution))
+    try:
+        below, above = bounds(displaced(solution, wave(10.0**-power, 3)))
+    except Unproved:
+        assert power < 7
+    else:
+        assert below <= low <= high <= above
+
+
+@pytest.mark.parametrize("power", range(1, 6))
+def test_up_to_a_conjugate_point_and_not_beyond(power):
+    """The oscillator for a time pi -+ 10^-k: a minimum, and none."""
+    short, long = (vc.Problem(lambda x, y, v: (v**2 - y**2) / 2, vc.Fixed(0, 0), vc.Fixed(T, 1))
+                   for T in (np.pi - 10.0**-power, np.pi + 10.0**-power))  # fmt: skip
+    low, high = bounds(vc.certify(vc.solve(short, vc.Collocation())))
+    assert low <= mpmath.cot(mpmath.mpf(short.end.x)) / 2 <= high
+    with pytest.raises(vc.VariationalError, match="no certificate"):
+        vc.certify(vc.solve(long, vc.Collocation()))
+
+
+@pytest.mark.parametrize("width", [1e-1, 1e-2, 1e-3])
+def test_a_narrow_spot_is_seen_by_the_balls(width):
+    """int a(x) v^2 is 1/(integral of 1/a), however narrow the spot of small a is; it may be refused."""
+
+    def spotted(x, y, v):
+        return (1 - 0.9 * ca.exp(-(((x - 0.3141) / width) ** 2))) * v**2
+
+    def inverse(x):
+        return 1 / (1 - mpmath.mpf(0.9) * mpmath.exp(-(((x - mpmath.mpf(0.3141)) / mpmath.mpf(width)) ** 2)))
+
+    straight = vc.solve(vc.Problem(lambda x, y, v: v**2, vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    solution = replace(straight, problem=vc.Problem(spotted, vc.Fixed(0, 0), vc.Fixed(1, 1)), extremal=None)
+    with mpmath.workdps(30):
+        places = [0, *(mpmath.mpf(0.3141) + mpmath.mpf(width) * k for k in range(-6, 7)), 1]
+        exact = 1 / mpmath.quad(inverse, sorted(p for p in places if 0 <= p <= 1))
+    try:
+        certificate = vc.certify(solution)  # the straight line, which is wrong by far
+    except vc.VariationalError:
+        return
+    low, high = bounds(certificate)
+    assert low <= exact <= high
+
+
+def test_a_term_that_is_seen_on_no_lattice():
+    """sin(1024 pi x)^2 vanishes at every multiple of 2^-10, and so on the nodes of many meshes."""
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + 1e-3 * ca.sin(1024 * np.pi * x) ** 2, vc.Fixed(0, 0), vc.Fixed(1, 1)
+    )
+    straight = vc.solve(vc.Problem(lambda x, y, v: v**2 / 2, vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    try:
+        certificate = vc.certify(replace(straight, problem=problem, extremal=None))
+    except vc.VariationalError:
+        return
+    w = 1024 * mpmath.mpf(np.pi)
+    exact = mpmath.mpf("0.5") + mpmath.mpf(1e-3) * (mpmath.mpf("0.5") - mpmath.sin(2 * w) / (4 * w))
+    low, high = bounds(certificate)
+    assert low <= exact <= high
+
+
+def test_saddles_and_discs():
+    """Neither the deep catenary nor a film beyond the fold is certified; the shallow one only in a tube."""
+    problem = vc.Problem(area, vc.Fixed(-0.6, 1), vc.Fixed(0.6, 1))
+    certificate = vc.certify(vc.solve(problem))
+    assert certificate.lower > 1  # two discs have area 1 in these units and lie outside the tube
+    assert certificate.tube < 1
+    deep = vc.solve(problem, vc.Collocation(), guess=lambda x: 0.35 * np.cosh(x / 0.35))
+    assert deep.value > certificate.upper
+    with pytest.raises(vc.VariationalError, match="no certificate"):
+        vc.certify(deep)
