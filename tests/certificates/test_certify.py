@@ -221,3 +221,39 @@ def test_a_length_is_certified_through_its_energy():
     certificate = vc.certify(vc.solve(line))
     assert between(certificate, mpmath.sqrt(5))
     assert certificate.scope is Scope.ALL
+
+
+@pytest.mark.parametrize("length", [1.1, 1.5, 2.0])
+def test_a_prescribed_integral(length):
+    """A hanging chain between points at distance 1: y = c cosh((x - 1/2)/c) - c cosh(a), a = 1/(2c), L = 2 c sinh(a).
+
+    Long chains are minima only among chains of their length: as soap films they have conjugate points.
+    """
+    chain = vc.Problem(
+        area, vc.Fixed(0, 0), vc.Fixed(1, 0), [vc.Isoperimetric(lambda x, y, v: ca.sqrt(1 + v**2), length)]
+    )
+    certificate = vc.certify(vc.solve(chain))
+    L = mpmath.mpf(length)
+    a = mpmath.findroot(lambda a: mpmath.sinh(a) / a - L, mpmath.mpf(3), solver="newton", maxsteps=200)
+    c = 1 / (2 * a)
+    assert between(certificate, c**2 * (a + mpmath.sinh(2 * a) / 2) - c * mpmath.cosh(a) * L)
+    assert certificate.scope is Scope.TUBE
+    assert certificate.width < 1e-16
+
+
+def test_a_prescribed_integral_of_first_degree():
+    """int v^2 over [0, 1] with zero ends and area 1: 12."""
+    problem = vc.Problem(
+        lambda x, y, v: v**2, vc.Fixed(0, 0), vc.Fixed(1, 0), [vc.Isoperimetric(lambda x, y, v: y, 1.0)]
+    )
+    certificate = vc.certify(vc.solve(problem))
+    assert between(certificate, mpmath.mpf(12))
+    assert certificate.scope is Scope.ALL
+
+
+def test_inequalities_are_refused_for_what_they_are():
+    problem = vc.Problem(
+        lambda x, y, v: v**2, vc.Fixed(0, 0), vc.Fixed(1, 0), [vc.Isoperimetric(lambda x, y, v: y, lower=1.0)]
+    )
+    with pytest.raises(vc.VariationalError, match="inequalities are not covered"):
+        vc.certify(vc.solve(problem))

@@ -46,6 +46,8 @@ class Samples:
     controls: np.ndarray
     momenta: np.ndarray
     hessian: np.ndarray
+    turning: np.ndarray
+    """Gradients (N + 1, levels, ...) of what is integrated to levels, by the other states and the controls."""
 
     @property
     def half(self) -> float:
@@ -99,7 +101,7 @@ def sampled(statement: Statement) -> list[Samples]:
 def _largest(statement: Statement, samples: Sequence[Samples]) -> np.ndarray:
     """The size of each state and momentum; of the functions, and of their momenta, that of the largest (2 m, 1)."""
     rows = np.abs(np.hstack([np.vstack([s.states, s.momenta]) for s in samples])).max(axis=1)
-    n, m = statement.n, statement.states
+    n, m = statement.n, statement.bare
     for first in range(0, n * statement.order, n):
         for at in (first, m + first):
             rows[at : at + n] = rows[at : at + n].max()
@@ -119,13 +121,13 @@ def _samples(statement: Statement, a: float, b: float) -> Samples:
     states, controls = np.vstack([*rows[:-1], numbers]), rows[-1]
     # at the ends as from within: L may jump there
     inner = np.clip(x, np.nextafter(a, b), np.nextafter(b, a))
-    gradient, hessian = statement.sampled(inner, states, controls)
-    return Samples(x, states, controls, _momenta(statement, gradient, half), hessian)
+    gradient, hessian, turning = statement.sampled(inner, states, controls)
+    return Samples(x, states, controls, _momenta(statement, gradient, half), hessian, turning)
 
 
 def _momenta(statement: Statement, gradient: np.ndarray, half: float) -> np.ndarray:
     """p with p' = H_z - A^T p, integrated: what is differentiated would be rough. H_u tells where to begin."""
-    n, m, count = statement.n, statement.states, len(gradient)
+    n, m, count = statement.n, statement.bare, len(gradient)
     momenta = np.zeros((m, count))
     xi = nodes(DEGREE)
     for i in range(n):
@@ -161,7 +163,8 @@ def joint_states(statement: Statement, samples: list[Samples]) -> np.ndarray:
     """The states (pieces + 1, m) where pieces meet: what the ends are held at, and what the samples are elsewhere."""
     joints = np.array([s.states[:, 0] for s in samples] + [samples[-1].states[:, -1]])
     for end, row in ((0, 0), (1, -1)):
-        joints[row] = np.where(statement.held[end], statement.values[end], joints[row])
+        held = statement.held[end][: statement.bare]
+        joints[row] = np.where(held, statement.values[end][: statement.bare], joints[row])
     if statement.periodic:
         joints[-1] = joints[0]
     return joints
@@ -202,7 +205,7 @@ def _function(values: np.ndarray, start: np.ndarray, end: np.ndarray, half: Ball
 
 def _joint_momenta(statement: Statement, samples: list[Samples], joints: np.ndarray) -> list[list[Ball]]:
     """The momenta where pieces meet: shared by both, and at free ends what the ends ask for."""
-    found, m = flint(), statement.states
+    found, m = flint(), statement.bare
     rows = [samples[0].momenta[:, 0]]
     rows += [0.5 * (a.momenta[:, -1] + b.momenta[:, 0]) for a, b in pairwise(samples)]
     rows.append(samples[-1].momenta[:, -1])
@@ -238,4 +241,8 @@ def state_sizes(samples: Sequence[Samples], statement: Statement) -> np.ndarray:
     unit = spread or length
     sizes = [unit / length**k for k in range(order) for _ in range(n)]
     sizes += [max(abs(float(c)), 1e-3) for c in statement.along.numbers]
+    if statement.levels:
+        slopes = np.abs(np.concatenate([s.turning for s in samples])).max(axis=0)
+        scale = np.r_[sizes, [sizes[(order - 1) * n] / length] * n]
+        sizes += (length * (slopes * scale).max(axis=1)).tolist()
     return 2.0 ** np.round(np.log2(sizes))

@@ -17,7 +17,7 @@ def prove_ends(prover: Prover) -> list[Hypothesis]:
     stated = prover.statement
     if stated.periodic:
         first, last = (_slopes(prover, end) for end in (0, 1))
-        free = range(stated.states)
+        free = range(stated.bare)  # what is integrated to levels vanishes at both ends
         matrix = [[last[i][j] - first[i][j] for j in free] for i in free]
         if not _nonnegative(matrix):
             raise Unproved("Q at the end is not proved to exceed Q at the start, as a periodic curve needs")

@@ -38,6 +38,14 @@ def dynamics(n: int, order: int, states: int) -> tuple[np.ndarray, np.ndarray]:
     return A, B
 
 
+def turned_dynamics(statement: Statement, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+    """A (N + 1, m, m) and B (N + 1, m, n) at the nodes, with the rows of the levels, which hang on the curve."""
+    count, bare = len(samples.x), statement.bare
+    A, B = (np.repeat(v[None], count, axis=0) for v in dynamics(statement.n, statement.order, statement.states))
+    A[:, bare:, :bare], B[:, bare:] = samples.turning[:, :, :bare], samples.turning[:, :, bare:]
+    return A, B
+
+
 def field(statement: Statement, samples: Sequence[Samples], lowered: np.ndarray) -> Field | None:
     """A field of Jacobi's equation with the diagonal ``lowered`` (m + n,); None where there is none to be seen."""
     m = statement.states
@@ -66,17 +74,17 @@ def field(statement: Statement, samples: Sequence[Samples], lowered: np.ndarray)
 
 def _solved(statement: Statement, samples: Samples, lowered: np.ndarray) -> np.ndarray:
     """Solutions (z, pi) at the nodes of a piece from those at its first: (N + 1, 2m, 2m)."""
-    n, m, count = statement.n, statement.states, len(samples.x) - 1
-    A, B = dynamics(n, statement.order, m)
+    m, count = statement.states, len(samples.x) - 1
+    A, B = turned_dynamics(statement, samples)
     H = samples.hessian - np.diag(lowered)
     zz, zu, uu = H[:, :m, :m], H[:, :m, m:], H[:, m:, m:]
     by_z, by_pi = (
         -np.linalg.solve(uu, zu.transpose(0, 2, 1)),
-        np.linalg.solve(uu, np.broadcast_to(B.T, (count + 1, n, m))),
+        np.linalg.solve(uu, B.transpose(0, 2, 1)),
     )
     G = np.empty((count + 1, 2 * m, 2 * m))
     G[:, :m, :m], G[:, :m, m:] = A + B @ by_z, B @ by_pi
-    G[:, m:, :m], G[:, m:, m:] = zz + zu @ by_z, zu @ by_pi - A.T
+    G[:, m:, :m], G[:, m:, m:] = zz + zu @ by_z, zu @ by_pi - A.transpose(0, 2, 1)
     D = differentiation(DEGREE) / samples.half
     size = 2 * m
     system = np.kron(D[1:, 1:], np.eye(size))

@@ -81,7 +81,7 @@ def _on_box(
     bounds = []
     for centred, whole, unit in ((r, r_, sizes[0]), (q, q_, sizes[1])):
         squares = flint().arb(0)
-        for c, w, size in zip(centred, whole, unit.tolist(), strict=True):
+        for c, w, size in zip(centred, whole, unit[: len(centred)].tolist(), strict=True):
             squares += (abs(enclosed(c, w, TERMS - 1)).upper() * size) ** 2
         bounds.append(squares.sqrt().upper())
     return main, rest, *bounds
@@ -92,8 +92,8 @@ def _terms(statement: Statement, piece: Piece, around: Around) -> tuple[Series, 
     states, controls = piece.lifted(around)
     jet = statement.jet(around.abscissa(), states, controls, 1, piece.switches)
     p = [around.series(around.box.local(m)) for m in piece.momenta]
-    A, B = dynamics(statement.n, statement.order, statement.states)
-    m = statement.states
+    A, B = dynamics(statement.n, statement.order, statement.bare)
+    m = statement.bare
     r = []
     for i in range(m):
         total = jet.first.get(i, 0) - around.slope(p[i])

@@ -15,12 +15,13 @@ from varcalc.certificates.convexity import convex_in_slope
 from varcalc.certificates.cost import Cost
 from varcalc.certificates.curve import Piece, Samples, end_values, joint_states, pieces, sampled, state_sizes
 from varcalc.certificates.ends import prove_ends
-from varcalc.certificates.field import Field, dynamics, field
+from varcalc.certificates.field import Field, dynamics, field, turned_dynamics
 from varcalc.certificates.integrals import Along, Unproved, along_curve, total, worst
 from varcalc.certificates.jets import without_enclosure
+from varcalc.certificates.levels import Meeting, bumps_for
 from varcalc.certificates.statement import Statement, statement
 from varcalc.certificates.tube import Prover, Tube, slopes
-from varcalc.problem.conditions import whole
+from varcalc.problem.conditions import Bound, Isoperimetric, whole
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.solution import Solution, Status, VariationalError
 from varcalc.symbolic.convexity import Entry, proved_convex
@@ -163,7 +164,7 @@ def certified(solution: Solution, along: AlongCurve) -> Certificate:
     drop = total(setting.along, prover.tube.kappa, prover.tube.mu)
     scope, hypotheses = _scope(setting, prover, distance, solution)
     value = setting.along.value + _end_cost(setting) - _levels(setting.statement)
-    low, high = (value - drop).lower(), value.upper()
+    low, high = (value - drop).lower(), (value + _correction(setting)).upper()
     if setting.statement.along.form.coordinates.energetic:
         low, high = _length(setting.statement, solution, low, high)
     if solution.problem.maximise:
@@ -175,6 +176,7 @@ def certified(solution: Solution, along: AlongCurve) -> Certificate:
         solution, below(low), above(high), decimals(low, high), scope,
         math.inf if infinite else unit * prover.tube.delta,
         float(setting.sizes[1][0]) * min(prover.tube.rho) if scope is Scope.WEAK else math.inf,
+        () if infinite else tuple((prover.tube.delta * setting.sizes[0][setting.statement.bare :]).tolist()),
         distance, proved, 0.0,
     )  # fmt: skip
 
@@ -204,7 +206,9 @@ def _out_of_reach(along: AlongCurve) -> str:
         f"curves in coordinates of their own ({form.coordinates.note}) are not covered": form.lift is not None
         or form.coordinates.gauged,
         "conditions all along the curve are not covered": bool(along.paths),
-        "prescribed integrals are not covered": bool(along.integrals),
+        "inequalities are not covered": any(
+            isinstance(c, Bound) or (isinstance(c, Isoperimetric) and not c.equality) for c in form.problem.constraints
+        ),
         "ends that slide, or cost something together, are not covered": form.ends.joint is not None
         and (form.ends.equations > 0 or bool(form.ends.joint.inside) or not Cost(form).separate or form.ends.periodic),
         "waypoints are not covered": bool(form.held),
@@ -223,6 +227,14 @@ def _length(stated: Statement, solution: Solution, low: Ball, high: Ball) -> tup
     if not (solution.problem.sign * solution.value > 0 and low > 0):
         raise Unproved("the length is not proved positive")
     return low.sqrt().lower(), high.sqrt().upper()
+
+
+def _correction(setting: Setting) -> Ball:
+    """What the value changes by from the curve to one near it that meets the prescribed integrals exactly."""
+    stated = setting.statement
+    if not stated.levels:
+        return flint().arb(0)
+    return Meeting(stated, setting.pieces, setting.along.boxes, bumps_for(stated, setting.samples)).correction()
 
 
 def _end_cost(setting: Setting) -> Ball:
@@ -303,11 +315,10 @@ def _tube(setting: Setting, found: Field | None, kappa: float, mu: float, delta:
     """The tube of half-width ``delta``, with bounds that the curve's own second derivatives suggest."""
     stated, (states, controls) = setting.statement, setting.sizes
     m = stated.states
-    _, B = dynamics(stated.n, stated.order, m)
     stiff, tilts, rho = [], [], []
     for k, (hessian, s) in enumerate(zip(setting.scaled, setting.samples, strict=True)):
         least = float(np.linalg.eigvalsh(hessian[:, m:, m:]).min())
-        mixed = s.hessian[:, :m, m:]
+        B, mixed = turned_dynamics(stated, s)[1], s.hessian[:, :m, m:]
         if found is not None:
             mixed = (
                 mixed
@@ -390,6 +401,6 @@ def _scope(setting: Setting, prover: Prover, distance: Distance, solution: Solut
         return Scope.ALL, [Hypothesis("L is jointly convex in the curve and its slope", Means.COMPOSITION)]
     if setting.statement.quadratic_in_controls:
         return Scope.TUBE, [Hypothesis("L is of second degree in the slope", Means.CONSTRUCTION)]
-    if convex_in_slope(setting.statement, setting.pieces, setting.along.boxes, tube.delta * setting.sizes[0]):
+    if convex_in_slope(prover, setting.along.boxes):
         return Scope.TUBE, [Hypothesis("L is convex in the slope, at every point of the tube", Means.COMPOSITION)]
     return Scope.WEAK, []

@@ -45,9 +45,19 @@ class Statement:
         return self.along.order
 
     @property
+    def levels(self) -> int:
+        """Number of prescribed integrals: each, up to x, is a state too, the last of them."""
+        return len(self.along.integrals)
+
+    @property
+    def bare(self) -> int:
+        """Number of states that H depends on."""
+        return self.n * self.order + len(self.along.numbers)
+
+    @property
     def states(self) -> int:
         """Number m of states."""
-        return self.n * self.order + len(self.along.numbers)
+        return self.bare + self.levels
 
     @property
     def periodic(self) -> bool:
@@ -70,7 +80,8 @@ class Statement:
         """H of all symbols, and of the multipliers."""
         along = self.along
         arguments = [*along.symbols.all, *along.multiplier_symbols]
-        return ca.Function("H", arguments, [ca.densify(self.lagrangian)])
+        # what the Lagrangian and a level share is one: y sqrt(1 + v^2) + lambda sqrt(1 + v^2)
+        return ca.Function("H", arguments, [ca.cse(ca.densify(self.lagrangian))])
 
     @cached_property
     def variables(self) -> Any:
@@ -87,33 +98,55 @@ class Statement:
     def quadratic(self) -> bool:
         """Whether second derivatives of H depend on x alone, so that what holds in a tube holds everywhere."""
         costs = self.cost is None or self.cost.quadratic
-        return costs and not ca.depends_on(self.along.symbols.kind(self.hessian), self.variables)
+        return (
+            costs
+            and not self.bent_levels.nnz()
+            and not ca.depends_on(self.along.symbols.kind(self.hessian), self.variables)
+        )
 
     @cached_property
     def quadratic_in_controls(self) -> bool:
         """Whether the second derivatives by the controls do not depend on these."""
-        m = self.states
+        m = self.bare
         block = self.along.symbols.kind(self.hessian[m:, m:])
-        return not ca.depends_on(block, self.along.symbols.slopes[-1])
+        return not self.bent_levels.nnz() and not ca.depends_on(block, self.along.symbols.slopes[-1])
+
+    @cached_property
+    def _level_slopes(self) -> Any:
+        """The gradients of what is integrated to levels, one below the other."""
+        return ca.jacobian(ca.vertcat(*self.along.integrals), self.variables)
+
+    @cached_property
+    def bent_levels(self) -> Any:
+        """Second derivatives of what is integrated to levels; structurally zero where it is of first degree."""
+        return ca.jacobian(ca.vec(self._level_slopes), self.variables)
 
     @cached_property
     def derivatives(self) -> ca.Function:
-        """H's gradient and Hessian by :attr:`variables`, for numbers that need not be exact."""
-        gradient = ca.gradient(self.lagrangian, self.variables)
+        """H's gradient and Hessian by :attr:`variables`, and :attr:`_level_slopes`, for numbers that are not exact."""
+        parts = [ca.gradient(self.lagrangian, self.variables), ca.vec(self.hessian), ca.vec(self._level_slopes.T)]
         arguments = [*self.along.symbols.all, *self.along.multiplier_symbols]
-        return ca.Function("derivatives", arguments, [ca.densify(gradient), ca.densify(ca.vec(self.hessian))])
+        return ca.Function("derivatives", arguments, list(map(ca.densify, parts)))
 
-    def sampled(self, x: np.ndarray, states: np.ndarray, controls: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The gradient (p, d) and the Hessian (p, d, d) of H at p points; states (m, p), controls (n, p)."""
-        n, m = self.n, self.states
+    def sampled(
+        self, x: np.ndarray, states: np.ndarray, controls: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """At p points, states without levels (b, p) and controls (n, p): the gradient (p, b + n) of H, its Hessian.
+
+        The Hessian (p, m + n, m + n) is by all states; last come the gradients (p, levels, b + n) of the levels.
+        """
+        n, m = self.n, self.bare
         slopes = [states[n : 2 * n], controls] if self.order == 2 else [controls, np.zeros((0, len(x)))]
         constant = [self.along.form.problem.parameter_values, self.along.lambdas]
         parameters, lambdas = (np.repeat(np.asarray(v, dtype=float)[:, None], len(x), axis=1) for v in constant)
         forces = np.zeros((0, len(x)))
         numbers = states[n * self.order :]
         found: Any = self.derivatives.call([x[None], states[:n], *slopes, parameters, numbers, lambdas, forces])
-        gradient, hessian = (np.asarray(v).T for v in found)
-        return gradient, hessian.reshape(len(x), n + m, n + m)
+        gradient, hessian, slopes_of = (np.asarray(v).T for v in found)
+        full = np.zeros((len(x), n + self.states, n + self.states))
+        own = np.r_[0:m, self.states : self.states + n]
+        full[:, own[:, None], own] = hessian.reshape(len(x), n + m, n + m)
+        return gradient, full, slopes_of.reshape(len(x), self.levels, n + m)
 
     @cached_property
     def program(self) -> Program:
@@ -123,9 +156,9 @@ class Statement:
     def switches(self, centre: Ball, half: Ball) -> list[int | None]:
         """Signs of what H switches on, where these hang on x alone, between two abscissae."""
         found = flint()
-        blank = [Jet(found.arb_series([0, 0, 1], 4)) for _ in range(self.states + self.n)]
+        blank = [Jet(found.arb_series([0, 0, 1], 4)) for _ in range(self.bare + self.n)]
         x = found.arb_series([centre, half], 4)
-        return switches_between(self.program, self._arguments(x, blank[: self.states], blank[self.states :]))
+        return switches_between(self.program, self._arguments(x, blank[: self.bare], blank[self.bare :]))
 
     def jet(
         self,
@@ -136,9 +169,23 @@ class Statement:
         switches: Sequence[int | None],
     ) -> Jet:
         """H in balls; derivatives by the states are numbered from 0, those by the controls follow."""
-        z = [Jet(value, {i: flint().arb(1)}) for i, value in enumerate(states)]
-        u = [Jet(value, {self.states + i: flint().arb(1)}) for i, value in enumerate(controls)]
-        return jets(self.program, self._arguments(x, z, u), order, switches)[0][0]
+        return jets(self.program, self._variables(x, states, controls, order), order, switches)[0][0]
+
+    def level_jets(self, x: Series, states: Sequence[Series], controls: Sequence[Series], order: int) -> list[Jet]:
+        """What is integrated to levels, in balls, numbered as in :meth:`jet`."""
+        return jets(self._level_program, self._variables(x, states, controls, order), order)[0] if self.levels else []
+
+    @cached_property
+    def _level_program(self) -> Program:
+        arguments = [*self.along.symbols.all, *self.along.multiplier_symbols]
+        return Program(ca.Function("levels", arguments, [ca.densify(ca.vertcat(*self.along.integrals))]))
+
+    def _variables(
+        self, x: Series, states: Sequence[Series], controls: Sequence[Series], order: int
+    ) -> list[list[Jet]]:
+        z = [Jet(value, {i: flint().arb(1)} if order else None) for i, value in enumerate(states)]
+        u = [Jet(value, {self.bare + i: flint().arb(1)} if order else None) for i, value in enumerate(controls)]
+        return self._arguments(x, z, u)
 
     def _arguments(self, x: Series, z: list[Jet], u: list[Jet]) -> list[list[Jet]]:
         """What H takes."""
@@ -170,7 +217,9 @@ def squared(expression: Any) -> Any:
 
 def statement(along: AlongCurve) -> Statement:
     """The statement of a curve whose ends are given or free each by itself, or one."""
-    ends, numbers = along.form.ends, len(along.numbers)
-    free = np.full(numbers, np.nan)
-    start, end = (np.r_[np.asarray(given)[: along.order].ravel(), free] for given in (ends.start, ends.end))
+    ends, free = along.form.ends, np.full(len(along.numbers), np.nan)
+    start, end = (
+        np.r_[np.asarray(given)[: along.order].ravel(), free, np.zeros(len(along.integrals))]
+        for given in (ends.start, ends.end)
+    )
     return Statement(along, (~np.isnan(start), ~np.isnan(end)), (start, end))

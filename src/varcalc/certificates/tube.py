@@ -135,60 +135,75 @@ class Prover:
         statement, tube = self.statement, self.tube
         m, n = statement.states, statement.n
         zero = flint().arb_series([0], terms)
-        second = self._second(k, around)
         U, M = self.slopes[k].series(around)
+        second, A, B = self._second(k, around, M)
         demands = [U[0][0]] if m == 1 else []
         mixed = [[second[i][m + j] for j in range(n)] for i in range(m)]
-        mixed = _less_scaled(_product(_transposed(U), mixed), _over_controls(_transposed(M), statement), tube.sizes)
+        mixed = _less_scaled(_product(_transposed(U), mixed), _product(_transposed(M), B), tube.sizes)
         uu = [[zero + second[m + i][m + j] for j in range(n)] for i in range(n)]
         if tube.delta < np.inf:
             demands += _eliminated(_less(uu, tube.stiffness[k]))
             room = tube.tilt[k] ** 2 * (U[0][0] * U[0][0] if m == 1 else 1)
             demands.append(zero + room - sum(v * v for row in mixed for v in row))
-        zz = self._bent(second, U, M, around)
+        zz = self._bent(second, U, M, A, around)
         corner = _less(uu, tube.mu)
         across = _transposed(mixed)
         full = [[*a, *b] for a, b in zip(corner, across, strict=True)]
         full += [[*a, *b] for a, b in zip(mixed, zz, strict=True)]
         return demands + _eliminated([[zero + v for v in row] for row in full])
 
-    def _bent(self, second: Matrix, U: Matrix, M: Matrix, around: Around) -> Matrix:
+    def _bent(self, second: Matrix, U: Matrix, M: Matrix, A: Matrix, around: Around) -> Matrix:
         """U^T (H_zz - kappa) U - (U^T M' - M^T U') - M^T A U - U^T A^T M, in units of the states."""
-        statement, sizes = self.statement, self.tube.sizes[0].tolist()
-        m = statement.states
-        A = dynamics(statement.n, statement.order, m)[0]
+        sizes, m = self.tube.sizes[0].tolist(), self.statement.states
         turned = _transposed(U)
         zz = _product(_product(turned, _less([row[:m] for row in second[:m]], self.tube.kappa)), U)
         steps = [[[around.slope(v) for v in row] for row in grid] for grid in (M, U)]
         rest = _minus(_product(turned, steps[0]), _product(_transposed(M), steps[1]))
-        if A.any():
-            bent = _product(_product(_transposed(M), A.tolist()), U)
+        if self.statement.order == 2 or self.statement.levels:
+            bent = _product(_product(_transposed(M), A), U)
             rest = _minus(
                 rest,
                 [[-(a + b) for a, b in zip(*rows, strict=True)] for rows in zip(bent, _transposed(bent), strict=True)],
             )
         return [[zz[i][j] - rest[i][j] * (sizes[i] * sizes[j]) for j in range(m)] for i in range(m)]
 
-    def _second(self, k: int, around: Around) -> Matrix:
-        """The second derivatives of H over the tube, in units of the states and controls."""
-        statement, piece = self.statement, self.pieces[k]
-        d = statement.states + statement.n
+    def _second(self, k: int, around: Around, M: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+        """Second derivatives of H less sigma f over the tube, in units of states and controls; A and B as series.
+
+        f are the rates of the states, sigma = Q w: only levels have rates that are not of first degree.
+        """
+        statement, piece, tube = self.statement, self.pieces[k], self.tube
+        n, m, bare = statement.n, statement.states, statement.bare
+        found, wide = flint(), self.tube.delta < np.inf
         states, controls = piece.lifted(around)
-        if self.tube.delta < np.inf:
-            found = flint()
-            widths = [self.tube.delta * self.tube.sizes[0], self.tube.rho[k] * self.tube.sizes[1]]
-            states, controls = (
-                [s + found.arb(0, float(w)) for s, w in zip(rows, width.tolist(), strict=True)]
-                for rows, width in zip((states, controls), widths, strict=True)
-            )
-        second = statement.jet(around.abscissa(), states, controls, 2, piece.switches).second
-        scale = [*self.tube.sizes[0].tolist(), *self.tube.sizes[1].tolist()]
-        return [[second.get((min(i, j), max(i, j)), 0) * (scale[i] * scale[j]) for j in range(d)] for i in range(d)]
-
-
-def _over_controls(M: Matrix, statement: Statement) -> Matrix:
-    """M^T B."""
-    return _product(M, dynamics(statement.n, statement.order, statement.states)[1].tolist())
+        room = [found.arb(0, tube.delta * size) if wide else 0 for size in tube.sizes[0].tolist()]
+        if wide:
+            states = [s + w for s, w in zip(states, room[:bare], strict=True)]
+            controls = [
+                s + found.arb(0, tube.rho[k] * size) for s, size in zip(controls, tube.sizes[1].tolist(), strict=True)
+            ]
+        x = around.abscissa()
+        second = statement.jet(x, states, controls, 2, piece.switches).second
+        A, B = (grid.tolist() for grid in dynamics(n, statement.order, m))
+        matrix: Matrix = [[0] * (m + n) for _ in range(m + n)]
+        places = [*range(bare), *range(m, m + n)]
+        terms = [(1, second)]
+        for j, jet in enumerate(statement.level_jets(x, states, controls, 2)):
+            A[bare + j][:bare] = [jet.first.get(i, 0) for i in range(bare)]
+            B[bare + j] = [jet.first.get(bare + i, 0) for i in range(n)]
+            if jet.second:
+                terms.append((-sum(M[bare + j][c] * w for c, w in enumerate(room)), jet.second))
+        for factor, entries in terms:
+            for (i, j), value in entries.items():
+                matrix[places[i]][places[j]] = matrix[places[i]][places[j]] + factor * value
+                if i != j:
+                    matrix[places[j]][places[i]] = matrix[places[i]][places[j]]
+        scale = [*tube.sizes[0].tolist(), *tube.sizes[1].tolist()]
+        return (
+            [[v * (c * d) for v, d in zip(row, scale, strict=True)] for row, c in zip(matrix, scale, strict=True)],
+            A,
+            B,
+        )
 
 
 def _less_scaled(a: Matrix, b: Matrix, sizes: tuple[np.ndarray, np.ndarray]) -> Matrix:

@@ -194,6 +194,8 @@ def _both(a: Callable[[], bool], b: Callable[[], bool]) -> Callable[[], bool]:
 
 def _added(a: Element, b: Element) -> Shape:
     a, b = _lifted(a), _lifted(b)
+    if not a.bare and (a.unscaled or a) is (b.unscaled or b):
+        return _scaled(a.unscaled or a, a.scale + b.scale)
     bare, upward, downward = a.bare and b.bare, a.rest_convex and b.rest_convex, a.rest_concave and b.rest_concave
     if not (bare or upward or downward):
         return UNKNOWN
