@@ -48,6 +48,8 @@ WIDEST = 0.5
 """Widest tube tried, relative to the size of the curve."""
 TUBES = 40
 """How many times the tube may be halved."""
+SOME_BOXES = 6
+"""Boxes at whose middles tubes are tried first."""
 MOST_BOXES = 400
 """Boxes for the inequality; at first a narrower tube is tried where it takes ``MORE_BOXES`` than its integrals."""
 MORE_BOXES = 20
@@ -264,7 +266,8 @@ def _proved_tube(setting: Setting) -> Prover:
         prover(math.inf).prove(boxes, MOST_BOXES)
         return prover(math.inf)
     widths = [WIDEST * 0.5**k for k in range(TUBES)]
-    first = next((k for k, delta in enumerate(widths) if not prover(delta).wide(boxes)), TUBES)
+    some = boxes[:: max(1, len(boxes) // SOME_BOXES)]
+    first = next((k for k, delta in enumerate(widths) if not prover(delta).wide(some)), TUBES)
     # half of what holds at the middles of boxes: between them it takes a little more
     for k, delta in enumerate(widths[first + 1 :]):
         try:

@@ -34,27 +34,27 @@ class Statement:
     held: tuple[np.ndarray, np.ndarray]
     values: tuple[np.ndarray, np.ndarray]
 
-    @property
+    @cached_property
     def n(self) -> int:
         """Number of unknown functions, and of controls."""
         return self.along.n
 
-    @property
+    @cached_property
     def order(self) -> int:
         """Highest derivative in the Lagrangian."""
         return self.along.order
 
-    @property
+    @cached_property
     def levels(self) -> int:
         """Number of prescribed integrals: each, up to x, is a state too, the last of them."""
         return len(self.along.integrals)
 
-    @property
+    @cached_property
     def bare(self) -> int:
         """Number of states that H depends on."""
         return self.n * self.order + len(self.along.numbers)
 
-    @property
+    @cached_property
     def states(self) -> int:
         """Number m of states."""
         return self.bare + self.levels
