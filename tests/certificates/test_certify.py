@@ -257,3 +257,31 @@ def test_inequalities_are_refused_for_what_they_are():
     )
     with pytest.raises(vc.VariationalError, match="inequalities are not covered"):
         vc.certify(vc.solve(problem))
+
+
+@pytest.mark.parametrize("end", [(1, 1), (5, 1), (1, 0)])
+def test_a_singular_end(end):
+    """The brachistochrone: a sqrt(r/g) on the cycloid x = r (a - sin a), y = r (1 - cos a)."""
+
+    def time(x, y, v, p):
+        return ca.sqrt((1 + v**2) / (2 * p.g * y))
+
+    problem = vc.Problem(time, vc.Fixed(0, 0), vc.Fixed(*end), parameters={"g": 9.81})
+    certificate = vc.certify(vc.solve(problem))
+    across, depth = map(mpmath.mpf, end)
+    if depth:
+        a = mpmath.findroot(
+            lambda a: depth * (a - mpmath.sin(a)) - across * (1 - mpmath.cos(a)), {1: 2.4, 5: 5.1}[end[0]]
+        )
+        r = depth / (1 - mpmath.cos(a))
+    else:
+        a, r = 2 * mpmath.pi, across / (2 * mpmath.pi)
+    assert between(certificate, a * mpmath.sqrt(r / mpmath.mpf(9.81)))
+    assert certificate.scope is Scope.TUBE
+
+
+def test_an_end_that_is_rounded_in_its_regular_coordinate_is_refused():
+    """The root of 0.7 is no double."""
+    problem = vc.Problem(lambda x, y, v: ca.sqrt((1 + v**2) / y), vc.Fixed(0, 0), vc.Fixed(1, 0.7))
+    with pytest.raises(vc.VariationalError, match="rounded in the coordinate"):
+        vc.certify(vc.solve(problem))

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.certificates.balls import Around, Ball, Box, Poly, Series, flint, integral
+from varcalc.certificates.balls import Around, Ball, Box, Poly, Series, above, flint, integral
 from varcalc.certificates.curve import Piece, Samples
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, Undecided
+from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement
 
 TERMS = 14
@@ -70,6 +71,15 @@ class Meeting:
 
     def correction(self) -> Ball:
         """What the integral of H changes by from the curve to one near it that meets every level; Unproved if none."""
+        steps, slopes = self._steps()
+        return sum((step * slope for step, slope in zip(steps, slopes[0], strict=True)), flint().arb(0))
+
+    def reach(self) -> float:
+        """How much of each bump is added at most."""
+        return max(above(abs(step)) for step in self._steps()[0])
+
+    def _steps(self) -> tuple[list[Ball], list[list[Ball]]]:
+        """What is added of each bump, and :meth:`_slopes` for that."""
         found = flint()
         count = self.statement.levels
         missed = [-self._missed(j) for j in range(count)]
@@ -80,7 +90,7 @@ class Meeting:
         steps = _solved([row[:] for row in slopes[1:]], missed)
         if not all(bool(abs(step) < abs(wide).upper()) for step, wide in zip(steps, room, strict=True)):
             raise Unproved("no curve near the one that was found is proved to meet the prescribed integrals")
-        return sum((step * slope for step, slope in zip(steps, slopes[0], strict=True)), found.arb(0))
+        return steps, slopes
 
     def _missed(self, j: int) -> Ball:
         level = flint().arb(self.statement.along.form.conditions.integrals[j].lower)
@@ -124,6 +134,12 @@ class Meeting:
             parts = [sum(integral(c, w, TERMS)) * box.unit for c, w in zip(*views, strict=True)]
             totals = [a + b for a, b in zip(totals, parts, strict=True)] if totals else parts
         return totals
+
+
+def meeting(setting: Setting) -> Meeting:
+    """The integrals about the curve of a setting."""
+    stated = setting.statement
+    return Meeting(stated, setting.pieces, setting.along.boxes, bumps_for(stated, setting.samples))
 
 
 def bumps_for(statement: Statement, samples: Sequence[Samples]) -> list[Bump]:

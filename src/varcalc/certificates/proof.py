@@ -4,26 +4,30 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from varcalc.certificates.balls import Ball, above, below, flint, working
 from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
+from varcalc.certificates.choice import proved_tube
 from varcalc.certificates.convexity import convex_in_slope
 from varcalc.certificates.cost import Cost
-from varcalc.certificates.curve import Piece, Samples, end_values, joint_states, pieces, sampled, state_sizes
+from varcalc.certificates.curve import end_values, joint_states, pieces, sampled, state_sizes
 from varcalc.certificates.ends import prove_ends
-from varcalc.certificates.field import Field, dynamics, field, turned_dynamics
-from varcalc.certificates.integrals import Along, Unproved, along_curve, total, worst
+from varcalc.certificates.field import dynamics
+from varcalc.certificates.integrals import Unproved, along_curve, total, worst
 from varcalc.certificates.jets import without_enclosure
-from varcalc.certificates.levels import Meeting, bumps_for
+from varcalc.certificates.levels import meeting
+from varcalc.certificates.regular import Regular, check_forward, regular
+from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement, statement
-from varcalc.certificates.tube import Prover, Tube, slopes
+from varcalc.certificates.tube import Prover, Tube
+from varcalc.methods.collocation.method import Collocation
 from varcalc.problem.conditions import Bound, Isoperimetric, whole
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.solution import Solution, Status, VariationalError
+from varcalc.solve.ladder import solve
 from varcalc.symbolic.convexity import Entry, proved_convex
 from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.candidate import candidate
@@ -34,50 +38,10 @@ TERMS = 24
 """Length to which Arb keeps series: more than any Taylor form here has terms."""
 VALUE_TOLERANCE = 1e-19
 """Share of the value that the remainders of its integral may come to."""
-KAPPAS = tuple(10.0 ** (0.5 - 0.5 * k) for k in range(18))
-"""Values of kappa that are tried, in units of H_uu, from the greatest."""
-MARGIN = 1.5
-"""How many times kappa and mu Jacobi's equation is lowered by: what is over pays for rounding and for the tube."""
-CONVEX_ENOUGH = 0.3
-"""Least second derivative of a convex Lagrangian, in units of H_uu, at which Q = 0 serves."""
-EVEN = 0.2
-"""Evenness of a field that will do: a smaller kappa would make it more even, and the tube narrower."""
-NEARLY_AS_EVEN = 0.6
-"""Share of the evenness that the smallest kappa has, where none is even enough, that will do."""
-WIDEST = 0.5
-"""Widest tube tried, relative to the size of the curve."""
-TUBES = 40
-"""How many times the tube may be halved."""
-SOME_BOXES = 6
-"""Boxes at whose middles tubes are tried first."""
-MOST_BOXES = 400
-"""Boxes for the inequality; at first a narrower tube is tried where it takes ``MORE_BOXES`` than its integrals."""
-MORE_BOXES = 20
-NARROWINGS = 4
-"""Tubes that are tried so."""
 
-
-@dataclass(frozen=True)
-class Setting:
-    """The statement with its curve and its scales."""
-
-    statement: Statement
-    samples: Sequence[Samples]
-    joints: np.ndarray
-    pieces: Sequence[Piece]
-    sizes: tuple[np.ndarray, np.ndarray]
-    along: Along
-
-    @property
-    def length(self) -> float:
-        """Length of the interval."""
-        return float(self.samples[-1].x[-1] - self.samples[0].x[0])
-
-    @property
-    def scaled(self) -> list[np.ndarray]:
-        """The second derivatives of H at the nodes of each piece, in units of states and controls."""
-        scale = np.concatenate(self.sizes)
-        return [s.hessian * scale[:, None] * scale for s in self.samples]
+COORDINATES = "the end where L is infinite is regular in alpha and z, by which the tube and the distances are meant"
+FORWARD = "the curve y0 is a graph: its abscissa grows"
+FORTH = "a curve that runs back is no shorter than a graph: the abscissa does not occur in the metric"
 
 
 def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
@@ -132,7 +96,7 @@ def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
         raise VariationalError(solution)
     try:
         with working(BITS, TERMS):
-            found = certified(solution, _curve_of(solution))
+            found = _proof(solution)
     except Unproved as unproved:
         raise _refusal(solution, str(unproved)) from None
     certificate = replace(found, seconds=time.perf_counter() - began)
@@ -145,22 +109,55 @@ def _refusal(solution: Solution, reason: str) -> VariationalError:
     return VariationalError(replace(solution, status=Status.REFUSED, message=f"no certificate: {reason}"))
 
 
-def _curve_of(solution: Solution) -> AlongCurve:
-    """The curve of a solution, polished, in coordinates in which it is regular."""
-    found = candidate(solution)
-    along = found.along_best
-    if along is None:
-        raise Unproved(found.reason or "no coordinates are known in which the curve is regular")
+def _proof(solution: Solution) -> Certificate:
+    """The certificate of a solution's curve, polished, in coordinates in which it is regular."""
+    along = _polished(solution)
+    found = regular(along)
+    if found is not None:
+        return _of_length(solution, found)
     reason = _out_of_reach(along)
     if reason:
         raise Unproved(reason)
-    return along
+    return certified(solution, along)
+
+
+def _polished(solution: Solution) -> AlongCurve:
+    found = candidate(solution)
+    if found.along_best is None:
+        raise Unproved(found.reason or "no coordinates are known in which the curve is regular")
+    return found.along_best
+
+
+def _of_length(solution: Solution, found: Regular) -> Certificate:
+    """The certificate of a singular length, by that of the energy of its regular problem."""
+    try:
+        energy = solve(found.problem, Collocation(), guess=found.guess)
+    except VariationalError as error:
+        raise Unproved(f"the regular problem is not solved: {error}") from None
+    setting = _setting(energy, _polished(energy))
+    if found.abscissa_is_z:
+        check_forward(setting)
+    low, high, certificate = _bounded(energy, setting)
+    if not (low > 0 and solution.problem.sign * solution.value > 0):
+        raise Unproved("the length is not proved positive")
+    low, high = low.sqrt().lower(), high.sqrt().upper()
+    if solution.problem.maximise:
+        low, high = -high, -low
+    forward = Hypothesis(FORWARD, Means.BALLS) if found.abscissa_is_z else Hypothesis(FORTH, Means.CONSTRUCTION)
+    told = (*certificate.proved, Hypothesis(COORDINATES, Means.CONSTRUCTION), forward)
+    return replace(
+        certificate, solution=solution, lower=below(low), upper=above(high), enclosure=decimals(low, high), proved=told
+    )
 
 
 def certified(solution: Solution, along: AlongCurve) -> Certificate:
     """The certificate of a curve, whatever it is: where it is no minimum, Unproved is raised."""
-    setting = _setting(solution, along)
-    prover = _proved_tube(setting)
+    return _bounded(solution, _setting(solution, along))[2]
+
+
+def _bounded(solution: Solution, setting: Setting) -> tuple[Ball, Ball, Certificate]:
+    """The bounds as balls, and the certificate."""
+    prover = proved_tube(setting)
     end_terms = prove_ends(prover)
     distance = _distance(setting, prover.tube)
     drop = total(setting.along, prover.tube.kappa, prover.tube.mu)
@@ -174,13 +171,14 @@ def certified(solution: Solution, along: AlongCurve) -> Certificate:
     unit = float(setting.sizes[0][0])
     infinite = scope is Scope.ALL
     proved = (*_about_curve(), Hypothesis(_inequality(prover.tube), Means.BALLS), *end_terms, *hypotheses)
-    return Certificate(
+    certificate = Certificate(
         solution, below(low), above(high), decimals(low, high), scope,
         math.inf if infinite else unit * prover.tube.delta,
         float(setting.sizes[1][0]) * min(prover.tube.rho) if scope is Scope.WEAK else math.inf,
         () if infinite else tuple((prover.tube.delta * setting.sizes[0][setting.statement.bare :]).tolist()),
         distance, proved, 0.0,
     )  # fmt: skip
+    return low, high, certificate
 
 
 def _setting(solution: Solution, along: AlongCurve) -> Setting:
@@ -233,10 +231,7 @@ def _length(stated: Statement, solution: Solution, low: Ball, high: Ball) -> tup
 
 def _correction(setting: Setting) -> Ball:
     """What the value changes by from the curve to one near it that meets the prescribed integrals exactly."""
-    stated = setting.statement
-    if not stated.levels:
-        return flint().arb(0)
-    return Meeting(stated, setting.pieces, setting.along.boxes, bumps_for(stated, setting.samples)).correction()
+    return meeting(setting).correction() if setting.statement.levels else flint().arb(0)
 
 
 def _end_cost(setting: Setting) -> Ball:
@@ -251,87 +246,6 @@ def _levels(stated: Statement) -> Ball:
     for multiplier, condition in zip(stated.along.lambdas, stated.along.form.conditions.integrals, strict=True):
         total_of += flint().arb(float(multiplier)) * flint().arb(condition.lower)
     return total_of
-
-
-def _proved_tube(setting: Setting) -> Prover:
-    """The inequality proved, in a tube as wide as a few halvings find."""
-    kappa, mu, found = _field(setting)
-    Q = slopes(found, len(setting.pieces), setting.statement.states)
-    boxes, reason = setting.along.boxes, ""
-
-    def prover(delta: float) -> Prover:
-        return Prover(setting.statement, setting.pieces, Q, _tube(setting, found, kappa, mu, delta), setting.joints)
-
-    if setting.statement.quadratic:
-        prover(math.inf).prove(boxes, MOST_BOXES)
-        return prover(math.inf)
-    widths = [WIDEST * 0.5**k for k in range(TUBES)]
-    some = boxes[:: max(1, len(boxes) // SOME_BOXES)]
-    first = next((k for k, delta in enumerate(widths) if not prover(delta).wide(some)), TUBES)
-    # half of what holds at the middles of boxes: between them it takes a little more
-    for k, delta in enumerate(widths[first + 1 :]):
-        try:
-            prover(delta).prove(boxes, MOST_BOXES if k >= NARROWINGS else len(boxes) + MORE_BOXES)
-        except Unproved as unproved:
-            reason = str(unproved)
-            if k >= NARROWINGS:
-                break
-        else:
-            return prover(delta)
-    raise Unproved(reason or "the inequality holds in no tube, however narrow")
-
-
-def _field(setting: Setting) -> tuple[float, float, Field | None]:
-    """kappa, mu and the field, with kappa as great as the field allows; no field where H is convex enough."""
-    m = setting.statement.states
-    hessians = np.concatenate(setting.scaled)
-    zz, zu, uu = hessians[:, :m, :m], hessians[:, :m, m:], hessians[:, m:, m:]
-    stiffness = float(np.linalg.eigvalsh(uu).min())
-    if not stiffness > 0:
-        at = np.concatenate([s.x for s in setting.samples])[int(np.linalg.eigvalsh(uu)[:, 0].argmin())]
-        raise Unproved(
-            f"Legendre's condition fails: the least second derivative in the slope is {stiffness:.3g} near {at:.6g}"
-        )
-    schur = zz - zu @ np.linalg.solve(0.6 * uu, zu.transpose(0, 2, 1))
-    convex = float(np.linalg.eigvalsh(schur).min())
-    if convex >= CONVEX_ENOUGH * stiffness and setting.statement.order == 1:
-        return 0.5 * convex, 0.25 * stiffness, None
-    scales = np.concatenate(setting.sizes)
-    fields: list[tuple[float, float, Field]] = []
-    for share in KAPPAS:
-        kappa, mu = share * stiffness, min(0.1 * share, 0.25) * stiffness
-        lowered = MARGIN * np.r_[np.full(m, kappa), np.full(len(scales) - m, mu)] / scales**2
-        found = field(setting.statement, setting.samples, lowered)
-        if found is not None:
-            fields.append((kappa, mu, found))
-            if found.evenness > EVEN:
-                break
-    if fields:
-        enough = NEARLY_AS_EVEN * max(f.evenness for *_, f in fields)
-        return next(f for f in fields if f[2].evenness >= enough)
-    raise Unproved(
-        "Jacobi's equation has no field of extremals around the curve: there is a conjugate point, or nearly one"
-    )
-
-
-def _tube(setting: Setting, found: Field | None, kappa: float, mu: float, delta: float) -> Tube:
-    """The tube of half-width ``delta``, with bounds that the curve's own second derivatives suggest."""
-    stated, (states, controls) = setting.statement, setting.sizes
-    m = stated.states
-    stiff, tilts, rho = [], [], []
-    for k, (hessian, s) in enumerate(zip(setting.scaled, setting.samples, strict=True)):
-        least = float(np.linalg.eigvalsh(hessian[:, m:, m:]).min())
-        B, mixed = turned_dynamics(stated, s)[1], s.hessian[:, :m, m:]
-        if found is not None:
-            mixed = (
-                mixed
-                - np.linalg.solve(found.U[k].transpose(0, 2, 1), found.M[k].transpose(0, 2, 1)).transpose(0, 2, 1) @ B
-            )
-        tilt = float(np.sqrt(((mixed * states[:, None] * controls) ** 2).sum(axis=(1, 2))).max())
-        stiff.append(0.7 * least)
-        tilts.append(1.3 * tilt + 0.1 * least)
-        rho.append(math.inf if delta == math.inf else 1.05 * tilts[-1] * delta / (stiff[-1] - mu))
-    return Tube(delta, tuple(rho), kappa, mu, tuple(stiff), tuple(tilts), setting.sizes)
 
 
 def _distance(setting: Setting, tube: Tube) -> Distance:

@@ -1,0 +1,115 @@
+"""The field of extremals and the tube of a proof, chosen: as much room as there is, in as wide a tube as holds it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from varcalc.certificates.field import Field, field, turned_dynamics
+from varcalc.certificates.integrals import Unproved
+from varcalc.certificates.setting import Setting
+from varcalc.certificates.tube import Prover, Tube, slopes
+
+KAPPAS = tuple(10.0 ** (0.5 - 0.5 * k) for k in range(18))
+"""Values of kappa that are tried, in units of H_uu, from the greatest."""
+MARGIN = 1.5
+"""How many times kappa and mu Jacobi's equation is lowered by: what is over pays for rounding and for the tube."""
+CONVEX_ENOUGH = 0.3
+"""Least second derivative of a convex Lagrangian, in units of H_uu, at which Q = 0 serves."""
+EVEN = 0.2
+"""Evenness of a field that will do: a smaller kappa would make it more even, and the tube narrower."""
+NEARLY_AS_EVEN = 0.6
+"""Share of the evenness that the smallest kappa has, where none is even enough, that will do."""
+WIDEST = 0.5
+"""Widest tube tried, relative to the size of the curve."""
+TUBES = 40
+"""How many times the tube may be halved."""
+SOME_BOXES = 6
+"""Boxes at whose middles tubes are tried first."""
+MOST_BOXES = 400
+"""Boxes for the inequality; at first a narrower tube is tried where it takes ``MORE_BOXES`` than its integrals."""
+MORE_BOXES = 20
+NARROWINGS = 4
+"""Tubes that are tried so."""
+
+
+def proved_tube(setting: Setting) -> Prover:
+    """The inequality proved, in a tube as wide as a few halvings find."""
+    kappa, mu, found = _field(setting)
+    Q = slopes(found, len(setting.pieces), setting.statement.states)
+    boxes, reason = setting.along.boxes, ""
+
+    def prover(delta: float) -> Prover:
+        return Prover(setting.statement, setting.pieces, Q, _tube(setting, found, kappa, mu, delta), setting.joints)
+
+    if setting.statement.quadratic:
+        prover(math.inf).prove(boxes, MOST_BOXES)
+        return prover(math.inf)
+    widths = [WIDEST * 0.5**k for k in range(TUBES)]
+    some = boxes[:: max(1, len(boxes) // SOME_BOXES)]
+    first = next((k for k, delta in enumerate(widths) if not prover(delta).wide(some)), TUBES)
+    # half of what holds at the middles of boxes: between them it takes a little more
+    for k, delta in enumerate(widths[first + 1 :]):
+        try:
+            prover(delta).prove(boxes, MOST_BOXES if k >= NARROWINGS else len(boxes) + MORE_BOXES)
+        except Unproved as unproved:
+            reason = str(unproved)
+            if k >= NARROWINGS:
+                break
+        else:
+            return prover(delta)
+    raise Unproved(reason or "the inequality holds in no tube, however narrow")
+
+
+def _field(setting: Setting) -> tuple[float, float, Field | None]:
+    """kappa, mu and the field, with kappa as great as the field allows; no field where H is convex enough."""
+    m = setting.statement.states
+    hessians = np.concatenate(setting.scaled)
+    zz, zu, uu = hessians[:, :m, :m], hessians[:, :m, m:], hessians[:, m:, m:]
+    stiffness = float(np.linalg.eigvalsh(uu).min())
+    if not stiffness > 0:
+        at = np.concatenate([s.x for s in setting.samples])[int(np.linalg.eigvalsh(uu)[:, 0].argmin())]
+        raise Unproved(
+            f"Legendre's condition fails: the least second derivative in the slope is {stiffness:.3g} near {at:.6g}"
+        )
+    schur = zz - zu @ np.linalg.solve(0.6 * uu, zu.transpose(0, 2, 1))
+    convex = float(np.linalg.eigvalsh(schur).min())
+    if convex >= CONVEX_ENOUGH * stiffness and setting.statement.order == 1:
+        return 0.5 * convex, 0.25 * stiffness, None
+    scales = np.concatenate(setting.sizes)
+    fields: list[tuple[float, float, Field]] = []
+    for share in KAPPAS:
+        kappa, mu = share * stiffness, min(0.1 * share, 0.25) * stiffness
+        lowered = MARGIN * np.r_[np.full(m, kappa), np.full(len(scales) - m, mu)] / scales**2
+        found = field(setting.statement, setting.samples, lowered)
+        if found is not None:
+            fields.append((kappa, mu, found))
+            if found.evenness > EVEN:
+                break
+    if fields:
+        enough = NEARLY_AS_EVEN * max(f.evenness for *_, f in fields)
+        return next(f for f in fields if f[2].evenness >= enough)
+    raise Unproved(
+        "Jacobi's equation has no field of extremals around the curve: there is a conjugate point, or nearly one"
+    )
+
+
+def _tube(setting: Setting, found: Field | None, kappa: float, mu: float, delta: float) -> Tube:
+    """The tube of half-width ``delta``, with bounds that the curve's own second derivatives suggest."""
+    stated, (states, controls) = setting.statement, setting.sizes
+    m = stated.states
+    stiff, tilts, rho = [], [], []
+    for k, (hessian, s) in enumerate(zip(setting.scaled, setting.samples, strict=True)):
+        least = float(np.linalg.eigvalsh(hessian[:, m:, m:]).min())
+        B, mixed = turned_dynamics(stated, s)[1], s.hessian[:, :m, m:]
+        if found is not None:
+            mixed = (
+                mixed
+                - np.linalg.solve(found.U[k].transpose(0, 2, 1), found.M[k].transpose(0, 2, 1)).transpose(0, 2, 1) @ B
+            )
+        tilt = float(np.sqrt(((mixed * states[:, None] * controls) ** 2).sum(axis=(1, 2))).max())
+        stiff.append(0.7 * least)
+        tilts.append(1.3 * tilt + 0.1 * least)
+        rho.append(math.inf if delta == math.inf else 1.05 * tilts[-1] * delta / (stiff[-1] - mu))
+    return Tube(delta, tuple(rho), kappa, mu, tuple(stiff), tuple(tilts), setting.sizes)

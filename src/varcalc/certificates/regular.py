@@ -1,0 +1,186 @@
+"""Lengths whose metric is infinite at an end: the singular coordinate becomes an integral that is prescribed.
+
+Let the square of the speed be a(z) x'^2/b(z)^2 + c(z) z'^2, with b = 0 at the end, as of the brachistochrone in the
+depth z^2. With x' = b alpha' it is a alpha'^2 + c z'^2, which is regular, and the integral of b alpha' is the distance
+in x between the ends (a sub-Riemannian problem: Montgomery, "A Tour of Subriemannian Geometries", AMS 2002, ch. 1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.certificates.balls import Around, flint
+from varcalc.certificates.integrals import Unproved
+from varcalc.certificates.jets import Jet, jets
+from varcalc.certificates.levels import meeting
+from varcalc.certificates.setting import Setting
+from varcalc.certificates.statement import squared
+from varcalc.problem.conditions import Fixed, Isoperimetric
+from varcalc.problem.problem import Problem
+from varcalc.symbolic.instructions import Program
+from varcalc.verify.along_curve import AlongCurve
+
+POINTS = 257
+"""Points of the curve that the regular problem is begun at."""
+ROOM = 1e-9
+"""Change of the curve, in units of its size, that positive values are to survive: it meets its integral within less."""
+STEEPEST = 0.1
+"""One over what a bump on [0, 1] and its slope stay below."""
+HALVINGS = 10
+"""How often a box is halved to show that a curve runs forward in it."""
+
+
+class Product:
+    """A product of powers of SX expressions with an exact rational factor; equal factors are counted together."""
+
+    def __init__(self, expression: Any) -> None:
+        self.factor = Fraction(1)
+        self.powers: list[tuple[Any, int]] = []
+        self._take(expression, 1)
+
+    def _take(self, e: Any, power: int) -> None:
+        if e.is_constant():
+            self.factor *= Fraction(float(e)) ** power
+        elif e.is_op(ca.OP_TWICE):
+            self.factor *= Fraction(2) ** power
+            self._take(e.dep(0), power)
+        elif e.is_op(ca.OP_NEG):
+            self.factor *= -1 if power % 2 else 1
+            self._take(e.dep(0), power)
+        elif e.is_op(ca.OP_SQ):
+            self._take(e.dep(0), 2 * power)
+        elif e.is_op(ca.OP_INV):
+            self._take(e.dep(0), -power)
+        elif e.is_op(ca.OP_MUL) or e.is_op(ca.OP_DIV):
+            self._take(e.dep(0), power)
+            self._take(e.dep(1), power if e.is_op(ca.OP_MUL) else -power)
+        else:
+            self._count(e, power)
+
+    def _count(self, e: Any, power: int) -> None:
+        for k, (known, before) in enumerate(self.powers):
+            if ca.is_equal(known, e, 8):
+                self.powers[k] = known, before + power
+                return
+        self.powers.append((e, power))
+
+    def expression(self) -> Any:
+        """The product; Unproved where its factor is no double."""
+        number = self.factor.numerator / self.factor.denominator if self.factor else 0.0
+        if Fraction(number) != self.factor:
+            raise Unproved("the constants of the metric cannot be put together without rounding")
+        total = ca.SX(number)
+        for e, power in self.powers:
+            total = total * e**power
+        return total
+
+    def without_poles(self, symbol: Any) -> Any:
+        """Take the even negative powers of ``symbol`` out: the b of a/b^2."""
+        b = ca.SX(1)
+        for k, (e, power) in enumerate(self.powers):
+            if power < 0 and power % 2 == 0 and ca.is_equal(e, symbol, 8):
+                b = b * e ** (-power // 2)
+                self.powers[k] = e, 0
+        self.powers = [(e, power) for e, power in self.powers if power]
+        return b
+
+
+@dataclass(frozen=True)
+class Regular:
+    """The regular problem whose energy has the singular length for its root, and a curve close to its answer.
+
+    Function 0 is alpha, function 1 is z; ``abscissa_is_z`` tells that the abscissa of the user's graph is a power of z.
+    """
+
+    problem: Problem
+    guess: Any
+    abscissa_is_z: bool
+
+
+def regular(along: AlongCurve) -> Regular | None:
+    """The regular problem of a singular length; None where it is none of two functions, one of them cyclic."""
+    form, s = along.form, along.symbols
+    plain = not (along.integrals or along.paths or len(along.numbers) or form.ends.joint or form.held)
+    if not (plain and form.coordinates.energetic and form.stated.is_lifted and along.n == 2 and along.order == 1):
+        return None
+    H = squared(form.functional)
+    block = ca.hessian(H, s.dy)[0]
+    cyclic = [i for i in (0, 1) if not ca.depends_on(H, s.y[i])]
+    ends = [np.asarray(given, dtype=float)[0] for given in (form.ends.start, form.ends.end)]
+    if len(cyclic) != 1 or block.nnz() != 2 or ca.depends_on(block, ca.vertcat(s.x, s.dy)) or np.isnan(ends).any():
+        return None
+    i = cyclic[0]
+    _check_ends(along, ends)
+    unit = np.eye(2)
+    own, other = (Product(ca.substitute([H], [s.dy], [ca.DM(unit[k])])[0]) for k in (i, 1 - i))
+    b = own.without_poles(s.y[1 - i])
+    a, c = own.expression(), other.expression()
+    problem = _stated(along, i, (a, b, c), ends)
+    assert form.lifted is not None
+    weight = ca.Function("b", [s.y, s.parameters], [b])
+
+    t = np.linspace(0.0, 1.0, POINTS)
+    y, dy = along.evaluate(t, 0), along.evaluate(t, 1)
+    rate = dy[i] / np.maximum(np.asarray(weight(y, form.problem.parameter_values)).ravel(), 1e-12)
+    alpha = np.r_[0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))]
+
+    def guess(at: Any) -> np.ndarray:
+        return np.array([np.interp(at, t, alpha), np.interp(at, t, y[1 - i])])
+
+    return Regular(problem, guess, ca.depends_on(form.lifted[0], s.y[1 - i]))
+
+
+def _check_ends(along: AlongCurve, ends: list[np.ndarray]) -> None:
+    """Unproved where the ends in the form's coordinates are not exactly those that were given."""
+    form, s, arb = along.form, along.symbols, flint().arb
+    assert form.lifted is not None
+    lift = Program(ca.Function("lift", [s.x, s.y, s.parameters], [ca.vertcat(*form.lifted[:2])]))
+    parameters = [Jet(arb(float(v))) for v in form.problem.parameter_values]
+    for end, at, own in ((form.problem.start, 0.0, ends[0]), (form.problem.end, 1.0, ends[1])):
+        places = [Jet(arb(at))], [Jet(arb(float(v))) for v in own], parameters
+        given = float(end.x), float(end.values(1)[0])
+        found = [jet.value for jet in jets(lift, places, 0)[0]]
+        if not all(v.is_exact() and v == arb(exact) for v, exact in zip(found, given, strict=True)):
+            raise Unproved("an end is rounded in the coordinate in which it is regular")
+
+
+def _stated(along: AlongCurve, i: int, parts: tuple[Any, Any, Any], ends: list[np.ndarray]) -> Problem:
+    s, given = along.symbols, along.form.problem
+    a, b, c = parts
+
+    def placed(expression: Any, q: Any, p: tuple[Any, ...]) -> Any:
+        values = ca.vertcat(*(getattr(p[0], name) for name in given.parameters)) if p else s.parameters
+        place = ca.vertcat(*([s.y[0], q[1]] if i == 0 else [q[1], s.y[1]]))
+        return ca.substitute([expression], [s.y, s.parameters], [place, values])[0]
+
+    def energy(t: Any, q: Any, v: Any, *p: Any) -> Any:
+        return placed(a, q, p) * v[0] ** 2 + placed(c, q, p) * v[1] ** 2
+
+    def distance(t: Any, q: Any, v: Any, *p: Any) -> Any:
+        return placed(b, q, p) * v[0]
+
+    start, end = ends
+    return Problem(
+        energy, Fixed(0.0, (0.0, start[1 - i])), Fixed(1.0, (None, end[1 - i])),
+        [Isoperimetric(distance, end[i] - start[i])], parameters=dict(given.parameters) or None, name=given.name,
+    )  # fmt: skip
+
+
+def check_forward(setting: Setting) -> None:
+    """Prove that z grows all along the curve, where the abscissa is a power of z; Unproved where it may not."""
+    if not meeting(setting).reach() < STEEPEST * ROOM * float(setting.sizes[1].min()):
+        raise Unproved("the curve that meets its ends exactly is not near enough to be known to run forward")
+    waiting = [(k, box, 0) for k, box in setting.along.boxes]
+    while waiting:
+        k, box, depth = waiting.pop()
+        slope = setting.pieces[k].lifted(Around(box, 1, whole=True))[1][1][0]
+        if slope > ROOM * float(setting.sizes[1][1]):
+            continue
+        if depth == HALVINGS:
+            raise Unproved(f"the curve is not proved to run forward near the share {box.at:.3g} of its length")
+        waiting += [(k, half, depth + 1) for half in box.halves()]
