@@ -7,6 +7,7 @@ in x between the ends (a sub-Riemannian problem: Montgomery, "A Tour of Subriema
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -25,6 +26,8 @@ from varcalc.problem.problem import Problem
 from varcalc.symbolic.instructions import Program
 from varcalc.verify.along_curve import AlongCurve
 
+UNIT = "unit_of_z_squared"
+"""The parameter of the regular problem that holds the unit of z^2."""
 POINTS = 257
 """Points of the curve that the regular problem is begun at."""
 ROOM = 1e-9
@@ -79,6 +82,25 @@ class Product:
             total = total * e**power
         return total
 
+    def power_of(self, symbol: Any) -> int | None:
+        """The power of a symbol in the product; None where it occurs in another way."""
+        total = 0
+        for e, power in self.powers:
+            if ca.is_equal(e, symbol, 8):
+                total += power
+            elif ca.depends_on(e, symbol):
+                return None
+        return total
+
+    @property
+    def monic(self) -> bool:
+        """Whether the product is plus or minus the power of one expression."""
+        return len(self.powers) == 1 and abs(self.factor) == 1
+
+    def times(self, e: Any, power: int) -> None:
+        """Multiply by a power."""
+        self._count(e, power)
+
     def without_poles(self, symbol: Any) -> Any:
         """Take the even negative powers of ``symbol`` out: the b of a/b^2."""
         b = ca.SX(1)
@@ -88,6 +110,22 @@ class Product:
                 self.powers[k] = e, 0
         self.powers = [(e, power) for e, power in self.powers if power]
         return b
+
+
+@dataclass(frozen=True)
+class Metric:
+    """The square of the speed, a x'^2/b^2 + c z'^2, x being function ``cyclic``.
+
+    z^2 is measured in ``unit``, for which ``symbol`` stands in a and c; ``ends`` are the values of z.
+    """
+
+    cyclic: int
+    a: Any
+    b: Any
+    c: Any
+    symbol: Any
+    unit: float
+    ends: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -115,24 +153,50 @@ def regular(along: AlongCurve) -> Regular | None:
     if len(cyclic) != 1 or block.nnz() != 2 or ca.depends_on(block, ca.vertcat(s.x, s.dy)) or np.isnan(ends).any():
         return None
     i = cyclic[0]
-    _check_ends(along, ends)
-    unit = np.eye(2)
-    own, other = (Product(ca.substitute([H], [s.dy], [ca.DM(unit[k])])[0]) for k in (i, 1 - i))
+    rows = np.eye(2)
+    own, other = (Product(ca.substitute([H], [s.dy], [ca.DM(rows[k])])[0]) for k in (i, 1 - i))
+    symbol = ca.SX.sym("unit")
+    unit, places = _in_own_unit(along, i, (own, other), symbol)
     b = own.without_poles(s.y[1 - i])
-    a, c = own.expression(), other.expression()
-    problem = _stated(along, i, (a, b, c), ends)
-    assert form.lifted is not None
+    metric = Metric(i, own.expression(), b, other.expression(), symbol, unit, places)
     weight = ca.Function("b", [s.y, s.parameters], [b])
-
     t = np.linspace(0.0, 1.0, POINTS)
     y, dy = along.evaluate(t, 0), along.evaluate(t, 1)
+    y[1 - i] /= math.sqrt(unit)
     rate = dy[i] / np.maximum(np.asarray(weight(y, form.problem.parameter_values)).ravel(), 1e-12)
     alpha = np.r_[0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))]
 
     def guess(at: Any) -> np.ndarray:
         return np.array([np.interp(at, t, alpha), np.interp(at, t, y[1 - i])])
 
-    return Regular(problem, guess, ca.depends_on(form.lifted[0], s.y[1 - i]))
+    assert form.lifted is not None
+    return Regular(_stated(along, metric, ends), guess, ca.depends_on(form.lifted[0], s.y[1 - i]))
+
+
+def _in_own_unit(
+    along: AlongCurve, i: int, parts: tuple[Product, Product], symbol: Any
+) -> tuple[float, tuple[float, float]]:
+    """The unit of z^2 in which its ends are 0 and 1 exactly, and these; the parts are brought to it.
+
+    The unit is 1, and the ends must be exact, unless the user's singular coordinate is plus or minus z^2, zero at one
+    end at least, and z occurs in the metric as an even power alone.
+    """
+    form, z = along.form, along.symbols.y[1 - i]
+    assert form.lifted is not None
+    powers = [part.power_of(z) for part in parts]
+    lifts = [Product(e) for e in form.lifted[:2]]
+    singular = [k for k, lift in enumerate(lifts) if lift.power_of(z) == 2 and lift.monic]
+    plain = len(singular) == 1 and all(power is not None and power % 2 == 0 for power in powers)
+    if plain and lifts[1 - singular[0]].monic and lifts[1 - singular[0]].power_of(along.symbols.y[i]) == 1:
+        ends = form.problem.start, form.problem.end
+        first, last = (abs((float(e.x), float(e.values(1)[0]))[singular[0]]) for e in ends)
+        if min(first, last) == 0.0:
+            for part, power, more in zip(parts, powers, (0, 1), strict=True):
+                part.times(symbol, (power or 0) // 2 + more)
+            return max(first, last) or 1.0, (float(first > 0), float(last > 0))
+    own = [np.asarray(given, dtype=float)[0] for given in (form.ends.start, form.ends.end)]
+    _check_ends(along, own)
+    return 1.0, (float(own[0][1 - i]), float(own[1][1 - i]))
 
 
 def _check_ends(along: AlongCurve, ends: list[np.ndarray]) -> None:
@@ -149,25 +213,28 @@ def _check_ends(along: AlongCurve, ends: list[np.ndarray]) -> None:
             raise Unproved("an end is rounded in the coordinate in which it is regular")
 
 
-def _stated(along: AlongCurve, i: int, parts: tuple[Any, Any, Any], ends: list[np.ndarray]) -> Problem:
-    s, given = along.symbols, along.form.problem
-    a, b, c = parts
+def _stated(along: AlongCurve, metric: Metric, ends: list[np.ndarray]) -> Problem:
+    s, given, i = along.symbols, along.form.problem, metric.cyclic
 
-    def placed(expression: Any, q: Any, p: tuple[Any, ...]) -> Any:
-        values = ca.vertcat(*(getattr(p[0], name) for name in given.parameters)) if p else s.parameters
+    def placed(expression: Any, q: Any, p: Any) -> Any:
+        values = [getattr(p, name) for name in given.parameters]
         place = ca.vertcat(*([s.y[0], q[1]] if i == 0 else [q[1], s.y[1]]))
-        return ca.substitute([expression], [s.y, s.parameters], [place, values])[0]
+        old, new = [s.y, s.parameters, metric.symbol], [place, ca.vertcat(*values), getattr(p, UNIT)]
+        return ca.substitute([expression], old, new)[0]
 
-    def energy(t: Any, q: Any, v: Any, *p: Any) -> Any:
-        return placed(a, q, p) * v[0] ** 2 + placed(c, q, p) * v[1] ** 2
+    def energy(t: Any, q: Any, v: Any, p: Any) -> Any:
+        return placed(metric.a, q, p) * v[0] ** 2 + placed(metric.c, q, p) * v[1] ** 2
 
-    def distance(t: Any, q: Any, v: Any, *p: Any) -> Any:
-        return placed(b, q, p) * v[0]
+    def distance(t: Any, q: Any, v: Any, p: Any) -> Any:
+        return placed(metric.b, q, p) * v[0]
 
-    start, end = ends
+    start, end = (float(v[i]) for v in ends)
+    if Fraction(end) - Fraction(start) != Fraction(end - start):
+        raise Unproved("the distance between the ends along the singular line is rounded")
+    first, last = metric.ends
     return Problem(
-        energy, Fixed(0.0, (0.0, start[1 - i])), Fixed(1.0, (None, end[1 - i])),
-        [Isoperimetric(distance, end[i] - start[i])], parameters=dict(given.parameters) or None, name=given.name,
+        energy, Fixed(0.0, (0.0, first)), Fixed(1.0, (None, last)), [Isoperimetric(distance, end - start)],
+        parameters={**given.parameters, UNIT: metric.unit}, name=given.name,
     )  # fmt: skip
 
 
