@@ -38,16 +38,8 @@ class Instruction(NamedTuple):
     place: tuple[int, int] = (0, 0)
 
 
-@lru_cache(maxsize=KEPT)
-def instructions(function: ca.Function) -> tuple[Instruction, ...]:
-    """The instructions of an SX function in order; TypeError for a function that is not an SXFunction.
-
-    CasADi hands them out one call at a time, which takes as long as carrying them out.
-    """
-    return tuple(_read(function))
-
-
-def _read(function: ca.Function) -> Iterator[Instruction]:
+def instructions(function: ca.Function) -> Iterator[Instruction]:
+    """The instructions of an SX function in order; TypeError for a function that is not an SXFunction."""
     if not function.is_a("SXFunction"):
         raise TypeError(f"{function.name()} is no SX function, so it has no scalar instructions")
     for k in range(function.n_instructions()):
@@ -73,7 +65,13 @@ def interpret(
     ``constant`` brings a number into the algebra and ``apply`` carries out one
     operation, given by CasADi's code, on one or two elements.
     """
-    return Program(function).run(arguments, constant, apply)
+    return program(function).run(arguments, constant, apply)
+
+
+@lru_cache(maxsize=KEPT)
+def program(function: ca.Function) -> Program:
+    """The instructions of a function, kept: CasADi hands them out one call at a time, in the time they take to run."""
+    return Program(function)
 
 
 class Program:

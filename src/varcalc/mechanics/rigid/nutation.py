@@ -11,13 +11,13 @@ import numpy as np
 
 from varcalc.mechanics.rigid.top_cubic import TopStart, total
 from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionBounds, bounds, ways
-from varcalc.numerics.one_coordinate.quadrature import integrals, integrands
+from varcalc.numerics.one_coordinate.quadrature import integrals
 from varcalc.numerics.roots import EPSILON, bracketed_newton
 
-LOOKED_AT = 33
-"""Places of half a period at which rates are looked at for their size."""
 BEYOND = 1.0
 """How far beyond upright and upside down the cubic is looked at, so that a root there lies inside."""
+LOOKED_AT = 33
+"""Places of half a period at which rates are looked at for their size."""
 HALVINGS = 500
 """Of a panel, next to a pole."""
 NEXT_TO = 0.1
@@ -119,10 +119,9 @@ def _found(
 def _half_period(way: CoordinateMotion) -> np.ndarray:
     """Half a period, and what φ and ψ advance by in it (3,).
 
-    What goes forwards and back may add up to nothing: the integrals are resolved to digits of what they would add up
-    to without signs.
+    They are resolved to the digits that the rates have where they are largest, next to a pole.
     """
-    rates = integrands(way, np.linspace(0.0, way.period / 2, LOOKED_AT)[None])
+    rates = way.integrands(np.linspace(0.0, way.period / 2, LOOKED_AT)[None])[1]
     known = np.abs(rates[:, 0]).mean(axis=1) * way.period / 2
     half = integrals(way, np.zeros(1), np.full(1, way.period / 2), known[None], HALVINGS)[0, :3]
     if not np.all(np.isfinite(half)):
