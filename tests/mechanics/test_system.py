@@ -189,3 +189,17 @@ def test_equilibria_of_two_coordinates_are_saddles_and_bottoms():
     np.testing.assert_allclose(found.places, [[-x, x / 4], [0, 0], [x, -x / 4]], rtol=0, atol=1e-12)
     assert found.unresolved == 0
     assert [system.normal_modes(place).stable for place in found.places] == [True, False, True]
+
+
+def test_other_parameters_make_another_system_that_shares_what_is_compiled():
+    one = mechanics.System(lambda t, q, v, p: v[0] ** 2 / 2 + p.k * ca.cos(q[0]), ("theta",), parameters={"k": 1.0})
+    first = one.motion([1.0], [0.0], (0, 2))
+    other = one.with_parameters({"k": 4.0})
+    assert (one.parameters, other.parameters) == ({"k": 1.0}, {"k": 4.0})
+    # twice as fast
+    np.testing.assert_allclose(other.motion([1.0], [0.0], (0, 1)).q(1.0), first.q(2.0), rtol=1e-13)
+    assert one.motion([1.0], [0.0], (0, 2)).q(2.0) == first.q(2.0)
+    assert other.normal_modes([0.0]).frequencies == pytest.approx([2.0])
+    assert other.between([0.0], [0.1], 1.0).parameters == {"k": 4.0}
+    with pytest.raises(ValueError, match="finite"):
+        one.with_parameters({"k": math.inf})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
@@ -33,6 +34,9 @@ from varcalc.problem.reading import equation_latex, equation_text, text
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.switches import switches
 from varcalc.symbolic.tracing import Expression
+
+COMPILED = "_rates", "_monodromy", "about_rest"
+"""What a system shares with the same one for other parameters, which are arguments of these."""
 
 
 class System:
@@ -111,11 +115,17 @@ class System:
         """
         if unknown := sorted(set(parameters) - set(self.parameters)):
             raise ValueError(f"parameters {unknown} are none of this system's: {sorted(self.parameters)}")
-        return System(
-            self._given, self.coordinates, parameters={**self.parameters, **parameters},
-            constraints=self.constraints, forces=self._forces_given, symmetries=self.symmetries,
-            units=self.units, time_unit=self.time_unit, name=self.name,
+        given = {key: _number(f"parameters[{key!r}]", value) for key, value in parameters.items()}
+        other = copy.copy(self)  # L is not called again, and what is compiled for any parameters is shared
+        for name, attribute in vars(System).items():
+            if isinstance(attribute, cached_property) and name not in COMPILED:
+                vars(other).pop(name, None)
+        values = {**self.parameters, **given}
+        vars(other).update(
+            parameters=values, _numbers=np.array(list(values.values()), dtype=float),
+            _invariants={one.name: noether(self._lagrange, one, values) for one in self.symmetries},
         )  # fmt: skip
+        return other
 
     @property
     def lagrange(self) -> Lagrange:
