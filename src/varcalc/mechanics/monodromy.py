@@ -92,7 +92,9 @@ class Floquet:
     def stable(self) -> bool:
         """Whether every small motion stays small, as far as the linear equations say.
 
-        Not so where multipliers on the circle are the same and may lack a vector, along which motions grow as powers.
+        Not so where multipliers on the circle are the same and may lack a vector, along which motions grow as powers:
+        a closed orbit of a system that does not know the time always has such a pair, being one of a family, and
+        :attr:`ClosedOrbit.stable` leaves that out.
         """
         sizes, noise = np.abs(self.multipliers), np.minimum(self._spectrum.noise, BESIDE)
         on_circle = np.abs(sizes - 1) <= noise
