@@ -231,6 +231,8 @@ def test_a_motion_that_cannot_go_on_says_so():
         (lambda: RigidBody([1, 1, 1]).motion((1, 0, 0), (0, 0, 1), (0, 1)), "four numbers"),
         (lambda: RigidBody([1, 1, 1]).motion(UPRIGHT, (0, 1), (0, 1)), "three finite numbers"),
         (lambda: RigidBody([1, 1, 1]).motion(UPRIGHT, (0, 0, 1), (1, 0)), "ascending"),
+        (lambda: RigidBody([1, 1, 1]).motion(UPRIGHT, (0, 0, 1), (1, 2, 3)), "two ascending times"),
+        (lambda: RigidBody([1, 1, 1], parameters={"c": math.inf}), r"parameters\['c'\] must be a finite number"),
         (lambda: RigidBody([1, 2, 3]).cones((0, 0, 1)), "symmetric body"),
         (
             lambda: RigidBody([1, 1, 1], potential=lambda t, R: ca.fabs(R[2, 2])).motion(UPRIGHT, (0, 0, 1), (0, 1)),

@@ -70,6 +70,9 @@ class RigidBody:
                 f"inertia has no moment about ({axis}), so that nothing says how the body turns about it; give two "
                 "angles to a mechanics.System instead"
             )
+        for key, value in (parameters or {}).items():
+            if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value):
+                raise ValueError(f"parameters[{key!r}] must be a finite number, not {value!r}")
         self.parameters = {key: float(value) for key, value in (parameters or {}).items()}
         self.name = name
         self._numbers = np.array(list(self.parameters.values()), dtype=float)
@@ -113,9 +116,10 @@ class RigidBody:
         is along the body's axes (that of Euler angles' rates is :meth:`EulerAngles.angular_velocity`). Raises
         ValueError for a start that is not finite, and for times that do not ascend.
         """
-        first, last = (float(value) for value in span)
-        if not -np.inf < first < last < np.inf:
+        times = np.asarray(span, dtype=float)
+        if times.shape != (2,) or not np.all(np.isfinite(times)) or not times[1] > times[0]:
             raise ValueError(f"span must be two ascending times, not {span!r}")
+        first, last = times.tolist()
         self._equations.check_smooth()
         q, omega = oriented(orientation, angular_velocity)
         rate = self._rate(first, q, omega, last - first)
