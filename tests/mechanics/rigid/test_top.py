@@ -66,7 +66,7 @@ def test_the_width_of_a_fast_tops_nutation_keeps_its_digits():
     assert found.precession / found.period == pytest.approx(1.0 / (0.5 * 5e4), rel=1e-8)
 
 
-@pytest.mark.parametrize("theta", [1e-8, 1e-4, math.pi - 1e-4, math.pi - 1e-8])
+@pytest.mark.parametrize("theta", [1e-8, 1e-4, 0.18, math.pi - 0.18, math.pi - 1e-4, math.pi - 1e-8])
 def test_an_axis_that_all_but_passes_through_the_vertical(theta):
     # let go beside it: by Legendre's third integrals, with the distances from the poles in fifty digits
     for Mgh in (1.0, -1.0):
@@ -85,7 +85,7 @@ def test_an_axis_that_all_but_passes_through_the_vertical(theta):
             turned = up * mp.ellippi((high - low) / (1 - low), m) + down * mp.ellippi(-(high - low) / (1 + low), m)
             ends = sorted([float(mp.acos(low)), float(mp.acos(high))])
         assert found.period == pytest.approx(float(period), rel=1e-12)
-        assert found.precession == pytest.approx(float(turned / n), rel=1e-11)
+        assert found.precession == pytest.approx(float(turned / n), rel=1e-12)
         np.testing.assert_allclose(found.theta, ends, rtol=1e-12)
 
 

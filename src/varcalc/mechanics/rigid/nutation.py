@@ -9,7 +9,7 @@ from enum import Enum
 
 import numpy as np
 
-from varcalc.mechanics.rigid.top_cubic import TopStart, total
+from varcalc.mechanics.rigid.top_cubic import TopCubic, TopStart, total
 from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionBounds, bounds, ways
 from varcalc.numerics.one_coordinate.quadrature import integrals
 from varcalc.numerics.roots import EPSILON, bracketed_newton
@@ -20,6 +20,8 @@ LOOKED_AT = 33
 """Places of half a period at which rates are looked at for their size."""
 HALVINGS = 500
 """Of a panel, next to a pole."""
+CLOSE = 1e-12
+"""Of a root: a step that is longer is no correction of its last digits."""
 NEXT_TO = 0.1
 """Of the way of cos θ: what comes nearer to a pole is measured from there."""
 
@@ -69,7 +71,8 @@ def nutation(start: TopStart, momenta: tuple[float, float], energy: float) -> Nu
     potential, at, squared = start.about_start, np.zeros(1), np.array([start.w**2])
     nodes = potential.nodes(0.0, 0.0, -start.below - BEYOND, start.above + BEYOND)
     free = np.full(1, np.inf)
-    low, high = (bounds(potential, nodes, at, squared, -squared, free, sign) for sign in (-1, 1))
+    found = (bounds(potential, nodes, at, squared, -squared, free, sign) for sign in (-1, 1))
+    low, high = (MotionBounds(_polished(potential, one.x, start.w**2), one.turning) for one in found)
     limits = max(float(low.x[0]), -start.below), min(float(high.x[0]), start.above)
     ends = [(start.below + x, start.above - x) for x in limits]
     if start.asymptotic:
@@ -86,6 +89,14 @@ def nutation(start: TopStart, momenta: tuple[float, float], energy: float) -> Nu
     return _found(case, ends, (period, precession, spin), momenta, energy)
 
 
+def _polished(potential: TopCubic, x: np.ndarray, constant: float) -> np.ndarray:
+    """The root ``x`` (1,) after one more of Newton's steps: next to a pole φ' magnifies its last digits."""
+    value, slope = potential.at(x)
+    with np.errstate(all="ignore"):
+        step = (value + constant) / slope
+    return np.where(np.abs(step) <= CLOSE * np.abs(x), x - step, x)
+
+
 def _next_to_pole(start: TopStart, across: float) -> tuple[float, np.ndarray]:
     """How near a motion that goes so far ``across`` comes to the lower pole, and its half period."""
     potential, constant = start.about_lower_pole
@@ -100,7 +111,8 @@ def _next_to_pole(start: TopStart, across: float) -> tuple[float, np.ndarray]:
         near, _ = bracketed_newton(above, middle, np.zeros(1), middle / 2, relative=4 * EPSILON)
         # φ changes by nearly π while y is a few times its least value, however small that is
         potential = replace(potential, steps=near * 4.0 ** np.arange(math.ceil(math.log(2 / near[0], 4)) + 1))
-    below, up = (MotionBounds(np.full(1, x), np.ones(1, dtype=bool)) for x in (0.0, across))
+    far = _polished(potential, near + across, constant)
+    below, up = (MotionBounds(x, np.ones(1, dtype=bool)) for x in (np.zeros(1), far - near))
     [(_, way, _)] = ways(potential, near, np.zeros(1), below, up)
     return float(near[0]), _half_period(way)
 
