@@ -60,7 +60,7 @@ def main() -> None:
     found = scattering.deflection(impact)
     rate = given.angles / (time.process_time() - began)
     some = np.linspace(0, given.angles - 1, HELD).astype(int)
-    known = np.array([exact(impact[k], given.energy, float(found.closest[k])) for k in some])
+    known = np.array([exact(float(impact[k]), given.energy, float(found.closest[k])) for k in some])
     print(f"varcalc: {rate:,.0f} angles a second, off by {np.abs(found.angle[some] - known).max():.1e}")
     began = time.process_time()
     for b in np.linspace(0.05, 3.0, BY_QUAD):

@@ -1,8 +1,8 @@
 """Kepler's ellipses perturbed: by α/r² exactly, and by -α/r³, whose angle is an elliptic integral.
 
 With α/r² the orbit is r = γ² r0/(1 + e cos γφ), γ² = 1 + 2 m α/l²: its angular period is 2π/γ. With -α/r³,
-(ds/dφ)² = β (s - s1) (s2 - s) (s3 - s), s = 1/r, β = 2 m α/l²: it is 4 K(k)/√(β (s3 - s1)), k² = (s2 - s1)/(s3 - s1),
-6π α/k r0² more than 2π to first order.
+(ds/dφ)² = β (s - s1) (s2 - s) (s3 - s), s = 1/r and β = 2 m α/l²: it is 4 K(k)/√(β (s3 - s1)) with
+k² = (s2 - s1)/(s3 - s1), 6π α/k r0² more than 2π to first order.
 
 Source: A. J. Brizard, "An Introduction to Lagrangian Mechanics" (2nd ed., 2015), problems 3 and 4 of ch. 4;
 L. D. Landau and E. M. Lifshitz, "Mechanics" (3rd ed., 1976), sect. 15, problem 3.

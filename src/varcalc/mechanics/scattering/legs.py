@@ -22,7 +22,7 @@ import numpy as np
 from varcalc.mechanics.scattering.pieces import FeltChange, PieceOfEnergy
 from varcalc.numerics.one_coordinate.quadrature import integrals
 
-TOGETHER = 400
+TOGETHER = 512
 """Legs that are integrated together; their arrays stay in the cache."""
 DEEP = 2.0
 """F at the inner end beyond which q is counted from the outer end."""
@@ -69,9 +69,12 @@ class Legs(ABC):
 
     def integrands(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The radii (m, k) at ``q`` (m, k); 1 - h and the derivative of h by the impact parameter (2, m, k)."""
-        sine, cosine = np.sin(q), np.cos(q)
         outside = self.share > DEEP
-        if np.any(outside):
+        mixed = np.any(outside)
+        if not mixed and np.all(q == q[:1]):
+            q = q[:1]  # as many legs begin: one row of sines does for all
+        sine, cosine = np.sin(q), np.cos(q)
+        if mixed:
             sine[outside], cosine[outside] = cosine[outside], sine[outside]
         inner, squared = self.inner[:, None], sine**2
         r = inner / cosine

@@ -24,8 +24,12 @@ LOG_RADIUS_LIMIT = 300.0
 """Of |ln r|: beyond it r² is no number."""
 MOST_BOXES = 2000
 """Places at which a potential that varies fast is looked at."""
+APART = 0.1
+"""Of a radius: farther from it differences of a potential have their digits."""
 NEGLIGIBLE = 1e-15
 """Of the energy: a potential that is less is nothing to what an integral has to resolve."""
+SPREAD = np.array([1e-3, 1.0])
+"""Of that: to where."""
 SILENT, NOTHING = 1e120, 1e-60
 """How far away a potential is asked whether it is a number still, and of the energy what is nothing there."""
 ROOM, QUIET = 2, 1e-5
@@ -86,8 +90,22 @@ class RadialPiece:
         return float(ca.Function("curvature", [self.radius], [value])(r))
 
     def changes(self, base: np.ndarray, x: np.ndarray) -> list[np.ndarray]:
-        """U and r U' at base + ``x``, and their changes since ``base``, exact to round-off however small x is."""
-        return _shaped(self._changes(base, x), np.shape(x))
+        """U and r U' at base + ``x``, and their changes since ``base``, exact to round-off however small x is.
+
+        Where a whole column of x is no small part of the base, the changes are differences, which cost less.
+        """
+        far = np.all(x > APART * base, axis=0)
+        if not np.any(far):
+            return _shaped(self._changes(base, x), np.shape(x))
+        found = [np.empty(np.shape(x)) for _ in range(4)]
+        if not np.all(far):
+            for out, part in zip(found, self._changes(base, x[..., ~far]), strict=True):
+                out[..., ~far] = part
+        start, there = self.values(base), self.values(base + x[..., far])
+        differences = [new - old for new, old in zip(there, start, strict=True)]
+        for out, part in zip(found, [*there, *differences], strict=True):
+            out[..., far] = part
+        return found
 
     def gentle(self, negligible: float) -> np.ndarray:
         """Radii (k,), ascending, between which U varies gently, as far as it is more than ``negligible``."""
@@ -124,7 +142,7 @@ class PieceOfEnergy:
         """The radius beyond which powers of r are no numbers any more, and a potential of them is nothing."""
         r = np.geomspace(1.0, SILENT, 121)
         with np.errstate(all="ignore"):
-            known = np.all(np.isfinite(self.piece.changes(r, r)), axis=0)
+            known = np.all(np.isfinite(self.piece.changes(r[:, None], r[:, None] * SPREAD)), axis=(0, 2))
             first = len(r) - int(np.argmax(known[::-1]))
             if np.isfinite(self.piece.outer) or first == len(r):
                 return np.inf
