@@ -170,6 +170,8 @@ def test_what_cannot_be_reduced_is_refused_with_its_reason():
         mechanics.System(lambda t, q, v: -ca.sqrt(1 - v[0] ** 2) - q[0] ** 2, ("x",)).reduced()
     with pytest.raises(ValueError, match="jump"):
         _ = mechanics.System(lambda t, q, v: v[0] ** 2 / 2 - ca.if_else(q[0] > 0, 1.0, 0.0), ("x",)).reduced().rests
+    with pytest.raises(ValueError, match="t must not be negative"):
+        PENDULUM.orbits(0.0)[0].place(-1.0)
     with pytest.raises(ValueError, match="energy must be finite"):
         PENDULUM.orbits(math.nan)
     with pytest.raises(ValueError, match="positive radius"):

@@ -62,6 +62,7 @@ class ReducedOrbit:
     ends: tuple[End, End]
     rest: Rest | None
     _names: tuple[str, ...]
+    _potential: EffectivePotential
     _way: CoordinateMotion
     _range: tuple[float, float]
 
@@ -123,15 +124,13 @@ class ReducedOrbit:
         """
         if not self.bounded:
             raise ValueError("a motion that is not repeated has no average: give one between two turning points")
-        potential = self._way.potential
-        assert isinstance(potential, EffectivePotential)
 
         def both(q: np.ndarray, v: np.ndarray) -> np.ndarray:
             # of the way there and of the way back, which a quadrature of half a period does not see
             return (function(q, v) + function(q, -v)) / 2
 
         round_ = self.ends[0] is End.ROUND
-        way = replace(self._way, potential=potential.averaging(function if round_ else both))
+        way = replace(self._way, potential=self._potential.averaging(function if round_ else both))
         whole = self._over(way)
         return float(whole[ANGLES + len(self._names)] / whole[TIME])
 
@@ -150,9 +149,7 @@ class ReducedOrbit:
 
     def _at(self, q: Any) -> np.ndarray:
         places = np.asarray(q, dtype=float)
-        potential = self._way.potential
-        assert isinstance(potential, EffectivePotential)
-        u = np.atleast_1d(potential.chart.coordinate(places.ravel()))
+        u = np.atleast_1d(self._potential.chart.coordinate(places.ravel()))
         with np.errstate(all="ignore"):
             last = self._way.height(u)[0]
             out = np.full((len(u), self._whole.size), np.nan)
@@ -165,10 +162,12 @@ class ReducedOrbit:
     def place(self, t: Any) -> tuple[np.ndarray, Mapping[str, np.ndarray]]:
         """The coordinate, and the angles gone through, at times ``t`` after the start that :meth:`time` tells of.
 
-        Not numbers where the motion has ended by then.
+        Not numbers where the motion has ended by then. Raises ValueError for times that are negative.
         """
         times = np.asarray(t, dtype=float)
-        flat = np.abs(times.ravel())
+        if not np.all(times >= 0):
+            raise ValueError(f"t must not be negative: it is counted from where the motion begins anew, not {t!r}")
+        flat = times.ravel()
         way = replace(self._way, start=np.zeros(1)).take(np.zeros(len(flat), dtype=int))
         columns = self._whole.size - 1
         targets = np.full((len(flat), columns), np.inf)
@@ -176,12 +175,9 @@ class ReducedOrbit:
         last = np.inf if self.bounded else self._range[1]
         found = reached(way, np.full(len(flat), last), targets)
         u = way.at(found.q[:, None]).u[:, 0]
-        potential = self._way.potential
-        assert isinstance(potential, EffectivePotential)
         good = found.resolved & ~found.ended
-        q = np.where(good, potential.place(u), np.nan).reshape(times.shape)[()]
-        sign = np.sign(times.ravel())
-        angles = [np.where(good, sign * found.integrals[:, ANGLES + k], np.nan) for k in range(len(self._names))]
+        q = np.where(good, self._potential.place(u), np.nan).reshape(times.shape)[()]
+        angles = [np.where(good, found.integrals[:, ANGLES + k], np.nan) for k in range(len(self._names))]
         return q, {name: a.reshape(times.shape)[()] for name, a in zip(self._names, angles, strict=True)}
 
 
@@ -260,7 +256,7 @@ class Regions:
         upper = chart.high if ends[1] in OPEN else upper
         rest = next((one for one in resting if one is not None), None)
         way = replace(way, C=C) if isinstance(way, OneTurn | NoTurn) else way
-        return ReducedOrbit(energy, lower, upper, ends, rest, self.names, way, _span(way, below, above))
+        return ReducedOrbit(energy, lower, upper, ends, rest, self.names, self.potential, way, _span(way, below, above))
 
     def _room(self, u0: np.ndarray, sign: int, rest: Rest | None) -> float:
         """How far it is in u to a ``rest``; the one at which a turn begins is also where it ends."""
@@ -294,7 +290,6 @@ def _span(way: CoordinateMotion, below: MotionBounds, above: MotionBounds) -> tu
     if isinstance(way, OneTurn):
         other = above if below.turning[0] else below
         return 0.0, float(way.reaching(other.x)[0])
-    assert isinstance(way, NoTurn)
     return float(below.x[0]), float(above.x[0])
 
 
