@@ -1,5 +1,6 @@
 """Scattering: angles against quadrature in many digits, cross-sections, rainbows, glories, orbiting, refusals."""
 
+import casadi as ca
 import mpmath as mp
 import numpy as np
 import pytest
@@ -113,6 +114,27 @@ def test_head_on_and_far_away():
     assert found.angle[1] == 0
     well = mechanics.Scattering(lambda r: -np.exp(-(r**2)), 1.0).deflection(0.0)
     assert well.angle == 0
+
+
+def test_a_jump_between_two_forces_refracts():
+    inner, outer, energy, impact = (lambda r: -2 + 0.3 * r), (lambda r: np.exp(-r) / r), 1.5, 0.8
+    found = mechanics.Scattering(lambda r: ca.if_else(r < 1, inner(r), outer(r)), energy).deflection(impact)
+    with mp.workdps(25):
+        b = mp.mpf(impact)
+
+        def left(r, value):
+            return 1 - value / energy - (b / r) ** 2
+
+        outside = mp.quad(lambda s: b / mp.sqrt(left(1 / s, mp.exp(-1 / s) * s)), [0, 0.5, 1])
+        closest = mp.findroot(lambda r: left(r, inner(r)), 0.5)
+
+        def inside(x):  # r = closest/(1 - x²)
+            r = closest / (1 - x**2)
+            return 2 * x * b / (closest * mp.sqrt(left(r, inner(r))))
+
+        last = mp.sqrt(1 - closest)
+        whole = outside + mp.quad(inside, [0, last / 2, last], method="gauss-legendre")
+        assert abs(found.angle - (mp.pi - 2 * whole)) < 1e-14
 
 
 def test_where_the_potential_is_no_number_nothing_is_claimed():
