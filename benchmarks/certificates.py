@@ -93,7 +93,8 @@ def films() -> Iterator[str]:
             yield f"film 1e-{k} before the fold: {refusal}"
         else:
             spent = time.process_time() - began
-            yield f"film 1e-{k} before the fold: width {certificate.width:.1e}, tube {certificate.tube:.1e}, {spent:.2f} s"
+            told = f"width {certificate.width:.1e}, tube {certificate.tube:.1e}, {spent:.2f} s"
+            yield f"film 1e-{k} before the fold: {told}"
 
 
 def main(count: int) -> None:

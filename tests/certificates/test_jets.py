@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from varcalc.certificates.balls import flint, working
-from varcalc.certificates.jets import Jet, Undecided, head, jets, without_enclosure
+from varcalc.certificates.jets import ABSCISSA, Jet, Undecided, head, jets, switches_between, without_enclosure
 from varcalc.symbolic.instructions import Program
 
 mpmath.mp.dps = 40
@@ -137,3 +137,32 @@ def test_a_derivative_is_that_of_the_expression_not_of_rounded_constants():
     with working(128, 4), mpmath.workdps(50):
         jet = boxed(lambda u: u**1.3, [1e9], [0.0])
         assert holds(head(jet.first[0]), mpmath.mpf(1.3) * mpmath.mpf(10) ** (9 * (mpmath.mpf(1.3) - 1)))
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        lambda x, y: x < 0.5 + y**2,
+        lambda x, y: ca.if_else(y < 0.5, x - 0.3, x + 5) < 0,
+        lambda x, y: ca.sin(x) < 0.5,
+        lambda x, y: 0.5 + (x - 0.25) - 1000 * (x - 0.25) ** 4 > 0,
+    ],
+)
+def test_what_is_not_of_first_degree_in_x_alone_is_not_decided_for_a_whole_piece(condition):
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    switching = Program(ca.Function("f", [x, y], [ca.if_else(condition(x, y), 1.0, y)]))
+    with working(128, 6):
+        places = (
+            [Jet(flint().arb_series([0.25, 0.25], 4), {ABSCISSA: flint().arb(1)})],
+            [Jet(flint().arb_series([1], 4), {0: flint().arb(1)})],
+        )
+        assert set(switches_between(switching, places)) <= {None}
+
+
+def test_a_switch_at_the_end_of_a_piece_is_decided_for_it():
+    x = ca.SX.sym("x")
+    switching = Program(ca.Function("f", [x], [ca.if_else(x < 0.5, 1.0, 2.0)]))
+    with working(128, 6):
+        places = [Jet(flint().arb_series([c, 0.25], 4), {ABSCISSA: flint().arb(1)}) for c in (0.25, 0.75, 0.5)]
+        signs = [switches_between(switching, [[place]]) for place in places]
+    assert [s[0] for s in signs] == [-1, 1, None]

@@ -51,9 +51,9 @@ class Certificate:
     """A proof that the infimum (the supremum of a maximum) lies between ``lower`` and ``upper``.
 
     ``lower`` and ``upper`` are doubles, rounded outward, ``enclosure`` the same interval as decimal strings with as
-    many digits as it has. ``scope`` tells of which curves it is the infimum; ``tube`` is the greatest abs(y(x) - y0(x))
-    of these (infinite where all curves are meant) and ``slopes`` the greatest abs(y'(x) - y0'(x)) (infinite where any
-    slope is); ``integrals`` is the greatest difference, up to any x, of what is integrated to a prescribed level
+    many digits as it has. ``scope`` tells of which curves it is the infimum; ``tube`` is the greatest
+    ``|y(x) - y0(x)|`` of these (infinite where all curves are meant) and ``slopes`` the greatest
+    ``|y'(x) - y0'(x)|`` (infinite where any slope is); ``integrals`` is the greatest difference, up to any x, of what is integrated to a prescribed level
     (one for each). Each curve of the scope whose value is as good as that of the certified curve y0 lies within
     ``distance`` of it. ``proved`` lists the hypotheses of the theorem, each with how it was proved; ``seconds`` is what
     the proof took.
@@ -106,7 +106,7 @@ class Certificate:
     def _curves(self) -> str:
         if self.scope is Scope.ALL:
             return self.scope.value
-        slopes = f" and {self.slopes:.3g} of its slope" if self.scope is Scope.WEAK else ", of any slope"
+        slopes = f" and {self.slopes:.3g} of its slope" if self.slopes < math.inf else ", of any slope"
         levels = (
             f" and {', '.join(f'{w:.3g}' for w in self.integrals)} of its integral up to any x"
             if self.integrals

@@ -47,7 +47,8 @@ class Algebra:
         known = self.switches[len(self.signs)] if self.switches else None
         sign = known or _sign(jet)
         if self.between:
-            sign = sign_between(jet)
+            # after one that is not known whatever was taken for it may be what the next ones hang on
+            sign = None if None in self.signs else sign_between(jet)
         self.signs.append(sign)
         if sign is None:
             if self.between:
@@ -315,10 +316,14 @@ def _sign(jet: Jet) -> int | None:
     return 1 if value > 0 else -1 if value < 0 else None
 
 
+ABSCISSA = -1
+"""The number of the abscissa where it is a variable as well."""
+
+
 def sign_between(jet: Jet) -> int | None:
-    """The sign for -1 < t < 1 of what is of first degree in x; it may vanish at the ends."""
+    """The sign for -1 < t < 1 of what is of first degree in x and in nothing else; it may vanish at the ends."""
     value = jet.value
-    if jet.first or not isinstance(value, flint().arb_series) or value.length() > 2:
+    if jet.second or set(jet.first) - {ABSCISSA} or not isinstance(value, flint().arb_series):
         return None
     first, last = value[0] - value[1], value[0] + value[1]
     if value[1].is_zero() or not (first.is_exact() and last.is_exact()):
@@ -435,7 +440,7 @@ def jets(
 
 def switches_between(program: Program, arguments: Sequence[Sequence[Jet]]) -> list[int | None]:
     """Signs of what a function switches on, where they hang on x alone; series about the middle of an interval."""
-    algebra = Algebra(0, between=True)
+    algebra = Algebra(2, between=True)
     try:
         program.run(arguments, algebra.constant, algebra.apply)
     except Undecided:

@@ -174,11 +174,20 @@ def _bounded(solution: Solution, setting: Setting) -> tuple[Ball, Ball, Certific
     certificate = Certificate(
         solution, below(low), above(high), decimals(low, high), scope,
         math.inf if infinite else unit * prover.tube.delta,
-        float(setting.sizes[1][0]) * min(prover.tube.rho) if scope is Scope.WEAK else math.inf,
+        _slope_room(setting, prover.tube, scope),
         () if infinite else tuple((prover.tube.delta * setting.sizes[0][setting.statement.bare :]).tolist()),
         distance, proved, 0.0,
     )  # fmt: skip
     return low, high, certificate
+
+
+def _slope_room(setting: Setting, tube: Tube, scope: Scope) -> float:
+    """How far slopes may lie from the curve's own; for a Lagrangian of second order they are states of the tube."""
+    if scope is Scope.ALL:
+        return math.inf
+    if setting.statement.order == 2:
+        return tube.delta * float(setting.sizes[0][setting.statement.n])
+    return float(setting.sizes[1][0]) * min(tube.rho) if scope is Scope.WEAK else math.inf
 
 
 def _setting(solution: Solution, along: AlongCurve) -> Setting:
@@ -222,6 +231,8 @@ def _length(stated: Statement, solution: Solution, low: Ball, high: Ball) -> tup
     J^2 <= E by Cauchy and Schwarz, with equality where the speed is constant, as any curve may be run through. The
     integrand, a root of a positive definite form in the velocities, has one sign throughout the tube.
     """
+    if stated.along.span != (0.0, 1.0):
+        raise Unproved("the energy is not that of an interval of length 1")
     if not stated.quadratic_in_controls:
         raise Unproved("the integrand is no root of a quadratic form in the velocities, so its energy tells no length")
     if not (solution.problem.sign * solution.value > 0 and low > 0):

@@ -17,7 +17,7 @@ import numpy as np
 
 from varcalc.certificates.balls import Ball, Series, flint
 from varcalc.certificates.cost import Cost
-from varcalc.certificates.jets import Jet, jets, switches_between
+from varcalc.certificates.jets import ABSCISSA, Jet, jets, switches_between
 from varcalc.symbolic.instructions import Program
 from varcalc.verify.along_curve import AlongCurve
 
@@ -156,9 +156,10 @@ class Statement:
     def switches(self, centre: Ball, half: Ball) -> list[int | None]:
         """Signs of what H switches on, where these hang on x alone, between two abscissae."""
         found = flint()
-        blank = [Jet(found.arb_series([0, 0, 1], 4)) for _ in range(self.bare + self.n)]
-        x = found.arb_series([centre, half], 4)
-        return switches_between(self.program, self._arguments(x, blank[: self.bare], blank[self.bare :]))
+        # of any size, but marked as variables: what depends on them is told by its derivatives
+        unknown = [Jet(found.arb_series([1], 4), {i: found.arb(1)}) for i in range(self.bare + self.n)]
+        x = Jet(found.arb_series([centre, half], 4), {ABSCISSA: found.arb(1)})
+        return switches_between(self.program, self._arguments(x, unknown[: self.bare], unknown[self.bare :]))
 
     def jet(
         self,
@@ -185,16 +186,16 @@ class Statement:
     ) -> list[list[Jet]]:
         z = [Jet(value, {i: flint().arb(1)} if order else None) for i, value in enumerate(states)]
         u = [Jet(value, {self.bare + i: flint().arb(1)} if order else None) for i, value in enumerate(controls)]
-        return self._arguments(x, z, u)
+        return self._arguments(Jet(x), z, u)
 
-    def _arguments(self, x: Series, z: list[Jet], u: list[Jet]) -> list[list[Jet]]:
+    def _arguments(self, x: Jet, z: list[Jet], u: list[Jet]) -> list[list[Jet]]:
         """What H takes."""
         n = self.n
         y, slopes, numbers = z[:n], z[n : n * self.order], z[n * self.order :]
         fixed = [self.along.form.problem.parameter_values, self.along.lambdas]
         parameters, lambdas = ([Jet(flint().arb(float(v))) for v in values] for values in fixed)
         first, second = (slopes, u) if self.order == 2 else (u, [])
-        return [[Jet(x)], y, first, second, parameters, numbers, lambdas, []]
+        return [[x], y, first, second, parameters, numbers, lambdas, []]
 
 
 def squared(expression: Any) -> Any:

@@ -57,23 +57,17 @@ class Slopes:
         self.U, self.M = U, M
 
     @classmethod
-    def through(cls, U: np.ndarray, M: np.ndarray) -> Slopes:
-        """Through values (N + 1, m, m) at the nodes."""
-        m = U.shape[1]
-        if m > 1:
-            Q = np.linalg.solve(U.transpose(0, 2, 1), M.transpose(0, 2, 1))
-            U, M = np.broadcast_to(np.eye(m), U.shape), 0.5 * (Q + Q.transpose(0, 2, 1))
-        fields = [[[None] * m for _ in range(m)] for _ in range(2)]
-        for values, grid in zip((U, M), fields, strict=True):
-            for i in range(m):
-                for j in range(i, m):
-                    grid[i][j] = grid[j][i] = polynomial(values[:, i, j])
-        return cls(*fields)
+    def through(cls, Q: np.ndarray) -> Slopes:
+        """Through values of Q (N + 1, m, m) at the nodes."""
+        m = Q.shape[1]
+        upper = {(i, j): polynomial(Q[:, i, j]) for i in range(m) for j in range(i, m)}
+        unit = [[flint().arb_poly([int(i == j)]) for j in range(m)] for i in range(m)]
+        return cls(unit, [[upper[min(i, j), max(i, j)] for j in range(m)] for i in range(m)])
 
     @classmethod
     def none(cls, m: int) -> Slopes:
         """Q = 0."""
-        return cls.through(np.eye(m)[None].repeat(2, axis=0), np.zeros((2, m, m)))
+        return cls.through(np.zeros((2, m, m)))
 
     def series(self, around: Around) -> tuple[Matrix, Matrix]:
         """U and M."""
@@ -85,7 +79,12 @@ def slopes(field: Field | None, count: int, states: int) -> list[Slopes]:
     """Q of each piece."""
     if field is None:
         return [Slopes.none(states)] * count
-    return [Slopes.through(U, M) for U, M in zip(field.U, field.M, strict=True)]
+    if states == 1:
+        return [Slopes(*([[polynomial(v[:, 0, 0])]] for v in pair)) for pair in zip(field.U, field.M, strict=True)]
+    turned = np.linalg.solve(field.U.swapaxes(2, 3), field.M.swapaxes(2, 3))
+    Q = 0.5 * (turned + turned.swapaxes(2, 3))
+    Q[1:, 0] = Q[:-1, -1]  # continuous to the last bit
+    return [Slopes.through(values) for values in Q]
 
 
 @dataclass(frozen=True)
