@@ -48,7 +48,7 @@ def wave(height, count):
 
 
 @pytest.mark.parametrize("count", [1, 5])
-@pytest.mark.parametrize("power", range(1, 15, 2))
+@pytest.mark.parametrize("power", [1, 4, 8, 13])
 def test_a_wrong_curve_widens_the_interval_or_is_refused(power, count):
     """Of whatever curve: the least action of the oscillator is cot(2)/2."""
     solution = vc.solve(vc.Problem(lambda x, y, v: (v**2 - y**2) / 2, vc.Fixed(0, 0), vc.Fixed(2, 1)))
@@ -56,7 +56,7 @@ def test_a_wrong_curve_widens_the_interval_or_is_refused(power, count):
     assert low <= mpmath.cot(2) / 2 <= high
 
 
-@pytest.mark.parametrize("power", range(1, 13, 3))
+@pytest.mark.parametrize("power", [1, 5, 10])
 def test_a_wrong_curve_of_a_problem_that_is_not_of_second_degree(power):
     """The interval of the wrong curve holds that of the right one, or there is none."""
     solution = vc.solve(vc.Problem(pendulum, vc.Fixed(0, 0), vc.Fixed(2, 1)))
@@ -69,7 +69,7 @@ def test_a_wrong_curve_of_a_problem_that_is_not_of_second_degree(power):
         assert below <= low <= high <= above
 
 
-@pytest.mark.parametrize("power", range(1, 6))
+@pytest.mark.parametrize("power", [1, 3, 5])
 def test_up_to_a_conjugate_point_and_not_beyond(power):
     """The oscillator for a time pi -+ 10^-k: a minimum, and none."""
     short, long = (vc.Problem(lambda x, y, v: (v**2 - y**2) / 2, vc.Fixed(0, 0), vc.Fixed(T, 1))
@@ -80,7 +80,7 @@ def test_up_to_a_conjugate_point_and_not_beyond(power):
         vc.certify(vc.solve(long, vc.Collocation()))
 
 
-@pytest.mark.parametrize("width", [1e-1, 1e-2, 1e-3])
+@pytest.mark.parametrize("width", [1e-1, 1e-3])
 def test_a_narrow_spot_is_seen_by_the_balls(width):
     """int a(x) v^2 is 1/(integral of 1/a), however narrow the spot of small a is; it may be refused."""
 

