@@ -69,10 +69,10 @@ class Slopes:
         """Q = 0."""
         return cls.through(np.zeros((2, m, m)))
 
-    def series(self, around: Around) -> tuple[Matrix, Matrix]:
-        """U and M."""
-        U, M = ([[around.series(around.box.local(p)) for p in row] for row in grid] for grid in (self.U, self.M))
-        return U, M
+    def series(self, around: Around) -> tuple[Series, Matrix]:
+        """U, a number 1 where it is the identity, and M."""
+        M = [[around.series(around.box.local(p)) for p in row] for row in self.M]
+        return (around.series(around.box.local(self.U[0][0])) if len(M) == 1 else 1), M
 
 
 def slopes(field: Field | None, count: int, states: int) -> list[Slopes]:
@@ -136,13 +136,13 @@ class Prover:
         zero = flint().arb_series([0], terms)
         U, M = self.slopes[k].series(around)
         second, A, B = self._second(k, around, M)
-        demands = [U[0][0]] if m == 1 else []
+        demands = [U] if m == 1 else []
         mixed = [[second[i][m + j] for j in range(n)] for i in range(m)]
-        mixed = _less_scaled(_product(_transposed(U), mixed), _product(_transposed(M), B), tube.sizes)
+        mixed = _less_scaled(_times(mixed, U), _product(M, B), tube.sizes)
         uu = [[zero + second[m + i][m + j] for j in range(n)] for i in range(n)]
         if tube.delta < np.inf:
             demands += _eliminated(_less(uu, tube.stiffness[k]))
-            room = tube.tilt[k] ** 2 * (U[0][0] * U[0][0] if m == 1 else 1)
+            room = tube.tilt[k] ** 2 * (U * U)
             demands.append(zero + room - sum(v * v for row in mixed for v in row))
         zz = self._bent(second, U, M, A, around)
         corner = _less(uu, tube.mu)
@@ -151,19 +151,16 @@ class Prover:
         full += [[*a, *b] for a, b in zip(mixed, zz, strict=True)]
         return demands + _eliminated([[zero + v for v in row] for row in full])
 
-    def _bent(self, second: Matrix, U: Matrix, M: Matrix, A: Matrix, around: Around) -> Matrix:
-        """U^T (H_zz - kappa) U - (U^T M' - M^T U') - M^T A U - U^T A^T M, in units of the states."""
+    def _bent(self, second: Matrix, U: Series, M: Matrix, A: Matrix, around: Around) -> Matrix:
+        """(H_zz - kappa) U^2 - (U M' - M U') - (M A + A^T M) U, in units of the states; U is a scalar or 1."""
         sizes, m = self.tube.sizes[0].tolist(), self.statement.states
-        turned = _transposed(U)
-        zz = _product(_product(turned, _less([row[:m] for row in second[:m]], self.tube.kappa)), U)
-        steps = [[[around.slope(v) for v in row] for row in grid] for grid in (M, U)]
-        rest = _minus(_product(turned, steps[0]), _product(_transposed(M), steps[1]))
+        zz = _times(_less([row[:m] for row in second[:m]], self.tube.kappa), U * U)
+        rest = _times([[around.slope(v) for v in row] for row in M], U)
+        if m == 1:
+            rest[0][0] = rest[0][0] - M[0][0] * around.slope(U)
         if self.statement.order == 2 or self.statement.levels:
-            bent = _product(_product(_transposed(M), A), U)
-            rest = _minus(
-                rest,
-                [[-(a + b) for a, b in zip(*rows, strict=True)] for rows in zip(bent, _transposed(bent), strict=True)],
-            )
+            bent = _times(_product(M, A), U)
+            rest = [[v + bent[i][j] + bent[j][i] for j, v in enumerate(row)] for i, row in enumerate(rest)]
         return [[zz[i][j] - rest[i][j] * (sizes[i] * sizes[j]) for j in range(m)] for i in range(m)]
 
     def _second(self, k: int, around: Around, M: Matrix) -> tuple[Matrix, Matrix, Matrix]:
@@ -211,8 +208,8 @@ def _less_scaled(a: Matrix, b: Matrix, sizes: tuple[np.ndarray, np.ndarray]) -> 
     return [[v - w * s for v, w, s in zip(*rows, strict=True)] for rows in zip(a, b, scale, strict=True)]
 
 
-def _minus(a: Matrix, b: Matrix) -> Matrix:
-    return [[v - w for v, w in zip(*rows, strict=True)] for rows in zip(a, b, strict=True)]
+def _times(matrix: Matrix, factor: Any) -> Matrix:
+    return matrix if isinstance(factor, int) else [[v * factor for v in row] for row in matrix]
 
 
 def _less(matrix: Matrix, number: float) -> Matrix:
@@ -225,7 +222,12 @@ def _transposed(matrix: Matrix) -> Matrix:
 
 
 def _product(a: Matrix, b: Matrix) -> Matrix:
-    return [[sum(v * w for v, w in zip(row, column, strict=True)) for column in zip(*b, strict=True)] for row in a]
+    columns = list(zip(*b, strict=True))
+    return [[sum(v * w for v, w in zip(row, column, strict=True) if not _zero(w)) for column in columns] for row in a]
+
+
+def _zero(number: Any) -> bool:
+    return isinstance(number, float | int) and number == 0
 
 
 def _eliminated(matrix: Matrix) -> list[Series]:
