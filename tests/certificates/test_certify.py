@@ -283,3 +283,10 @@ def test_what_cannot_be_stated_exactly_is_refused():
     problem = vc.Problem(lambda x, y, v: ca.sqrt((1 + v**2) / y), vc.Fixed(0.1, 0), vc.Fixed(0.7, 0.7))
     with pytest.raises(vc.VariationalError, match="is rounded"):
         vc.certify(vc.solve(problem))
+
+
+def test_a_power_whose_exponent_is_rounded_is_refused():
+    """y^(-1/3) at y = 0: the double next to 1/3 leaves a power of the regular coordinate that is not whole."""
+    problem = vc.Problem(lambda x, y, v: ca.sqrt(1 + v**2) / y ** (1 / 3), vc.Fixed(0, 0), vc.Fixed(1, 1))
+    with pytest.raises(vc.VariationalError, match="no certificate"):
+        vc.certify(vc.solve(problem))

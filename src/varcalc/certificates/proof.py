@@ -17,7 +17,7 @@ from varcalc.certificates.curve import end_values, joint_states, pieces, sampled
 from varcalc.certificates.ends import prove_ends
 from varcalc.certificates.field import dynamics
 from varcalc.certificates.integrals import Unproved, along_curve, total, worst
-from varcalc.certificates.jets import without_enclosure
+from varcalc.certificates.jets import Undecided, without_enclosure
 from varcalc.certificates.levels import meeting
 from varcalc.certificates.regular import Regular, check_forward, regular
 from varcalc.certificates.setting import Setting
@@ -97,7 +97,7 @@ def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
     try:
         with working(BITS, TERMS):
             found = _proof(solution)
-    except Unproved as unproved:
+    except (Unproved, Undecided) as unproved:
         raise _refusal(solution, str(unproved)) from None
     certificate = replace(found, seconds=time.perf_counter() - began)
     if digits is not None and not certificate.width <= 10.0**-digits * max(map(abs, (found.lower, found.upper))):
