@@ -27,7 +27,7 @@ LINEAR = LAYER, (0.1, -0.2), drawn((-0.9, -1.0), (0.9, 0.05)), None
 def test_arrivals_are_the_rays_of_each_pair_however_many_are_asked_for(scene, source, receivers, within):
     alone = [scene.rays(source, receiver, within=within) for receiver in receivers[:2]]
     assert any(len(rays) > 0 for rays in alone)
-    for count in (1, 5, 17):
+    for count in (1, 5):
         same(alone, scene.arrivals(source, receivers[:count], within=within))
 
 
