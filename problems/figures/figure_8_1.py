@@ -27,7 +27,7 @@ def panels():
     for ratio in RATIOS:
         system = hoop(ratio)
         places = system.equilibria([-2.0], [2.0]).places[:, 0].tolist()
-        rests += [(ratio, theta, float(system.normal_modes([theta]).stable.all())) for theta in places]
+        rests += [(ratio, theta, float(system.normal_modes([theta]).stable)) for theta in places]
     ratio, theta, stable = np.array(rests).T
     held = stable > 0
     branch = np.linspace(0, 1, 201)

@@ -35,7 +35,7 @@ def area_in_the_laboratory():
     """The integral over all directions, by Gauss's rule in cos θ."""
     nodes, weights = np.polynomial.legendre.leggauss(24)
     found = collision.laboratory_cross_section(sphere.cross_section, np.arccos(nodes))
-    return abs(2 * np.pi * weights @ found / sphere.total_cross_section - 1)
+    return abs(2 * np.pi * float(weights @ found) / sphere.total_cross_section - 1)
 
 
 experiment = mechanics.Examination(

@@ -70,11 +70,14 @@ def test_files_that_do_not_work(tmp_path, text, said):
     assert said in result.output
 
 
-def test_the_list_gives_the_largest_error_of_every_system():
+def test_the_list_gives_the_largest_error_of_every_system(monkeypatch):
+    # each of them is run by itself in test_motion.py
+    some = {name: line for name, line in experiment_catalogue().items() if name in ("pendulum", "rutherford", "cone")}
+    monkeypatch.setattr("varcalc.study.experiments.experiment_catalogue", lambda: some)
     result = run("list", "--systems")
     assert result.exit_code == 0
     lines = result.output.splitlines()
-    assert [line.split()[0] for line in lines] == list(experiment_catalogue())
+    assert [line.split()[0] for line in lines] == list(some)
     assert all(float(line.split()[1]) <= 1e-12 for line in lines)
     assert run("list", "--systems", "--scenes").exit_code == 2
 

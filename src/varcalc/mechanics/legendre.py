@@ -7,6 +7,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from varcalc.mechanics.lagrange import Lagrange
 
@@ -32,7 +33,7 @@ class Hamiltonian:
         rate_of_p = ca.densify(ca.gradient(one.value, s.q))
         return ca.Function("parts", s.all, [one.momenta, one.mass, one.energy, rate_of_p])
 
-    def velocity(self, t: float, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    def velocity(self, t: float, q: ArrayLike, p: ArrayLike) -> np.ndarray:
         """The v of the momenta ``p``: by one solution where they are linear in v, by Newton's iteration elsewhere."""
         q, p = np.asarray(q, dtype=float), np.asarray(p, dtype=float)
         if q.ndim == 2:
@@ -57,11 +58,11 @@ class Hamiltonian:
             raise ValueError(f"no velocity was found whose momenta are p = {p} at t = {t:.6g}, q = {q}")
         return v
 
-    def __call__(self, t: float, q: np.ndarray, p: np.ndarray) -> float:
+    def __call__(self, t: float, q: ArrayLike, p: ArrayLike) -> float:
         """H at coordinates and momenta (n,)."""
         return float(self._parts(t, q, self.velocity(t, q, p), self.numbers)[2])
 
-    def equations(self, t: float, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def equations(self, t: float, q: ArrayLike, p: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Hamilton's equations: dq/dt = H_p and dp/dt = -H_q (n,), without forces that no Lagrangian gives."""
         v = self.velocity(t, q, p)
         return v, np.array(self._parts(t, q, v, self.numbers)[3]).ravel()

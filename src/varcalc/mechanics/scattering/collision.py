@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from varcalc.mechanics.scattering.arguments import positive
 
@@ -89,9 +90,7 @@ class Collision:
         parts[known] = cross_section(deflections[known]) * widened
         return parts.sum(axis=0)[()]
 
-    def after(
-        self, projectile: Sequence[float], target: Sequence[float], direction: Sequence[float]
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def after(self, projectile: ArrayLike, target: ArrayLike, direction: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """The velocities (n,) of both after they collide with velocities ``projectile`` and ``target`` (n,).
 
         ``direction`` (n,), of any length but 0, is that of the relative velocity afterwards; its size is kept. Raises
