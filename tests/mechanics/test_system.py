@@ -125,6 +125,7 @@ def test_action_between_two_points_is_a_problem():
     action = ((0.2**2 + 0.7**2) * math.cos(1.3) - 2 * 0.2 * 0.7) / (2 * math.sin(1.3))
     assert abs(solution.value - action) <= max(solution.error.value, 1e-15) <= 1e-10
     assert oscillator.periodic(2.0).start.periodic
+    assert oscillator.periodic(2.0, symmetry=None).start.periodic
     with pytest.raises(ValueError, match="have no action"):
         mechanics.System(lambda t, q, v: v[0] ** 2, ("x",), forces=lambda t, q, v: [-v[0]]).between([0], [1], 1)
 

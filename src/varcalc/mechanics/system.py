@@ -189,7 +189,7 @@ class System(Moving):
         start, end = Fixed(0.0, first.tolist()), Fixed(float(duration), last.tolist())
         return self._action.problem(start, end)
 
-    def periodic(self, period: float | str, symmetry: Sequence[Repeats | Returns] = ()) -> Problem:
+    def periodic(self, period: float | str, symmetry: Sequence[Repeats | Returns] | None = None) -> Problem:
         """The action of closed motions of a ``period``: a problem to solve or to verify.
 
         Where the motions have a ``symmetry`` it is the action of the part from which the rest follows, on that part of
@@ -199,9 +199,9 @@ class System(Moving):
         """
         return self.closed_orbits(period, symmetry).problem
 
-    def closed_orbits(self, period: float | str, symmetry: Sequence[Repeats | Returns] = ()) -> ClosedOrbits:
+    def closed_orbits(self, period: float | str, symmetry: Sequence[Repeats | Returns] | None = None) -> ClosedOrbits:
         """The same with the way there and back: guesses for the ``problem``, and the orbits of its solutions."""
-        return ClosedOrbits(self._action, self._orbit, period, symmetry)
+        return ClosedOrbits(self._action, self._orbit, period, tuple(symmetry or ()))
 
     def orbit(self, q0: Sequence[float], v0: Sequence[float], period: float) -> ClosedOrbit:
         """The closed orbit of a ``period`` next to the motion from ``q0`` and ``v0`` (n,), with what becomes of others.
