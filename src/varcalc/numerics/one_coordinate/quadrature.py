@@ -90,19 +90,14 @@ def integrals(
         agreed = np.broadcast_to(agreed, np.shape(low))
         whole, sizes, _ = _panel(way.take(rows), left, right)
         total = np.zeros((len(whole), len(low)))
-        least, done = np.abs(np.transpose(known)) + np.finfo(float).tiny, total
-        size = least + _by_row(rows, sizes, done)
+        size = _by_row(rows, sizes, total) + np.abs(np.transpose(known)) + np.finfo(float).tiny
         for _ in range(halvings):
             part, middle = way.take(rows), (left + right) / 2
-            (first, sizes, told), (second, more, told_too) = _panel(part, left, middle), _panel(part, middle, right)
-            size = np.fmax(size, least + _by_row(rows, sizes + more, done))
+            (first, _, told), (second, _, told_too) = _panel(part, left, middle), _panel(part, middle, right)
             wrong = np.abs(first + second - whole)
             # the derivative by C may add up to nothing but round-off; it is as smooth as the rate itself
             fine = np.all((wrong <= agreed[rows] * size[:, rows])[:BY_C], axis=0) & told & told_too
-            total, done = (
-                _by_row(rows[fine], one[:, fine], so_far)
-                for one, so_far in ((first + second, total), (sizes + more, done))
-            )
+            total = _by_row(rows[fine], (first + second)[:, fine], total)
             rest = ~fine & np.all(np.isfinite(first + second), axis=0)
             total[:, rows[~fine & ~rest]] = np.nan
             if not np.any(rest):
