@@ -22,10 +22,10 @@ def by_slices(mass, low, high, area, radii):
     [
         (Inertia.cone(2.0, 0.3, 0.7), (0, 0, 0), 0, 0.7, lambda z: 3 * z / 7),
         (Inertia.cylinder(2.0, 0.3, 0.7), (0, 0, 0), -0.35, 0.35, lambda z: mp.mpf("0.3")),
-        (Inertia.sphere(2.0, 0.3), (0, 0, 0), -0.3, 0.3, lambda z: mp.sqrt(mp.mpf("0.3") ** 2 - z**2)),
+        (Inertia.sphere(2.0, 0.3), (0, 0, 0), -0.3, 0.3, lambda z: mp.sqrt(abs(mp.mpf("0.3") ** 2 - z**2))),
         (
             Inertia.ellipsoid(2.0, 0.3, 0.3, 0.7), (0, 0, 0), -0.7, 0.7,
-            lambda z: mp.mpf("0.3") * mp.sqrt(1 - (z / mp.mpf("0.7")) ** 2),
+            lambda z: mp.mpf("0.3") * mp.sqrt(abs(1 - (z / mp.mpf("0.7")) ** 2)),
         ),
     ],
 )  # fmt: skip
