@@ -15,7 +15,7 @@ rod = mechanics.System(
 )
 
 
-@pytest.mark.parametrize(("degree", "steps"), [(1, 400), (2, 200), (3, 100), (4, 60)])
+@pytest.mark.parametrize(("degree", "steps"), [(1, 400), (2, 200), (3, 100), (4, 40)])
 def test_order_and_angular_momentum(degree, steps):
     start, speed = 0.6, np.sqrt(1.4 / 0.6)
     errors = []
@@ -23,7 +23,7 @@ def test_order_and_angular_momentum(degree, steps):
         found = kepler.galerkin([start, 0.0], [0.0, speed], (0.0, 2 * np.pi), steps=count, degree=degree)
         errors.append(np.abs(found.q[:, -1] - [start, 0.0]).max())
         momentum = found.q[0] * found.p[1] - found.q[1] * found.p[0]
-        np.testing.assert_allclose(momentum, start * speed, rtol=1e-12)
+        np.testing.assert_allclose(momentum, start * speed, rtol=1e-13)
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2 * degree, abs=0.4)
 
 

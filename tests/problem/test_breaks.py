@@ -74,3 +74,14 @@ def test_a_comparison_of_what_itself_jumps():
     )
     expected = sorted([k * 0.3 / 8 for k in range(1, 8)] + [(k * 0.3 + 0.1) / 8 for k in range(8)])
     assert list(breaks(problem)) == pytest.approx([x for x in expected if 0.01 < x < 0.3], abs=1e-12)
+
+
+@pytest.mark.parametrize("span", [(0.0, 1.0), (-1.0, 2.0)])
+def test_a_jump_exactly_at_an_end_is_kept_off_the_integrator(span):
+    """Of floor(x + 1) at the end only the value at one point differs, which no integral sees."""
+    a, b = span
+    steps = range(round(b - a))
+    least = 1 / sum(1 / (2 + k) for k in steps)
+    given = vc.Problem(lambda x, y, v: (2 - a + ca.floor(x)) * v**2, vc.Fixed(a, 0), vc.Fixed(b, 1))
+    solution = vc.solve(given, vc.Shooting())
+    assert abs(solution.value - least) <= 4e-15 * least

@@ -24,8 +24,8 @@ from varcalc.symbolic.tracing import Expression
 
 NEWTON = 12
 """Steps for one step in time."""
-LAST = 1e-14
-"""A step of Newton's, of the size of the coordinates, after which nothing is left but round-off."""
+LAST = 1e-16
+"""A step of Newton's, of the size of the coordinates, after which nothing is left: earlier ends cost momenta digits."""
 APART = 1e-8
 """What the equations of a step may leave, of the momenta."""
 CHUNK = 1000

@@ -22,6 +22,7 @@ from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.shooting.linear_systems import RANK, ROUGH_RANK, Jacobian
 from varcalc.methods.shooting.regular_arc import RegularEnd, Work
 from varcalc.methods.shooting.shots import Failure, Paths, Shots
+from varcalc.problem.breaks import switches_of
 
 MODERATE = 1e6
 """Growth across a segment up to which small singular values are taken for symmetries, not for lost digits."""
@@ -93,9 +94,13 @@ class Segments:
     def _lines(self) -> np.ndarray:
         """Origin and stretch of the abscissa (N, 2)."""
         return np.array([
-            self.equations.line(self.vertices[i], self.vertices[i + 1], (i in self.knots, i + 1 in self.knots))
+            self.equations.line(self.vertices[i], self.vertices[i + 1], (self._apart(i), self._apart(i + 1)))
             for i in range(self.count)
         ])  # fmt: skip
+
+    def _apart(self, i: int) -> bool:
+        """Whether the integrand may jump at vertex i: a knot, or an end at which a switch may go over as well."""
+        return i in self.knots or (i in (0, self.count) and bool(switches_of(self.equations.form.problem)))
 
     def constants(self, x: np.ndarray) -> np.ndarray:
         """The constants (N, c) of the scaled system at x, a row for each segment."""
