@@ -230,7 +230,7 @@ class Problem(Functional):
     def linear(self) -> bool:
         """Whether a first-order Lagrangian shows no second derivative in the slope: it is linear there."""
         if self.n > FEW_FUNCTIONS:
-            return not ca.hessian(self.integrand, self.symbols.dy)[0].nnz()
+            return not _curved(self)
         k = 1 + 2 * self.n
         return not _derivatives(self).occupied[1 + k :].reshape(k, k)[1 + self.n :, 1 + self.n :].any()
 
@@ -346,6 +346,12 @@ def _integrand(problem: Problem) -> PointEvaluator:
 def _derivatives(problem: Problem) -> PointEvaluator:
     hessian, gradient = ca.hessian(problem.integrand, problem.symbols.variables)
     return PointEvaluator(ca.Function("derivatives", problem.symbols.all, [problem.integrand, gradient, hessian]))
+
+
+@derived
+def _curved(problem: Problem) -> bool:
+    """Whether L has a second derivative in the slope that does not vanish by itself."""
+    return ca.hessian(problem.integrand, problem.symbols.dy)[0].nnz() > 0
 
 
 @derived
