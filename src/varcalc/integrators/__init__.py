@@ -16,6 +16,7 @@ from varcalc.integrators.attentive import Attentive
 from varcalc.integrators.dop853 import Dop853
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.on_demand import STEPS, OnDemand
+from varcalc.integrators.piecewise import Continuous, Piecewise
 from varcalc.integrators.protocol import NONE, OUTCOMES, Engine, Flow, Landing, Outcome, Run
 from varcalc.integrators.taylor import Taylor
 from varcalc.integrators.threads import spread
@@ -27,12 +28,14 @@ __all__ = [
     "OUTCOMES",
     "Attentive",
     "CannotLower",
+    "Continuous",
     "Dop853",
     "Engine",
     "Flow",
     "Landing",
     "OnDemand",
     "Outcome",
+    "Piecewise",
     "Run",
     "Taylor",
     "Variational",

@@ -28,6 +28,8 @@ class Outcome(Enum):
     BLOW_UP = "the solution leaves every bound, or the domain of the system, before the last abscissa"
     UNRESOLVED = "no smooth solution was found between the singular end and a place near it"
     TOO_MANY_STEPS = "the limit on the number of steps was reached"
+    UNDECIDED = "where a switch turns over, the equations go on in no way, or in several"
+    IMPULSE = "what is integrated jumps where a switch turns over, which is an impulse that no rate gives"
 
 
 @dataclass(frozen=True)

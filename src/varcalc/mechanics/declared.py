@@ -20,7 +20,7 @@ from varcalc.mechanics.symmetries import Symmetry, noether
 from varcalc.problem.conditions import Holonomic
 from varcalc.problem.reading import equation_latex, equation_text, text
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.symbolic.switches import switches
+from varcalc.symbolic.switches import Switch, switches
 from varcalc.symbolic.tracing import Expression
 
 COMPILED = "_rates", "_monodromy", "about_rest"
@@ -199,26 +199,45 @@ class Declared:
             )
 
     def _check_motion(self) -> None:
-        """Refuse what fixes no accelerations, or switches them."""
+        """Refuse what fixes no accelerations, and switches at which something comes in with a blow."""
         self._check_regular()
-        if self._switch is not None:
-            raise ValueError(self._switch)
+        if self._blow is not None:
+            raise ValueError(self._blow)
+
+    def _check_smooth(self, asked: str) -> None:
+        """Refuse to answer what is ``asked`` of a system that switches on its coordinates or rates."""
+        s = self._lagrange.symbols
+        found = next((one for one in self._switches if one.depends_on(ca.vertcat(s.q, s.v))), None)
+        if found is not None:
+            raise ValueError(f"{self._said(found)}, and {asked}: ask motion(), which goes on by what L is beyond")
 
     @cached_property
-    def _switch(self) -> str | None:
-        """What is said of a kink or a jump: a step of an integration would go over it, and its error would not tell."""
+    def _switches(self) -> tuple[Switch, ...]:
+        """Kinks and jumps of L and the forces that a motion may come to."""
+        return self._switching([self._lagrange.value, *ca.vertsplit(self._lagrange.forces)])
+
+    def _switching(self, read: list[Expression]) -> tuple[Switch, ...]:
         s = self._lagrange.symbols
-        read = [self._lagrange.value, *ca.vertsplit(self._lagrange.forces)]
-        if self._held is not None:
-            read += [*ca.vertsplit(ca.vec(self._held.rows)), *ca.vertsplit(self._held.level)]
         state = ca.vertcat(s.t, s.q, s.v)
-        found = next((one for one in switches(read, s.all) if one.depends_on(state)), None)
-        if found is None:
-            return None
-        return (
-            f"L, the forces or a constraint switches ({found.word}) where {text(found.argument, self._named)} is "
-            "zero, and a motion would step over that; move each side by itself, up to a terminal event there"
-        )
+        return tuple(one for one in switches(read, s.all) if one.depends_on(state))
+
+    def _said(self, found: Switch) -> str:
+        place = text(found.argument, self._named)
+        return f"L, the forces or a constraint switches ({found.word}) where {place} is zero"
+
+    @cached_property
+    def _blow(self) -> str | None:
+        """What is said of momenta or constraints that switch: rates would jump there, or forces be without bound."""
+        if self._held is not None:
+            held = [*ca.vertsplit(ca.vec(self._held.rows)), *ca.vertsplit(self._held.level)]
+            for found in self._switching(held):
+                return f"{self._said(found)}, where it would strike: move each side by itself, up to a terminal event"
+        for found in self._switching(ca.vertsplit(self._lagrange.momenta)) if self._switches else ():
+            return (
+                f"{self._said(found)}, and the momenta with it, so that rates would jump there: move each side by "
+                "itself, up to a terminal event, and start the other one with the rates that belong to its momenta"
+            )
+        return None
 
     @cached_property
     def _null(self) -> np.ndarray | None:

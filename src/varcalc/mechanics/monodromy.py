@@ -112,7 +112,7 @@ class Monodromy:
     def of(cls, rates: ca.Function) -> Monodromy:
         """Of a system d(q, v)/dt of (t, (q, v), constants)."""
         equations = variational(rates, range(rates.numel_in(1)), ())
-        return cls(equations, integrators.for_many().compile(equations.system))
+        return cls(equations, integrators.Piecewise(integrators.for_many()).compile(equations.system))
 
     def __call__(self, state: np.ndarray, numbers: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
         """The state (2n,) after a period, and its derivatives (2n, 2n) by the first."""
@@ -144,7 +144,7 @@ class MonodromyAtRest:
         moved = ca.mtimes(slope, ca.reshape(columns[: size * size], size, size))
         rate = ca.densify(ca.vertcat(ca.vec(moved), ca.trace(slope)))
         system = ca.Function("about_rest", [t, columns, ca.vertcat(numbers, place)], [rate], {"cse": True})
-        return cls(integrators.for_many().compile(system), size)
+        return cls(integrators.Piecewise(integrators.for_many()).compile(system), size)
 
     def __call__(self, q0: np.ndarray, numbers: np.ndarray, periods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The matrices (m, N, N) and the logarithms of their determinants (m,), for constants (m, c)."""

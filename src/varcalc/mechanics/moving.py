@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc import integrators
-from varcalc.integrators import Engine, Flow
+from varcalc.integrators import Continuous, Engine, Flow, Piecewise
 from varcalc.mechanics.arguments import finite_column
 from varcalc.mechanics.constraints import RATE, started
 from varcalc.mechanics.course import MOST_STEPS
@@ -61,8 +61,17 @@ class Moving(Declared):
 
     def _flow(self, engine: Engine) -> Flow:
         if engine not in self._flows:
-            self._flows[engine] = engine.compile(self._rates[0])
+            self._flows[engine] = self._switched(engine).compile(self._rates[0])
         return self._flows[engine]
+
+    def _switched(self, engine: Engine) -> Engine:
+        """An engine that goes from one switch of L to the next, where it has any."""
+        if not self._switches:
+            return engine
+        s, state = self._lagrange.symbols, ca.SX.sym("y", 2 * self.n)
+        constants = ca.vertcat(s.p, self._rates[1])
+        value = ca.substitute([self._lagrange.value], [s.q, s.v], [state[: self.n], state[self.n :]])
+        return Piecewise(engine, Continuous(ca.Function("L", [s.t, state, constants], value), self.n))
 
     def _happened(
         self, events: tuple[Event, ...], state: np.ndarray, numbers: np.ndarray, span: tuple[float, float]
@@ -87,19 +96,21 @@ class Moving(Declared):
                 ca.Function(name, [never, state_and_time, constants], [value])
                 for name, value in (("with_time", rates), ("events", level))
             )
-            self._flows[events] = integrators.for_many(MOST_STEPS).compile(system, stops)
+            self._flows[events] = self._switched(integrators.for_many(MOST_STEPS)).compile(system, stops)
         slope = ca.densify(ca.jtimes(level, state_and_time, rates))
         slopes = PointEvaluator(ca.Function("slopes", [state_and_time, constants], [level, slope]))
         return self._flows[events], slopes
 
     @cached_property
     def _monodromy(self) -> Monodromy:
+        self._check_smooth("motions beside one are bent there by what no derivative tells")
         return Monodromy.of(self._rates[0])
 
     @cached_property
     def about_rest(self) -> MonodromyAtRest:
         """Small motions about places that stand still, compiled for any values of the parameters."""
         self._check_motion()
+        self._check_smooth("small motions about a place of rest want it smooth")
         return MonodromyAtRest.of(self._rates[0])
 
     @cached_property

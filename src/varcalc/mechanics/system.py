@@ -278,6 +278,8 @@ class System(Moving):
             raise ValueError(f"span must be two ascending times, not {span!r}")
         if any(isinstance(c, Pfaffian) for c in self.constraints):
             raise ValueError("Pfaffian constraints have no action to be made stationary: use motion()")
+        if self._switches:
+            raise ValueError(f"{self._said(self._switches[0])}, and a step would go over that: use motion()")
         q, v = self._started(first, q0, v0)
         size = max(float(np.abs(q).max()), float(np.abs(v).max()) * (last - first) / steps)
         stepper = GalerkinSteps(self._lagrange, self._held, degree, size or 1.0)

@@ -16,9 +16,9 @@ from varcalc.symbolic.instructions import BINARY, NAMES, UNARY, interpret
 from varcalc.symbolic.tracing import Expression
 
 ONE_SIDED = {ca.OP_FABS, ca.OP_SIGN}
-PAIRED = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_COPYSIGN}
-STEPPED = {ca.OP_FLOOR, ca.OP_CEIL}
-SWITCHING = ONE_SIDED | PAIRED | STEPPED | {ca.OP_FMOD, ca.OP_REMAINDER}
+PAIRED = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
+STEPPED = {ca.OP_FLOOR, ca.OP_CEIL, ca.OP_FMOD, ca.OP_REMAINDER}
+SWITCHING = ONE_SIDED | PAIRED | STEPPED | {ca.OP_COPYSIGN}
 """Operations that are not smooth in what they are done to."""
 CONTINUOUS = {ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}
 """Those whose result does not jump."""
@@ -55,23 +55,34 @@ def switches(expressions: Sequence[Expression], symbols: Sequence[Expression]) -
     found: list[Switch] = []
 
     def applied(operation: int, operands: Sequence[Expression]) -> Expression:
-        if operation in SWITCHING:
-            _noted(found, operation, operands)
+        for argument in arguments(operation, operands):
+            _noted(found, operation, argument)
         return ca.SX.unary(operation, *operands) if len(operands) == 1 else ca.SX.binary(operation, *operands)
 
     interpret(function, [s.nonzeros() if s.numel() else [] for s in symbols], ca.SX, applied)
     return tuple(found)
 
 
-def _noted(found: list[Switch], operation: int, operands: Sequence[Expression]) -> None:
+def arguments(operation: int, operands: Sequence[Expression]) -> tuple[Expression, ...]:
+    """What is zero, or a whole number for what is STEPPED, where an operation switches: mostly one, nothing or two."""
     a, b = operands[0], operands[-1]
-    stepped = operation in STEPPED or operation in (ca.OP_FMOD, ca.OP_REMAINDER)
-    argument = a if operation in ONE_SIDED | STEPPED else a / b if stepped else a - b
+    if operation == ca.OP_COPYSIGN:
+        return a, b
+    if operation in PAIRED:
+        return (a - b,)
+    if operation == ca.OP_FMOD:
+        return (a / b,)
+    if operation == ca.OP_REMAINDER:  # from the nearest multiple: it jumps half way between two
+        return (a / b + 0.5,)
+    return (a,) if operation in SWITCHING else ()
+
+
+def _noted(found: list[Switch], operation: int, argument: Expression) -> None:
     if argument.is_constant():
         return
-    name = NAMES[operation]
+    name, stepped = NAMES[operation], operation in STEPPED
     switch = Switch(argument, WORDS.get(name, name), operation not in CONTINUOUS, stepped)
-    same = (k for k, s in enumerate(found) if s.stepped == stepped and _one(s.argument, argument))
+    same = (k for k, s in enumerate(found) if s.stepped == stepped and alike(s.argument, argument))
     known = next(same, None)
     if known is None:
         found.append(switch)
@@ -79,15 +90,16 @@ def _noted(found: list[Switch], operation: int, operands: Sequence[Expression]) 
         found[known] = switch
 
 
-def _one(a: Expression, b: Expression) -> bool:
-    """Whether two arguments vanish together: at every point tried they are the same, or one is minus the other."""
+def alike(a: Expression, b: Expression) -> int:
+    """1 where two arguments are the same at every point tried, -1 where one is minus the other, 0 where neither."""
     if ca.is_equal(a, b, 8):
-        return True
+        return 1
     symbols = ca.symvar(ca.vertcat(a, b))
     points = np.modf(np.outer(np.sqrt([2.0, 3.0, 5.0]), 1.0 + np.arange(len(symbols))))[0]
     pairs = ca.Function("pair", [ca.vertcat(*symbols)], [a, b])
     found = [[float(v) for v in pairs(point)] for point in points]
-    return any(all(abs(p - sign * q) <= SAME * (abs(p) + abs(q)) for p, q in found) for sign in (1.0, -1.0))
+    same = (sign for sign in (1, -1) if all(abs(p - sign * q) <= SAME * (abs(p) + abs(q)) for p, q in found))
+    return next(same, 0)
 
 
 def held(

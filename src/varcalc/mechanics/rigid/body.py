@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.integrators import Engine, Flow
+from varcalc.integrators import Engine, Flow, Piecewise
 from varcalc.mechanics.constraints import RATE
 from varcalc.mechanics.course import course
 from varcalc.mechanics.rigid.equations import BodySymbols, TurningEquations
@@ -120,7 +120,6 @@ class RigidBody:
         if times.shape != (2,) or not np.all(np.isfinite(times)) or not times[1] > times[0]:
             raise ValueError(f"span must be two ascending times, not {span!r}")
         first, last = times.tolist()
-        self._equations.check_smooth()
         q, omega = oriented(orientation, angular_velocity)
         rate = self._rate(first, q, omega, last - first)
         unit = self.principal.moments[-1] * rate
@@ -173,7 +172,7 @@ class RigidBody:
     def _flow(self, engine: Engine) -> Flow:
         if engine not in self._flows:
             system = ca.Function("turning", self._equations.arguments, [self._equations.rates], {"cse": True})
-            self._flows[engine] = engine.compile(system)
+            self._flows[engine] = Piecewise(engine, self._equations.unjumping).compile(system)
         return self._flows[engine]
 
     def _evaluator(self, *values: Expression) -> PointEvaluator:

@@ -21,8 +21,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.integrators import Continuous
 from varcalc.mechanics.rigid.rotations import entries, normalised, quaternion_rate
-from varcalc.symbolic.switches import switches
 from varcalc.symbolic.tracing import LAST, Expression, Names, check_arity, trace
 
 PLACES = 12
@@ -191,15 +191,8 @@ class TurningEquations:
         values = ca.vertsplit(column)
         return {name: values[k] for k, name in enumerate(CANDIDATES) if kept[k]}
 
-    def check_smooth(self) -> None:
-        """Refuse a kink or a jump: a step of an integration would go over it, and its error would not tell."""
-        s = self.symbols
-        state = ca.vertcat(s.t, ca.vec(s.R), s.omega)
-        found = next(
-            (f for f in switches([self.potential, *ca.vertsplit(self.torque)], s.all) if f.depends_on(state)), None
-        )
-        if found is not None:
-            raise ValueError(
-                f"potential or torque switches ({found.word}), and a motion would step over that; give each side by "
-                "itself"
-            )
+    @property
+    def unjumping(self) -> Continuous:
+        """The potential, a jump of which is a blow."""
+        value = self._of_state(self.potential)
+        return Continuous(ca.Function("potential", self.arguments, [ca.densify(value)]), self.state.numel())
