@@ -87,6 +87,21 @@ def test_a_branch_that_is_not_meant_need_not_be_a_number():
     assert v**2 / 2 + height(x) == pytest.approx(height(1.0), rel=1e-13)
 
 
+def test_a_switch_of_a_branch_that_is_not_meant_need_not_be_a_number():
+    """On x > 0 there is |ln x| with its kink at 1, beyond it a constant pull."""
+    rates = ca.if_else(y[0] > 0.1, -ca.fabs(ca.log(y[0])), 1.0)
+    run = ENGINES[0].compile(system(rates)).trajectory(np.array([0.0, 9.0]), np.array([2.0, 0.0]), np.zeros(1))
+
+    def height(x):
+        inner = x * math.log(x) - x
+        if x >= 1:
+            return inner
+        return -2 - inner if x > 0.1 else height(0.1 + 1e-16) - (x - 0.1)
+
+    assert run.completed
+    assert run.states[-1, 1] ** 2 / 2 + height(run.states[-1, 0]) == pytest.approx(height(2.0), rel=1e-12)
+
+
 def test_where_the_equations_do_not_say_how_to_go_on():
     ridge = ENGINES[0].compile(system(ca.sign(y[0])))
     assert ridge.trajectory(np.array([0.0, 1.0]), np.zeros(2), np.zeros(1)).outcome is Outcome.UNDECIDED
@@ -101,8 +116,8 @@ def test_switches_within_switches_are_read_on_each_side():
         arguments = np.array(sides.arguments(0.0, point, -2.0)).ravel()
         side = [1 if a > 0 else -1 for a in arguments[:2]] + [0]
         below = math.floor(arguments[2])
-        held, kept = sides.on(side)
-        function = ca.Function("held", [*sides.symbols, sides.counts], [held[0], kept])
+        on = sides.on(side)
+        function = ca.Function("held", [*sides.symbols, sides.counts], [on.results[0], on.arguments])
         value, inside = function(0.0, point, -2.0, [below, below + (below < 0)])
         assert float(value) == pytest.approx(float(f(0.0, point, -2.0)), abs=1e-15)
         np.testing.assert_allclose(np.array(inside).ravel(), arguments, rtol=0, atol=1e-15)

@@ -22,26 +22,6 @@ AT_ONCE = 6
 """Switches that may turn over in one place."""
 MOST_PIECES = 100_000
 """Of one run."""
-ON = 16 * float(np.finfo(float).eps)
-"""Of what an argument is made of, or of the time: how near to its zero it is on it."""
-SAME = 1e-9
-"""Relative difference of what does not jump."""
-AT_ONCE = 6
-"""Switches that may turn over in one place."""
-MOST_PIECES = 100_000
-"""Of one run."""
-SAME = 1e-9
-"""Relative difference of what does not jump."""
-AT_ONCE = 6
-"""Switches that may turn over in one place."""
-MOST_PIECES = 100_000
-"""Of one run."""
-AT_ONCE = 6
-"""Switches that may turn over in one place."""
-MOST_PIECES = 100_000
-"""Of one run."""
-MOST_PIECES = 100_000
-"""Of one run."""
 
 
 @dataclass
@@ -98,18 +78,20 @@ class Crossings:
         """Find the side on which a walker goes on, having ``met`` these places, or say in its outcome why it cannot."""
         s, y = walker.state[-1], walker.state[:-1]
         arguments = np.array(self.system.sides.arguments(s, y, walker.constants)).ravel()
-        if not np.all(np.isfinite(arguments)):
+        stepped = set(self.system.sides.stepped)
+        side = tuple(0 if k in stepped else (-1 if a < 0 else 1) for k, a in enumerate(arguments))
+        live = self.system.piece(side).live
+        if not np.all(np.isfinite(arguments[sorted(live)])):
             walker.ended(Outcome.NOT_FINITE if walker.pieces == 0 else Outcome.BLOW_UP)
             return
-        stepped = set(self.system.sides.stepped)
-        side = tuple(0 if k in stepped else (1 if a >= 0 else -1) for k, a in enumerate(arguments))
+        arguments = np.nan_to_num(arguments)  # of branches that are not meant here
         counts = self._counted(arguments, {})
         here = self._series(walker, side, counts)
         beyond = arguments - np.where([k in stepped for k in range(len(side))], np.round(arguments), 0.0)
         time = ON * max(abs(s), walker.gone)
         with np.errstate(all="ignore"):
             near = np.abs(beyond) <= np.fmax(ON * here["size"], time * np.abs(here["terms"][1]))
-        on = sorted({*met, *np.flatnonzero(near).tolist()})
+        on = sorted({*met, *(live & set(np.flatnonzero(near).tolist()))})
         found = (side, counts) if not on else self._resolved(walker, side, arguments, on)
         if found is None:
             walker.ended(Outcome.UNDECIDED)
@@ -144,7 +126,8 @@ class Crossings:
                     turned[k] = one
             counts = self._counted(arguments, lower)
             found = self._series(walker, tuple(turned), counts)
-            if all(_leads(found, walker, k, one) for k, one in zip(on, choice, strict=True)):
+            live = self.system.piece(tuple(turned)).live
+            if all(k not in live or _leads(found, walker, k, one) for k, one in zip(on, choice, strict=True)):
                 ways.append((tuple(turned), counts, found["rates"]))
         if ways and all(np.allclose(rates, ways[0][2], rtol=SAME, atol=0.0) for _, _, rates in ways):
             return ways[0][:2]

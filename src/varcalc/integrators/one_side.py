@@ -11,35 +11,13 @@ import numpy as np
 
 from varcalc.integrators.protocol import Engine, Flow
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.symbolic.sides import Sides
+from varcalc.symbolic.sides import Side, Sides
 from varcalc.symbolic.tracing import Expression
 
 ALONG = 2
 """In place of a side: on the switch itself."""
 ORDERS = 3
 """Derivatives of an argument along the rates that tell to which side they lead."""
-NOTHING = 1e-10
-"""Of the largest term of an argument's series: a term that is round-off."""
-ON = 16 * float(np.finfo(float).eps)
-"""Of what an argument is made of, or of the time: how near to its zero it is on it."""
-SAME = 1e-9
-"""Relative difference of what does not jump."""
-AT_ONCE = 6
-"""Switches that may turn over in one place."""
-MOST_PIECES = 100_000
-"""Of one run."""
-ORDERS = 3
-"""Derivatives of an argument along the rates that tell to which side they lead."""
-NOTHING = 1e-10
-"""Of the largest term of an argument's series: a term that is round-off."""
-ON = 16 * float(np.finfo(float).eps)
-"""Of what an argument is made of, or of the time: how near to its zero it is on it."""
-SAME = 1e-9
-"""Relative difference of what does not jump."""
-AT_ONCE = 6
-"""Switches that may turn over in one place."""
-MOST_PIECES = 100_000
-"""Of one run."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +25,14 @@ class Piece:
     """The system on one side: ``free``, and to its ends as ``stopping`` where the time is a state, the last one.
 
     ``series`` gives, of such a state and constants, the arguments of all switches, their derivatives along the rates,
-    how large what they are made of is, the person's stops with their rates, and what must not jump.
+    how large what they are made of is, the person's stops with their rates, and what must not jump. Where switches
+    that are not ``live`` turn over it stays what it is.
     """
 
     free: Flow
     stopping: Flow
     series: PointEvaluator
+    live: frozenset[int]
 
 
 @dataclass(frozen=True)
@@ -88,7 +68,8 @@ class OneSided:
     def _made(self, side: tuple[int, ...]) -> Piece:
         s, state, constants = self.sides.symbols
         numbers = ca.vertcat(constants, self.sides.counts)
-        parts = ca.Function("parts", [s, state, numbers], list(self._parts(side)))
+        written, live = self._parts(side)
+        parts = ca.Function("parts", [s, state, numbers], written)
         every = ca.SX.sym("Z", state.numel() + 1)
         way, direction = ca.SX.sym("way"), ca.SX.sym("direction")
         rates, stops, kept, arguments, levels = parts(every[-1], every[:-1], numbers)
@@ -106,48 +87,49 @@ class OneSided:
                 ca.Function("ends", given, [ca.densify(ca.vertcat(stops, levels))]),
             ),
             PointEvaluator(ca.Function("series", given[1:], [ca.densify(ca.vertcat(*found))])),
+            live,
         )
 
-    def _parts(self, side: tuple[int, ...]) -> tuple[Expression, ...]:
-        """Rates, stops, what must not jump, arguments, and what is positive as long as the side is kept."""
+    def _parts(self, side: tuple[int, ...]) -> tuple[list[Expression], frozenset[int]]:
+        """Rates, stops, what must not jump, arguments, and what is positive on the side; and what is live."""
         if ALONG not in side:
-            (rates, stops, kept), arguments = self.sides.on(side)
-            return rates, stops, kept, arguments, self._levels(side, arguments)
+            one = self.sides.on(side)
+            return [*one.results, one.arguments, self._levels(side, one)], one.live
         place = side.index(ALONG)
-        above, below = (self.sides.on([*side[:place], one, *side[place + 1 :]]) for one in (1, -1))
-        (first, stops, kept), arguments = above
+        above, below = (self.sides.on([*side[:place], way, *side[place + 1 :]]) for way in (1, -1))
         s, state, _ = self.sides.symbols
-        up, down = (
-            ca.jtimes(arguments[place], state, rates) + ca.jtimes(arguments[place], s, 1)
-            for rates in (first, below[0][0])
+        argument = above.arguments[place]
+        (up, first), (down, other) = (
+            (ca.jtimes(argument, state, one.results[0]) + ca.jtimes(argument, s, 1), one.results[0])
+            for one in (above, below)
         )
-        rates = (below[0][0] * up - first * down) / (up - down)
-        levels = ca.vertcat(self._levels(side, arguments), -up, down)
-        return rates, stops, kept, arguments, levels
+        rates = (other * up - first * down) / (up - down)
+        levels = ca.vertcat(self._levels(side, above), -up, down)
+        return [rates, *above.results[1:], above.arguments, levels], above.live | below.live
 
-    def _levels(self, side: tuple[int, ...], arguments: Expression) -> Expression:
+    def _levels(self, side: tuple[int, ...], one: Side) -> Expression:
         """Positive on the side: of what is stepped, above the whole number below and below the one above."""
-        levels, counts = [], iter(ca.vertsplit(self.sides.counts) if self.sides.stepped else [])
-        for k, place in enumerate(self.sides.places):
-            if place.stepped:
-                below, _ = next(counts), next(counts)
-                levels += [arguments[k] - below, below + 1 - arguments[k]]
+        levels = []
+        for k in sorted(one.live):
+            if self.sides.places[k].stepped:
+                below = self.sides.counts[2 * self.sides.stepped.index(k)]
+                levels += [one.arguments[k] - below, below + 1 - one.arguments[k]]
             elif side[k] != ALONG:
-                levels.append(side[k] * arguments[k])
+                levels.append(side[k] * one.arguments[k])
         return ca.vertcat(ca.SX(0, 1), *levels)
 
     def ends(self, side: tuple[int, ...]) -> list[int]:
         """The number of the place whose end each of the levels of a side is, after the person's stops."""
         found: list[int] = []
-        for k, place in enumerate(self.sides.places):
-            found += [k] * (2 if place.stepped else side[k] != ALONG)
+        for k in sorted(self.piece(side).live):
+            found += [k] * (2 if self.sides.places[k].stepped else side[k] != ALONG)
         return found + [side.index(ALONG)] * 2 if ALONG in side else found
 
     def leaving(self, side: tuple[int, ...], on: Sequence[int], arguments: np.ndarray, counts: np.ndarray) -> list[int]:
         """The numbers of the levels that are zero where a run sets out, being ``on`` these places."""
         ends, found = self.ends(side), []
         for k in on:
-            if side[k] == ALONG:
+            if side[k] == ALONG or k not in ends:
                 continue
             first = self.stops + ends.index(k)
             if self.sides.places[k].stepped:

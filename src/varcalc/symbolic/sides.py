@@ -7,7 +7,7 @@ the branch that is meant is left, so that the other one need not even be a numbe
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,6 +24,26 @@ class Place:
 
     argument: Expression
     stepped: bool
+
+
+@dataclass(frozen=True)
+class Side:
+    """The ``results`` of a function on one side, with the ``arguments`` of all places, and which of these are ``live``.
+
+    The others are of branches that are not meant on this side, where they need not be numbers.
+    """
+
+    results: list[Expression]
+    arguments: Expression
+    live: frozenset[int]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """An expression, and the places that it hangs on."""
+
+    written: Expression
+    of: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -85,23 +105,35 @@ class Sides:
         """All arguments that switch, by their values."""
         return ca.Function("places", self.symbols, [ca.vertcat(*(p.argument for p in self.places))])
 
-    def on(self, side: Sequence[int]) -> tuple[list[Expression], Expression]:
-        """The results of the function on one ``side``, and the arguments of all places, of symbols and counts."""
+    def on(self, side: Sequence[int]) -> Side:
+        """The function on one ``side``, of the symbols and counts."""
         _, whole, uses = self._read
         step = {k: self.counts[2 * number : 2 * number + 2] for number, k in enumerate(self.stepped)}
         left = iter(uses)
 
-        def applied(operation: int, operands: Sequence[Expression]) -> Expression:
-            return _held(operation, operands, side, step, left)
+        def applied(operation: int, operands: Sequence[_Part]) -> _Part:
+            written = [part.written for part in operands]
+            used = [next(left) for _ in arguments(operation, written)]
+            if operation == ca.OP_IF_ELSE_ZERO and written[0].is_constant():
+                meant = bool(float(written[0]))
+                of = operands[0].of | (operands[1].of if meant else frozenset())
+                return _Part(written[1] if meant else ca.SX(0), of)
+            of = frozenset(use[0] for use in used if use is not None).union(*(part.of for part in operands))
+            return _Part(_held(operation, written, side, step, used), of)
 
-        found = interpret(whole, [s.nonzeros() for s in self.symbols], ca.SX, applied)
-        *results, places = (ca.vertcat(*column) for column in found)
-        return results, places
+        found = interpret(whole, [[_Part(e) for e in s.nonzeros()] for s in self.symbols], _constant, applied)
+        *results, places = (ca.vertcat(*(part.written for part in column)) for column in found)
+        live = frozenset[int]().union(*(part.of for column in found[:-1] for part in column))
+        return Side(results, places, live)
 
     @property
     def stepped(self) -> tuple[int, ...]:
         """The numbers of the places that are stepped."""
         return tuple(k for k, place in enumerate(self.places) if place.stepped)
+
+
+def _constant(number: float) -> _Part:
+    return _Part(ca.SX(number))
 
 
 def _moves(argument: Expression, along: Expression) -> bool:
@@ -124,13 +156,10 @@ def _placed(places: list[Place], argument: Expression, stepped: bool) -> tuple[i
 
 def _held(
     operation: int, operands: Sequence[Expression], side: Sequence[int], step: dict[int, Expression],
-    left: Iterator[tuple[int, int] | None],
+    uses: Sequence[tuple[int, int] | None],
 ) -> Expression:  # fmt: skip
-    """What an operation is on a side."""
-    uses = [next(left) for _ in arguments(operation, operands)]
+    """What an operation is on a side, by its uses of places."""
     a, b = operands[0], operands[-1]
-    if operation == ca.OP_IF_ELSE_ZERO and a.is_constant():
-        return b if float(a) else ca.SX(0)
     if operation == ca.OP_COPYSIGN:
         size, sign = uses
         size = ca.fabs(a) if size is None else side[size[0]] * size[1] * a
