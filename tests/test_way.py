@@ -68,7 +68,7 @@ def verified(problem):
         ("solve, a plain problem", lambda: solved(film()), 36),
         ("solve, a singular end", lambda: solved(descent()), 35),
         ("verify", lambda: verified(film()), 36),
-        ("rays", rays, 41),
+        ("rays", rays, 44),
     ],
 )
 def test_the_way_is_short(name, prepared, most):

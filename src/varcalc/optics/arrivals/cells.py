@@ -18,8 +18,9 @@ import numpy as np
 
 from varcalc.optics.rays.beam import Rows
 
-R, P, PATH, MOVED, TURNED = slice(0, 2), slice(2, 4), 4, slice(5, 7), slice(7, 9)
-"""Columns of a state in the plane with one neighbour, as :func:`varcalc.optics.rays.beam.packed` has them."""
+R, P, PATH, MOVED, TURNED, CROSSED = slice(0, 2), slice(2, 4), 4, slice(5, 7), slice(7, 9), 9
+"""Columns of a state in the plane with one neighbour, as :func:`varcalc.optics.rays.beam.packed` has them; and last
+which jumps of the index the ray has come through."""
 
 
 SLANTED = 0.6
@@ -38,8 +39,8 @@ class Cells(Rows):
         The launching angles of the two rays.
     sigma : ndarray, shape (q, 2, 2)
         σ at the corners, from the last surface on.
-    state : ndarray, shape (q, 2, 2, 9)
-        The rays there: r, p, optical path, δr, δp; not a number where the ray does not come so far.
+    state : ndarray, shape (q, 2, 2, 10)
+        The rays there: r, p, optical path, δr, δp, jumps come through; not a number where the ray does not come so far.
     pull : ndarray, shape (q, 2, 2, 2)
         dp/dσ there.
     delay : ndarray, shape (q, 2, 2)
@@ -64,13 +65,18 @@ class Cells(Rows):
     @classmethod
     def none(cls) -> Cells:
         """No cells."""
-        shapes = ((), (2,), (2, 2), (2, 2, 9), (2, 2, 2), (2, 2), (), (), ())
+        shapes = ((), (2,), (2, 2), (2, 2, 10), (2, 2, 2), (2, 2), (), (), ())
         return cls(*(np.zeros((0, *shape), dtype=int if k in (0, 8) else float) for k, shape in enumerate(shapes)))
 
     @property
     def whole(self) -> np.ndarray:
         """True (q,) where both rays come as far as the far end."""
         return np.all(np.isfinite(self.state), axis=(1, 2, 3))
+
+    @property
+    def smooth(self) -> np.ndarray:
+        """True (q,) where no jump of the index is inside, as far as the corners tell: all have come the same way."""
+        return np.all(self.state[..., CROSSED] == self.state[:, :1, :1, CROSSED], axis=(1, 2))
 
     def derivatives(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The place and its derivatives by a, by u and by both, (q, 2, 2, 2) each, in the unit square (a, u).

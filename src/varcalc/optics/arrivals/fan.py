@@ -9,13 +9,14 @@ wavefront to wavefront, in steps over which they turn little.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from varcalc.optics.arrivals.cells import MOVED, PATH, Cells, P, R, between, parted
+from varcalc.optics.arrivals.cells import CROSSED, MOVED, PATH, Cells, P, R, between, parted
 from varcalc.optics.media.medium import Field
+from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.propagation.sequential import Propagator, stride
 from varcalc.optics.rays.beam import Beam, RayStatus, launched, packed, unpacked
 
@@ -25,6 +26,10 @@ PARTS_OF_INTERVAL = 16
 """Parts into which the interval around a parting direction is cut, again and again."""
 MOST_CUTS = 11
 """How often; the last interval is as narrow as round-off."""
+NARROWEST = 4 * float(np.spacing(2 * np.pi))
+"""An interval of angles so narrow is not cut."""
+MOST_PARTINGS = 64
+"""Parting directions of one source; where there are more, they are left to what looks into cells."""
 STEP_SHARE = 0.25
 """How far a ray goes in one step: of the size of the scene, or of the distance from it."""
 FRONT_SLACK = 0.25
@@ -83,9 +88,7 @@ class Fan:
         beam, status, alive = self.propagator.into_last_medium(beam, self.bounds.path[source])
         self.ends.update(RayStatus(int(code)) for code in status[~alive])
         self.entered += int(np.sum(alive))
-        states = packed(beam)
-        states[~alive] = np.nan
-        return unpacked(states, 2)
+        return beam.known(alive)
 
     def at(self, source: np.ndarray, angles: np.ndarray, sigma: np.ndarray, path: np.ndarray) -> Beam:
         """The rays (m,) at ``angles``, ``sigma`` behind the last surface; ``path`` is their optical path there, about.
@@ -93,16 +96,16 @@ class Fan:
         Not a number where a ray does not come so far.
         """
         entry = self.entries(source, angles)
-        return self.onward(packed(entry), sigma, path)[0]
+        return _beam(self._moved(_states(entry), sigma, path)[0])
 
-    def onward(self, states: np.ndarray, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:
-        """Carry ``states`` (m, 9) in the last medium: see :class:`Carrier`. What is none stays none."""
+    def _moved(self, states: np.ndarray, sigma: np.ndarray, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Carry ``states`` (m, 10) in the last medium: see :class:`Carrier`. What is none stays none."""
         ends, grown = np.full_like(states, np.nan), np.zeros(len(states))
         rows = np.flatnonzero(np.isfinite(states[:, PATH]) & np.isfinite(path))
         if len(rows):
-            beam, grown[rows] = self.propagator.models[-1].onward(unpacked(states[rows], 2), sigma[rows], path[rows])
-            ends[rows] = packed(beam)
-        return unpacked(ends, 2), grown
+            beam, grown[rows] = self.propagator.models[-1].onward(_beam(states[rows]), sigma[rows], path[rows])
+            ends[rows] = _states(beam)
+        return ends, grown
 
     def cells(self) -> Cells:
         """The first cells of all sources."""
@@ -113,14 +116,14 @@ class Fan:
     def parted(self, cells: Cells) -> tuple[Cells, np.ndarray]:
         """The parts of the cells, which know of their errors by a look into the middle, and which cell each is of."""
         q = len(cells)
-        state, sigma = np.empty((q, 3, 3, 9)), np.empty((q, 3, 3))
+        state, sigma = np.empty((q, 3, 3, 10)), np.empty((q, 3, 3))
         state[:, ::2, ::2], sigma[:, ::2, ::2] = cells.state, cells.sigma
         middle = between(cells.angle[:, 1] - cells.angle[:, 0], cells.sigma, cells.delay)
         middle = np.maximum(middle, 0.0)
         middle[:, 1] = np.maximum(middle[:, 1], middle[:, 0])
         first, last = cells.state[:, :, 0, PATH].T
         path = (np.where(np.isfinite(first), first, last) + np.where(np.isfinite(last), last, first)) / 2
-        entry = packed(self.entries(cells.source, cells.angle.mean(axis=1)))
+        entry = _states(self.entries(cells.source, cells.angle.mean(axis=1)))
         state[:, 1, 0], sigma[:, 1, 0] = self._moved(entry, middle[:, 0], path)
         self._halve(state, sigma, 1, (middle[:, 1] - middle[:, 0]) / 2, (0, 1))
         for side in (0, 2):
@@ -135,36 +138,49 @@ class Fan:
             state[:, side, k + 1], grown = self._moved(begin, half, path)
             sigma[:, side, k + 1] = sigma[:, side, k] + grown
 
-    def _moved(self, states: np.ndarray, sigma: np.ndarray, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        beam, grown = self.onward(states, sigma, path)
-        return packed(beam), grown
-
     def _pull(self, states: np.ndarray) -> np.ndarray:
-        """dp/dσ (..., 2) of states (..., 9) in the last medium."""
+        """dp/dσ (..., 2) of states (..., 10) in the last medium."""
         with np.errstate(all="ignore"):
             _, gradient, _ = self.propagator.fields[-1](states[..., R].reshape(-1, 2))
         return gradient.reshape(*states.shape[:-1], 2) / 2
 
     def _first_rays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Source, angle and entry (m, 9) of rays all round each source, ascending, the first once more at the end."""
+        """Source, angle and entry (m, 10) of rays all round each source, ascending, the first once more at the end."""
         n = len(self.sources)
         angles = np.linspace(0.0, 2 * np.pi, FIRST_ANGLES + 1) + 1e-3  # off the axes of the scene
         source, angles = np.repeat(np.arange(n), len(angles)), np.tile(angles, n)
-        entry = packed(self.entries(source, angles))
-        for _ in range(MOST_CUTS if self.propagator.surfaces else 0):
-            alive = np.isfinite(entry[:, PATH])
-            parted = np.flatnonzero((alive[1:] != alive[:-1]) & (source[1:] == source[:-1]))
-            parted = parted[angles[parted + 1] - angles[parted] > 4 * np.spacing(2 * np.pi)]
-            if len(parted) == 0:
+        entry = _states(self.entries(source, angles))
+        course = self._course(source, entry)
+        for _ in range(MOST_CUTS if self.propagator.surfaces or self._jumps else 0):
+            parted = np.flatnonzero((course[1:] != course[:-1]) & (source[1:] == source[:-1]))
+            parted = parted[angles[parted + 1] - angles[parted] > NARROWEST]
+            if len(parted) == 0 or len(parted) > MOST_PARTINGS * n:
                 break
             share = np.arange(1, PARTS_OF_INTERVAL) / PARTS_OF_INTERVAL
             new = (angles[parted, None] + share * (angles[parted + 1] - angles[parted])[:, None]).ravel()
             of = np.repeat(source[parted], PARTS_OF_INTERVAL - 1)
             source, angles = np.concatenate([source, of]), np.concatenate([angles, new])
-            entry = np.concatenate([entry, packed(self.entries(of, new))])
+            more = _states(self.entries(of, new))
+            entry, course = np.concatenate([entry, more]), np.concatenate([course, self._course(of, more)])
             order = np.lexsort((angles, source))
-            source, angles, entry = source[order], angles[order], entry[order]
+            source, angles, entry, course = source[order], angles[order], entry[order], course[order]
         return source, angles, entry
+
+    @cached_property
+    def _jumps(self) -> bool:
+        """Whether the index of the last medium jumps inside it."""
+        last = self.propagator.models[-1]
+        return isinstance(last, HamiltonRays) and last.jumps
+
+    def _course(self, source: np.ndarray, entry: np.ndarray) -> np.ndarray:
+        """What tells rays (m,) apart that are no neighbours: whether they come in, and through which jumps."""
+        last = self.propagator.models[-1]
+        if not (isinstance(last, HamiltonRays) and self._jumps):
+            return np.isfinite(entry[:, PATH]).astype(float)
+        course = np.full(len(entry), -1.0)
+        rows = np.flatnonzero(np.isfinite(entry[:, PATH]))
+        course[rows] = last.crossed(_beam(entry[rows]), self.bounds.path[source[rows]])
+        return course
 
     def _steps(self, source: np.ndarray, angles: np.ndarray, entry: np.ndarray) -> list[_Stretch]:
         """The rays step by step; each is carried on as long as it or a neighbour is within the bounds."""
@@ -235,7 +251,7 @@ class Fan:
         """How far in σ (m,) each ray goes, so that all of a source come to one wavefront, about, and turn little."""
         away = np.linalg.norm(states[:, R] - self.bounds.middle[source], axis=1) - self.bounds.reach[source]
         length = STEP_SHARE * np.maximum(self.bounds.size[source], away)
-        beam, last = unpacked(states, 2), self.propagator.fields[-1]
+        beam, last = _beam(states), self.propagator.fields[-1]
         slack = self._slack[source]
         ahead = states[:, PATH] + slack * sigma
         gain = stride(beam, last, length) * (np.sum(states[:, P] ** 2, axis=1) + slack)
@@ -243,7 +259,7 @@ class Fan:
         return _to_front(beam, last, front - ahead, gain, slack)
 
     def _delay(self, source: np.ndarray, states: np.ndarray) -> np.ndarray:
-        """The derivatives of σ by the launching angle along the fronts through ``states`` (q, ..., 9)."""
+        """The derivatives of σ by the launching angle along the fronts through ``states`` (q, ..., 10)."""
         p, moved = states[..., P], states[..., MOVED]
         slack = self._slack[source].reshape(-1, *[1] * (states.ndim - 2))
         return -np.sum(p * moved, axis=-1) / (np.sum(p**2, axis=-1) + slack)
@@ -265,6 +281,16 @@ class _Stretch:
     start: np.ndarray
     after: np.ndarray
     end: np.ndarray
+
+
+def _states(beam: Beam) -> np.ndarray:
+    """The states (m, 10) of cells for the rays of ``beam``."""
+    return np.column_stack([packed(beam), beam.crossed])
+
+
+def _beam(states: np.ndarray) -> Beam:
+    """The rays of the states (m, 10)."""
+    return replace(unpacked(states[:, :CROSSED], 2), crossed=states[:, CROSSED])
 
 
 def _medians(source: np.ndarray, values: np.ndarray, counted: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.aimed import Carry
 from varcalc.optics.models.constant_pull import ConstantPull
 from varcalc.optics.models.invariants import Invariants
+from varcalc.optics.models.jumps import jumping
 from varcalc.optics.models.model import Builder, Model, Question, checked_model
 from varcalc.optics.models.range_function import RangeFunction
 from varcalc.optics.propagation.sequential import CompiledScene, Propagator
@@ -282,7 +283,7 @@ class PairSearch:
             return None
         if dimension not in self._complete:
             known = ConstantPull.of(medium, dimension)
-            if known is None and isinstance(medium, Stratified | Tabulated | Radial):
+            if known is None and isinstance(medium, Stratified | Tabulated | Radial) and not jumping(medium, dimension):
                 known = RangeFunction(medium)
             self._complete[dimension] = known
         return self._complete[dimension]

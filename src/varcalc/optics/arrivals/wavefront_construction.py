@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.optics.arrivals.cells import PATH, Cells
-from varcalc.optics.arrivals.fan import FIRST_ANGLES, Fan
+from varcalc.optics.arrivals.fan import FIRST_ANGLES, NARROWEST, Fan
 from varcalc.optics.arrivals.misses import Misses, Seeds, misses, seeds
 from varcalc.optics.arrivals.newton import MEETS, TOUCHES_CAUSTIC, Aims, Meeting, as_they_are, flattest, met
 from varcalc.optics.rays.beam import Rows
@@ -34,6 +34,8 @@ SAME_CONTINUUM = 1e-6
 """Optical paths of the rays of one continuum agree so well, relative to their size."""
 MEETS_UNAIMED = 1e-11
 """Of the scene: a ray that was aimed nowhere and comes so close to a point, to which a continuum leads, is of one."""
+TOLD_APART = 4 * NARROWEST
+"""Neighbouring angles that are cut no more."""
 SAME_RAY = 1e-9
 """Angles, and optical paths relative to their size, that differ by less are of one ray."""
 
@@ -120,21 +122,24 @@ class WavefrontConstruction:
         with np.errstate(invalid="ignore"):
             diagonal = np.linalg.norm(high - low, axis=1)
         diagonal[~np.isfinite(diagonal)] = 0.0  # no corner at all: the box is empty
-        unknown = np.where(cells.whole, UNSEEN_MARGIN, 1.0) * diagonal
-        room = np.where(np.isfinite(cells.error), np.minimum(cells.error, unknown), unknown)
+        unknown = np.where(cells.whole & cells.smooth, UNSEEN_MARGIN, 1.0) * diagonal
+        room = np.where(np.isfinite(cells.error) & cells.smooth, np.minimum(cells.error, unknown), unknown)
         room += 1e-9 * diagonal
         return low - room[:, None], high + room[:, None]
 
     def _round(self, cells: Cells, cell: np.ndarray, pair: np.ndarray) -> tuple[Cells, np.ndarray, np.ndarray]:
         """Settle what can be settled; the halves of the other cells, with the pairs that may be in them."""
-        known = np.flatnonzero(np.isfinite(cells.error[cell]) & cells.whole[cell])
+        known = np.flatnonzero(np.isfinite(cells.error[cell]) & cells.whole[cell] & cells.smooth[cell])
         again = np.ones(len(cell), dtype=bool)
         if len(known):
             again[known] = self._settled(cells.take(cell[known]), pair[known])
         cell, pair = cell[again], pair[again]
         crowded = np.bincount(pair, minlength=len(self.pairs)) > CROWDED
         deep = cells.depth[cell] >= np.where(crowded[pair], FEWEST_HALVINGS, MOST_HALVINGS)
-        np.add.at(self.unresolved, pair[deep], 1)
+        # between rays that part at a jump, as close as angles can be told, there is none
+        apart = ~cells.smooth[cell] & (cells.angle[cell, 1] - cells.angle[cell, 0] <= TOLD_APART)
+        deep |= apart
+        np.add.at(self.unresolved, pair[deep & ~apart], 1)
         cell, pair = cell[~deep], pair[~deep]
         used, cell = np.unique(cell, return_inverse=True)
         if len(used) == 0:

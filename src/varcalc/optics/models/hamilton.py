@@ -11,7 +11,7 @@ next begins with the next layer's cubic.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from threading import Lock
 
@@ -20,9 +20,12 @@ import numpy as np
 
 from varcalc import integrators
 from varcalc.integrators import NONE, OUTCOMES, Flow, Landing, Outcome
-from varcalc.optics.media.medium import Expression, Medium
-from varcalc.optics.media.tabulated import Tabulated, cubic
+from varcalc.optics.media.medium import Expression, Medium, switching
+from varcalc.optics.media.tabulated import Tabulated
+from varcalc.optics.models.equations import force_of, ray_rates, ray_system
+from varcalc.optics.models.jumps import jumping
 from varcalc.optics.models.model import Carrier, Model
+from varcalc.optics.models.switched import SwitchedFlow
 from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, RayStatus, packed, unpacked
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Geometry
@@ -43,70 +46,12 @@ FAR_SPHERE = 1e6
 """Rays that have come so many times farther than the scene is large meet nothing any more."""
 MOMENTUM_BROKEN = 1e-8
 """|p|² and n², which are equal along a ray, differ by so much of n² only where the index is singular."""
+SAME_SIGMA = 1e-14
+"""Relative difference of σ and the sum of its parts that is round-off."""
 COMPLETED = OUTCOMES.index(Outcome.COMPLETED)
 SINGULAR = int(RayStatus.SINGULAR)
 _ONE_AT_A_TIME = Lock()
 """Threads that need the same system wait for the one that builds it."""
-
-
-@dataclass(frozen=True)
-class Force:
-    """n² (a scalar), ∇n²/2 (d,) and the latter's derivative along a deviation, as expressions of a position."""
-
-    squared: Expression
-    pull: Expression
-    along: Callable[[Expression], Expression]
-
-
-def force(squared: Expression, position: Expression) -> Force:
-    """The force of any n², an expression of the symbols ``position``."""
-    pull = ca.gradient(squared, position) / 2
-    return Force(squared, pull, lambda moved: ca.jtimes(pull, position, moved))
-
-
-def force_through(function: ca.Function, u: Expression, position: Expression) -> Force:
-    """The force of n² = F(u), by the chain rule; ∇u and u's second derivatives are simple."""
-    symbol = ca.SX.sym("u")
-    squared = function(symbol)
-    half = ca.gradient(squared, symbol) / 2
-    orders = ca.Function("orders", [symbol], [squared, half, ca.gradient(half, symbol)])
-    squared, half, bend = orders(u)
-    slope = ca.gradient(u, position)
-    hessian = ca.jacobian(slope, position)
-
-    def along(moved: Expression) -> Expression:
-        return half * (hessian @ moved) + (bend * ca.dot(slope, moved)) * slope
-
-    return Force(squared, half * slope, along)
-
-
-def ray_rates(force: Force, state: Expression, dimension: int) -> Expression:
-    """Hamilton's ray equations: of r, p, S, then δr and δp of each neighbour."""
-    d = dimension
-    rates = [state[d : 2 * d], force.pull, force.squared]
-    for first in range(2 * d + 1, state.numel(), 2 * d):
-        rates += [state[first + d : first + 2 * d], force.along(state[first : first + d])]
-    return ca.cse(ca.densify(ca.vertcat(*rates)))
-
-
-def force_of(medium: Medium, position: Expression, constants: Expression) -> Force:
-    """The force of ``medium``; of one layer of a table, whose ``constants`` are given."""
-    if isinstance(medium, Tabulated):
-        return force(cubic(position[position.numel() - 1], constants), position)
-    known = medium.through(position)
-    return force(medium.squared_index(position), position) if known is None else force_through(*known, position)
-
-
-def ray_system(medium: Medium, dimension: int, neighbours: int) -> ca.Function:
-    """Hamilton's ray equations with ``neighbours`` deviations, as the engines take a system.
-
-    The state is r, p, S, then δr and δp of each neighbour. There are no
-    constants, but for those of one layer where the medium is a table.
-    """
-    s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * dimension + 1 + 2 * dimension * neighbours)
-    constants = ca.SX.sym("c", 6 if isinstance(medium, Tabulated) else 0)
-    here = force_of(medium, state[:dimension], constants)
-    return ca.Function("rays", [s, state, constants], [ray_rates(here, state, dimension)])
 
 
 def compile_rays(
@@ -118,9 +63,11 @@ def compile_rays(
 ) -> RayFlow:
     """Compile the rays of ``medium`` with ``stops``, of the state and so many ``constants``.
 
-    In a table there is one stop more, the last: the ray has left it.
+    In a table there is one stop more, the last: the ray has left it. Where n² has kinks or jumps they end runs.
     """
     d = dimension
+    if not isinstance(medium, Tabulated) and switching(medium, d):
+        return SwitchedFlow(medium, d, neighbours, stops, constants)
     table = medium if isinstance(medium, Tabulated) else None
     s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * d + 1 + 2 * d * neighbours)
     numbers = ca.SX.sym("c", constants + (6 if table else 0))
@@ -152,11 +99,16 @@ class LayeredFlow:
             pass
         return ends
 
-    def pieces(self, state: np.ndarray, constants: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
-        """The layers that one ray goes through: where each begins, its :meth:`Tabulated.constants`, the state there."""
+    def runs(self, state: np.ndarray, constants: np.ndarray) -> list[tuple[float, Flow, np.ndarray, np.ndarray]]:
+        """The layers that one ray goes through: where each begins in σ, the flow, its constants, the state there."""
         ends = Landing.at(state[None, :])
         return [
-            (float(ends.reached[0]), self.table.constants(layer)[0], ends.states[0].copy())
+            (
+                float(ends.reached[0]),
+                self.flow,
+                np.append(constants, self.table.constants(layer)[0]),
+                ends.states[0].copy(),
+            )
             for layer in self._rounds(ends, constants[None, :], ())
         ]
 
@@ -208,8 +160,8 @@ def flown(rates: ca.SX, state: ca.SX, states: np.ndarray, until: np.ndarray) -> 
     return landing.states, STATUS_OF_OUTCOME[landing.outcomes].astype(np.int8)
 
 
-RayFlow = Flow | LayeredFlow
-"""Rays of one medium: integrated at once, or layer by layer."""
+RayFlow = Flow | LayeredFlow | SwitchedFlow
+"""Rays of one medium: integrated at once, or layer by layer, or piece by piece."""
 
 
 def runs(
@@ -261,7 +213,7 @@ class HamiltonRays:
     dimension: int
     surfaces: Sequence[Geometry]
     _stopped_flows: dict[tuple[int, bool], RayFlow] = field(default_factory=dict, repr=False)
-    _timed_flows: dict[int, Flow] = field(default_factory=dict, repr=False)
+    _timed_flows: dict[int, Flow | SwitchedFlow] = field(default_factory=dict, repr=False)
 
     name = "Hamilton's ray equations"
 
@@ -315,10 +267,10 @@ class HamiltonRays:
         state, limit = packed(beam), np.array([[path]])
         unhindered = self._unhindered.stopped_flow(beam.deviations, True)
         length = float(unhindered.ensemble(state, limit).reached[0])
-        layered = isinstance(unhindered, LayeredFlow)
-        pieces = unhindered.pieces(state[0], limit[0]) if layered else [(0.0, np.zeros(0), state[0])]
-        starts, flow, trajectories = np.array([start for start, _, _ in pieces]), self._timed_flow(beam.deviations), []
-        for (start, constants, begin), end in zip(pieces, [*starts[1:], length], strict=True):
+        pieced = isinstance(unhindered, LayeredFlow | SwitchedFlow)
+        runs_ = unhindered.runs(state[0], limit[0]) if pieced else [(0.0, unhindered, limit[0], state[0])]
+        starts, trajectories = np.array([start for start, *_ in runs_]), []
+        for (start, flow, constants, begin), end in zip(runs_, [*starts[1:], length], strict=True):
             run = flow.trajectory(
                 np.array([0.0, max(end - start, SHORTEST_RUN * length)]), begin, constants, dense=True
             )
@@ -338,9 +290,14 @@ class HamiltonRays:
     def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:
         """See :meth:`varcalc.optics.models.model.Carrier.onward`; in a table rays go to ``path``."""
         if not isinstance(self.medium, Tabulated):
-            landing = self._timed_flow(beam.deviations).ensemble(packed(beam), np.zeros((len(beam), 0)), until=sigma)
-            there = (landing.outcomes == COMPLETED) & (landing.reached == sigma)
-            return self._known(np.where(there[:, None], landing.states, np.nan)), sigma
+            flow = self._timed_flow(beam.deviations)
+            begin, none, crossed = packed(beam), np.zeros((len(beam), 0)), beam.crossed
+            if isinstance(flow, SwitchedFlow):
+                landing, crossed = flow.crossing(begin, none, until=sigma, crossed=crossed)
+            else:
+                landing = flow.ensemble(begin, none, until=sigma)
+            there = (landing.outcomes == COMPLETED) & (np.abs(landing.reached - sigma) <= SAME_SIGMA * sigma)
+            return replace(self._known(np.where(there[:, None], landing.states, np.nan)), crossed=crossed), sigma
         states, grown = packed(beam), np.zeros(len(beam))
         ahead = np.flatnonzero(path > beam.optical_path)
         if len(ahead):
@@ -349,6 +306,18 @@ class HamiltonRays:
             states[ahead] = np.where(there[:, None], landing.states, np.nan)
             grown[ahead] = landing.reached
         return self._known(states), grown
+
+    @cached_property
+    def jumps(self) -> bool:
+        """Whether the index jumps inside the medium, so that neighbouring rays may part."""
+        return jumping(self.medium, self.dimension)
+
+    def crossed(self, beam: Beam, limit: np.ndarray) -> np.ndarray:
+        """What rays have come through (m,) at optical paths ``limit`` (m,), whatever surfaces there are: see `Beam`."""
+        flow = self._unhindered.stopped_flow(beam.deviations, True)
+        if not isinstance(flow, SwitchedFlow):
+            return beam.crossed
+        return flow.crossing(packed(beam), limit[:, None], crossed=beam.crossed)[1]
 
     def _sound(self, states: np.ndarray) -> np.ndarray:
         """True (m,) for rays of which |p| = n still holds."""
@@ -362,13 +331,17 @@ class HamiltonRays:
         states[~self._sound(states)] = np.nan
         return unpacked(states, self.dimension)
 
-    def _timed_flow(self, neighbours: int) -> Flow:
+    def _timed_flow(self, neighbours: int) -> Flow | SwitchedFlow:
         """The compiled system for runs to known σ."""
         with _ONE_AT_A_TIME:
             if neighbours not in self._timed_flows:
-                system = ray_system(self.medium, self.dimension, neighbours)
-                self._timed_flows[neighbours] = integrators.for_many().compile(system)
+                self._timed_flows[neighbours] = self._timed(neighbours)
             return self._timed_flows[neighbours]
+
+    def _timed(self, neighbours: int) -> Flow | SwitchedFlow:
+        if not isinstance(self.medium, Tabulated) and switching(self.medium, self.dimension):
+            return SwitchedFlow(self.medium, self.dimension, neighbours, lambda state, constants: ca.SX(0, 1), 0)
+        return integrators.for_many().compile(ray_system(self.medium, self.dimension, neighbours))
 
     @cached_property
     def _unhindered(self) -> HamiltonRays:

@@ -19,6 +19,7 @@ from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import TAU, reached
 from varcalc.optics.media.medium import Field, Medium, Radial, Stratified
 from varcalc.optics.models.hamilton import HamiltonRays
+from varcalc.optics.models.jumps import jumping
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model, Question
 from varcalc.optics.models.range_function import RangeFunction
 from varcalc.optics.models.reduction import SIGMA, AboutCentre, Profile, ReducedRays, deviations, reduction
@@ -62,6 +63,11 @@ class Invariants(Model):
                 "Invariants needs an index of the height alone (Stratified) or of the distance from a centre (Radial), "
                 f"not {type(medium).__name__}; take Hamilton()"
             )
+        if jumping(medium, dimension):
+            raise DoesNotApply(
+                "Invariants needs an index without jumps, at which rays may turn back without coming to rest; "
+                "take Hamilton(), or put a surface between two media"
+            )
         for geometry in surfaces:
             if not (_kept_by_layers(geometry) if isinstance(medium, Stratified) else _about(medium, geometry)):
                 kind = (
@@ -75,7 +81,8 @@ class Invariants(Model):
 
     def between(self, question: Question) -> Rays | None:
         """See :meth:`Model.between`: by the range function, where there is one medium and no surface."""
-        if question.surfaces or question.media[0].is_uniform:
+        medium, a = question.media[0], question.a
+        if question.surfaces or medium.is_uniform or jumping(medium, len(a)):
             return None
         function, a, b = RangeFunction(question.media[0]), question.a[None], question.b[None]
         if not function.applies(a, b)[0]:

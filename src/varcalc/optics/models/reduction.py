@@ -27,15 +27,12 @@ from varcalc.numerics.one_coordinate.motions import MotionPoint
 from varcalc.numerics.one_coordinate.potential import FAR, PLACES, Potential
 from varcalc.numerics.one_coordinate.quadrature import BY_C, TAU
 from varcalc.optics.media.medium import Expression, Medium, Radial
+from varcalc.optics.models.jumps import LOG_RADIUS_LIMIT, switched
 from varcalc.optics.rays.beam import Beam, frames
 from varcalc.symbolic.differences import carry, displaced
 from varcalc.symbolic.evaluation import Columns, PointEvaluator
-from varcalc.symbolic.places import places
-from varcalc.symbolic.switches import switches
 from varcalc.symbolic.variation import gentle_boxes
 
-LOG_RADIUS_LIMIT = 330.0
-"""Of |ln(r/r₀)|: beyond it r² is no number."""
 PATH, SIGMA = 1, 2
 """The columns of the integrals, after τ, that hold the optical path and σ."""
 MOST_BOXES = 20_000
@@ -89,13 +86,8 @@ class Profile(RayPotential):
     def _switched(self, g: Expression, u: Expression) -> np.ndarray:
         """Where g has kinks or jumps; none where there are too many to be placed."""
         far = LOG_RADIUS_LIMIT if self.about_centre else FAR * max(1.0, abs(self.probe))
-        found: list[float] = []
-        for switch in switches([g], [u]):
-            here = places(switch, u, (-far, far), found) if switch.depends_on(u) else []
-            if here is None:
-                return np.zeros(0)
-            found += here
-        return np.unique(found)
+        found = switched(g, u, far)
+        return np.zeros(0) if found is None else found
 
     @property
     def stops(self) -> np.ndarray:

@@ -9,14 +9,13 @@ equations' solutions that begin with δr = 0 and δp across the ray.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from varcalc.optics.media.medium import Field
 from varcalc.optics.surfaces import Geometry
 
 
@@ -81,7 +80,9 @@ MESSAGES = {
 class Beam(Rows):
     """m rays in d dimensions, with k deviations each: ``position`` and ``momentum`` (m, d), ``optical_path`` (m,).
 
-    ``moved`` and ``turned`` (m, k, d) are the deviations of position and momentum.
+    ``moved`` and ``turned`` (m, k, d) are the deviations of position and momentum. ``crossed`` (m,) says by a number
+    which jumps of the index inside media a ray has come through, or been turned back by, in which order: rays of which
+    it differs are no neighbours. Zero, where it is left out: none.
     """
 
     position: np.ndarray
@@ -89,6 +90,11 @@ class Beam(Rows):
     optical_path: np.ndarray
     moved: np.ndarray
     turned: np.ndarray
+    crossed: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        if len(self.crossed) != len(self.position):
+            object.__setattr__(self, "crossed", np.zeros(len(self.position)))
 
     @property
     def dimension(self) -> int:
@@ -107,7 +113,7 @@ class Beam(Rows):
 
 
 def packed(beam: Beam) -> np.ndarray:
-    """The states (m, N) of :func:`varcalc.optics.models.hamilton.ray_system` for the rays of ``beam``."""
+    """The states (m, N) of :func:`varcalc.optics.models.equations.ray_system` for the rays of ``beam``."""
     pairs = np.concatenate([beam.moved, beam.turned], axis=2).reshape(len(beam), 2 * beam.deviations * beam.dimension)
     return np.column_stack([beam.position, beam.momentum, beam.optical_path, pairs])
 
@@ -177,7 +183,13 @@ def frames(directions: np.ndarray) -> np.ndarray:
     return np.stack([first, np.cross(directions, first)], axis=1)
 
 
-def at_surface(beam: Beam, geometry: Geometry, before: Field, after: Field, *, mirror: bool) -> tuple[Beam, np.ndarray]:
+SquaredIndex = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+"""From points (m, d) to n² (m,), its gradient (m, d) and its Hessian matrix (m, d, d), as a :class:`Field` has them."""
+
+
+def at_surface(
+    beam: Beam, geometry: Geometry, before: SquaredIndex, after: SquaredIndex, *, mirror: bool
+) -> tuple[Beam, np.ndarray]:
     """The rays of ``beam``, which are on the surface, refracted from one medium into the next or reflected.
 
     Returns them with True (m,) for those which are totally reflected; those

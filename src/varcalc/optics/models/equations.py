@@ -1,0 +1,75 @@
+"""Hamilton's ray equations as expressions, for any medium and with neighbours.
+
+dr/dσ = p, dp/dσ = ∇n²/2, dS/dσ = n² (Born and Wolf, sect. 3.2; Brizard, "An Introduction to Lagrangian Mechanics",
+sect. 3.3), and for the deviations of neighbours δr' = δp, δp' = H δr/2 with H the Hessian matrix of n² (sect. 1.4.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+
+from varcalc.optics.media.medium import Expression, Medium
+from varcalc.optics.media.tabulated import Tabulated, cubic
+
+
+@dataclass(frozen=True)
+class Force:
+    """n² (a scalar), ∇n²/2 (d,) and the latter's derivative along a deviation, as expressions of a position."""
+
+    squared: Expression
+    pull: Expression
+    along: Callable[[Expression], Expression]
+
+
+def force(squared: Expression, position: Expression) -> Force:
+    """The force of any n², an expression of the symbols ``position``."""
+    pull = ca.gradient(squared, position) / 2
+    return Force(squared, pull, lambda moved: ca.jtimes(pull, position, moved))
+
+
+def force_through(function: ca.Function, u: Expression, position: Expression) -> Force:
+    """The force of n² = F(u), by the chain rule; ∇u and u's second derivatives are simple."""
+    symbol = ca.SX.sym("u")
+    squared = function(symbol)
+    half = ca.gradient(squared, symbol) / 2
+    orders = ca.Function("orders", [symbol], [squared, half, ca.gradient(half, symbol)])
+    squared, half, bend = orders(u)
+    slope = ca.gradient(u, position)
+    hessian = ca.jacobian(slope, position)
+
+    def along(moved: Expression) -> Expression:
+        return half * (hessian @ moved) + (bend * ca.dot(slope, moved)) * slope
+
+    return Force(squared, half * slope, along)
+
+
+def ray_rates(force: Force, state: Expression, dimension: int) -> Expression:
+    """Hamilton's ray equations: of r, p, S, then δr and δp of each neighbour."""
+    d = dimension
+    rates = [state[d : 2 * d], force.pull, force.squared]
+    for first in range(2 * d + 1, state.numel(), 2 * d):
+        rates += [state[first + d : first + 2 * d], force.along(state[first : first + d])]
+    return ca.cse(ca.densify(ca.vertcat(*rates)))
+
+
+def force_of(medium: Medium, position: Expression, constants: Expression) -> Force:
+    """The force of ``medium``; of one layer of a table, whose ``constants`` are given."""
+    if isinstance(medium, Tabulated):
+        return force(cubic(position[position.numel() - 1], constants), position)
+    known = medium.through(position)
+    return force(medium.squared_index(position), position) if known is None else force_through(*known, position)
+
+
+def ray_system(medium: Medium, dimension: int, neighbours: int) -> ca.Function:
+    """Hamilton's ray equations with ``neighbours`` deviations, as the engines take a system.
+
+    The state is r, p, S, then δr and δp of each neighbour. There are no
+    constants, but for those of one layer where the medium is a table.
+    """
+    s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * dimension + 1 + 2 * dimension * neighbours)
+    constants = ca.SX.sym("c", 6 if isinstance(medium, Tabulated) else 0)
+    here = force_of(medium, state[:dimension], constants)
+    return ca.Function("rays", [s, state, constants], [ray_rates(here, state, dimension)])

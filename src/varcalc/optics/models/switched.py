@@ -1,0 +1,258 @@
+"""Rays through kinks and jumps inside one medium, piece by piece of its index.
+
+The index is read: on one side of each of its switches it is smooth, and their arguments are stops. A ray that comes
+to one is refracted into the next piece by Snell's law, which at a kink leaves it as it is, or totally reflected; with
+it go its neighbours, whom the surface bends otherwise. No step goes over a kink or a jump.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from threading import Lock
+
+import casadi as ca
+import numpy as np
+
+from varcalc import integrators
+from varcalc.integrators import OUTCOMES, Flow, Landing, Outcome
+from varcalc.optics.media.medium import Expression, Field, Medium
+from varcalc.optics.models.equations import force, ray_rates
+from varcalc.optics.rays.beam import at_surface, packed, unpacked
+from varcalc.optics.surfaces import Geometry, Surface
+from varcalc.symbolic.pieces import Piece, Pieces
+
+STOPPED, NOT_FINITE, TOO_MANY = (
+    OUTCOMES.index(o) for o in (Outcome.STOPPED, Outcome.NOT_FINITE, Outcome.TOO_MANY_STEPS)
+)
+MOST_CROSSINGS = 20_000
+"""Kinks and jumps that one ray comes to."""
+AHEAD = 1e-12
+"""Of the size of the scene: it is asked so far ahead on which side of its other switches a ray goes on."""
+SAME_INDEX = 1e-12
+"""Of n²: where it changes by less, there is no jump."""
+MIXED, MOST_MIXED = 1_000_003.0, 2.0**31
+"""How the numbers of jumps make one number."""
+ON_END = 1e-13
+"""Of its slope and the size of the scene: an argument so small is zero."""
+_ONE_AT_A_TIME = Lock()
+"""Threads that need the same piece wait for the one that compiles it."""
+UserStops = Callable[[Expression, Expression], Expression]
+"""From a state and constants to the stopping functions that the caller asks for."""
+
+
+@dataclass(frozen=True)
+class OnePiece(Medium):
+    """The medium in which n² is the same smooth ``expression`` of ``position`` everywhere."""
+
+    expression: Expression
+    position: Expression
+
+    def index(self, position: Expression) -> Expression:
+        """n at ``position``."""
+        return ca.sqrt(self.squared_index(position))
+
+    def squared_index(self, position: Expression) -> Expression:
+        """n² at ``position``."""
+        return ca.substitute(self.expression, self.position, position)
+
+
+@dataclass(frozen=True)
+class EndOfPiece(Surface):
+    """The surface on which a switch of the index is: ``argument`` of ``position`` is zero."""
+
+    argument: Expression
+    position: Expression
+
+    def level(self, position: Expression) -> Expression:
+        """The argument at ``position``."""
+        return ca.substitute(self.argument, self.position, position)
+
+
+@dataclass(frozen=True)
+class Region:
+    """One piece of a medium: its n² on arrays, its ends as surfaces, and its rays with the ends as their last stops."""
+
+    piece: Piece
+    field: Field
+    ends: tuple[Geometry, ...]
+    flow: Flow
+
+
+@dataclass
+class SwitchedFlow:
+    """A flow through the pieces of one ``medium``; ``stops`` are the caller's, of states and so many ``constants``."""
+
+    medium: Medium
+    dimension: int
+    neighbours: int
+    stops: UserStops
+    constants: int
+    _regions: dict[tuple[int, ...], Region] = field(default_factory=dict, init=False, repr=False)
+
+    @cached_property
+    def _position(self) -> Expression:
+        return ca.SX.sym("r", self.dimension)
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        return Pieces(ca.SX(self.medium.squared_index(self._position)), self._position)
+
+    @cached_property
+    def _own(self) -> int:
+        """How many stops are the caller's."""
+        state, numbers = (ca.SX.sym(name, size) for name, size in (("Y", self._size), ("c", self.constants)))
+        return int(ca.SX(self.stops(state, numbers)).numel())
+
+    @property
+    def _size(self) -> int:
+        return 2 * self.dimension + 1 + 2 * self.dimension * self.neighbours
+
+    def ensemble(
+        self, states: np.ndarray, constants: np.ndarray, *, until: np.ndarray | float = np.inf,
+        leaving: tuple[int, ...] = (),
+    ) -> Landing:  # fmt: skip
+        """See :meth:`varcalc.integrators.protocol.Flow.ensemble`."""
+        return self.crossing(states, constants, until=until, leaving=leaving)[0]
+
+    def crossing(
+        self, states: np.ndarray, constants: np.ndarray, *, until: np.ndarray | float = np.inf,
+        leaving: tuple[int, ...] = (), crossed: np.ndarray | None = None,
+    ) -> tuple[Landing, np.ndarray]:  # fmt: skip
+        """The same, and what runs have come through (m,) after what they had ``crossed``: see :class:`Beam`."""
+        ends = Landing.at(states, outcome=TOO_MANY)
+        way = np.zeros(len(states)) if crossed is None else np.array(crossed)
+        for _ in self._rounds(ends, constants, until, leaving, way):
+            pass
+        return ends, way
+
+    def runs(self, state: np.ndarray, constants: np.ndarray) -> list[tuple[float, Flow, np.ndarray, np.ndarray]]:
+        """The pieces that one ray goes through: where each begins in σ, its flow with constants, the state there."""
+        ends = Landing.at(state[None, :])
+        return [
+            (float(ends.reached[0]), self._region(sides[0]).flow, constants, ends.states[0].copy())
+            for sides in self._rounds(ends, constants[None, :], np.inf, (), np.zeros(1))
+        ]
+
+    def _region(self, sides: np.ndarray) -> Region:
+        """The piece on the ``sides`` (switches,), compiled when it is first needed."""
+        key = tuple(int(side) for side in sides)
+        with _ONE_AT_A_TIME:
+            if key not in self._regions:
+                self._regions[key] = self._compiled(self._pieces.piece(key))
+            return self._regions[key]
+
+    def _compiled(self, piece: Piece) -> Region:
+        d, position = self.dimension, self._position
+        s, state, numbers = ca.SX.sym("s"), ca.SX.sym("Y", self._size), ca.SX.sym("c", self.constants)
+        medium = OnePiece(piece.expression, position)
+        rates = ray_rates(force(medium.squared_index(state[:d]), state[:d]), state, d)
+        surfaces = [EndOfPiece(end, position) for end in piece.ends]
+        levels = ca.vertcat(self.stops(state, numbers), *(surface.level(state[:d]) for surface in surfaces))
+        system = ca.Function("rays", [s, state, numbers], [rates])
+        watched = ca.Function("stops", [s, state, numbers], [levels])
+        flow = integrators.for_many().compile(system, watched)
+        return Region(piece, Field(medium, d), tuple(Geometry(surface, d) for surface in surfaces), flow)
+
+    def _rounds(
+        self,
+        ends: Landing,
+        constants: np.ndarray,
+        until: np.ndarray | float,
+        leaving: tuple[int, ...],
+        crossed: np.ndarray,
+    ) -> Iterator[np.ndarray]:
+        """Carry all rays through one piece after the other, in place; the sides (m, switches) before each."""
+        m = len(ends.states)
+        last = np.array(np.broadcast_to(np.asarray(until, dtype=float), (m,)))
+        alive = np.arange(m)
+        sides = self._pieces.sides(self._ahead(ends.states))
+        for _ in range(MOST_CROSSINGS):
+            yield sides
+            following = sides.copy()
+            going = []
+            for key, rows in _alike(sides[alive], alive):
+                region = self._region(key)
+                for standing, some in _alike(self._on_ends(region, ends.states[rows]), rows):
+                    on = tuple(int(k) + self._own for k in np.flatnonzero(standing))
+                    landing = region.flow.ensemble(
+                        ends.states[some], constants[some], until=last[some] - ends.reached[some],
+                        leaving=(*leaving, *on),
+                    )  # fmt: skip
+                    ends.states[some], ends.outcomes[some] = landing.states, landing.outcomes
+                    ends.stopped_by[some] = landing.stopped_by
+                    ends.reached[some] += landing.reached
+                here = rows[(ends.outcomes[rows] == STOPPED) & (ends.stopped_by[rows] >= self._own)]
+                for end in np.unique(ends.stopped_by[here]) - self._own:
+                    going.append(here[ends.stopped_by[here] == end + self._own])
+                    self._cross(ends, following, region, int(end), going[-1], crossed)
+            alive, leaving, sides = np.concatenate([alive[:0], *going]), (), following
+            alive = alive[ends.outcomes[alive] != NOT_FINITE]
+            if len(alive) == 0:
+                return
+            ends.outcomes[alive] = TOO_MANY
+
+    def _ahead(self, states: np.ndarray) -> np.ndarray:
+        """Places (m, d) a little ahead of rays."""
+        d = self.dimension
+        p = states[:, d : 2 * d]
+        with np.errstate(all="ignore"):
+            ahead = p / np.linalg.norm(p, axis=1)[:, None]
+        return states[:, :d] + AHEAD * _size(states[:, :d])[:, None] * np.nan_to_num(ahead)
+
+    def _on_ends(self, region: Region, states: np.ndarray) -> np.ndarray:
+        """Which ends of the region rays stand on, 0 or 1 (m, ends)."""
+        position = states[:, : self.dimension]
+        on = np.zeros((len(states), len(region.ends)), dtype=int)
+        for k, end in enumerate(region.ends):
+            away = end.distance(position)
+            on[:, k] = away <= ON_END * _size(position)
+        return on
+
+    def _cross(
+        self, ends: Landing, sides: np.ndarray, region: Region, end: int, rows: np.ndarray, crossed: np.ndarray
+    ) -> None:
+        """Refract rays at one end of their region, or reflect them totally, in place; and on which sides they go on."""
+        d, states = self.dimension, ends.states[rows]
+        beam, changed = unpacked(states, d), region.piece.beyond[end]
+        beyond = self._pieces.sides(self._ahead(states))
+        for number, side in changed.items():
+            beyond[:, number] = side
+        for key, some in _alike(beyond, np.arange(len(rows))):
+            here, part, there = rows[some], beam.take(some), self._region(key).field
+            out, total = at_surface(part, region.ends[end], region.field, _levelled(region.field, there), mirror=False)
+            back = np.flatnonzero(total)
+            mirrored = at_surface(part.take(back), region.ends[end], region.field, region.field, mirror=True)[0]
+            ends.states[here], ends.states[here[back]] = packed(out), packed(mirrored)
+            ends.outcomes[here[~np.isfinite(there(part.position)[0])]] = NOT_FINITE
+            sides[here[~total]] = key
+            number = min(changed) + 1
+            turned = np.abs(out.momentum - part.momentum).max(axis=1)
+            passed = np.where(total, -number, number * (turned > SAME_INDEX * np.linalg.norm(part.momentum, axis=1)))
+            told = np.flatnonzero(passed)
+            crossed[here[told]] = np.mod(crossed[here[told]] * MIXED + passed[told], MOST_MIXED)
+
+
+def _levelled(before: Field, after: Field) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """n² and its derivatives ``after`` an end, n² as ``before`` it where there is no more than a kink."""
+
+    def squared(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        (old, _, _), (new, gradient, hessian) = before(points), after(points)
+        return np.where(np.abs(new - old) <= SAME_INDEX * np.abs(old), old, new), gradient, hessian
+
+    return squared
+
+
+def _size(position: np.ndarray) -> np.ndarray:
+    """How large coordinates (m, d) are (m,); one where they are zero."""
+    size = np.abs(position).max(axis=1, initial=0.0)
+    return np.where(size > 0, size, 1.0)
+
+
+def _alike(keys: np.ndarray, rows: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The different ``keys`` (k, ...) of the ``rows`` (k,), each with the rows that have it."""
+    if len(rows) == 0 or keys.shape[1] == 0:
+        return [(keys[0], rows)] if len(rows) else []
+    names, number = np.unique(keys, axis=0, return_inverse=True)
+    return [(name, rows[number.ravel() == k]) for k, name in enumerate(names)]

@@ -1,0 +1,118 @@
+"""Kinks and jumps of the index inside one medium, against broken straight lines, arcs and images."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from varcalc import optics
+
+MEDIA = {
+    "layers": optics.Stratified,
+    "graded": lambda n: optics.Graded(lambda x, y: n(y)),
+}
+
+
+def bowl(a, b):
+    return lambda y: ca.sqrt(a - b * ca.fabs(y))
+
+
+@pytest.mark.parametrize("kind", MEDIA)
+def test_a_ray_over_a_kink_is_made_of_parabolas(kind):
+    a, b, theta, sigma = 1.5, 0.8, 0.3, 7.0
+    scene = optics.Scene(MEDIA[kind](bowl(a, b)))
+    px, py = np.sqrt(a) * np.array([np.cos(theta), np.sin(theta)])
+    # from y = 0 upwards and back takes σ = 4 py/b; then the same below: y = py s - b s²/4
+    arch = 4 * py / b
+    turns, rest = divmod(sigma, arch)
+    y = (-1) ** turns * (py * rest - b * rest**2 / 4)
+    whole = a * arch - b * (py * arch**2 / 2 - b * arch**3 / 12)
+    path = turns * whole + a * rest - b * (py * rest**2 / 2 - b * rest**3 / 12)
+    bundle = scene.trace((0, 0), (px, py), optical_path=path, model=optics.Hamilton())
+    np.testing.assert_allclose(bundle.points[0], [px * sigma, y], atol=2e-13)
+    assert bundle.status[0] == optics.RayStatus.ARRIVED
+
+
+@pytest.mark.parametrize("kind", MEDIA)
+@pytest.mark.parametrize("angle", [-0.3, -0.7, -1.2, 0.4])
+def test_a_jump_refracts_and_reflects_as_a_surface_does(kind, angle):
+    thick, thin = 1.5, 1.0
+    heading = np.array([np.cos(angle), np.sin(angle)])
+    scene = optics.Scene(MEDIA[kind](lambda y: ca.if_else(y > 0, thick, thin)))
+    bundle = scene.trace((0, 1), heading, optical_path=9.0)
+    first = -1 / heading[1] if heading[1] < 0 else np.inf
+    if thick * first > 9:
+        end, last = np.array([0, 1]) + heading * 9 / thick, heading
+    else:
+        along = thick * heading[0] / thin
+        total = along > 1
+        last = np.array([heading[0], -heading[1]]) if total else np.array([along, -np.sqrt(1 - along**2)])
+        end = np.array([first * heading[0], 0]) + last * (9 - thick * first) / (thick if total else thin)
+    np.testing.assert_allclose(bundle.points[0], end, atol=1e-13)
+    np.testing.assert_allclose(bundle.directions[0], last, atol=1e-14)
+
+
+def test_neighbours_go_through_kinks_and_jumps_with_their_ray():
+    # a lens with an edge and a cusp inside: no layers, no centre
+    lens = optics.Graded(
+        lambda x, y: ca.if_else(x**2 + 2 * y**2 < 1, 1.4 - 0.2 * ca.fabs(x - 0.3 * y), 1 + 0.05 * ca.sin(x + y))
+    )
+    scene = optics.Scene(lens)
+    angles, step = np.linspace(-0.35, 0.35, 9), 1e-5
+    fan = lambda turn: np.column_stack([np.cos(angles + turn), np.sin(angles + turn)])  # noqa: E731
+    middle = scene.trace((-2, 0), fan(0), optical_path=5.0, with_spreading=True)
+    sides = [scene.trace((-2, 0), fan(way * step), optical_path=5.0).points for way in (-1, 1)]
+    across = np.column_stack([-middle.directions[:, 1], middle.directions[:, 0]])
+    moved = np.abs(np.sum((sides[1] - sides[0]) / (2 * step) * across, axis=1))
+    assert np.ptp(moved) > 1  # some are gathered, others spread
+    np.testing.assert_allclose(middle.spreading, moved, rtol=1e-7)
+
+
+@pytest.mark.parametrize("kind", MEDIA)
+def test_a_ray_that_is_totally_reflected_is_found_beside_the_straight_one(kind):
+    scene = optics.Scene(MEDIA[kind](lambda y: ca.if_else(y > 0, 1.5, 1.0)))
+    rays = scene.rays((0, 1), (3, 0.5))
+    np.testing.assert_allclose([ray.optical_path for ray in rays], 1.5 * np.hypot(3, [0.5, 1.5]), rtol=1e-14)
+    assert rays.unresolved == 0
+    # closer, the reflected one would be too steep; there is the straight one
+    assert len(scene.rays((0, 1), (1, 0.5))) == 1
+    # and what is refracted comes to the other side, once
+    (through,) = scene.rays((0, 1), (1, -1))
+    x = 1 / through.tangents[0][1] * -through.tangents[0][0]
+    np.testing.assert_allclose(through.optical_path, 1.5 * np.hypot(x, 1) + np.hypot(1 - x, 1), rtol=1e-14)
+    np.testing.assert_allclose(1.5 * through.tangents[0][0], through.tangents[1][0], rtol=1e-13)
+
+
+def test_rays_of_a_step_index_guide_are_those_of_its_images():
+    half, core, within = 0.2, 1.5, 2.6
+    scene = optics.Scene(optics.Stratified(lambda y: ca.if_else(ca.fabs(y) < half, core, 1.0)))
+    a, b = np.array([0.0, 0.1]), np.array([1.6, -0.05])
+    rays = scene.rays(a, b, within=within)
+    # images of the receiver in both walls; what is steeper than the critical angle leaves the core
+    heights = [2 * half * k + (-1) ** k * b[1] - a[1] for k in range(-9, 10)]
+    paths = [core * np.hypot(b[0], h) for h in heights if b[0] / np.hypot(b[0], h) > 1 / core]
+    paths = np.sort([path for path in paths if path <= within])
+    assert len(paths) > 3
+    np.testing.assert_allclose([ray.optical_path for ray in rays], paths, rtol=1e-13)
+    assert rays.unresolved == 0
+
+
+def test_layers_that_jump_are_no_matter_of_quadrature_and_continuous_ones_are():
+    jump = optics.Stratified(lambda y: ca.if_else(y > 0, 1.5, 1.0))
+    with pytest.raises(optics.DoesNotApply, match="without jumps"):
+        optics.Scene(jump).trace((0, 1), (1, -1), optical_path=1.0, model=optics.Invariants())
+    # a comparison that leaves the index continuous is a kink
+    bent = optics.Scene(optics.Stratified(lambda y: ca.sqrt(ca.if_else(y > 1, 1 - 0.5 * (y - 1), 1.0))))
+    assert {ray.model for ray in bent.rays((0, 0), (4, 0))} == {"invariants and quadrature"}
+
+
+def test_kinks_in_a_graded_medium_have_the_rays_of_layers():
+    n = bowl(1.5, 0.8)
+    a, b = (0, 0.3), (2, -0.2)
+    layers, graded = (optics.Scene(MEDIA[kind](n)).rays(a, b, within=6) for kind in MEDIA)
+    assert layers.unresolved == graded.unresolved == 0
+    assert len(layers) == len(graded) == 4
+    for one, other in zip(layers, graded, strict=True):
+        assert one.index == other.index
+        np.testing.assert_allclose(one.optical_path, other.optical_path, rtol=1e-13)
+        s = np.linspace(0.1, 0.9, 5) * one.optical_path
+        np.testing.assert_allclose(one.point(s), other.point(s), atol=1e-11)

@@ -1,0 +1,47 @@
+import casadi as ca
+import numpy as np
+import pytest
+
+from varcalc.symbolic.pieces import Pieces
+
+WRITTEN = {
+    "size": lambda x, y: ca.fabs(x - y) * y,
+    "nested": lambda x, y: ca.fabs(ca.fabs(x) - 0.5) + y,
+    "larger": lambda x, y: ca.fmax(x, y**2) - ca.fmin(x * y, 0.3),
+    "branches": lambda x, y: ca.if_else(y > 0.1, ca.sqrt(y), ca.exp(x)),
+    "both": lambda x, y: ca.if_else(ca.logic_and(x > 0, y <= 0.3), 2.0, ca.if_else(x < -0.5, y, x)),
+    "steps": lambda x, y: ca.floor(3 * x) + ca.ceil(2 * y - x),
+    "rests": lambda x, y: ca.fmod(3 * x, 0.7) + ca.remainder(y, 0.3),
+    "signs": lambda x, y: ca.sign(x) * y + ca.copysign(y, x - y),
+    "checkerboard": lambda x, y: ca.if_else(ca.fmod(ca.floor(4 * x + 9) + ca.floor(4 * y + 9), 2) == 0, x, y),
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_piece_is_the_expression_on_its_sides_and_its_ends_are_where_it_stops_being_so(name):
+    r = ca.SX.sym("r", 2)
+    expression = ca.SX(WRITTEN[name](r[0], r[1]))
+    pieces, own = Pieces(expression, r), ca.Function("own", [r], [expression])
+    points = np.random.default_rng(5).uniform(-1, 1, (300, 2))
+    sides = pieces.sides(points)
+    assert len(np.unique(sides, axis=0)) > 1
+    for key in np.unique(sides, axis=0):
+        piece = pieces.piece(key)
+        here = ca.Function("piece", [r], [ca.vertcat(piece.expression, *piece.ends)])
+        inside = points[np.all(sides == key, axis=1)]
+        values = np.array([np.array(here(point)).ravel() for point in inside])
+        np.testing.assert_allclose(values[:, 0], [float(own(point)) for point in inside], rtol=1e-14, atol=1e-15)
+        # no end changes its sign inside the piece: each is a line on one side of which the piece lies
+        assert all(np.all(column > 0) or np.all(column < 0) for column in values[:, 1:].T if len(column))
+
+
+def test_beyond_an_end_are_the_sides_of_the_next_piece():
+    r = ca.SX.sym("r", 1)
+    pieces = Pieces(ca.floor(r) + ca.fabs(r - 0.25) + ca.if_else(0.25 - r > 0, 1, 2), r)
+    sides = pieces.sides(np.array([[0.1], [0.4], [1.1]]))
+    piece = pieces.piece(sides[0])
+    ends = ca.Function("ends", [r], list(piece.ends))
+    for key, place in ((sides[1], 0.25), (sides[2] * [1, 0, 0] + sides[0] * [0, 1, 1], 1.0)):
+        (end,) = (k for k, value in enumerate(np.ravel(ends(place))) if value == 0)
+        expected = {number: side for number, (side, old) in enumerate(zip(key, sides[0], strict=True)) if side != old}
+        assert piece.beyond[end] == expected
