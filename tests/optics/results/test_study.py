@@ -112,6 +112,29 @@ def test_every_scene_of_the_catalogue_is_a_study(name):
 
 
 @pytest.mark.parametrize(
+    ("name", "most"),
+    [
+        ("mirrors", 1e-14),
+        ("wavy_layers", 1e-14),
+        ("linear_layers", 1e-9),  # a curvature is a derivative of what is known to 1e-14
+        ("elliptic_rays", 1e-13),
+        ("deviating_rays", 1e-11),
+    ],
+)
+def test_scenes_are_what_is_known_of_them(name, most):
+    errors = load_study(name).errors()
+    assert len(errors) > 1
+    assert max(errors.values()) < most
+
+
+def test_what_is_known_is_told():
+    study = optics.Study(FALLING, ORIGIN, FAN[:2], 0.5, known={"a thing": lambda scene: 0.25})
+    seen = study.run()
+    assert "a thing: missed by 2.5e-01" in seen.table()
+    assert seen.document()["errors"] == {"a thing": 0.25}
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [("study = 1", "must be a varcalc.optics.Study"), ("x = 1", "defines no `study`"), ("1/0", "line 1")],
 )

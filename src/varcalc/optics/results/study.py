@@ -6,8 +6,9 @@ A study is declared; :meth:`Study.run` carries it out and gives plain arrays, wh
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,9 @@ class Study:
     within : float, optional
         The optical path up to which rays to the receiver are looked for; see :meth:`Scene.rays`.
     title : str
+    known : mapping of str to callable
+        What is known of the rays of the scene: names, and functions that take the scene to the largest error against
+        what is known, relative to its size.
 
     Raises
     ------
@@ -65,6 +69,7 @@ class Study:
     wavefronts: int = 0
     within: float | None = None
     title: str = ""
+    known: Mapping[str, Callable[[Scene], float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not isinstance(self.scene, Scene):
@@ -101,6 +106,10 @@ class Study:
             arrivals=arrivals,
             arriving=tuple(_track(ray.point, ray.optical_path, RayStatus.ARRIVED) for ray in arrivals or ()),
         )
+
+    def errors(self) -> dict[str, float]:
+        """By how much the rays of the scene miss what is known of them: the largest errors, by name."""
+        return {name: float(missed(self.scene)) for name, missed in self.known.items()}
 
     def _fronts(self) -> list[Wavefront]:
         rays = _denser(self.rays)
@@ -153,6 +162,11 @@ class Seen:
     arrivals: Rays | None
     arriving: tuple[Track, ...]
 
+    @cached_property
+    def errors(self) -> dict[str, float]:
+        """See :meth:`Study.errors`."""
+        return self.study.errors()
+
     def background(self) -> Background:
         """Index and surfaces where the rays are, in the plane of the first and the last coordinate."""
         scene, d = self.study.scene, self.study.source.dimension
@@ -181,6 +195,8 @@ class Seen:
             lines.append(f"{len(self.caustic)} conjugate points on them")
         if self.arrivals is not None:
             lines += ["", *_arrival_lines(self.arrivals, self.study.receiver)]
+        if self.errors:
+            lines += ["", *(f"{name}: missed by {error:.1e}" for name, error in self.errors.items())]
         return "\n".join(lines)
 
     def document(self) -> dict[str, Any]:
@@ -200,6 +216,7 @@ class Seen:
             "caustic": self.caustic.points.tolist(),
             "receiver": None if self.study.receiver is None else list(self.study.receiver),
             "arrivals": rays,
+            "errors": self.errors,
             "reason": "" if self.arrivals is None else self.arrivals.reason,
             "searched": "" if self.arrivals is None else self.arrivals.searched,
         }
