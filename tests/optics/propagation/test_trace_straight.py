@@ -155,3 +155,18 @@ def test_spreading_of_a_uniform_medium_is_the_inverse_square_law():
 def test_bad_scenes_are_refused_with_a_sentence(call, error, message):
     with pytest.raises(error, match=message):
         call()
+
+
+def test_the_axial_ray_of_a_cartesian_oval_goes_to_the_focus_like_the_others():
+    # |r - F| + 1.5 |r - G| is the same on the oval, whose vertex is the origin: every ray from F comes to G
+    far, near = np.array([-2.0, 0.0]), np.array([1.5, 0.0])
+
+    def oval(x, y):
+        from_far, from_near = (ca.sqrt((x - f[0]) ** 2 + (y - f[1]) ** 2) for f in (far, near))
+        return from_far + 1.5 * from_near - 4.25
+
+    scene = optics.Scene([optics.Uniform(1.0), optics.Uniform(1.5)], optics.Implicit(oval))
+    angles = np.array([-0.1, 0.0, 1e-9, 0.1])
+    bundle = scene.trace(far, np.column_stack([np.cos(angles), np.sin(angles)]), optical_path=4.25)
+    assert np.all(bundle.status == optics.RayStatus.ARRIVED)
+    np.testing.assert_allclose(bundle.points, np.tile(near, (4, 1)), atol=1e-14)
