@@ -129,3 +129,93 @@ def test_saddles_and_discs():
     assert deep.value > certificate.upper
     with pytest.raises(vc.VariationalError, match="no certificate"):
         vc.certify(deep)
+
+
+def flat(x):
+    return 0.0 * x
+
+
+@pytest.mark.parametrize(
+    "lagrangian",
+    [
+        lambda x, y, v: v**2 / 2 + ca.fmin(0, -100 * (y - 3)),
+        lambda x, y, v: v**2 / 2 + ca.if_else(y > 3, -100, 0),
+        lambda x, y, v: v**2 / 2 - 100 * ca.sign(y - 3),
+        lambda x, y, v: v**2 / 2 - 50 * ca.fabs(y - 3) - 50 * y,
+        lambda x, y, v: v**2 / 2 + ca.fmin(0, -100 * (v - 3)),
+    ],
+)
+def test_a_kink_or_a_jump_off_the_curve_is_no_second_degree(lagrangian):
+    """Second derivatives do not tell of it; beyond it there are curves of far less value."""
+    solution = vc.solve(vc.Problem(lagrangian, vc.Fixed(0, 0), vc.Fixed(10, 0)), vc.Collocation(), guess=flat)
+    certificate = vc.certify(solution)
+    assert certificate.scope is not vc.certificates.Scope.ALL
+    assert certificate.tube <= 3 or certificate.slopes <= 3
+
+
+def test_a_kink_in_the_slope_off_the_curve_limits_the_slopes():
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + y**4 - 9 * ca.sign(ca.fabs(v) - 2), vc.Fixed(0, 0), vc.Fixed(1, 1))
+    certificate = vc.certify(vc.solve(problem, vc.Collocation(), guess=lambda x: x))
+    assert certificate.scope is vc.certificates.Scope.WEAK
+    assert certificate.slopes < 1.1
+
+
+def test_what_an_end_costs_may_have_a_kink_too():
+    problem = vc.Problem(
+        lambda x, y, v: (v**2 + y**2) / 2, vc.Fixed(0, 1), vc.Free(1), end_cost=lambda x0, y0, x1, y1: -ca.fabs(y1 + 2)
+    )
+    certificate = vc.certify(vc.solve(problem, vc.Collocation(), guess=lambda x: 1 + flat(x)))
+    assert certificate.scope is not vc.certificates.Scope.ALL
+
+
+@pytest.mark.parametrize("factor", [0.1, 3.0, 1e-9])
+def test_a_constant_before_a_length_is_squared_exactly(factor):
+    length = vc.Curve(lambda q, dq: factor * ca.sqrt(1.7 * dq[0] ** 2 + dq[1] ** 2) / 0.3, vc.At((0, 0)), vc.At((1, 1)))
+    low, high = bounds(vc.certify(vc.solve(length)))
+    exact = mpmath.mpf(factor) * mpmath.sqrt(1 + mpmath.mpf(1.7)) / mpmath.mpf(0.3)
+    assert low <= exact <= high
+    assert high - low < 1e-20 * exact
+
+
+def test_a_brachistochrone_whose_time_has_a_factor():
+    problem = vc.Problem(lambda x, y, v: 0.1 * ca.sqrt((1 + v**2) / y), vc.Fixed(0, 0), vc.Fixed(1, 1))
+    low, high = bounds(vc.certify(vc.solve(problem)))
+    t = mpmath.findroot(lambda t: (t - mpmath.sin(t)) - (1 - mpmath.cos(t)), 2.4)
+    exact = mpmath.mpf(0.1) * t * mpmath.sqrt(2 / (1 - mpmath.cos(t)))
+    assert low <= exact <= high
+
+
+def test_convexity_is_not_rounded_to_nearest():
+    """(y - v)^2 - 1e-18 y^2 is not convex, however little."""
+    problem = vc.Problem(
+        lambda x, y, v: (y - v) ** 2 - 1e-18 * y**2 + v**4 / 100, vc.Fixed(0, 0), vc.Fixed(1, 1)
+    )  # fmt: skip
+    assert vc.certify(vc.solve(problem)).scope is not vc.certificates.Scope.ALL
+
+
+def test_a_prescribed_integral_of_a_curve_whose_slope_is_held_too():
+    """int y''^2 with clamped ends and int y = c is 720 c^2, by 30 c x^2 (1 - x)^2."""
+    level = vc.Isoperimetric(lambda x, y, v, a: y, 0.3)
+    problem = vc.Problem(
+        lambda x, y, v, a: a**2, vc.Fixed(0, 0, dy=0), vc.Fixed(1, 0, dy=0), [level], order=2
+    )  # fmt: skip
+    low, high = bounds(vc.certify(vc.solve(problem)))
+    assert low <= 720 * mpmath.mpf(0.3) ** 2 <= high
+
+
+def test_a_prescribed_integral_of_a_curve_with_a_free_end():
+    """int v^2 from y(0) = 0 with int y = c is 3 c^2, by c (3 x - 3 x^2/2)."""
+    level = vc.Isoperimetric(lambda x, y, v: y, 0.3)
+    problem = vc.Problem(lambda x, y, v: v**2, vc.Fixed(0, 0), vc.Free(1), [level])
+    low, high = bounds(vc.certify(vc.solve(problem)))
+    assert low <= 3 * mpmath.mpf(0.3) ** 2 <= high
+
+
+def test_a_switch_that_hangs_on_an_angle_is_refused_and_no_raw_exception():
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + ca.atan2(x - 2, y - 3) ** 2 / 10 + ca.fabs(x - 0.5) * y,
+        vc.Fixed(0, 1),
+        vc.Fixed(1, 1.5),
+    )
+    with pytest.raises(vc.VariationalError, match="fabs, which switches there"):
+        vc.certify(vc.solve(problem))

@@ -19,6 +19,8 @@ import numpy as np
 
 ROUND_OFF, NOISE = 2.0**-51, 1e-13
 """Coefficients of a polynomial through doubles, relative to its values, that are round-off: at least and at most."""
+NARROW = 2.0**-60
+"""Share of a piece that no box is narrower than."""
 Ball: TypeAlias = Any
 """A python-flint ``arb``."""
 Series: TypeAlias = Any
@@ -152,6 +154,11 @@ class Box:
         if kept is None:
             kept = self._local[id(poly)] = poly, poly(flint().arb_poly([self.middle, self.width]))
         return kept[1]
+
+    @property
+    def narrow(self) -> bool:
+        """Whether the box is so narrow that halves of it would tell no more."""
+        return bool(self.width < NARROW)
 
     @property
     def at(self) -> float:

@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 
 from varcalc.certificates.balls import Ball, flint
+from varcalc.certificates.degree import apart, degrees
 from varcalc.certificates.jets import Jet, jets
 from varcalc.formulation import Form
 from varcalc.symbolic.instructions import Program
@@ -38,21 +39,19 @@ class Cost:
         return ca.Function("M", self._arguments, [ca.densify(self.form.symbols.kind(joint.cost))])
 
     @cached_property
-    def _hessian(self) -> Any:
-        joint = self.form.ends.joint
-        assert joint is not None
-        return ca.hessian(self.form.symbols.kind(joint.cost), ca.vertcat(*self._arguments[:3]))[0]
-
-    @cached_property
     def separate(self) -> bool:
         """Whether M is a sum of functions of one end each."""
-        n = self.form.n
-        return not self._hessian[:n, n:].nnz()
+        return apart(self.function, self._each(1, 2, 2))
 
     @cached_property
     def quadratic(self) -> bool:
-        """Whether the second derivatives of M are constant."""
-        return not ca.depends_on(self.form.symbols.kind(self._hessian), ca.vertcat(*self._arguments[:3]))
+        """Whether M is of second degree."""
+        return degrees(self.function, self._each(True, True, True))[0][0] <= 2.0
+
+    def _each(self, start: int, end: int, numbers: int) -> list[list[int]]:
+        """One number for each entry of each argument, none of the parameters."""
+        values = start, end, numbers, 0
+        return [[value] * int(a.numel()) for value, a in zip(values, self._arguments, strict=True)]
 
     @cached_property
     def _program(self) -> Program:

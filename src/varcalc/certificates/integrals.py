@@ -64,7 +64,7 @@ def along_curve(
             parts = max(2, math.ceil(min(MOST_PARTS, 1.0 + excess ** (1.0 / (TERMS + 1)))))
         except Undecided as undecided:
             reason = str(undecided)
-        if tried > MOST_BOXES:
+        if tried > MOST_BOXES or box.narrow:
             raise Unproved(f"the Lagrangian is not enclosed near {box.at:.6g}: {reason}")
         waiting += [(k, b) for b in reversed(box.split(parts))]
     return Along(value, residuals, boxes)

@@ -44,7 +44,8 @@ class Algebra:
 
     def sign(self, jet: Jet, name: str) -> int:
         """-1 or 1 where a jet keeps its sign; Undecided where it does not."""
-        known = self.switches[len(self.signs)] if self.switches else None
+        # after the first that is not known the way through the operations may be another
+        known = self.switches[len(self.signs)] if len(self.signs) < len(self.switches) else None
         sign = known or _sign(jet)
         if self.between:
             # after one that is not known whatever was taken for it may be what the next ones hang on

@@ -8,16 +8,18 @@ SIAM 2009, sect. 8.4): it needs not be known for which.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from varcalc.certificates.balls import Around, Ball, Box, Poly, Series, above, flint, integral
 from varcalc.certificates.curve import Piece, Samples
-from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Jet, Undecided
+from varcalc.certificates.integrals import Along, Unproved
+from varcalc.certificates.jets import Jet, Undecided, head
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement
+from varcalc.certificates.tube import Prover
 
 TERMS = 14
 """Order of the Taylor forms of integrals."""
@@ -29,35 +31,35 @@ BUMPS = 4
 
 @dataclass(frozen=True)
 class Bump:
-    """A polynomial in x, zero at both ends, that is added to one function."""
+    """A polynomial in x, zero at both ends with its derivatives below ``order``, that is added to one function."""
 
     function: int
     degree: int
     span: tuple[float, float]
+    order: int
 
-    def values(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The bump and its slope at x."""
-        poly = np.polynomial.Chebyshev.basis(self.degree, domain=list(self.span))
-        shape = np.polynomial.Polynomial.fromroots(self.span)
-        return poly(x) * shape(x), poly.deriv()(x) * shape(x) + poly(x) * shape.deriv()(x)
+    def values(self, x: np.ndarray) -> list[np.ndarray]:
+        """The bump at x and its derivatives up to ``order``."""
+        poly = np.polynomial.Chebyshev.basis(self.degree, domain=list(self.span)).convert(kind=np.polynomial.Polynomial)
+        bump = poly * np.polynomial.Polynomial.fromroots(self.span) ** self.order
+        return [bump.deriv(k)(x) if k else bump(x) for k in range(self.order + 1)]
 
-    def series(self, around: Around) -> tuple[Series, Series]:
-        """The bump and its slope as series, exactly the polynomial of :meth:`values`."""
+    @cached_property
+    def _polynomials(self) -> list[Poly]:
+        """Exactly the polynomials of :meth:`values`, in balls."""
         found = flint()
         a, b = (found.arb(v) for v in self.span)
-        x = around.abscissa()
-        t = (2 * x - (a + b)) / (b - a)
-        poly = found.arb_poly(found.fmpz_poly.chebyshev_t(self.degree))
-        shape = (x - a) * (x - b)
-        value, slope = _evaluated(poly, t), _evaluated(poly.derivative(), t) * 2 / (b - a)
-        return value * shape, slope * shape + value * (2 * x - (a + b))
+        t = found.arb_poly([-(a + b) / (b - a), 2 / (b - a)])
+        shape = found.arb_poly([-a, 1]) * found.arb_poly([-b, 1])
+        polys = [found.arb_poly(found.fmpz_poly.chebyshev_t(self.degree))(t) * shape**self.order]
+        for _ in range(self.order):
+            polys.append(polys[-1].derivative())
+        return polys
 
-
-def _evaluated(poly: Poly, t: Series) -> Series:
-    total = 0 * t
-    for c in reversed(poly.coeffs()):
-        total = total * t + c
-    return total
+    def series(self, around: Around) -> list[Series]:
+        """The bump and its derivatives as series."""
+        along = flint().arb_poly([around.box.x, around.box.unit])
+        return [around.series(poly(along)) for poly in self._polynomials]
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ class Meeting:
         """What is added of each bump, and :meth:`_slopes` for that."""
         found = flint()
         count = self.statement.levels
-        missed = [-self._missed(j) for j in range(count)]
+        missed = [-miss for miss in self.missed()]
         slopes = self._slopes([found.arb(0)] * count)
         steps = _solved([row[:] for row in slopes[1:]], missed)
         room = [found.arb(0, WIDER * float(abs(step).upper()) + 1e-300) for step in steps]
@@ -92,36 +94,41 @@ class Meeting:
             raise Unproved("no curve near the one that was found is proved to meet the prescribed integrals")
         return steps, slopes
 
-    def _missed(self, j: int) -> Ball:
-        level = flint().arb(self.statement.along.form.conditions.integrals[j].lower)
-        return self._integrated(lambda k, around: [self._at(k, around, [], 0)[1 + j].value])[0] - level
+    def missed(self) -> list[Ball]:
+        """By how much the integrals along the curve exceed what is prescribed."""
+        levels = [flint().arb(c.lower) for c in self.statement.along.form.conditions.integrals]
+        along = self._integrated(lambda k, around: [jet.value for jet in self._at(k, around, [], 0)[1:]])
+        return [value - level for value, level in zip(along, levels, strict=True)]
 
     def _slopes(self, room: Sequence[Ball]) -> list[list[Ball]]:
         """Derivatives by each e of the integrals of H and of what is integrated to levels, while e lies in ``room``."""
 
         def series(k: int, around: Around) -> list[Series]:
             shapes = [bump.series(around) for bump in self.bumps]
-            bare = self.statement.bare
-            found = []
-            for jet in self._at(k, around, list(zip(room, shapes, strict=True)), 1):
-                for bump, (value, slope) in zip(self.bumps, shapes, strict=True):
-                    i = bump.function
-                    found.append(jet.first.get(i, 0) * value + jet.first.get(bare + i, 0) * slope)
-            return found
+            return [
+                sum(jet.first.get(place, 0) * shape for place, shape in zip(self._places(bump), shapes_of, strict=True))
+                for jet in self._at(k, around, list(zip(room, shapes, strict=True)), 1)
+                for bump, shapes_of in zip(self.bumps, shapes, strict=True)
+            ]
 
         flat, count = self._integrated(series), len(self.bumps)
         return [flat[i : i + count] for i in range(0, len(flat), count)]
 
-    def _at(self, k: int, around: Around, moved: list[tuple[Ball, tuple[Series, Series]]], order: int) -> list[Jet]:
+    def _places(self, bump: Bump) -> list[int]:
+        """The numbers of the function that a bump is added to and of its derivatives, among states and controls."""
+        return places(self.statement, bump.function)
+
+    def _at(self, k: int, around: Around, moved: list[tuple[Ball, list[Series]]], order: int) -> list[Jet]:
         """H and what is integrated to levels, along the moved curve."""
-        piece = self.pieces[k]
+        piece, bare = self.pieces[k], self.statement.bare
         states, controls = piece.lifted(around)
-        for bump, (e, (value, slope)) in zip(self.bumps, moved, strict=False):
-            i = bump.function
-            states[i], controls[i] = states[i] + e * value, controls[i] + e * slope
+        row = [*states, *controls]
+        for bump, (e, shapes) in zip(self.bumps, moved, strict=False):
+            for place, shape in zip(self._places(bump), shapes, strict=True):
+                row[place] = row[place] + e * shape
         x = around.abscissa()
-        own = self.statement.jet(x, states, controls, order, piece.switches)
-        return [own, *self.statement.level_jets(x, states, controls, order)]
+        own = self.statement.jet(x, row[:bare], row[bare:], order, piece.switches)
+        return [own, *self.statement.level_jets(x, row[:bare], row[bare:], order)]
 
     def _integrated(self, series: Callable[[int, Around], list[Series]]) -> list[Ball]:
         """Integrals over all boxes."""
@@ -142,18 +149,35 @@ def meeting(setting: Setting) -> Meeting:
     return Meeting(stated, setting.pieces, setting.along.boxes, bumps_for(stated, setting.samples))
 
 
+def allowed_for(setting: Setting, prover: Prover) -> Along:
+    """What was found along the curve, with residuals that allow for its not meeting the prescribed integrals exactly.
+
+    Let it miss them by e. Counted from what they are along the curve plus (x - a) e/(b - a) the states of the levels
+    vanish at both ends; their rates are those of the curve plus e/(b - a), and F gains the term -w Q e/(b - a).
+    """
+    stated, along = setting.statement, setting.along
+    if not stated.levels:
+        return along
+    missed = [abs(miss) / setting.length for miss in meeting(setting).missed()]
+    residuals = []
+    for (r, q), (k, box) in zip(along.residuals, along.boxes, strict=True):
+        _, M = prover.slopes[k].series(Around(box, 1, whole=True))
+        squares = flint().arb(0)
+        for row, size in zip(M, setting.sizes[0].tolist(), strict=True):
+            squares += sum(abs(head(v)) * e for v, e in zip(row[stated.bare :], missed, strict=True)) ** 2 * size**2
+        residuals.append(((r + squares.upper().sqrt()).upper(), q))
+    return replace(along, residuals=residuals)
+
+
 def bumps_for(statement: Statement, samples: Sequence[Samples]) -> list[Bump]:
     """Bumps by which the prescribed integrals can be changed each by itself; Unproved where they cannot."""
     span = float(samples[0].x[0]), float(samples[-1].x[-1])
-    offered = [Bump(i, degree, span) for degree in range(BUMPS) for i in range(statement.n)]
-    bare = statement.bare
+    offered = [Bump(i, degree, span, statement.order) for degree in range(BUMPS) for i in range(statement.n)]
     effects = np.zeros((statement.levels, len(offered)))
     for s in samples:
         for b, bump in enumerate(offered):
-            value, slope = bump.values(s.x)
-            rates = (
-                s.turning[:, :, bump.function] * value[:, None] + s.turning[:, :, bare + bump.function] * slope[:, None]
-            )
+            shapes = zip(places(statement, bump.function), bump.values(s.x), strict=True)
+            rates = sum(s.turning[:, :, place] * shape[:, None] for place, shape in shapes)
             effects[:, b] += np.trapezoid(rates, s.x, axis=0)
     chosen: list[int] = []
     rest = effects.copy()
@@ -166,6 +190,12 @@ def bumps_for(statement: Statement, samples: Sequence[Samples]) -> list[Bump]:
         direction = rest[:, best] / size
         rest = rest - np.outer(direction, direction @ rest)
     return [offered[b] for b in chosen]
+
+
+def places(statement: Statement, function: int) -> list[int]:
+    """The numbers of a function and of its derivatives, among states without levels and controls."""
+    n = statement.n
+    return [*(function + k * n for k in range(statement.order)), statement.bare + function]
 
 
 def _solved(matrix: list[list[Ball]], right: list[Ball]) -> list[Ball]:

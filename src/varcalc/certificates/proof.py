@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from varcalc.certificates.balls import Ball, above, below, flint, working
+from varcalc.certificates.balls import Around, Ball, above, below, flint, largest, working
 from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
 from varcalc.certificates.choice import proved_tube
 from varcalc.certificates.convexity import convex_in_slope
@@ -17,8 +17,8 @@ from varcalc.certificates.curve import end_values, joint_states, pieces, sampled
 from varcalc.certificates.ends import prove_ends
 from varcalc.certificates.field import dynamics
 from varcalc.certificates.integrals import Unproved, along_curve, total, worst
-from varcalc.certificates.jets import Undecided, without_enclosure
-from varcalc.certificates.levels import meeting
+from varcalc.certificates.jets import Undecided, head, without_enclosure
+from varcalc.certificates.levels import allowed_for, meeting
 from varcalc.certificates.regular import Regular, check_forward, regular
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement, statement
@@ -42,6 +42,7 @@ VALUE_TOLERANCE = 1e-19
 COORDINATES = "the end where L is infinite is regular in alpha and z, by which the tube and the distances are meant"
 FORWARD = "the curve y0 is a graph: its abscissa grows"
 FORTH = "a curve that runs back is no shorter than a graph: the abscissa does not occur in the metric"
+PACED = "each curve is run through at constant speed, and its distance is meant at equal shares of its length"
 
 
 def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
@@ -140,7 +141,8 @@ def _of_length(solution: Solution, found: Regular) -> Certificate:
     low, high, certificate = _bounded(energy, setting)
     if not (low > 0 and solution.problem.sign * solution.value > 0):
         raise Unproved("the length is not proved positive")
-    low, high = low.sqrt().lower(), high.sqrt().upper()
+    factor = flint().arb(found.factor.numerator) / found.factor.denominator
+    low, high = (factor * low).sqrt().lower(), (factor * high).sqrt().upper()
     if solution.problem.maximise:
         low, high = -high, -low
     forward = Hypothesis(FORWARD, Means.BALLS) if found.abscissa_is_z else Hypothesis(FORTH, Means.CONSTRUCTION)
@@ -158,10 +160,11 @@ def certified(solution: Solution, along: AlongCurve) -> Certificate:
 def _bounded(solution: Solution, setting: Setting) -> tuple[Ball, Ball, Certificate]:
     """The bounds as balls, and the certificate."""
     prover = proved_tube(setting)
+    setting = replace(setting, along=allowed_for(setting, prover))
     end_terms = prove_ends(prover)
-    distance = _distance(setting, prover.tube)
+    near = _nearness(setting, prover.tube)
     drop = total(setting.along, prover.tube.kappa, prover.tube.mu)
-    scope, hypotheses = _scope(setting, prover, distance, solution)
+    scope, hypotheses = _scope(setting, prover, near, solution)
     value = setting.along.value + _end_cost(setting) - _levels(setting.statement)
     low, high = (value - drop).lower(), (value + _correction(setting)).upper()
     if setting.statement.along.form.coordinates.energetic:
@@ -176,7 +179,7 @@ def _bounded(solution: Solution, setting: Setting) -> tuple[Ball, Ball, Certific
         math.inf if infinite else unit * prover.tube.delta,
         _slope_room(setting, prover.tube, scope),
         () if infinite else tuple((prover.tube.delta * setting.sizes[0][setting.statement.bare :]).tolist()),
-        distance, proved, 0.0,
+        near.distance(setting), proved, 0.0,
     )  # fmt: skip
     return low, high, certificate
 
@@ -237,7 +240,7 @@ def _length(stated: Statement, solution: Solution, low: Ball, high: Ball) -> tup
         raise Unproved("the integrand is no root of a quadratic form in the velocities, so its energy tells no length")
     if not (solution.problem.sign * solution.value > 0 and low > 0):
         raise Unproved("the length is not proved positive")
-    return low.sqrt().lower(), high.sqrt().upper()
+    return (stated.factor * low).sqrt().lower(), (stated.factor * high).sqrt().upper()
 
 
 def _correction(setting: Setting) -> Ball:
@@ -259,14 +262,50 @@ def _levels(stated: Statement) -> Ball:
     return total_of
 
 
-def _distance(setting: Setting, tube: Tube) -> Distance:
-    """How far curves of no greater value lie; Unproved where the curve is too far from stationary for the tube.
+@dataclass(frozen=True)
+class Nearness:
+    """How near curves of no greater value are, in units of states and controls.
+
+    ``square`` bounds the root of the integral of |w|^2, ``slope`` the integral of |u|, and ``pointwise`` |w| at each
+    point, of what is integrated to levels apart.
+    """
+
+    square: Ball
+    slope: Ball
+    pointwise: Ball
+
+    def distance(self, setting: Setting) -> Distance:
+        """The same of the functions themselves."""
+        unit = flint().arb(float(setting.sizes[0][0]))
+        return Distance(above(self.square / setting.length.sqrt() * unit), above(self.pointwise * unit))
+
+    def of_levels(self, setting: Setting) -> Ball:
+        """A bound of what is integrated to levels, up to any x, where that is of first degree."""
+        stated, found = setting.statement, flint()
+        states, controls = ([float(v) for v in sizes] for sizes in setting.sizes)
+        reach = found.arb(0)
+        for j in range(stated.levels):
+            by_states, by_controls = found.arb(0), found.arb(0)
+            for k, box in setting.along.boxes:
+                around = Around(box, 1, whole=True)
+                jet = stated.level_jets(around.abscissa(), *setting.pieces[k].lifted(around), 1)[j]
+                by_states = largest([by_states, *(head(jet.first.get(i, 0) * c + found.arb(0))
+                                                  for i, c in enumerate(states[: stated.bare]))])  # fmt: skip
+                by_controls = largest([by_controls, *(head(jet.first.get(stated.bare + i, 0) * c + found.arb(0))
+                                                      for i, c in enumerate(controls))])  # fmt: skip
+            w, u = stated.bare * by_states * setting.length.sqrt() * self.square, stated.n * by_controls * self.slope
+            reach += (w + u) / states[stated.bare + j]
+        return reach
+
+
+def _nearness(setting: Setting, tube: Tube) -> Nearness:
+    """How near curves of no greater value lie; Unproved where the curve is too far from stationary for the tube.
 
     From kappa |w|^2/4 + mu H(|u|)/2, H Huber's function, integrated, being no more than twice ``total``.
     """
     found = flint()
     r, q = worst(setting.along)
-    energy, length = total(setting.along, tube.kappa, tube.mu), found.arb(setting.length)
+    energy, length = total(setting.along, tube.kappa, tube.mu), setting.length
     rho = min(tube.rho)
     if tube.delta < math.inf and not (
         q * 2 <= found.arb(tube.mu) * rho and 2 * r <= found.arb(tube.kappa) * tube.delta
@@ -282,15 +321,14 @@ def _distance(setting: Setting, tube: Tube) -> Distance:
     if rho < math.inf and not (8 * energy / (length * tube.mu)).sqrt() <= rho:
         raise Unproved("the curve is not stationary enough for the slopes of the tube")
     A, _ = dynamics(setting.statement.n, setting.statement.order, setting.statement.states)
-    # z' = A z + B u in units of the states
+    # z' = A z + B u in units of the states, which are powers of two
     states, controls = setting.sizes
     turning = float(np.abs(A * states / states[:, None]).max())
     rate = float((controls / states[(setting.statement.order - 1) * setting.statement.n]).max())
     pointwise = square * (1 / length.sqrt() + turning * length.sqrt()) + slope * rate
     if not pointwise.upper() < tube.delta:
         raise Unproved(f"curves of the same value are only known to lie within {float(pointwise):.1g}, beyond the tube")
-    unit = found.arb(float(states[0]))
-    return Distance(above(square / length.sqrt() * unit), above(pointwise * unit))
+    return Nearness(square, slope, pointwise)
 
 
 def _about_curve() -> tuple[Hypothesis, ...]:
@@ -320,15 +358,28 @@ def _jointly_convex(stated: Statement, solution: Solution) -> bool:
     return proved_convex(stated.function, [[0.0], *entries, [], parameters, [], [], []])
 
 
-def _scope(setting: Setting, prover: Prover, distance: Distance, solution: Solution) -> tuple[Scope, list[Hypothesis]]:
+def _all_by_convexity(setting: Setting, tube: Tube, near: Nearness, solution: Solution) -> bool:
+    """Whether no curve outside the tube is as good, because L is jointly convex.
+
+    A segment of curves as good would join it to the one in the middle, and leave the tube.
+    """
+    stated = setting.statement
+    if not _jointly_convex(stated, solution) or (stated.levels and stated.bent > 1.0):
+        return False
+    return bool(near.pointwise + near.of_levels(setting) < tube.delta)
+
+
+def _scope(setting: Setting, prover: Prover, near: Nearness, solution: Solution) -> tuple[Scope, list[Hypothesis]]:
     """The curves the interval speaks of: as many as is proved."""
-    tube = prover.tube
+    tube, stated = prover.tube, setting.statement
     if tube.delta == math.inf:
         return Scope.ALL, [Hypothesis("L is of second degree in the curve and its slope", Means.CONSTRUCTION)]
-    if _jointly_convex(setting.statement, solution):
+    if _all_by_convexity(setting, tube, near, solution):
         return Scope.ALL, [Hypothesis("L is jointly convex in the curve and its slope", Means.COMPOSITION)]
-    if setting.statement.quadratic_in_controls:
-        return Scope.TUBE, [Hypothesis("L is of second degree in the slope", Means.CONSTRUCTION)]
+    paced = [Hypothesis(PACED, Means.CONSTRUCTION)] if stated.along.form.coordinates.energetic else []
+    if stated.quadratic_in_controls:
+        return Scope.TUBE, [Hypothesis("L is of second degree in the slope", Means.CONSTRUCTION), *paced]
     if convex_in_slope(prover, setting.along.boxes):
-        return Scope.TUBE, [Hypothesis("L is convex in the slope, at every point of the tube", Means.COMPOSITION)]
-    return Scope.WEAK, []
+        convex = Hypothesis("L is convex in the slope, at every point of the tube", Means.COMPOSITION)
+        return Scope.TUBE, [convex, *paced]
+    return Scope.WEAK, paced

@@ -130,7 +130,7 @@ class Metric:
 
 @dataclass(frozen=True)
 class Regular:
-    """The regular problem whose energy has the singular length for its root, and a curve close to its answer.
+    """The regular problem whose energy, times ``factor``, is the square of the length, and a curve close to its answer.
 
     Function 0 is alpha, function 1 is z; ``abscissa_is_z`` tells that the abscissa of the user's graph is a power of z.
     """
@@ -138,6 +138,7 @@ class Regular:
     problem: Problem
     guess: Any
     abscissa_is_z: bool
+    factor: Fraction
 
 
 def regular(along: AlongCurve) -> Regular | None:
@@ -146,7 +147,7 @@ def regular(along: AlongCurve) -> Regular | None:
     plain = not (along.integrals or along.paths or len(along.numbers) or form.ends.joint or form.held)
     if not (plain and form.coordinates.energetic and form.stated.is_lifted and along.n == 2 and along.order == 1):
         return None
-    H = squared(form.functional)
+    factor, H = squared(form.functional)
     block = ca.hessian(H, s.dy)[0]
     cyclic = [i for i in (0, 1) if not ca.depends_on(H, s.y[i])]
     ends = [np.asarray(given, dtype=float)[0] for given in (form.ends.start, form.ends.end)]
@@ -155,6 +156,8 @@ def regular(along: AlongCurve) -> Regular | None:
     i = cyclic[0]
     rows = np.eye(2)
     own, other = (Product(ca.substitute([H], [s.dy], [ca.DM(rows[k])])[0]) for k in (i, 1 - i))
+    # one factor may be taken out of both, and must where it is no double
+    common, own.factor, other.factor = own.factor, Fraction(1), other.factor / (own.factor or 1)
     symbol = ca.SX.sym("unit")
     unit, places = _in_own_unit(along, i, (own, other), symbol)
     b = own.without_poles(s.y[1 - i])
@@ -170,7 +173,7 @@ def regular(along: AlongCurve) -> Regular | None:
         return np.array([np.interp(at, t, alpha), np.interp(at, t, y[1 - i])])
 
     assert form.lifted is not None
-    return Regular(_stated(along, metric, ends), guess, ca.depends_on(form.lifted[0], s.y[1 - i]))
+    return Regular(_stated(along, metric, ends), guess, ca.depends_on(form.lifted[0], s.y[1 - i]), factor * common)
 
 
 def _in_own_unit(

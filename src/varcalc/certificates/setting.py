@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from varcalc.certificates.balls import Ball, flint
 from varcalc.certificates.curve import Piece, Samples
 from varcalc.certificates.integrals import Along
 from varcalc.certificates.statement import Statement
@@ -24,9 +25,9 @@ class Setting:
     along: Along
 
     @property
-    def length(self) -> float:
+    def length(self) -> Ball:
         """Length of the interval."""
-        return float(self.samples[-1].x[-1] - self.samples[0].x[0])
+        return flint().arb(float(self.samples[-1].x[-1])) - flint().arb(float(self.samples[0].x[0]))
 
     @property
     def scaled(self) -> list[np.ndarray]:

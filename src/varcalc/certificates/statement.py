@@ -7,8 +7,10 @@ Unknown numbers are states that do not change. Always z' = A z + B u with consta
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +19,7 @@ import numpy as np
 
 from varcalc.certificates.balls import Ball, Series, flint
 from varcalc.certificates.cost import Cost
+from varcalc.certificates.degree import degrees
 from varcalc.certificates.jets import ABSCISSA, Jet, jets, switches_between
 from varcalc.symbolic.instructions import Program
 from varcalc.verify.along_curve import AlongCurve
@@ -70,10 +73,21 @@ class Statement:
         return None if self.along.form.ends.joint is None else Cost(self.along.form)
 
     @cached_property
-    def lagrangian(self) -> Any:
-        """H as an expression; for a length, the square of its integrand, written so that its second degree shows."""
+    def _written(self) -> tuple[Fraction, Any]:
+        """A factor, and H over it as an expression; for a length, the square of its integrand."""
         form = self.along.form
-        return squared(form.functional) if form.coordinates.energetic else self.along.whole.expression
+        return squared(form.functional) if form.coordinates.energetic else (Fraction(1), self.along.whole.expression)
+
+    @property
+    def lagrangian(self) -> Any:
+        """H as an expression, less a constant factor; for a length, the square of its integrand, a square no more."""
+        return self._written[1]
+
+    @property
+    def factor(self) -> Ball:
+        """The square of a length over the integral of :attr:`lagrangian`."""
+        factor = self._written[0]
+        return flint().arb(factor.numerator) / factor.denominator
 
     @cached_property
     def function(self) -> ca.Function:
@@ -96,30 +110,37 @@ class Statement:
 
     @cached_property
     def quadratic(self) -> bool:
-        """Whether second derivatives of H depend on x alone, so that what holds in a tube holds everywhere."""
+        """Whether H is of second degree and all rates of first, so that what holds in a tube holds everywhere."""
         costs = self.cost is None or self.cost.quadratic
-        return (
-            costs
-            and not self.bent_levels.nnz()
-            and not ca.depends_on(self.along.symbols.kind(self.hessian), self.variables)
-        )
+        return costs and self._degree(True, True) <= 2.0 and self.bent <= 1.0
 
     @cached_property
     def quadratic_in_controls(self) -> bool:
-        """Whether the second derivatives by the controls do not depend on these."""
-        m = self.bare
-        block = self.along.symbols.kind(self.hessian[m:, m:])
-        return not self.bent_levels.nnz() and not ca.depends_on(block, self.along.symbols.slopes[-1])
+        """Whether H is of second degree in the controls, and what is integrated to levels of first in all."""
+        return self._degree(False, True) <= 2.0 and self.bent <= 1.0
+
+    def _degree(self, states: bool, controls: bool) -> float:
+        return degrees(self.function, self._watched(states, controls))[0][0]
+
+    @cached_property
+    def bent(self) -> float:
+        """The degree of what is integrated to levels; 1 at most where that is linear."""
+        if not self.levels:
+            return 0.0
+        return max(degrees(self._level_function, self._watched(True, True))[0])
+
+    def _watched(self, states: bool, controls: bool) -> list[list[bool]]:
+        """Which entries of the arguments of H are watched."""
+        first, second = (states, controls) if self.order == 2 else (controls, False)
+        s = self.along.symbols
+        flags = [False, states, first, second, False, states, False, False]
+        arguments = [*s.all, *self.along.multiplier_symbols]
+        return [[flag] * int(a.numel()) for flag, a in zip(flags, arguments, strict=True)]
 
     @cached_property
     def _level_slopes(self) -> Any:
         """The gradients of what is integrated to levels, one below the other."""
         return ca.jacobian(ca.vertcat(*self.along.integrals), self.variables)
-
-    @cached_property
-    def bent_levels(self) -> Any:
-        """Second derivatives of what is integrated to levels; structurally zero where it is of first degree."""
-        return ca.jacobian(ca.vec(self._level_slopes), self.variables)
 
     @cached_property
     def derivatives(self) -> ca.Function:
@@ -178,8 +199,12 @@ class Statement:
 
     @cached_property
     def _level_program(self) -> Program:
+        return Program(self._level_function)
+
+    @cached_property
+    def _level_function(self) -> ca.Function:
         arguments = [*self.along.symbols.all, *self.along.multiplier_symbols]
-        return Program(ca.Function("levels", arguments, [ca.densify(ca.vertcat(*self.along.integrals))]))
+        return ca.Function("levels", arguments, [ca.densify(ca.vertcat(*self.along.integrals))])
 
     def _variables(
         self, x: Series, states: Sequence[Series], controls: Sequence[Series], order: int
@@ -198,22 +223,33 @@ class Statement:
         return [[x], y, first, second, parameters, numbers, lambdas, []]
 
 
-def squared(expression: Any) -> Any:
-    """The square of an SX expression: of roots without the roots, factor by factor.
+def squared(expression: Any) -> tuple[Fraction, Any]:
+    """The square of an SX expression, as an exact factor and the rest: of roots without the roots, factor by factor.
 
     >>> x, y = ca.SX.sym("x"), ca.SX.sym("y")
-    >>> squared(ca.sqrt(x) / y)
-    SX((x/sq(y)))
+    >>> squared(-3 * ca.sqrt(x) / y)
+    (Fraction(9, 1), SX((x/sq(y))))
     """
-    if expression.is_op(ca.OP_SQRT):
-        return expression.dep(0)
-    if expression.is_op(ca.OP_NEG):
-        return squared(expression.dep(0))
-    if expression.is_op(ca.OP_MUL):
-        return squared(expression.dep(0)) * squared(expression.dep(1))
-    if expression.is_op(ca.OP_DIV):
-        return squared(expression.dep(0)) / squared(expression.dep(1))
-    return expression**2
+    return _factored(expression, 2)
+
+
+def _factored(expression: Any, power: int) -> tuple[Fraction, Any]:
+    """A power 1 or 2 of an SX expression, as an exact factor and the rest."""
+    e = expression
+    if e.is_constant() and math.isfinite(float(e)):
+        return Fraction(float(e)) ** power, ca.SX(1)
+    if e.is_op(ca.OP_TWICE) or (power == 2 and e.is_op(ca.OP_NEG)):
+        factor, rest = _factored(e.dep(0), power)
+        return (2**power if e.is_op(ca.OP_TWICE) else 1) * factor, rest
+    if e.is_op(ca.OP_MUL) or e.is_op(ca.OP_DIV):
+        (a, left), (b, right) = (_factored(e.dep(k), power) for k in (0, 1))
+        if e.is_op(ca.OP_MUL):
+            return a * b, left * right
+        if b:
+            return a / b, left / right
+    if (power == 1 and e.is_op(ca.OP_SQ)) or (power == 2 and e.is_op(ca.OP_SQRT)):
+        return squared(e.dep(0)) if power == 1 else _factored(e.dep(0), 1)
+    return Fraction(1), e if power == 1 else e**2
 
 
 def statement(along: AlongCurve) -> Statement:

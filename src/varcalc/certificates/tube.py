@@ -117,7 +117,7 @@ class Prover:
                     continue
             except Undecided as undecided:
                 reason = f" ({undecided})"
-            if count > most or self.wide([(k, box)]):
+            if count > most or box.narrow or self.wide([(k, box)]):
                 raise Unproved(
                     f"the matrix of second derivatives, with Q from Jacobi's equation, is not proved to exceed "
                     f"diag(kappa, mu) in the tube near {box.at:.6g}{reason}"

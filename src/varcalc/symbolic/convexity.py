@@ -21,7 +21,19 @@ import casadi as ca
 import numpy as np
 
 from varcalc.symbolic.instructions import interpret
-from varcalc.symbolic.quadratics import AlongX, Coefficient, Polynomial, coefficient, defined, greatest, least
+from varcalc.symbolic.quadratics import (
+    AlongX,
+    Coefficient,
+    Polynomial,
+    added,
+    coefficient,
+    defined,
+    greatest,
+    least,
+    multiplied,
+    rounded_down,
+    rounded_up,
+)
 
 LONGEST = 300
 """Instructions beyond which a function is not looked into: bounds and signs are asked for down the whole of it."""
@@ -195,14 +207,14 @@ def _both(a: Callable[[], bool], b: Callable[[], bool]) -> Callable[[], bool]:
 def _added(a: Element, b: Element) -> Shape:
     a, b = _lifted(a), _lifted(b)
     if not a.bare and (a.unscaled or a) is (b.unscaled or b):
-        return _scaled(a.unscaled or a, a.scale + b.scale)
+        return _scaled(a.unscaled or a, added(a.scale, b.scale))
     bare, upward, downward = a.bare and b.bare, a.rest_convex and b.rest_convex, a.rest_concave and b.rest_concave
     if not (bare or upward or downward):
         return UNKNOWN
     return Shape(
         a.part.plus(b.part), a.part_convex and b.part_convex, a.part_concave and b.part_concave, upward, downward,
         bare, a.total and b.total, _both(a.rooted, b.rooted), _both(a.log_convex, b.log_convex),
-        lambda: a.low() + b.low(), lambda: a.high() + b.high(),
+        lambda: rounded_down(a.low() + b.low()), lambda: rounded_up(a.high() + b.high()),
     )  # fmt: skip
 
 
@@ -223,10 +235,10 @@ def _scaled(a: Shape, c: Coefficient) -> Shape:
         return UNKNOWN
 
     def low() -> float:
-        return min(_corners(a, c))
+        return rounded_down(min(_corners(a, c)))
 
     def high() -> float:
-        return max(_corners(a, c))
+        return rounded_up(max(_corners(a, c)))
 
     def positive() -> bool:
         return least(c) >= 0
@@ -235,7 +247,7 @@ def _scaled(a: Shape, c: Coefficient) -> Shape:
         a.part.times(c), (up and a.part_convex) or (down and a.part_concave),
         (up and a.part_concave) or (down and a.part_convex), upward, downward, a.bare,
         a.total and defined(c), _both(a.rooted, positive), _both(a.log_convex, positive), low, high,
-        a.scale * c, unscaled,
+        multiplied(a.scale, c), unscaled,
     )  # fmt: skip
 
 
@@ -255,17 +267,19 @@ def _multiplied(a: Element, b: Element) -> Shape:
     product = _one_power(p, q)
     if product is None and a.affine and b.affine:
         return Shape(a.part.product(b.part), False, False, bare=True, total=a.total and b.total)
-    return _scaled(product or _over(p, q) or _over(q, p) or _logarithmic(p, q) or _logarithmic(q, p), a.scale * b.scale)
+    return _scaled(
+        product or _over(p, q) or _over(q, p) or _logarithmic(p, q) or _logarithmic(q, p), multiplied(a.scale, b.scale)
+    )
 
 
 def _one_power(a: Shape, b: Shape) -> Shape | None:
     """The product of two powers of one base, whose exponents have one sign; of |u| and an even power of u too."""
     base, other = a.base or a, b.base or b
     if base is other and a.exponent * b.exponent > 0:
-        return _raised(base, a.exponent + b.exponent, a.sided or b.sided)
+        return _raised(base, _exact(ca.OP_ADD, a.exponent, b.exponent), a.sided or b.sided)
     for size, power in ((a, b), (b, a)):
         if size.sized is not None and size.sized is power.base and power.exponent % 2 == 0 < power.exponent:
-            return _raised(size, power.exponent + 1.0, False)
+            return _raised(size, _exact(ca.OP_ADD, power.exponent, 1.0), False)
     return None
 
 
@@ -296,7 +310,7 @@ def _divided(a: Element, b: Element) -> Shape:
         return _multiplied(a, _powered(b, -1.0))
     if b == 0.0:
         return UNKNOWN
-    return _scaled(_lifted(a), 1.0 / b)
+    return _scaled(_lifted(a), coefficient(ca.OP_DIV, 1.0, b))
 
 
 def _power(a: Element, exponent: Element) -> Shape:
@@ -311,21 +325,28 @@ def _powered(a: Shape, exponent: float) -> Shape:
     unscaled, scale = a.unscaled or a, a.scale
     if scale != 1.0 and not whole and not least(scale) >= 0:
         return _raised(a, exponent, False)
-    factor = scale * scale if exponent == 2.0 else coefficient(ca.OP_POW, scale, exponent) if scale != 1.0 else 1.0
+    squared = coefficient(ca.OP_SQ, scale) if exponent == 2.0 else None
+    factor = squared or (coefficient(ca.OP_POW, scale, exponent) if scale != 1.0 else 1.0)
     base = unscaled.base
     if base is None:
         power = _raised(unscaled, exponent, False)
     elif whole or unscaled.sided or unscaled.exponent % 2 == 1:
         # an odd power is not negative where its base is not
-        power = _raised(base, unscaled.exponent * exponent, unscaled.sided or not whole)
+        power = _raised(base, _exact(ca.OP_MUL, unscaled.exponent, exponent), unscaled.sided or not whole)
     else:
         power = _raised(unscaled, exponent, False)
     return _scaled(power, factor)
 
 
+def _exact(operation: int, a: float, b: float) -> float:
+    """An operation on exponents; no number where it would round."""
+    found = coefficient(operation, a, b)
+    return found if isinstance(found, float) else math.nan
+
+
 def _raised(base: Shape, exponent: float, sided: bool) -> Shape:
-    """A power of a base, where that is not negative if ``sided``."""
-    if base is UNKNOWN or exponent == 0.0:
+    """A power of a base, where that is not negative if ``sided``; unknown for an exponent that is no number."""
+    if base is UNKNOWN or exponent == 0.0 or math.isnan(exponent):
         return UNKNOWN
     if exponent == 1.0:
         return Shape(rest_convex=base.convex, rest_concave=base.concave, low=_zero if sided else base.low)
@@ -348,7 +369,7 @@ def _raised(base: Shape, exponent: float, sided: bool) -> Shape:
 def _square(base: Shape) -> Shape:
     def low() -> float:
         a, b = base.low(), base.high()
-        return 0.0 if a <= 0 <= b else min(abs(a), abs(b)) ** 2
+        return 0.0 if a <= 0 <= b else rounded_down(min(abs(a), abs(b)) ** 2)
 
     squared = base.part.product(base.part)
     return Shape(
@@ -371,7 +392,7 @@ def _steepened(raised: Shape, base: Shape, exponent: float) -> None:
 
 def _flattened(raised: Shape, base: Shape, exponent: float) -> None:
     """A power between 0 and 1: it increases and is concave; that of a square from 1/2 on is a power beyond 1."""
-    raised.low = lambda: max(0.0, base.low()) ** exponent
+    raised.low = lambda: rounded_down(max(0.0, base.low()) ** exponent)
     raised.rest_concave = base.concave
     if base.has_convex_root:
         raised.total, raised.rest_convex = base.total, exponent >= 0.5
@@ -388,8 +409,8 @@ def _exponential(a: Shape) -> Shape:
     if not a.convex:
         return UNKNOWN
     return Shape(
-        rest_concave=False, total=a.total, rooted=_always, log_convex=_always, low=lambda: _exp(a.low()),
-        high=lambda: _exp(a.high()),
+        rest_concave=False, total=a.total, rooted=_always, log_convex=_always, low=lambda: rounded_down(_exp(a.low())),
+        high=lambda: rounded_up(_exp(a.high())),
     )  # fmt: skip
 
 

@@ -1,14 +1,14 @@
 """Polynomials of degree two whose coefficients depend on the abscissa, and proofs that they bend one way.
 
 A coefficient is a number, or an expression in x that is enclosed on the pieces of an interval when its sign is asked
-for, and not before: most are never asked. The ends of an enclosure are rounded to nearest, so what is proved is proved
-up to the round-off of the coefficients.
+for, and not before: most are never asked. A number is exact: where an operation on numbers would round, its result is
+an enclosure as well, and the ends of enclosures are rounded outward, so that a proof is one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple, TypeAlias
 
@@ -34,6 +34,24 @@ FORGETTING = {
     ca.OP_POW, ca.OP_CONSTPOW,
 }  # fmt: skip
 """Operations that may give a number where they are given none: an enclosure of their arguments says nothing there."""
+RATIONAL: dict[int, Callable[..., Fraction]] = {
+    ca.OP_ADD: lambda a, b: a + b, ca.OP_SUB: lambda a, b: a - b, ca.OP_MUL: lambda a, b: a * b,
+    ca.OP_DIV: lambda a, b: a / b, ca.OP_SQ: lambda a: a * a, ca.OP_INV: lambda a: 1 / a,
+}  # fmt: skip
+"""Operations whose results may be held against exact ones."""
+EXACT = {
+    ca.OP_ASSIGN, ca.OP_NEG, ca.OP_TWICE, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_SIGN,
+    ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_AND, ca.OP_OR, ca.OP_NOT, ca.OP_IF_ELSE_ZERO,
+}  # fmt: skip
+"""Operations that do not round."""
+ROUNDED = 16.0 * np.finfo(float).eps
+"""Relative error that no operation of the table exceeds, NumPy's and SciPy's functions among them."""
+TINY, HUGE = 1e-150, 1e150
+"""Sizes beyond which products and powers may leave the range of doubles."""
+FAR = 1e7
+"""Size of an angle up to which a sine between two ends is within round-off of one where its crest may be missed."""
+STEEP = 1e12
+"""A tangent that large is too near to a pole for its argument to be trusted."""
 
 
 class AlongX:
@@ -68,7 +86,7 @@ class AlongX:
     def enclosure(self) -> Interval:
         """Least and greatest values on each piece."""
         if self._enclosure is None:
-            self._enclosure = applied(self.operation, [_enclosed(o) for o in self.operands])
+            self._enclosure = outward(self.operation, [_enclosed(o) for o in self.operands])
         return self._enclosure
 
     def __add__(self, other: Coefficient) -> Coefficient:
@@ -110,12 +128,48 @@ def defined(value: Coefficient) -> bool:
     return value.defined if isinstance(value, AlongX) else math.isfinite(value)
 
 
+def outward(operation: int, operands: Sequence[Interval]) -> Interval:
+    """An enclosure of an operation on enclosures, its ends rounded outward."""
+    low, high = applied(operation, operands)
+    if operation in EXACT:
+        return low, high
+    sizes = [np.abs(end) for operand in operands for end in operand]
+    if operation not in (ca.OP_ADD, ca.OP_SUB) and any(
+        bool(np.any(np.isfinite(size) & (size != 0.0) & ((size < TINY) | (size > HUGE)))) for size in sizes
+    ):
+        return EVERYTHING
+    if operation == ca.OP_TAN and not bool(np.all(np.maximum(np.abs(low), np.abs(high)) < STEEP)):
+        return EVERYTHING
+    if operation in (ca.OP_SIN, ca.OP_COS):
+        low, high = _oscillating(UNARY[operation], operands[0], low, high)
+    return rounded_down(low), rounded_up(high)
+
+
+def _oscillating(of: Callable[[Any], Any], argument: Interval, low: np.ndarray, high: np.ndarray) -> Interval:
+    """A sine or cosine by its values at the ends, which ``low`` and ``high`` are those of a shifted argument."""
+    with np.errstate(all="ignore"):
+        first, last = (of(end) for end in argument)
+    near = np.maximum(*map(np.abs, argument)) < FAR
+    down, up = near & (low > -1.0), near & (high < 1.0)
+    return np.where(down, np.minimum(first, last), -1.0), np.where(up, np.maximum(first, last), 1.0)
+
+
+def rounded_down(value: Any) -> Any:
+    """Numbers less than those that were rounded a few times; a zero is taken to be exact."""
+    return value - ROUNDED * abs(value)
+
+
+def rounded_up(value: Any) -> Any:
+    """Numbers greater than those that were rounded a few times; a zero is taken to be exact."""
+    return value + ROUNDED * abs(value)
+
+
 NOWHERE_KNOWN = AlongX(ca.OP_ERFINV, (), EVERYTHING)
 """A coefficient of which nothing is known."""
 
 
 def coefficient(operation: int, *operands: Coefficient) -> Coefficient:
-    """An operation on what depends on the abscissa at most; a number where the operands are."""
+    """An operation on what depends on the abscissa at most; a number where the operands are and it does not round."""
     if AlongX in map(type, operands):
         return AlongX(operation, operands)
     carried_out = (UNARY if len(operands) == 1 else BINARY).get(operation)
@@ -123,7 +177,23 @@ def coefficient(operation: int, *operands: Coefficient) -> Coefficient:
         return NOWHERE_KNOWN
     with np.errstate(all="ignore"):
         value = float(carried_out(*operands))
-    return value if math.isfinite(value) else NOWHERE_KNOWN
+    if not math.isfinite(value):
+        return NOWHERE_KNOWN
+    if operation in EXACT or (operation in RATIONAL and value == RATIONAL[operation](*map(Fraction, operands))):  # pyright: ignore[reportArgumentType]  all are numbers
+        return value
+    rounded = AlongX(operation, operands)
+    rounded.defined = True
+    return rounded
+
+
+def added(a: Any, b: Any) -> Any:
+    """The sum of two coefficients, or of two Fractions."""
+    return coefficient(ca.OP_ADD, a, b) if type(a) is type(b) is float else a + b
+
+
+def multiplied(a: Any, b: Any) -> Any:
+    """The product of two coefficients, or of two Fractions."""
+    return coefficient(ca.OP_MUL, a, b) if type(a) is type(b) is float else a * b
 
 
 def _enclosed(value: Coefficient) -> Interval:
@@ -163,7 +233,7 @@ class Polynomial(NamedTuple):
     def plus(self, other: Polynomial) -> Polynomial:
         """The sum of two."""
         return Polynomial(
-            self.constant + other.constant,
+            added(self.constant, other.constant),
             _summed(self.linear, other.linear),
             _summed(self.quadratic, other.quadratic),
         )
@@ -171,9 +241,9 @@ class Polynomial(NamedTuple):
     def times(self, factor: Coefficient) -> Polynomial:
         """Every coefficient times one."""
         return Polynomial(
-            self.constant * factor,
-            {i: c * factor for i, c in self.linear.items()},
-            {pair: c * factor for pair, c in self.quadratic.items()},
+            multiplied(self.constant, factor),
+            {i: multiplied(c, factor) for i, c in self.linear.items()},
+            {pair: multiplied(c, factor) for pair, c in self.quadratic.items()},
         )
 
     def where(self, condition: AlongX) -> Polynomial:
@@ -190,10 +260,11 @@ class Polynomial(NamedTuple):
         for i, c in self.linear.items():
             for j, d in other.linear.items():
                 pair = (i, j) if i <= j else (j, i)
-                squares[pair] = squares[pair] + c * d if pair in squares else c * d
-        lines = ({i: d * c for i, d in p.linear.items()} if (c := q.constant) != 0.0 else {}
+                term = multiplied(c, d)
+                squares[pair] = added(squares[pair], term) if pair in squares else term
+        lines = ({i: multiplied(d, c) for i, d in p.linear.items()} if (c := q.constant) != 0.0 else {}
                  for p, q in ((self, other), (other, self)))  # fmt: skip
-        return Polynomial(self.constant * other.constant, _summed(*lines), squares)
+        return Polynomial(multiplied(self.constant, other.constant), _summed(*lines), squares)
 
     @property
     def affine(self) -> bool:
@@ -225,7 +296,7 @@ def _summed(a: dict[Any, Any], b: dict[Any, Any]) -> dict[Any, Any]:
         return a or b
     total = dict(a)
     for key, c in b.items():
-        total[key] = total[key] + c if key in total else c
+        total[key] = added(total[key], c) if key in total else c
         if total[key] == 0.0:
             del total[key]
     return total
@@ -261,5 +332,6 @@ def _eliminate(matrix: Squares, pivot: int, beside: Iterable[int], size: Any) ->
     rows = [(i, matrix[i, pivot]) for i in beside]
     for place, (i, b) in enumerate(rows):
         for j, c in rows[place:]:
-            taken, known = b * c / size, matrix.get((i, j))
-            matrix[i, j] = -taken if known is None else known - taken
+            product, known = multiplied(b, c), matrix.get((i, j))
+            taken = coefficient(ca.OP_DIV, product, size) if type(product) is type(size) is float else product / size
+            matrix[i, j] = -taken if known is None else added(known, -taken)
