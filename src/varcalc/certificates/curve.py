@@ -32,6 +32,8 @@ DEGREE = 24
 """Degree of the polynomials of one piece."""
 RESOLVED = 1e-13
 """Last coefficients of a curve in Chebyshev polynomials, relative to the largest, below which it is resolved."""
+BENT = 1e-5
+"""The same of the coefficients of Jacobi's equation, from which the field need not be exact."""
 MOST_PIECES = 64
 SHORTEST = 2.0**-14
 """Length of a piece, relative to the interval, below which it is not cut."""
@@ -89,7 +91,7 @@ def sampled(statement: Statement) -> list[Samples]:
     done = [_samples(statement, a, b) for a, b in pairwise(edges)]
     shortest = SHORTEST * (edges[-1] - edges[0])
     while len(done) < MOST_PIECES:
-        coarse = [s for s in done if s.half > shortest and not _resolved(s, _largest(statement, done))]
+        coarse = [s for s in done if s.half > shortest and not (_resolved(s, _largest(statement, done)) and _smooth(s))]
         if not coarse:
             break
         halves = [(s, 0.5 * float(s.x[0] + s.x[-1])) for s in coarse]
@@ -157,6 +159,20 @@ def _resolved(samples: Samples, sizes: np.ndarray) -> bool:
         return True  # nothing is gained by smaller pieces; the balls will tell
     coefficients = np.abs(transform(DEGREE) @ rows.T)
     return bool((coefficients[-3:].max(axis=0) <= RESOLVED * sizes[:, 0]).all())
+
+
+def _smooth(samples: Samples) -> bool:
+    """Whether the coefficients of Jacobi's equation are resolved: H_uu may nearly vanish far from where the curve does.
+
+    Whatever has no inverse is taken to be smooth; the field will tell.
+    """
+    n = len(samples.controls)
+    uu = samples.hessian[:, -n:, -n:]
+    if not np.isfinite(samples.hessian).all() or not (np.abs(np.linalg.det(uu)) > 0).all():
+        return True
+    inverse = np.linalg.inv(uu).reshape(len(uu), -1)
+    coefficients = np.abs(transform(DEGREE) @ inverse)
+    return bool(coefficients[-3:].max() <= BENT * np.abs(inverse).max())
 
 
 def joint_states(statement: Statement, samples: list[Samples]) -> np.ndarray:
