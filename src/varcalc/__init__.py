@@ -25,7 +25,8 @@ from varcalc.solution import InfeasibleError, Solution, Status, VariationalError
 from varcalc.solve.diagnose import Diagnosis, diagnose
 from varcalc.solve.grid import Paired
 from varcalc.solve.ladder import solve
-from varcalc.solve.sweep import Sweep, SweepPoint, sweep
+from varcalc.solve.point import Measured, SweepPoint
+from varcalc.solve.sweep import Sweep, sweep
 from varcalc.study.compare import Comparison, compare
 from varcalc.study.records import Record, WorkPrecision
 from varcalc.study.reference import Exact, Reference
@@ -62,6 +63,7 @@ __all__ = [
     "Ipopt",
     "Isoperimetric",
     "Lagrangian",
+    "Measured",
     "Newton",
     "OnCurve",
     "OnSurface",

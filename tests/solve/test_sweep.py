@@ -2,6 +2,7 @@
 
 import math
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import varcalc as vc
 from varcalc.problems._curves import Cycloid
+from varcalc.solve import sharing
 
 
 def spring(**parameters):
@@ -70,7 +72,7 @@ def test_a_solve_begins_from_its_neighbour(monkeypatch):
         guesses.append(options.get("guess"))
         return original(problem, method, **options)
 
-    monkeypatch.setattr(sys.modules["varcalc.solve.sweep"], "solve", watched)
+    monkeypatch.setattr(sys.modules["varcalc.solve.row"], "solve", watched)
     vc.sweep(spring(), {"k": [1.0, 2.0, 3.0]}, vc.Collocation(elements=2))
     assert [g is None for g in guesses] == [True, False, False]
     assert [g.problem.parameters["k"] for g in guesses[1:]] == [1.0, 2.0]
@@ -80,11 +82,13 @@ def test_a_solve_begins_from_its_neighbour(monkeypatch):
         assert guesses == [None]
 
 
-def test_a_core_that_takes_its_time_reports_and_goes_on(monkeypatch):
-    module = sys.modules["varcalc.solve.sweep"]
-    monkeypatch.setattr(module, "REPORT", 0.0)
-    points = [{"k": 1.0}, {"k": 2.0}]
-    assert [p.values for p in module._chunk(spring, points, None, 1e-10)] == [(1.0,)]
+def test_a_worker_that_takes_its_time_reports_and_goes_on(monkeypatch):
+    monkeypatch.setattr(sharing, "REPORT", 0.0)
+    job = sharing.Job.of(stretched, None, 1e-10, 2)
+    assert [p.values for p in sharing.chunk(job, [{"k": 1.0}, {"k": 2.0}])] == [(1.0,)]
+    with ThreadPoolExecutor(1) as executor:
+        found = vc.sweep(stretched, {"k": [1.0, 2.0, 3.0, 4.0, 5.0]}, executor=executor)
+    np.testing.assert_allclose(found.values, [least(k) for k in (1, 2, 3, 4, 5)], rtol=1e-10)
 
 
 def test_a_function_without_arguments_makes_the_problem_once():
@@ -133,7 +137,7 @@ def test_an_interrupted_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
         return original(problem, method, **options)
 
     ks = [1.0, 2.0, 3.0, 4.0, 5.0]
-    monkeypatch.setattr(sys.modules["varcalc.solve.sweep"], "solve", watched)
+    monkeypatch.setattr(sys.modules["varcalc.solve.row"], "solve", watched)
     with pytest.raises(Interrupted):
         vc.sweep(stretched, {"k": ks}, store=store)
     # and the machine went down while it wrote
@@ -150,12 +154,97 @@ def test_an_interrupted_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
 def test_the_store_of_another_sweep_is_refused(tmp_path):
     store = tmp_path / "sweep.jsonl"
     vc.sweep(spring(), {"k": [1.0]}, store=store)
-    with pytest.raises(ValueError, match="another grid, method or tolerance"):
+    with pytest.raises(ValueError, match="with other values of the parameters"):
         vc.sweep(spring(), {"k": [2.0]}, store=store)
     store.write_text("something else\n", encoding="utf-8")
     with pytest.raises(ValueError, match="is no store of this sweep"):
         vc.sweep(spring(), {"k": [1.0]}, store=store)
     assert store.read_text(encoding="utf-8") == "something else\n"
+
+
+def test_a_store_tells_another_problem_from_the_same_one_made_anew(tmp_path):
+    store = tmp_path / "sweep.jsonl"
+    first = vc.sweep(spring(), {"k": [1.0, 2.0]}, store=store)
+    assert vc.sweep(spring, {"k": [1.0, 2.0]}, store=store) == first
+    softer = vc.Problem(
+        lambda x, y, dy, p: dy**2 + 0.999 * p.k * y**2,
+        vc.Fixed(0, 0),
+        vc.Fixed(1, 1),
+        parameters={"k": 1.0},
+        name="spring",
+    )
+    moved = vc.Problem(
+        lambda x, y, dy, p: dy**2 + p.k * y**2, vc.Fixed(0, 0), vc.Fixed(1, 2), parameters={"k": 1.0}, name="spring"
+    )
+    for other in (softer, moved):
+        with pytest.raises(ValueError, match="is the store of a sweep of another problem; give another name"):
+            vc.sweep(other, {"k": [1.0, 2.0]}, store=store)
+    with pytest.raises(ValueError, match="to another tolerance"):
+        vc.sweep(spring(), {"k": [1.0, 2.0]}, tol=1e-6, store=store)
+    with pytest.raises(ValueError, match="by another method"):
+        vc.sweep(spring(), {"k": [1.0, 2.0]}, vc.Collocation(), store=store)
+
+
+def test_a_line_that_was_cut_short_is_dropped_with_a_note_and_a_damaged_one_refused(tmp_path):
+    store = tmp_path / "sweep.jsonl"
+    whole = vc.sweep(spring(), {"k": [1.0, 2.0]}, store=store)
+    text = store.read_text(encoding="utf-8")
+    store.write_text(text[:-20], encoding="utf-8")
+    partial = vc.Sweep.load(store)
+    assert [p.status for p in partial.points] == ["solved", "missing"]
+    again = vc.sweep(spring(), {"k": [1.0, 2.0]}, store=store)
+    assert again.notes == ("the last line of sweep.jsonl was cut short and dropped; its point is solved again",)
+    assert again.notes[0] in again.table()
+    np.testing.assert_allclose(again.values, whole.values, rtol=1e-12)
+    assert vc.Sweep.load(store) == again
+    store.write_text(text.replace('"status"', '"state"', 1), encoding="utf-8")
+    with pytest.raises(ValueError, match="is no store of this sweep \\(line 2: state is no field of a point\\)"):
+        vc.sweep(spring(), {"k": [1.0, 2.0]}, store=store)
+
+
+def test_what_lies_infinitely_low_is_stored(tmp_path):
+    store = tmp_path / "sweep.jsonl"
+    # y^4 outweighs y^2 once the curve is large, and then falls for ever
+    falling = vc.Problem(
+        lambda x, y, dy, p: dy**2 + p.k * y**2 - y**4 / 10, vc.Fixed(0, 0), vc.Fixed(1, 0.1), parameters={"k": 1.0}
+    )
+    found = vc.sweep(falling, {"k": [1.0, 2.0]}, store=store)
+    assert [(p.local, p.lower) for p in found.points] == [(True, -math.inf)] * 2
+    assert vc.Sweep.load(store) == found
+    assert "local" in found.table()
+
+
+def test_a_value_that_allows_no_problem_is_a_row():
+    found = vc.sweep(lambda to: vc.Problem(lambda x, y, dy: dy**2, vc.Fixed(0, 0), vc.Fixed(to, 1)), {"to": [0, 1, 2]})
+    assert [p.status for p in found.points] == ["failed", "solved", "solved"]
+    assert found.points[0].message.startswith("ValueError: ")
+    np.testing.assert_allclose(found.values[1:], [1, 0.5], rtol=1e-12)
+
+
+def test_what_a_function_measures_or_has_solved_is_taken():
+    found = vc.sweep(lambda k: vc.Measured(k**2, 1e-9) if k else vc.Measured(math.nan, message="none"), {"k": [0, 3]})
+    assert [(p.value, p.claimed_error, p.message) for p in found.points] == [(None, None, "none"), (9.0, 1e-9, "")]
+    solved = vc.sweep(lambda k: vc.solve(spring(k=k)), {"k": [1.0, 4.0]})
+    np.testing.assert_allclose(solved.values, [least(1), least(4)], rtol=1e-10)
+    with pytest.raises(TypeError, match=r"Measured\.value must be a number"):
+        vc.Measured("far")
+
+
+def test_the_result_has_axes_with_names_and_units():
+    grid, units = {"across": [1.0, 2.0, 5.0], "depth": [0.5, 1.0]}, {"across": "m", "depth": "m", "value": "s"}
+    found = vc.sweep(descent, grid, units=units)
+    data = found.to_xarray()
+    assert data["value"].dims == ("across", "depth")
+    assert data["value"].sel(across=2.0, depth=0.5) == found.values[1, 0]
+    assert [data[name].attrs["units"] for name in ("across", "depth", "value", "claimed_error")] == ["m", "m", "s", "s"]
+    frame = found.to_pandas()
+    assert list(frame.columns[:4]) == ["across", "depth", "status", "value"]
+    assert frame.set_index(["across", "depth"])["value"][5.0, 1.0] == found.values[2, 1]
+    assert frame.attrs["units"] == units
+    assert "across (m)" in found.table()
+    pairs = vc.sweep(descent, vc.Paired({"across": [1.0, 2.0], "depth": [1.0, 0.5]})).to_xarray()
+    assert pairs["value"].dims == ("point",)
+    assert pairs["depth"].values.tolist() == [1.0, 0.5]
 
 
 @pytest.mark.parametrize(
@@ -168,7 +257,8 @@ def test_the_store_of_another_sweep_is_refused(tmp_path):
         (spring(), {"k": [math.nan]}, {}, ValueError, r"grid\['k'\] must be finite"),
         (spring(), {"g": [1.0]}, {}, ValueError, "are no parameters of this problem"),
         (spring(), {"k": [1.0]}, {"cores": 0}, ValueError, "cores must be a whole number from 1 on"),
-        (spring(), {"k": [1.0]}, {"cores": 2}, ValueError, "give a function that makes it from k, or cores=1"),
+        (spring(), {"k": [1.0]}, {"executor": 2}, TypeError, r"must be a concurrent\.futures\.Executor, not 2"),
+        (spring(), {"k": [1.0]}, {"units": {"g": "m"}}, ValueError, "units names 'g', which is not swept"),
         (spring(), {"k": [1.0]}, {"method": vc.Ritz}, TypeError, "is the class Ritz"),
         (spring(), {"k": [1.0]}, {"tol": 0}, ValueError, "tol must be a positive number"),
     ],

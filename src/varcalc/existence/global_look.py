@@ -359,6 +359,11 @@ def _along(problem: Problem, valley: Valley) -> float:
     return sums[1] if settled else problem.sign * math.inf
 
 
+def has_lattice(problem: Functional) -> bool:
+    """Whether other valleys of a problem can be looked for."""
+    return not _not_looked(problem)
+
+
 def _not_looked(problem: Functional) -> str:
     """Why there is no lattice for a problem; empty where there is one."""
     if not isinstance(problem, Problem):

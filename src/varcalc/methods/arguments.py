@@ -28,6 +28,11 @@ def check_arguments(problem: Any, method: Any, tol: Any) -> None:
     if method is not None and (isinstance(method, type) or not hasattr(method, "solve")):
         hint = f"; write {method.__name__}()" if isinstance(method, type) else ""
         raise TypeError(f"method must be a method object such as Ritz() or Shooting(), not {method!r}{hint}")
+    check_tolerance(tol)
+
+
+def check_tolerance(tol: Any) -> None:
+    """Raise ValueError for what is no tolerance."""
     if isinstance(tol, bool) or not (isinstance(tol, float | int | np.number) and math.isfinite(tol) and tol > 0):
         raise ValueError(f"tol must be a positive number, not {tol!r}")
 

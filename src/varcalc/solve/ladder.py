@@ -11,7 +11,7 @@ import numpy as np
 
 from varcalc.existence.approach import outdone
 from varcalc.existence.feasibility import explained
-from varcalc.existence.global_look import FINE, least_polygons, looked_around
+from varcalc.existence.global_look import FINE, has_lattice, least_polygons, looked_around
 from varcalc.existence.refraction import refracted, smooth_or_refused
 from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
@@ -19,6 +19,7 @@ from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.breaks import breakable, switches_of
+from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import (
@@ -111,6 +112,26 @@ def _polished(problem: Functional, tol: float, method: Ritz, start: Sampled) -> 
     """The answer of the direct method next to a curve."""
     known = _broken(problem, method, tol, start)
     return known if known is not None else _made_out(_attempt(problem, method, tol, start))
+
+
+def reconsidered(solution: Solution, method: Method | None, tol: float) -> Solution:
+    """The answer that was begun from a neighbour's curve, or that of a solve from no guess where it is lower or local.
+
+    Where no lattice shows other valleys, the problem is solved afresh.
+    """
+    problem = solution.problem
+    if proved_jointly_convex(problem):
+        return solution
+    if has_lattice(problem):
+        followed = method is None or isinstance(method, Ritz)
+        fresh = looked_around(solution, partial(_polished, problem, tol), followed=followed)
+    else:
+        fresh = solve(problem, method, tol=tol, throw=False)
+    if not fresh.status.ok:
+        return solution
+    margin = solution.error.value + fresh.error.value
+    lower = problem.sign * fresh.value < problem.sign * solution.value - margin
+    return fresh if lower or (fresh.local and not solution.local) else solution
 
 
 def _guides() -> tuple[Method, ...]:
