@@ -27,6 +27,7 @@ from varcalc.solve.grid import Paired
 from varcalc.solve.ladder import solve
 from varcalc.solve.point import Measured, SweepPoint
 from varcalc.solve.sweep import Sweep, sweep
+from varcalc.spelling import no_attribute
 from varcalc.study.compare import Comparison, compare
 from varcalc.study.records import Record, WorkPrecision
 from varcalc.study.reference import Exact, Reference
@@ -122,4 +123,4 @@ def __getattr__(name: str) -> Any:
     """A public name of a module that is not imported with the package."""
     if name in _LATER:
         return getattr(import_module(_LATER[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    raise no_attribute(__name__, name, [*__all__, "optics", "mechanics"])

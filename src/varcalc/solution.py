@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from varcalc.problem.conditions import reals
+
 if TYPE_CHECKING:
     from varcalc.problem.functional import Functional
 
@@ -175,7 +177,7 @@ class Solution:
 
     def _evaluate(self, x: Any, derivative: int) -> Any:
         first, last = self.interval
-        at = np.asarray(x, dtype=float)
+        at = reals("x", x)
         slack = OUTSIDE * (last - first)
         if not np.all((at >= first - slack) & (at <= last + slack)):
             raise ValueError(f"the curve is known from {first} to {last} only, not at {_strange(at, first, last)}")

@@ -82,5 +82,5 @@ def test_arguments_are_named():
         mechanics.bifurcation_chart(system, [-1], [1], "w", (0, 1))
     with pytest.raises(ValueError, match="ascending"):
         mechanics.bifurcation_chart(system, [-1], [1], "h", (1, 0))
-    with pytest.raises(ValueError, match="none of this system's"):
+    with pytest.raises(ValueError, match="are no parameters of this system"):
         system.with_parameters({"w": 1.0})

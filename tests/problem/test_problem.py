@@ -100,7 +100,7 @@ def vectors(lagrangian: Any) -> vc.Problem:
             ValueError,
             "breakpoints: abscissae inside the interval cannot be kept while an end slides",
         ),
-        (lambda: problem(maximize=True), TypeError, "maximize"),
+        (lambda: problem(maximum=True), TypeError, "Problem has no argument .maximum.; did you mean .maximise."),
         (lambda: problem(end_cost=lambda x, y: y), TypeError, "end_cost must accept 4 arguments"),
         # ends that slide
         (lambda: problem(end=vc.OnCurve(lambda x: x - 1, 1)), TypeError, r"end.phi must accept 2 .* \(x\); .* never p"),

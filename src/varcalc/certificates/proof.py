@@ -28,6 +28,7 @@ from varcalc.problem.conditions import Bound, Isoperimetric, whole
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.solution import Solution, Status, VariationalError
 from varcalc.solve.ladder import solve
+from varcalc.spelling import spelled
 from varcalc.symbolic.convexity import Entry, proved_convex
 from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.candidate import candidate
@@ -45,6 +46,7 @@ FORTH = "a curve that runs back is no shorter than a graph: the abscissa does no
 PACED = "each curve is run through at constant speed, and its distance is meant at equal shares of its length"
 
 
+@spelled
 def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
     """Prove between which two numbers the infimum lies that a solution is an estimate of.
 

@@ -20,6 +20,7 @@ import numpy as np
 from varcalc.integrators.companions import RULES, with_companions
 from varcalc.integrators.lowering import CannotLower, scalar_function
 from varcalc.integrators.protocol import Engine, Flow, Landing, Outcome, Run
+from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.variation import Between, excess, gentle
 
@@ -33,6 +34,7 @@ ROOM = 0.1
 """By what share of their difference a run may leave the range of two neighbouring places."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Attentive:
     """An ``engine`` whose runs do not step over what is narrow."""

@@ -29,6 +29,7 @@ from varcalc.integrators.protocol import (
     checked,
 )
 from varcalc.integrators.stops import Interpolant, Stops
+from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 
 REFINEMENT = 100.0
@@ -45,6 +46,7 @@ SPARSE = 16
 """So many runs are left together until half of them have ended: less is not worth rearranging."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Dop853:
     """Dormand and Prince's method of order 8. ``tolerance`` is relative to each state, or to the largest initial value.

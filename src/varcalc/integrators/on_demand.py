@@ -19,6 +19,7 @@ from varcalc.integrators.dop853 import Dop853
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.protocol import COMPLETED, Flow, Landing, Run
 from varcalc.integrators.taylor import Taylor
+from varcalc.spelling import spelled
 
 STEPS = 800
 """Steps of DOP853, refused ones among them, that take as long as compiling for heyoka."""
@@ -26,6 +27,7 @@ SIDE_BY_SIDE = 16
 """Runs that take their steps together with another, and with it as long as two that take them one after the other."""
 
 
+@spelled
 @dataclass(frozen=True)
 class OnDemand:
     """DOP853 for the first ``steps`` steps of a system, then Taylor, if that can take the system.

@@ -21,6 +21,7 @@ from varcalc.integrators.lowering import lower
 from varcalc.integrators.protocol import OUTCOMES, Landing, Outcome, Run, begun, check_system, checked
 from varcalc.integrators.taylor_ensemble import TaylorEnsemble
 from varcalc.integrators.threads import threads_for
+from varcalc.spelling import spelled
 
 BLIND = 2.0
 """By how many times more than all the terms of its series allow a first step may be."""
@@ -36,6 +37,7 @@ MANY = 64
 """Runs without stops from which on heyoka's batches are worth compiling."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Taylor:
     """heyoka's adaptive Taylor integrator of local ``tolerance`` (relative; round-off by default).

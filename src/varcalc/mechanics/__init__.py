@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 from varcalc.mechanics.brackets import poisson
 from varcalc.mechanics.closed_orbits import ClosedOrbit, ClosedOrbits
 from varcalc.mechanics.constraints import Pfaffian
@@ -45,6 +47,7 @@ from varcalc.mechanics.stability.response import Response
 from varcalc.mechanics.symmetries import Symmetry
 from varcalc.mechanics.system import System
 from varcalc.problem.conditions import Holonomic
+from varcalc.spelling import no_attribute
 
 __all__ = [
     "Averaged",
@@ -117,3 +120,8 @@ __all__ = [
     "stability_chart",
     "well_width",
 ]
+
+
+def __getattr__(name: str) -> NoReturn:
+    """No such name: the error suggests one that is near."""
+    raise no_attribute(__name__, name, __all__)

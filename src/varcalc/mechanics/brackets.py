@@ -7,12 +7,15 @@ from typing import Any
 
 import casadi as ca
 
+from varcalc.problem.conditions import function
+from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import Expression
 
 Observable = Callable[[Any, Any], Any]
 """A function of coordinates and momenta, both columns."""
 
 
+@spelled
 def poisson(f: Observable, g: Observable) -> Observable:
     """The bracket {f, g} = f_q·g_p - f_p·g_q, as a function of the same kind.
 
@@ -25,6 +28,8 @@ def poisson(f: Observable, g: Observable) -> Observable:
     >>> float(bracket(q, p)) == float(spin(2)(q, p))
     True
     """
+    function("f", f)
+    function("g", g)
 
     def bracket(q: Expression, p: Expression) -> Expression:
         n = q.numel()

@@ -15,6 +15,7 @@ from varcalc.mechanics.action import Action
 from varcalc.mechanics.monodromy import BESIDE, Floquet, Monodromy
 from varcalc.mechanics.motion import Motion
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns, TurningFrame, turning_frame
+from varcalc.problem.conditions import reals
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -57,11 +58,11 @@ class ClosedOrbit:
 
     def q(self, t: Any) -> np.ndarray:
         """The coordinates, shape (n,) + t.shape, at any times."""
-        return self.motion.q(np.asarray(t, dtype=float) % self.period)
+        return self.motion.q(reals("t", t) % self.period)
 
     def v(self, t: Any) -> np.ndarray:
         """The rates of the coordinates, shape (n,) + t.shape, at any times."""
-        return self.motion.v(np.asarray(t, dtype=float) % self.period)
+        return self.motion.v(reals("t", t) % self.period)
 
     @property
     def multipliers(self) -> np.ndarray:
@@ -154,8 +155,8 @@ class ClosedOrbits:
         """A guess for the problem from a curve ``q``: times (m,) of the orbit, or one, to coordinates (n, m)."""
 
         def z(s: np.ndarray) -> np.ndarray:
-            shares = np.atleast_1d(np.asarray(s, dtype=float))
-            places = np.asarray(q(self._unit * np.asarray(s, dtype=float)), dtype=float).reshape(-1, len(shares))
+            shares = np.atleast_1d(reals("s", s))
+            places = np.asarray(q(self._unit * reals("s", s)), dtype=float).reshape(-1, len(shares))
             matrices, _ = self.frame.at(shares / self._length)
             return np.linalg.solve(matrices, places.T[:, :, None])[:, :, 0].T.reshape(-1, *np.shape(s))
 

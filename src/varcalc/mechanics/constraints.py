@@ -14,7 +14,8 @@ import casadi as ca
 import numpy as np
 
 from varcalc.mechanics.lagrange import Lagrange, StateSymbols
-from varcalc.problem.conditions import Holonomic
+from varcalc.problem.conditions import Holonomic, function
+from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import Expression
 
 FAR_OFF = 1e-6
@@ -26,11 +27,15 @@ RATE = 2.0
 """Baumgarte's α, in units of the rate at which the motion begins."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Pfaffian:
     """``a(t, q[, p])``·v is zero along the motion: n numbers, such as those of rolling without slipping."""
 
     a: Callable[..., Any]
+
+    def __post_init__(self) -> None:
+        function("Pfaffian.a", self.a)
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,17 @@ import casadi as ca
 import numpy as np
 
 from varcalc.integrators import Engine, Flow
-from varcalc.mechanics.arguments import coordinate_names, coordinate_units, finite_column, finite_number
+from varcalc.mechanics.arguments import coordinate_names, coordinate_units, finite_column
 from varcalc.mechanics.constraints import Held, Pfaffian
 from varcalc.mechanics.lagrange import Lagrange, StateSymbols
 from varcalc.mechanics.legendre import Hamiltonian
 from varcalc.mechanics.motion import Event
 from varcalc.mechanics.symmetries import Symmetry, noether
-from varcalc.problem.conditions import Holonomic
+from varcalc.problem.conditions import Holonomic, reals, sequence
+from varcalc.problem.conditions import text as text_of
+from varcalc.problem.functional import named
 from varcalc.problem.reading import equation_latex, equation_text, text
+from varcalc.spelling import check_names, spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.switches import Switch, switches
 from varcalc.symbolic.tracing import Expression
@@ -27,6 +30,7 @@ COMPILED = "_rates", "_monodromy", "about_rest"
 """What a system shares with the same one for other parameters, which are arguments of these."""
 
 
+@spelled
 class Declared:
     """A system as it is declared, with what follows without any motion; see :class:`varcalc.mechanics.System`."""
 
@@ -45,20 +49,22 @@ class Declared:
     ) -> None:
         self.coordinates = coordinate_names(coordinates)
         self.n = len(self.coordinates)
-        self.units, self.time_unit = coordinate_units(units, self.n), time_unit
-        self.parameters = {
-            key: finite_number(f"parameters[{key!r}]", value) for key, value in (parameters or {}).items()
-        }
-        self.name, self.symmetries = name, tuple(symmetries)
+        self.units, self.time_unit = coordinate_units(units, self.n), text_of("time_unit", time_unit)
+        self.parameters = named("parameters", parameters)
+        self.name, self.symmetries = text_of("name", name), sequence("symmetries", symmetries)
         self._given, self._forces_given = lagrangian, forces
         symbols = StateSymbols.of(self.n, tuple(self.parameters))
         value = symbols.traced("lagrangian", lagrangian, symbols.t, symbols.q, symbols.v)
-        pushed = symbols.column("forces", forces, self.n, *symbols.all[:3]) if forces else ca.SX.zeros(self.n)
+        none = ca.SX.zeros(self.n)
+        pushed = none if forces is None else symbols.column("forces", forces, self.n, *symbols.all[:3])
         self._lagrange = Lagrange(symbols, value, pushed)
-        self.constraints = tuple(constraints)
+        self.constraints = sequence("constraints", constraints)
         self._held = Held.of(symbols, self.constraints)
         self._numbers = np.array(list(self.parameters.values()), dtype=float)
         self._flows: dict[tuple[Event, ...] | Engine, Flow] = {}
+        for k, one in enumerate(self.symmetries):
+            if not isinstance(one, Symmetry):
+                raise TypeError(f"symmetries[{k}] must be a mechanics.Symmetry, not {one!r}")
         self._invariants = {one.name: noether(self._lagrange, one, self.parameters) for one in self.symmetries}
 
     def __repr__(self) -> str:
@@ -69,9 +75,8 @@ class Declared:
 
         Raises ValueError for names that it does not have.
         """
-        if unknown := sorted(set(parameters) - set(self.parameters)):
-            raise ValueError(f"parameters {unknown} are none of this system's: {sorted(self.parameters)}")
-        given = {key: finite_number(f"parameters[{key!r}]", value) for key, value in parameters.items()}
+        given = named("parameters", parameters)
+        check_names("parameters of this system", given, self.parameters)
         other = copy.copy(self)  # L is not called again, and what is compiled for any parameters is shared
         for name, attribute in ((n, a) for kind in type(self).__mro__ for n, a in vars(kind).items()):
             if isinstance(attribute, cached_property) and name not in COMPILED:
@@ -178,7 +183,7 @@ class Declared:
     def energies(self, q: np.ndarray, v: np.ndarray, t: float = 0.0) -> np.ndarray:
         """The energy (m,) of many states (n, m)."""
         function = PointEvaluator(ca.Function("energies", self._lagrange.symbols.all, [self._lagrange.energy]))
-        columns = np.full((1, 1), t), np.asarray(q, dtype=float).T, np.asarray(v, dtype=float).T, self._numbers[None, :]
+        columns = np.full((1, 1), t), reals("q", q).T, np.asarray(v, dtype=float).T, self._numbers[None, :]
         return function(np.shape(q)[1], *columns)[:, 0]
 
     def accelerations(self, t: float, q: Sequence[float], v: Sequence[float]) -> np.ndarray:

@@ -6,6 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from varcalc.problem.conditions import function
+from varcalc.spelling import spelled
+
 
 @dataclass(frozen=True)
 class Examined:
@@ -33,6 +36,7 @@ class Examined:
         return "\n".join(f"{name}: off by {error:.1g}" for name, error in self.errors.items())
 
 
+@spelled
 @dataclass(frozen=True)
 class Examination:
     """What is computed of systems beside their motions: angles, periods, frequencies, bounds of stability.
@@ -50,8 +54,12 @@ class Examination:
     checks: Mapping[str, Callable[[], float]]
 
     def __post_init__(self) -> None:
+        if not isinstance(self.checks, Mapping):
+            raise TypeError(f"checks must be a mapping from names to functions, not {self.checks!r}")
         if not self.checks:
             raise ValueError("checks must name at least one thing that is known")
+        for name, check in self.checks.items():
+            function(f"checks[{name!r}]", check)
 
     def run(self) -> Examined:
         """What is computed, held against what is known of it."""

@@ -12,6 +12,7 @@ import numpy as np
 from varcalc.mechanics.motion import Event, Motion
 from varcalc.mechanics.passages import Passages
 from varcalc.mechanics.system import System
+from varcalc.spelling import spelled
 
 LOOKED_AT = 1001
 """Times at which a motion is held against what is known of it, and drawn."""
@@ -32,6 +33,7 @@ class Portrait:
     separatrices: tuple[float, ...]
 
 
+@spelled
 @dataclass(frozen=True)
 class Section:
     """Poincaré's section to draw: the first ``most`` passages through an ``event`` of motions from many states.
@@ -47,6 +49,7 @@ class Section:
     shown: int = 1
 
 
+@spelled
 @dataclass(frozen=True)
 class Flights:
     """A map to draw: the times to an ``event`` of motions from rest, over values of the first two coordinates."""
@@ -176,6 +179,7 @@ def _widened(values: np.ndarray) -> np.ndarray:
     return np.linspace(low - room, high + room, GRID)
 
 
+@spelled
 @dataclass(frozen=True)
 class Experiment:
     """A motion of a ``system`` from coordinates ``q0`` and rates ``v0`` (n,) over the times ``span``.

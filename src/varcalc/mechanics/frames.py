@@ -7,9 +7,11 @@ from typing import Any
 
 import casadi as ca
 
+from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import Expression
 
 
+@spelled
 def rotating(lagrangian: Callable[..., Any], angular_velocity: Sequence[float]) -> Callable[..., Any]:
     """The Lagrangian of one particle in a frame that turns: L(t, q, v + Ω × q).
 
@@ -25,6 +27,7 @@ def rotating(lagrangian: Callable[..., Any], angular_velocity: Sequence[float]) 
     return turning
 
 
+@spelled
 def charged(
     mass: float,
     charge: float,

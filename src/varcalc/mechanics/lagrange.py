@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.tracing import LAST, Expression, Names, check_arity, trace
+from varcalc.symbolic.tracing import LAST, Expression, Names, called, check_arity, trace
 
 PLACES = 12
 """Random places at which it is asked whether a matrix has full rank, or an identity holds."""
@@ -47,7 +47,8 @@ class StateSymbols:
 
     def traced(self, name: str, function: Callable[..., Any], *columns: Expression) -> Expression:
         """The scalar that a person's ``function`` makes of the columns, and p."""
-        return trace(name, function, self.arguments(*columns), ca.SX, LAST)
+        order = ("t", "q", "v")[: len(columns)] if len(columns) == 3 else ()
+        return trace(name, function, self.arguments(*columns), ca.SX, LAST, order)
 
     def function(self, value: Expression, *columns: Expression) -> Callable[..., Expression]:
         """A ``value`` as a person would write it: a function of the ``columns``, and p where there are parameters."""
@@ -64,7 +65,7 @@ class StateSymbols:
         """The column of ``size`` numbers that a person's ``function`` makes of the columns, and p."""
         arguments = self.arguments(*columns)
         check_arity(name, function, len(arguments), LAST)
-        result = function(*arguments)
+        result = called(name, function, arguments, ca.SX)
         column = ca.vertcat(*result) if isinstance(result, list | tuple) else ca.SX(result)
         if column.numel() != size:
             raise ValueError(f"{name} must return {size} numbers, one for each coordinate, not {column.numel()}")

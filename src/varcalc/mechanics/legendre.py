@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from varcalc.mechanics.lagrange import Lagrange
+from varcalc.problem.conditions import reals
 
 STEPS = 60
 """Newton's, for the velocities of momenta that are not linear in them."""
@@ -35,7 +36,7 @@ class Hamiltonian:
 
     def velocity(self, t: float, q: ArrayLike, p: ArrayLike) -> np.ndarray:
         """The v of the momenta ``p``: by one solution where they are linear in v, by Newton's iteration elsewhere."""
-        q, p = np.asarray(q, dtype=float), np.asarray(p, dtype=float)
+        q, p = reals("q", q), reals("p", p)
         if q.ndim == 2:
             return np.stack([self.velocity(t, a, b) for a, b in zip(q.T, p.T, strict=True)], axis=1)
         v, step = np.zeros_like(q), np.full_like(q, np.inf)

@@ -10,12 +10,16 @@ from typing import Any
 import numpy as np
 
 from varcalc.integrators.protocol import OUTCOMES, Flow, Outcome
+from varcalc.problem.conditions import function as check_function
+from varcalc.problem.conditions import reals, text, truth
+from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 
 LOOKED_AT = 257
 """Times of a motion at which invariants, and the error, are looked at."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Event:
     """Where ``function(t, q, v[, p])`` comes through zero; the motion ends there if it is ``terminal``.
@@ -27,6 +31,13 @@ class Event:
     name: str = "event"
     direction: int = 0
     terminal: bool = False
+
+    def __post_init__(self) -> None:
+        check_function("Event.function", self.function)
+        text("Event.name", self.name)
+        if isinstance(self.direction, bool) or self.direction not in (-1, 0, 1):
+            raise ValueError(f"Event.direction must be 1 (rising), -1 (falling) or 0 (both), not {self.direction!r}")
+        truth("Event.terminal", self.terminal)
 
 
 @dataclass(frozen=True)
@@ -66,7 +77,7 @@ class Motion:
         return self.outcome is Outcome.COMPLETED
 
     def _at(self, t: Any) -> tuple[np.ndarray, tuple[int, ...]]:
-        times = np.asarray(t, dtype=float)
+        times = reals("t", t)
         low, high = min(self.span), max(self.span)
         if times.size and not (times.min() >= low and times.max() <= high):
             raise ValueError(f"t must lie between {low:.17g} and {high:.17g}, where the motion is known")
@@ -84,7 +95,7 @@ class Motion:
 
     def _measured(self, t: Any) -> tuple[np.ndarray, tuple[int, ...]]:
         states, shape = self._at(t)
-        n, times = states.shape[1] // 2, np.asarray(t, dtype=float).reshape(-1, 1)
+        n, times = states.shape[1] // 2, reals("t", t).reshape(-1, 1)
         columns = times, states[:, :n], states[:, n:], self.numbers[None, :]
         return self.measured(len(states), *columns), shape
 

@@ -16,6 +16,7 @@ from varcalc.mechanics.course import MOST_STEPS
 from varcalc.mechanics.declared import Declared
 from varcalc.mechanics.monodromy import Monodromy, MonodromyAtRest
 from varcalc.mechanics.motion import Event, happenings
+from varcalc.problem.conditions import reals
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
@@ -25,7 +26,7 @@ class Moving(Declared):
 
     def _many(self, q0: Any, v0: Any, first: float, last: float) -> tuple[np.ndarray, np.ndarray]:
         """Many states (m, 2n) at the ``first`` time, and the constants of their motions up to the ``last``."""
-        q, v = (np.atleast_2d(np.asarray(part, dtype=float)) for part in (q0, v0))
+        q, v = (np.atleast_2d(reals(name, part)) for name, part in (("q0", q0), ("v0", v0)))
         if q.shape != v.shape or q.shape[1] != self.n:
             raise ValueError(f"q0 and v0 must both have the shape (m, {self.n}), not {q.shape} and {v.shape}")
         if not (np.all(np.isfinite(q)) and np.all(np.isfinite(v))):

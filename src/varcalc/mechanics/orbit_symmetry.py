@@ -16,7 +16,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.problem.conditions import Fixed, Free, Periodic
+from varcalc.problem.conditions import Fixed, Free, Periodic, reals
+from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
@@ -26,6 +27,7 @@ MOST_ELEMENTS = 10_000
 """Of a group of symmetries."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Repeats:
     """The orbit is ``times`` times the same: q(t + T/times) = ``matrix`` q(t), with a matrix (n, n)."""
@@ -39,6 +41,7 @@ class Repeats:
         _check_power("Repeats", _square("Repeats", self.matrix), self.times)
 
 
+@spelled
 @dataclass(frozen=True)
 class Returns:
     """The orbit goes back the way it came: q(-t) = ``matrix`` q(t), with a matrix (n, n) that is its own inverse."""
@@ -50,7 +53,7 @@ class Returns:
 
 
 def _square(name: str, matrix: Any) -> np.ndarray:
-    array = np.asarray(matrix, dtype=float)
+    array = reals("matrix", matrix)
     if array.ndim != 2 or array.shape[0] != array.shape[1] or not np.all(np.isfinite(array)):
         raise ValueError(f"{name}.matrix must be a square matrix of finite numbers, not {matrix!r}")
     return array

@@ -10,12 +10,15 @@ import casadi as ca
 import numpy as np
 
 from varcalc.mechanics.lagrange import Lagrange
+from varcalc.problem.conditions import function
+from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import Expression
 
 HOLDS = 1e-9
 """Of the terms of an identity: what is left of it at random places, if it holds."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Symmetry:
     """An infinitesimal change of coordinates ``xi(t, q[, p])`` (n numbers) and of time ``tau(t, q[, p])``.
@@ -27,6 +30,13 @@ class Symmetry:
     tau: Callable[..., Any] | None = None
     gauge: Callable[..., Any] | None = None
     name: str = "symmetry"
+
+    def __post_init__(self) -> None:
+        given = [name for name in ("xi", "tau", "gauge") if getattr(self, name) is not None]
+        for name in given:
+            function(f"Symmetry.{name}", getattr(self, name))
+        if not {"xi", "tau"} & {*given}:
+            raise ValueError("Symmetry changes nothing; give xi=, tau= or both")
 
 
 def noether(lagrange: Lagrange, symmetry: Symmetry, parameters: Mapping[str, float]) -> Expression:

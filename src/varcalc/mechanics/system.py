@@ -11,7 +11,7 @@ import numpy as np
 
 from varcalc import integrators
 from varcalc.mechanics.action import Action
-from varcalc.mechanics.arguments import finite_column, finite_number
+from varcalc.mechanics.arguments import ascending_span, ascending_times, finite_column
 from varcalc.mechanics.closed_orbits import ClosedOrbit, ClosedOrbits, closed_orbit, closed_state
 from varcalc.mechanics.constraints import Pfaffian
 from varcalc.mechanics.course import MOST_STEPS, course
@@ -25,10 +25,12 @@ from varcalc.mechanics.orbit_symmetry import Repeats, Returns
 from varcalc.mechanics.passages import Passages, passages
 from varcalc.mechanics.reduced.reduced import ReducedMotion
 from varcalc.mechanics.reduced.routh import OneCoordinate, routh
-from varcalc.problem.conditions import Fixed, Holonomic
+from varcalc.problem.conditions import Fixed, Holonomic, finite, sequence
 from varcalc.problem.problem import Problem
+from varcalc.spelling import spelled
 
 
+@spelled
 class System(Moving):
     """A system of n coordinates whose motions make the action, the integral of L over time, stationary.
 
@@ -114,7 +116,7 @@ class System(Moving):
         >>> swing.floquet([0.0], np.pi).stable
         False
         """
-        place, last = finite_column("q0", q0, self.n), finite_number("period", period)
+        place, last = finite_column("q0", q0, self.n), finite("period", period)
         self.check_standing(place, self._numbers[None, :], np.array([last]))
         matrices, _ = self.about_rest(place, np.append(self._numbers, 0.0)[None, :], np.array([last]))
         return Floquet(last, matrices[0], self.symplectic_form(0.0, place, np.zeros(self.n)))
@@ -179,13 +181,15 @@ class System(Moving):
         if self._held is not None or "energy" not in self._kept:
             raise ValueError("L must keep its energy to be reduced: without the time, forces and constraints")
         self._check_regular()
-        numbers = [finite_number(f"momenta[{name!r}]", value) for name, value in given.items()]
+        numbers = [finite(f"momenta[{name!r}]", value) for name, value in given.items()]
         one = OneCoordinate.of(self._lagrange, [self.coordinates.index(k) for k in given], numbers, self._numbers)
         return ReducedMotion(one, left[0], tuple(given))
 
     def between(self, q0: Sequence[float], q1: Sequence[float], duration: float) -> Problem:
         """The action of motions from ``q0`` to ``q1`` (n,) in the time ``duration``: a problem to solve and verify."""
         first, last = finite_column("q0", q0, self.n), finite_column("q1", q1, self.n)
+        if not finite("duration", duration) > 0:
+            raise ValueError(f"duration must be positive, not {duration!r}")
         start, end = Fixed(0.0, first.tolist()), Fixed(float(duration), last.tolist())
         return self._action.problem(start, end)
 
@@ -201,14 +205,19 @@ class System(Moving):
 
     def closed_orbits(self, period: float | str, symmetry: Sequence[Repeats | Returns] | None = None) -> ClosedOrbits:
         """The same with the way there and back: guesses for the ``problem``, and the orbits of its solutions."""
-        return ClosedOrbits(self._action, self._orbit, period, tuple(symmetry or ()))
+        return ClosedOrbits(
+            self._action, self._orbit, period, sequence("symmetry", () if symmetry is None else symmetry)
+        )
 
     def orbit(self, q0: Sequence[float], v0: Sequence[float], period: float) -> ClosedOrbit:
         """The closed orbit of a ``period`` next to the motion from ``q0`` and ``v0`` (n,), with what becomes of others.
 
         Raises ValueError where no closed orbit is next to it.
         """
-        return self._orbit(np.asarray(q0, dtype=float), np.asarray(v0, dtype=float), period, None)
+        time = finite("period", period)
+        if not time > 0:
+            raise ValueError(f"period must be positive, not {period!r}")
+        return self._orbit(finite_column("q0", q0, self.n), finite_column("v0", v0, self.n), time, None)
 
     def _orbit(self, q0: np.ndarray, v0: np.ndarray, period: float, back: np.ndarray | None) -> ClosedOrbit:
         if self._held is not None:
@@ -234,15 +243,13 @@ class System(Moving):
 
         Raises ValueError for a start that breaks a constraint, and for a singular L.
         """
-        first, last = (finite_number(f"span[{k}]", value) for k, value in enumerate(span))
-        for k, event in enumerate(events):
+        first, last = ascending_span(span)
+        for k, event in enumerate(given := sequence("events", events)):
             if not isinstance(event, Event):
                 raise TypeError(f"events[{k}] must be a mechanics.Event, not {event!r}")
-        if not last > first:
-            raise ValueError(f"span must be two ascending times, not {span!r}")
         q, v = self._started(first, q0, v0)
         numbers, state = self._with_rate(first, q, v, last - first), np.concatenate([q, v])
-        happened, end = self._happened(tuple(events), state, numbers, (first, last))
+        happened, end = self._happened(given, state, numbers, (first, last))
         flown = course(self._flow, state, numbers, (first, end))
         drift = self._drift(flown.looked, flown.states)
         error = flown.error(slice(self.n), float(np.abs(flown.states[:, : self.n]).max()))
@@ -254,9 +261,7 @@ class System(Moving):
 
     def ensemble(self, q0: Any, v0: Any, times: Sequence[float]) -> Ensemble:
         """Motions from many states at once: ``q0`` and ``v0`` (m, n) at the first of the ascending ``times`` (k,)."""
-        when = np.asarray(times, dtype=float)
-        if when.ndim != 1 or len(when) < 2 or not np.all(np.diff(when) > 0):
-            raise ValueError(f"times must be two or more, ascending, not {times!r}")
+        when = ascending_times(times)
         states, numbers = self._many(q0, v0, when[0], when[-1])
         return carried(self._flow(integrators.for_many(MOST_STEPS)), states, numbers, when)
 
@@ -270,12 +275,10 @@ class System(Moving):
         claims an error: what is narrower than a step is not seen here. Raises
         ValueError for Pfaffian constraints, and for steps that are too long to have a solution.
         """
-        first, last = (finite_number(f"span[{k}]", value) for k, value in enumerate(span))
+        first, last = ascending_span(span)
         for name, value in (("steps", steps), ("degree", degree)):
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
                 raise ValueError(f"{name} must be a whole number from 1 on, not {value!r}")
-        if not last > first:
-            raise ValueError(f"span must be two ascending times, not {span!r}")
         if any(isinstance(c, Pfaffian) for c in self.constraints):
             raise ValueError("Pfaffian constraints have no action to be made stationary: use motion()")
         if self._switches:
@@ -295,9 +298,7 @@ class System(Moving):
             raise ValueError(f"most must be a whole number from 1 on, not {most!r}")
         if not isinstance(event, Event):
             raise TypeError(f"event must be a mechanics.Event, not {event!r}")
-        first, last = (finite_number(f"span[{k}]", value) for k, value in enumerate(span))
-        if not last > first:
-            raise ValueError(f"span must be two ascending times, not {span!r}")
+        first, last = ascending_span(span)
         states, numbers = self._many(q0, v0, first, last)
         flow, slopes = self._with_events((event,))
         return passages(flow, states, numbers, (first, last), slopes, event.direction, most)

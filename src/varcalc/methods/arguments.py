@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.problem.functional import Functional
-from varcalc.problem.problem import Curve, Problem
+from varcalc.problem.functional import Functional, check_functional
+from varcalc.problem.problem import Curve
 from varcalc.solution import Solution
 from varcalc.symbolic.tracing import check_arity
 
@@ -23,8 +23,7 @@ SAME = 1e-9
 
 def check_arguments(problem: Any, method: Any, tol: Any) -> None:
     """Raise TypeError or ValueError, naming the argument and the remedy, for what cannot be solved."""
-    if not isinstance(problem, Problem | Curve):
-        raise TypeError(f"problem must be a Problem or a Curve, not {problem!r}")
+    check_functional(problem)
     if method is not None and (isinstance(method, type) or not hasattr(method, "solve")):
         hint = f"; write {method.__name__}()" if isinstance(method, type) else ""
         raise TypeError(f"method must be a method object such as Ritz() or Shooting(), not {method!r}{hint}")

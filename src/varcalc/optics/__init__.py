@@ -5,6 +5,8 @@ Each folder imports only from those before it: ``media``, with ``parameters`` an
 ``results``.
 """
 
+from typing import NoReturn
+
 from varcalc.optics.ensembles.curved import CurvedMedium
 from varcalc.optics.ensembles.wave_packets import DispersionRelation, WavePackets
 from varcalc.optics.media.catalogue import (
@@ -38,6 +40,7 @@ from varcalc.optics.results.study import Seen, Study
 from varcalc.optics.results.wavefronts import Caustic, Wavefront, caustic, ray_tube, wavefront
 from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Asphere, Conic, Implicit, Plane, Sphere, Surface
+from varcalc.spelling import no_attribute
 
 __all__ = [
     "GLASSES",
@@ -96,3 +99,8 @@ __all__ = [
     "standard_atmosphere",
     "wavefront",
 ]
+
+
+def __getattr__(name: str) -> NoReturn:
+    """No such name: the error suggests one that is near."""
+    raise no_attribute(__name__, name, __all__)

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Self
 import casadi as ca
 
 from varcalc.problem.functional import named
+from varcalc.spelling import check_names, spelled
 from varcalc.symbolic.tracing import Names, TracedFunction, check_arity, trace
 
 
@@ -33,16 +34,14 @@ class Parametrised:
         given = {name: _Traced.of(getattr(self, name), n, tuple(self.parameters)) for name, n in self.functions.items()}
         return {**self.__dict__, **given}
 
+    @spelled
     def with_parameters(self, values: Mapping[str, float]) -> Self:
         """The same for other values of the parameters.
 
         Raises ValueError for a name that is not among ``parameters``.
         """
         given = named("parameters", values)
-        strange = given.keys() - self.parameters.keys()
-        if strange:
-            what = type(self).__name__
-            raise ValueError(f"{sorted(strange)} are no parameters of this {what}; it has {sorted(self.parameters)}")
+        check_names(f"parameters of this {type(self).__name__}", given, self.parameters)
         return self._changed({**self.parameters, **given}) if given else self
 
     def _changed(self, parameters: Mapping[str, float]) -> Self:

@@ -8,16 +8,20 @@ from typing import Any
 import numpy as np
 
 from varcalc.optics.arrivals.search import PairSearch
+from varcalc.optics.media.dispersion import Dispersion
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.models.model import Model, checked_model
 from varcalc.optics.propagation.bundle import Bundle, Starts, traced
 from varcalc.optics.propagation.sequential import CompiledScene
 from varcalc.optics.rays.ray import Rays
 from varcalc.optics.surfaces import Surface, touched
-from varcalc.optics.validation import how_far, matched, numbers, point, rows, unit_rows
+from varcalc.optics.validation import how_far, matched, point, rows, unit_rows
+from varcalc.optics.validation import number as one_number
 from varcalc.problem.functional import named
+from varcalc.spelling import check_names, spelled
 
 
+@spelled
 class Scene:
     """Media and the surfaces between them.
 
@@ -55,17 +59,11 @@ class Scene:
         *,
         wavelength: float | None = None,
     ) -> None:
-        self.surfaces = (surfaces,) if isinstance(surfaces, Surface) else tuple(surfaces)
-        given = (media,) if isinstance(media, Medium) else tuple(media)
-        for name, kind, items in (("media", Medium, given), ("surfaces", Surface, self.surfaces)):
-            for item in items:
-                if not isinstance(item, kind):
-                    raise TypeError(
-                        f"{name} must hold members of varcalc.optics such as Uniform or Plane, not {item!r}"
-                    )
+        given: tuple[Any, ...] = _members("media", Medium, media)
+        self.surfaces: tuple[Any, ...] = _members("surfaces", Surface, surfaces)
         self.wavelength = wavelength
         if wavelength is not None:
-            if not (numbers("wavelength", wavelength).ndim == 0 and wavelength > 0):
+            if not one_number("wavelength", wavelength) > 0:
                 raise ValueError(f"wavelength must be one positive number, in micrometres, not {wavelength!r}")
             given = tuple(medium.at_wavelength(wavelength) for medium in given)
         self.media = _one_more(given, self.surfaces)
@@ -95,8 +93,7 @@ class Scene:
         """
         values = named("parameters", values)
         known = {name for part in (*self.media, *self.surfaces) for name in part.parameters}
-        if values.keys() - known:
-            raise ValueError(f"{sorted(values.keys() - known)} are no parameters of this scene; it has {sorted(known)}")
+        check_names("parameters of this scene", values, sorted(known))
         media = [m.with_parameters({k: v for k, v in values.items() if k in m.parameters}) for m in self.media]
         surfaces = [s.with_parameters({k: v for k, v in values.items() if k in s.parameters}) for s in self.surfaces]
         return Scene(media, surfaces, wavelength=self.wavelength)
@@ -300,3 +297,23 @@ def _one_more(media: Sequence[Medium], surfaces: Sequence[Surface]) -> tuple[Med
 
 def _scene(media: Sequence[Medium], surfaces: Sequence[Surface], wavelength: float | None) -> Scene:
     return Scene(media, surfaces, wavelength=wavelength)
+
+
+def _members(name: str, kind: type, given: Any) -> tuple[Any, ...]:
+    """One medium or surface, or several; TypeError, with what to write, for anything else."""
+    items = given if isinstance(given, Sequence) and not isinstance(given, str) else (given,)
+    for item in items:
+        if isinstance(item, kind):
+            continue
+        remedy = ""
+        if kind is Medium and callable(item):
+            remedy = "; an index that varies is written Graded(n)"
+        elif kind is Medium and isinstance(item, int | float | Dispersion):
+            remedy = f"; write Uniform({'optics.GLASSES[...]' if isinstance(item, Dispersion) else item})"
+        elif isinstance(item, Medium | Surface):
+            remedy = "; media come first, and surfaces second"
+        raise TypeError(f"{name} must hold members of varcalc.optics such as {_EXAMPLES[name]}, not {item!r}{remedy}")
+    return tuple(items)
+
+
+_EXAMPLES = {"media": "Uniform or Graded", "surfaces": "Plane or Sphere"}

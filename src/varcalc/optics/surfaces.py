@@ -16,8 +16,10 @@ import casadi as ca
 import numpy as np
 
 from varcalc.optics.parameters import Parametrised
-from varcalc.optics.validation import by_chunks, direction, numbers, point
+from varcalc.optics.validation import by_chunks, direction, number, numbers, point
+from varcalc.problem.conditions import truth
 from varcalc.problem.functional import named
+from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
 from varcalc.symbolic.evaluation import PointEvaluator
 
@@ -50,6 +52,7 @@ class Surface(Parametrised, ABC):
         return None
 
 
+@spelled
 @dataclass(frozen=True)
 class Plane(Surface):
     """The plane through ``point`` with the given ``normal`` (a straight line, in the plane)."""
@@ -61,6 +64,7 @@ class Plane(Surface):
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", point("point", self.point))
         object.__setattr__(self, "normal", direction("normal", self.normal))
+        truth("mirror", self.mirror)
         _same_dimension(point=self.point, normal=self.normal)
 
     @property
@@ -73,6 +77,7 @@ class Plane(Surface):
         return ca.dot(ca.DM(self.normal), position) - float(np.dot(self.normal, self.point))
 
 
+@spelled
 @dataclass(frozen=True)
 class Sphere(Surface):
     """The whole sphere (circle) of ``radius`` about ``center``."""
@@ -83,7 +88,8 @@ class Sphere(Surface):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", point("center", self.center))
-        if not (numbers("radius", self.radius).ndim == 0 and self.radius > 0):
+        truth("mirror", self.mirror)
+        if not number("radius", self.radius) > 0:
             raise ValueError(f"radius must be a positive number, not {self.radius!r}")
 
     @property
@@ -109,9 +115,10 @@ class _OfRevolution(Surface):
         object.__setattr__(self, "vertex", point("vertex", self.vertex))
         object.__setattr__(self, "axis", direction("axis", self.axis))
         _same_dimension(vertex=self.vertex, axis=self.axis)
-        if not (numbers("radius", self.radius).ndim == 0 and self.radius != 0):
+        truth("mirror", self.mirror)
+        if number("radius", self.radius) == 0:
             raise ValueError(f"radius must be a number other than zero, not {self.radius!r}; for none take Plane")
-        numbers("conic", self.conic)
+        number("conic", self.conic)
 
     @property
     def dimension(self) -> int:
@@ -119,6 +126,7 @@ class _OfRevolution(Surface):
         return len(self.vertex)
 
 
+@spelled
 @dataclass(frozen=True)
 class Conic(_OfRevolution):
     """A conic of revolution: the sheet through its vertex, as far as it is a graph over the tangent plane there.
@@ -153,6 +161,7 @@ class Conic(_OfRevolution):
         return 1 - (1 + self.conic) * height / self.radius
 
 
+@spelled
 @dataclass(frozen=True)
 class Asphere(_OfRevolution):
     """A conic with even powers added: z = c ρ²/(1 + sqrt(1 - (1 + k) c² ρ²)) + a₄ ρ⁴ + a₆ ρ⁶ + ...
@@ -183,6 +192,7 @@ class Asphere(_OfRevolution):
         return sag + sum(a * squared ** (i + 2) for i, a in enumerate(self.coefficients)) - height
 
 
+@spelled
 @dataclass(frozen=True)
 class Implicit(Surface):
     """The zeros of any smooth function.
@@ -206,7 +216,8 @@ class Implicit(Surface):
 
     def __post_init__(self) -> None:
         if not callable(self.level_function):
-            raise TypeError(f"f must be a function of the coordinates, not {self.level_function!r}")
+            raise TypeError(f"level_function must be a function of the coordinates, not {self.level_function!r}")
+        truth("mirror", self.mirror)
         object.__setattr__(self, "parameters", named("parameters", self.parameters))
 
     def level(self, position: Expression) -> Expression:
@@ -218,10 +229,7 @@ class Implicit(Surface):
         hint = "it is called with as many coordinates as a point has, and with p last where there are parameters"
         arguments = [position[i] for i in range(position.numel())]
         last = [tracing.Names(dict(parameters))] if parameters else []
-        try:
-            return tracing.trace("f", self.level_function, [*arguments, *last], ca.SX, hint)
-        except tracing.NotSymbolic as error:
-            raise ValueError(f"f could not be evaluated with symbols: {error}") from error
+        return tracing.trace("level_function", self.level_function, [*arguments, *last], ca.SX, hint)
 
 
 def _same_dimension(**points: Sequence[float]) -> None:

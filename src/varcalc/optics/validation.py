@@ -7,21 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.problem.conditions import numbers
+
+__all__ = [
+    "CHUNK", "DIMENSIONS", "by_chunks", "direction", "how_far", "matched", "number", "numbers", "point", "positive",
+    "rows",
+    "unit_rows",
+]  # fmt: skip
+
 CHUNK = 1 << 16
 """Rays carried, or points looked at, together: beside the results, that bounds the memory."""
 DIMENSIONS = (2, 3)
 """Plane and space."""
-
-
-def numbers(name: str, given: Any) -> np.ndarray:
-    """``given`` as an array of finite floats; TypeError or ValueError naming ``name``."""
-    try:
-        array = np.array(given, dtype=float)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name} must be made of numbers, not {given!r}") from None
-    if not np.all(np.isfinite(array)):
-        raise ValueError(f"{name} must be finite, not {given!r}")
-    return array
 
 
 def point(name: str, given: Any) -> tuple[float, ...]:
@@ -30,6 +27,21 @@ def point(name: str, given: Any) -> tuple[float, ...]:
     if array.ndim != 1 or len(array) not in DIMENSIONS:
         raise ValueError(f"{name} must be one point, 2 coordinates in the plane or 3 in space, not {given!r}")
     return tuple(float(v) for v in array)
+
+
+def number(name: str, given: Any) -> float:
+    """One finite number; TypeError naming ``name`` for more of them, or none."""
+    array = numbers(name, given)
+    if array.ndim:
+        raise TypeError(f"{name} must be one number, not {given!r}")
+    return float(array)
+
+
+def positive(name: str, given: Any) -> float:
+    """One positive number; TypeError or ValueError naming ``name`` for what is none."""
+    if not number(name, given) > 0:
+        raise ValueError(f"{name} must be a positive number, not {given!r}")
+    return float(given)
 
 
 def direction(name: str, given: Any) -> tuple[float, ...]:

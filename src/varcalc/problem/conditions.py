@@ -14,10 +14,13 @@ from typing import Any, ClassVar, cast
 import casadi as ca
 import numpy as np
 
+from varcalc.spelling import spelled
+
 Number = float | int
 Components = Number | Sequence[Number | None] | None
 
 
+@spelled
 @dataclass(frozen=True)
 class Parameter:
     """A coordinate of an end that is the parameter ``name`` of its problem.
@@ -37,8 +40,7 @@ class Parameter:
     name: str
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str):
-            raise TypeError(f"Parameter.name must be a text, not {self.name!r}")
+        text("Parameter.name", self.name)
 
 
 def finite(name: str, value: Any) -> float:
@@ -56,6 +58,29 @@ def finite(name: str, value: Any) -> float:
     if not math.isfinite(number):
         raise ValueError(f"{name} must be finite, not {number}")
     return number
+
+
+def reals(name: str, given: Any) -> np.ndarray:
+    """``given`` as an array of floats, which need not be finite; TypeError naming ``name`` otherwise."""
+    wrong = TypeError(f"{name} must be made of numbers, not {given!r}")
+    try:
+        array = np.array(given)
+        kind = array.dtype.kind
+        # text and truth values would be taken for numbers, and none was meant as one
+        made = None if kind in "USmMbc" else array.astype(float)
+    except (TypeError, ValueError, RuntimeError, OverflowError):
+        raise wrong from None
+    if made is None or (kind == "O" and any(isinstance(v, str | bytes | bool) for v in array.ravel())):
+        raise wrong
+    return made
+
+
+def numbers(name: str, given: Any) -> np.ndarray:
+    """``given`` as an array of finite floats; TypeError or ValueError naming ``name`` otherwise."""
+    array = reals(name, given)
+    if not np.all(np.isfinite(array)):
+        raise ValueError(f"{name} must be finite, not {given!r}")
+    return array
 
 
 def coordinate(name: str, value: Any) -> float | Parameter:
@@ -79,9 +104,16 @@ def truth(name: str, value: Any) -> bool:
     return bool(value)
 
 
+def text(name: str, value: Any) -> str:
+    """``value``, which must be a text; TypeError naming ``name`` where it is none."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name} must be a text, not {value!r}")
+    return value
+
+
 def sequence(name: str, value: Any) -> tuple[Any, ...]:
     """The entries of ``value``; TypeError naming ``name`` where it has none to go through."""
-    if isinstance(value, str | bytes) or not isinstance(value, Iterable):
+    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
         raise TypeError(f"{name} must be a sequence, not {value!r}; write {name}=[...]")
     return tuple(value)
 
@@ -173,6 +205,7 @@ def _numbers(name: str, given: Any) -> np.ndarray:
     return np.array([np.nan if v is None else v for v in components(name, given)], dtype=float)
 
 
+@spelled
 @dataclass(frozen=True)
 class Fixed(AnyEnd):
     """An end at the abscissa ``x`` with the ordinate ``y`` given.
@@ -213,6 +246,7 @@ class Fixed(AnyEnd):
         return len(components(f"{label}.y", self.y)), not is_vector(self.y)
 
 
+@spelled
 @dataclass(frozen=True)
 class Free(AnyEnd):
     """An end at the abscissa ``x`` whose ordinate is free (natural condition).
@@ -229,6 +263,7 @@ class Free(AnyEnd):
         _number_of_functions("Free.n", self.n)
 
 
+@spelled
 @dataclass(frozen=True)
 class OnCurve(OfFunction, AnyEnd):
     """An end that slides on ``phi(x, y) = 0``; ``x`` is a first guess of its abscissa."""
@@ -246,6 +281,7 @@ class OnCurve(OfFunction, AnyEnd):
         _number_of_functions("OnCurve.n", self.n)
 
 
+@spelled
 @dataclass(frozen=True)
 class Periodic(AnyEnd):
     """Both ends of a periodic curve: ``y(x0) = y(x1)`` and so the slope.
@@ -266,10 +302,11 @@ class Periodic(AnyEnd):
         if (self.x0 is None) != (self.x1 is None):
             raise ValueError("Periodic needs both abscissae x0 and x1, or neither (a closed Curve)")
         if self.x0 is not None and finite("Periodic.x1", self.x1) <= finite("Periodic.x0", self.x0):
-            raise ValueError("Periodic.x1 must lie right of Periodic.x0")
+            raise ValueError(f"Periodic.x1 must lie right of Periodic.x0, not at {self.x1} and {self.x0}")
         _number_of_functions("Periodic.n", self.n)
 
 
+@spelled
 @dataclass(frozen=True)
 class At(AnyEnd):
     """An end of a :class:`varcalc.Curve` at the point ``q`` (``None``: that component is free)."""
@@ -291,6 +328,7 @@ class At(AnyEnd):
         return len(self.q), False
 
 
+@spelled
 @dataclass(frozen=True)
 class OnSurface(OfFunction, AnyEnd):
     """An end of a :class:`varcalc.Curve` that slides on ``phi(q) = 0``; ``guess`` is a point near it."""
@@ -324,6 +362,7 @@ def _check_between(owner: str, lower: float | None, upper: float | None) -> None
         raise ValueError(f"{owner}: lower ({lower}) must not exceed upper ({upper})")
 
 
+@spelled
 @dataclass(frozen=True)
 class Isoperimetric(OfFunction):
     """The integral of ``g`` (called as the Lagrangian is) equals ``value``, or lies between levels."""
@@ -339,6 +378,8 @@ class Isoperimetric(OfFunction):
         function("Isoperimetric.g", self.g)
         levels = [_level(f"Isoperimetric.{k}", getattr(self, k)) for k in ("value", "lower", "upper")]
         if levels[0] is None:
+            if levels[1] is None and levels[2] is None:
+                raise ValueError("Isoperimetric bounds nothing; give lower=, upper= or both, or value=")
             _check_between("Isoperimetric", levels[1], levels[2])
         elif levels[1] is not None or levels[2] is not None:
             raise ValueError("Isoperimetric: give either value, or lower and upper, not both")
@@ -362,6 +403,7 @@ class Isoperimetric(OfFunction):
         )
 
 
+@spelled
 @dataclass(frozen=True)
 class Holonomic(OfFunction):
     """``phi(x, y[, p]) = 0`` all along the curve (``phi(q[, p])`` for a Curve)."""
@@ -374,6 +416,7 @@ class Holonomic(OfFunction):
         function("Holonomic.phi", self.phi)
 
 
+@spelled
 @dataclass(frozen=True)
 class Bound(OfFunction):
     """``lower <= h(x, y, dy[, p]) <= upper`` all along the curve: obstacles, bounds on the slope."""
@@ -400,6 +443,7 @@ class Bound(OfFunction):
         )
 
 
+@spelled
 @dataclass(frozen=True)
 class Through:
     """A waypoint: ``y(x)`` has the given value. The slope may jump there (at order 2 the curvature may)."""

@@ -23,8 +23,10 @@ from varcalc.problem.conditions import (
     parameters_of,
     placed,
     sequence,
+    text,
     truth,
 )
+from varcalc.spelling import check_names, spelled
 from varcalc.symbolic.derived import Cache
 from varcalc.symbolic.tracing import Expression, Names, NotSymbolic, TracedFunction, trace
 
@@ -106,6 +108,8 @@ class Functional:
     traced: tuple[Traced, ...]
     end_cost_expression: tuple[list[Expression], Expression] | None = None
     breakpoints: tuple[float, ...] = ()
+    written: ClassVar[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]]
+    """What textbooks call the place, the slopes and the two ends: what functions of the user's are called with."""
     slide_takes: ClassVar[str]
     slide_idle: ClassVar[str]
 
@@ -121,8 +125,6 @@ class Functional:
         maximise: bool,
         name: str,
     ) -> None:
-        if not callable(lagrangian):
-            raise TypeError(f"lagrangian must be a function, not {lagrangian!r}")
         self.lagrangian = lagrangian
         self.templates = (start, end)
         self.parameters = named("parameters", parameters)
@@ -133,7 +135,7 @@ class Functional:
             raise ValueError(f"{sorted(both)} are given both in parameters and in unknowns; choose one")
         self.end_cost = end_cost
         self.maximise = truth("maximise", maximise)
-        self.name = _checked_name(name) or _own_name(lagrangian)
+        self.name = text("name", name) or _own_name(lagrangian)
         self.constraints = self._checked_constraints(constraints)
         self.cache = Cache()
         try:
@@ -225,13 +227,19 @@ class Functional:
         p = self._names()
         slopes = [self.number(d) for d in self.symbols.slopes]
         position = self.handed(self.symbols.x, self.symbols.y)
-        self.integrand = trace("lagrangian", self.lagrangian, [*position, *slopes, *p], kind)
+        place, rates, end_names = self.written
+        order = [*place, *rates[: len(slopes)]]
+        self.integrand = trace("lagrangian", self.lagrangian, [*position, *slopes, *p], kind, order=order)
         traced = []
         for i, constraint in enumerate(self.constraints):
             if isinstance(constraint, Through):
                 continue
             label = f"constraints[{i}].{constraint.written}"
-            expression = trace(label, constraint.function, [*constraint.arguments(position, slopes), *p], kind)
+            names = constraint.arguments(list(place), list(rates[: len(slopes)]))
+            expression = trace(
+                label, constraint.function, [*constraint.arguments(position, slopes), *p], kind,
+                order=names if len(names) > len(place) else (),
+            )  # fmt: skip
             if isinstance(constraint, Holonomic) and not ca.depends_on(expression, self.symbols.y):
                 raise ValueError(f"{label} does not depend on the curve, so phi = 0 constrains nothing")
             traced.append(Traced(constraint, expression))
@@ -244,7 +252,7 @@ class Functional:
             ends = self._end_symbols()
             self.end_cost_expression = (
                 ends,
-                trace("end_cost", self.end_cost, [*map(self.number, ends), *p], kind),
+                trace("end_cost", self.end_cost, [*map(self.number, ends), *p], kind, order=end_names),
             )
 
     @property
@@ -270,6 +278,7 @@ class Functional:
         """The constraints of one type, in the order given."""
         return (c for c in self.constraints if isinstance(c, constraint_type))
 
+    @spelled
     def with_parameters(self, values: Mapping[str, float]) -> Self:
         """The same problem for other parameter values; nothing is traced or built anew.
 
@@ -285,9 +294,7 @@ class Functional:
         {'g': 1.62}
         """
         given = named("parameters", values)
-        strange = given.keys() - self.parameters.keys()
-        if strange:
-            raise ValueError(f"{sorted(strange)} are no parameters of this problem; it has {sorted(self.parameters)}")
+        check_names("parameters of this problem", given, self.parameters)
         other = copy.copy(self)
         other.original = self.original or self
         other.parameters = self.parameters | given
@@ -338,6 +345,15 @@ class Functional:
         return f"{type(self).__name__}({self.name!r}, {self.start}, {self.end})"
 
 
+def check_functional(problem: Any) -> None:
+    """TypeError for anything but a problem; it says where to find that of what holds one."""
+    if not isinstance(problem, Functional):
+        held = isinstance(getattr(problem, "problem", None), Functional)
+        remedy = "; give its problem: solution.problem" if held else ""
+        what = type(problem).__name__ if held else repr(problem)
+        raise TypeError(f"problem must be a Problem or a Curve, not {what}{remedy}")
+
+
 def _rebuilt(cls: type[Functional], statement: tuple[Any, ...], options: dict[str, Any]) -> Functional:
     return cls(*statement, **options)
 
@@ -350,12 +366,6 @@ UNNAMED = "functional"
 """What a functional is called that was given no name and whose function has none."""
 
 
-def _checked_name(name: Any) -> str:
-    if not isinstance(name, str):
-        raise TypeError(f"name must be a text, not {name!r}")
-    return name
-
-
 def _own_name(lagrangian: Callable[..., Any]) -> str:
     name = getattr(lagrangian, "__name__", UNNAMED)
     return UNNAMED if name == "<lambda>" else name
@@ -366,7 +376,7 @@ def named(name: str, values: Mapping[str, float] | None) -> dict[str, float]:
     if values is None:
         return {}
     if not isinstance(values, Mapping):
-        raise TypeError(f"{name} must be a mapping from names to numbers, not {values!r}")
+        raise TypeError(f"{name} must be a mapping from names to numbers, not {values!r}; write {{'g': 9.81}}")
     for key in values:
         if not (isinstance(key, str) and key.isidentifier()) or keyword.iskeyword(key) or key.startswith("__"):
             raise ValueError(f"{name}: {key!r} is no name that p.<name> could have; choose another")

@@ -23,9 +23,13 @@ from varcalc.problem.conditions import (
     components,
     sequence,
 )
+from varcalc.problem.conditions import (
+    function as check_function,
+)
 from varcalc.problem.consistency import Place, check_places
 from varcalc.problem.functional import Functional
 from varcalc.problem.shape import check_slopes, curve_dimension, dimension, inside, span_of
+from varcalc.spelling import spelled
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import Derivatives, PointEvaluator
 from varcalc.symbolic.tracing import Expression
@@ -40,6 +44,7 @@ FEW_FUNCTIONS = 3
 """Unknown functions up to which it is cheaper to take all derivatives of L than to state those that are asked for."""
 
 
+@spelled
 class Problem(Functional):
     """Make the integral of ``lagrangian`` over the graph of y(x) least (or greatest).
 
@@ -68,6 +73,7 @@ class Problem(Functional):
     does not return a scalar, an end where L is not a number.
     """
 
+    written = ("x", "y"), ("dy", "ddy"), ("x0", "y0", "x1", "y1")
     slide_takes = "phi takes x and y, never p"
     slide_idle = "depends neither on x nor on y, so phi = 0 is no curve to slide on"
 
@@ -86,6 +92,7 @@ class Problem(Functional):
         breakpoints: Sequence[float] = (),
         name: str = "",
     ) -> None:
+        check_function("lagrangian", lagrangian)
         if isinstance(order, bool) or not isinstance(order, int | np.integer) or order not in (1, 2):
             raise ValueError(f"order must be 1 or 2, not {order!r}")
         self.order = int(order)
@@ -235,6 +242,7 @@ class Problem(Functional):
         return not _derivatives(self).occupied[1 + k :].reshape(k, k)[1 + self.n :, 1 + self.n :].any()
 
 
+@spelled
 class Curve(Functional):
     """Make the integral of ``F(q, dq)`` along a curve in space least (or greatest).
 
@@ -248,6 +256,7 @@ class Curve(Functional):
     Raises ValueError when ``F`` is not homogeneous of degree one.
     """
 
+    written = ("q",), ("dq",), ("q0", "q1")
     slide_takes = "phi takes q, never p"
     slide_idle = "does not depend on q, so phi = 0 is no surface to slide on"
 
@@ -264,6 +273,7 @@ class Curve(Functional):
         maximise: bool = False,
         name: str = "",
     ) -> None:
+        check_function("lagrangian", lagrangian)
         self.n = curve_dimension(start, end)
         self.scalar = False
         self.span = (0.0, 1.0)

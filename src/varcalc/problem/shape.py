@@ -27,7 +27,19 @@ def dimension(start: AnyEnd, end: AnyEnd) -> tuple[int, bool]:
 def _check_kind(start: AnyEnd, end: AnyEnd, of_space: bool, kinds: str) -> None:
     for label, e in (("start", start), ("end", end)):
         if not isinstance(e, AnyEnd) or e.of_space not in (of_space, None):
-            raise TypeError(f"{label} must be {kinds}, not {e!r}")
+            raise TypeError(f"{label} must be {kinds}, not {e!r}{_instead(e, of_space)}")
+
+
+def _instead(given: Any, of_space: bool) -> str:
+    """What to write instead of what is no end, where that can be told."""
+    if isinstance(given, AnyEnd):
+        return f"; {type(given).__name__} is an end of a {'Problem' if of_space else 'Curve'}"
+    if isinstance(given, type) and issubclass(given, AnyEnd):
+        return f"; that is the class: write {given.__name__}(...)"
+    if isinstance(given, tuple | list) and len(given) >= 2 and all(isinstance(v, int | float) for v in given):
+        rest = given[1] if len(given) == 2 else list(given[1:])
+        return f"; write At({list(given)})" if of_space else f"; write Fixed({given[0]!r}, {rest!r})"
+    return "; the arguments are the Lagrangian, the start and the end" if callable(given) else ""
 
 
 def span_of(start: Any, end: Any) -> tuple[float, float]:
@@ -38,7 +50,8 @@ def span_of(start: Any, end: Any) -> tuple[float, float]:
         return float(start.x0), float(start.x1)
     a, b = float(start.x), float(end.x)
     if not a < b:
-        raise ValueError(f"the end must lie right of the start: start.x = {a}, end.x = {b}")
+        remedy = "give the left end first" if b < a else "give them different abscissae"
+        raise ValueError(f"the end must lie right of the start: start.x = {a}, end.x = {b}; {remedy}")
     return a, b
 
 

@@ -20,6 +20,7 @@ from varcalc.problem.conditions import finite
 from varcalc.search.arclength import Fold, Follower, ParameterFamily, Point
 from varcalc.search.collected import finer, refined, scales_of
 from varcalc.solution import Solution
+from varcalc.spelling import check_names, spelled
 
 BRANCH_DEGREES = {1: 20, 2: 24}
 """Degree of the mesh that a branch sets out on, by the order of the functional."""
@@ -63,6 +64,7 @@ class Branch:
         return np.array([s.value for s in self.solutions])
 
 
+@spelled
 def continue_branch(solution: Solution, name: str, *, until: float, tol: float = 1e-10) -> Branch:
     """The branch of extremals that ``solution`` lies on, as the parameter ``name`` goes towards ``until``.
 
@@ -90,10 +92,11 @@ def continue_branch(solution: Solution, name: str, *, until: float, tol: float =
     >>> print(f"{branch.solutions[-1].y(0.5):.9f} at k = {branch.parameter[-1]:g}")
     4.091467246 at k = 1
     """
+    if not isinstance(solution, Solution):
+        raise TypeError(f"solution must be what varcalc.solve gives back, not {solution!r}")
     problem = solution.problem
     check_arguments(problem, None, tol)
-    if name not in problem.parameters:
-        raise ValueError(f"{name!r} is no parameter of this problem; it has {sorted(problem.parameters)}")
+    check_names("parameters of this problem", [name], problem.parameters)
     if name in problem.end_parameters:
         raise ValueError(f"{name!r} moves an end; a branch is followed in a parameter of the Lagrangian, see sweep")
     until = finite("until", until)

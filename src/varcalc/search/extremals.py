@@ -23,6 +23,7 @@ from varcalc.search.scan import scan
 from varcalc.search.sequence import Extremals
 from varcalc.search.windings import wound
 from varcalc.solution import WORTHLESS_ERROR, Solution, Verdict
+from varcalc.spelling import spelled
 from varcalc.verify.candidate import COMPARED_POINTS
 
 SAME_SLOPE = 1e-6
@@ -37,6 +38,7 @@ END_MISSED = 1e-6
 """Relative distance from a fixed end beyond which a curve misses it."""
 
 
+@spelled
 def extremals(problem: Functional, *, tol: float = 1e-10, period: Any = None, windings: int = 1) -> Extremals:
     """Every extremal of ``problem`` that a systematic search finds, best first.
 

@@ -9,6 +9,7 @@ from typing import Any
 from varcalc.methods.arguments import check_arguments
 from varcalc.problem.functional import Functional
 from varcalc.solution import Finding, Verdict
+from varcalc.spelling import spelled
 from varcalc.verify.verification import first_held
 
 
@@ -39,6 +40,7 @@ class Diagnosis:
         return "\n".join([f"{self.name}: {headline}", *(f"- {finding.sentence}" for finding in self.findings)])
 
 
+@spelled
 def diagnose(problem: Functional) -> Diagnosis:
     """Say whether a problem has a minimum (a maximum with ``maximise``), and what stands in its way.
 

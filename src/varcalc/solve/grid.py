@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 
 from varcalc.problem.conditions import finite
+from varcalc.spelling import spelled
 
 Place = tuple[int, ...]
 """Where a point lies: one number an axis of a grid, one number alone among paired values."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Paired:
     """Values that are taken together: the first of every name, then the second of every name, and so on.

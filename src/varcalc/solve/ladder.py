@@ -19,6 +19,7 @@ from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.breaks import breakable, switches_of
+from varcalc.problem.conditions import truth
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -33,6 +34,7 @@ from varcalc.solution import (
     refused,
 )
 from varcalc.solve.warm_start import resolved
+from varcalc.spelling import spelled
 from varcalc.symbolic.derived import Cache
 from varcalc.verify.between import Unseen, balanced, unseen
 from varcalc.verify.slopes import vouched
@@ -51,6 +53,7 @@ class Method(Protocol):
         ...
 
 
+@spelled
 def solve(
     problem: Functional,
     method: Method | None = None,
@@ -77,6 +80,7 @@ def solve(
     5.0
     """
     check_arguments(problem, method, tol)
+    truth("throw", throw)
     known = resolved(problem, method, tol, guess)
     if known is not None:
         return known

@@ -24,6 +24,7 @@ from varcalc.solve.point import BROKEN_POINT, MISSING, Measured, SweepPoint
 from varcalc.solve.row import Row, Source, Values, made_once
 from varcalc.solve.sharing import MANY, Job, shared
 from varcalc.solve.store import Store, read
+from varcalc.spelling import spelled
 from varcalc.tables import known, shown, table
 
 if TYPE_CHECKING:
@@ -151,6 +152,7 @@ class Sweep:
         return [np.nan if v is None else v for v in column]
 
 
+@spelled
 def sweep(
     problem: Source,
     grid: Mapping[str, Iterable[float]] | Paired,

@@ -10,9 +10,11 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 from varcalc.methods.labels import checked_method, label
+from varcalc.problem.functional import check_functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution, Status, VariationalError
 from varcalc.solve.ladder import solve
+from varcalc.spelling import spelled
 from varcalc.study.reference import Exact, as_exact
 from varcalc.study.routes import methods_for
 from varcalc.symbolic.derived import Cache
@@ -79,6 +81,7 @@ class Row:
         }
 
 
+@spelled
 @dataclass(frozen=True)
 class Comparison:
     """What :func:`compare` found: one row a method, in the order the methods were given."""
@@ -158,6 +161,7 @@ class Comparison:
         return comparison_picture(self, title=title, downward=downward)
 
 
+@spelled
 def compare(
     problem: Problem | Curve,
     methods: Iterable[Any] | None = None,
@@ -179,8 +183,7 @@ def compare(
     Raises TypeError for what is no method object, ValueError when there are
     no methods, and whatever :func:`varcalc.solve` raises for bad arguments.
     """
-    if not isinstance(problem, Problem | Curve):
-        raise TypeError(f"problem must be a Problem or a Curve, not {problem!r}")
+    check_functional(problem)
     if methods is None:
         methods = methods_for(problem)
     if not isinstance(methods, Iterable):

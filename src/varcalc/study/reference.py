@@ -19,6 +19,7 @@ import numpy as np
 from varcalc.problem.conditions import finite
 from varcalc.problem.functional import UNNAMED
 from varcalc.problem.problem import Curve, Problem
+from varcalc.spelling import spelled
 from varcalc.study.user_file import BROKEN, SUFFIX, ProblemFileError, catalogued, failed, listed, run_file
 
 PROBLEMS_PACKAGE = "varcalc.problems"
@@ -28,6 +29,7 @@ LOOKED_AT = 3
 """Places at which a person's closed form is tried out before anything is solved."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Exact:
     """A closed form: the ``value`` of the functional, and the curve where it is known.
@@ -50,6 +52,7 @@ class Exact:
         object.__setattr__(self, "value", value)
 
 
+@spelled
 @dataclass(frozen=True)
 class Reference:
     """One reference problem, or one case of it.

@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 
 from varcalc.methods.labels import checked_method, label
+from varcalc.problem.conditions import finite, sequence
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution
 from varcalc.solve.ladder import solve
+from varcalc.spelling import spelled
 from varcalc.study import naive
 from varcalc.study.compare import cold
 from varcalc.study.records import Record, WorkPrecision, about
@@ -37,6 +39,7 @@ CURVE_PLACES = 201
 """Places at which a curve is held against the exact one."""
 
 
+@spelled
 def work_precision(
     problems: Iterable[Reference | Problem | Curve],
     methods: Iterable[Any],
@@ -66,9 +69,9 @@ def work_precision(
     >>> [(r.problem, r.method, r.status, abs(r.value_error) < 1e-12) for r in measured.records]
     [('line', 'Ritz', 'solved', True)]
     """
-    references = _references(problems, exact)
-    routes = [checked_method(i, method) for i, method in enumerate(methods)]
-    settings = list(tolerances)
+    references = _references(sequence("problems", problems), exact)
+    routes = [checked_method(i, method) for i, method in enumerate(sequence("methods", methods))]
+    settings = [finite(f"tolerances[{i}]", tol) for i, tol in enumerate(sequence("tolerances", tolerances))]
     for name, given in (("problems", references), ("methods", routes), ("tolerances", settings)):
         if not given:
             raise ValueError(f"{name} is empty; give at least one")

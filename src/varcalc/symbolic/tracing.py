@@ -10,31 +10,18 @@ from typing import Any
 
 import casadi as ca
 
+from varcalc.symbolic.names import Names
+from varcalc.symbolic.remedies import BROKEN, NotSymbolic, complaint
+
+__all__ = ["LAST", "Expression", "Names", "NotSymbolic", "TracedFunction", "check_arity", "trace"]
+
 Expression = Any
 """A CasADi SX or MX expression."""
 
-
-class Names:
-    """The ``p`` handed to a Lagrangian: one attribute for each parameter or unknown."""
-
-    def __init__(self, symbols: dict[str, Expression]) -> None:
-        self.__dict__.update(symbols)
-
-    def __getattr__(self, name: str) -> Expression:
-        known = ", ".join(sorted(self.__dict__)) or "none"
-        raise ValueError(f"p.{name} is used but not declared; give it in parameters= or unknowns= (declared: {known})")
-
-
 LAST = "p comes last, and only when there are parameters or unknowns"
 """What most often makes a function's arguments too many or too few."""
-OUT_OF_RANGE = "out of bounds"
-"""How CasADi says that an index goes beyond the entries of a column."""
-NOT_ITERABLE = "not iterable by design"
-"""How CasADi refuses ``for v in y`` and ``a, b = y``."""
-
-
-class NotSymbolic(Exception):
-    """A function could not be evaluated with SX symbols (interpolated data needs MX)."""
+SLOPES = ("d{}", "{}p", "{}dot", "{}_dot", "{}prime", "{}_prime")
+"""What the derivative of an argument is called, after it."""
 
 
 class TracedFunction:
@@ -89,47 +76,63 @@ def _takes(code: CodeType, count: int) -> bool:
 
 
 def trace(
-    name: str, function: Callable[..., Any], arguments: Sequence[Expression], kind: type, hint: str = ""
+    name: str,
+    function: Callable[..., Any],
+    arguments: Sequence[Expression],
+    kind: type,
+    hint: str = "",
+    order: Sequence[str] = (),
 ) -> Expression:
     """The scalar expression ``function(*arguments)``.
 
     NumPy functions work as CasADi's do; CasADi's notice about them is kept
     quiet inside this call only. Raises TypeError or ValueError naming
     ``name`` when the function cannot be called so or does not return a scalar;
-    ``hint`` says what its arguments are.
+    ``hint`` says what its arguments are, ``order`` what a textbook calls them (see :func:`check_order`).
     """
+    if order:
+        names = [*order, *["p"][: len(arguments) - len(order)]]
+        hint = f"it is called with ({', '.join(names)}), where {LAST}"
     check_arity(name, function, len(arguments), hint)
+    check_order(name, function, order)
+    return scalar(name, called(name, function, arguments, kind), kind)
+
+
+def called(name: str, function: Callable[..., Any], arguments: Sequence[Expression], kind: type) -> Any:
+    """What a person's ``function`` returns for symbols; where it fails, a sentence that says what to write instead.
+
+    Raises :class:`NotSymbolic` where another kind of symbols may do, TypeError or ValueError elsewhere.
+    """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=r"\s*casadi: a numpy function", category=FutureWarning)
+        warnings.filterwarnings("ignore", message="The delegation of int", category=DeprecationWarning)
         try:
-            result = function(*arguments)
-        except (RuntimeError, NotImplementedError) as error:
-            if OUT_OF_RANGE in str(error).lower():
-                raise ValueError(_out_of_range(name, arguments)) from error
-            if kind is ca.SX:
-                raise NotSymbolic(str(error)) from error
-            raise ValueError(
-                f"{name} could not be evaluated with symbols: {error}; write comparisons with "
-                "ca.if_else, ca.fmin and ca.fmax instead of if, min and max"
-            ) from error
-        except TypeError as error:
-            if NOT_ITERABLE not in str(error):
-                raise
-            raise TypeError(
-                f"{name} unpacks or loops over a column of symbols, which CasADi does not allow: "
-                "take its components by index, y[0], y[1], or use ca.sumsqr and ca.dot"
-            ) from error
-    return scalar(name, result, kind)
+            return function(*arguments)
+        except NotSymbolic:
+            raise
+        except BROKEN as error:
+            raise complaint(name, error, [a.numel() for a in arguments if isinstance(a, kind)], kind) from error
 
 
-def _out_of_range(name: str, arguments: Sequence[Expression]) -> str:
-    columns = [a.numel() for a in arguments if isinstance(a, ca.SX | ca.MX)]
-    count = max(columns, default=1)
-    functions = "one unknown function, y[0]" if count == 1 else f"{count} unknown functions, y[0] to y[{count - 1}]"
-    return (
-        f"{name} asks for a component that is not there: the ends make {functions} (and so for the slopes); "
-        "give the ends as many components as the formula needs"
-    )
+def check_order(name: str, function: Callable[..., Any], order: Sequence[str]) -> None:
+    """ValueError where the function's arguments are, by their names, those it is called with, but in another order.
+
+    ``order`` is how a textbook calls them. Arguments named otherwise are in any order; but a slope, whatever its
+    function is called, comes after it, and both after the abscissa.
+    """
+    if not isinstance(function, FunctionType) or not order:
+        return
+    given = function.__code__.co_varnames[: function.__code__.co_argcount]
+    first = given[: len(order)]
+    mixed = first != tuple(order) and sorted(first) == sorted(order)
+    if not mixed and "dy" in order:
+        pairs = [(k, given.index(s)) for k, a in enumerate(given) for f in SLOPES if (s := f.format(a)) in given]
+        mixed = any(k == 0 or after != k + 1 for k, after in pairs)
+    if mixed:
+        raise ValueError(
+            f"{name} is called with ({', '.join(order)}), but its arguments are named ({', '.join(given)}): "
+            "put them in that order, or rename them"
+        )
 
 
 def scalar(name: str, result: Any, kind: type) -> Expression:

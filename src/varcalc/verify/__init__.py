@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from varcalc.solution import Finding, Solution
+from varcalc.spelling import spelled
 from varcalc.verify.verification import Verification
 
 __all__ = ["Finding", "Verification", "verify"]
 
 
+@spelled
 def verify(solution: Solution) -> Verification:
     """Tell a minimum from a saddle: every classical condition, checked along a solution's curve.
 

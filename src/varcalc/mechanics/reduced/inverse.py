@@ -8,6 +8,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.problem.conditions import reals
+from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import trace
 
@@ -19,6 +21,7 @@ AGREED = 1e-12
 """Of the width: how well two rules must agree, of which the finer is better still."""
 
 
+@spelled
 def force_of_orbit(
     orbit: Callable[..., Any], angle: Any, *, momentum: float = 1.0, mass: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -53,7 +56,7 @@ def force_of_orbit(
     s = 1 / trace("orbit", orbit, [theta], ca.SX, "it takes the angle")
     bent = ca.gradient(ca.gradient(s, theta), theta)
     function = PointEvaluator(ca.Function("force", [theta], [1 / s, ca.densify(-(s**2) * (bent + s))]))
-    at = np.asarray(angle, dtype=float)
+    at = reals("angle", angle)
     found = function(at.size, at.reshape(-1, 1))
     if not np.all(found[:, 0] > 0):
         raise ValueError("orbit must give a positive radius at every angle")
@@ -61,6 +64,7 @@ def force_of_orbit(
     return found[:, 0].reshape(at.shape)[()], force.reshape(at.shape)[()]
 
 
+@spelled
 def well_width(period: Callable[[np.ndarray], np.ndarray], depth: Any, *, mass: float = 1.0) -> np.ndarray:
     """How wide a well is at heights ``depth`` above its bottom, from the periods of motions in it.
 
@@ -88,7 +92,7 @@ def well_width(period: Callable[[np.ndarray], np.ndarray], depth: Any, *, mass: 
     >>> bool(np.all(abs(width - [2, 4]) < 1e-14))
     True
     """
-    heights = np.asarray(depth, dtype=float)
+    heights = reals("depth", depth)
     if not np.all((heights > 0) & np.isfinite(heights)):
         raise ValueError(f"depth must be positive numbers, not {depth!r}")
     flat, step = heights.ravel(), COARSEST

@@ -23,6 +23,7 @@ from varcalc.numerics.one_coordinate.motions import (
 )
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import integrals, reached
+from varcalc.problem.conditions import reals
 
 CONVERGED = 1e-9
 """Of an integral towards an end: what the last part of the way there may add."""
@@ -148,7 +149,7 @@ class ReducedOrbit:
         return {name: found[..., ANGLES + k] for k, name in enumerate(self._names)}
 
     def _at(self, q: Any) -> np.ndarray:
-        places = np.asarray(q, dtype=float)
+        places = reals("q", q)
         u = np.atleast_1d(self._potential.chart.coordinate(places.ravel()))
         with np.errstate(all="ignore"):
             last = self._way.height(u)[0]
@@ -164,7 +165,7 @@ class ReducedOrbit:
 
         Not numbers where the motion has ended by then. Raises ValueError for times that are negative.
         """
-        times = np.asarray(t, dtype=float)
+        times = reals("t", t)
         if not np.all(times >= 0):
             raise ValueError(f"t must not be negative: it is counted from where the motion begins anew, not {t!r}")
         flat = times.ravel()

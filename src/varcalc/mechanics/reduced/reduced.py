@@ -12,9 +12,11 @@ from varcalc.mechanics.reduced.effective import EffectivePotential
 from varcalc.mechanics.reduced.orbits import ReducedOrbit, Regions
 from varcalc.mechanics.reduced.rests import SAME, Rest, rests
 from varcalc.mechanics.reduced.routh import OneCoordinate
+from varcalc.spelling import spelled
 from varcalc.symbolic.switches import switches
 
 
+@spelled
 class ReducedMotion:
     """The motions of a system in its one ``coordinate``, the momenta of the ``ignorable`` ones being given.
 

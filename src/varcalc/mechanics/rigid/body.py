@@ -17,10 +17,13 @@ from varcalc.mechanics.rigid.free import Cones, Polhode, SteadyRotation, cones, 
 from varcalc.mechanics.rigid.inertia import Inertia, TopKind, principal
 from varcalc.mechanics.rigid.motion import RigidMotion, with_unit_quaternions
 from varcalc.mechanics.rigid.rotations import EulerAngles, entries, normalised
+from varcalc.problem.conditions import reals
+from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 
+@spelled
 class RigidBody:
     """A body of a given inertia about the point that is at rest: a pivot, or its centre of mass.
 
@@ -98,7 +101,7 @@ class RigidBody:
         """
         if not isinstance(inertia, Inertia):
             raise TypeError(f"inertia must be a mechanics.Inertia, which knows mass and centre, not {inertia!r}")
-        arm, fall = inertia.centre - np.asarray(pivot, dtype=float), np.asarray(gravity, dtype=float)
+        arm, fall = inertia.centre - reals("pivot", pivot), reals("gravity", gravity)
         if fall.shape != (3,) or not np.all(np.isfinite(fall)):
             raise ValueError(f"gravity must be three finite numbers, not {gravity!r}")
         weight = ca.DM(inertia.mass * fall)
@@ -116,7 +119,7 @@ class RigidBody:
         is along the body's axes (that of Euler angles' rates is :meth:`EulerAngles.angular_velocity`). Raises
         ValueError for a start that is not finite, and for times that do not ascend.
         """
-        times = np.asarray(span, dtype=float)
+        times = reals("span", span)
         if times.shape != (2,) or not np.all(np.isfinite(times)) or not times[1] > times[0]:
             raise ValueError(f"span must be two ascending times, not {span!r}")
         first, last = times.tolist()
@@ -216,7 +219,7 @@ def oriented(
 ) -> tuple[np.ndarray, np.ndarray]:
     """A quaternion (4,) of length 1 and an angular velocity (3,), or a ValueError that says what is wrong."""
     given = orientation.quaternion if isinstance(orientation, EulerAngles) else orientation
-    q, omega = normalised(given), np.asarray(angular_velocity, dtype=float)
+    q, omega = normalised(given), reals("angular_velocity", angular_velocity)
     if q.shape != (4,):
         raise ValueError(f"orientation must be one quaternion (4,) or EulerAngles of numbers, not {orientation!r}")
     if omega.shape != (3,) or not np.all(np.isfinite(omega)):

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from varcalc.mechanics.rigid.rotations import NOT_ORTHOGONAL
+from varcalc.problem.conditions import reals
+from varcalc.spelling import spelled
 
 ALIKE = 1e-12
 """Of the largest principal moment: moments that differ by less are one."""
@@ -42,6 +44,7 @@ class Principal:
         return (TopKind.ASYMMETRIC, TopKind.SYMMETRIC, TopKind.SPHERICAL)[equal]
 
 
+@spelled
 @dataclass(frozen=True)
 class Inertia:
     """A mass with its ``centre`` (3,) and its inertia ``tensor`` (3, 3) about that centre.
@@ -74,7 +77,7 @@ class Inertia:
 
         Raises ValueError where there is none, or one that is not positive.
         """
-        m, r = np.asarray(masses, dtype=float), np.asarray(positions, dtype=float)
+        m, r = reals("masses", masses), reals("positions", positions)
         if m.ndim != 1 or len(m) == 0 or r.shape != (len(m), 3):
             raise ValueError(f"positions must be (m, 3) for m masses, not {r.shape} for {m.shape}")
         if not (np.all(m > 0) and np.all(np.isfinite(m)) and np.all(np.isfinite(r))):
@@ -168,7 +171,7 @@ class Inertia:
 
         Its second moments are those of m/20 at each corner and 4 m/5 at the centre.
         """
-        (m,), r = _positive(mass=mass), np.asarray(corners, dtype=float)
+        (m,), r = _positive(mass=mass), reals("corners", corners)
         if r.shape != (4, 3) or not np.all(np.isfinite(r)):
             raise ValueError(f"corners must be four points (4, 3), not {corners!r}")
         return cls.points([m / 20] * 4 + [4 * m / 5], [*r, r.mean(axis=0)])
@@ -179,7 +182,7 @@ class Inertia:
 
     def turned(self, rotation: Any) -> Inertia:
         """The same turned about the origin by a matrix (3, 3). Raises ValueError where that is no rotation."""
-        r = np.asarray(rotation, dtype=float)
+        r = reals("rotation", rotation)
         if r.shape != (3, 3) or not np.abs(r.T @ r - np.eye(3)).max() <= NOT_ORTHOGONAL:
             raise ValueError("rotation must be an orthogonal matrix (3, 3); see EulerAngles.rotation")
         return Inertia(self.mass, r @ self.centre, r @ self.tensor @ r.T)
@@ -220,13 +223,14 @@ class Inertia:
         return principal(self.tensor)
 
 
+@spelled
 def principal(tensor: Any) -> Principal:
     """The principal moments and axes of an inertia ``tensor`` (3, 3).
 
     Raises ValueError for what is no inertia tensor: not symmetric, or a moment that is negative or more than the
     other two together (Landau and Lifshitz, "Mechanics", sect. 32).
     """
-    t = np.asarray(tensor, dtype=float)
+    t = reals("tensor", tensor)
     size = np.abs(t).max(initial=0.0)
     if t.shape != (3, 3) or not np.isfinite(size) or not np.abs(t - t.T).max() <= ALIKE * size:
         raise ValueError(f"tensor must be a symmetric matrix (3, 3) of finite numbers, not {tensor!r}")

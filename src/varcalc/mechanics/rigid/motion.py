@@ -10,6 +10,7 @@ import numpy as np
 
 from varcalc.integrators.protocol import Outcome
 from varcalc.mechanics.rigid.rotations import EulerAngles, rotation_matrix
+from varcalc.problem.conditions import reals
 from varcalc.symbolic.evaluation import PointEvaluator
 
 
@@ -40,7 +41,7 @@ class RigidMotion:
         return self.outcome is Outcome.COMPLETED
 
     def _at(self, t: Any) -> tuple[np.ndarray, np.ndarray]:
-        times = np.asarray(t, dtype=float)
+        times = reals("t", t)
         low, high = self.span
         if times.size and not (times.min() >= low and times.max() <= high):
             raise ValueError(f"t must lie between {low:.17g} and {high:.17g}, where the motion is known")

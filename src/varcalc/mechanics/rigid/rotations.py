@@ -13,6 +13,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.problem.conditions import reals
+from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import Expression
 
 NOT_ORTHOGONAL = 1e-9
@@ -38,6 +40,7 @@ def quaternion_rate(q: Expression, omega: Expression) -> Expression:
     return ca.vertcat(-ca.dot(v, omega), w * omega + ca.cross(v, omega)) / 2
 
 
+@spelled
 def rotation_matrix(quaternion: Any) -> np.ndarray:
     """The matrix (3, 3) + shape of quaternions (4,) + shape, which are brought to length 1.
 
@@ -53,7 +56,7 @@ def rotation_matrix(quaternion: Any) -> np.ndarray:
 
 def normalised(quaternion: Any) -> np.ndarray:
     """Quaternions (4,) + shape of length 1. Raises ValueError for one that has no direction."""
-    q = np.asarray(quaternion, dtype=float)
+    q = reals("quaternion", quaternion)
     if q.ndim == 0 or len(q) != 4:
         raise ValueError(f"a quaternion has four numbers, w, x, y and z, not the shape {q.shape}")
     largest = np.abs(q).max(axis=0)
@@ -63,13 +66,14 @@ def normalised(quaternion: Any) -> np.ndarray:
     return q / np.sqrt((q**2).sum(axis=0))
 
 
+@spelled
 def quaternion_of(rotation: Any) -> np.ndarray:
     """The quaternion (4,) of a rotation matrix (3, 3), w not negative.
 
     Of the four ways to find it the one with the largest divisor is taken (S. W. Shepperd, J. Guidance and Control 1
     (1978) 223). Raises ValueError for a matrix that is no rotation.
     """
-    r = np.asarray(rotation, dtype=float)
+    r = reals("rotation", rotation)
     if r.shape != (3, 3) or not np.abs(r.T @ r - np.eye(3)).max() <= NOT_ORTHOGONAL or np.linalg.det(r) < 0:
         raise ValueError("rotation must be a matrix (3, 3) whose columns are orthogonal axes of a right-handed frame")
     xx, yy, zz = np.diag(r)
@@ -83,6 +87,7 @@ def quaternion_of(rotation: Any) -> np.ndarray:
     return normalised(best * (np.sign(best[0]) or 1.0))
 
 
+@spelled
 @dataclass(frozen=True)
 class EulerAngles:
     """The angles φ, θ and ψ in radians, numbers or arrays of one shape.
@@ -143,7 +148,7 @@ class EulerAngles:
         s, c = np.sin(self.theta), np.cos(self.theta)
         if np.any(s == 0):
             raise ValueError("Euler angles have no rates where sin θ is 0; use the angular velocity there")
-        first, second, third = np.asarray(angular_velocity, dtype=float)
+        first, second, third = reals("angular_velocity", angular_velocity)
         node, across = np.cos(self.psi), np.sin(self.psi)
         phi = (across * first + node * second) / s
         return np.array([phi, node * first - across * second, third - c * phi])

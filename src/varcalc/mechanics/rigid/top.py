@@ -17,11 +17,14 @@ from varcalc.mechanics.rigid.nutation import Nutation, nutation
 from varcalc.mechanics.rigid.rotations import EulerAngles, entries
 from varcalc.mechanics.rigid.top_cubic import TopStart
 from varcalc.mechanics.system import System
+from varcalc.problem.conditions import reals
+from varcalc.spelling import spelled
 
 ALIGNED = 1e-12
 """Of the moments, or of the arm: by how much a body may miss being a symmetric top on its axis."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Top:
     """A symmetric top: the moments ``I1`` across its axis and ``I3`` about it, at the fixed point, and ``Mgh``.
@@ -64,7 +67,7 @@ class Top:
         Raises ValueError for a body that is not symmetric about z, and a pivot beside the axis: see
         :meth:`RigidBody.pivoted` for these.
         """
-        tensor, arm = inertia.about(pivot), inertia.centre - np.asarray(pivot, dtype=float)
+        tensor, arm = inertia.about(pivot), inertia.centre - reals("pivot", pivot)
         wrong = np.abs(tensor - np.diag([tensor[0, 0], tensor[0, 0], tensor[2, 2]])).max()
         if wrong > ALIGNED * np.abs(tensor).max() or np.abs(arm[:2]).max() > ALIGNED * np.abs(arm).max():
             raise ValueError("inertia must be symmetric about z, and the pivot on that axis; see RigidBody.pivoted")

@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from varcalc.mechanics.scattering.arguments import positive
+from varcalc.problem.conditions import reals
+from varcalc.spelling import spelled
 
 
+@spelled
 @dataclass(frozen=True)
 class Collision:
     """A body of the mass ``projectile`` that meets one of the mass ``target``, which is at rest in the laboratory.
@@ -56,19 +59,19 @@ class Collision:
 
     def laboratory_angle(self, angle: Any) -> np.ndarray:
         """The angle θ of the projectile in the laboratory, of deflections ``angle`` about the centre of mass."""
-        deflection = np.asarray(angle, dtype=float)
+        deflection = reals("angle", angle)
         return np.arctan2(np.sin(deflection), self.mass_ratio + np.cos(deflection))
 
     def recoil_angle(self, angle: Any) -> np.ndarray:
         """The angle between the incoming projectile and the target as it goes off: (π - Θ)/2."""
-        return (np.pi - np.asarray(angle, dtype=float)) / 2
+        return (np.pi - reals("angle", angle)) / 2
 
     def centre_of_mass_angles(self, angle: Any) -> np.ndarray:
         """The deflections (2, ...) about the centre of mass that give an ``angle`` in the laboratory.
 
         The second is not a number where there is one only, both where there is none.
         """
-        theta, alpha = np.asarray(angle, dtype=float), self.mass_ratio
+        theta, alpha = reals("angle", angle), self.mass_ratio
         with np.errstate(invalid="ignore"):
             turned = np.arcsin(alpha * np.sin(theta))
         forward = theta <= np.pi / 2

@@ -9,6 +9,8 @@ import numpy as np
 
 from varcalc.mechanics.scattering.arguments import positive
 from varcalc.numerics.mesh import gauss
+from varcalc.problem.conditions import reals
+from varcalc.spelling import spelled
 
 NODES, WEIGHTS = gauss(16)
 FARTHEST = 80.0
@@ -19,6 +21,7 @@ AGREED = 1e-12
 """Of the exponent: how well two rules must agree, of which the finer is better still."""
 
 
+@spelled
 def firsov(deflection: Callable[[np.ndarray], np.ndarray], energy: float, w: Any) -> tuple[np.ndarray, np.ndarray]:
     """The potential that deflects by the angles ``deflection(b)``, by Firsov's inversion.
 
@@ -51,7 +54,7 @@ def firsov(deflection: Callable[[np.ndarray], np.ndarray], energy: float, w: Any
     True
     """
     positive("energy", energy)
-    start = np.asarray(w, dtype=float)
+    start = reals("w", w)
     if not np.all((start > 0) & np.isfinite(start)):
         raise ValueError(f"w must be positive numbers, not {w!r}")
     flat, panels = start.ravel(), FIRST

@@ -21,6 +21,8 @@ from varcalc.mechanics.scattering.deflection import (
     orbits_round,
 )
 from varcalc.mechanics.scattering.pieces import radial_pieces
+from varcalc.problem.conditions import reals
+from varcalc.spelling import spelled
 
 VANISHED = 1e-12
 """Of the energy: what may be left of a potential far away."""
@@ -44,6 +46,7 @@ class Glory:
     backward: bool
 
 
+@spelled
 class Scattering:
     """Particles of one energy, or one of two about their centre of mass, scattered by a central potential.
 
@@ -94,7 +97,7 @@ class Scattering:
 
         Raises ValueError for an impact parameter that is negative or no number.
         """
-        b = np.asarray(impact, dtype=float)
+        b = reals("impact", impact)
         if not np.all((b >= 0) & (b <= LARGEST)):
             raise ValueError(f"impact must be numbers from 0 to {LARGEST:g}, not {impact!r}")
         found = Inwards(self._approaches, self.orbiting, b.ravel()).followed()
@@ -140,7 +143,7 @@ class Scattering:
 
         Raises ValueError for angles beyond, and for those less than what was looked at far away (1e-12).
         """
-        wanted = np.asarray(angle, dtype=float)
+        wanted = reals("angle", angle)
         if not np.all((wanted > 0) & (wanted < np.pi)):
             raise ValueError(f"angle must lie between 0 and pi, where the cross-section is a number, not {angle!r}")
         if np.any(wanted <= self._branches.least):

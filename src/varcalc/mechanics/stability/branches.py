@@ -11,6 +11,7 @@ import numpy as np
 
 from varcalc.mechanics.stability.curve import RestCurve, Station
 from varcalc.mechanics.system import System
+from varcalc.spelling import spelled
 
 LOOKS = np.array([0.0, 0.1719, 0.3931, 0.6142, 0.8353, 1.0])
 """Shares of the range of the parameter at which all equilibria are searched for: no likely places of bifurcations."""
@@ -67,6 +68,7 @@ class BifurcationChart:
     unresolved: int
 
 
+@spelled
 def bifurcation_chart(
     system: System,
     low: Sequence[float] | np.ndarray,

@@ -13,6 +13,7 @@ import numpy as np
 from varcalc.mechanics.stability.crossing import Crossing, passings
 from varcalc.mechanics.stability.surface import Surface
 from varcalc.mechanics.system import System
+from varcalc.spelling import spelled
 
 CHECKED = 5
 """Places of a chart, in either parameter, at which the system is asked whether it stands still."""
@@ -162,6 +163,7 @@ def _largest(matrices: np.ndarray, logarithm: np.ndarray, *, conserves: bool) ->
         )
 
 
+@spelled
 def stability_chart(
     system: System,
     q0: Sequence[float] | np.ndarray,

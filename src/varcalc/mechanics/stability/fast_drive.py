@@ -12,6 +12,8 @@ import scipy.linalg
 
 from varcalc.mechanics.linearised import standing_forces
 from varcalc.mechanics.system import System
+from varcalc.problem.conditions import reals
+from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import Expression
 
 FIRST_TIMES, MOST_TIMES = 8, 512
@@ -26,6 +28,7 @@ UNLIKE = 1e-9
 """Relative difference of L at times that are alike."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Averaged:
     """A ``system`` that moves as another, driven fast, does in the mean; ``swing`` is how far that goes about it."""
@@ -39,9 +42,10 @@ class Averaged:
 
         What is averaged holds while these are small beside the lengths over which the forces change.
         """
-        return np.array(self._swing(np.asarray(q, dtype=float), self._numbers)).ravel()
+        return np.array(self._swing(reals("q", q), self._numbers)).ravel()
 
 
+@spelled
 def averaged(system: System, period: float | Callable[[Any], Any]) -> Averaged:
     """The slow motion of a ``system`` whose Lagrangian has a fast part of a ``period``.
 

@@ -10,6 +10,8 @@ import numpy as np
 import scipy.linalg
 
 from varcalc.mechanics.linearised import Linearised
+from varcalc.problem.conditions import reals
+from varcalc.spelling import spelled
 
 FIRST, LAST = 256, 1 << 22
 """Places of the sum that stands for the integral over all frequencies."""
@@ -17,6 +19,7 @@ SETTLED = 1e-13
 """Of the largest absorption: by how much twice as many places may change the integral."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Response:
     """The response of small motions of m directions (``about``) to forces: x(ω) = χ(ω) f(ω) for f exp(-iωt).
@@ -67,7 +70,7 @@ class Response:
 
         It is the Fourier transform of χ, Green's function of the equations.
         """
-        times, m = np.asarray(t, dtype=float), len(self.about.mass)
+        times, m = reals("t", t), len(self.about.mass)
         blow = np.linalg.inv(self.about.mass)
         found = [
             scipy.linalg.expm(self._rates * one)[:m, m:] @ blow if one > 0 else np.zeros((m, m))

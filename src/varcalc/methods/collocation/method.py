@@ -31,6 +31,7 @@ from varcalc.methods.collocation.system import CollocationSystem, Residual, coll
 from varcalc.problem.conditions import truth, whole
 from varcalc.problem.functional import Functional
 from varcalc.solution import Solution, Stats, Status, no_answer
+from varcalc.spelling import spelled
 
 FIRST_DEGREES = {1: (10, 6, 16), 2: (10, 16)}
 """Degrees at which roots are sought, by the order of the functional."""
@@ -42,6 +43,7 @@ TOGETHER = 0.1
 """Part of their distance at which a continuation in the ends begins."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Collocation:
     """Solve the Euler-Lagrange equation by collocation with polynomials of ``degree`` on ``elements`` equal elements.

@@ -26,12 +26,14 @@ from varcalc.methods.collocation.system import CollocationSystem, State, colloca
 from varcalc.problem.conditions import whole
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.solution import Solution, Stats, Status, no_answer
+from varcalc.spelling import spelled
 
 FIRST_NODES = 17
 RESIDUALS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 """Tolerances handed to SciPy, one after the other, until the value is good enough."""
 
 
+@spelled
 @dataclass(frozen=True)
 class SciPyBvp:
     """Solve the Euler-Lagrange equation by SciPy's ``solve_bvp`` with at most ``nodes`` nodes.

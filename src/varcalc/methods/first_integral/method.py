@@ -23,11 +23,13 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, defined, no_answer
+from varcalc.spelling import spelled
 
 ACCEPTABLE = 1e-6
 """Relative error of the value up to which an answer short of the tolerance still counts as one."""
 
 
+@spelled
 @dataclass(frozen=True)
 class FirstIntegral:
     """Quadrature of a first integral, for one unknown function with y or x ignorable.

@@ -27,6 +27,8 @@ from varcalc.methods.ritz.integrands import pointwise
 from varcalc.methods.ritz.newton import Descent
 from varcalc.methods.ritz.system import RitzSystem, joint_vertices
 from varcalc.numerics.mesh import basis, basis_at_gauss, gauss, lobatto
+from varcalc.problem.conditions import finite, whole
+from varcalc.spelling import spelled
 
 GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 FINISHED = ("Search_Direction_Becomes_Too_Small", "Maximum_Iterations_Exceeded", "Restoration_Failed")
@@ -37,12 +39,18 @@ FLAT = 1e-12
 """Relative size of an ordinate or slope that is round-off."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Ipopt:
     """IPOPT with exact Hessians. ``iterations`` bounds one solve, ``tol`` is its own scaled tolerance."""
 
     iterations: int = 200
     tol: float = 1e-13
+
+    def __post_init__(self) -> None:
+        whole("Ipopt.iterations", self.iterations)
+        if not finite("Ipopt.tol", self.tol) > 0:
+            raise ValueError(f"Ipopt.tol must be a positive number, not {self.tol!r}")
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.methods.ritz.touching import touchable, touching
 from varcalc.numerics.mesh import Space, on_one_element
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, no_answer
+from varcalc.spelling import spelled
 
 DEGREES = {1: (6, 10, 16, 24, 36, 52), 2: (7, 11, 16, 24, 36)}
 """The rungs of the degree, by the order of the Lagrangian."""
@@ -66,6 +67,7 @@ RESTART_DEGREE = 24
 """Degree up to which a solve begins again from the starting curves."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Ritz:
     """Minimise over piecewise polynomials of ``degree`` on ``elements`` equal elements.

@@ -21,6 +21,8 @@ import numpy as np
 from varcalc.methods.ritz.elements import banded_step, solvable
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.stacked import applied, positive, solutions
+from varcalc.problem.conditions import whole
+from varcalc.spelling import spelled
 
 STAGNATED = 1e-9
 """Relative Newton decrement below which a search that finds no descent has met round-off."""
@@ -78,11 +80,15 @@ SINGULAR = 1e8
 """Compliance from which a positive matrix may be so by round-off alone, unless the leading term vanishes somewhere."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Newton:
     """The guarded Newton iteration. ``iterations`` bounds the steps of one solve."""
 
     iterations: int = 100
+
+    def __post_init__(self) -> None:
+        whole("Newton.iterations", self.iterations)
 
 
 @dataclass

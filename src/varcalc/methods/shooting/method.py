@@ -27,6 +27,7 @@ from varcalc.methods.shooting.shot_extremal import Finished, finish
 from varcalc.methods.shooting.shots import Failure
 from varcalc.problem.conditions import whole
 from varcalc.solution import Solution, Stats, Status, no_answer
+from varcalc.spelling import spelled
 
 SLOPES = (0.1, -0.1, 1.0, -1.0, 10.0, -10.0)
 """Slopes with which the integrand is looked at in an end."""
@@ -42,6 +43,7 @@ ILL_POSED = 1e-6
 """... up to this."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Shooting:
     """Multiple shooting with ``segments`` (by default as many as the growth of errors demands).

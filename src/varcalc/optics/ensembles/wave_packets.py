@@ -18,6 +18,7 @@ import numpy as np
 from varcalc.optics.models.hamilton import flown
 from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.validation import how_far, matched, rows
+from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
 from varcalc.symbolic.evaluation import PointEvaluator
 
@@ -50,6 +51,7 @@ class WavePackets:
         return self.status == RayStatus.ARRIVED
 
 
+@spelled
 @dataclass(frozen=True)
 class DispersionRelation:
     """Waves of the angular frequency ω(x, k), in the plane or in space.

@@ -9,26 +9,35 @@ import casadi as ca
 
 from varcalc.optics.media.dispersion import check_wavelength
 from varcalc.optics.media.medium import Graded, Radial, Stratified
+from varcalc.optics.validation import positive
+from varcalc.spelling import spelled
 
 EARTH = 6371e3
 """The Earth's mean radius in metres (IUGG: R1 = 6371.0087714 km, rounded as refraction tables do)."""
 
 
+@spelled
 def luneburg(radius: float = 1.0) -> Radial:
     """n² = 2 - (r/R)²: a plane wave is focused on the rim (Luneburg, "Mathematical Theory of Optics", sect. 29)."""
-    return Radial(lambda r, p: ca.sqrt(2 - (r / p.radius) ** 2), parameters={"radius": radius})
+    return Radial(lambda r, p: ca.sqrt(2 - (r / p.radius) ** 2), parameters={"radius": positive("radius", radius)})
 
 
+@spelled
 def fish_eye(index: float = 2.0, radius: float = 1.0) -> Radial:
     """n = n0/(1 + (r/a)²): rays are circles, every point is imaged (Maxwell 1854; Born and Wolf, sect. 4.2.2)."""
-    return Radial(lambda r, p: p.index / (1 + (r / p.radius) ** 2), parameters={"index": index, "radius": radius})
+    return Radial(
+        lambda r, p: p.index / (1 + (r / p.radius) ** 2),
+        parameters={"index": index, "radius": positive("radius", radius)},
+    )
 
 
+@spelled
 def eaton(radius: float = 1.0) -> Radial:
     """n² = 2 R/r - 1: rays are sent back the way they came; singular at the centre (Eaton 1952)."""
-    return Radial(lambda r, p: ca.sqrt(2 * p.radius / r - 1), parameters={"radius": radius})
+    return Radial(lambda r, p: ca.sqrt(2 * p.radius / r - 1), parameters={"radius": positive("radius", radius)})
 
 
+@spelled
 def selfoc(index: float = 1.5, gradient: float = 1.0) -> Graded:
     """n² = n0² (1 - a² ρ²) about the last coordinate's axis: a fibre or rod (Marchand, "Gradient Index Optics", ch. 5).
 
@@ -43,6 +52,7 @@ def selfoc(index: float = 1.5, gradient: float = 1.0) -> Graded:
     return Graded(index_at, parameters={"index": index, "gradient": gradient})
 
 
+@spelled
 def exponential_atmosphere(
     refractivity: float = 2.8e-4, scale_height: float = 8e3, earth_radius: float | None = None
 ) -> Stratified | Radial:
@@ -57,6 +67,7 @@ def exponential_atmosphere(
     return _over_ground(index, earth_radius, {"refractivity": refractivity, "scale_height": scale_height})
 
 
+@spelled
 def munk_profile(
     axis: float = 1300.0, speed: float = 1500.0, epsilon: float = 0.00737, reference: float = 1500.0
 ) -> Stratified:
@@ -74,6 +85,7 @@ def munk_profile(
     return Stratified(index, {"axis": axis, "speed": speed, "epsilon": epsilon})
 
 
+@spelled
 def standard_atmosphere(wavelength: float = 0.55, earth_radius: float | None = None) -> Stratified | Radial:
     """Dry air of the ICAO standard atmosphere up to 11 km, for visible light; lengths in metres.
 

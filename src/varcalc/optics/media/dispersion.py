@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.optics.validation import numbers
+from varcalc.spelling import listed, near, spelled
 
 
 class Dispersion(ABC):
@@ -22,6 +23,7 @@ class Dispersion(ABC):
         """n at ``wavelength``, in micrometres in vacuum: a number, which is checked, or a symbol."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Sellmeier(Dispersion):
     """n² = 1 + Σ B λ²/(λ² - C), with λ the vacuum wavelength in micrometres and C in square micrometres.
@@ -67,6 +69,7 @@ class Sellmeier(Dispersion):
         return float(np.sqrt(squared))
 
 
+@spelled
 @dataclass(frozen=True)
 class Cauchy(Dispersion):
     """n = A₀ + A₁/λ² + A₂/λ⁴ + ..., with λ the vacuum wavelength in micrometres.
@@ -103,11 +106,51 @@ def check_wavelength(wavelength: Any, between: tuple[float, float]) -> None:
     if isinstance(wavelength, ca.SX):
         return
     if not between[0] <= wavelength <= between[1] or not wavelength > 0:
-        raise ValueError(f"wavelength must lie between {between[0]} and {between[1]} micrometres, not {wavelength}")
+        hint = f"; {wavelength:g} nm are {wavelength / 1e3:g}" if between[0] <= wavelength / 1e3 <= between[1] else ""
+        raise ValueError(
+            f"wavelength must lie between {between[0]} and {between[1]} micrometres, not {wavelength}{hint}"
+        )
+
+
+class NoSuchMaterialError(KeyError):
+    """A name that is not in a catalogue; the message suggests others."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class Catalogue(Mapping[str, Dispersion]):
+    """Materials by name.
+
+    >>> from varcalc import optics
+    >>> optics.GLASSES["BK7"]
+    Traceback (most recent call last):
+    varcalc.optics.media.dispersion.NoSuchMaterialError: 'BK7' is not among the materials; did you mean 'N-BK7'?
+    """
+
+    def __init__(self, materials: Mapping[str, Dispersion]) -> None:
+        self._materials = MappingProxyType(dict(materials))
+
+    def __getitem__(self, name: str) -> Dispersion:
+        if name not in self._materials:
+            remedy = (
+                near(str(name), self) or f"; there are {listed(list(self))}, and others are written Sellmeier(B, C)"
+            )
+            raise NoSuchMaterialError(f"{name!r} is not among the materials{remedy}")
+        return self._materials[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._materials)
+
+    def __len__(self) -> int:
+        return len(self._materials)
+
+    def __repr__(self) -> str:
+        return f"Catalogue({', '.join(self)})"
 
 
 SCHOTT = "Schott, optical glass data sheets (2017)"
-GLASSES = MappingProxyType(
+GLASSES = Catalogue(
     {
         "N-BK7": Sellmeier(
             (1.03961212, 0.231792344, 1.01046945), (0.00600069867, 0.0200179144, 103.560653), (0.3, 2.5), SCHOTT

@@ -15,11 +15,13 @@ import casadi as ca
 import numpy as np
 
 from varcalc.optics.media.medium import Graded, Uniform
+from varcalc.spelling import spelled
 
 ENERGY = "energy"
 """The parameter's name."""
 
 
+@spelled
 def maupertuis(
     potential: float | Callable[..., Any], energy: float, parameters: Mapping[str, float] | None = None
 ) -> Uniform | Graded:

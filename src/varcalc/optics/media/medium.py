@@ -19,6 +19,7 @@ from varcalc.optics.media.dispersion import Dispersion
 from varcalc.optics.parameters import Parametrised
 from varcalc.optics.validation import point
 from varcalc.problem.functional import named
+from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.switches import switches
@@ -85,6 +86,7 @@ class _Parametric(Medium):
         return self.parametric_index(position, self.parameters)
 
 
+@spelled
 @dataclass(frozen=True)
 class Uniform(_Parametric):
     """The same index everywhere.
@@ -148,6 +150,7 @@ class Uniform(_Parametric):
         return True
 
 
+@spelled
 @dataclass(frozen=True)
 class Stratified(_Parametric):
     """An index that depends on the height, the last coordinate.
@@ -182,6 +185,7 @@ class Stratified(_Parametric):
         ]
 
 
+@spelled
 @dataclass(frozen=True)
 class Radial(_Parametric):
     """An index that depends on the distance from a centre.
@@ -233,6 +237,7 @@ class Radial(_Parametric):
         return ca.sumsqr(position - ca.DM(self.middle(position.numel())))
 
 
+@spelled
 @dataclass(frozen=True)
 class Graded(_Parametric):
     """Any index.
@@ -304,10 +309,7 @@ def _traced(
     try:
         return tracing.trace(name, n, [*arguments, *last], ca.SX, hint)
     except tracing.NotSymbolic as error:
-        raise ValueError(
-            f"{name} could not be evaluated with symbols: {error}; write comparisons with ca.if_else, "
-            "and give measured profiles as Tabulated"
-        ) from error
+        raise ValueError(f"{error}; a measured profile is given as Tabulated") from error
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from varcalc.optics.media.tabulated import Tabulated
+from varcalc.spelling import spelled
 
 HEIGHT, DEPTH, INDEX, SPEED = "height", "depth", "index", "speed"
 WORDS = {
@@ -45,6 +46,7 @@ class Column:
         return units[self.unit] if self.unit else 1.0
 
 
+@spelled
 def read_profile(
     path: str | Path,
     *,
@@ -93,6 +95,8 @@ def read_profile(
     ((-1300.0, -700.0, 0.0), 1.0)
     """
     path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}; give the path of a file of columns")
     header, numbered = _split(path)
     found = _columns(header, len(numbered[0][1]))
     first, second = _chosen(path, found, columns, speeds=reference_speed is not None)
@@ -109,7 +113,12 @@ def read_profile(
 
 def _split(path: Path) -> tuple[list[list[str]], list[tuple[int, list[str]]]]:
     """The rows of the header, and those of numbers, each with its number in the file, from 1."""
-    lines = [line.split("#", 1)[0].strip() for line in path.read_text(encoding="utf-8-sig").splitlines()]
+    try:
+        content = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        row = error.object[: error.start].count(b"\n") + 1
+        raise ValueError(f"row {row} of {path.name} is no text in UTF-8; write the columns as text") from error
+    lines = [line.split("#", 1)[0].strip() for line in content.splitlines()]
     rows = [(number, _cells(line)) for number, line in enumerate(lines, start=1) if line]
     begins = next((k for k, (_, cells) in enumerate(rows) if _is_number(cells[0])), len(rows))
     if len(rows) - begins < 2:

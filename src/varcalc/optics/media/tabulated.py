@@ -11,11 +11,13 @@ import numpy as np
 
 from varcalc.optics.media.medium import Expression, Medium
 from varcalc.optics.validation import numbers
+from varcalc.spelling import spelled
 
 CHECKED_PLACES = 33
 """Places in each layer at which n² is asked to be positive."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Tabulated(Medium):
     """An index given at some heights, the last coordinate; rays end where they leave the table.

@@ -92,7 +92,9 @@ def _first_of_many(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
     level, slope, _ = geometry.along(beam.position, beam.momentum)
     away = geometry.distance(beam.position)
     # a ray that has come far may stand at the origin, as at the vertex of a surface
-    size = np.maximum(np.linalg.norm(beam.position, axis=1), beam.optical_path / np.sum(beam.momentum**2, axis=1) ** 0.5)
+    size = np.maximum(
+        np.linalg.norm(beam.position, axis=1), beam.optical_path / np.sum(beam.momentum**2, axis=1) ** 0.5
+    )
     unit = (np.where(np.isfinite(away), away, 0.0) + np.where(size > 0, size, 1.0)) / np.linalg.norm(
         beam.momentum, axis=1
     )

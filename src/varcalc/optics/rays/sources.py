@@ -12,6 +12,7 @@ import numpy as np
 from varcalc.optics.media.medium import Field
 from varcalc.optics.rays.beam import Beam, frames, launched
 from varcalc.optics.validation import direction, numbers, point, unit_rows
+from varcalc.spelling import spelled
 
 
 class Source(ABC):
@@ -31,6 +32,7 @@ class Source(ABC):
         """The rays with d - 1 neighbours of the same wave, in the medium of ``field``."""
 
 
+@spelled
 @dataclass(frozen=True)
 class PointSource(Source):
     """A point from which rays leave in all directions.
@@ -66,6 +68,7 @@ class PointSource(Source):
         return launched(points, directions, field.index(points), neighbours=True)
 
 
+@spelled
 @dataclass(frozen=True)
 class PlaneWave(Source):
     """A wave whose phase is the same on a plane, which its rays leave at right angles.

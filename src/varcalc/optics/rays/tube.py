@@ -17,6 +17,7 @@ import numpy as np
 
 from varcalc.optics.rays.beam import Beam, RayStatus, spreading
 from varcalc.optics.rays.leg import Leg
+from varcalc.problem.conditions import reals
 
 STEPS_TO_PATH = 8
 """Newton's steps from a sampled σ to one at a given optical path."""
@@ -87,7 +88,7 @@ class RayTube:
 
     def intensity(self, s: float | np.ndarray) -> Intensity:
         """The intensity at the optical paths ``s``, with what it cannot say flagged."""
-        places, width = np.atleast_1d(np.asarray(s, dtype=float)).ravel(), spreading(self.at(s))
+        places, width = np.atleast_1d(reals("s", s)).ravel(), spreading(self.at(s))
         foci = np.array([path for path, _ in self.foci])
         near = np.abs(places[:, None] - foci) <= ON_CAUSTIC * self.optical_path
         on_caustic = np.any(near, axis=1) | (width == 0)
@@ -104,7 +105,7 @@ class RayTube:
 
     def at(self, s: float | np.ndarray) -> Beam:
         """The ray with its neighbours at the optical paths ``s``, one row each; ValueError beyond its ends."""
-        wanted = np.atleast_1d(np.asarray(s, dtype=float)).ravel()
+        wanted = np.atleast_1d(reals("s", s)).ravel()
         if not self.legs:
             raise ValueError(f"the ray could not be followed anywhere: {self.status.message}")
         if not np.all((wanted >= 0) & (wanted <= self.optical_path * (1 + 1e-12))):

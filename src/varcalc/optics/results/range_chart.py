@@ -17,6 +17,7 @@ from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Plane
 from varcalc.optics.validation import point
 from varcalc.problem.conditions import whole
+from varcalc.spelling import spelled
 
 DEFAULT_ANGLES = 720
 """Angles looked at by default, half a degree apart."""
@@ -49,6 +50,7 @@ class RangeChart:
     arrivals: Rays
 
 
+@spelled
 def range_chart(
     scene: Scene,
     source: Sequence[float],

@@ -22,6 +22,7 @@ from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.optics.validation import point
 from varcalc.problem.conditions import finite, whole
+from varcalc.spelling import spelled
 from varcalc.tables import shown, table
 
 TRACK_POINTS = 240
@@ -36,6 +37,7 @@ FRONT_RAYS = 8
 """Rays of a wavefront for each ray of the study that is drawn."""
 
 
+@spelled
 @dataclass(frozen=True)
 class Study:
     """What is to be seen of a scene.

@@ -22,6 +22,9 @@ from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.rays.sources import Source
 from varcalc.optics.rays.tube import RayTube
 from varcalc.optics.scene import Scene
+from varcalc.optics.validation import number, positive
+from varcalc.problem.conditions import reals
+from varcalc.spelling import spelled
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,7 @@ class Caustic:
         return len(self.points)
 
 
+@spelled
 def wavefront(scene: Scene, source: Source, rays: Any, optical_path: float) -> Wavefront:
     """The wavefront of a source at an optical path.
 
@@ -110,11 +114,12 @@ def wavefront(scene: Scene, source: Source, rays: Any, optical_path: float) -> W
     >>> bool(np.allclose(front.points, (-1, 0)))
     True
     """
-    points, directions = source.starts(rays)
-    bundle = scene.trace(points, directions, optical_path=float(optical_path))
+    points, directions = _started(scene, source, rays)
+    bundle = scene.trace(points, directions, optical_path=number("optical_path", optical_path))
     return Wavefront(bundle.points, bundle.directions, float(optical_path), bundle.status)
 
 
+@spelled
 def caustic(scene: Scene, source: Source, rays: Any, optical_path: float) -> Caustic:
     """The conjugate points on the rays of a source, up to an optical path, through surfaces as well.
 
@@ -153,6 +158,7 @@ def caustic_of(tubes: Sequence[RayTube], dimension: int) -> Caustic:
     )
 
 
+@spelled
 def ray_tube(scene: Scene, source: Source, ray: Any, optical_path: float) -> RayTube:
     """One ray of a source with its neighbours, up to an optical path: points, conjugate points and intensity along it.
 
@@ -175,16 +181,24 @@ def ray_tube(scene: Scene, source: Source, ray: Any, optical_path: float) -> Ray
     >>> tube.intensity(np.array([1.0, 2.0, 4.0])).values
     array([1.    , 0.25  , 0.0625])
     """
-    [tube] = ray_tubes(scene, source, np.asarray(ray, dtype=float)[None], optical_path)
+    [tube] = ray_tubes(scene, source, reals("ray", ray)[None], optical_path)
     return tube
+
+
+def _started(scene: Any, source: Any, rays: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Where the rays of a source start and which way; TypeError where scene or source is none."""
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene must be an optics.Scene, not {scene!r}")
+    if not isinstance(source, Source):
+        raise TypeError(f"source must be a PointSource or a PlaneWave, not {source!r}")
+    return source.starts(rays)
 
 
 def ray_tubes(scene: Scene, source: Source, rays: Any, optical_path: float) -> list[RayTube]:
     """Several rays of a source, each as :func:`ray_tube` gives it; arguments and errors are those of `wavefront`."""
-    points, directions = source.starts(rays)
+    points, directions = _started(scene, source, rays)
     scene.trace(points, directions, optical_path=0.0)  # goes nowhere, but refuses what cannot be traced
-    if not 0 < optical_path < np.inf:
-        raise ValueError(f"optical_path must be a positive number, not {optical_path!r}")
+    positive("optical_path", optical_path)
     dimension = points.shape[1]
     propagator = Propagator(scene.media, scene.surfaces, None, dimension)
     beam = source.beam(Field(scene.media[0], dimension), points, directions)

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 import casadi as ca
 
-from varcalc.problem.functional import Functional
+from varcalc.problem.functional import Functional, check_functional
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.reading.equations import MOST_TERMS, collected, simplified
 from varcalc.problem.reading.reader import EXPANDED, FACTORED, Named, names, names_of
 from varcalc.problem.reading.sums import Sum
 from varcalc.problem.reading.writing import LATEX, TEXT, Style, write
+from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import Expression
 
 __all__ = [
@@ -86,6 +87,7 @@ def _integrals(problem: Functional, lagrangian: Lagrangian) -> Iterator[tuple[st
         yield "energy", lagrangian.energy
 
 
+@spelled
 def euler_lagrange_text(problem: Functional) -> str:
     """The Euler-Lagrange equation, one line for each unknown function, as short as algebra makes it.
 
@@ -100,6 +102,7 @@ def euler_lagrange_text(problem: Functional) -> str:
     return _all_equations(problem, TEXT)
 
 
+@spelled
 def euler_lagrange_latex(problem: Functional) -> str:
     r"""The Euler-Lagrange equation as LaTeX, one line for each unknown function.
 
@@ -112,12 +115,14 @@ def euler_lagrange_latex(problem: Functional) -> str:
 
 
 def _all_equations(problem: Functional, style: Style) -> str:
+    check_functional(problem)
     if problem.symbols.kind is not ca.SX:
         components = ca.vertsplit(Lagrangian.of(problem).euler_lagrange)
         return "\n".join(f"{component} = 0" for component in components)
     return "\n".join(f"{write(left, style)} = 0" for left in _equations(problem))
 
 
+@spelled
 def first_integrals_text(problem: Functional) -> dict[str, str]:
     """The first integrals that follow from ignorable variables: name to expression that is constant on extremals.
 
@@ -126,6 +131,7 @@ def first_integrals_text(problem: Functional) -> dict[str, str]:
     >>> first_integrals_text(line)
     {'energy': "y'^2/2 + cos(y)"}
     """
+    check_functional(problem)
     lagrangian = Lagrangian.of(problem)
     found = list(_integrals(problem, lagrangian))
     if problem.symbols.kind is not ca.SX:

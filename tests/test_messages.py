@@ -1,0 +1,204 @@
+"""What a person is told who writes it wrongly: one sentence, with what to write instead."""
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import varcalc as vc
+from varcalc import mechanics, optics
+
+START, END = vc.Fixed(0, 0), vc.Fixed(1, 1)
+
+
+def of_ends(lagrangian, start=START, end=END, **options):
+    return vc.Problem(lagrangian, start, end, **options)
+
+
+def length(x, y, dy):
+    return ca.sqrt(1 + dy**2)
+
+
+def with_g(lagrangian):
+    return of_ends(lagrangian, parameters={"g": 1.0})
+
+
+def in_plane(lagrangian):
+    return of_ends(lagrangian, vc.Fixed(0, [0, 0]), vc.Fixed(1, [1, 1]))
+
+
+def if_of_a_symbol(x, y, dy):
+    return dy**2 if y > 0 else 2 * dy**2
+
+
+def system(lagrangian=lambda t, q, v: v[0] ** 2 / 2 - q[0] ** 2 / 2, **options):
+    return mechanics.System(lagrangian, ("x",), **options)
+
+
+def scene(n=lambda x, y: 1 + 0.1 * y):
+    return optics.Scene(optics.Graded(n))
+
+
+PROBLEM = of_ends(length)
+SPRING = of_ends(lambda x, y, dy, p: dy**2 + p.k * y**2, parameters={"k": 1.0})
+
+WRITTEN_WRONGLY = [
+    # the parameters
+    (lambda: with_g(lambda x, y, dy, p: p["g"] * dy**2), r"p\['g'\] is written p.g"),
+    (lambda: with_g(lambda x, y, dy, p: p["h"] * dy**2), "p.h is used but not declared"),
+    (lambda: with_g(lambda x, y, dy, p: p[0] * dy**2), "parameters are attributes of p, written p.g"),
+    (lambda: with_g(lambda x, y, dy, p: p * dy**2), "p, is used as a number: it holds all .* written p.g"),
+    (lambda: with_g(lambda x, y, dy, p: dy**2 * p), "written p.g"),
+    (lambda: with_g(lambda x, y, dy, p: dy**2 - p), "written p.g"),
+    (lambda: with_g(lambda x, y, dy, p: dy**p), "written p.g"),
+    (lambda: with_g(lambda x, y, dy, p: -p + dy**2), "written p.g"),
+    (lambda: with_g(lambda x, y, dy, p: np.float64(2) * p + dy**2), "written p.g"),
+    (lambda: with_g(lambda x, y, dy, p: ca.sqrt(p) * dy**2), "write p.<name>"),
+    (lambda: with_g(lambda x, y, dy, p: np.sqrt(p) * dy**2), "write p.<name>"),
+    (lambda: with_g(lambda x, y, dy, p: p() * dy**2), "p is called like a function"),
+    (lambda: with_g(lambda x, y, dy, p: sum(p) * dy**2), "p is unpacked or looped over"),
+    (lambda: with_g(lambda x, y, dy, p: p.G * dy**2), "p.G is used but not declared; did you mean 'g'?"),
+    (lambda: with_g(lambda x, y, dy, g: g * dy**2), "written p.g"),
+    (lambda: of_ends(length, params={"g": 1}), "Problem has no argument 'params'; did you mean 'parameters'?"),
+    (lambda: of_ends(length, parameters=9.81), "parameters must be a mapping .* write {'g': 9.81}"),
+    (lambda: of_ends(length, g=9.81), "Problem has no argument 'g'; it takes lagrangian, start, end, .* and name"),
+    (lambda: SPRING.with_parameters(k=2), "give a mapping from names to values: values={'k': 2}"),
+    (lambda: SPRING.with_parameters({"K": 2}), "it has .'k'.; did you mean 'k'?"),
+    # formulas
+    (lambda: in_plane(lambda x, y, dy: dy @ dy), r"write|written ca.dot\(dy, dy\) or ca.sumsqr"),
+    (lambda: in_plane(lambda x, y, dy: dy**2), "use ca.dot or ca.sumsqr"),
+    (lambda: in_plane(lambda x, y, dy: sum(dy**2)), r"unpacks or loops over a column .* use ca.sumsqr and ca.dot"),
+    (lambda: in_plane(lambda x, y, dy: dy.dot(dy)), r"written ca.dot\(a, b\)"),
+    (lambda: in_plane(lambda x, y, dy: dy.x**2), r"y\[0\], y\[1\]"),
+    (lambda: of_ends(if_of_a_symbol), "write comparisons with ca.if_else"),
+    (lambda: of_ends(lambda x, y, dy: max(y, 0) + dy**2), "ca.fmax"),
+    (lambda: of_ends(lambda x, y, dy: dy**2 and y), "ca.logic_and"),
+    (lambda: of_ends(lambda x, y, dy: bool(y > 0) * dy**2), "ca.if_else"),
+    (lambda: of_ends(lambda x, y, dy: math.sin(y) + dy**2), "Python's math functions do not take symbols"),
+    (lambda: of_ends(lambda x, y, dy: float(y) + dy**2), "Python's math functions do not take symbols"),
+    (lambda: of_ends(lambda x, y, dy: int(y) + dy**2), r"leave int\(\) out"),
+    (lambda: of_ends(lambda x, y, dy: np.isnan(y) + dy**2), "no such function of NumPy's"),
+    (lambda: of_ends(lambda x, y, dy: y[1] + dy**2), "give the ends as many components"),
+    (lambda: of_ends(lambda x, y, dy: y(x) + dy**2), r"write y, not y\(x\)"),
+    (lambda: of_ends(lambda x, y, dy: dy ^ 2), r"a power is written \*\*"),
+    (lambda: of_ends(lambda x, y, dy: ca.sine(y) + dy**2), "did you mean 'sin'?"),
+    (lambda: of_ends(lambda x, y, dy: not_there * dy**2), "failed with NameError: .*; mend the function"),  # noqa: F821
+    (lambda: of_ends(lambda x, y, dy: dy**2 + 1 / 0), "failed with ZeroDivisionError"),
+    (lambda: of_ends(lambda x, y, dy: None), "must return a CasADi expression"),
+    (lambda: of_ends("dy**2"), "lagrangian must be a function"),
+    # arguments of the functions
+    (lambda: of_ends(lambda x, dy, y: dy**2), r"called with \(x, y, dy\), but its arguments are named \(x, dy, y\)"),
+    (lambda: of_ends(lambda dy, y, x: dy**2), "put them in that order, or rename them"),
+    (lambda: of_ends(lambda u, x, du: du**2), "put them in that order, or rename them"),
+    (lambda: of_ends(length, end_cost=lambda x0, x1, y0, y1: y1), "put them in that order"),
+    (lambda: of_ends(length, constraints=[vc.Isoperimetric(lambda y, x, dy: y, 1)]), "put them in that order"),
+    (lambda: of_ends(lambda y, dy: dy**2), r"signature is \(y, dy\); it is called with \(x, y, dy\)"),
+    (lambda: with_g(length), r"it is called with \(x, y, dy, p\)"),
+    # ends
+    (lambda: vc.At(0, 0), r"give them as one sequence: At\(\[0, 0\]\)"),
+    (lambda: vc.Fixed(0), r"Fixed lacks y; it is written Fixed\(x, y, dy=None\)"),
+    (lambda: vc.Fixed(0, 0, 0, 0), "Fixed takes 3 arguments by place, not 4"),
+    (lambda: vc.Fixed(0, 0, slope=1), "Fixed has no argument 'slope'; it takes x, y and dy"),
+    (lambda: vc.Fixed(0, 0, x=1), "Fixed is given x twice"),
+    (lambda: vc.Fixed(0, {"y": 1}), "Fixed.y must be a number"),
+    (lambda: of_ends(length, (0, 0), (1, 1)), r"write Fixed\(0, 0\)"),
+    (lambda: of_ends(length, vc.Fixed, vc.Fixed), r"that is the class: write Fixed\(...\)"),
+    (lambda: of_ends(length, vc.At([0, 0]), vc.At([1, 1])), "At is an end of a Curve"),
+    (lambda: of_ends(length, END, START), "give the left end first"),
+    (lambda: vc.Problem(START, END, length), "lagrangian must be a function"),
+    (lambda: vc.Curve(lambda q, dq: ca.norm_2(dq), (0, 0), (1, 1)), r"write At\(\[0, 0\]\)"),
+    (lambda: vc.Curve(lambda dq, q: ca.norm_2(dq), vc.At([0, 0]), vc.At([1, 1])), "put them in that order"),
+    (lambda: vc.Curve(lambda q, dq: ca.norm_2(dq), START, END), "Fixed is an end of a Problem"),
+    (lambda: vc.Bound(length, low=0), "Bound has no argument 'low'; did you mean 'lower'?"),
+    (lambda: vc.Isoperimetric(length), "or value="),
+    # solving
+    (lambda: vc.solve(PROBLEM, tolerance=1e-8), "solve has no argument 'tolerance'; did you mean 'tol'?"),
+    (lambda: vc.solve(PROBLEM, throw="no"), "throw must be True or False"),
+    (lambda: vc.solve(tol=1e-8), r"solve lacks problem; it is written solve\(problem, "),
+    (lambda: vc.Ritz(element=4), "did you mean 'elements'?"),
+    (lambda: vc.Newton(iterations="many"), "Newton.iterations must be a whole number"),
+    (lambda: vc.Ipopt(tol=-1), "Ipopt.tol must be a positive number"),
+    (lambda: vc.sweep(SPRING, k=[1]), r"give a mapping from names to values: grid={'k': \[1\]}"),
+    (lambda: vc.continue_branch(SPRING, "k", until=2), "solution must be what varcalc.solve gives back"),
+    (lambda: vc.continue_branch(SPRING, "k", 2), "give the others by name: until=..., tol=..."),
+    (lambda: vc.work_precision(PROBLEM, [vc.Ritz()]), r"write problems=\[...\]"),
+    (lambda: vc.euler_lagrange_text(length), "problem must be a Problem or a Curve"),
+    (lambda: vc.Rits, "did you mean 'Ritz'?"),
+    (lambda: optics.Scenes, "did you mean 'Scene'?"),
+    (lambda: mechanics.Sytem, "did you mean 'System'?"),
+    # optics
+    (lambda: optics.Scene(1.5), r"write Uniform\(1.5\)"),
+    (lambda: optics.Scene(optics.GLASSES["N-BK7"]), r"write Uniform\(optics.GLASSES"),
+    (lambda: optics.Scene(lambda x, y: 1 + y), r"written Graded\(n\)"),
+    (lambda: optics.Scene(optics.Plane((0, 0), (1, 0))), "media come first, and surfaces second"),
+    (lambda: optics.Scene(optics.Uniform(1.5), wavelenght=0.5), "did you mean 'wavelength'?"),
+    (lambda: optics.GLASSES["BK7"], "did you mean 'N-BK7'?"),
+    (lambda: optics.GLASSES["fused-silica"], "did you mean 'fused silica'?"),
+    (lambda: optics.GLASSES["water"], r"others are written Sellmeier\(B, C\)"),
+    (lambda: optics.GLASSES["N-BK7"].index(589), "589 nm are 0.589"),
+    (lambda: scene(lambda x, y: 1.5 if y > 0 else 1).rays((0, 0), (1, 1)), "ca.if_else.*Tabulated"),
+    (lambda: scene().trace((0, 0), (1, 0), opticalpath=1), "did you mean 'optical_path'?"),
+    (lambda: scene().trace((0, 0), (1, 0), optical_path="1"), "optical_path must be made of numbers"),
+    (lambda: optics.Sphere((0, 0), "1"), "radius must be made of numbers"),
+    (lambda: optics.Sphere((0, 0), [1, 2]), "radius must be one number"),
+    (lambda: optics.Plane((0, 0), (1, 0), mirror="yes"), "mirror must be True or False"),
+    (lambda: optics.luneburg(raduis=1), "did you mean 'radius'?"),
+    (lambda: optics.luneburg(-1), "radius must be a positive number"),
+    (lambda: optics.wavefront(scene(), (0, 0), 8, 1.0), "source must be a PointSource or a PlaneWave"),
+    # mechanics
+    (lambda: system(params={"m": 1}), "System has no argument 'params'; did you mean 'parameters'?"),
+    (lambda: system(parameters=3), "parameters must be a mapping"),
+    (lambda: system(lambda q, v, t: v[0] ** 2), "put them in that order"),
+    (lambda: system(lambda t, q, v: v[0] ** 2 if q[0] > 0 else 0), "ca.if_else"),
+    (lambda: system(constraints=vc.Holonomic(lambda t, q: q[0])), r"write constraints=\[...\]"),
+    (lambda: system(forces=lambda t, q, v: [q[3]]), "asks for a component that is not there"),
+    (lambda: system().motion([1], [0], 10), r"write \(0, 10\)"),
+    (lambda: system().motion([1], [0], (0, 1, 2)), "span must be two ascending times"),
+    (lambda: system().motion(["a"], [0], (0, 1)), "q0 must be made of numbers"),
+    (lambda: system().ensemble([[1]], [[0]], "soon"), "times must be made of numbers"),
+    (lambda: system().motion([1], [0], (0, 1), event=[]), "did you mean 'events'?"),
+    (lambda: system().orbit([1], [0], -1), "period must be positive"),
+    (lambda: mechanics.Event(lambda t, q, v: q[0], direction="up"), r"1 \(rising\), -1 \(falling\)"),
+    (lambda: mechanics.Symmetry(name="none"), "give xi=, tau= or both"),
+    (lambda: mechanics.Inertia.sphere(mass=1, r=1), "it takes mass and radius"),
+    (lambda: mechanics.poisson(1, 2), "f must be a function"),
+]
+
+
+@pytest.mark.parametrize(("written", "remedy"), WRITTEN_WRONGLY)
+def test_what_is_written_wrongly_is_told_in_one_sentence(written, remedy):
+    with pytest.raises((TypeError, ValueError, KeyError, AttributeError), match=remedy) as told:
+        written()
+    sentence = str(told.value)
+    assert "\n" not in sentence
+    assert "__init__" not in sentence
+    assert len(sentence) < 400
+
+
+def test_both_spellings_are_taken():
+    assert of_ends(length, maximize=True).maximise
+    assert not of_ends(length, maximise=False).maximise
+    assert optics.Sphere(centre=(1, 2), radius=1) == optics.Sphere(center=(1, 2), radius=1)
+    assert optics.Radial(lambda r: 2 - r, centre=(1, 2)).center == (1.0, 2.0)
+    assert vc.Ritz(optimizer=vc.Ipopt()) == vc.Ritz(optimiser=vc.Ipopt())
+    assert mechanics.Inertia(1.0, center=np.zeros(3), tensor=np.eye(3)).centre.tolist() == [0, 0, 0]
+    with pytest.raises(TypeError, match="given maximise twice"):
+        of_ends(length, maximise=True, maximize=True)
+
+
+@pytest.mark.parametrize(
+    "lagrangian",
+    [lambda t, x, dx: dx**2, lambda y, x, dx: dx**2, lambda s, r, v: v**2, lambda x, y, slope: slope**2,
+     lambda x, y, yp: yp**2, lambda x, u, u_dot: u_dot**2, lambda *a: a[2] ** 2],
+)  # fmt: skip
+def test_other_names_of_the_arguments_are_welcome(lagrangian):
+    assert vc.solve(of_ends(lagrangian)).value == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_wrong_type_within_a_call_is_told_by_what_raised_it():
+    def guess(x):
+        return x + None
+
+    with pytest.raises(TypeError, match="unsupported operand"):
+        vc.solve(PROBLEM, guess=guess)
