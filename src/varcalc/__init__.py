@@ -21,6 +21,7 @@ from varcalc.problem.conditions import (
 )
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.problem import Curve, Problem
+from varcalc.progress import Interrupted
 from varcalc.solution import InfeasibleError, Solution, Status, VariationalError, Verdict
 from varcalc.solve.diagnose import Diagnosis, diagnose
 from varcalc.solve.grid import Paired
@@ -61,6 +62,7 @@ __all__ = [
     "Free",
     "Holonomic",
     "InfeasibleError",
+    "Interrupted",
     "Ipopt",
     "Isoperimetric",
     "Lagrangian",

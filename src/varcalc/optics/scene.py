@@ -18,6 +18,7 @@ from varcalc.optics.surfaces import Surface, touched
 from varcalc.optics.validation import how_far, matched, point, rows, unit_rows
 from varcalc.optics.validation import number as one_number
 from varcalc.problem.functional import named
+from varcalc.progress import Progress
 from varcalc.spelling import check_names, spelled
 
 
@@ -108,7 +109,7 @@ class Scene:
         with_spreading: bool = False,
         wavelength: float | None = None,
         model: Model | None = None,
-        progress: bool | None = None,
+        progress: Progress = None,
     ) -> Bundle:
         """Carry a bundle of rays through the scene, each with steps, an end and a status of its own.
 
@@ -128,8 +129,8 @@ class Scene:
         model : Model, optional
             What carries the rays, such as ``optics.Invariants()``; the cheapest that applies in each medium when
             left out. The answer names it.
-        progress : bool, optional
-            Whether to show a bar on standard error; when left out, for long work on a terminal.
+        progress : callable or bool, optional
+            As :data:`varcalc.progress.Progress` says: told of the rays, or whether to show a bar on standard error.
 
         Returns
         -------
@@ -210,7 +211,7 @@ class Scene:
 
     def arrivals(
         self, sources: Any, receivers: Any, *, within: float | None = None, wavelength: float | None = None,
-        model: Model | None = None,
+        model: Model | None = None, progress: Progress = None,
     ) -> list[Rays]:  # fmt: skip
         """All rays of many pairs of points: what :meth:`rays` gives, one answer for each pair, in one search.
 
@@ -228,6 +229,8 @@ class Scene:
             That of the light, in micrometres in vacuum, if it is another than the scene's.
         model : Model, optional
             As for :meth:`rays`; one that searches by itself, as ``Fermat`` does, goes from pair to pair.
+        progress : callable or bool, optional
+            As :data:`varcalc.progress.Progress` says: told of the pairs, or whether to show a bar on standard error.
 
         Returns
         -------
@@ -247,8 +250,10 @@ class Scene:
         [2, 2, 1, 0]
         """
         if wavelength is not None:
-            return self.at_wavelength(wavelength).arrivals(sources, receivers, within=within, model=model)
-        return self._pairs.arrivals("sources", sources, "receivers", receivers, within, model)
+            return self.at_wavelength(wavelength).arrivals(
+                sources, receivers, within=within, model=model, progress=progress
+            )
+        return self._pairs.arrivals("sources", sources, "receivers", receivers, within, model, progress)
 
     def _starts(self, points: Any, directions: Any, optical_path: Any, until: Surface | None) -> Starts:
         """Where rays start, off every surface, along which unit directions, and how far they go, checked.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from varcalc.methods.collocation.method import Collocation
 from varcalc.methods.crossings import met_by
 from varcalc.methods.shooting.method import Shooting
 from varcalc.problem.functional import Functional
+from varcalc.progress import Interrupted, Progress, telling
 from varcalc.search.collected import as_asked, deflated, degenerate, finer
 from varcalc.search.end_map import EndMap, mappable
 from varcalc.search.lattice import SLOPE_SIZES, Lattice, shootable
@@ -39,7 +41,9 @@ END_MISSED = 1e-6
 
 
 @spelled
-def extremals(problem: Functional, *, tol: float = 1e-10, period: Any = None, windings: int = 1) -> Extremals:
+def extremals(
+    problem: Functional, *, tol: float = 1e-10, period: Any = None, windings: int = 1, progress: Progress = None
+) -> Extremals:
     """Every extremal of ``problem`` that a systematic search finds, best first.
 
     One unknown function with a fixed end and a Lagrangian of first order is
@@ -59,7 +63,9 @@ def extremals(problem: Functional, *, tol: float = 1e-10, period: Any = None, wi
     its solution's problem.
 
     The sequence is empty when there is none. Its ``searched`` says what range
-    was covered; nothing is claimed about what lies outside.
+    was covered; nothing is claimed about what lies outside. ``progress`` is as
+    :data:`varcalc.progress.Progress` says; Ctrl-C raises :class:`varcalc.Interrupted`, which holds the extremals that
+    are found.
 
     Raises TypeError or ValueError for unusable arguments, such as a period
     that the Lagrangian does not have.
@@ -87,15 +93,25 @@ def extremals(problem: Functional, *, tol: float = 1e-10, period: Any = None, wi
     numbers: list[Any] = []
     words: list[str] = []
     complete = True
-    with np.errstate(all="ignore"):  # trajectories leave the Lagrangian's domain; what is no number is left out
-        for number, each in list(wound(problem, period, windings)):
-            search = _Search(tol)
-            search.run(each)
-            search.leave_out_what_meets_switches()
-            solutions += search.found
-            numbers += [number] * len(search.found)
-            words.append("; ".join(search.words) if period is None else f"winding {number}: {'; '.join(search.words)}")
-            complete &= search.complete
+    moved = list(wound(problem, period, windings))
+    unfinished: list[Solution] = []
+    # trajectories leave the Lagrangian's domain; what is no number is left out
+    with np.errstate(all="ignore"), telling(progress, problem.name) as told:
+        try:
+            for turn, (number, each) in enumerate(moved):
+                search = _Search(tol, partial(told, turn, len(moved)))
+                unfinished = search.found
+                search.run(each)
+                search.leave_out_what_meets_switches()
+                solutions += search.found
+                numbers += [number] * len(search.found)
+                said = "; ".join(search.words)
+                words.append(said if period is None else f"winding {number}: {said}")
+                complete &= search.complete
+                unfinished = []
+        except KeyboardInterrupt as stop:
+            known = Extremals(solutions + unfinished, ". ".join([*words, "stopped before its end"]), (), False)
+            raise Interrupted(known) from stop
     return Extremals(solutions, ". ".join(words), numbers, complete)
 
 
@@ -115,6 +131,7 @@ class _Search:
     """The extremals found so far, and what was done to find them."""
 
     tol: float
+    told: Callable[[str], Any] = lambda _: None
 
     def __post_init__(self) -> None:
         self.found: list[Solution] = []
@@ -151,6 +168,7 @@ class _Search:
         """Scan the initial slopes of a form that allows it; True when that leaves nothing else to find."""
         if not mappable(form):
             return False
+        self.told("initial slopes")
         end_map = EndMap(form)
         scanned = scan(end_map)
         self.words.append(scanned.searched)
@@ -172,6 +190,7 @@ class _Search:
         """Shoot with slopes in all directions where a scan would have to be in more than one dimension."""
         if mappable(form) or not shootable(form):
             return
+        self.told("initial slopes in all directions")
         lattice = Lattice(form)
         before = len(self.found)
         for slope, near, guess in lattice.roots():
@@ -189,6 +208,7 @@ class _Search:
         if reason:
             self.words.append(f"not searched by collocation: {reason}")
             return
+        self.told("starting curves")
         before = len(self.found)
         for solution in deflated(form, self.tol):
             self.add(solution)

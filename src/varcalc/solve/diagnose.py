@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from varcalc.methods.arguments import check_arguments
 from varcalc.problem.functional import Functional
+from varcalc.progress import Interrupted, Progress, telling
 from varcalc.solution import Finding, Verdict
 from varcalc.spelling import spelled
 from varcalc.verify.verification import first_held
+
+if TYPE_CHECKING:
+    from varcalc.solve.examination import Examination
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +45,15 @@ class Diagnosis:
 
 
 @spelled
-def diagnose(problem: Functional) -> Diagnosis:
+def diagnose(problem: Functional, *, progress: Progress = None) -> Diagnosis:
     """Say whether a problem has a minimum (a maximum with ``maximise``), and what stands in its way.
 
     Looked at are: ends and levels that cannot be met, functionals without a
     bound, Lavrentiev gaps, Lagrangians that fix no curve, extremals and what
     kind each of them is, minimising sequences that concentrate or alternate
     between slopes, and curves that jump at their ends. Nothing that is not
-    shown by numbers is claimed; what was searched is said.
+    shown by numbers is claimed; what was searched is said. ``progress`` is as :data:`varcalc.progress.Progress` says;
+    Ctrl-C raises :class:`varcalc.Interrupted`, which holds what could be said by then.
 
     Raises TypeError when ``problem`` is none.
 
@@ -66,7 +71,21 @@ def diagnose(problem: Functional) -> Diagnosis:
     from varcalc.solve.examination import Examination  # with every check and the search: more than most people need
 
     examination = Examination(problem)
-    findings = tuple(examination.findings())
+    findings: list[Finding] = []
+    with telling(progress, problem.name) as told:
+        try:
+            for finding in examination.findings():
+                findings.append(finding)
+                told(len(findings), None, "statements found")
+        except KeyboardInterrupt as stop:
+            raise Interrupted(_diagnosis(examination, findings)) from stop
+    return _diagnosis(examination, findings)
+
+
+def _diagnosis(examination: Examination, findings: Sequence[Finding]) -> Diagnosis:
+    """What an examination has found."""
     relaxed = examination.evidence.get("relaxed")
     value = None if relaxed is None else relaxed.value
-    return Diagnosis(problem.name, first_held(findings), findings, examination.evidence, value)
+    return Diagnosis(
+        examination.problem.name, first_held(tuple(findings)), tuple(findings), examination.evidence, value
+    )

@@ -30,7 +30,7 @@ class Examination:
 
     def findings(self) -> Iterator[Finding]:
         """Every statement that holds, as the checks come to it."""
-        solution = solve(self.problem, throw=False)
+        solution = solve(self.problem, throw=False, progress=False)
         self.evidence["solution"] = solution
         yield from _of_solution(solution)
         if solution.verdict in HOPELESS:
@@ -49,7 +49,7 @@ class Examination:
                 yield fall.finding
 
     def _extremals(self, solution: Solution) -> Iterator[Finding]:
-        found = extremals(self.problem)
+        found = extremals(self.problem, progress=False)
         self.evidence["extremals"] = found
         for number, extremal in enumerate(found, start=1):
             check = extremal.verification

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -60,6 +61,11 @@ class Grid:
         """The number of values along each axis."""
         counts = tuple(len(values) for values in self.axes.values())
         return counts[:1] if self.paired else counts
+
+    @property
+    def count(self) -> int:
+        """The number of points."""
+        return math.prod(self.shape)
 
     def places(self) -> Iterator[Place]:
         """Every place, each a neighbour of the one before where that can be told from the order of the values."""

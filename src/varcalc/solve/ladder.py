@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -17,12 +18,14 @@ from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
 from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
+from varcalc.methods.labels import label
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.breaks import breakable, switches_of
 from varcalc.problem.conditions import truth
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
+from varcalc.progress import Interrupted, Progress, telling
 from varcalc.solution import (
     WORTHLESS_ERROR,
     InfeasibleError,
@@ -45,6 +48,10 @@ CLOSER_MESHES = 6
 """Times that a problem is solved anew on a mesh that sees what lay between the points of the one before."""
 
 
+Told = Callable[[str], Any]
+"""Who is told what comes next."""
+
+
 class Method(Protocol):
     """What every method offers: a solve of one form."""
 
@@ -61,12 +68,15 @@ def solve(
     tol: float = 1e-10,
     throw: bool = True,
     guess: Guess = None,
+    progress: Progress = None,
 ) -> Solution:
     """The extremal that makes the functional least (greatest with ``maximise``).
 
     ``tol`` bounds the error of the value relative to max(1, abs(value)).
     ``guess`` is a function of x (of t for a Curve) or an earlier Solution.
     Without ``method`` the cheapest route that meets the tolerance is taken.
+    ``progress`` is as :data:`varcalc.progress.Progress` says; Ctrl-C while a curve is being examined raises
+    :class:`varcalc.Interrupted`, which holds it.
 
     Raises VariationalError, with the status, the verdict and what was found,
     when there is no answer that stands; with ``throw=False`` the Solution is
@@ -85,24 +95,43 @@ def solve(
     if known is not None:
         return known
     check_guess(problem, guess)
+    with telling(progress, problem.name) as told:
+        solution = _found(problem, method, tol, guess, partial(told, 0, None))
+    if throw and not solution.status.ok:
+        raise (InfeasibleError if solution.verdict is Verdict.INFEASIBLE else VariationalError)(solution)
+    return solution
+
+
+def _found(problem: Functional, method: Method | None, tol: float, guess: Guess, told: Told) -> Solution:
+    """The answer of a method or of the ladder, examined; a status that says why where there is none."""
     solution = _linear(problem, method or LADDER[0]) or _broken(problem, method or LADDER[0], tol, guess)
     smooth = solution is None
     if solution is None:
-        solution = _attempt(problem, method, tol, guess) if method is not None else _climbed(problem, tol, guess)
+        solution = _climbed(problem, tol, guess, told) if method is None else _attempt(problem, method, tol, guess)
+    try:
+        return _examined(problem, method, tol, guess, solution, smooth, told)
+    except KeyboardInterrupt as stop:
+        raise Interrupted(solution) from stop
+
+
+def _examined(
+    problem: Functional, method: Method | None, tol: float, guess: Guess, solution: Solution, smooth: bool, told: Told
+) -> Solution:
+    """What a route came to, looked at again: whether it stands, why there is no answer, where others may be."""
     if method is not None and not solution.status.ok:
         solution = _once_more(solution, method, tol)
     if method is None and not solution.status.ok:
         from varcalc.existence.second_look import second_look  # few solves need all that it imports
 
+        told("why there is no answer")
         solution = _nothing_between(_made_out(second_look(problem, tol, solution, smooth=smooth)))
     elif method is not None:
         solution = _made_out(solution)
     if solution.status.ok:
+        told("other valleys")
         # whoever gives a guess asks for the valley it lies in
         followed = (method is None or isinstance(method, Ritz)) and guess is None
         solution = looked_around(solution, partial(_polished, problem, tol), followed=followed)
-    if throw and not solution.status.ok:
-        raise (InfeasibleError if solution.verdict is Verdict.INFEASIBLE else VariationalError)(solution)
     return solution
 
 
@@ -161,7 +190,7 @@ def _linear(problem: Functional, method: Method) -> Solution | None:
     return no_answer(problem, method, Status.REFUSED, message, Verdict.SINGULAR)
 
 
-def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:
+def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solution:
     """The ladder: each route in turn, and extremals of the indirect ones as starts for the direct one.
 
     An extremal that an indirect method finds may be a saddle. It is an answer
@@ -169,17 +198,20 @@ def _climbed(problem: Functional, tol: float, guess: Guess) -> Solution:
     """
     failure: Solution | None = None
     for method in LADDER:
+        told(label(method))
         solution = _made_out(_attempt(problem, method, tol, guess))
         if not solution.status.ok:
             solution = _once_more(solution, method, tol)
         if solution.status.ok or solution.verdict is not None:
             return solution
         failure = failure or solution
+    told("polygons")
     for polygon in least_polygons(problem):
         solution = _polished(problem, tol, FINE, polygon)
         if solution.status.ok:
             return solution
     for guide in _guides():
+        told(label(guide))
         extremal = _attempt(problem, guide, tol, guess)
         if extremal.status.ok:
             solution = _made_out(_attempt(problem, replace(LADDER[0], starts=1), tol, extremal))

@@ -136,10 +136,10 @@ class Row:
     def _from_the_last(self, problem: Problem | Curve) -> tuple[Solution, bool]:
         """The solution of a problem, and whether it was begun from the last one."""
         if self.last is not None and _alike(problem, self.last):
-            solution = solve(problem, self.method, tol=self.tol, throw=False, guess=self.last)
+            solution = solve(problem, self.method, tol=self.tol, throw=False, guess=self.last, progress=False)
             if solution.status.ok:
                 return solution, True
-        return solve(problem, self.method, tol=self.tol, throw=False), False
+        return solve(problem, self.method, tol=self.tol, throw=False, progress=False), False
 
     def _remember(self, solution: Solution) -> None:
         if not solution.status.ok:

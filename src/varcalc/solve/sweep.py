@@ -18,6 +18,7 @@ import numpy as np
 from varcalc.methods.arguments import check_tolerance
 from varcalc.methods.labels import checked_method, label
 from varcalc.problem.problem import Curve, Problem
+from varcalc.progress import Interrupted, Progress, telling
 from varcalc.solve.grid import Grid, Paired, Place
 from varcalc.solve.identity import identity
 from varcalc.solve.point import BROKEN_POINT, MISSING, Measured, SweepPoint
@@ -163,6 +164,7 @@ def sweep(
     executor: Executor | None = None,
     store: str | Path | None = None,
     units: Mapping[str, str] | None = None,
+    progress: Progress = None,
 ) -> Sweep:
     """Solve ``problem`` for every combination of the values in ``grid``, or for those that are :class:`Paired`.
 
@@ -187,7 +189,8 @@ def sweep(
     With ``store``, the name of a file, the points are written as they come, and points
     that are in it already are not solved again: an interrupted sweep goes on
     when the same call is made again. ``units`` are shown with the names of the grid, and that of ``"value"`` with the
-    result; they change no number.
+    result; they change no number. ``progress`` is as :data:`varcalc.progress.Progress` says; Ctrl-C raises
+    :class:`varcalc.Interrupted`, which holds the sweep of the points that are there.
 
     Raises TypeError and ValueError for what cannot be swept, among them the store of another sweep, and whatever else
     a function raises.
@@ -215,15 +218,23 @@ def sweep(
         # the problem is looked at closely where it is to be told from another
         "problem": {"name": _name(problem)} if store is None else _identity(problem, wanted),
     }  # fmt: skip
-    with nullcontext() if store is None else Store(store, header) as kept:
+    with nullcontext() if store is None else Store(store, header) as kept, telling(progress, "sweep") as told:
         known_points = {} if kept is None else kept.known
         missing = [at for at in wanted.places() if at not in known_points]
-        for found in _solved(problem, wanted, missing, method, tol, cores, executor):
-            known_points.update(found)
-            if kept is not None:
-                kept.add(found)
-        notes = () if kept is None else kept.notes
-    return _gathered(wanted, known_points, header["units"], _about(header), notes)
+
+        def gathered() -> Sweep:
+            notes = () if kept is None else kept.notes
+            return _gathered(wanted, known_points, header["units"], _about(header), notes)
+
+        try:
+            for found in _solved(problem, wanted, missing, method, tol, cores, executor):
+                known_points.update(found)
+                if kept is not None:
+                    kept.add(found)
+                told(len(known_points), wanted.count)
+        except KeyboardInterrupt as stop:
+            raise Interrupted(gathered()) from stop
+        return gathered()
 
 
 def _solved(

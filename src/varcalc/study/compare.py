@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from varcalc.methods.labels import checked_method, label
 from varcalc.problem.functional import check_functional
 from varcalc.problem.problem import Curve, Problem
+from varcalc.progress import Interrupted, Progress, telling
 from varcalc.solution import Solution, Status, VariationalError
 from varcalc.solve.ladder import solve
 from varcalc.spelling import spelled
@@ -169,16 +170,19 @@ def compare(
     *,
     tol: float = 1e-10,
     inapplicable: Mapping[type, str] | None = None,
+    progress: Progress = None,
 ) -> Comparison:
     """Solve ``problem`` by each of ``methods`` and hold the answers against each other.
 
     ``methods`` are method objects; None among them stands for the ladder, which
     chooses for itself. By default they are all that are offered for the
-    problem (:func:`varcalc.study.routes.methods_for`). They are taken one at a time, so a generator may report
-    progress. ``exact`` is the closed form, a number or an :class:`Exact`.
+    problem (:func:`varcalc.study.routes.methods_for`). They are taken one at a
+    time. ``exact`` is the closed form, a number or an :class:`Exact`.
     ``inapplicable`` maps method classes to the reason why they do not apply;
     such a method is not tried and its row holds the reason. A method that
-    finds no answer is a row as well, never an exception.
+    finds no answer is a row as well, never an exception. ``progress`` is as
+    :data:`varcalc.progress.Progress` says; Ctrl-C raises :class:`varcalc.Interrupted`, which holds the rows that are
+    finished.
 
     Raises TypeError for what is no method object, ValueError when there are
     no methods, and whatever :func:`varcalc.solve` raises for bad arguments.
@@ -190,12 +194,16 @@ def compare(
         raise TypeError(f"methods must be a sequence, not {methods!r}; write methods=[...]")
     closed_form = as_exact(exact)
     reasons = inapplicable or {}
-    rows = tuple(
-        _row(problem, checked_method(i, method), closed_form, tol, reasons) for i, method in enumerate(methods)
-    )
+    rows: list[Row] = []
+    with telling(progress, problem.name) as told:
+        try:
+            for i, method in enumerate(told.over(methods, lambda m: "the ladder" if m is None else label(m))):
+                rows.append(_row(problem, checked_method(i, method), closed_form, tol, reasons))
+        except KeyboardInterrupt as stop:
+            raise Interrupted(Comparison(problem, tuple(rows), closed_form, tol)) from stop
     if not rows:
         raise ValueError("methods is empty; give at least one method, or None for the ladder")
-    return Comparison(problem, rows, closed_form, tol)
+    return Comparison(problem, tuple(rows), closed_form, tol)
 
 
 def _row(problem: Problem | Curve, method: Any, exact: Exact | None, tol: float, reasons: Mapping[type, str]) -> Row:
@@ -203,7 +211,7 @@ def _row(problem: Problem | Curve, method: Any, exact: Exact | None, tol: float,
     if reason is not None:
         return Row(label(method), method, status=None, reason=reason)
     try:
-        solution = solve(cold(problem), method, tol=tol, throw=False)
+        solution = solve(cold(problem), method, tol=tol, throw=False, progress=False)
     except VariationalError as error:
         solution = error.solution
     name = label(method) if method is not None else f"ladder ({solution.rung})" if solution.status.ok else "ladder"

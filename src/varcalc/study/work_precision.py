@@ -15,6 +15,7 @@ import numpy as np
 from varcalc.methods.labels import checked_method, label
 from varcalc.problem.conditions import finite, sequence
 from varcalc.problem.problem import Curve, Problem
+from varcalc.progress import Interrupted, Progress, telling
 from varcalc.solution import Solution
 from varcalc.solve.ladder import solve
 from varcalc.spelling import spelled
@@ -48,6 +49,7 @@ def work_precision(
     exact: Sequence[Exact | float | None] | None = None,
     repeats: int = 5,
     seconds: float = ENOUGH_SECONDS,
+    progress: Progress = None,
 ) -> WorkPrecision:
     """Measure what each of ``methods`` costs on each of ``problems`` at each of ``tolerances``, and what it delivers.
 
@@ -58,7 +60,9 @@ def work_precision(
     ``methods`` are method objects, None for the ladder. Every time is the
     median of ``repeats`` solves, fewer once they took ``seconds``; a first one of
     each method is not counted. A cold solve begins from a problem of which nothing is
-    built. A method that finds no answer has a record with its status.
+    built. A method that finds no answer has a record with its status. ``progress`` is as
+    :data:`varcalc.progress.Progress` says; Ctrl-C raises :class:`varcalc.Interrupted`, which holds the records of the
+    lines that are finished.
 
     Raises TypeError for what is no problem or no method, ValueError when there
     are none, and whatever :func:`varcalc.solve` raises for bad arguments.
@@ -78,11 +82,15 @@ def work_precision(
     if not isinstance(repeats, int) or isinstance(repeats, bool) or repeats < 1:
         raise ValueError(f"repeats must be a whole number from 1 on, not {repeats!r}")
     records: list[Record] = []
-    for reference in references:
-        for method in routes:
-            name = "ladder" if method is None else label(method)
-            points = [Record(reference.name, name, tol, "", curve="tolerance") for tol in settings]
-            records += _line(reference, points, lambda point, m=method: (m, point.setting), repeats, seconds)
+    lines = [(reference, method) for reference in references for method in routes]
+    with telling(progress, "work and precision") as told:
+        try:
+            for reference, method in told.over(lines, lambda line: line[0].name):
+                name = "ladder" if method is None else label(method)
+                points = [Record(reference.name, name, tol, "", curve="tolerance") for tol in settings]
+                records += _line(reference, points, lambda point, m=method: (m, point.setting), repeats, seconds)
+        except KeyboardInterrupt as stop:
+            raise Interrupted(WorkPrecision(tuple(records), about())) from stop
     return WorkPrecision(tuple(records), about())
 
 

@@ -23,6 +23,7 @@ from varcalc.optics.propagation.sequential import CompiledScene, Propagator
 from varcalc.optics.rays.beam import RayStatus, Rows, launched, spreading
 from varcalc.optics.rays.ray import Ray, Rays
 from varcalc.optics.validation import matched, numbers, rows
+from varcalc.progress import Progress, telling
 
 FLAT_SPREADING = 1e-9
 """A spreading so small beside that of a uniform medium is that of a conjugate point."""
@@ -207,7 +208,9 @@ class PairSearch:
     _problems: dict[tuple[int, bool, Model | None], TwoPoint] = field(default_factory=dict, init=False, repr=False)
     _complete: dict[int, ConstantPull | RangeFunction | None] = field(default_factory=dict, init=False, repr=False)
 
-    def arrivals(self, source: str, A: Any, receiver: str, B: Any, within: Any, model: Any) -> list[Rays]:
+    def arrivals(
+        self, source: str, A: Any, receiver: str, B: Any, within: Any, model: Any, progress: Progress = False
+    ) -> list[Rays]:
         """The rays of each pair; the arguments go by the names ``source`` and ``receiver`` in messages."""
         starts, ends = self._pairs(source, A, receiver, B)
         if within is not None and not (numbers("within", within).ndim == 0 and within > 0):
@@ -218,11 +221,14 @@ class PairSearch:
         answers = [Rays((), f"the index is {n:g} at B, so that no ray comes there", "nothing") for n in index]
         order = np.lexsort(starts.T)
         order = order[real[order]]
-        for first in range(0, len(order), PAIRS_TOGETHER):
-            rows = order[first : first + PAIRS_TOGETHER]
-            found = self._found(self._with_planes(starts[rows], ends[rows], limit[rows]), checked_model(model))
-            for row, rays in zip(rows, found, strict=True):
-                answers[row] = rays
+        with telling(progress, "arrivals") as told:
+            for first in range(0, len(order), PAIRS_TOGETHER):
+                told(first, len(order))
+                rows = order[first : first + PAIRS_TOGETHER]
+                found = self._found(self._with_planes(starts[rows], ends[rows], limit[rows]), checked_model(model))
+                for row, rays in zip(rows, found, strict=True):
+                    answers[row] = rays
+            told(len(order), len(order))
         return answers
 
     def _pairs(self, source: str, A: Any, receiver: str, B: Any) -> tuple[np.ndarray, np.ndarray]:

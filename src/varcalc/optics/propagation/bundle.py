@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +10,7 @@ import numpy as np
 from varcalc.optics import validation
 from varcalc.optics.propagation.sequential import Propagator
 from varcalc.optics.rays.beam import RayStatus, launched, spreading
-
-LONG_WORK = 1 << 20
-"""More rays than this are long work."""
+from varcalc.progress import Progress, telling
 
 
 @dataclass(frozen=True)
@@ -70,32 +66,29 @@ class Starts:
     on_stop: np.ndarray
 
 
-def traced(propagator: Propagator, starts: Starts, *, with_spreading: bool, progress: bool | None) -> Bundle:
-    """The ends of all rays; with a bar for long work on a terminal, or as ``progress`` says."""
+def traced(propagator: Propagator, starts: Starts, *, with_spreading: bool, progress: Progress) -> Bundle:
+    """The ends of all rays; ``progress`` is told of them."""
     m, d = starts.points.shape
     bundle = Bundle(
         np.empty((m, d)), np.empty((m, d)), np.empty(m), np.empty(m, np.int8),
         np.empty(m) if with_spreading else None, propagator.name,
     )  # fmt: skip
     parts = [slice(first, min(first + validation.CHUNK, m)) for first in range(0, m, validation.CHUNK)]
-    shown = (m > LONG_WORK and sys.stderr.isatty()) if progress is None else progress
-    for part in _watched(parts, m) if shown else parts:
-        beam = launched(starts.points[part], starts.directions[part], starts.index[part], neighbours=with_spreading)
-        end, status = propagator.ends(beam, starts.limit[part], starts.on_stop[part])
-        bundle.points[part], bundle.optical_path[part], bundle.status[part] = end.position, end.optical_path, status
-        bundle.directions[part] = end.momentum / np.linalg.norm(end.momentum, axis=1)[:, None]
-        if bundle.spreading is not None:
-            bundle.spreading[part] = spreading(end)
+    with telling(progress, "rays") as told:
+        for part in parts:
+            told(part.start, m)
+            _carry(propagator, starts, bundle, part)
+        told(m, m)
     return bundle
 
 
-def _watched(parts: Iterable[slice], total: int) -> Iterator[slice]:
-    """``parts``, with a bar on standard error while they are worked through."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True)) as bar:
-        task = bar.add_task("rays", total=total)
-        for part in parts:
-            yield part
-            bar.advance(task, part.stop - part.start)
+def _carry(propagator: Propagator, starts: Starts, bundle: Bundle, part: slice) -> None:
+    """A part of the rays to their ends, which the bundle takes up."""
+    beam = launched(
+        starts.points[part], starts.directions[part], starts.index[part], neighbours=bundle.spreading is not None
+    )
+    end, status = propagator.ends(beam, starts.limit[part], starts.on_stop[part])
+    bundle.points[part], bundle.optical_path[part], bundle.status[part] = end.position, end.optical_path, status
+    bundle.directions[part] = end.momentum / np.linalg.norm(end.momentum, axis=1)[:, None]
+    if bundle.spreading is not None:
+        bundle.spreading[part] = spreading(end)

@@ -1,0 +1,93 @@
+"""How far a long call has come: told to a function, or shown as a bar; and what is known when it is stopped."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sized
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+Progress = Callable[[int, int | None, str], Any] | bool | None
+"""What a long call takes as ``progress``.
+
+A function is called as ``progress(done, total, what)``: steps done, their number (None where it is not known), and
+what comes next, in words. None shows a bar to whoever is watching, on a terminal or in a notebook, once the call has
+taken a second, and nothing to a script; True shows it at once and anywhere, False never.
+"""
+PATIENCE = 1.0
+"""Seconds for which nobody wants to see a bar."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """A call that was stopped by Ctrl-C; ``known`` is what it would have given back, as far as it had come."""
+
+    def __init__(self, known: Any) -> None:
+        super().__init__("stopped; what was known by then is in `known`")
+        self.known = known
+
+
+class Telling:
+    """The one who is told, for the time of one call: a person's function, a bar, or nobody."""
+
+    def __init__(self, progress: Progress, title: str) -> None:
+        if not (progress is None or isinstance(progress, bool) or callable(progress)):
+            raise TypeError(
+                f"progress must be a function of (done, total, what), True, False or None, not {progress!r}"
+            )
+        self._function = progress if callable(progress) else None
+        shown = _watched() if progress is None else progress is True
+        self._from = time.perf_counter() + (0.0 if progress is True else PATIENCE) if shown else float("inf")
+        self._title, self._bar = title, None
+
+    def __call__(self, done: int, total: int | None, what: str = "") -> None:
+        """Tell that ``done`` steps of ``total`` lie behind, and that ``what`` comes next."""
+        if self._function is not None:
+            self._function(done, total, what)
+        elif self._bar is not None or time.perf_counter() >= self._from:
+            self._show(done, total, what)
+
+    def over(self, steps: Iterable[T], what: Callable[[T], str] = lambda _: "") -> Iterator[T]:
+        """``steps`` one after the other, each told before it is given; ``what`` says what one is."""
+        total, done = len(steps) if isinstance(steps, Sized) else None, 0
+        for done, step in enumerate(steps):
+            self(done, total, what(step))
+            yield step
+        self(done + 1 if total != 0 else 0, total)
+
+    def close(self) -> None:
+        """Take the bar away."""
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+    def _show(self, done: int, total: int | None, what: str) -> None:
+        if self._bar is None:
+            from rich.console import Console  # few calls take a second
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+            columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[what]}")
+            console = Console(stderr=True)
+            self._bar = Progress(*columns, TimeElapsedColumn(), console=console, transient=console.is_terminal)
+            self._bar.add_task(self._title, what="")
+            self._bar.start()
+        count = f"{done} of {total}" if total else ""
+        words = ", ".join(filter(None, (count, what)))
+        self._bar.update(self._bar.task_ids[0], completed=done, total=total, what=words)
+
+
+@contextmanager
+def telling(progress: Progress, title: str) -> Iterator[Telling]:
+    """The one who is told of a call called ``title``, until it is over."""
+    one = Telling(progress, title)
+    try:
+        yield one
+    finally:
+        one.close()
+
+
+def _watched() -> bool:
+    """Whether a person sees what is written: on a terminal or in a notebook."""
+    return sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules)
