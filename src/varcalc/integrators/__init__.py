@@ -13,7 +13,7 @@ from dataclasses import replace
 import casadi as ca
 
 from varcalc.integrators.attentive import Attentive
-from varcalc.integrators.dop853 import Dop853
+from varcalc.integrators.dop853 import SMALLEST, Dop853
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.on_demand import STEPS, OnDemand
 from varcalc.integrators.piecewise import Continuous, Piecewise
@@ -70,12 +70,20 @@ def compiled(owner: Owner, engine: Engine, system: ca.Function) -> Flow:
     return kept[key]
 
 
+def _installed(package: str) -> bool:
+    """Whether a package can be imported, without importing it; an import hook may say no by ImportError."""
+    try:
+        return importlib.util.find_spec(package) is not None
+    except ImportError:
+        return False
+
+
 def available(taylor: Taylor | None = None) -> tuple[Taylor | Dop853, ...]:
     """The engines whose packages are installed, the preferred one first, heyoka's with the settings of ``taylor``."""
     engines: list[Taylor | Dop853] = []
-    if importlib.util.find_spec("heyoka") is not None:
+    if _installed("heyoka"):
         engines.append(taylor or Taylor())
-    if importlib.util.find_spec("scipy") is not None:
+    if _installed("scipy"):
         engines.append(Dop853())
     return tuple(engines)
 
@@ -103,4 +111,7 @@ def for_one(most_steps: int, *, quick: bool) -> Engine:
 
 def for_many(most_steps: int | None = None) -> Engine:
     """The engine for a system that is run very often: compiled at once where it can be, and past nothing narrow."""
-    return Attentive(default(0, most_steps))
+    engine = default(0, most_steps)
+    if isinstance(engine, Dop853):  # alone, it has to give the digits that the series would
+        engine = replace(engine, tolerance=SMALLEST)
+    return Attentive(engine)

@@ -61,6 +61,8 @@ class Stops:
     system: ca.Function
     stops: ca.Function
     _call: PointEvaluator = field(init=False, repr=False, compare=False)
+    _levels: PointEvaluator = field(init=False, repr=False, compare=False)
+    """The functions alone, which are looked at far more often than their rates, and cost far less than the system."""
 
     def __post_init__(self) -> None:
         size = check_system(self.system)
@@ -72,6 +74,7 @@ class Stops:
         slope = ca.jtimes(level, state, rate)
         results = [level, ca.densify(slope), rate]
         object.__setattr__(self, "_call", PointEvaluator(ca.Function("stops", [state, constants], results)))
+        object.__setattr__(self, "_levels", PointEvaluator(ca.Function("levels", [state, constants], [level])))
 
     def __call__(self, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g (m, k), dg/ds (m, k) and dY/ds (m, N) at states (m, N), constants (m, c)."""
@@ -94,7 +97,7 @@ class Stops:
         """
         m, parts = len(signs), np.arange(1, SAMPLES + 1) / SAMPLES
         states = np.concatenate([step(np.full(m, part)) for part in parts])
-        levels = self(states, np.tile(constants, (SAMPLES, 1)))[0].reshape(SAMPLES, m, -1)
+        levels = self._levels(len(states), states, np.tile(constants, (SAMPLES, 1))).reshape(SAMPLES, m, -1)
         crossed = levels * signs < 0
         place = crossed.any(axis=2).argmax(axis=0)
         rows, stops = np.nonzero(crossed[place, np.arange(m)])
