@@ -53,6 +53,10 @@ def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
     The proof is Hilbert's invariant integral of a quadratic near the curve, with every inequality checked in ball
     arithmetic, see :doc:`certificates`. Curve, field, tube and boxes are chosen here.
 
+    Raises VariationalError where the proof is not found: which inequality failed, and where. Raises ImportError where
+    python-flint is not installed. Raises TypeError or ValueError for what is no solution, and for digits that are no
+    whole number from 1 on.
+
     Parameters
     ----------
     solution:
@@ -64,15 +68,6 @@ def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
     -------
     Certificate
         The interval, the curves it speaks of and the theorem.
-
-    Raises
-    ------
-    VariationalError
-        Where the proof is not found: which inequality failed, and where.
-    ImportError
-        Where python-flint is not installed.
-    TypeError, ValueError
-        For what is no solution, and for digits that are no whole number from 1 on.
 
     References
     ----------

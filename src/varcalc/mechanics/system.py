@@ -34,6 +34,9 @@ from varcalc.spelling import spelled
 class System(Moving):
     """A system of n coordinates whose motions make the action, the integral of L over time, stationary.
 
+    Raises TypeError or ValueError naming the argument, where one of them is not what it should be, and where L is
+    singular: L_vv without inertia in some direction, which is given.
+
     Parameters
     ----------
     lagrangian : callable
@@ -52,12 +55,6 @@ class System(Moving):
     units : sequence of str, optional
         Of the coordinates, and ``time_unit`` of the time, for the axes of pictures.
     name : str
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument, where one of them is not what it should be, and where L is singular: L_vv without inertia
-        in some direction, which is given.
 
     Examples
     --------

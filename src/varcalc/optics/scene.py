@@ -26,6 +26,8 @@ from varcalc.spelling import check_names, spelled
 class Scene:
     """Media and the surfaces between them.
 
+    Raises TypeError or ValueError where the media and surfaces do not fit each other.
+
     Parameters
     ----------
     media : Medium or sequence of Medium
@@ -35,11 +37,6 @@ class Scene:
         In the order in which a ray meets them.
     wavelength : float, optional
         In micrometres, in vacuum, for media with dispersion.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Where the media and surfaces do not fit each other.
 
     Examples
     --------
@@ -113,6 +110,10 @@ class Scene:
     ) -> Bundle:
         """Carry a bundle of rays through the scene, each with steps, an end and a status of its own.
 
+        Raises TypeError or ValueError for arguments that do not fit the scene: a source on a surface or where the index
+        is not positive, a direction of length zero, no stop or two. :class:`DoesNotApply`, a ValueError, for a model
+        that cannot treat the scene.
+
         Parameters
         ----------
         points, directions : array_like, shape (m, d) or (d,)
@@ -135,13 +136,6 @@ class Scene:
         Returns
         -------
         Bundle
-
-        Raises
-        ------
-        TypeError, ValueError
-            For arguments that do not fit the scene: a source on a surface or where the index is not positive, a
-            direction of length zero, no stop or two. :class:`DoesNotApply`, a ValueError, for a model that cannot
-            treat the scene.
 
         Notes
         -----
@@ -169,6 +163,9 @@ class Scene:
         that is a net of directions, and rays in whose neighbourhood it is too coarse may be missed. Where there
         are infinitely many rays, by winding, the optical path limits the search.
 
+        Raises TypeError or ValueError for A = B, a source on a surface or where the index is not positive.
+        :class:`DoesNotApply`, a ValueError, for a model that cannot treat the scene.
+
         Parameters
         ----------
         A, B : array_like, shape (d,)
@@ -186,12 +183,6 @@ class Scene:
         -------
         Rays
             A sequence, the shortest optical path first; empty, with a ``reason``, where there is none.
-
-        Raises
-        ------
-        TypeError, ValueError
-            For A = B, a source on a surface or where the index is not positive. :class:`DoesNotApply`, a ValueError,
-            for a model that cannot treat the scene.
 
         Examples
         --------
@@ -219,6 +210,8 @@ class Scene:
         elsewhere the rays of a source are shared by all the receivers it is paired with, so that thousands of
         receivers of one source take not much longer than a few.
 
+        Raises TypeError or ValueError as :meth:`rays` does, naming the row.
+
         Parameters
         ----------
         sources, receivers : array_like, shape (k, d) or (d,)
@@ -235,11 +228,6 @@ class Scene:
         Returns
         -------
         list of Rays
-
-        Raises
-        ------
-        TypeError, ValueError
-            As :meth:`rays` does, naming the row.
 
         Examples
         --------

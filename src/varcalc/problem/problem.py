@@ -48,6 +48,9 @@ FEW_FUNCTIONS = 3
 class Problem(Functional):
     """Make the integral of ``lagrangian`` over the graph of y(x) least (or greatest).
 
+    Raises TypeError or ValueError, naming the argument and the remedy, for input that cannot be a problem: mismatched
+    dimensions, a function that does not return a scalar, an end where L is not a number.
+
     Parameters
     ----------
     lagrangian:
@@ -67,10 +70,6 @@ class Problem(Functional):
         Highest derivative in the Lagrangian, 1 or 2.
     breakpoints:
         Abscissae where L may jump in x.
-
-    Raises TypeError or ValueError, naming the argument and the remedy, for
-    input that cannot be a problem: mismatched dimensions, a function that
-    does not return a scalar, an end where L is not a number.
     """
 
     written = ("x", "y"), ("dy", "ddy"), ("x0", "y0", "x1", "y1")

@@ -31,6 +31,8 @@ def force_of_orbit(
     Introduction to Lagrangian Mechanics", eq. 4.3; Goldstein, Poole and Safko, "Classical Mechanics", sect. 3.5):
     positive where it repels.
 
+    Raises TypeError or ValueError where the orbit is no function of an angle, and where its radius is not positive.
+
     Parameters
     ----------
     orbit : callable
@@ -42,11 +44,6 @@ def force_of_orbit(
     Returns
     -------
     r, force : arrays of the shape of ``angle``
-
-    Raises
-    ------
-    TypeError, ValueError
-        Where the orbit is no function of an angle, and where its radius is not positive.
 
     >>> r, force = force_of_orbit(lambda theta: theta**2, [1.0, 2.0])  # -(l²/m) (1 + 6/r)/r³
     >>> bool(np.all(abs(force * r**4 / (r + 6) + 1) < 1e-14))
@@ -71,6 +68,9 @@ def well_width(period: Callable[[np.ndarray], np.ndarray], depth: Any, *, mass: 
     x₂(U) - x₁(U) = ∫ T(E) dE/√(U - E) from 0 to U, over π √(2 m): Abel's inversion (Landau and Lifshitz, "Mechanics",
     sect. 12). Of a symmetric well that is the potential; of others any shear of it has the same periods.
 
+    Raises ValueError for heights that are not positive, and for periods that are not smooth, as where one is infinite
+    on the way.
+
     Parameters
     ----------
     period : callable
@@ -82,11 +82,6 @@ def well_width(period: Callable[[np.ndarray], np.ndarray], depth: Any, *, mass: 
     Returns
     -------
     array of the shape of ``depth``
-
-    Raises
-    ------
-    ValueError
-        For heights that are not positive, and for periods that are not smooth, as where one is infinite on the way.
 
     >>> width = well_width(lambda energy: 0 * energy + 2 * np.pi, [0.5, 2.0])  # of x²/2
     >>> bool(np.all(abs(width - [2, 4]) < 1e-14))

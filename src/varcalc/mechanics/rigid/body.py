@@ -27,6 +27,9 @@ from varcalc.symbolic.tracing import Expression
 class RigidBody:
     """A body of a given inertia about the point that is at rest: a pivot, or its centre of mass.
 
+    Raises TypeError or ValueError naming the argument, where one of them is not what it should be; for an inertia of no
+    body; and for one without moment about some axis, about which nothing would say how it turns.
+
     Parameters
     ----------
     inertia : Inertia or array_like
@@ -41,12 +44,6 @@ class RigidBody:
     parameters : mapping, optional
         Numbers that the formulas know as attributes of ``p``.
     name : str
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument, where one of them is not what it should be; for an inertia of no body; and for one without
-        moment about some axis, about which nothing would say how it turns.
 
     Examples
     --------

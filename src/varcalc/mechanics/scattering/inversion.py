@@ -29,6 +29,9 @@ def firsov(deflection: Callable[[np.ndarray], np.ndarray], energy: float, w: Any
     r = w exp((1/π) ∫ χ(b)/√(b² - w²) db from w to infinity) (O. B. Firsov 1953; Landau and Lifshitz, "Mechanics",
     sect. 18, problem 7); with b = w cosh t nothing in it is singular.
 
+    Raises ValueError for an energy or a ``w`` that is not positive, and where the integral is not resolved, as when an
+    orbit goes round for ever at some b > w, or angles jump.
+
     Parameters
     ----------
     deflection : callable
@@ -41,12 +44,6 @@ def firsov(deflection: Callable[[np.ndarray], np.ndarray], energy: float, w: Any
     Returns
     -------
     r, potential : arrays of the shape of ``w``
-
-    Raises
-    ------
-    ValueError
-        For an energy or a ``w`` that is not positive, and where the integral is not resolved, as when an orbit goes
-        round for ever at some b > w, or angles jump.
 
     >>> import numpy as np
     >>> r, potential = firsov(lambda b: 2 * np.arctan(1 / (2 * b)), 1.0, [0.5, 2.0])

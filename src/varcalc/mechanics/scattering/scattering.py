@@ -54,6 +54,9 @@ class Scattering:
     to Lagrangian Mechanics", eq. 5.14; Landau and Lifshitz, "Mechanics", sect. 18): for two bodies the energy is that
     of their relative motion, and :class:`Collision` leads to the laboratory.
 
+    Raises TypeError or ValueError naming the argument: for what is no function of a radius, does not vanish far away or
+    switches at more radii than can be placed; an energy that is not positive; a hard core that is negative.
+
     Parameters
     ----------
     potential : callable
@@ -63,12 +66,6 @@ class Scattering:
         The kinetic energy far away, in the units of the potential.
     hard_core : float
         A radius at which orbits are thrown back, if they come so far; 0 for none.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument: for what is no function of a radius, does not vanish far away or switches at more radii
-        than can be placed; an energy that is not positive; a hard core that is negative.
 
     Examples
     --------

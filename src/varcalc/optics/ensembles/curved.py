@@ -67,6 +67,9 @@ class CurvedMedium:
     def by_index_gradient(self, points: Any, directions: Any, optical_path: float | np.ndarray) -> Bundle:
         """Carry rays by the ray equation in the metric of the space (Brizard, eq. 1.47).
 
+        Raises ValueError where the index, or the squared length of a direction in the metric, is not positive at the
+        start.
+
         Parameters
         ----------
         points, directions : array_like, shape (m, d) or (d,)
@@ -78,11 +81,6 @@ class CurvedMedium:
         -------
         Bundle
             Its directions are unit vectors of the metric g.
-
-        Raises
-        ------
-        ValueError
-            Where the index, or the squared length of a direction in the metric, is not positive at the start.
         """
         start, ahead, _, until = self._launched(points, directions, optical_path)
         d = start.shape[1]

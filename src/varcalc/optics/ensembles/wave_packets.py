@@ -88,6 +88,8 @@ class DispersionRelation:
     def trace(self, points: Any, wavevectors: Any, time: float | np.ndarray) -> WavePackets:
         """Carry packets of waves for a time.
 
+        Raises ValueError where ω or the group velocity is not a number at the start.
+
         Parameters
         ----------
         points, wavevectors : array_like, shape (m, d) or (d,)
@@ -98,11 +100,6 @@ class DispersionRelation:
         Returns
         -------
         WavePackets
-
-        Raises
-        ------
-        ValueError
-            Where ω or the group velocity is not a number at the start.
         """
         x, k = _paired(points, wavevectors)
         begin = self._evaluated(x, k)

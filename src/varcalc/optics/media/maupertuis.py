@@ -27,6 +27,8 @@ def maupertuis(
 ) -> Uniform | Graded:
     """The medium n = sqrt(E - U) whose rays are the orbits of a particle of energy E in the potential U.
 
+    Raises ValueError for a constant potential that the energy does not exceed.
+
     Parameters
     ----------
     potential : float or callable
@@ -40,11 +42,6 @@ def maupertuis(
     Returns
     -------
     Graded, or Uniform where the potential is a constant
-
-    Raises
-    ------
-    ValueError
-        For a constant potential that the energy does not exceed.
 
     Notes
     -----

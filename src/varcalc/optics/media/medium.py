@@ -91,6 +91,8 @@ class _Parametric(Medium):
 class Uniform(_Parametric):
     """The same index everywhere.
 
+    Raises TypeError or ValueError where ``n`` is not a positive number.
+
     Parameters
     ----------
     n : float, Dispersion or callable
@@ -98,11 +100,6 @@ class Uniform(_Parametric):
         function of the parameters.
     parameters : Mapping[str, float], optional
         Names with values, that ``n`` finds in its last argument: ``p.name``.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Where ``n`` is not a positive number.
 
     Examples
     --------

@@ -56,6 +56,9 @@ def read_profile(
 ) -> Tabulated:
     r"""A measured profile from a file of columns, as a medium of layers.
 
+    Raises ValueError naming the row of the file: for what is no number, and for heights out of order; and where the
+    columns do not say what they are.
+
     Parameters
     ----------
     path : str or Path
@@ -77,12 +80,6 @@ def read_profile(
     Tabulated
         Its heights are in metres where the header states a unit, and in the unit of the file otherwise. A depth is a
         negative height. A table that descends is turned round.
-
-    Raises
-    ------
-    ValueError
-        Naming the row of the file: for what is no number, and for heights out of order; and where the columns do not
-        say what they are.
 
     Examples
     --------

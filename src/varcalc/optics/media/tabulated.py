@@ -27,6 +27,8 @@ class Tabulated(Medium):
     Between the heights n² is a cubic: by default that of the smooth spline, with two continuous derivatives (de
     Boor, "A Practical Guide to Splines", ch. IV). No step of an integration goes over a height of the table.
 
+    Raises ValueError for heights out of order, an index that is not positive, or too few of either.
+
     Parameters
     ----------
     heights : sequence of float
@@ -36,11 +38,6 @@ class Tabulated(Medium):
     smooth : bool
         With False n² is linear between the heights, exactly, and rays are pieces of parabolas. The kinks of such a
         profile focus: they make caustics that a smooth profile does not have.
-
-    Raises
-    ------
-    ValueError
-        For heights out of order, an index that is not positive, or too few of either.
     """
 
     heights: Sequence[float]

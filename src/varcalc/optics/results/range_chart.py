@@ -62,6 +62,8 @@ def range_chart(
 ) -> RangeChart:
     """The range chart of a source in a medium of the plane without surfaces, with all arrivals at a receiver.
 
+    Raises TypeError or ValueError for a scene with surfaces or in space, and as :meth:`Scene.rays` does.
+
     Parameters
     ----------
     scene : Scene
@@ -73,11 +75,6 @@ def range_chart(
         How many crossings of the receiver's height are followed.
     within : float, optional
         As for :meth:`Scene.rays`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For a scene with surfaces or in space, and as :meth:`Scene.rays` does.
 
     Examples
     --------

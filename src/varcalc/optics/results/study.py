@@ -42,6 +42,8 @@ FRONT_RAYS = 8
 class Study:
     """What is to be seen of a scene.
 
+    Raises TypeError or ValueError for arguments that do not fit each other.
+
     Parameters
     ----------
     scene, source, rays, optical_path
@@ -56,11 +58,6 @@ class Study:
     known : mapping of str to callable
         What is known of the rays of the scene: names, and functions that take the scene to the largest error against
         what is known, relative to its size.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For arguments that do not fit each other.
     """
 
     scene: Scene
@@ -90,10 +87,7 @@ class Study:
     def run(self) -> Seen:
         """Carry the study out.
 
-        Raises
-        ------
-        ValueError
-            As :func:`wavefront` and :meth:`Scene.rays` do.
+        Raises ValueError as :func:`wavefront` and :meth:`Scene.rays` do.
         """
         tubes = ray_tubes(self.scene, self.source, self.rays, self.optical_path)
         tracks = tuple(_track(tube.point, tube.optical_path, tube.status) for tube in tubes if tube.legs)

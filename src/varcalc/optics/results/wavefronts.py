@@ -84,6 +84,9 @@ class Caustic:
 def wavefront(scene: Scene, source: Source, rays: Any, optical_path: float) -> Wavefront:
     """The wavefront of a source at an optical path.
 
+    Raises TypeError or ValueError for a source on a surface, where the index is not positive, or of another dimension
+    than the scene.
+
     Parameters
     ----------
     scene : Scene
@@ -97,11 +100,6 @@ def wavefront(scene: Scene, source: Source, rays: Any, optical_path: float) -> W
     Returns
     -------
     Wavefront
-
-    Raises
-    ------
-    TypeError, ValueError
-        For a source on a surface, where the index is not positive, or of another dimension than the scene.
 
     Examples
     --------
