@@ -102,6 +102,19 @@ def test_a_switch_of_a_branch_that_is_not_meant_need_not_be_a_number():
     assert run.states[-1, 1] ** 2 / 2 + height(run.states[-1, 0]) == pytest.approx(height(2.0), rel=1e-12)
 
 
+def test_what_depends_on_whole_numbers_only():
+    """A checkerboard in time: the pull is 1 in every other half second, and -2 in the others."""
+    pull = ca.if_else(ca.fmod(ca.floor(2 * s), 2) == 0, 1, -2)
+    run = ENGINES[0].compile(system(pull)).trajectory(np.array([0.0, 3.25]), np.zeros(2), np.zeros(1))
+    assert run.states[-1, 1] == pytest.approx(3 * (0.5 - 1.0) + 0.25, rel=1e-13)
+    board = ca.if_else(ca.fmod(ca.floor(y[0]) + ca.floor(2 * y[0]), 2) > 0, 1, -1)  # 1 from 1/2 to 3/2, -1 up to 5/2
+    run = ENGINES[0].compile(system(board)).trajectory(np.array([0.0, 1.0]), np.array([0.1, 2.0]), np.zeros(1))
+    energies = [run.states[k, 1] ** 2 / 2 for k in (0, 1)]
+    work = -0.4 + 1.0 - (run.states[1, 0] - 1.5)
+    assert 1.5 < run.states[1, 0] < 2.5
+    assert energies[1] - energies[0] == pytest.approx(work, rel=1e-12)
+
+
 def test_where_the_equations_do_not_say_how_to_go_on():
     ridge = ENGINES[0].compile(system(ca.sign(y[0])))
     assert ridge.trajectory(np.array([0.0, 1.0]), np.zeros(2), np.zeros(1)).outcome is Outcome.UNDECIDED

@@ -80,12 +80,12 @@ class Crossings:
         arguments = np.array(self.system.sides.arguments(s, y, walker.constants)).ravel()
         stepped = set(self.system.sides.stepped)
         side = tuple(0 if k in stepped else (-1 if a < 0 else 1) for k, a in enumerate(arguments))
-        live = self.system.piece(side).live
+        side, counts = self._settled(walker, side, self._counted(np.nan_to_num(arguments), {}))
+        live = self.system.piece(side).live - self.system.piece(side).still
         if not np.all(np.isfinite(arguments[sorted(live)])):
             walker.ended(Outcome.NOT_FINITE if walker.pieces == 0 else Outcome.BLOW_UP)
             return
         arguments = np.nan_to_num(arguments)  # of branches that are not meant here
-        counts = self._counted(arguments, {})
         here = self._series(walker, side, counts)
         beyond = arguments - np.where([k in stepped for k in range(len(side))], np.round(arguments), 0.0)
         time = ON * max(abs(s), walker.gone)
@@ -102,6 +102,23 @@ class Crossings:
             walker.ended(Outcome.IMPULSE)
         walker.leaving += tuple(self.system.leaving(walker.side, on, arguments, walker.counts))
         walker.pieces += 1
+
+    def _settled(self, walker: Walker, side: tuple[int, ...], counts: np.ndarray) -> tuple[tuple[int, ...], np.ndarray]:
+        """The side and counts with those of what depends on nothing but counts."""
+        for _ in range(len(side) + 1):
+            still = self.system.piece(side).still
+            if not still:
+                break
+            values = self._series(walker, side, counts)["terms"][0]
+            before, stepped = (side, counts.tolist()), self.system.sides.stepped
+            side = tuple(
+                int(np.sign(values[k])) if k in still and k not in stepped else one for k, one in enumerate(side)
+            )
+            lower = {k: math.floor(values[k]) if k in still else int(counts[2 * n]) for n, k in enumerate(stepped)}
+            counts = self._counted(values, lower)
+            if before == (side, counts.tolist()):
+                break
+        return side, counts
 
     def _jumps(self, walker: Walker, before: tuple[tuple[int, ...], np.ndarray], met: Sequence[int]) -> bool:
         """Whether what must not jump does, between the side ``before`` and the walker's."""
@@ -124,11 +141,10 @@ class Crossings:
                     lower[k] = round(float(arguments[k])) - (one < 0)
                 else:
                     turned[k] = one
-            counts = self._counted(arguments, lower)
-            found = self._series(walker, tuple(turned), counts)
-            live = self.system.piece(tuple(turned)).live
+            there, counts = self._settled(walker, tuple(turned), self._counted(arguments, lower))
+            found, live = self._series(walker, there, counts), self.system.piece(there).live
             if all(k not in live or _leads(found, walker, k, one) for k, one in zip(on, choice, strict=True)):
-                ways.append((tuple(turned), counts, found["rates"]))
+                ways.append((there, counts, found["rates"]))
         if ways and all(np.allclose(rates, ways[0][2], rtol=SAME, atol=0.0) for _, _, rates in ways):
             return ways[0][:2]
         [place] = on if len(on) == 1 else [-1]

@@ -26,13 +26,14 @@ class Piece:
 
     ``series`` gives, of such a state and constants, the arguments of all switches, their derivatives along the rates,
     how large what they are made of is, the person's stops with their rates, and what must not jump. Where switches
-    that are not ``live`` turn over it stays what it is.
+    that are not ``live`` turn over it stays what it is; those that are ``still`` do so only with others.
     """
 
     free: Flow
     stopping: Flow
     series: PointEvaluator
     live: frozenset[int]
+    still: frozenset[int]
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class OneSided:
     def _made(self, side: tuple[int, ...]) -> Piece:
         s, state, constants = self.sides.symbols
         numbers = ca.vertcat(constants, self.sides.counts)
-        written, live = self._parts(side)
+        written, live, still = self._parts(side)
         parts = ca.Function("parts", [s, state, numbers], written)
         every = ca.SX.sym("Z", state.numel() + 1)
         way, direction = ca.SX.sym("way"), ca.SX.sym("direction")
@@ -88,13 +89,14 @@ class OneSided:
             ),
             PointEvaluator(ca.Function("series", given[1:], [ca.densify(ca.vertcat(*found))])),
             live,
+            still,
         )
 
-    def _parts(self, side: tuple[int, ...]) -> tuple[list[Expression], frozenset[int]]:
-        """Rates, stops, what must not jump, arguments, and what is positive on the side; and what is live."""
+    def _parts(self, side: tuple[int, ...]) -> tuple[list[Expression], frozenset[int], frozenset[int]]:
+        """Rates, stops, what must not jump, arguments, what is positive on the side; what is live, still."""
         if ALONG not in side:
             one = self.sides.on(side)
-            return [*one.results, one.arguments, self._levels(side, one)], one.live
+            return [*one.results, one.arguments, self._levels(side, one)], one.live, one.still
         place = side.index(ALONG)
         above, below = (self.sides.on([*side[:place], way, *side[place + 1 :]]) for way in (1, -1))
         s, state, _ = self.sides.symbols
@@ -105,12 +107,12 @@ class OneSided:
         )
         rates = (other * up - first * down) / (up - down)
         levels = ca.vertcat(self._levels(side, above), -up, down)
-        return [rates, *above.results[1:], above.arguments, levels], above.live | below.live
+        return [rates, *above.results[1:], above.arguments, levels], above.live | below.live, above.still
 
     def _levels(self, side: tuple[int, ...], one: Side) -> Expression:
         """Positive on the side: of what is stepped, above the whole number below and below the one above."""
         levels = []
-        for k in sorted(one.live):
+        for k in sorted(one.live - one.still):
             if self.sides.places[k].stepped:
                 below = self.sides.counts[2 * self.sides.stepped.index(k)]
                 levels += [one.arguments[k] - below, below + 1 - one.arguments[k]]
@@ -121,7 +123,7 @@ class OneSided:
     def ends(self, side: tuple[int, ...]) -> list[int]:
         """The number of the place whose end each of the levels of a side is, after the person's stops."""
         found: list[int] = []
-        for k in sorted(self.piece(side).live):
+        for k in sorted(self.piece(side).live - self.piece(side).still):
             found += [k] * (2 if self.sides.places[k].stepped else side[k] != ALONG)
         return found + [side.index(ALONG)] * 2 if ALONG in side else found
 

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
+from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.instructions import interpret
 from varcalc.symbolic.switches import STEPPED, alike, arguments
 from varcalc.symbolic.tracing import Expression
@@ -30,12 +32,26 @@ class Place:
 class Side:
     """The ``results`` of a function on one side, with the ``arguments`` of all places, and which of these are ``live``.
 
-    The others are of branches that are not meant on this side, where they need not be numbers.
+    The others are of branches that are not meant on this side, where they need not be numbers. Those that are ``still``
+    depend on nothing but counts: they change only where another place is crossed.
     """
 
     results: list[Expression]
     arguments: Expression
     live: frozenset[int]
+    still: frozenset[int]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """What an ``expression`` is on one side of each of its switches, whole numbers put in.
+
+    ``ends`` vanish where the piece does; ``beyond`` holds for each of them the place that is crossed and the new side.
+    """
+
+    expression: Expression
+    ends: tuple[Expression, ...]
+    beyond: tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)
@@ -51,17 +67,27 @@ class Sides:
     """The SX ``function``, with dense results, some of whose inputs, ``moving``, change along a run.
 
     What depends on none of those does not switch. A side is a tuple of one number for each of the :attr:`places`: 1
-    above and -1 below, and for what is stepped 0.
+    above and -1 below, 0 for what is zero and still, and 0 for what is stepped.
     """
 
     function: ca.Function
     moving: tuple[int, ...]
+    own: tuple[Expression, ...] = ()
+    """Symbols in the shapes of the inputs; new ones where there are none."""
+
+    @classmethod
+    def of(cls, expression: Expression, symbols: Expression) -> Sides:
+        """Those of an SX ``expression`` of a column of ``symbols``."""
+        return cls(ca.Function("switching", [symbols], [ca.densify(ca.SX(expression))]), (0,), (symbols,))
+
+    def __len__(self) -> int:
+        return len(self.places)
 
     @cached_property
     def symbols(self) -> list[Expression]:
         """Symbols in the shapes of the function's inputs."""
         f = self.function
-        return [ca.SX.sym(f.name_in(k), f.numel_in(k)) for k in range(f.n_in())]
+        return list(self.own) or [ca.SX.sym(f.name_in(k), f.numel_in(k)) for k in range(f.n_in())]
 
     @cached_property
     def _read(self) -> tuple[tuple[Place, ...], ca.Function, tuple[tuple[int, int] | None, ...]]:
@@ -105,10 +131,39 @@ class Sides:
         """All arguments that switch, by their values."""
         return ca.Function("places", self.symbols, [ca.vertcat(*(p.argument for p in self.places))])
 
-    def on(self, side: Sequence[int]) -> Side:
-        """The function on one ``side``, of the symbols and counts."""
+    @cached_property
+    def _values(self) -> PointEvaluator:
+        return PointEvaluator(self.arguments)
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """On which sides (m, places) points (m, d) are, of a function of one column: of what is stepped, its number.
+
+        Where an argument is no number, its operation is not asked for.
+        """
+        values = np.nan_to_num(self._values(len(points), points), nan=1.0)
+        return np.where([p.stepped for p in self.places], np.floor(values), np.sign(values)).astype(int)
+
+    def piece(self, numbers: Sequence[int]) -> Piece:
+        """The one result of the function on sides that :meth:`at` tells, and where that ends, of its own symbols."""
+        below = [int(numbers[k]) for k in self.stepped]
+        one = self.on([0 if p.stepped else int(n) or 1 for p, n in zip(self.places, numbers, strict=True)], below)
+        ends: list[tuple[Expression, tuple[int, int]]] = []
+        for k in sorted(one.live - one.still):
+            argument, side = one.arguments[k], int(numbers[k]) or 1
+            if self.places[k].stepped:
+                side = int(numbers[k])
+                ends += [(argument - side, (k, side - 1)), (argument - (side + 1), (k, side + 1))]
+            else:
+                ends.append((argument, (k, -side)))
+        return Piece(one.results[0], tuple(end for end, _ in ends), tuple(other for _, other in ends))
+
+    def on(self, side: Sequence[int], below: Sequence[int] | None = None) -> Side:
+        """The function on one ``side``, of the symbols and counts, or with the whole numbers ``below`` put in."""
         _, whole, uses = self._read
-        step = {k: self.counts[2 * number : 2 * number + 2] for number, k in enumerate(self.stepped)}
+        counts = (
+            self.counts if below is None else ca.vertcat(ca.SX(0, 1), *(v for b in below for v in (b, b + (b < 0))))
+        )
+        step = {k: counts[2 * number : 2 * number + 2] for number, k in enumerate(self.stepped)}
         left = iter(uses)
 
         def applied(operation: int, operands: Sequence[_Part]) -> _Part:
@@ -119,12 +174,16 @@ class Sides:
                 of = operands[0].of | (operands[1].of if meant else frozenset())
                 return _Part(written[1] if meant else ca.SX(0), of)
             of = frozenset(use[0] for use in used if use is not None).union(*(part.of for part in operands))
+            if used and all(part.is_constant() for part in written):
+                return _Part(_plain(operation, written), of)
             return _Part(_held(operation, written, side, step, used), of)
 
         found = interpret(whole, [[_Part(e) for e in s.nonzeros()] for s in self.symbols], _constant, applied)
         *results, places = (ca.vertcat(*(part.written for part in column)) for column in found)
         live = frozenset[int]().union(*(part.of for column in found[:-1] for part in column))
-        return Side(results, places, live)
+        along = ca.vertcat(*(self.symbols[k] for k in self.moving))
+        still = frozenset(k for k in range(len(self)) if not ca.depends_on(places[k], along))
+        return Side(results, places, live, still)
 
     @property
     def stepped(self) -> tuple[int, ...]:
@@ -172,14 +231,14 @@ def _held(
         return {
             ca.OP_FLOOR: below, ca.OP_CEIL: below + 1, ca.OP_FMOD: a - b * nearer, ca.OP_REMAINDER: a - b * below,
         }[operation]  # fmt: skip
-    above = side[place] * turned > 0
+    sign = side[place] * turned
     return {
-        ca.OP_FABS: a if above else -a,
-        ca.OP_SIGN: ca.SX(1 if above else -1),
-        ca.OP_FMIN: b if above else a,
-        ca.OP_FMAX: a if above else b,
-        ca.OP_LT: ca.SX(not above),
-        ca.OP_LE: ca.SX(not above),
-        ca.OP_EQ: ca.SX(0),
-        ca.OP_NE: ca.SX(1),
+        ca.OP_FABS: a if sign > 0 else -a,
+        ca.OP_SIGN: ca.SX(sign),
+        ca.OP_FMIN: b if sign > 0 else a,
+        ca.OP_FMAX: a if sign > 0 else b,
+        ca.OP_LT: ca.SX(sign < 0),
+        ca.OP_LE: ca.SX(sign <= 0),
+        ca.OP_EQ: ca.SX(sign == 0),
+        ca.OP_NE: ca.SX(sign != 0),
     }[operation]

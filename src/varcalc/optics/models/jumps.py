@@ -10,8 +10,8 @@ import numpy as np
 from varcalc.optics.media.medium import Expression, Medium, Radial, Stratified, switching
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.symbolic.pieces import Pieces
 from varcalc.symbolic.places import places
+from varcalc.symbolic.sides import Sides
 from varcalc.symbolic.switches import switches
 
 LOG_RADIUS_LIMIT = 330.0
@@ -54,9 +54,9 @@ def _jumps(medium: Stratified | Radial) -> bool:
     found = switched(ca.SX(g), u, far)
     if found is None:
         return True
-    pieces = Pieces(ca.SX(g), u)
+    pieces = Sides.of(ca.SX(g), u)
     for place in found:
-        sides = pieces.sides(place + BESIDE * max(1.0, abs(place)) * np.array([[-1.0], [1.0]]))
+        sides = pieces.at(place + BESIDE * max(1.0, abs(place)) * np.array([[-1.0], [1.0]]))
         both = [PointEvaluator(ca.Function("g", [u], [pieces.piece(side).expression])) for side in sides]
         below, above = (float(one(1, np.array([[place]]))[0, 0]) for one in both)
         if not abs(above - below) <= SAME * abs(below):

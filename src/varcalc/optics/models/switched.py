@@ -21,7 +21,7 @@ from varcalc.optics.media.medium import Expression, Field, Medium
 from varcalc.optics.models.equations import force, ray_rates
 from varcalc.optics.rays.beam import at_surface, packed, unpacked
 from varcalc.optics.surfaces import Geometry, Surface
-from varcalc.symbolic.pieces import Piece, Pieces
+from varcalc.symbolic.sides import Piece, Sides
 
 STOPPED, NOT_FINITE, TOO_MANY = (
     OUTCOMES.index(o) for o in (Outcome.STOPPED, Outcome.NOT_FINITE, Outcome.TOO_MANY_STEPS)
@@ -96,8 +96,8 @@ class SwitchedFlow:
         return ca.SX.sym("r", self.dimension)
 
     @cached_property
-    def _pieces(self) -> Pieces:
-        return Pieces(ca.SX(self.medium.squared_index(self._position)), self._position)
+    def _pieces(self) -> Sides:
+        return Sides.of(ca.SX(self.medium.squared_index(self._position)), self._position)
 
     @cached_property
     def _own(self) -> int:
@@ -167,7 +167,7 @@ class SwitchedFlow:
         m = len(ends.states)
         last = np.array(np.broadcast_to(np.asarray(until, dtype=float), (m,)))
         alive = np.arange(m)
-        sides = self._pieces.sides(self._ahead(ends.states))
+        sides = self._pieces.at(self._ahead(ends.states))
         for _ in range(MOST_CROSSINGS):
             yield sides
             following = sides.copy()
@@ -215,10 +215,9 @@ class SwitchedFlow:
     ) -> None:
         """Refract rays at one end of their region, or reflect them totally, in place; and on which sides they go on."""
         d, states = self.dimension, ends.states[rows]
-        beam, changed = unpacked(states, d), region.piece.beyond[end]
-        beyond = self._pieces.sides(self._ahead(states))
-        for number, side in changed.items():
-            beyond[:, number] = side
+        beam, (place, side) = unpacked(states, d), region.piece.beyond[end]
+        beyond = self._pieces.at(self._ahead(states))
+        beyond[:, place] = side
         for key, some in _alike(beyond, np.arange(len(rows))):
             here, part, there = rows[some], beam.take(some), self._region(key).field
             out, total = at_surface(part, region.ends[end], region.field, _levelled(region.field, there), mirror=False)
@@ -227,7 +226,7 @@ class SwitchedFlow:
             ends.states[here], ends.states[here[back]] = packed(out), packed(mirrored)
             ends.outcomes[here[~np.isfinite(there(part.position)[0])]] = NOT_FINITE
             sides[here[~total]] = key
-            number = min(changed) + 1
+            number = place + 1
             turned = np.abs(out.momentum - part.momentum).max(axis=1)
             passed = np.where(total, -number, number * (turned > SAME_INDEX * np.linalg.norm(part.momentum, axis=1)))
             told = np.flatnonzero(passed)

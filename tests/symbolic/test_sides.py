@@ -2,7 +2,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc.symbolic.pieces import Pieces
+from varcalc.symbolic.sides import Sides
 
 WRITTEN = {
     "size": lambda x, y: ca.fabs(x - y) * y,
@@ -21,9 +21,9 @@ WRITTEN = {
 def test_a_piece_is_the_expression_on_its_sides_and_its_ends_are_where_it_stops_being_so(name):
     r = ca.SX.sym("r", 2)
     expression = ca.SX(WRITTEN[name](r[0], r[1]))
-    pieces, own = Pieces(expression, r), ca.Function("own", [r], [expression])
+    pieces, own = Sides.of(expression, r), ca.Function("own", [r], [expression])
     points = np.random.default_rng(5).uniform(-1, 1, (300, 2))
-    sides = pieces.sides(points)
+    sides = pieces.at(points)
     assert len(np.unique(sides, axis=0)) > 1
     for key in np.unique(sides, axis=0):
         piece = pieces.piece(key)
@@ -35,13 +35,13 @@ def test_a_piece_is_the_expression_on_its_sides_and_its_ends_are_where_it_stops_
         assert all(np.all(column > 0) or np.all(column < 0) for column in values[:, 1:].T if len(column))
 
 
-def test_beyond_an_end_are_the_sides_of_the_next_piece():
+def test_beyond_an_end_is_the_next_side_of_the_place_that_is_crossed():
     r = ca.SX.sym("r", 1)
-    pieces = Pieces(ca.floor(r) + ca.fabs(r - 0.25) + ca.if_else(0.25 - r > 0, 1, 2), r)
-    sides = pieces.sides(np.array([[0.1], [0.4], [1.1]]))
+    pieces = Sides.of(ca.floor(r) + ca.fabs(r - 0.25) + ca.if_else(0.25 - r > 0, 1, 2), r)
+    assert len(pieces) == 2  # two operations switch in one place
+    sides = pieces.at(np.array([[0.1], [0.4], [1.1]]))
     piece = pieces.piece(sides[0])
     ends = ca.Function("ends", [r], list(piece.ends))
-    for key, place in ((sides[1], 0.25), (sides[2] * [1, 0, 0] + sides[0] * [0, 1, 1], 1.0)):
+    for place, number, beyond in ((0.25, 1, sides[1][1]), (1.0, 0, sides[2][0])):
         (end,) = (k for k, value in enumerate(np.ravel(ends(place))) if value == 0)
-        expected = {number: side for number, (side, old) in enumerate(zip(key, sides[0], strict=True)) if side != old}
-        assert piece.beyond[end] == expected
+        assert piece.beyond[end] == (number, beyond)
