@@ -1,6 +1,7 @@
 """The command line, called as a person calls it."""
 
 import json
+import math
 
 import pytest
 from click.testing import CliRunner
@@ -310,4 +311,121 @@ def test_wrong_usage_of_chart_and_sweep_says_why(call, arguments, message):
     done = call(*arguments)
     assert done.exit_code == 2
     assert message in " ".join(done.stderr.split())
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["rnu", "soap_film"], "there is no command 'rnu'; did you mean 'run'?"),
+        (["optimise"], "there is no command 'optimise'; there are certify, chart, diagnose,"),
+        (["run", "brachistocrone"], "did you mean 'brachistochrone'?"),
+        (["run", "brachistochrone/beyand"], "did you mean 'beyond'?"),
+        (["trace", "ranbow"], "did you mean 'rainbow'?"),
+        (["move", "pendulm"], "did you mean 'pendulum'?"),
+        (["list", "pendulm"], "did you mean 'pendulum'?"),
+        (["run", "brachistochrone", "--ouptut", "x.png"], "--output"),
+        (["sweep", "soap_film", "k=1:2"], "write name=from:to:count"),
+    ],
+)
+def test_what_may_have_been_meant_is_suggested(call, arguments, message):
+    done = call(*arguments)
+    assert done.exit_code == 2
+    assert message in " ".join(done.stderr.split())
+
+
+def test_list_finds_scenes_systems_and_figures(call):
+    assert "varcalc trace rainbow" in call("list", "rainbow").stdout
+    assert "varcalc move pendulum" in call("list", "pendulum").stdout
+    assert call("list", "3.4").stdout.startswith("3.4 ")
+
+
+def test_verify_says_what_the_answer_is(call):
+    done = call("verify", "soap_film")
+    assert done.exit_code == 0
+    assert "a minimum among all curves near it" in done.stdout
+    document = json.loads(call("verify", "soap_film", "--json").stdout)
+    assert document["verdict"] == "a minimum"
+    assert document["index"] == 0
+    assert document["value"] == pytest.approx(0.953624106702003, rel=1e-12)
+
+
+def test_verify_of_what_has_no_answer_gives_the_reason(call, write):
+    file = write(SHORTEST.replace("ca.sqrt(1 + dy**2)", "x * dy"))
+    done = call("verify", file, "--json")
+    assert done.exit_code == 1
+    assert "linear in the slope" in json.loads(done.stdout)["error"]
+
+
+def test_extremals_are_listed_with_their_kind(call, write):
+    swing = SHORTEST.replace("ca.sqrt(1 + dy**2)", "(dy**2 - y**2) / 2").replace("(3, 4)", "(4, 1)")
+    done = call("extremals", write(swing), "--json")
+    assert done.exit_code == 0
+    [found] = json.loads(done.stdout)["extremals"]
+    assert found["index"] == 1
+    assert found["conjugate_points"] == pytest.approx([math.pi], abs=1e-8)
+    assert found["value"] == pytest.approx(1 / math.tan(4) / 2, rel=1e-10)
+
+
+def test_diagnose_says_why_there_is_no_minimum(call, write):
+    teeth = SHORTEST.replace("ca.sqrt(1 + dy**2)", "-(dy**2)")
+    done = call("diagnose", write(teeth), "--json")
+    assert done.exit_code == 1
+    assert json.loads(done.stdout)["verdict"] == "the functional is unbounded"
+
+
+def test_sweep_draws_one_parameter_and_two(call, tmp_path, write):
+    file = write(SHORTEST.replace("y, dy", "y, dy, p").replace("dy**2", "p.a * dy**2 + p.b * y**2").replace(
+        ", name=", ", parameters={'a': 1.0, 'b': 0.0}, name="))  # fmt: skip
+    for number, grid in enumerate((["a=1:4:3"], ["a=1:4:3", "b=0:1:2"])):
+        picture = tmp_path / f"{number}.png"
+        done = call("sweep", file, *grid, "-o", picture)
+        assert done.exit_code == 0, done.output
+        assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+class StoppedAt:
+    """Raises as Ctrl-C does, at a call that is asked for."""
+
+    def __init__(self, function, number):
+        self.function, self.number, self.calls = function, number, 0
+
+    def __call__(self, *arguments, **options):
+        self.calls += 1
+        if self.calls == self.number:
+            raise KeyboardInterrupt
+        return self.function(*arguments, **options)
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_ctrl_c_keeps_the_finished_rows_of_run(call, monkeypatch, as_json):
+    monkeypatch.setattr("varcalc.study.compare.solve", StoppedAt(vc.solve, 3))
+    done = call("run", "regulator", *(["--json"] if as_json else []))
+    assert done.exit_code == 130
+    assert "stopped" in done.stderr
+    labels = [row["method"] for row in json.loads(done.stdout)["rows"]] if as_json else done.stdout.split()
+    assert "Ritz" in labels
+    assert "Collocation" not in labels
+
+
+def test_ctrl_c_keeps_the_finished_lines_of_chart(call, monkeypatch):
+    import varcalc.study.work_precision as module
+
+    monkeypatch.setattr("varcalc.study.work_precision.convergence", StoppedAt(module.convergence, 2))
+    done = call("chart", "regulator", "--json", "--repeats", "1", "--tol", "1e-3")
+    assert done.exit_code == 130
+    assert {record["route"] for record in json.loads(done.stdout)["records"]} == {"Ritz"}
+
+
+def test_ctrl_c_keeps_the_finished_rays_of_trace(call, monkeypatch):
+    monkeypatch.setattr("varcalc.optics.results.study.Study._fronts", StoppedAt(None, 1))
+    done = call("trace", "rainbow", "--json")
+    assert done.exit_code == 130
+    assert sum(json.loads(done.stdout)["rays"].values()) > 1
+
+
+def test_ctrl_c_before_anything_is_finished_is_130_too(call, monkeypatch):
+    monkeypatch.setattr("varcalc.cli.problems.loaded", StoppedAt(None, 1))
+    done = call("run", "regulator")
+    assert done.exit_code == 130
     assert done.stdout == ""

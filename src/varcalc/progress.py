@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sized
+from collections.abc import Callable, Generator, Iterable, Iterator, Sized
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
@@ -79,7 +79,7 @@ class Telling:
 
 
 @contextmanager
-def telling(progress: Progress, title: str) -> Iterator[Telling]:
+def telling(progress: Progress, title: str) -> Generator[Telling]:
     """The one who is told of a call called ``title``, until it is over."""
     one = Telling(progress, title)
     try:

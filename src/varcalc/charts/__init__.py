@@ -10,6 +10,7 @@ from varcalc.charts.drawing import drawing_picture
 from varcalc.charts.motion import motion_picture
 from varcalc.charts.rays import range_picture, rays_picture
 from varcalc.charts.spread import work_precision_picture
+from varcalc.charts.sweep import sweep_picture
 from varcalc.charts.work_precision import claims_picture, cold_picture
 
 __all__ = [
@@ -20,5 +21,6 @@ __all__ = [
     "motion_picture",
     "range_picture",
     "rays_picture",
+    "sweep_picture",
     "work_precision_picture",
 ]

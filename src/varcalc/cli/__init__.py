@@ -8,18 +8,20 @@ from __future__ import annotations
 import click
 
 from varcalc.cli.certifying import certify
+from varcalc.cli.examining import diagnose, extremals, verify
 from varcalc.cli.figures import figure
+from varcalc.cli.groups import Commands
 from varcalc.cli.measuring import chart, sweep
 from varcalc.cli.moving import move
 from varcalc.cli.problems import list_, run
 from varcalc.cli.tracing import trace
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="varcalc")
 def main() -> None:
     """The calculus of variations as a solver: extremals by independent routes, with honest errors."""
 
 
-for command in (list_, run, certify, chart, sweep, trace, move, figure):
+for command in (list_, run, verify, extremals, diagnose, certify, chart, sweep, trace, move, figure):
     main.add_command(command)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from varcalc.cli.groups import end, kept
 from varcalc.cli.options import (
     DISAGREE,
     PICTURE_TEXT,
@@ -22,8 +23,9 @@ from varcalc.cli.options import (
     save,
     save_figure,
     store_option,
-    with_progress,
+    tolerance_option,
 )
+from varcalc.progress import Interrupted, telling
 
 if TYPE_CHECKING:
     from varcalc.problem.problem import Curve, Problem
@@ -77,7 +79,7 @@ def chart(
     from varcalc.charts import claims_picture, work_precision_picture
 
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
-        measured = _gathered(names, tolerances, repeats)
+        measured, stopped = kept(lambda: _gathered(names, tolerances, repeats))
     if store is not None:
         save(measured.save, store)
     click.echo(json.dumps(measured.document(), indent=2, allow_nan=False) if as_json else measured.table())
@@ -86,24 +88,36 @@ def chart(
             save_figure(partial(draw, measured.records), path)
     for record in measured.astray:
         click.echo(f"{record.problem} by {record.method} at {record.turned} is wrong by more than it claims", err=True)
-    if measured.astray or not any(r.ok for r in measured.records):
-        raise SystemExit(DISAGREE)
+    wrong = bool(measured.astray) or not any(r.ok for r in measured.records)
+    end(stopped=stopped, failed=wrong, status=DISAGREE)
 
 
 def _gathered(names: Sequence[str], tolerances: Sequence[float], repeats: int) -> WorkPrecision:
     """The measurements in stored files, and new ones of everything else, in the order of the names."""
+    parts: list[WorkPrecision] = []
+    try:
+        for name in names or HARD:
+            if name.endswith(STORED):
+                parts.append(_stored(Path(name)))
+                continue
+            reference = loaded(name)[0]
+            lines = _lines(reference, tolerances or CHART_TOLERANCES, repeats)
+            with telling(None, reference.name) as told:
+                for measure in told.over(lines):
+                    parts.append(measure())  # noqa: PERF401 - what is finished is kept
+    except KeyboardInterrupt as stop:
+        raise Interrupted(_joined(parts)) from stop
+    return _joined(parts)
+
+
+def _joined(parts: Sequence[WorkPrecision]) -> WorkPrecision:
+    """Measurements in a row; where they were made, if that was one place, and here otherwise."""
     from varcalc.study.records import WorkPrecision, about
 
-    parts: list[WorkPrecision] = []
-    for name in names or HARD:
-        if name.endswith(STORED):
-            parts.append(_stored(Path(name)))
-            continue
-        reference = loaded(name)[0]
-        lines = _lines(reference, tolerances or CHART_TOLERANCES, repeats)
-        parts += [measure() for measure in with_progress(lines, reference.name)]
     known = [part.about for part in parts if part.about != parts[0].about]
-    return WorkPrecision(tuple(r for part in parts for r in part.records), about() if known else parts[0].about)
+    return WorkPrecision(
+        tuple(r for part in parts for r in part.records), parts[0].about if parts and not known else about()
+    )
 
 
 def _lines(reference: Reference, tolerances: Sequence[float], repeats: int) -> list[Callable[[], WorkPrecision]]:
@@ -150,11 +164,17 @@ def _kept(name: str) -> Reference:
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 @store_option("Write every point here as it comes; the same command goes on from there.")
 @click.option("--cores", type=click.IntRange(1), default=1, show_default=True, help="Processes to share the points.")
-@click.option(
-    "--tol", type=click.FloatRange(0, min_open=True), default=1e-10, show_default=True,
-    help="Error of the value to stay below, relative to max(1, |value|).",
-)  # fmt: skip
-def sweep(name_or_file: str, grid: tuple[str, ...], as_json: bool, store: Path | None, cores: int, tol: float) -> None:
+@tolerance_option
+@picture_option("-o", "--output", text=PICTURE_TEXT)
+def sweep(
+    name_or_file: str,
+    grid: tuple[str, ...],
+    as_json: bool,
+    store: Path | None,
+    cores: int,
+    tol: float,
+    output: Path | None,
+) -> None:
     """Solve a problem over a grid of parameter values.
 
     NAME_OR_FILE is as for `varcalc run`; each NAME=FROM:TO:COUNT, or NAME=VALUE,VALUE, varies one of its parameters.
@@ -162,10 +182,13 @@ def sweep(name_or_file: str, grid: tuple[str, ...], as_json: bool, store: Path |
     The exit status is 0 when every point has an answer, 1 when not, 2 when there was nothing to solve.
     """
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
-        found = _swept(name_or_file, grid, store, cores, tol)
+        found, stopped = kept(lambda: _swept(name_or_file, grid, store, cores, tol))
     click.echo(json.dumps(found.document(), indent=2, allow_nan=False) if as_json else found.table())
-    if found.failures:
-        raise SystemExit(DISAGREE)
+    if output is not None:
+        from varcalc.charts import sweep_picture
+
+        save_figure(partial(sweep_picture, found), output)
+    end(stopped=stopped, failed=bool(found.failures), status=DISAGREE)
 
 
 def _swept(name: str, grid: Sequence[str], store: Path | None, cores: int, tol: float) -> Sweep:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,6 +48,11 @@ def store_option(text: str) -> Any:
     )  # fmt: skip
 
 
+tolerance_option = click.option(
+    "--tol", type=click.FloatRange(0, min_open=True), default=1e-10, show_default=True,
+    help="Error of the value to stay below, relative to max(1, |value|).",
+)  # fmt: skip
+
 PICTURE_TEXT = "Write the picture here (.png, .pdf or .svg)."
 
 
@@ -86,16 +90,6 @@ def loaded(name_or_file: str) -> tuple[Reference, ...]:
         return load(name_or_file)
     except ProblemFileError as error:
         raise click.UsageError(str(error)) from error
-
-
-def with_progress(steps: Sequence[Any], name: str) -> Iterable[Any]:
-    """``steps``, with a bar on standard error while they are worked through, if somebody is watching."""
-    if not sys.stderr.isatty():
-        return steps
-    from rich.console import Console
-    from rich.progress import track
-
-    return track(steps, description=name, console=Console(stderr=True), transient=True)
 
 
 def save_figure(draw: Callable[[], Figure], path: Path) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from varcalc.cli.groups import end, kept
 from varcalc.cli.options import (
     DISAGREE,
     PICTURE_TEXT,
@@ -19,12 +20,19 @@ from varcalc.cli.options import (
     loaded,
     picture_option,
     save_figure,
-    with_progress,
+    tolerance_option,
 )
+from varcalc.progress import telling
+from varcalc.spelling import near
+from varcalc.study.user_file import SUFFIX
 
 if TYPE_CHECKING:
     from varcalc.study.compare import Comparison
     from varcalc.study.reference import Reference
+
+
+SHORTEST_WORD = 3
+"""Letters of a word that is looked for in names and sentences."""
 
 
 @click.command("list")
@@ -34,7 +42,10 @@ if TYPE_CHECKING:
 @click.option("--figures", is_flag=True, help="List the figures of the literature, for `varcalc figure`.")
 @click.option("--certified", is_flag=True, help="Certify every reference problem, and list the digits proved of each.")
 def list_(name: str | None, scenes: bool, systems: bool, figures: bool, certified: bool) -> None:
-    """List the reference problems, or the cases of problem NAME."""
+    """List the reference problems, or the cases of problem NAME.
+
+    NAME may also be a scene, a system or a figure, or a word that names or describes some of them.
+    """
     from varcalc.study.figures import figure_catalogue
     from varcalc.study.reference import catalogue
     from varcalc.study.scenes import scene_catalogue
@@ -48,7 +59,7 @@ def list_(name: str | None, scenes: bool, systems: bool, figures: bool, certifie
         lists = ((scenes, scene_catalogue), (systems, _systems), (figures, figure_catalogue), (True, catalogue))
         entries = next(listed for asked, listed in lists if asked)()
     else:
-        entries = {reference.name: reference.statement.partition("\n")[0] for reference in loaded(name)}
+        entries = _of_name(name)
     indent = max(map(len, entries), default=0) + 2
     # a program that reads the list gets one line an entry, a person whole words
     columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
@@ -64,11 +75,46 @@ def list_(name: str | None, scenes: bool, systems: bool, figures: bool, certifie
         click.echo(f"\nvarcalc {way}")
 
 
+def _of_name(name: str) -> dict[str, str]:
+    """The cases of a problem; the scene, system or figure of that name; or all whose names or sentences hold it."""
+    from varcalc.study.experiments import experiment_catalogue
+    from varcalc.study.figures import figure_catalogue
+    from varcalc.study.reference import catalogue
+    from varcalc.study.scenes import scene_catalogue
+
+    if name in catalogue() or "/" in name or name.endswith(SUFFIX):
+        return {reference.name: reference.statement.partition("\n")[0] for reference in loaded(name)}
+    lists = {
+        "run": catalogue(),
+        "trace": scene_catalogue(),
+        "move": experiment_catalogue(),
+        "figure": figure_catalogue(),
+    }
+    sought = name.casefold()
+    found = {
+        entry: f"{line} (varcalc {command} {entry})"
+        for command, entries in lists.items()
+        for entry, line in entries.items()
+        if sought == entry or (len(sought) >= SHORTEST_WORD and sought in f"{entry} {line}".casefold())
+    }
+    if not found:
+        remedy = near(name, [entry for entries in lists.values() for entry in entries])
+        advice = "; varcalc list, list --scenes, --systems and --figures say what there is"
+        raise click.UsageError(
+            f"{name!r} is no problem of the catalogue, nor a scene, system or figure{remedy or advice}"
+        )
+    return found
+
+
 def _systems() -> dict[str, str]:
     """The experiments of mechanics, each with its largest error."""
     from varcalc.study.experiments import experiment_catalogue, load_experiment
 
-    return {name: f"{load_experiment(name).run().largest:.1e}  {line}" for name, line in experiment_catalogue().items()}
+    listed = experiment_catalogue()
+    with telling(None, "systems") as told:
+        return {
+            name: f"{load_experiment(name).run().largest:.1e}  {listed[name]}" for name in told.over(list(listed), str)
+        }
 
 
 def _certified(names: list[str]) -> dict[str, str]:
@@ -82,10 +128,7 @@ def _certified(names: list[str]) -> dict[str, str]:
 @click.argument("name_or_file")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 @picture_option("-o", "--output", text=PICTURE_TEXT)
-@click.option(
-    "--tol", type=click.FloatRange(0, min_open=True), default=1e-10, show_default=True,
-    help="Error of the value to stay below, relative to max(1, |value|).",
-)  # fmt: skip
+@tolerance_option
 @click.option("--certify", "certified", is_flag=True, help="Say how many digits are proved as well.")
 def run(name_or_file: str, as_json: bool, output: Path | None, tol: float, certified: bool) -> None:
     """Solve a problem by every method and compare the answers.
@@ -98,13 +141,14 @@ def run(name_or_file: str, as_json: bool, output: Path | None, tol: float, certi
     to solve: a wrong option, or a file that does not work.
     """
     from varcalc.study.compare import compare
-    from varcalc.study.routes import methods_for
 
     # what a person's own file prints must not end up in the JSON document
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
         reference = loaded(name_or_file)[0]
-        routes = with_progress(methods_for(reference.problem), reference.name)
-        comparison = compare(reference.problem, routes, reference.exact, tol=tol, inapplicable=reference.inapplicable)
+        problem = reference.problem
+        comparison, stopped = kept(
+            lambda: compare(problem, None, reference.exact, tol=tol, inapplicable=reference.inapplicable)
+        )
     if as_json:
         told = _document(reference, comparison) | ({"certificate": comparison.certified()} if certified else {})
         click.echo(json.dumps(told, indent=2, allow_nan=False))
@@ -114,8 +158,8 @@ def run(name_or_file: str, as_json: bool, output: Path | None, tol: float, certi
             click.echo(f"certificate: {comparison.certified()}")
     if output is not None:
         _write_picture(comparison, reference, output)
-    if not (comparison.agree and comparison.rows[-1].ok):
-        raise SystemExit(DISAGREE)
+    failed = not (comparison.agree and comparison.rows[-1].ok)
+    end(stopped=stopped, failed=failed, status=DISAGREE)
 
 
 def _page(reference: Reference, comparison: Comparison) -> str:

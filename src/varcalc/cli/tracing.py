@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from varcalc.cli.groups import end, kept
 from varcalc.cli.options import PICTURE_TEXT, JsonCommand, picture_option, save_figure
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def trace(name_or_file: str, as_json: bool, output: Path | None, reach: Path | N
     The exit status is 0, or 2 when there was nothing to trace: a wrong option, or a file that does not work.
     """
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
-        seen, chart = _carried_out(name_or_file, reach is not None)
+        (seen, chart), stopped = _carried_out(name_or_file, reach is not None)
     title = seen.study.title or name_or_file
     click.echo(json.dumps(seen.document(), indent=2) if as_json else f"{title}\n\n{seen.table()}")
     if output is not None:
@@ -42,17 +43,19 @@ def trace(name_or_file: str, as_json: bool, output: Path | None, reach: Path | N
         from varcalc.charts import range_picture
 
         save_figure(partial(range_picture, chart, title=title), reach)
+    end(stopped=stopped, failed=False)
 
 
-def _carried_out(name_or_file: str, with_range: bool) -> tuple[Seen, RangeChart | None]:
+def _carried_out(name_or_file: str, with_range: bool) -> tuple[tuple[Seen, RangeChart | None], bool]:
     from varcalc.study.scenes import load_study
 
     try:
         study = load_study(name_or_file)
         chart = _range_chart(study) if with_range else None  # the quicker to be refused
-        return study.run(), chart
+        seen, stopped = kept(study.run)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
+    return (seen, chart), stopped
 
 
 def _range_chart(study: Study) -> RangeChart:

@@ -19,7 +19,7 @@ import numpy as np
 from varcalc.problem.conditions import finite
 from varcalc.problem.functional import UNNAMED
 from varcalc.problem.problem import Curve, Problem
-from varcalc.spelling import spelled
+from varcalc.spelling import near, spelled
 from varcalc.study.user_file import BROKEN, SUFFIX, ProblemFileError, catalogued, failed, listed, run_file
 
 PROBLEMS_PACKAGE = "varcalc.problems"
@@ -139,8 +139,10 @@ def _select(references: tuple[Reference, ...], case: str, where: str) -> tuple[R
         return references
     chosen = tuple(r for r in references if case in (r.name, r.name.partition("/")[2]))
     if not chosen:
-        known = ", ".join(r.name for r in references)
-        raise ProblemFileError(f"{where} has no case {case!r}; it defines {known}")
+        names = [r.name for r in references]
+        shorter = [name.partition("/")[2] for name in names if "/" in name]
+        remedy = near(case.rpartition("/")[2], shorter) or f"; it defines {', '.join(names)}"
+        raise ProblemFileError(f"{where} has no case {case!r}{remedy}")
     return chosen
 
 

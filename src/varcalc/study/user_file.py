@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import TypeVar
 
 from varcalc.solution import VariationalError
+from varcalc.spelling import near
 
 T = TypeVar("T")
 SUFFIX = ".py"
@@ -36,7 +37,9 @@ def run_file(path: Path, wanted: str) -> ModuleType:
     Raises :class:`ProblemFileError` where there is no such file or where it fails.
     """
     if not path.is_file():
-        raise ProblemFileError(f"there is no file {path}; give the path of a Python file that defines {wanted}")
+        beside = [other.name for other in path.parent.glob(f"*{SUFFIX}")] if path.parent.is_dir() else []
+        remedy = near(path.name, beside) or f"; give the path of a Python file that defines {wanted}"
+        raise ProblemFileError(f"there is no file {path}{remedy}")
     spec = importlib.util.spec_from_file_location(path.stem, path)
     if spec is None or spec.loader is None:
         raise ProblemFileError(f"{path} cannot be read as Python; give a file ending in {SUFFIX}")
@@ -59,9 +62,11 @@ def catalogued(package: str, name: str, text: str, kind: str) -> ModuleType:
     """The file of a catalogue that is called ``name``, run; ProblemFileError where none is, with the ``text`` given."""
     known = listed(package)
     if name not in known:
+        suggested = near(name, known)
+        remedy = suggested or f", which holds {', '.join(known) or 'none'}"
         raise ProblemFileError(
-            f"{text!r} is no {kind} of the catalogue, which holds {', '.join(known) or 'none'}; "
-            f"a file of your own is given by its path, ending in {SUFFIX}"
+            f"{text!r} is no {kind} of the catalogue{remedy}"
+            + ("" if suggested else f"; a file of your own is given by its path, ending in {SUFFIX}")
         )
     return importlib.import_module(f"{package}.{name}")
 

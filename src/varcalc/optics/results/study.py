@@ -17,11 +17,13 @@ from varcalc.optics.media.medium import Field
 from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.rays.ray import Ray, Rays
 from varcalc.optics.rays.sources import Source
+from varcalc.optics.rays.tube import RayTube
 from varcalc.optics.results.wavefronts import Caustic, Wavefront, caustic_of, ray_tubes, wavefront
 from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.optics.validation import point
 from varcalc.problem.conditions import finite, whole
+from varcalc.progress import Interrupted, Progress, telling
 from varcalc.spelling import spelled
 from varcalc.tables import shown, table
 
@@ -84,21 +86,41 @@ class Study:
             if not hasattr(self.source, "point") or hasattr(self.source, "direction"):
                 raise ValueError("Study.receiver is reached from a point; give a PointSource, or no receiver")
 
-    def run(self) -> Seen:
+    def run(self, *, progress: Progress = None) -> Seen:
         """Carry the study out.
+
+        ``progress`` is as :data:`varcalc.progress.Progress` says; Ctrl-C raises :class:`varcalc.Interrupted`, which
+        holds what was seen by then.
 
         Raises ValueError as :func:`wavefront` and :meth:`Scene.rays` do.
         """
-        tubes = ray_tubes(self.scene, self.source, self.rays, self.optical_path)
-        tracks = tuple(_track(tube.point, tube.optical_path, tube.status) for tube in tubes if tube.legs)
-        arrivals = None
-        if self.receiver is not None:
-            arrivals = self.scene.rays(self.source.starts(1)[0][0], self.receiver, within=self.within)
+        parts: list[Any] = [[], None, []]
+        steps = self._tubes, self._arrivals, self._fronts
+        with telling(progress, self.title or "study") as told:
+            try:
+                for number, (what, step) in enumerate(zip(("rays", "arrivals", "wavefronts"), steps, strict=True)):
+                    told(number, len(steps), what)
+                    parts[number] = step()
+            except KeyboardInterrupt as stop:
+                if isinstance(stop, Interrupted):
+                    parts[0] = stop.known
+                raise Interrupted(self._seen(*parts)) from stop
+        return self._seen(*parts)
+
+    def _tubes(self) -> list[RayTube]:
+        return ray_tubes(self.scene, self.source, self.rays, self.optical_path)
+
+    def _arrivals(self) -> Rays | None:
+        if self.receiver is None:
+            return None
+        return self.scene.rays(self.source.starts(1)[0][0], self.receiver, within=self.within)
+
+    def _seen(self, tubes: Sequence[RayTube], arrivals: Rays | None, fronts: Sequence[Wavefront]) -> Seen:
         return Seen(
             study=self,
-            tracks=tracks,
+            tracks=tuple(_track(tube.point, tube.optical_path, tube.status) for tube in tubes if tube.legs),
             caustic=caustic_of(tubes, self.source.dimension),
-            wavefronts=tuple(self._fronts()),
+            wavefronts=tuple(fronts),
             arrivals=arrivals,
             arriving=tuple(_track(ray.point, ray.optical_path, RayStatus.ARRIVED) for ray in arrivals or ()),
         )

@@ -24,6 +24,7 @@ from varcalc.optics.rays.tube import RayTube
 from varcalc.optics.scene import Scene
 from varcalc.optics.validation import number, positive
 from varcalc.problem.conditions import reals
+from varcalc.progress import Interrupted
 from varcalc.spelling import spelled
 
 
@@ -200,5 +201,11 @@ def ray_tubes(scene: Scene, source: Source, rays: Any, optical_path: float) -> l
     dimension = points.shape[1]
     propagator = Propagator(scene.media, scene.surfaces, None, dimension)
     beam = source.beam(Field(scene.media[0], dimension), points, directions)
-    rays_followed = (propagator.followed(beam.take(np.array([row])), float(optical_path)) for row in range(len(beam)))
-    return [RayTube(status, legs) for legs, status in rays_followed]
+    tubes: list[RayTube] = []
+    try:
+        for row in range(len(beam)):
+            legs, status = propagator.followed(beam.take(np.array([row])), float(optical_path))
+            tubes.append(RayTube(status, legs))
+    except KeyboardInterrupt as stop:
+        raise Interrupted(tubes) from stop
+    return tubes
