@@ -47,8 +47,9 @@ def something_of(problem):
 def told(monkeypatch):
     """Let `solve` answer as the stand-ins say; None, the ladder, answers 5."""
 
-    def answer(problem, method=None, *, tol=1e-10, throw=True):
+    def answer(problem, method=None, *, tol=1e-10, throw=True, progress=None):
         assert throw is False
+        assert progress is False, "the comparison tells of itself"
         assert not problem.cache.products, "one method's build time would be paid by another"
         something_of(problem)
         method = method or Told(5.0)
