@@ -43,6 +43,40 @@ def test_random_landscapes(seed):
     assert not found.local
 
 
+@pytest.mark.parametrize(("seed", "extent"), [(seed, extent) for seed in (12, 20) for extent in (0.02, 1, 40)])
+def test_narrow_hills_in_any_unit_of_the_abscissa(seed, extent):
+    rng = np.random.default_rng(seed)
+    hills = np.column_stack(
+        [rng.uniform(0.4, 3.6, 8), rng.uniform(-0.7, 0.7, 8), rng.uniform(-0.5, 3, 8), rng.uniform(0.2, 0.6, 8)]
+    )
+
+    def lagrangian(x, y, v, exp):
+        return v**2 / 2 + sum(h * exp(-((x - a) ** 2 + (y - b) ** 2) / w**2) for a, b, h, w in hills)
+
+    def stretched(x, y, v):
+        return lagrangian(x / extent, y, v * extent, ca.exp) / extent
+
+    found = vc.solve(vc.Problem(stretched, vc.Fixed(0, 0), vc.Fixed(4 * extent, 0)))
+    assert found.value <= least_polygon(lagrangian) + 0.02
+    assert not found.local
+
+
+@pytest.mark.parametrize(("depth", "tilt", "length"), [(4.5, 0.19, 33.73), (3.9, 0.15, 31.0), (1.0, 0.1, 60.0)])
+def test_a_deeper_well_is_reached_however_long_the_way(depth, tilt, length):
+    def lagrangian(x, y, v):
+        return v**2 / 2 + depth * (y**2 - 1) ** 2 + tilt * y
+
+    def through_the_deeper_well(width):
+        x, weights = np.polynomial.legendre.leggauss(4000)
+        x = (x + 1) * length / 2
+        first, last = 2.1 * np.exp(-x / width), 1.8 * np.exp((x - length) / width)
+        return weights @ lagrangian(x, first + last - 1, (last - first) / width) * length / 2
+
+    found = vc.solve(vc.Problem(lagrangian, vc.Fixed(0, 1.1), vc.Fixed(length, 0.8)))
+    assert found.value < min(map(through_the_deeper_well, np.geomspace(0.1, 2, 20)))
+    assert not found.local
+
+
 @pytest.mark.parametrize("shift", [0.0, 300.0])
 def test_a_lower_well_is_followed_whatever_the_origin(shift):
     # the wells of (u^2 - 1)^2 + 0.3 u; the lower one is worth crossing the ridge twice on so long a way
@@ -81,6 +115,8 @@ def test_a_guess_asks_for_its_own_valley():
     [
         lambda x, y, v: v**2 - y**4,
         lambda x, y, v: v**2 / 2 - y**3 / 10,
+        lambda x, y, v: v**2 / 2 - 1e-6 * y**3,
+        lambda x, y, v: 50 * v**2 - 1e-9 * y**4,
         lambda x, y, v: v**2 / 2 - ca.exp(y) / 2,
         lambda x, y, v: v**2 / 2 + y**2 - ca.cosh(y),
     ],
