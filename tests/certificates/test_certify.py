@@ -290,3 +290,83 @@ def test_a_power_whose_exponent_is_rounded_is_refused():
     problem = vc.Problem(lambda x, y, v: ca.sqrt(1 + v**2) / y ** (1 / 3), vc.Fixed(0, 0), vc.Fixed(1, 1))
     with pytest.raises(vc.VariationalError, match="no certificate"):
         vc.certify(vc.solve(problem))
+
+
+def test_an_end_that_slides_on_a_curve():
+    """int (v^2/2 + 1) from the origin to y = 1 is least for the time sqrt(2): the value is sqrt(2)."""
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + 1, vc.Fixed(0, 0), vc.OnCurve(lambda x, y: y - 1, x=1.2))
+    certificate = vc.certify(vc.solve(problem))
+    assert between(certificate, mpmath.sqrt(2))
+    assert certificate.scope is Scope.TUBE
+
+
+@pytest.mark.parametrize("guess", [(1, 0), (-1, 0)])
+def test_an_end_that_slides_on_a_circle_is_a_minimum_on_the_near_side_alone(guess):
+    """From (1/2, 0) to the unit circle: 1/2, and 3/2, which a focal point lies before."""
+    wall = vc.OnSurface(lambda q: ca.sumsqr(q) - 1, guess)
+    solution = vc.solve(vc.Curve(lambda q, dq: ca.norm_2(dq), vc.At((0.5, 0)), wall), vc.Collocation())
+    if guess[0] > 0:
+        certificate = vc.certify(solution)
+        assert between(certificate, mpmath.mpf("0.5"))
+        assert certificate.scope is Scope.TUBE  # the circle is no convex set
+    else:
+        with pytest.raises(vc.VariationalError, match="no certificate"):
+            vc.certify(solution)
+
+
+def test_ends_that_cost_something_together():
+    """int v^2 with a cost of both ends: a line, and a quadratic form in its ends."""
+
+    def cost(x0, y0, x1, y1):
+        return (y0 + y1 - 1) ** 2 + y0**2 / 3 + 0.7 * (y1 - y0)
+
+    certificate = certified(lambda x, y, v: v**2, vc.Free(0), vc.Free(1), end_cost=cost)
+    third, c = mpmath.mpf(1) / 3, mpmath.mpf(0.7)
+    y0, y1 = mpmath.lu_solve(mpmath.matrix([[4 + 2 * third, 0], [0, 4]]), mpmath.matrix([2 + c, 2 - c]))
+    assert between(certificate, (y1 - y0) ** 2 + (y0 + y1 - 1) ** 2 + third * y0**2 + c * (y1 - y0))
+
+
+def test_a_waypoint_lets_momenta_jump():
+    """int v^2 + y^2 through (0.7, 0.9): two hyperbolic sines."""
+    certificate = certified(
+        lambda x, y, v: v**2 + y**2, vc.Fixed(0, 0), vc.Fixed(2, 1), [vc.Through(0.7, 0.9)]
+    )  # fmt: skip
+    t, h = mpmath.mpf(0.7), mpmath.mpf(0.9)
+    rest = 2 - t
+    second = mpmath.coth(rest) * (h * h + 1) - 2 * h / mpmath.sinh(rest)
+    assert between(certificate, mpmath.coth(t) * h * h + second)
+
+
+def test_a_waypoint_past_which_each_part_is_short_enough():
+    """The oscillator for a time 4 > pi, held at 2."""
+    certificate = certified(
+        lambda x, y, v: v**2 - y**2, vc.Fixed(0, 0), vc.Fixed(4, 1), [vc.Through(2.0, 0.5)]
+    )  # fmt: skip
+    h = mpmath.mpf(1) / 2
+    exact = mpmath.cot(2) * h * h + mpmath.cot(2) * (h * h + 1) - 2 * h / mpmath.sin(2)
+    assert between(certificate, exact)
+    assert certificate.scope is Scope.ALL
+
+
+def test_a_waypoint_and_a_level():
+    """int v^2 from 0 to 0 in 2 through (1, 1/2) with int y = 0.3: lines, and parabolas that share what is missing."""
+    problem = [vc.Through(1.0, 0.5), vc.Isoperimetric(lambda x, y, v: y, 0.3)]
+    certificate = certified(lambda x, y, v: v**2, vc.Fixed(0, 0), vc.Fixed(2, 0), problem)
+    assert between(certificate, mpmath.mpf(1) / 2 + 24 * ((mpmath.mpf(0.3) - mpmath.mpf(1) / 2) / 2) ** 2)
+
+
+def test_a_number_that_is_optimised_on_several_pieces():
+    """int (v - c)^2 + c^2 from 0 to 1 in 1, with a breakpoint at 1/2: c is 1/2."""
+    free = {"breakpoints": [0.5], "unknowns": {"c": 0.1}}
+    certificate = certified(lambda x, y, v, p: (v - p.c) ** 2 + p.c**2, vc.Fixed(0, 0), vc.Fixed(1, 1), **free)
+    assert between(certificate, mpmath.mpf(1) / 2)
+
+
+def test_the_greatest_area_over_a_shore_in_the_gauge_of_constant_speed():
+    """Dido's semicircle of length 3, from a point of the shore to the shore: 9/(2 pi)."""
+    length = vc.Isoperimetric(lambda q, dq: ca.norm_2(dq), 3.0)
+    shore = vc.OnSurface(lambda q: q[1], guess=(1, 0))
+    problem = vc.Curve(lambda q, dq: q[1] * dq[0], vc.At((0, 0)), shore, [length], maximise=True)
+    certificate = vc.certify(vc.solve(problem))
+    assert between(certificate, 9 / (2 * mpmath.pi))
+    assert certificate.scope is Scope.WEAK

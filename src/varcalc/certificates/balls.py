@@ -102,14 +102,15 @@ def _chebyshev(k: int) -> Poly:
     return found.arb_poly(found.fmpz_poly.chebyshev_t(k))
 
 
-def polynomial(values: np.ndarray) -> Poly:
+def polynomial(values: np.ndarray, size: float = 0.0) -> Poly:
     """An exact polynomial on [-1, 1] close to ``values`` (degree + 1,) at the nodes, and equal to them at both ends.
 
-    Coefficients at the end that are but round-off are left out: their derivatives would be large.
+    Coefficients at the end that are but round-off are left out: their derivatives would be large. ``size`` is that of
+    which the values are known to round-off, where it is more than their own.
     """
     found = flint()
     total, coefficients = found.arb_poly([0]), transform(len(values) - 1) @ values
-    sizes, largest_value = np.abs(coefficients), np.abs(values).max()
+    sizes, largest_value = np.abs(coefficients), max(np.abs(values).max(), size)
     noise = 3.0 * sizes[-4:].max()  # where the values are resolved the last ones are nothing else
     large = np.flatnonzero(sizes > max(ROUND_OFF * largest_value, noise if noise < NOISE * largest_value else 0.0))
     for k, c in enumerate(coefficients[: large.max(initial=0) + 1].tolist()):

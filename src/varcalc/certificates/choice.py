@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import bisect
 import math
 
 import numpy as np
 
-from varcalc.certificates.field import Field, field, turned_dynamics
+from varcalc.certificates.ends import bears, end_bends, fits, prove_ends
+from varcalc.certificates.field import Field, field, parted, turned_dynamics
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.tube import Prover, Tube, slopes
@@ -37,7 +39,8 @@ NARROWINGS = 3
 def proved_tube(setting: Setting) -> Prover:
     """The inequality proved, in a tube as wide as a few halvings find."""
     kappa, mu, found = _field(setting)
-    Q = slopes(found, len(setting.pieces), setting.statement.states)
+    jumps = parted(setting.statement, setting.samples)
+    Q = slopes(found, len(setting.pieces), setting.statement.states, jumps)
     boxes, reason = setting.along.boxes, ""
 
     def prover(delta: float) -> Prover:
@@ -48,7 +51,10 @@ def proved_tube(setting: Setting) -> Prover:
         return prover(math.inf)
     widths = [WIDEST * 0.5**k for k in range(TUBES)]
     some = boxes[:: max(1, len(boxes) // SOME_BOXES)]
-    first = next((k for k, delta in enumerate(widths) if not prover(delta).wide(some)), TUBES)
+    # what holds in a tube holds in any that is narrower
+    first = bisect.bisect_left(widths, True, key=lambda delta: not prover(delta).wide(some) and fits(prover(delta)))
+    if first == TUBES and not prover(widths[-1]).wide(some):
+        prove_ends(prover(widths[-1]))
     # half of what holds at the middles of boxes: between them it takes a little more; then a quarter of that at a time
     for k, delta in enumerate(widths[first + 1 :: 2]):
         try:
@@ -77,22 +83,33 @@ def _field(setting: Setting) -> tuple[float, float, Field | None]:
     convex = float(np.linalg.eigvalsh(schur).min())
     if convex >= CONVEX_ENOUGH * stiffness and setting.statement.order == 1:
         return 0.5 * convex, 0.25 * stiffness, None
-    scales = np.concatenate(setting.sizes)
+    for bends in end_bends(setting.statement, setting.joints):
+        found = _greatest(setting, stiffness, bends)
+        if found is not None:
+            return found
+    raise Unproved(
+        "Jacobi's equation has no field of extremals around the curve: there is a conjugate point, or nearly one"
+    )
+
+
+def _greatest(
+    setting: Setting, stiffness: float, bends: tuple[np.ndarray, np.ndarray]
+) -> tuple[float, float, Field] | None:
+    """The field of the greatest kappa that is even enough."""
+    m, scales = setting.statement.states, np.concatenate(setting.sizes)
     fields: list[tuple[float, float, Field]] = []
     for share in KAPPAS:
         kappa, mu = share * stiffness, min(0.1 * share, 0.25) * stiffness
         lowered = MARGIN * np.r_[np.full(m, kappa), np.full(len(scales) - m, mu)] / scales**2
-        found = field(setting.statement, setting.samples, lowered)
-        if found is not None:
+        found = field(setting.statement, setting.samples, lowered, bends)
+        if found is not None and bears(setting.statement, setting.joints, found):
             fields.append((kappa, mu, found))
             if found.evenness > EVEN:
                 break
-    if fields:
-        enough = NEARLY_AS_EVEN * max(f.evenness for *_, f in fields)
-        return next(f for f in fields if f[2].evenness >= enough)
-    raise Unproved(
-        "Jacobi's equation has no field of extremals around the curve: there is a conjugate point, or nearly one"
-    )
+    if not fields:
+        return None
+    enough = NEARLY_AS_EVEN * max(f.evenness for *_, f in fields)
+    return next(f for f in fields if f[2].evenness >= enough)
 
 
 def _tube(setting: Setting, found: Field | None, kappa: float, mu: float, delta: float) -> Tube:

@@ -7,7 +7,7 @@ functions close to the curve's own: what they fall short by enters the proof as 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -97,7 +97,19 @@ def sampled(statement: Statement) -> list[Samples]:
         halves = [(s, 0.5 * float(s.x[0] + s.x[-1])) for s in coarse]
         parts = [_samples(statement, a, b) for s, c in halves for a, b in ((float(s.x[0]), c), (c, float(s.x[-1])))]
         done = sorted([s for s in done if not any(s is c for c in coarse)] + parts, key=lambda s: float(s.x[0]))
-    return done
+    return _carried_on(statement, done)
+
+
+def _carried_on(statement: Statement, samples: list[Samples]) -> list[Samples]:
+    """The samples with momenta of numbers that go on from piece to piece."""
+    first, reached = statement.n * statement.order, np.zeros((len(statement.along.numbers), 1))
+    joined = []
+    for s in samples:
+        momenta = s.momenta.copy()
+        momenta[first:] += reached
+        reached = momenta[first:, -1:]
+        joined.append(replace(s, momenta=momenta))
+    return joined
 
 
 def _largest(statement: Statement, samples: Sequence[Samples]) -> np.ndarray:
@@ -107,6 +119,10 @@ def _largest(statement: Statement, samples: Sequence[Samples]) -> np.ndarray:
     for first in range(0, n * statement.order, n):
         for at in (first, m + first):
             rows[at : at + n] = rows[at : at + n].max()
+    # the momentum of a number may vanish: what it is held against is that of the functions
+    whole = rows[0] * rows[m] if n else 0.0
+    for i in range(n * statement.order, m):
+        rows[m + i] = max(rows[m + i], whole / max(rows[i], 1e-300))
     return rows[:, None]
 
 
@@ -181,15 +197,24 @@ def joint_states(statement: Statement, samples: list[Samples]) -> np.ndarray:
     for end, row in ((0, 0), (1, -1)):
         held = statement.held[end][: statement.bare]
         joints[row] = np.where(held, statement.values[end][: statement.bare], joints[row])
+    for k, given in _held_inside(statement, samples):
+        joints[k, : statement.n] = np.where(np.isnan(given), joints[k, : statement.n], given)
     if statement.periodic:
         joints[-1] = joints[0]
     return joints
+
+
+def _held_inside(statement: Statement, samples: list[Samples]) -> list[tuple[int, np.ndarray]]:
+    """The numbers of the pieces that begin at waypoints, with the values demanded there."""
+    waypoints = statement.waypoints
+    return [(k, waypoints[at]) for k, s in enumerate(samples) if k and (at := float(s.x[0])) in waypoints]
 
 
 def pieces(statement: Statement, samples: list[Samples], joints: np.ndarray) -> list[Piece]:
     """The exact polynomials close to samples, with the states ``joints`` where they meet."""
     n, order = statement.n, statement.order
     momenta = _joint_momenta(statement, samples, joints)
+    momentum_sizes = _largest(statement, samples)[statement.bare :, 0].tolist()
     found = flint()
     built = []
     for k, s in enumerate(samples):
@@ -199,7 +224,10 @@ def pieces(statement: Statement, samples: list[Samples], joints: np.ndarray) -> 
             _function(s.states[i], joints[k, i::n][:order], joints[k + 1, i::n][:order], half) for i in range(n)
         ]
         numbers = [found.arb_poly([found.arb(float(c))]) for c in statement.along.numbers]
-        p = [anchored(polynomial(row), *ends) for row, *ends in zip(s.momenta, momenta[k], momenta[k + 1], strict=True)]
+        p = [
+            anchored(polynomial(row, size), *ends)
+            for row, size, *ends in zip(s.momenta, momentum_sizes, *momenta[k], strict=True)
+        ]
         built.append(Piece(centre, half, functions, numbers, p, order, statement.switches(centre, half)))
     return built
 
@@ -219,17 +247,36 @@ def _function(values: np.ndarray, start: np.ndarray, end: np.ndarray, half: Ball
     return poly + left + right
 
 
-def _joint_momenta(statement: Statement, samples: list[Samples], joints: np.ndarray) -> list[list[Ball]]:
-    """The momenta where pieces meet: shared by both, and at free ends what the ends ask for."""
+def _joint_momenta(
+    statement: Statement, samples: list[Samples], joints: np.ndarray
+) -> list[tuple[list[Ball], list[Ball]]]:
+    """The momenta at both ends of each piece: shared where pieces meet, and at free ends what the ends ask for.
+
+    What is held at a waypoint has momenta of its own on either side.
+    """
+    rows = _shared_momenta(statement, samples, joints)
+    found = [(list(a), list(b)) for a, b in pairwise(rows)]
+    for k, given in _held_inside(statement, samples):
+        for i in np.flatnonzero(~np.isnan(given)):
+            found[k - 1][1][i] = flint().arb(float(samples[k - 1].momenta[i, -1]))
+            found[k][0][i] = flint().arb(float(samples[k].momenta[i, 0]))
+    return found
+
+
+def _shared_momenta(statement: Statement, samples: list[Samples], joints: np.ndarray) -> list[list[Ball]]:
+    """The momenta where pieces meet, and at the ends."""
     found, m = flint(), statement.bare
     rows = [samples[0].momenta[:, 0]]
     rows += [0.5 * (a.momenta[:, -1] + b.momenta[:, 0]) for a, b in pairwise(samples)]
     rows.append(samples[-1].momenta[:, -1])
+    cost, first = statement.cost, statement.n * statement.order
+    for i in range(first, m):
+        if cost is not None and cost.index(0, i) is not None:
+            rows = [row - rows[-1] * (np.arange(m) == i) for row in rows]  # counted from the end, not the start
     balls = [[found.arb(float(v)) for v in row] for row in rows]
     if statement.periodic:
         balls[-1] = balls[0]
         return balls
-    cost = statement.cost
     jet = None if cost is None else cost.jet(*end_values(statement, joints), 1)
     for end, row in ((0, 0), (1, -1)):
         for i in range(m):

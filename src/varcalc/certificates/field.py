@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -46,17 +47,49 @@ def turned_dynamics(statement: Statement, samples: Samples) -> tuple[np.ndarray,
     return A, B
 
 
-def field(statement: Statement, samples: Sequence[Samples], lowered: np.ndarray) -> Field | None:
-    """A field of Jacobi's equation with the diagonal ``lowered`` (m + n,); None where there is none to be seen."""
+def field(
+    statement: Statement, samples: Sequence[Samples], lowered: np.ndarray, bends: tuple[np.ndarray, np.ndarray]
+) -> Field | None:
+    """A field of Jacobi's equation with the diagonal ``lowered`` (m + n,); None where there is none to be seen.
+
+    ``bends`` (m, m) are the second derivatives of what the start and the end cost.
+    """
+    start, end = _boundary(statement, bends)
+    held = np.hstack([np.eye(statement.states), np.zeros((statement.states, statement.states))])
+    cuts = [0, *parted(statement, samples), len(samples)]
+    parts = []
+    for a, b in pairwise(cuts):
+        conditions = held if a else start, held if b < len(samples) else end
+        part = _on_pieces(statement, samples[a:b], lowered, conditions)
+        if part is None:
+            return None
+        parts.append(part)
+    U, M = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    singular = np.linalg.svd(U, compute_uv=False)
+    return Field(U, M, float(singular.min() / singular.max()))
+
+
+def parted(statement: Statement, samples: Sequence[Samples]) -> list[int]:
+    """The numbers of the pieces that begin where all states are held, so that Q may jump."""
+    if statement.states != statement.n:
+        return []
+    waypoints = statement.waypoints
+    places = ((k, waypoints.get(float(s.x[0]))) for k, s in enumerate(samples) if k)
+    return [k for k, given in places if given is not None and not np.isnan(given).any()]
+
+
+def _on_pieces(
+    statement: Statement, samples: Sequence[Samples], lowered: np.ndarray, ends: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """U and M on consecutive pieces, under conditions at both ends."""
     m = statement.states
     with np.errstate(all="ignore"):
         maps = [_solved(statement, s, lowered) for s in samples]
         if not all(np.isfinite(f).all() for f in maps):
             return None
-        ends = _boundary(statement)
         minus = _family(maps, ends[0], m, at_end=True)
         plus = _family(maps, ends[1], m, at_end=False)
-    if minus is None or plus is None:
+    if minus is None or plus is None or not (_below(ends[0], plus[0], -1) and _below(ends[1], minus[-1], 1)):
         return None
     # Wronski's matrix of the two families; its polar factor makes their sum a family of its own
     wronskian = minus[0][:m].T @ plus[0][m:] - minus[0][m:].T @ plus[0][:m]
@@ -68,8 +101,16 @@ def field(statement: Statement, samples: Sequence[Samples], lowered: np.ndarray)
     determinants = np.linalg.det(U)
     if not (np.isfinite(values).all() and (determinants * determinants[0, 0] > 0).all()):
         return None
-    singular = np.linalg.svd(U, compute_uv=False)
-    return Field(U, values[:, :, m:], float(singular.min() / singular.max()))
+    return U, values[:, :, m:]
+
+
+def _below(condition: np.ndarray, family: np.ndarray, sign: int) -> bool:
+    """Whether the family of the other end, z = 1 here, leaves the term of what is free at this end positive."""
+    m = len(condition)
+    free = np.flatnonzero(np.diag(condition[:, m:]))
+    Q, bend = family[m:], sign * condition[:, :m]
+    matrix = (bend + sign * Q)[np.ix_(free, free)]
+    return not len(free) or bool(np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).min() > 0)
 
 
 def _solved(statement: Statement, samples: Samples, lowered: np.ndarray) -> np.ndarray:
@@ -94,16 +135,14 @@ def _solved(statement: Statement, samples: Samples, lowered: np.ndarray) -> np.n
     return np.concatenate([np.eye(size)[None], inner.reshape(count, size, size)])
 
 
-def _boundary(statement: Statement) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (m, 2m) that vanish on families of the start, and of the end."""
+def _boundary(statement: Statement, bends: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (m, 2m) that vanish on families of the start, and of the end: z = 0, and pi = -+ M_zz z where z is free."""
     m = statement.states
     rows = []
-    for held in statement.held:
+    for held, bend, sign in zip(statement.held, bends, (-1.0, 1.0), strict=True):
         given = np.ones(m, dtype=bool) if statement.periodic else held
-        row = np.zeros((m, 2 * m))
-        for i in range(m):
-            row[i, i if given[i] else m + i] = 1.0
-        rows.append(row)
+        free = np.diag(1.0 * ~given)
+        rows.append(np.hstack([np.diag(1.0 * given) + sign * free @ bend @ free, free]))
     return rows[0], rows[1]
 
 

@@ -1,7 +1,7 @@
-"""A curve that meets prescribed integrals exactly, close to one that all but does.
+"""A curve that meets prescribed integrals and equations of its ends exactly, close to one that all but does.
 
-To the curve a combination e_1 eta_1 + ... + e_k eta_k of bumps is added. That the integrals are met for some e in a
-small box is proved by Newton's interval operator (Moore, Kearfott and Cloud, "Introduction to Interval Analysis",
+To the curve a combination e_1 eta_1 + ... + e_k eta_k of bumps is added. That all is met for some e in a small box is
+proved by Newton's interval operator (Moore, Kearfott and Cloud, "Introduction to Interval Analysis",
 SIAM 2009, sect. 8.4): it needs not be known for which.
 """
 
@@ -13,8 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
-from varcalc.certificates.balls import Around, Ball, Box, Poly, Series, above, flint, integral
-from varcalc.certificates.curve import Piece, Samples
+from varcalc.certificates.balls import Around, Ball, Poly, Series, above, flint, integral
+from varcalc.certificates.curve import end_values
 from varcalc.certificates.integrals import Along, Unproved
 from varcalc.certificates.jets import Jet, Undecided, head
 from varcalc.certificates.setting import Setting
@@ -31,18 +31,28 @@ BUMPS = 4
 
 @dataclass(frozen=True)
 class Bump:
-    """A polynomial in x, zero at both ends with its derivatives below ``order``, that is added to one function."""
+    """A polynomial in x that is added to one function; or 1, added to a number.
 
-    function: int
+    ``state`` is the number of the function, or of the number, among the states. The polynomial vanishes at ``zeros``
+    with its derivatives below ``order``, 0 for a number.
+    """
+
+    state: int
     degree: int
     span: tuple[float, float]
+    zeros: tuple[float, ...]
     order: int
 
     def values(self, x: np.ndarray) -> list[np.ndarray]:
         """The bump at x and its derivatives up to ``order``."""
-        poly = np.polynomial.Chebyshev.basis(self.degree, domain=list(self.span)).convert(kind=np.polynomial.Polynomial)
-        bump = poly * np.polynomial.Polynomial.fromroots(self.span) ** self.order
+        bump = np.polynomial.Chebyshev.basis(self.degree, domain=list(self.span)).convert(kind=np.polynomial.Polynomial)
+        if self.zeros:
+            bump = bump * np.polynomial.Polynomial.fromroots(self.zeros) ** self.order
         return [bump.deriv(k)(x) if k else bump(x) for k in range(self.order + 1)]
+
+    def at(self, x: float) -> Ball:
+        """The bump at x."""
+        return self._polynomials[0](flint().arb(x))
 
     @cached_property
     def _polynomials(self) -> list[Poly]:
@@ -50,8 +60,9 @@ class Bump:
         found = flint()
         a, b = (found.arb(v) for v in self.span)
         t = found.arb_poly([-(a + b) / (b - a), 2 / (b - a)])
-        shape = found.arb_poly([-a, 1]) * found.arb_poly([-b, 1])
-        polys = [found.arb_poly(found.fmpz_poly.chebyshev_t(self.degree))(t) * shape**self.order]
+        polys = [found.arb_poly(found.fmpz_poly.chebyshev_t(self.degree))(t)]
+        for zero in self.zeros:
+            polys[0] *= found.arb_poly([-found.arb(zero), 1]) ** self.order
         for _ in range(self.order):
             polys.append(polys[-1].derivative())
         return polys
@@ -64,15 +75,18 @@ class Bump:
 
 @dataclass(frozen=True)
 class Meeting:
-    """The integrals along the curves about the given one, by the bumps that are added."""
+    """What is prescribed, along the curves about that of a setting by the bumps that are added."""
 
-    statement: Statement
-    pieces: Sequence[Piece]
-    boxes: Sequence[tuple[int, Box]]
+    setting: Setting
     bumps: Sequence[Bump]
 
+    @property
+    def statement(self) -> Statement:
+        """What the certificate is about."""
+        return self.setting.statement
+
     def correction(self) -> Ball:
-        """What the integral of H changes by from the curve to one near it that meets every level; Unproved if none."""
+        """What the value changes by from the curve to one near it that meets all exactly; Unproved if none does."""
         steps, slopes = self._steps()
         return sum((step * slope for step, slope in zip(steps, slopes[0], strict=True)), flint().arb(0))
 
@@ -83,15 +97,14 @@ class Meeting:
     def _steps(self) -> tuple[list[Ball], list[list[Ball]]]:
         """What is added of each bump, and :meth:`_slopes` for that."""
         found = flint()
-        count = self.statement.levels
-        missed = [-miss for miss in self.missed()]
-        slopes = self._slopes([found.arb(0)] * count)
+        missed = [-miss for miss in [*self.missed(), *self._missed_ends()]]
+        slopes = self._slopes([found.arb(0)] * len(missed))
         steps = _solved([row[:] for row in slopes[1:]], missed)
         room = [found.arb(0, WIDER * float(abs(step).upper()) + 1e-300) for step in steps]
         slopes = self._slopes(room)
         steps = _solved([row[:] for row in slopes[1:]], missed)
         if not all(bool(abs(step) < abs(wide).upper()) for step, wide in zip(steps, room, strict=True)):
-            raise Unproved("no curve near the one that was found is proved to meet the prescribed integrals")
+            raise Unproved("no curve near the one that was found is proved to meet all that is prescribed")
         return steps, slopes
 
     def missed(self) -> list[Ball]:
@@ -100,8 +113,45 @@ class Meeting:
         along = self._integrated(lambda k, around: [jet.value for jet in self._at(k, around, [], 0)[1:]])
         return [value - level for value, level in zip(along, levels, strict=True)]
 
+    def _missed_ends(self) -> list[Ball]:
+        """What the equations of the ends come to on the curve."""
+        cost = self.statement.cost
+        return [] if cost is None else [jet.value for jet in cost.equations(*self._ends([]))]
+
+    def _ends(self, room: Sequence[Ball]) -> tuple[list[Ball], list[Ball], list[Ball]]:
+        """The functions at the start and the end of the moved curve, and the numbers."""
+        start, end, numbers = end_values(self.statement, self.setting.joints)
+        for bump, e in zip(self.bumps, room, strict=False):
+            if bump.state < self.statement.n:
+                a, b = bump.span
+                start[bump.state] += e * bump.at(a)
+                end[bump.state] += e * bump.at(b)
+            else:
+                numbers[bump.state - self.statement.n * self.statement.order] += e
+        return start, end, numbers
+
+    def _end_slopes(self, room: Sequence[Ball]) -> list[list[Ball]]:
+        """Derivatives by each e of what the ends cost, and of their equations."""
+        cost, found = self.statement.cost, flint()
+        if cost is None:
+            return [[found.arb(0)] * len(self.bumps)]
+        n, ends = self.statement.n, self._ends(room)
+        rows = []
+        for jet in [cost.jet(*ends, 1), *cost.equations(*ends)]:
+            row = []
+            for bump in self.bumps:
+                i = bump.state
+                by_number = jet.first.get(2 * n + i - n * self.statement.order, 0)
+                by_ends = [jet.first.get(i + n * k, 0) * bump.at(x) for k, x in enumerate(bump.span)]
+                row.append(found.arb(0) + (sum(by_ends) if i < n else by_number))
+            rows.append(row)
+        return rows
+
     def _slopes(self, room: Sequence[Ball]) -> list[list[Ball]]:
-        """Derivatives by each e of the integrals of H and of what is integrated to levels, while e lies in ``room``."""
+        """Derivatives by each e of the value, of what is integrated to levels and of the equations of the ends.
+
+        They hold while e lies in ``room``.
+        """
 
         def series(k: int, around: Around) -> list[Series]:
             shapes = [bump.series(around) for bump in self.bumps]
@@ -112,15 +162,17 @@ class Meeting:
             ]
 
         flat, count = self._integrated(series), len(self.bumps)
-        return [flat[i : i + count] for i in range(0, len(flat), count)]
+        value, *levels = [flat[i : i + count] for i in range(0, len(flat), count)]
+        cost, *equations = self._end_slopes(room)
+        return [[a + b for a, b in zip(value, cost, strict=True)], *levels, *equations]
 
     def _places(self, bump: Bump) -> list[int]:
         """The numbers of the function that a bump is added to and of its derivatives, among states and controls."""
-        return places(self.statement, bump.function)
+        return places(self.statement, bump.state)
 
     def _at(self, k: int, around: Around, moved: list[tuple[Ball, list[Series]]], order: int) -> list[Jet]:
         """H and what is integrated to levels, along the moved curve."""
-        piece, bare = self.pieces[k], self.statement.bare
+        piece, bare = self.setting.pieces[k], self.statement.bare
         states, controls = piece.lifted(around)
         row = [*states, *controls]
         for bump, (e, shapes) in zip(self.bumps, moved, strict=False):
@@ -133,7 +185,7 @@ class Meeting:
     def _integrated(self, series: Callable[[int, Around], list[Series]]) -> list[Ball]:
         """Integrals over all boxes."""
         totals: list[Ball] = []
-        for k, box in self.boxes:
+        for k, box in self.setting.along.boxes:
             try:
                 views = [series(k, Around(box, TERMS + whole, whole)) for whole in (False, True)]
             except Undecided as undecided:
@@ -144,9 +196,8 @@ class Meeting:
 
 
 def meeting(setting: Setting) -> Meeting:
-    """The integrals about the curve of a setting."""
-    stated = setting.statement
-    return Meeting(stated, setting.pieces, setting.along.boxes, bumps_for(stated, setting.samples))
+    """What is prescribed about the curve of a setting."""
+    return Meeting(setting, bumps_for(setting))
 
 
 def allowed_for(setting: Setting, prover: Prover) -> Along:
@@ -169,33 +220,63 @@ def allowed_for(setting: Setting, prover: Prover) -> Along:
     return replace(along, residuals=residuals)
 
 
-def bumps_for(statement: Statement, samples: Sequence[Samples]) -> list[Bump]:
-    """Bumps by which the prescribed integrals can be changed each by itself; Unproved where they cannot."""
-    span = float(samples[0].x[0]), float(samples[-1].x[-1])
-    offered = [Bump(i, degree, span, statement.order) for degree in range(BUMPS) for i in range(statement.n)]
-    effects = np.zeros((statement.levels, len(offered)))
-    for s in samples:
-        for b, bump in enumerate(offered):
-            shapes = zip(places(statement, bump.function), bump.values(s.x), strict=True)
-            rates = sum(s.turning[:, :, place] * shape[:, None] for place, shape in shapes)
-            effects[:, b] += np.trapezoid(rates, s.x, axis=0)
+def bumps_for(setting: Setting) -> list[Bump]:
+    """Bumps by which all that is prescribed can be changed each by itself; Unproved where it cannot."""
+    offered = _offered(setting)
+    effects = np.array([_effects(setting, bump) for bump in offered]).T
+    count = len(effects)
+    sizes = np.abs(effects).max(axis=1, initial=0.0) if count else np.zeros(0)
+    rest = effects / np.where(sizes > 0, sizes, 1.0)[:, None]
     chosen: list[int] = []
-    rest = effects.copy()
-    for _ in range(statement.levels):
+    for _ in range(count):
         best = int(np.linalg.norm(rest, axis=0).argmax())
         size = float(np.linalg.norm(rest[:, best]))
         if not size > 0:
-            raise Unproved("the prescribed integrals cannot be changed independently near the curve")
+            raise Unproved("what is prescribed cannot be changed independently near the curve")
         chosen.append(best)
         direction = rest[:, best] / size
         rest = rest - np.outer(direction, direction @ rest)
     return [offered[b] for b in chosen]
 
 
-def places(statement: Statement, function: int) -> list[int]:
-    """The numbers of a function and of its derivatives, among states without levels and controls."""
+def _offered(setting: Setting) -> list[Bump]:
+    """Bumps to choose from: inside, and where equations hold between the ends there and of the numbers."""
+    statement = setting.statement
+    a, b = span = float(setting.samples[0].x[0]), float(setting.samples[-1].x[-1])
+    inside, n, order = tuple(statement.waypoints), statement.n, statement.order
+    found = [Bump(i, degree, span, (a, b, *inside), order) for degree in range(BUMPS) for i in range(n)]
+    if statement.along.form.ends.equations:
+        for end, other in ((0, b), (1, a)):
+            found += [Bump(i, 0, span, (other, *inside), order) for i in range(n) if not statement.held[end][i]]
+        found += [Bump(i, 0, span, (), 0) for i in range(n * order, statement.bare)]
+    return found
+
+
+def _effects(setting: Setting, bump: Bump) -> list[float]:
+    """What a bump changes of each prescribed integral and each equation of the ends, in numbers."""
+    statement, cost, n = setting.statement, setting.statement.cost, setting.statement.n
+    levels = np.zeros(statement.levels)
+    for s in setting.samples:
+        shapes = zip(places(statement, bump.state), bump.values(s.x), strict=True)
+        rates = sum(s.turning[:, :, place] * shape[:, None] for place, shape in shapes)
+        levels += np.trapezoid(rates, s.x, axis=0)
+    if cost is None or not statement.along.form.ends.equations:
+        return levels.tolist()
+    joints, numbers = setting.joints, np.asarray(statement.along.numbers, dtype=float)
+    _, rows = cost.gradients([joints[0, :n], joints[-1, :n], numbers])
+    i = bump.state
+    if i >= n:
+        return [*levels, *rows[:, 2 * n + i - n * statement.order]]
+    at = [float(bump.values(np.array([x]))[0][0]) for x in bump.span]
+    return [*levels, *(rows[:, i] * at[0] + rows[:, n + i] * at[1])]
+
+
+def places(statement: Statement, state: int) -> list[int]:
+    """The numbers of a function and of its derivatives, among states and controls; of a number its own."""
     n = statement.n
-    return [*(function + k * n for k in range(statement.order)), statement.bare + function]
+    if state >= n:
+        return [state]
+    return [*(state + k * n for k in range(statement.order)), statement.bare + state]
 
 
 def _solved(matrix: list[list[Ball]], right: list[Ball]) -> list[Ball]:

@@ -12,9 +12,8 @@ from varcalc.certificates.balls import Around, Ball, above, below, flint, larges
 from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
 from varcalc.certificates.choice import proved_tube
 from varcalc.certificates.convexity import convex_in_slope
-from varcalc.certificates.cost import Cost
 from varcalc.certificates.curve import end_values, joint_states, pieces, sampled, state_sizes
-from varcalc.certificates.ends import prove_ends
+from varcalc.certificates.ends import prove_ends, tied
 from varcalc.certificates.field import dynamics
 from varcalc.certificates.integrals import Unproved, along_curve, total, worst
 from varcalc.certificates.jets import Undecided, head, without_enclosure
@@ -30,7 +29,7 @@ from varcalc.solution import Solution, Status, VariationalError
 from varcalc.solve.ladder import solve
 from varcalc.spelling import spelled
 from varcalc.symbolic.convexity import Entry, proved_convex
-from varcalc.verify.along_curve import AlongCurve
+from varcalc.verify.along_curve import AlongCurve, in_form
 from varcalc.verify.candidate import candidate
 
 BITS = 128
@@ -43,6 +42,7 @@ VALUE_TOLERANCE = 1e-19
 COORDINATES = "the end where L is infinite is regular in alpha and z, by which the tube and the distances are meant"
 FORWARD = "the curve y0 is a graph: its abscissa grows"
 FORTH = "a curve that runs back is no shorter than a graph: the abscissa does not occur in the metric"
+SHARES = "an abscissa that slides is a number, and distances are meant at equal shares of the interval"
 PACED = "each curve is run through at constant speed, and its distance is meant at equal shares of its length"
 
 
@@ -123,7 +123,7 @@ def _polished(solution: Solution) -> AlongCurve:
     found = candidate(solution)
     if found.along_best is None:
         raise Unproved(found.reason or "no coordinates are known in which the curve is regular")
-    return found.along_best
+    return in_form(found.best) if found.along_best.slides and found.best is not None else found.along_best
 
 
 def _of_length(solution: Solution, found: Regular) -> Certificate:
@@ -198,6 +198,7 @@ def _setting(solution: Solution, along: AlongCurve) -> Setting:
     samples = sampled(stated)
     if not all(np.isfinite(s.hessian).all() and np.isfinite(s.momenta).all() for s in samples):
         raise Unproved("the Lagrangian or its derivatives are no numbers on the curve")
+    stated = tied(stated, samples)
     joints = joint_states(stated, samples)
     exact = pieces(stated, samples, joints)
     states = state_sizes(samples, stated)
@@ -213,14 +214,15 @@ def _out_of_reach(along: AlongCurve) -> str:
     form = along.form
     reasons = {
         f"curves in coordinates of their own ({form.coordinates.note}) are not covered": form.lift is not None
-        or form.coordinates.gauged,
+        and (form.coordinates.energetic or not any(form.problem.slides)),
+        "closed curves in space are not covered": form.coordinates.gauged and form.ends.periodic,
         "conditions all along the curve are not covered": bool(along.paths),
         "inequalities are not covered": any(
             isinstance(c, Bound) or (isinstance(c, Isoperimetric) and not c.equality) for c in form.problem.constraints
         ),
-        "ends that slide, or cost something together, are not covered": form.ends.joint is not None
-        and (form.ends.equations > 0 or bool(form.ends.joint.inside) or not Cost(form).separate or form.ends.periodic),
-        "waypoints are not covered": bool(form.held),
+        "ends that slide are not covered of Lagrangians of second order": form.ends.equations > 0 and form.order == 2,
+        "periodic ends that cost something are not covered": form.ends.joint is not None and form.ends.periodic,
+        "curves that are broken where L is not smooth are not covered": form.broken_at_switches,
     }
     return next((reason for reason, holds in reasons.items() if holds), "")
 
@@ -242,7 +244,8 @@ def _length(stated: Statement, solution: Solution, low: Ball, high: Ball) -> tup
 
 def _correction(setting: Setting) -> Ball:
     """What the value changes by from the curve to one near it that meets the prescribed integrals exactly."""
-    return meeting(setting).correction() if setting.statement.levels else flint().arb(0)
+    prescribed = setting.statement.levels or setting.statement.along.form.ends.equations
+    return meeting(setting).correction() if prescribed else flint().arb(0)
 
 
 def _end_cost(setting: Setting) -> Ball:
@@ -350,6 +353,8 @@ def _jointly_convex(stated: Statement, solution: Solution) -> bool:
     """Whether what is minimised is proved jointly convex; of a length, its energy."""
     if not stated.along.form.coordinates.energetic:
         return proved_jointly_convex(solution.problem)
+    if stated.cost is not None and not stated.cost.quadratic:
+        return False  # where its ends may lie is no convex set
     entries: list[list[Entry]] = [[None] * n for n in (stated.n, stated.n)]
     parameters: list[Entry] = [float(v) for v in stated.along.form.problem.parameter_values]
     return proved_convex(stated.function, [[0.0], *entries, [], parameters, [], [], []])
@@ -373,7 +378,10 @@ def _scope(setting: Setting, prover: Prover, near: Nearness, solution: Solution)
         return Scope.ALL, [Hypothesis("L is of second degree in the curve and its slope", Means.CONSTRUCTION)]
     if _all_by_convexity(setting, tube, near, solution):
         return Scope.ALL, [Hypothesis("L is jointly convex in the curve and its slope", Means.COMPOSITION)]
-    paced = [Hypothesis(PACED, Means.CONSTRUCTION)] if stated.along.form.coordinates.energetic else []
+    coordinates = stated.along.form.coordinates
+    paced = [Hypothesis(PACED, Means.CONSTRUCTION)] if coordinates.energetic or coordinates.gauged else []
+    if stated.along.form.lift is not None:
+        paced.append(Hypothesis(SHARES, Means.CONSTRUCTION))
     if stated.quadratic_in_controls:
         return Scope.TUBE, [Hypothesis("L is of second degree in the slope", Means.CONSTRUCTION), *paced]
     if convex_in_slope(prover, setting.along.boxes):

@@ -30,12 +30,15 @@ class Statement:
     """The Lagrangian function H along one curve, what its ends are held at, and its dimensions.
 
     ``along`` is the curve, in the minimising sense. ``held[e]`` and ``values[e]`` tell for the start (0) and the end
-    (1) which of the m states are given, and their values (NaN where they are free).
+    (1) which of the m states are given, and their values (NaN where they are free). ``multipliers`` and
+    ``weights`` are those of the equations between the ends, see :class:`Cost`.
     """
 
     along: AlongCurve
     held: tuple[np.ndarray, np.ndarray]
     values: tuple[np.ndarray, np.ndarray]
+    multipliers: tuple[float, ...] = ()
+    weights: tuple[float, ...] = ()
 
     @cached_property
     def n(self) -> int:
@@ -69,8 +72,14 @@ class Statement:
 
     @cached_property
     def cost(self) -> Cost | None:
-        """What the ends cost, if anything."""
-        return None if self.along.form.ends.joint is None else Cost(self.along.form)
+        """What the ends cost, if anything, with the equations between them."""
+        form = self.along.form
+        return None if form.ends.joint is None else Cost(form, self.multipliers, self.weights)
+
+    @property
+    def waypoints(self) -> dict[float, np.ndarray]:
+        """The functions' values demanded at abscissae, NaN where they are not."""
+        return {at: np.asarray(values, dtype=float) for at, values in self.along.form.conditions.waypoints}
 
     @cached_property
     def _written(self) -> tuple[Fraction, Any]:

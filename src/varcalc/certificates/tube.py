@@ -75,15 +75,16 @@ class Slopes:
         return (around.series(around.box.local(self.U[0][0])) if len(M) == 1 else 1), M
 
 
-def slopes(field: Field | None, count: int, states: int) -> list[Slopes]:
-    """Q of each piece."""
+def slopes(field: Field | None, count: int, states: int, parted: Sequence[int] = ()) -> list[Slopes]:
+    """Q of each piece, continuous but for where ``parted`` pieces begin."""
     if field is None:
         return [Slopes.none(states)] * count
     if states == 1:
         return [Slopes(*([[polynomial(v[:, 0, 0])]] for v in pair)) for pair in zip(field.U, field.M, strict=True)]
     turned = np.linalg.solve(field.U.swapaxes(2, 3), field.M.swapaxes(2, 3))
     Q = 0.5 * (turned + turned.swapaxes(2, 3))
-    Q[1:, 0] = Q[:-1, -1]  # continuous to the last bit
+    for k in set(range(1, count)) - set(parted):
+        Q[k, 0] = Q[k - 1, -1]  # continuous to the last bit
     return [Slopes.through(values) for values in Q]
 
 

@@ -143,10 +143,17 @@ class AlongCurve:
 
 
 def along_curve(extremal: Extremal) -> AlongCurve:
-    """The Lagrangian function along an extremal."""
+    """The Lagrangian function along an extremal; where an abscissa slides in the user's own."""
     form = extremal.form
     slides = isinstance(form.problem, Problem) and not form.coordinates.energetic and any(form.problem.slides)
-    plain = AlongCurve(
+    plain = in_form(extremal)
+    return _in_own_abscissa(plain) if slides else plain
+
+
+def in_form(extremal: Extremal) -> AlongCurve:
+    """The Lagrangian function along an extremal in the coordinates of its form, sliding abscissae being numbers."""
+    form = extremal.form
+    return AlongCurve(
         extremal=extremal,
         symbols=form.symbols,
         order=form.order,
@@ -164,7 +171,6 @@ def along_curve(extremal: Extremal) -> AlongCurve:
         held=form.held,
         rides=form.rides,
     )
-    return _in_own_abscissa(plain) if slides else plain
 
 
 def sliding_ends(form: Form) -> tuple[int | None, int | None]:
