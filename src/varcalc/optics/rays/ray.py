@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from varcalc.optics.rays.leg import Leg
 from varcalc.optics.rays.tube import RayTube
 from varcalc.optics.surfaces import Surface
 from varcalc.problem.conditions import finite
+
+if TYPE_CHECKING:
+    from varcalc.certificates import Certificate
 
 SPEED_OF_LIGHT = 299_792_458.0
 """In vacuum, in metres a second (SI)."""
@@ -93,6 +96,28 @@ class Ray:
         if not finite("speed", speed) > 0:
             raise ValueError(f"speed must be a positive number, not {speed!r}")
         return self.optical_path / speed
+
+    def certify(self, end: Sequence[float] | None = None) -> Certificate:
+        """Prove between which two numbers the least optical path near this ray lies, see :func:`varcalc.certify`.
+
+        It is the infimum over the curves in a tube around the ray from its first point to ``end``, a point (d,) within
+        round-off of where the ray arrives; by default the very doubles at which it does. A ray beyond a conjugate
+        point is refused, since no tube around it has it for its least.
+
+        Raises :class:`varcalc.VariationalError` where there is no proof, with the inequality that failed, ValueError
+        for a ray through surfaces, and ImportError where python-flint is not installed.
+
+        >>> from varcalc import optics
+        >>> duct = optics.Scene(optics.Stratified(lambda y: 1.5 - y**2 / 8))
+        >>> ray = duct.rays((0, 0.1), (1, 0.2))[0]
+        >>> ray.certify((1, 0.2)).width < 1e-18
+        True
+        """
+        from varcalc.optics.rays.fermat import certified_path
+
+        if len(self.legs) != 1 or len(self.media) != 1:
+            raise ValueError(f"a certificate is of a ray in one medium; this one has {len(self.legs)} legs")
+        return certified_path(self.media[0], self.legs[0], end)
 
     def point(self, s: float | np.ndarray) -> np.ndarray:
         """The point of the ray at the optical path ``s`` from A, shape ``np.shape(s) + (d,)``.

@@ -1,0 +1,48 @@
+"""One ray as a curve of Fermat's functional, and the proof that its optical path is least near it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.certificates import Certificate, certify
+from varcalc.methods.collocation.method import Collocation
+from varcalc.optics.media.medium import Medium
+from varcalc.optics.rays.leg import Leg
+from varcalc.problem.conditions import At
+from varcalc.problem.problem import Curve
+from varcalc.solution import Status, VariationalError
+from varcalc.solve.ladder import solve
+
+NEAR = 1e-6
+"""Relative difference of the optical paths of a ray and of the extremal that it is polished to."""
+
+
+def fermat(medium: Medium, start: Sequence[float], end: Sequence[float]) -> Curve:
+    """The optical path between two points as a functional of curves."""
+
+    def path(q: Any, dq: Any) -> Any:
+        return ca.sqrt(medium.squared_index(q) * ca.sumsqr(dq))
+
+    return Curve(path, At(tuple(start)), At(tuple(end)), name="optical_path")
+
+
+def certified_path(medium: Medium, leg: Leg, end: Sequence[float] | None) -> Certificate:
+    """The certificate of a ray that is one leg, between its first point and ``end``, by default its last."""
+    _, beam = leg.sampled()
+    path = float(beam.optical_path[-1] - beam.optical_path[0])
+    shares = (beam.optical_path - beam.optical_path[0]) / path
+
+    def guess(t: Any) -> np.ndarray:
+        return np.array([np.interp(t, shares, column) for column in beam.position.T])
+
+    problem = fermat(medium, beam.position[0].tolist(), beam.position[-1].tolist() if end is None else end)
+    solution = solve(problem, Collocation(), guess=guess)
+    if not abs(solution.value - path) <= NEAR * path:
+        reason = f"no certificate: near the ray a path of {solution.value:.9g} was found, its own is {path:.9g}"
+        raise VariationalError(replace(solution, status=Status.REFUSED, message=reason))
+    return certify(solution)
