@@ -36,6 +36,7 @@ from varcalc.study.work_precision import work_precision
 from varcalc.verify import Finding, Verification, verify
 
 if TYPE_CHECKING:
+    from varcalc import mechanics, optics, problems
     from varcalc.certificates import Certificate, certify
     from varcalc.methods.collocation.method import Collocation
     from varcalc.methods.collocation.scipy_bvp import SciPyBvp
@@ -88,6 +89,7 @@ __all__ = [
     "Verdict",
     "Verification",
     "WorkPrecision",
+    "__version__",
     "certify",
     "compare",
     "continue_branch",
@@ -96,6 +98,9 @@ __all__ = [
     "euler_lagrange_text",
     "extremals",
     "first_integrals_text",
+    "mechanics",
+    "optics",
+    "problems",
     "solve",
     "sweep",
     "verify",
@@ -121,8 +126,24 @@ _LATER = {
 """Public names whose modules are imported when one of them is asked for: many solves need none of them."""
 
 
+_PACKAGES = ("mechanics", "optics", "problems")
+"""Packages that need no import of their own: ``vc.optics`` is one."""
+
+__version__: str
+
+
 def __getattr__(name: str) -> Any:
     """A public name of a module that is not imported with the package."""
     if name in _LATER:
         return getattr(import_module(_LATER[name]), name)
+    if name in _PACKAGES:
+        return import_module(f"{__name__}.{name}")
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version(__name__)
     raise no_attribute(__name__, name, [*__all__, "optics", "mechanics"])
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

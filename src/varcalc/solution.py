@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from varcalc.problem.conditions import reals
+from varcalc.showing import Brief, Fact, Plotted, brief, counted, figure_of, line
 
 if TYPE_CHECKING:
     from varcalc.problem.functional import Functional
@@ -80,8 +81,8 @@ PROVED = "L is proved convex"
 """How what was searched begins where nothing had to be."""
 
 
-@dataclass(frozen=True)
-class Solution:
+@dataclass(frozen=True, repr=False)
+class Solution(Plotted):
     """An extremal of ``problem`` as one method found it.
 
     ``value`` is the functional on the curve, ``error`` the claimed errors,
@@ -126,18 +127,24 @@ class Solution:
         route:    Ritz, 5 unknowns, 1 iteration in ... s
         searched: L is proved convex in the curve and its slope: there is no other valley
         """
-        lines = {"value": self._told_value(), "kind": self._kind(), "evidence": self._evidence()}
-        stats = self.stats
-        steps = f"{stats.iterations} iteration{'' if stats.iterations == 1 else 's'}"
-        lines["route"] = f"{self.rung}, {stats.unknowns} unknowns, {steps} in {stats.build + stats.solve:.2g} s"
-        lines["searched"] = self.searched or "no other curves were looked for"
-        return "\n".join(f"{name + ':':<9} {line}" for name, line in lines.items())
+        return super().__str__()
 
-    def _told_value(self) -> str:
-        if math.isnan(self.value):
-            return f"none ({self.status.value})"
-        claim = f", known to {self.error.value:.1g}" if math.isfinite(self.error.value) else ""
-        return f"{self.value:.12g}{claim} ({self.status.value})"
+    def _headline(self) -> str:
+        return ""
+
+    def _facts(self) -> Iterator[Fact]:
+        yield Fact("value", f"{figure_of(self.value, self.error.value)} ({self.status.value})")
+        yield Fact("kind", self._kind())
+        yield Fact("evidence", self._evidence())
+        stats = self.stats
+        steps = counted(stats.iterations, "iteration")
+        yield Fact("route", f"{self.rung}, {stats.unknowns} unknowns, {steps} in {stats.build + stats.solve:.2g} s")
+        yield Fact("searched", self.searched or "no other curves were looked for")
+
+    def __repr__(self) -> str:
+        """The problem's name, the value, the status and the method: of more, print tells."""
+        told = f"{self.value:.12g}" if self.status.ok else self.status.name
+        return line(type(self).__name__, [brief(self.problem.name), told, self.rung])
 
     def _kind(self) -> str:
         if not self.status.ok:
@@ -157,7 +164,7 @@ class Solution:
             return "no curve was found"
         known = f"the curve is known to {self.error.curve:.1g}" if math.isfinite(self.error.curve) else "a curve"
         elements, degree = self.stats.elements, self.stats.degree
-        mesh = f", on a mesh of {elements} element{'' if elements == 1 else 's'}" if elements else ""
+        mesh = f", on a mesh of {counted(elements, 'element')}" if elements else ""
         return known + mesh + (f" of degree {degree}" if elements and degree else "")
 
     @property
@@ -227,8 +234,8 @@ class InfeasibleError(VariationalError, ValueError):
     """No curve meets the ends and constraints."""
 
 
-@dataclass(frozen=True)
-class Finding:
+@dataclass(frozen=True, repr=False)
+class Finding(Brief):
     """One statement that holds of a curve or problem, in words and ``numbers``; its ``verdict`` when it decides one."""
 
     verdict: Verdict | None

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 
 from varcalc.certificates.balls import Ball
+from varcalc.showing import Fact, Shown, brief, line
 from varcalc.solution import Solution
 
 
@@ -46,8 +48,8 @@ class Distance:
     largest: float
 
 
-@dataclass(frozen=True)
-class Certificate:
+@dataclass(frozen=True, repr=False)
+class Certificate(Shown):
     """A proof that the infimum (the supremum of a maximum) lies between ``lower`` and ``upper``.
 
     ``lower`` and ``upper`` are doubles, rounded outward, ``enclosure`` the same interval as decimal strings with as
@@ -89,6 +91,20 @@ class Certificate:
         """Whether a number lies in the interval."""
         low, high = map(Fraction, self.enclosure)
         return low <= Fraction(value) <= high
+
+    def __repr__(self) -> str:
+        return line("Certificate", [brief(self.solution.problem.name), f"{self.digits} digits", *self.enclosure[:1]])
+
+    def _headline(self) -> str:
+        what = "supremum" if self.solution.problem.maximise else "infimum"
+        return f"Theorem: the {what} of {self.solution.problem.name} over {self._curves()} lies between two numbers."
+
+    def _facts(self) -> Iterator[Fact]:
+        for label, bound in zip(("at least", "at most"), self.enclosure, strict=True):
+            yield Fact(label, bound)
+        yield Fact("width", f"{self.width:.1g}")
+        yield from (Fact("" if k else "proved", str(hypothesis)) for k, hypothesis in enumerate(self.proved))
+        yield Fact("seconds", f"{self.seconds:.2g}")
 
     def __str__(self) -> str:
         what = "supremum" if self.solution.problem.maximise else "infimum"

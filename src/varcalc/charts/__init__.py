@@ -8,6 +8,7 @@ of matplotlib is changed.
 from varcalc.charts.comparison import comparison_picture
 from varcalc.charts.drawing import drawing_picture
 from varcalc.charts.motion import motion_picture
+from varcalc.charts.picture import picture
 from varcalc.charts.rays import range_picture, rays_picture
 from varcalc.charts.spread import work_precision_picture
 from varcalc.charts.sweep import sweep_picture
@@ -19,6 +20,7 @@ __all__ = [
     "comparison_picture",
     "drawing_picture",
     "motion_picture",
+    "picture",
     "range_picture",
     "rays_picture",
     "sweep_picture",

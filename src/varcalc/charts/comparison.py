@@ -70,7 +70,7 @@ def comparison_picture(comparison: Comparison, *, title: str = "", downward: boo
     if lowest is not None:
         _draw_differences(lowest, others, reference, isinstance(comparison.problem, Curve))
     if lowest is not None or not in_plane:
-        (lowest or panels[-1]).set_xlabel("t" if isinstance(comparison.problem, Curve) else "x", color=INK)
+        (lowest or panels[-1]).set_xlabel(comparison.problem.abscissa.label, color=INK)
     panels[0].set_title(
         f"{title or comparison.problem.name}    J = {_value(comparison):.14g}",
         loc="left",
@@ -129,10 +129,12 @@ def _draw_curves(
         _draw_line(panels, exact, in_plane, EXACT_WIDTH, "solid")
     for i, line in enumerate(routes):
         _draw_line(panels, line, in_plane, ROUTE_WIDTH, _stripe(i, len(routes)))
-    for panel, name in zip(panels, ["y"] if in_plane else _component_names(problem), strict=True):
-        panel.set_ylabel(name, rotation=0, labelpad=12, color=INK)
+    ordinates = problem.ordinates
+    for panel, axis in zip(panels, ordinates[1:] if in_plane else ordinates, strict=True):
+        short = len(axis.name.partition("_")[0]) == 1 and not axis.unit
+        panel.set_ylabel(axis.label, rotation=0 if short else 90, labelpad=12 if short else 4, color=INK)
     if in_plane:
-        panels[0].set_xlabel("x", color=INK)
+        panels[0].set_xlabel(ordinates[0].label, color=INK)
         panels[0].set_aspect("equal", adjustable="datalim")
     legend = panels[0].legend(
         frameon=False, labelcolor=INK, fontsize=9, loc="best", title=note or None, title_fontsize=9
@@ -159,13 +161,6 @@ def _stripe(index: int, count: int) -> str | tuple[float, tuple[float, float]]:
     if count == 1:
         return "solid"
     return (count - index) * STRIPE, (STRIPE, (count - 1) * STRIPE)
-
-
-def _component_names(problem: Functional) -> list[str]:
-    n = problem.n
-    if isinstance(problem, Curve):
-        return ["x", "y", "z"][:n] if n <= 3 else [f"$q_{{{i + 1}}}$" for i in range(n)]
-    return ["y"] if n == 1 else [f"$y_{{{i + 1}}}$" for i in range(n)]
 
 
 def _draw_differences(panel: Axes, routes: Sequence[Line], reference: Line, along: bool) -> None:

@@ -10,14 +10,18 @@ from matplotlib.figure import Figure
 
 from varcalc.charts.colours import COLOURS, INK
 from varcalc.charts.panels import plain
-from varcalc.study.drawing import Drawing, Levels, Line, Panel, Points, Text
+from varcalc.study.drawing import Drawing, Levels, Line, Net, Panel, Points, Shades, Text
 
 PALETTE = tuple(hues[0] for hues in COLOURS.values())
 WIDTH, HEIGHT = 4.4, 3.8
 """Of a panel, in inches."""
+MOST_TICKS = 5
+"""Of an axis in space, where there is little room."""
 MERIDIANS = 13
 """Of the sphere that an orbit lies on."""
-FAINT = {"color": "0.85", "linewidth": 0.5}
+FAINT = {"color": "0.75", "linewidth": 0.5}
+ELEVATIONS, ASIDE = (-40.0, 60.0), 15.0
+"""Between which, in degrees, things in space are looked at, and by how much from the side."""
 
 
 def drawing_picture(drawing: Drawing) -> Figure:
@@ -56,33 +60,54 @@ def _in_space(axes: Any, panel: Panel) -> None:
         ring, fall = np.meshgrid(around, down)
         sphere = np.sin(fall) * np.cos(ring), np.sin(fall) * np.sin(ring), np.cos(fall)
         axes.plot_wireframe(*sphere, **FAINT)
+    if panel.sphere or panel.bare:
         axes.set_axis_off()
+    if panel.towards is not None:
+        x, y, z = panel.towards
+        up = float(np.degrees(np.arctan2(z, np.hypot(x, y))))
+        axes.view_init(elev=float(np.clip(up, *ELEVATIONS)) + ASIDE, azim=float(np.degrees(np.arctan2(y, x))) + ASIDE)
     _fill(axes, panel)
     axes.set_zlabel(panel.z)
+    axes.locator_params(nbins=MOST_TICKS)
     axes.set_aspect("equal")
 
 
 def _fill(axes: Any, panel: Panel) -> None:
     numbers = count()
     for part in panel.parts:
-        if isinstance(part, Text):
-            axes.annotate(part.text, (part.x, part.y), color=INK, fontsize="small")
-            continue
-        number = next(numbers) if part.colour is None else part.colour
-        colour = PALETTE[number % len(PALETTE)]
-        style = "--" if part.dashed else "-"
-        if isinstance(part, Levels):
-            axes.contour(
-                part.x, part.y, part.values, levels=list(part.levels), colors=[colour], linewidths=1.0,
-                linestyles="dashed" if part.dashed else "solid",
-            )  # fmt: skip
-        elif isinstance(part, Points):
-            axes.plot(*part.places, "o", color=colour, markersize=4, label=part.label or None)
-        elif isinstance(part, Line):
-            axes.plot(*part.places, style, color=colour, linewidth=1.2, label=part.label or None)
+        if isinstance(part, Line | Levels):
+            number = next(numbers) if part.colour is None else part.colour
+            _draw_lines(axes, part, PALETTE[number % len(PALETTE)])
+        else:
+            _draw_behind(axes, part)
     axes.set_xlabel(panel.x)
     axes.set_ylabel(panel.y)
     if panel.title:
         axes.set_title(panel.title, fontsize="medium")
     if any(isinstance(part, Line) and part.label for part in panel.parts):
         axes.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.1 if panel.z else 1.0, 0.5))
+
+
+def _draw_lines(axes: Any, part: Line | Levels, colour: str) -> None:
+    if isinstance(part, Levels):
+        axes.contour(
+            part.x, part.y, part.values, levels=list(part.levels), colors=[colour], linewidths=1.0,
+            linestyles="dashed" if part.dashed else "solid",
+        )  # fmt: skip
+    elif isinstance(part, Points):
+        axes.plot(*part.places, "o", color=colour, markersize=4, label=part.label or None)
+    else:
+        style = "--" if part.dashed else "-"
+        axes.plot(*part.places, style, color=colour, linewidth=1.2, label=part.label or None)
+
+
+def _draw_behind(axes: Any, part: Text | Net | Shades) -> None:
+    """What stands beside the lines, or behind them."""
+    if isinstance(part, Text):
+        axes.annotate(part.text, (part.x, part.y), color=INK, fontsize="small")
+    elif isinstance(part, Net):
+        for places in part.lines:
+            axes.plot(*places, **FAINT)
+    else:
+        image = axes.pcolormesh(part.x, part.y, part.values, shading="nearest", cmap="viridis")
+        axes.figure.colorbar(image, ax=axes, label=part.label)

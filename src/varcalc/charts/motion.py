@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from varcalc.axes import Axis, numbered
 from varcalc.charts.colours import OTHER_COLOURS
-from varcalc.mechanics.experiment import Flights, Section
-
-if TYPE_CHECKING:
-    from varcalc.mechanics.experiment import Moved
+from varcalc.mechanics.closed_orbits import ClosedOrbit
+from varcalc.mechanics.experiment import LOOKED_AT, Flights, Moved, Section
+from varcalc.mechanics.motion import Ensemble, Motion
+from varcalc.study.drawing import Drawing, Line, Panel
 
 LEVELS = 14
 MOST_NAMES = 6
-"""In a line of the legend."""
+"""In a line of the legend, and panels of an ensemble."""
+MOST_LINES = 200
+"""Motions of an ensemble that are drawn."""
 
 
 def motion_picture(moved: Moved) -> Figure:
@@ -25,31 +26,76 @@ def motion_picture(moved: Moved) -> Figure:
 
     Without that it is the phase portrait of one coordinate, and the orbit of more.
     """
-    figure = Figure(figsize=(11, 4.6), layout="constrained")
-    left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
-    times, q, v = moved.drawn
-    time, names, _ = moved.axes
-    for number, (name, values) in enumerate(zip(names, q, strict=True)):
-        left.plot(times, values, color=OTHER_COLOURS[number % len(OTHER_COLOURS)], label=name)
-    for event in moved.motion.events:
-        left.axvline(event.t, color="0.8", linewidth=0.8, zorder=0)
-    left.set_xlabel(time)
-    left.set_ylabel(names[0] if len(names) == 1 else "coordinates")
-    if len(q) > 1:
-        left.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=MOST_NAMES)
+    figure, right = _beside_times(moved.motion, moved.title)
     if isinstance(asked := moved.experiment.beside, Section):
         _section(right, moved, asked)
     elif isinstance(asked, Flights):
         _flights(right, moved, asked)
-    elif len(q) == 1:
-        _phase_portrait(right, moved, q[0], v[0])
     else:
-        right.plot(q[0], q[1], color=OTHER_COLOURS[0])
-        right.plot(q[0, :1], q[1, :1], "o", color=OTHER_COLOURS[0])
-        right.set_xlabel(names[0])
-        right.set_ylabel(names[1])
-    figure.suptitle(moved.title)
+        _energies(right, moved)
+        _orbit(right, moved.motion)
     return figure
+
+
+def motion_of_picture(motion: Motion) -> Figure:
+    """A motion alone: its coordinates against time, and its way in phase space, or that of two coordinates."""
+    figure, right = _beside_times(motion, "")
+    _orbit(right, motion)
+    return figure
+
+
+def closed_orbit_picture(orbit: ClosedOrbit) -> Figure:
+    """A closed orbit, as its motion once round."""
+    return motion_of_picture(orbit.motion)
+
+
+def ensemble_drawing(ensemble: Ensemble) -> Drawing:
+    """Coordinates of many motions against time, the first few of them."""
+    time, *axes = _axes(ensemble.axes, ensemble.q.shape[1])
+    panels = [
+        [Panel([Line(ensemble.times, row, colour=0) for row in ensemble.q[:MOST_LINES, k]], time.label, axis.label)]
+        for k, axis in enumerate(axes[:MOST_NAMES])
+    ]
+    return Drawing(f"{len(ensemble.q)} motions", lambda: panels)
+
+
+def _axes(given: tuple[Axis, ...], n: int) -> tuple[Axis, ...]:
+    """The axes of a motion, whatever it came from."""
+    return given or (Axis("t"), *map(Axis, numbered("q", n)))
+
+
+def _beside_times(motion: Motion, title: str) -> tuple[Figure, Axes]:
+    """A figure with the coordinates against time on its left, and what is free on its right."""
+    figure = Figure(figsize=(11, 4.6), layout="constrained")
+    left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
+    times = np.linspace(*motion.span, LOOKED_AT)
+    q = motion.q(times)
+    time, *axes = _axes(motion.axes, len(q))
+    for number, (axis, values) in enumerate(zip(axes, q, strict=True)):
+        left.plot(times, values, color=OTHER_COLOURS[number % len(OTHER_COLOURS)], label=axis.label)
+    for event in motion.events:
+        left.axvline(event.t, color="0.8", linewidth=0.8, zorder=0)
+    left.set_xlabel(time.label)
+    left.set_ylabel(axes[0].label if len(axes) == 1 else "coordinates")
+    if len(q) > 1:
+        left.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=MOST_NAMES)
+    figure.suptitle(title)
+    return figure, right
+
+
+def _orbit(panel: Axes, motion: Motion) -> None:
+    """The rate of the only coordinate over it, or the second of several over the first."""
+    times = np.linspace(*motion.span, LOOKED_AT)
+    q = motion.q(times)
+    time, *axes = _axes(motion.axes, len(q))
+    across, up = (q[0], motion.v(times)[0]) if len(q) == 1 else (q[0], q[1])
+    panel.plot(across, up, color=OTHER_COLOURS[0], linewidth=2 if len(q) == 1 else None)
+    if len(q) > 1:
+        panel.plot(across[:1], up[:1], "o", color=OTHER_COLOURS[0])
+        if axes[0].unit == axes[1].unit:
+            panel.set_aspect("equal", adjustable="datalim")
+    panel.set_xlabel(axes[0].label)
+    panel.set_ylabel(axes[0].over(time).label if len(q) == 1 else axes[1].label)
 
 
 def _section(axes: Axes, moved: Moved, asked: Section) -> None:
@@ -75,7 +121,8 @@ def _flights(axes: Axes, moved: Moved, asked: Flights) -> None:
     axes.set_ylabel(f"{names[1]} at rest")
 
 
-def _phase_portrait(axes: Axes, moved: Moved, q: np.ndarray, v: np.ndarray) -> None:
+def _energies(axes: Axes, moved: Moved) -> None:
+    """The levels of the energy about a motion in one coordinate, and the separatrices among them."""
     portrait = moved.portrait
     if portrait is not None:
         levels = np.linspace(portrait.energy.min(), portrait.energy.max(), LEVELS)
@@ -87,7 +134,3 @@ def _phase_portrait(axes: Axes, moved: Moved, q: np.ndarray, v: np.ndarray) -> N
                 portrait.q, portrait.v, portrait.energy, levels=sorted(portrait.separatrices), colors=OTHER_COLOURS[1],
                 linewidths=1.2, linestyles="dashed",
             )  # fmt: skip
-    axes.plot(q, v, color=OTHER_COLOURS[0], linewidth=2)
-    _, names, rates = moved.axes
-    axes.set_xlabel(names[0])
-    axes.set_ylabel(rates[0])

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from varcalc.axes import Axis, coordinates
 from varcalc.charts.colours import INK
 from varcalc.charts.panels import plain
+from varcalc.optics.propagation.bundle import Bundle
 from varcalc.optics.rays.beam import RayStatus
+from varcalc.optics.rays.ray import Ray, Rays
 from varcalc.optics.results.range_chart import RangeChart
-from varcalc.optics.results.study import FLAT, Background, Seen, Track
+from varcalc.optics.results.study import FLAT, Background, Seen, Track, background
 from varcalc.optics.results.wavefronts import Wavefront
 
 RAY, LOST, FRONT, CAUSTIC, ARRIVAL = "#0072b2", "#999999", "#009e73", "#d55e00", "#7a5195"
@@ -22,6 +28,23 @@ FRONT_GAP = 8.0
 """Neighbouring points of a wavefront that lie so many times the usual distance apart are not joined."""
 CROSSINGS = ("#0072b2", "#56b4e9", "#009e73", "#e69f00")
 SIZE = 8.0
+MOST_RAYS = 61
+"""Of a bundle that are drawn."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What is to be drawn of rays: see :class:`varcalc.optics.Seen`."""
+
+    axes: Sequence[Axis]
+    behind: Background
+    tracks: tuple[Track, ...] = ()
+    arriving: tuple[Track, ...] = ()
+    wavefronts: tuple[Wavefront, ...] = ()
+    foci: np.ndarray | None = None
+    source: Sequence[float] | None = None
+    receiver: Sequence[float] | None = None
+    title: str = ""
 
 
 def rays_picture(seen: Seen) -> Figure:
@@ -32,7 +55,64 @@ def rays_picture(seen: Seen) -> Figure:
     """
     if not seen.tracks and not seen.arriving:
         raise ValueError("there is no ray to draw: none could be followed; see the status of the rays")
-    behind = seen.background()
+    source = seen.study.source
+    return _picture(View(
+        seen.study.scene.axes(source.dimension), seen.background(), seen.tracks, seen.arriving, seen.wavefronts,
+        seen.caustic.points if len(seen.caustic) else None,
+        None if hasattr(source, "direction") else getattr(source, "point", None), seen.study.receiver,
+        seen.study.title,
+    ))  # fmt: skip
+
+
+def ray_picture(ray: Ray) -> Figure:
+    """One ray between two points over what it goes through."""
+    return found_rays_picture(Rays((ray,), "", "", axes=ray.axes))
+
+
+def found_rays_picture(rays: Rays) -> Figure:
+    """All rays between two points over what they go through, with their conjugate points.
+
+    Raises ValueError where there is none.
+    """
+    if not rays:
+        raise ValueError(f"there is no ray to draw: {rays.reason}")
+    first = rays[0]
+    tracks = tuple(Track.of(ray.tube) for ray in rays)
+    points = np.concatenate([track.points for track in tracks])
+    foci = np.concatenate([ray.conjugate_points for ray in rays])
+    source, receiver = tracks[0].points[[0, -1]]
+    behind = background(first.media, first.surfaces, points)
+    return _picture(View(
+        rays.axes or _axes(points), behind, arriving=tracks, foci=foci if len(foci) else None, source=source,
+        receiver=receiver, title=f"{len(rays)} ray{'s' * (len(rays) > 1)}",
+    ))  # fmt: skip
+
+
+def bundle_picture(bundle: Bundle) -> Figure:
+    """Rays of a bundle, evenly chosen where it has many, over what they go through.
+
+    Raises ValueError where none could be followed.
+    """
+    origin = bundle.origin
+    rows = np.unique(np.linspace(0, len(bundle) - 1, MOST_RAYS).astype(int)) if len(bundle) else np.arange(0)
+    going = [row for row in rows.tolist() if bundle.optical_path[row] > 0]
+    tubes = [] if origin is None else origin.tubes(going, bundle.optical_path)
+    known = [(bundle.status[row], tube) for row, tube in zip(going, tubes, strict=False) if tube.legs]
+    if origin is None or not known:
+        raise ValueError("there is no ray to draw: none could be followed; see the status of the rays")
+    tracks = tuple(Track(Track.of(tube).points, RayStatus(int(status))) for status, tube in known)
+    points = np.concatenate([track.points for track in tracks])
+    shown = f", {len(tracks)} of them drawn" if len(tracks) < len(bundle) else ""
+    behind = background(origin.media, origin.surfaces, points)
+    return _picture(View(bundle.axes or _axes(points), behind, tracks, title=f"{len(bundle)} rays{shown}"))
+
+
+def _axes(points: np.ndarray) -> tuple[Axis, ...]:
+    return tuple(map(Axis, coordinates(points.shape[1])))
+
+
+def _picture(view: View) -> Figure:
+    behind = view.behind
     extent = float(np.ptp(behind.up)) / float(np.ptp(behind.across))
     equal = FLAT <= extent <= 1 / FLAT
     height = SIZE * min(max(extent, 0.45), 1.2) if equal else 0.6 * SIZE
@@ -40,23 +120,24 @@ def rays_picture(seen: Seen) -> Figure:
     panel = figure.subplots()
     plain(panel)
     _draw_background(figure, panel, behind)
-    _draw_tracks(panel, seen.tracks)
-    for front in seen.wavefronts:
+    _draw_tracks(panel, view.tracks)
+    for front in view.wavefronts:
         _draw_front(panel, front)
-    if len(seen.caustic):
-        panel.plot(*seen.caustic.points[:, [0, -1]].T, "o", color=CAUSTIC, markersize=3, zorder=6)
-    for track in seen.arriving:
+    if view.foci is not None:
+        panel.plot(*view.foci[:, [0, -1]].T, "o", color=CAUSTIC, markersize=3, zorder=8)
+    for track in view.arriving:
         panel.plot(*track.points[:, [0, -1]].T, color=ARRIVAL, linewidth=2.2, zorder=7)
-    _mark_ends(panel, seen)
+    _mark_ends(panel, view)
     panel.set_xlim(behind.across[0], behind.across[-1])
     panel.set_ylim(behind.up[0], behind.up[-1])
     if equal:
         panel.set_aspect("equal")
-    last = "y" if seen.study.source.dimension == 2 else "z"
-    panel.set_xlabel("x", color=INK)
-    panel.set_ylabel(last, rotation=0, labelpad=12, color=INK)
-    panel.set_title(seen.study.title, loc="left", color=INK, fontsize=12, pad=12)
-    _legend(figure, seen)
+    last = view.axes[-1].label
+    short = len(view.axes[-1].name) == 1 and not view.axes[-1].unit
+    panel.set_xlabel(view.axes[0].label, color=INK)
+    panel.set_ylabel(last, rotation=0 if short else 90, labelpad=12 if short else 4, color=INK)
+    panel.set_title(view.title, loc="left", color=INK, fontsize=12, pad=12)
+    _legend(figure, view)
     return figure
 
 
@@ -119,29 +200,27 @@ def _draw_front(panel: Axes, front: Wavefront) -> None:
     panel.plot(*broken.T, color=FRONT, linewidth=1.2, zorder=5.5)
 
 
-def _mark_ends(panel: Axes, seen: Seen) -> None:
-    source = getattr(seen.study.source, "point", None)
-    if source is not None and not hasattr(seen.study.source, "direction"):
-        panel.plot(source[0], source[-1], "o", color=INK, markersize=6, zorder=9)
-    if seen.study.receiver is not None:
+def _mark_ends(panel: Axes, view: View) -> None:
+    if view.source is not None:
+        panel.plot(view.source[0], view.source[-1], "o", color=INK, markersize=6, zorder=9)
+    if view.receiver is not None:
         panel.plot(
-            seen.study.receiver[0], seen.study.receiver[-1], "s", color=ARRIVAL, markersize=7, zorder=9,
-            markeredgecolor="white",
-        )  # fmt: skip
+            view.receiver[0], view.receiver[-1], "s", color=ARRIVAL, markersize=7, zorder=9, markeredgecolor="white"
+        )
 
 
-def _legend(figure: Figure, seen: Seen) -> None:
+def _legend(figure: Figure, view: View) -> None:
     """One entry for each kind of line there is."""
-    ended = {track.status == RayStatus.ARRIVED for track in seen.tracks}
+    ended = {track.status == RayStatus.ARRIVED for track in view.tracks}
     there = [
         (True in ended, Line2D([], [], color=RAY, label="rays")),
         (False in ended, Line2D([], [], color=LOST, label="rays that end early")),
-        (bool(seen.wavefronts), Line2D([], [], color=FRONT, label="wavefronts")),
+        (bool(view.wavefronts), Line2D([], [], color=FRONT, label="wavefronts")),
         (
-            len(seen.caustic) > 0,
+            view.foci is not None,
             Line2D([], [], color=CAUSTIC, marker="o", markersize=4, linestyle="", label="conjugate points"),
         ),
-        (bool(seen.arriving), Line2D([], [], color=ARRIVAL, linewidth=2.2, label="rays to the receiver")),
+        (bool(view.arriving), Line2D([], [], color=ARRIVAL, linewidth=2.2, label="rays to the receiver")),
     ]
     handles = [line for present, line in there if present]
     figure.legend(

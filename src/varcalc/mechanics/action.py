@@ -8,6 +8,7 @@ from typing import Any
 
 import casadi as ca
 
+from varcalc.axes import Axis
 from varcalc.mechanics.lagrange import Lagrange
 from varcalc.problem.conditions import Fixed, Free, Holonomic, Periodic
 from varcalc.problem.problem import Problem
@@ -23,10 +24,14 @@ class Action:
     held: tuple[Holonomic, ...]
     parameters: Mapping[str, float]
     name: str
+    axes: tuple[Axis, ...]
 
     def problem(self, start: Fixed | Free | Periodic, end: Fixed | Free | Periodic) -> Problem:
         """Its stationary points between two ends."""
-        return Problem(self.given, start, end, self.held, parameters=dict(self.parameters) or None, name=self.name)
+        return Problem(
+            self.given, start, end, self.held, parameters=dict(self.parameters) or None, name=self.name,
+            names=[axis.name for axis in self.axes], units=[axis.unit for axis in self.axes],
+        )  # fmt: skip
 
     def placed(
         self, start: Fixed | Free | Periodic, end: Fixed | Free | Periodic,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -17,9 +17,12 @@ from varcalc.mechanics.motion import Motion
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns, TurningFrame, turning_frame
 from varcalc.problem.conditions import reals
 from varcalc.problem.problem import Problem
+from varcalc.showing import Fact, Plotted, Shown, line
 from varcalc.solution import Solution
 from varcalc.symbolic.evaluation import PointEvaluator
 
+SHOWN = 4
+"""Multipliers that a print tells."""
 UNLIKE = 1e-9
 """Relative difference of L at two places that are alike by a symmetry."""
 CLOSED, OPEN = 1e-14, 1e-9
@@ -41,8 +44,8 @@ VANISHES = 1e-6
 """An eigenvalue that is zero but for what is left of the orbit's error."""
 
 
-@dataclass(frozen=True)
-class ClosedOrbit:
+@dataclass(frozen=True, repr=False)
+class ClosedOrbit(Plotted):
     """A closed orbit of a ``period``: its ``motion`` once round, and the motions beside it.
 
     ``closure`` is how far the state is from where it began after a period, by the motion; ``floquet`` holds the
@@ -55,6 +58,19 @@ class ClosedOrbit:
     floquet: Floquet
     action: float
     _second_variation: PointEvaluator = field(repr=False)
+
+    def __repr__(self) -> str:
+        return line("ClosedOrbit", [f"period {self.period:.12g}", "stable" if self.stable else "unstable"])
+
+    def _headline(self) -> str:
+        return f"A closed orbit of period {self.period:.12g}"
+
+    def _facts(self) -> Iterator[Fact]:
+        yield Fact("closes", f"to {self.closure:.1g} of its state")
+        yield Fact("action", f"{self.action:.12g}")
+        grows = "stays near it" if self.stable else "leaves it exponentially"
+        yield Fact("stability", f"a motion beside it {grows}, as far as the linear equations tell")
+        yield Fact("multipliers", ", ".join(f"{m:.6g}" for m in self.multipliers[:SHOWN]))
 
     def q(self, t: Any) -> np.ndarray:
         """The coordinates, shape (n,) + t.shape, at any times."""
@@ -89,8 +105,8 @@ class ClosedOrbit:
         return bool(np.abs(self.multipliers).max() <= 1 + BESIDE)
 
 
-@dataclass(frozen=True)
-class ClosedOrbits:
+@dataclass(frozen=True, repr=False)
+class ClosedOrbits(Shown):
     """Closed orbits of an ``action`` with a ``period`` and a ``symmetry``; see :meth:`System.periodic`."""
 
     action: Action

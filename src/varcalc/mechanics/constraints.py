@@ -15,6 +15,7 @@ import numpy as np
 
 from varcalc.mechanics.lagrange import Lagrange, StateSymbols
 from varcalc.problem.conditions import Holonomic, function
+from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import Expression
 
@@ -28,8 +29,8 @@ RATE = 2.0
 
 
 @spelled
-@dataclass(frozen=True)
-class Pfaffian:
+@dataclass(frozen=True, repr=False)
+class Pfaffian(Brief):
     """``a(t, q[, p])``·v is zero along the motion: n numbers, such as those of rolling without slipping."""
 
     a: Callable[..., Any]

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
+from textwrap import shorten
 from typing import Any, Self
 
 import casadi as ca
 import numpy as np
 
+from varcalc.axes import Axis
 from varcalc.integrators import Engine, Flow
 from varcalc.mechanics.arguments import coordinate_names, coordinate_units, finite_column
 from varcalc.mechanics.constraints import Held, Pfaffian
@@ -21,17 +23,22 @@ from varcalc.problem.conditions import Holonomic, reals, sequence
 from varcalc.problem.conditions import text as text_of
 from varcalc.problem.functional import named
 from varcalc.problem.reading import equation_latex, equation_text, text
+from varcalc.showing import ROOM, Fact, Shown, brief, counted, equations, line, listed
 from varcalc.spelling import check_names, spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.switches import Switch, switches
 from varcalc.symbolic.tracing import Expression
 
+MOST_NAMES = 4
+"""Coordinates and equations that are told one by one."""
+LONGEST_LATEX = 1500
+"""Characters of a formula in a notebook."""
 COMPILED = "_rates", "_monodromy", "about_rest"
 """What a system shares with the same one for other parameters, which are arguments of these."""
 
 
 @spelled
-class Declared:
+class Declared(Shown):
     """A system as it is declared, with what follows without any motion; see :class:`varcalc.mechanics.System`."""
 
     def __init__(
@@ -68,7 +75,40 @@ class Declared:
         self._invariants = {one.name: noether(self._lagrange, one, self.parameters) for one in self.symmetries}
 
     def __repr__(self) -> str:
-        return f"System({', '.join(self.coordinates)}{': ' + self.name if self.name else ''})"
+        known = self.coordinates[:MOST_NAMES]
+        more = ", ..." if len(self.coordinates) > MOST_NAMES else ""
+        return line("System", [f"{', '.join(known)}{more}{': ' + self.name if self.name else ''}"])
+
+    def _headline(self) -> str:
+        told = f"system of {counted(self.n, 'coordinate')}"
+        return f"{self.name}: a {told}" if self.name else f"A {told}"
+
+    def _facts(self) -> Iterator[Fact]:
+        yield Fact("coordinates", shorten(", ".join(map(str, self.axes[1:])), ROOM, placeholder=" ..."))
+        if self.parameters:
+            yield Fact("parameters", listed(self.parameters))
+        if self.constraints:
+            yield Fact(
+                "constraints", f"{len(self.constraints)}: {', '.join(map(brief, self.constraints[:MOST_NAMES]))}"
+            )
+        yield Fact("keeps", ", ".join(self._kept) or "nothing that its formulas show")
+        balance = list(zip(self.equations().splitlines(), self.equations_latex().splitlines(), strict=True))
+        shown = balance if len(balance) <= MOST_NAMES else balance[: MOST_NAMES - 1]
+        for number, (told, formula) in enumerate(shown):
+            short = told if len(told) <= ROOM else f"{told[: ROOM - 4]} ..."
+            yield Fact("" if number else "motion", short, formula if len(formula) <= LONGEST_LATEX else "")
+        if len(shown) < len(balance):
+            yield Fact("", f"and {len(balance) - len(shown)} more: equations() writes them")
+
+    def _repr_latex_(self) -> str:
+        """The equations of motion, typeset."""
+        return rf"$\displaystyle {equations(self.equations_latex().splitlines())}$"
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The names and units of the time and the coordinates."""
+        time = "time" if "t" in self.coordinates else "t"
+        return (Axis(time, self.time_unit), *map(Axis, self.coordinates, self.units))
 
     def with_parameters(self, parameters: Mapping[str, float]) -> Self:
         """The system with other values of some of its ``parameters``.

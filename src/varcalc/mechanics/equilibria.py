@@ -12,6 +12,7 @@ from varcalc.mechanics.constraints import Held
 from varcalc.mechanics.lagrange import Lagrange
 from varcalc.mechanics.linearised import check_holonomic, standing_forces
 from varcalc.numerics.stacked import applied
+from varcalc.showing import Shown
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.intervals import Interval, enclosures
 from varcalc.symbolic.tracing import Expression
@@ -35,8 +36,8 @@ SAME = 1e-7
 """Of the box: two places so near are one."""
 
 
-@dataclass(frozen=True)
-class Equilibria:
+@dataclass(frozen=True, repr=False)
+class Equilibria(Shown):
     """The ``places`` (k, n) at which a system can rest, and how they were ``searched`` for.
 
     ``unresolved`` counts parts of the box in which there may be others: none where it is 0.

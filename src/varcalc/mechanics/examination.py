@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from varcalc.problem.conditions import function
+from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
 
-@dataclass(frozen=True)
-class Examined:
+@dataclass(frozen=True, repr=False)
+class Examined(Shown):
     """An examination carried out: by how much each thing that is known is missed."""
 
     title: str
@@ -37,8 +38,8 @@ class Examined:
 
 
 @spelled
-@dataclass(frozen=True)
-class Examination:
+@dataclass(frozen=True, repr=False)
+class Examination(Shown):
     """What is computed of systems beside their motions: angles, periods, frequencies, bounds of stability.
 
     ``checks`` are functions, by name, that give zero where what is computed is right.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from varcalc.mechanics.motion import Event, Motion
 from varcalc.mechanics.passages import Passages
 from varcalc.mechanics.system import System
+from varcalc.showing import Brief, Fact, Plotted, Shown
 from varcalc.spelling import spelled
 
 LOOKED_AT = 1001
@@ -34,8 +35,8 @@ class Portrait:
 
 
 @spelled
-@dataclass(frozen=True)
-class Section:
+@dataclass(frozen=True, repr=False)
+class Section(Brief):
     """Poincaré's section to draw: the first ``most`` passages through an ``event`` of motions from many states.
 
     ``q0`` and ``v0`` are (m, n); coordinate number ``shown`` and its rate are drawn.
@@ -50,8 +51,8 @@ class Section:
 
 
 @spelled
-@dataclass(frozen=True)
-class Flights:
+@dataclass(frozen=True, repr=False)
+class Flights(Brief):
     """A map to draw: the times to an ``event`` of motions from rest, over values of the first two coordinates."""
 
     event: Event
@@ -65,8 +66,8 @@ class Flights:
         return np.column_stack([values.ravel() for values in np.meshgrid(self.first, self.second)])
 
 
-@dataclass(frozen=True)
-class Moved:
+@dataclass(frozen=True, repr=False)
+class Moved(Plotted):
     """An experiment carried out: its motion, and by how much each thing that is known of it is missed."""
 
     experiment: Experiment
@@ -91,10 +92,15 @@ class Moved:
     @property
     def axes(self) -> tuple[str, list[str], list[str]]:
         """What stands at the axes of pictures: the time, the coordinates and their rates, with their units."""
-        system = self.experiment.system
-        both = list(zip(self.names, system.units, strict=True))
-        rates = [_labelled(f"d{name}/dt", _rate_unit(unit, system.time_unit)) for name, unit in both]
-        return _labelled("t", system.time_unit), [_labelled(*pair) for pair in both], rates
+        time, *coordinates = self.experiment.system.axes
+        return time.label, [axis.label for axis in coordinates], [axis.over(time).label for axis in coordinates]
+
+    def _headline(self) -> str:
+        return self.title or "A motion, held against what is known of it"
+
+    def _facts(self) -> Iterator[Fact]:
+        yield Fact("largest error", f"{self.largest:.1g}")
+        yield from self.motion._facts()  # noqa: SLF001  what is said of the motion is said of what it was
 
     @property
     def title(self) -> str:
@@ -165,14 +171,6 @@ class Moved:
         return "\n".join(lines)
 
 
-def _labelled(name: str, unit: str) -> str:
-    return f"{name} ({unit})" if unit else name
-
-
-def _rate_unit(unit: str, of_time: str) -> str:
-    return f"{unit or 1}/{of_time}" if of_time else unit
-
-
 def _widened(values: np.ndarray) -> np.ndarray:
     low, high = float(values.min()), float(values.max())
     room = BEYOND * max(high - low, 1e-3)
@@ -180,8 +178,8 @@ def _widened(values: np.ndarray) -> np.ndarray:
 
 
 @spelled
-@dataclass(frozen=True)
-class Experiment:
+@dataclass(frozen=True, repr=False)
+class Experiment(Shown):
     """A motion of a ``system`` from coordinates ``q0`` and rates ``v0`` (n,) over the times ``span``.
 
     ``exact`` gives the coordinates (n, m) at times (m,) in closed form, where there is one; ``checks`` are functions of

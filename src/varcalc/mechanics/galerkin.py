@@ -19,6 +19,7 @@ import numpy as np
 from varcalc.mechanics.constraints import Held
 from varcalc.mechanics.lagrange import Lagrange
 from varcalc.numerics.mesh import lobatto
+from varcalc.showing import Shown
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
@@ -32,8 +33,8 @@ CHUNK = 1000
 """Steps in one call."""
 
 
-@dataclass(frozen=True)
-class Stepped:
+@dataclass(frozen=True, repr=False)
+class Stepped(Shown):
     """Coordinates ``q``, rates ``v``, momenta ``p`` (n, k + 1) and the ``energy`` (k + 1,) at ``times`` (k + 1,)."""
 
     times: np.ndarray

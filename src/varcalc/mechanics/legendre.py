@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from varcalc.mechanics.lagrange import Lagrange
 from varcalc.problem.conditions import reals
+from varcalc.showing import Shown
 
 STEPS = 60
 """Newton's, for the velocities of momenta that are not linear in them."""
@@ -18,8 +19,8 @@ FOUND, MISSED = 1e-14, 1e-9
 """Of velocities and momenta: a step that is none, and what may be left."""
 
 
-@dataclass(frozen=True)
-class Hamiltonian:
+@dataclass(frozen=True, repr=False)
+class Hamiltonian(Shown):
     """H(t, q, p) = p·v - L of a Lagrangian, with the velocities that belong to momenta.
 
     Arrays are (n,) or (n, m), of m states; ``numbers`` are the values of the parameters.

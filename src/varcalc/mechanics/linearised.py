@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 
 import casadi as ca
 import numpy as np
@@ -12,11 +14,14 @@ import scipy.linalg
 from varcalc.mechanics.constraints import Held
 from varcalc.mechanics.lagrange import PLACES, Lagrange
 from varcalc.numerics.spectrum import DEFECTIVE, NOISE, Spectrum
+from varcalc.showing import Fact, Shown, counted
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 AT_REST = 1e-8
 """Of the length over which the stiffness changes: how far off an equilibrium may be said to be."""
+MOST_MODES = 6
+"""Modes that a print tells."""
 ROUND_OFF = 1e-12
 """Of all forces: what is twisting or resistance by rounding."""
 UNLIKE = 1e-9
@@ -25,8 +30,8 @@ STEADY = 1e-12
 """Of the matrices, in a time of the system's own: what counts as no change."""
 
 
-@dataclass(frozen=True)
-class NormalModes:
+@dataclass(frozen=True, repr=False)
+class NormalModes(Shown):
     """Small motions about an equilibrium, m of them: of a mode they go as exp((rate ± i frequency) t).
 
     ``frequencies`` (m,) are angular, ascending, and 0 for modes that do not oscillate; ``rates`` (m,) are those of
@@ -45,9 +50,25 @@ class NormalModes:
     exponents: np.ndarray
     zero_modes: int
 
+    def _headline(self) -> str:
+        return f"{counted(len(self.frequencies), 'small motion')} about an equilibrium, " + (
+            "which is stable" if self.stable else "which is not stable"
+        )
 
-@dataclass(frozen=True)
-class Linearised:
+    def _facts(self) -> Iterator[Fact]:
+        shown = zip(self.frequencies, self.rates, self.shapes.T, strict=True)
+        for number, (frequency, rate, shape) in enumerate(islice(shown, MOST_MODES)):
+            grows = (
+                f", grows at the rate {rate:.6g}" if rate > 0 else f", decays at the rate {-rate:.6g}" if rate else ""
+            )
+            moves = np.array2string(shape, precision=4)
+            yield Fact(f"mode {number + 1}", f"angular frequency {frequency:.12g}{grows}, along {moves}")
+        if len(self.frequencies) > MOST_MODES:
+            yield Fact("", f"and {len(self.frequencies) - MOST_MODES} more")
+
+
+@dataclass(frozen=True, repr=False)
+class Linearised(Shown):
     """The equations M x'' + (D + G) x' + K x = f of small motions x (n,) about a place of rest, which end in forces f.
 
     ``mass`` M, ``resistance`` D + G and ``stiffness`` K are (m, m), in coordinates u with x = ``directions`` u; the

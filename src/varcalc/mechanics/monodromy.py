@@ -12,6 +12,7 @@ from varcalc import integrators
 from varcalc.integrators.protocol import COMPLETED, Flow
 from varcalc.integrators.variational import Variational, variational
 from varcalc.numerics.spectrum import Spectrum
+from varcalc.showing import Shown
 
 SYMPLECTIC = 1e-8
 """Of what is multiplied: how far a matrix that keeps the symplectic form may be off it."""
@@ -23,8 +24,8 @@ DEFINITE = 1e-8
 """Of the form: what is less has no sign."""
 
 
-@dataclass(frozen=True)
-class Floquet:
+@dataclass(frozen=True, repr=False)
+class Floquet(Shown):
     """Motions beside one that repeats itself, or beside a place of rest of a system that does, after a ``period``.
 
     ``monodromy`` (2n, 2n) takes small changes of the coordinates and rates at the beginning to those after a period,

@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from varcalc.axes import Axis
 from varcalc.integrators.protocol import OUTCOMES, Flow, Outcome
 from varcalc.problem.conditions import function as check_function
 from varcalc.problem.conditions import reals, text, truth
+from varcalc.showing import Brief, Fact, Plotted, counted, line
 from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 
+MOST_NAMES = 4
+"""Coordinates and events that a print names."""
 LOOKED_AT = 257
 """Times of a motion at which invariants, and the error, are looked at."""
 
 
 @spelled
-@dataclass(frozen=True)
-class Event:
+@dataclass(frozen=True, repr=False)
+class Event(Brief):
     """Where ``function(t, q, v[, p])`` comes through zero; the motion ends there if it is ``terminal``.
 
     ``direction`` 1 asks for rising zeros only, -1 for falling ones, 0 for both.
@@ -40,8 +45,8 @@ class Event:
         truth("Event.terminal", self.terminal)
 
 
-@dataclass(frozen=True)
-class Happening:
+@dataclass(frozen=True, repr=False)
+class Happening(Brief):
     """An event that took place at the time ``t``, in the state ``q``, ``v`` (n,)."""
 
     name: str
@@ -50,8 +55,8 @@ class Happening:
     v: np.ndarray
 
 
-@dataclass(frozen=True)
-class Motion:
+@dataclass(frozen=True, repr=False)
+class Motion(Plotted):
     """A motion from ``span[0]`` to ``span[1]``: coordinates and rates as functions of time, and what it keeps.
 
     ``error`` bounds how far the coordinates are off anywhere, as the difference from a motion that is integrated more
@@ -70,6 +75,30 @@ class Motion:
     """From times (m,) to states (m, 2n)."""
     measured: PointEvaluator = field(repr=False)
     """Of the state: the energy and the reactions (n,)."""
+    axes: tuple[Axis, ...] = field(repr=False, default=())
+    """Names and units of the time and the coordinates."""
+
+    def __repr__(self) -> str:
+        first, last = self.span
+        return line(
+            "Motion", [*(axis.name for axis in self.axes[1:]), f"from {first:g} to {last:g}", self.outcome.name]
+        )
+
+    def _headline(self) -> str:
+        first, last = self.span
+        time = self.axes[0] if self.axes else Axis("t")
+        unit = f" {time.unit}" if time.unit else ""
+        names = ", ".join(axis.name for axis in self.axes[1:MOST_NAMES])
+        return f"A motion{' of ' + names if names else ''} from {time.name} = {first:g} to {last:g}{unit}"
+
+    def _facts(self) -> Iterator[Fact]:
+        yield Fact("ended", f"{self.outcome.value}, after {counted(self.steps, 'step')}")
+        yield Fact("coordinates", f"known to {self.error:.1g}")
+        yield from (Fact(name, f"kept to {drift:.1g}") for name, drift in self.drift.items())
+        for event in self.events[:MOST_NAMES]:
+            yield Fact(event.name, f"at t = {event.t:.12g}, q = {np.array2string(event.q, precision=6)}")
+        if len(self.events) > MOST_NAMES:
+            yield Fact("", f"and {counted(len(self.events) - MOST_NAMES, 'more event')}")
 
     @property
     def completed(self) -> bool:
@@ -133,8 +162,8 @@ class Checkpoints:
         return out
 
 
-@dataclass(frozen=True)
-class Ensemble:
+@dataclass(frozen=True, repr=False)
+class Ensemble(Plotted):
     """m motions at k ``times``: coordinates ``q`` and rates ``v`` (m, n, k), not numbers beyond where one ended.
 
     ``outcomes`` (m,) say how each ended.
@@ -144,6 +173,19 @@ class Ensemble:
     q: np.ndarray
     v: np.ndarray
     outcomes: tuple[Outcome, ...]
+    axes: tuple[Axis, ...] = field(repr=False, default=())
+    """Names and units of the time and the coordinates."""
+
+    def __repr__(self) -> str:
+        return line("Ensemble", [counted(len(self.q), "motion"), f"{len(self.times)} times"])
+
+    def _headline(self) -> str:
+        return f"{counted(len(self.q), 'motion')} at {counted(len(self.times), 'time')}"
+
+    def _facts(self) -> Iterator[Fact]:
+        yield Fact("times", f"from {self.times[0]:g} to {self.times[-1]:g}")
+        for outcome, number in Counter(self.outcomes).items():
+            yield Fact(counted(number, "motion"), outcome.value)
 
     @property
     def completed(self) -> np.ndarray:
@@ -151,7 +193,9 @@ class Ensemble:
         return np.array([outcome is Outcome.COMPLETED for outcome in self.outcomes])
 
 
-def carried(flow: Flow, states: np.ndarray, numbers: np.ndarray, times: np.ndarray) -> Ensemble:
+def carried(
+    flow: Flow, states: np.ndarray, numbers: np.ndarray, times: np.ndarray, axes: tuple[Axis, ...] = ()
+) -> Ensemble:
     """Many initial states (m, 2n) at the first of the ``times`` (k,), to the others."""
     m, n = len(states), states.shape[1] // 2
     out = np.full((m, len(times), 2 * n), np.nan)
@@ -166,7 +210,7 @@ def carried(flow: Flow, states: np.ndarray, numbers: np.ndarray, times: np.ndarr
         codes[going] = landing.outcomes
         going = going[done]
     every = np.swapaxes(out, 1, 2)
-    return Ensemble(times, every[:, :n], every[:, n:], tuple(OUTCOMES[c] for c in codes))
+    return Ensemble(times, every[:, :n], every[:, n:], tuple(OUTCOMES[c] for c in codes), axes)
 
 
 def happenings(

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.problem.conditions import Fixed, Free, Periodic, reals
+from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
@@ -28,8 +29,8 @@ MOST_ELEMENTS = 10_000
 
 
 @spelled
-@dataclass(frozen=True)
-class Repeats:
+@dataclass(frozen=True, repr=False)
+class Repeats(Brief):
     """The orbit is ``times`` times the same: q(t + T/times) = ``matrix`` q(t), with a matrix (n, n)."""
 
     matrix: Any
@@ -42,8 +43,8 @@ class Repeats:
 
 
 @spelled
-@dataclass(frozen=True)
-class Returns:
+@dataclass(frozen=True, repr=False)
+class Returns(Brief):
     """The orbit goes back the way it came: q(-t) = ``matrix`` q(t), with a matrix (n, n) that is its own inverse."""
 
     matrix: Any

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.integrators.protocol import COMPLETED, OUTCOMES, STOPPED, Flow, Outcome
+from varcalc.showing import Shown
 from varcalc.symbolic.evaluation import PointEvaluator
 
 
-@dataclass(frozen=True)
-class Passages:
+@dataclass(frozen=True, repr=False)
+class Passages(Shown):
     """The first k passages of m motions through an event: ``times`` (m, k), and ``q``, ``v`` (m, n, k) there.
 
     They are no numbers where there are fewer; ``outcomes`` (m,) say how each motion ended: STOPPED at its k-th passage,

@@ -11,6 +11,7 @@ import numpy as np
 
 from varcalc.mechanics.lagrange import Lagrange
 from varcalc.problem.conditions import function
+from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import Expression
 
@@ -19,8 +20,8 @@ HOLDS = 1e-9
 
 
 @spelled
-@dataclass(frozen=True)
-class Symmetry:
+@dataclass(frozen=True, repr=False)
+class Symmetry(Brief):
     """An infinitesimal change of coordinates ``xi(t, q[, p])`` (n numbers) and of time ``tau(t, q[, p])``.
 
     The Lagrangian may change by the rate of ``gauge(t, q[, p])``, as it does under a Galilean boost.

@@ -231,7 +231,7 @@ class System(Moving):
         held = tuple(c for c in self.constraints if isinstance(c, Holonomic))
         if len(held) < len(self.constraints) or self._forces_given:
             raise ValueError("forces and Pfaffian constraints have no action: leave them out, or use motion()")
-        return Action(self._given, self._lagrange, held, self.parameters, self.name)
+        return Action(self._given, self._lagrange, held, self.parameters, self.name, self.axes)
 
     def motion(
         self, q0: Sequence[float], v0: Sequence[float], span: tuple[float, float], *, events: Sequence[Event] = ()
@@ -253,14 +253,14 @@ class System(Moving):
         error += self._out_of_step(flown.looked, flown.states, drift.get("energy", 0.0))
         return Motion(
             (first, flown.reached), flown.run.outcome, error, drift, happened, flown.run.steps, numbers,
-            flown.trajectory, self._measured,
+            flown.trajectory, self._measured, self.axes,
         )  # fmt: skip
 
     def ensemble(self, q0: Any, v0: Any, times: Sequence[float]) -> Ensemble:
         """Motions from many states at once: ``q0`` and ``v0`` (m, n) at the first of the ascending ``times`` (k,)."""
         when = ascending_times(times)
         states, numbers = self._many(q0, v0, when[0], when[-1])
-        return carried(self._flow(integrators.for_many(MOST_STEPS)), states, numbers, when)
+        return carried(self._flow(integrators.for_many(MOST_STEPS)), states, numbers, when, self.axes)
 
     def galerkin(
         self, q0: Sequence[float], v0: Sequence[float], span: tuple[float, float], *, steps: int, degree: int = 3

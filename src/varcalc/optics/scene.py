@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import zip_longest
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
+from varcalc.axes import Axis, coordinates, declared_axes
 from varcalc.optics.arrivals.search import PairSearch
 from varcalc.optics.media.dispersion import Dispersion
 from varcalc.optics.media.medium import Medium
@@ -18,12 +22,19 @@ from varcalc.optics.surfaces import Surface, touched
 from varcalc.optics.validation import how_far, matched, point, rows, unit_rows
 from varcalc.optics.validation import number as one_number
 from varcalc.problem.functional import named
+from varcalc.problem.reading import latex, text
 from varcalc.progress import Progress
+from varcalc.showing import Fact, Shown, brief, counted, line, listed
 from varcalc.spelling import check_names, spelled
+
+LONGEST = 120
+"""Characters of the formula of an index."""
+MOST_PARTS = 6
+"""Media and surfaces that are told one by one."""
 
 
 @spelled
-class Scene:
+class Scene(Shown):
     """Media and the surfaces between them.
 
     Raises TypeError or ValueError where the media and surfaces do not fit each other.
@@ -37,6 +48,8 @@ class Scene:
         In the order in which a ray meets them.
     wavelength : float, optional
         In micrometres, in vacuum, for media with dispersion.
+    names, units : sequence of str, optional
+        Of the coordinates, 2 or 3, such as ``("range", "height")`` and ``("km", "km")``, for prints and pictures.
 
     Examples
     --------
@@ -56,6 +69,8 @@ class Scene:
         surfaces: Surface | Sequence[Surface] = (),
         *,
         wavelength: float | None = None,
+        names: Sequence[str] = (),
+        units: Sequence[str] = (),
     ) -> None:
         given: tuple[Any, ...] = _members("media", Medium, media)
         self.surfaces: tuple[Any, ...] = _members("surfaces", Surface, surfaces)
@@ -71,18 +86,46 @@ class Scene:
                 "the scene has parts in the plane and parts in space; give all points 2 or all 3 coordinates"
             )
         self.dimension = dimensions.pop() if dimensions else None
+        self.names, self.units = names, units
+        if names or units:
+            self.dimension = _as_declared(self.dimension, len(names or units))
+            self.axes(self.dimension)
         self._compiled = CompiledScene(self.media, self.surfaces, self.dimension)
         self._pairs = PairSearch(self._compiled)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _scene, (self.media, self.surfaces, self.wavelength)
+        return _scene, (self.media, self.surfaces, self.wavelength, self.names, self.units)
 
     def __repr__(self) -> str:
-        return f"Scene({list(self.media)}, {list(self.surfaces)})"
+        return line("Scene", [brief(list(self.media)), *([brief(list(self.surfaces))] if self.surfaces else [])])
+
+    def _headline(self) -> str:
+        space = {None: "", 2: " in the plane", 3: " in space"}[self.dimension]
+        return f"A scene{space} of {counted(len(self.media), 'medium', 'media')}" + (
+            f" and {counted(len(self.surfaces), 'surface')}" if self.surfaces else ""
+        )
+
+    def _facts(self) -> Iterator[Fact]:
+        axes = self.axes(self.dimension or 2)
+        met = [part for pair in zip_longest(self.media, self.surfaces) for part in pair if part is not None]
+        shown = met if len(met) <= MOST_PARTS else met[: MOST_PARTS - 1]
+        for part in shown:
+            yield part_fact(part, axes)
+        if len(shown) < len(met):
+            yield Fact("", f"and {len(met) - len(shown)} more")
+        numbers = {name: value for part in met for name, value in part.parameters.items()}
+        if numbers:
+            yield Fact("parameters", listed(numbers))
+        if any(axis.unit for axis in axes):
+            yield Fact("axes", ", ".join(map(str, axes)))
+
+    def axes(self, dimension: int) -> tuple[Axis, ...]:
+        """The names and units of the coordinates, as declared, or x, y, z, of points of a ``dimension``."""
+        return declared_axes(self.names, self.units, coordinates(dimension))
 
     def at_wavelength(self, wavelength: float) -> Scene:
         """The scene in light of ``wavelength``, in micrometres in vacuum."""
-        return Scene(self.media, self.surfaces, wavelength=wavelength)
+        return _scene(self.media, self.surfaces, wavelength, self.names, self.units)
 
     def with_parameters(self, values: Mapping[str, float]) -> Scene:
         """The scene for other values of its media's and surfaces' parameters.
@@ -94,7 +137,7 @@ class Scene:
         check_names("parameters of this scene", values, sorted(known))
         media = [m.with_parameters({k: v for k, v in values.items() if k in m.parameters}) for m in self.media]
         surfaces = [s.with_parameters({k: v for k, v in values.items() if k in s.parameters}) for s in self.surfaces]
-        return Scene(media, surfaces, wavelength=self.wavelength)
+        return _scene(media, surfaces, self.wavelength, self.names, self.units)
 
     def trace(
         self,
@@ -151,7 +194,8 @@ class Scene:
         propagator = self._compiled.propagator(until, starts.points.shape[1], checked_model(model))
         if until is not None:
             starts.on_stop[:] = touched(propagator.geometries[propagator.stop], starts.points)
-        return traced(propagator, starts, with_spreading=with_spreading, progress=progress)
+        bundle = traced(propagator, starts, with_spreading=with_spreading, progress=progress)
+        return replace(bundle, axes=self.axes(starts.points.shape[1]))
 
     def rays(
         self, A: Any, B: Any, *, within: float | None = None, wavelength: float | None = None,
@@ -198,7 +242,7 @@ class Scene:
             return self.at_wavelength(wavelength).rays(A, B, within=within, model=model)
         if np.array(A).ndim != 1 or np.array(B).ndim != 1:
             A, B = point("A", A), point("B", B)
-        return self._pairs.arrivals("A", A, "B", B, within, model)[0]
+        return self._named(self._pairs.arrivals("A", A, "B", B, within, model)[0])
 
     def arrivals(
         self, sources: Any, receivers: Any, *, within: float | None = None, wavelength: float | None = None,
@@ -241,7 +285,15 @@ class Scene:
             return self.at_wavelength(wavelength).arrivals(
                 sources, receivers, within=within, model=model, progress=progress
             )
-        return self._pairs.arrivals("sources", sources, "receivers", receivers, within, model, progress)
+        found = self._pairs.arrivals("sources", sources, "receivers", receivers, within, model, progress)
+        return [self._named(rays) for rays in found] if self.names or self.units else found
+
+    def _named(self, rays: Rays) -> Rays:
+        """The rays with the names and units of the scene, where it has any."""
+        if not (self.names or self.units):
+            return rays
+        axes = self.axes(self.dimension or 2)
+        return replace(rays, found=tuple(replace(ray, axes=axes) for ray in rays), axes=axes)
 
     def _starts(self, points: Any, directions: Any, optical_path: Any, until: Surface | None) -> Starts:
         """Where rays start, off every surface, along which unit directions, and how far they go, checked.
@@ -288,8 +340,11 @@ def _one_more(media: Sequence[Medium], surfaces: Sequence[Surface]) -> tuple[Med
     return full
 
 
-def _scene(media: Sequence[Medium], surfaces: Sequence[Surface], wavelength: float | None) -> Scene:
-    return Scene(media, surfaces, wavelength=wavelength)
+def _scene(
+    media: Sequence[Medium], surfaces: Sequence[Surface], wavelength: float | None, names: Sequence[str] = (),
+    units: Sequence[str] = (),
+) -> Scene:  # fmt: skip
+    return Scene(media, surfaces, wavelength=wavelength, names=names, units=units)
 
 
 def _members(name: str, kind: type, given: Any) -> tuple[Any, ...]:
@@ -310,3 +365,30 @@ def _members(name: str, kind: type, given: Any) -> tuple[Any, ...]:
 
 
 _EXAMPLES = {"media": "Uniform or Graded", "surfaces": "Plane or Sphere"}
+
+
+def part_fact(part: Medium | Surface, axes: Sequence[Axis]) -> Fact:
+    """What a medium or a surface is, with the formula of its index."""
+    if isinstance(part, Surface):
+        return Fact("mirror" if part.mirror else "surface", repr(part))
+    place, names = ca.SX.sym("r", len(axes)), [axis.name for axis in axes]
+    symbols = {name: ca.SX.sym(name) for name in part.parameters}
+    named = [(place, names), *((symbol, [name]) for name, symbol in symbols.items())]
+    kind = type(part).__name__.lower()
+    try:
+        index = part.parametric_index(place, symbols)
+        told = text(index, named)
+    except (TypeError, ValueError, RuntimeError, NotImplementedError):  # of another dimension, or of no formula
+        return Fact("medium", repr(part))
+    if not isinstance(index, ca.SX) or len(told) > LONGEST:
+        return Fact("medium", repr(part))
+    return Fact("medium", f"{kind}, n = {told}", f"n = {latex(index, named)}")
+
+
+def _as_declared(dimension: int | None, count: int) -> int:
+    """The number of coordinates, as names or units declare it."""
+    if count not in {2, 3} or dimension not in {None, count}:
+        raise ValueError(
+            f"names and units must be of the {dimension or '2 or 3'} coordinates of a point, not of {count}"
+        )
+    return count

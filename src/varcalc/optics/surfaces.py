@@ -19,6 +19,7 @@ from varcalc.optics.parameters import Parametrised
 from varcalc.optics.validation import by_chunks, direction, number, numbers, point
 from varcalc.problem.conditions import truth
 from varcalc.problem.functional import named
+from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -53,8 +54,8 @@ class Surface(Parametrised, ABC):
 
 
 @spelled
-@dataclass(frozen=True)
-class Plane(Surface):
+@dataclass(frozen=True, repr=False)
+class Plane(Brief, Surface):
     """The plane through ``point`` with the given ``normal`` (a straight line, in the plane)."""
 
     point: Sequence[float]
@@ -78,8 +79,8 @@ class Plane(Surface):
 
 
 @spelled
-@dataclass(frozen=True)
-class Sphere(Surface):
+@dataclass(frozen=True, repr=False)
+class Sphere(Brief, Surface):
     """The whole sphere (circle) of ``radius`` about ``center``."""
 
     center: Sequence[float]
@@ -127,8 +128,8 @@ class _OfRevolution(Surface):
 
 
 @spelled
-@dataclass(frozen=True)
-class Conic(_OfRevolution):
+@dataclass(frozen=True, repr=False)
+class Conic(Brief, _OfRevolution):
     """A conic of revolution: the sheet through its vertex, as far as it is a graph over the tangent plane there.
 
     Parameters
@@ -162,8 +163,8 @@ class Conic(_OfRevolution):
 
 
 @spelled
-@dataclass(frozen=True)
-class Asphere(_OfRevolution):
+@dataclass(frozen=True, repr=False)
+class Asphere(Brief, _OfRevolution):
     """A conic with even powers added: z = c ρ²/(1 + sqrt(1 - (1 + k) c² ρ²)) + a₄ ρ⁴ + a₆ ρ⁶ + ...
 
     Parameters
@@ -193,8 +194,8 @@ class Asphere(_OfRevolution):
 
 
 @spelled
-@dataclass(frozen=True)
-class Implicit(Surface):
+@dataclass(frozen=True, repr=False)
+class Implicit(Brief, Surface):
     """The zeros of any smooth function.
 
     Parameters

@@ -14,6 +14,7 @@ from typing import Any, ClassVar, cast
 import casadi as ca
 import numpy as np
 
+from varcalc.showing import Brief
 from varcalc.spelling import spelled
 
 Number = float | int
@@ -206,8 +207,8 @@ def _numbers(name: str, given: Any) -> np.ndarray:
 
 
 @spelled
-@dataclass(frozen=True)
-class Fixed(AnyEnd):
+@dataclass(frozen=True, repr=False)
+class Fixed(Brief, AnyEnd):
     """An end at the abscissa ``x`` with the ordinate ``y`` given.
 
     ``y`` is a number, or a sequence with one entry for each unknown function,
@@ -247,8 +248,8 @@ class Fixed(AnyEnd):
 
 
 @spelled
-@dataclass(frozen=True)
-class Free(AnyEnd):
+@dataclass(frozen=True, repr=False)
+class Free(Brief, AnyEnd):
     """An end at the abscissa ``x`` whose ordinate is free (natural condition).
 
     ``n`` is the number of unknown functions, needed only when the other end
@@ -264,8 +265,8 @@ class Free(AnyEnd):
 
 
 @spelled
-@dataclass(frozen=True)
-class OnCurve(OfFunction, AnyEnd):
+@dataclass(frozen=True, repr=False)
+class OnCurve(Brief, OfFunction, AnyEnd):
     """An end that slides on ``phi(x, y) = 0``; ``x`` is a first guess of its abscissa."""
 
     slides = True
@@ -282,8 +283,8 @@ class OnCurve(OfFunction, AnyEnd):
 
 
 @spelled
-@dataclass(frozen=True)
-class Periodic(AnyEnd):
+@dataclass(frozen=True, repr=False)
+class Periodic(Brief, AnyEnd):
     """Both ends of a periodic curve: ``y(x0) = y(x1)`` and so the slope.
 
     Give the same object as start and end. For a closed :class:`varcalc.Curve`
@@ -307,8 +308,8 @@ class Periodic(AnyEnd):
 
 
 @spelled
-@dataclass(frozen=True)
-class At(AnyEnd):
+@dataclass(frozen=True, repr=False)
+class At(Brief, AnyEnd):
     """An end of a :class:`varcalc.Curve` at the point ``q`` (``None``: that component is free)."""
 
     fixed = True
@@ -329,8 +330,8 @@ class At(AnyEnd):
 
 
 @spelled
-@dataclass(frozen=True)
-class OnSurface(OfFunction, AnyEnd):
+@dataclass(frozen=True, repr=False)
+class OnSurface(Brief, OfFunction, AnyEnd):
     """An end of a :class:`varcalc.Curve` that slides on ``phi(q) = 0``; ``guess`` is a point near it."""
 
     slides = True
@@ -363,8 +364,8 @@ def _check_between(owner: str, lower: float | None, upper: float | None) -> None
 
 
 @spelled
-@dataclass(frozen=True)
-class Isoperimetric(OfFunction):
+@dataclass(frozen=True, repr=False)
+class Isoperimetric(Brief, OfFunction):
     """The integral of ``g`` (called as the Lagrangian is) equals ``value``, or lies between levels."""
 
     written = "g"
@@ -404,8 +405,8 @@ class Isoperimetric(OfFunction):
 
 
 @spelled
-@dataclass(frozen=True)
-class Holonomic(OfFunction):
+@dataclass(frozen=True, repr=False)
+class Holonomic(Brief, OfFunction):
     """``phi(x, y[, p]) = 0`` all along the curve (``phi(q[, p])`` for a Curve)."""
 
     written = "phi"
@@ -417,8 +418,8 @@ class Holonomic(OfFunction):
 
 
 @spelled
-@dataclass(frozen=True)
-class Bound(OfFunction):
+@dataclass(frozen=True, repr=False)
+class Bound(Brief, OfFunction):
     """``lower <= h(x, y, dy[, p]) <= upper`` all along the curve: obstacles, bounds on the slope."""
 
     written = "h"
@@ -444,8 +445,8 @@ class Bound(OfFunction):
 
 
 @spelled
-@dataclass(frozen=True)
-class Through:
+@dataclass(frozen=True, repr=False)
+class Through(Brief):
     """A waypoint: ``y(x)`` has the given value. The slope may jump there (at order 2 the curvature may)."""
 
     x: float

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Self
 import casadi as ca
 import numpy as np
 
+from varcalc.axes import Axis
 from varcalc.problem.conditions import (
     Bound,
     Constraint,
@@ -26,9 +27,14 @@ from varcalc.problem.conditions import (
     text,
     truth,
 )
+from varcalc.showing import Fact, Shown, brief, line
 from varcalc.spelling import check_names, spelled
-from varcalc.symbolic.derived import Cache
-from varcalc.symbolic.tracing import Expression, Names, NotSymbolic, TracedFunction, trace
+from varcalc.symbolic.derived import Cache, derived
+from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.tracing import Expression, Names, NotSymbolic, TracedFunction, check_arity, name_of, scalar, trace
+
+SPACE = 3
+"""Coordinates of a place on a surface in space."""
 
 
 @dataclass(frozen=True)
@@ -86,14 +92,15 @@ class Traced:
     expression: Expression
 
 
-class Functional:
+class Functional(Shown):
     """What :class:`Problem` and :class:`Curve` share: the traced functional and its parameters.
 
     ``n`` is the number of unknown functions, ``scalar`` tells that they are
     handed over and returned as numbers rather than columns, ``integrand`` is
     the traced Lagrangian in ``symbols``; ``cache`` keeps what methods derive
     from them, shared by copies with other parameter values. ``templates`` are the
-    ends as they were given, parameters among their coordinates.
+    ends as they were given, parameters among their coordinates. ``abscissa`` and
+    ``ordinates`` are the names and units of the variables.
     """
 
     start: Any
@@ -106,6 +113,9 @@ class Functional:
     integrand: Expression
     original: Self | None = None
     traced: tuple[Traced, ...]
+    abscissa: Axis
+    ordinates: tuple[Axis, ...]
+    surface_expressions: tuple[Expression, ...] = ()
     end_cost_expression: tuple[list[Expression], Expression] | None = None
     breakpoints: tuple[float, ...] = ()
     written: ClassVar[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]]
@@ -124,6 +134,9 @@ class Functional:
         end_cost: Callable[..., Any] | None,
         maximise: bool,
         name: str,
+        names: Sequence[str],
+        units: Sequence[str],
+        surface: Callable[..., Any] | None,
     ) -> None:
         self.lagrangian = lagrangian
         self.templates = (start, end)
@@ -137,6 +150,8 @@ class Functional:
         self.maximise = truth("maximise", maximise)
         self.name = text("name", name) or _own_name(lagrangian)
         self.constraints = self._checked_constraints(constraints)
+        self.abscissa, self.ordinates = self._named_axes(names, units)
+        self.surface = surface
         self.cache = Cache()
         try:
             self._trace(ca.SX)
@@ -161,6 +176,11 @@ class Functional:
     def end_parameters(self) -> frozenset[str]:
         """The parameters that are coordinates of the ends."""
         return frozenset(name for end in self.templates for name, _, _ in parameters_of(end))
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The names and units of the variables, in the order in which ``names`` and ``units`` declare them."""
+        return (self.abscissa, *self.ordinates)
 
     @property
     def sign(self) -> float:
@@ -193,6 +213,10 @@ class Functional:
         return self.start.slides, self.end.slides
 
     # what Problem and Curve each define
+    def _named_axes(self, names: Sequence[str], units: Sequence[str]) -> tuple[Axis, tuple[Axis, ...]]:  # noqa: ARG002
+        """The abscissa and the ordinates, as they are declared; TypeError or ValueError for what are none."""
+        raise TypeError("a functional is either a Problem or a Curve")
+
     def check_ends(self) -> None:
         """Raise ValueError where parameters have moved an end to where none can be."""
         raise TypeError("a functional is either a Problem or a Curve")
@@ -248,6 +272,8 @@ class Functional:
             phi = self.traced_slide(label, self.symbols.x, self.symbols.y, kind)
             if phi is not None and not ca.depends_on(phi, ca.vertcat(*self.position(self.symbols.x, self.symbols.y))):
                 raise ValueError(f"{label}.phi {self.slide_idle}")
+        if self.surface is not None:
+            self.surface_expressions = _traced_surface(self.surface, [*position, *p], kind)
         if self.end_cost is not None:
             ends = self._end_symbols()
             self.end_cost_expression = (
@@ -315,34 +341,84 @@ class Functional:
         s, position = self.symbols, self.position(self.symbols.x, self.symbols.y)
         traced = iter(self.traced)
         constraints = [
-            c.stated(self._as_traced(next(traced).expression, c.arguments(position, s.slopes)))
+            c.stated(self._as_traced(next(traced).expression, c.arguments(position, s.slopes), name_of(c.function)))
             if isinstance(c, OfFunction)
             else c
             for c in self.constraints
         ]
-        cost = None if self.end_cost_expression is None else self._as_traced(*reversed(self.end_cost_expression))
+        cost = None
+        if self.end_cost_expression is not None:
+            ends, value = self.end_cost_expression
+            cost = self._as_traced(value, ends)
         lagrangian = self._as_traced(self.integrand, [*position, *s.slopes])
         statement = (lagrangian, *map(self._sent_end, self.templates), constraints)
+        surface = self._as_traced(ca.vertcat(*self.surface_expressions), position) if self.surface else None
         options = {
             "parameters": self.parameters, "unknowns": self.unknowns, "end_cost": cost,
-            "maximise": self.maximise, "name": self.name,
+            "maximise": self.maximise, "name": self.name, "surface": surface,
+            "names": [axis.name for axis in self.axes], "units": [axis.unit for axis in self.axes],
         }  # fmt: skip
         return _rebuilt, (type(self), statement, options | self._options())
 
-    def _as_traced(self, expression: Expression, arguments: list[Expression]) -> TracedFunction:
+    def _as_traced(self, expression: Expression, arguments: list[Expression], called: str = "") -> TracedFunction:
         s = self.symbols
         function = ca.Function("traced", [*arguments, s.parameters, s.unknowns], [expression])
-        return TracedFunction(function, (tuple(self.parameters), tuple(self.unknowns)))
+        return TracedFunction(function, (tuple(self.parameters), tuple(self.unknowns)), called)
 
     def _sent_end(self, end: Any) -> Any:
         """An end whose function, if it has one, is what it gave."""
         if not isinstance(end, OfFunction):
             return end
         phi = trace("phi", end.function, self.handed(self.symbols.x, self.symbols.y), self.symbols.kind)
-        return end.stated(TracedFunction(ca.Function("traced", self.position(self.symbols.x, self.symbols.y), [phi])))
+        function = ca.Function("traced", self.position(self.symbols.x, self.symbols.y), [phi])
+        return end.stated(TracedFunction(function, (), name_of(end.function)))
+
+    def on_surface(self, q: np.ndarray) -> np.ndarray:
+        """The points in space (3, m) of places q (number of arguments of ``surface``, m): x and y, or a Curve's q.
+
+        Raises ValueError where no surface was declared.
+        """
+        if not self.surface_expressions:
+            raise ValueError(f"{self.name} lies on no surface that was declared; give the problem surface=")
+        return _surface(self)(len(q.T), q.T, self.parameter_values[None], self.unknown_guesses[None]).T
+
+    def _headline(self) -> str:
+        unknown = ", ".join(axis.name for axis in self.ordinates)
+        told = f"functional of {unknown}, to be made {'greatest' if self.maximise else 'least'}"
+        return f"A {told}" if self.name == UNNAMED else f"{self.name}: a {told}"
+
+    def _facts(self) -> Iterator[Fact]:
+        from varcalc.problem.reading.statement import statement  # which reads problems
+
+        yield from statement(self)
+
+    def _repr_latex_(self) -> str:
+        """The functional, its ends and conditions and the Euler-Lagrange equation, typeset."""
+        from varcalc.problem.reading.statement import statement_latex
+
+        return statement_latex(self)
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.name!r}, {self.start}, {self.end})"
+        return line(type(self).__name__, [brief(self.name), *map(brief, self.templates)])
+
+
+@derived
+def _surface(problem: Functional) -> PointEvaluator:
+    s = problem.symbols
+    place = ca.vertcat(*problem.position(s.x, s.y))
+    return PointEvaluator(
+        ca.Function("surface", [place, s.parameters, s.unknowns], [ca.vertcat(*problem.surface_expressions)])
+    )
+
+
+def _traced_surface(surface: Callable[..., Any], arguments: list[Any], kind: type) -> tuple[Expression, ...]:
+    """The three coordinates in space that a person's function gives."""
+    check_arity("surface", surface, len(arguments), "it takes a place, as phi does, and p last where there are any")
+    given = surface(*arguments)
+    parts = ca.vertsplit(given) if isinstance(given, kind) else list(given)
+    if len(parts) != SPACE:
+        raise ValueError(f"surface must return the 3 coordinates of a point in space, not {len(parts)}")
+    return tuple(scalar(f"surface[{k}]", part, kind) for k, part in enumerate(parts))
 
 
 def check_functional(problem: Any) -> None:

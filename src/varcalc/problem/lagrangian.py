@@ -16,11 +16,12 @@ from functools import cached_property
 import casadi as ca
 
 from varcalc.problem.functional import Functional, Symbols
+from varcalc.showing import Shown
 from varcalc.symbolic.tracing import Expression
 
 
-@dataclass(frozen=True)
-class Lagrangian:
+@dataclass(frozen=True, repr=False)
+class Lagrangian(Shown):
     """A scalar ``expression`` in ``symbols`` with its Euler-Lagrange equation and first integrals."""
 
     symbols: Symbols

@@ -15,6 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.axes import Axis, coordinates, declared_axes, numbered
 from varcalc.problem.conditions import (
     AnyEnd,
     Constraint,
@@ -70,6 +71,14 @@ class Problem(Functional):
         Highest derivative in the Lagrangian, 1 or 2.
     breakpoints:
         Abscissae where L may jump in x.
+    name:
+        What the problem is called; by default the Lagrangian's own name.
+    names, units:
+        Of the axes: texts for x and each unknown function, such as ``names=("t", "height"), units=("s", "m")``. They
+        stand in equations, prints and pictures.
+    surface:
+        ``surface(x, y[, p])``: the point in space (three coordinates) that x and y are coordinates of. Pictures then
+        show the curve on its surface, as is fit for a geodesic.
     """
 
     written = ("x", "y"), ("dy", "ddy"), ("x0", "y0", "x1", "y1")
@@ -90,6 +99,9 @@ class Problem(Functional):
         maximise: bool = False,
         breakpoints: Sequence[float] = (),
         name: str = "",
+        names: Sequence[str] = (),
+        units: Sequence[str] = (),
+        surface: Callable[..., Any] | None = None,
     ) -> None:
         check_function("lagrangian", lagrangian)
         if isinstance(order, bool) or not isinstance(order, int | np.integer) or order not in (1, 2):
@@ -102,12 +114,18 @@ class Problem(Functional):
         self.breakpoints = sequence(
             "breakpoints", breakpoints
         )  # checked with the ends, whose coordinates may be parameters
-        super().__init__(lagrangian, start, end, constraints, parameters, unknowns, end_cost, maximise, name)
+        super().__init__(
+            lagrangian, start, end, constraints, parameters, unknowns, end_cost, maximise, name, names, units, surface
+        )
         self._check_domain()
         self.check_places()
 
     def position(self, x: Expression, y: Expression) -> list[Expression]:  # noqa: D102
         return [x, y]
+
+    def _named_axes(self, names: Sequence[str], units: Sequence[str]) -> tuple[Axis, tuple[Axis, ...]]:
+        abscissa, *ordinates = declared_axes(names, units, ("x", *numbered("y", self.n)))
+        return abscissa, tuple(ordinates)
 
     def _options(self) -> dict[str, Any]:
         return {"order": self.order, "breakpoints": self.breakpoints}
@@ -250,7 +268,8 @@ class Curve(Functional):
     the parametrisation (constant speed) itself. ``start`` and ``end`` are
     :class:`At`, :class:`OnSurface`, or the same :class:`Periodic` twice for a
     closed curve. The other arguments are those of :class:`Problem`, with
-    ``Holonomic(phi(q))``, ``Bound(h(q, dq))`` and ``end_cost(q0, q1[, p])``.
+    ``Holonomic(phi(q))``, ``Bound(h(q, dq))``, ``end_cost(q0, q1[, p])``, ``names`` and ``units``
+    of the coordinates, and ``surface(q[, p])``.
 
     Raises ValueError when ``F`` is not homogeneous of degree one.
     """
@@ -271,12 +290,17 @@ class Curve(Functional):
         end_cost: Callable[..., Any] | None = None,
         maximise: bool = False,
         name: str = "",
+        names: Sequence[str] = (),
+        units: Sequence[str] = (),
+        surface: Callable[..., Any] | None = None,
     ) -> None:
         check_function("lagrangian", lagrangian)
         self.n = curve_dimension(start, end)
         self.scalar = False
         self.span = (0.0, 1.0)
-        super().__init__(lagrangian, start, end, constraints, parameters, unknowns, end_cost, maximise, name)
+        super().__init__(
+            lagrangian, start, end, constraints, parameters, unknowns, end_cost, maximise, name, names, units, surface
+        )
         for i, c in enumerate(self.constraints):
             if isinstance(c, Through):
                 raise TypeError(f"constraints[{i}]: Through needs an abscissa, which a Curve does not have")
@@ -291,6 +315,14 @@ class Curve(Functional):
 
     def position(self, x: Expression, y: Expression) -> list[Expression]:  # noqa: ARG002, D102
         return [y]
+
+    def _named_axes(self, names: Sequence[str], units: Sequence[str]) -> tuple[Axis, tuple[Axis, ...]]:
+        return Axis("t"), declared_axes(names, units, coordinates(self.n))
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The names and units of the coordinates: the parameter along a Curve has none."""
+        return self.ordinates
 
     def _options(self) -> dict[str, Any]:
         return {}

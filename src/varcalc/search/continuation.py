@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +20,7 @@ from varcalc.numerics.mesh import Space
 from varcalc.problem.conditions import finite
 from varcalc.search.arclength import Fold, Follower, ParameterFamily, Point
 from varcalc.search.collected import finer, refined, scales_of
+from varcalc.showing import Fact, Plotted, counted, figure_of, line
 from varcalc.solution import Solution
 from varcalc.spelling import check_names, spelled
 
@@ -36,8 +38,8 @@ MOST_BRANCH_POINTS = 400
 """Points of one branch."""
 
 
-@dataclass(frozen=True)
-class Branch:
+@dataclass(frozen=True, repr=False)
+class Branch(Plotted):
     """Extremals along a branch, in the order in which it is followed.
 
     ``parameter``, ``value`` (m,) and ``solutions`` belong together. ``folds``
@@ -52,6 +54,20 @@ class Branch:
     fold_errors: np.ndarray
     fold_values: np.ndarray
     ended: str
+
+    def __repr__(self) -> str:
+        return line("Branch", [self.name, counted(len(self.solutions), "point"), counted(len(self.folds), "fold")])
+
+    def _headline(self) -> str:
+        return f"A branch of {counted(len(self.solutions), 'extremal')} in {self.name}"
+
+    def _facts(self) -> Iterator[Fact]:
+        first, last = self.parameter[[0, -1]]
+        yield Fact("from", f"{self.name} = {first:.9g}, value {self.value[0]:.12g}")
+        for fold, error, value in zip(self.folds, self.fold_errors, self.fold_values, strict=True):
+            yield Fact("fold", f"{self.name} = {figure_of(fold, error)}, value {value:.12g}")
+        yield Fact("to", f"{self.name} = {last:.9g}, value {self.value[-1]:.12g}")
+        yield Fact("ended", self.ended)
 
     @property
     def parameter(self) -> np.ndarray:

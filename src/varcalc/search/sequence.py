@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from functools import cached_property
 from typing import Any, overload
 
 import numpy as np
 
+from varcalc.showing import Fact, Plotted, counted, figure_of
 from varcalc.solution import Solution
 from varcalc.verify import Verification, verify
+
+MOST_SHOWN = 6
+"""Extremals that are told one by one."""
 
 
 class FoundExtremal(Solution):
@@ -40,7 +44,7 @@ class FoundExtremal(Solution):
         return self.verification.conjugate_points
 
 
-class Extremals(Sequence[FoundExtremal]):
+class Extremals(Plotted, Sequence[FoundExtremal]):
     """Extremals of one problem, best first: the lowest value first, the greatest where the problem is maximised.
 
     ``searched`` says what range was covered, ``windings`` by how many periods
@@ -68,5 +72,16 @@ class Extremals(Sequence[FoundExtremal]):
         return self._solutions[index]
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{s.value:.12g}" for s in self._solutions)
-        return f"Extremals([{values}], searched={self.searched!r})"
+        values = ", ".join(f"{s.value:.12g}" for s in self._solutions[:MOST_SHOWN])
+        return f"Extremals([{values}{', ...' if len(self) > MOST_SHOWN else ''}])"
+
+    def _headline(self) -> str:
+        return f"{counted(len(self), 'extremal')}, best first"
+
+    def _facts(self) -> Iterator[Fact]:
+        for number, (solution, winding) in enumerate(zip(self._solutions[:MOST_SHOWN], self.windings, strict=False)):
+            wound = f", wound by {winding}" if np.any(winding) else ""
+            yield Fact(str(number), figure_of(solution.value, solution.error.value) + wound)
+        if len(self) > MOST_SHOWN:
+            yield Fact("", f"and {len(self) - MOST_SHOWN} more")
+        yield Fact("searched", self.searched)

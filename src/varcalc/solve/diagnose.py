@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from varcalc.methods.arguments import check_arguments
 from varcalc.problem.functional import Functional
 from varcalc.progress import Interrupted, Progress, telling
+from varcalc.showing import Fact, Shown
 from varcalc.solution import Finding, Verdict
 from varcalc.spelling import spelled
 from varcalc.verify.verification import first_held
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
     from varcalc.solve.examination import Examination
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Shown):
     """What can be said of a problem, with the evidence.
 
     ``verdict`` is the first in the order of :class:`varcalc.Verdict` of all
@@ -39,9 +40,16 @@ class Diagnosis:
     evidence: Mapping[str, Any]
     relaxed_value: float | None
 
+    def _headline(self) -> str:
+        return f"{self.name}: {'nothing could be shown' if self.verdict is None else self.verdict.value}"
+
+    def _facts(self) -> Iterator[Fact]:
+        yield from (Fact("" if k else "findings", finding.sentence) for k, finding in enumerate(self.findings))
+        if self.relaxed_value is not None:
+            yield Fact("relaxed value", f"{self.relaxed_value:.12g}")
+
     def __str__(self) -> str:
-        headline = "nothing could be shown" if self.verdict is None else self.verdict.value
-        return "\n".join([f"{self.name}: {headline}", *(f"- {finding.sentence}" for finding in self.findings)])
+        return "\n".join([self._headline(), *(f"- {finding.sentence}" for finding in self.findings)])
 
 
 @spelled

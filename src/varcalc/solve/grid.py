@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.problem.conditions import finite
+from varcalc.showing import Brief
 from varcalc.spelling import spelled
 
 Place = tuple[int, ...]
@@ -17,8 +18,8 @@ Place = tuple[int, ...]
 
 
 @spelled
-@dataclass(frozen=True)
-class Paired:
+@dataclass(frozen=True, repr=False)
+class Paired(Brief):
     """Values that are taken together: the first of every name, then the second of every name, and so on.
 
     It stands where :func:`varcalc.sweep` takes the values of a grid. Raises TypeError and

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from varcalc.showing import Shown
 from varcalc.solution import Solution, Status
 
 FAILED = "failed"
@@ -19,8 +20,8 @@ BROKEN_POINT = (ValueError, ArithmeticError, LookupError, RuntimeError)
 """What is raised where values allow no problem, or its functions fail there (CasADi raises RuntimeError)."""
 
 
-@dataclass(frozen=True)
-class SweepPoint:
+@dataclass(frozen=True, repr=False)
+class SweepPoint(Shown):
     """One point of a grid: its ``values`` in the order of the names, and what :func:`varcalc.solve` found there.
 
     ``value`` and ``claimed_error`` are None where there is no answer, and ``message`` says why; with an answer it holds

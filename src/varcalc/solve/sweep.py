@@ -19,6 +19,7 @@ from varcalc.methods.arguments import check_tolerance
 from varcalc.methods.labels import checked_method, label
 from varcalc.problem.problem import Curve, Problem
 from varcalc.progress import Interrupted, Progress, telling
+from varcalc.showing import Fact, Plotted, counted, line
 from varcalc.solve.grid import Grid, Paired, Place
 from varcalc.solve.identity import identity
 from varcalc.solve.point import BROKEN_POINT, MISSING, Measured, SweepPoint
@@ -31,6 +32,8 @@ from varcalc.tables import known, shown, table
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+MOST_REASONS = 4
+"""Reasons of failures that a print tells."""
 
 POINT_FIELDS = tuple(f.name for f in fields(SweepPoint) if f.name != "values")
 """What there is of every point besides its values."""
@@ -38,8 +41,8 @@ VALUE = "value"
 """The name of the result in ``units``."""
 
 
-@dataclass(frozen=True)
-class Sweep:
+@dataclass(frozen=True, repr=False)
+class Sweep(Plotted):
     """What :func:`sweep` found: ``points``, one for each combination of the ``grid``, the last name fastest.
 
     With ``paired`` the values of the names were taken together, one point each. ``units`` are those of the names and of
@@ -63,6 +66,22 @@ class Sweep:
         header, found, notes, _ = read(Path(store))
         grid = Grid({name: tuple(values) for name, values in header["grid"].items()}, header["paired"])
         return _gathered(grid, found, header["units"], _about(header), notes)
+
+    def __repr__(self) -> str:
+        answered = len(self.points) - len(self.failures)
+        return line("Sweep", [f"{answered} of {counted(len(self.points), 'point')} answered", *self.grid])
+
+    def _headline(self) -> str:
+        return f"A sweep over {', '.join(self.grid)}: {counted(len(self.points), 'point')}"
+
+    def _facts(self) -> Iterator[Fact]:
+        for name, values in self.grid.items():
+            yield Fact(name, f"{counted(len(values), 'value')} from {min(values):.9g} to {max(values):.9g}")
+        known = [p.value for p in self.points if p.value is not None]
+        if known:
+            yield Fact("functional", f"from {min(known):.12g} to {max(known):.12g}")
+        for reason in list(dict.fromkeys(p.reason for p in self.failures))[:MOST_REASONS]:
+            yield Fact(counted(sum(p.reason == reason for p in self.failures), "failure"), reason)
 
     @property
     def failures(self) -> tuple[SweepPoint, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from varcalc.methods.labels import checked_method, label
 from varcalc.problem.functional import check_functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.progress import Interrupted, Progress, telling
+from varcalc.showing import Fact, Plotted, brief, charts, counted, figure_of, line
 from varcalc.solution import Solution, Status, VariationalError
 from varcalc.solve.ladder import solve
 from varcalc.spelling import spelled
@@ -83,8 +84,8 @@ class Row:
 
 
 @spelled
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Plotted):
     """What :func:`compare` found: one row a method, in the order the methods were given."""
 
     problem: Problem | Curve
@@ -156,10 +157,21 @@ class Comparison:
         problem's name; ``downward`` draws y downward. Returns a matplotlib Figure; write it with ``savefig``.
         Raises ValueError when no curve is known at all.
         """
-        # here, not above: matplotlib takes longer to import than most comparisons take to compute
-        from varcalc.charts import comparison_picture
+        return charts().comparison_picture(self, title=title, downward=downward)
 
-        return comparison_picture(self, title=title, downward=downward)
+    def __repr__(self) -> str:
+        agree = "agree" if self.agree else "disagree"
+        return line("Comparison", [brief(self.problem.name), counted(len(self.rows), "route"), agree])
+
+    def _headline(self) -> str:
+        return f"{self.problem.name} by {counted(len(self.rows), 'route')}"
+
+    def _facts(self) -> Iterator[Fact]:
+        for row in self.rows:
+            yield Fact(row.label, figure_of(row.value, row.claimed) if row.ok else f"{row.outcome}: {row.reason}")
+        if self.exact is not None:
+            yield Fact("closed form", f"{self.exact.value:.15g}  {self.exact.description}".rstrip())
+        yield Fact("verdict", "; ".join(line.strip() for line in _verdict(self)))
 
 
 @spelled

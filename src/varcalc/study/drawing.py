@@ -50,6 +50,23 @@ class Levels:
 
 
 @dataclass(frozen=True)
+class Net:
+    """A surface in space, drawn faintly by ``lines`` on it, each (3, m)."""
+
+    lines: Sequence[np.ndarray]
+
+
+@dataclass(frozen=True)
+class Shades:
+    """A map of ``values`` (r, c) over ``x`` (c,) and ``y`` (r,), with a bar beside it that says what they are."""
+
+    x: Any
+    y: Any
+    values: Any
+    label: str
+
+
+@dataclass(frozen=True)
 class Text:
     """A word at a place."""
 
@@ -63,10 +80,11 @@ class Panel:
     """One picture of a figure: its ``parts`` over the axes ``x`` and ``y``, which are named, and ``z`` in space.
 
     ``equal`` gives both axes one scale; ``within`` limits them, (x0, x1, y0, y1); ``logarithmic`` is that of y. A
-    panel with a ``z`` is drawn in space, on a ``sphere`` of radius 1 where that is asked for.
+    panel with a ``z`` is drawn in space, on a ``sphere`` of radius 1 where that is asked for, ``bare`` of axes, and
+    seen from the direction ``towards`` (3,) which it looks.
     """
 
-    parts: Sequence[Line | Levels | Text]
+    parts: Sequence[Line | Levels | Text | Net | Shades]
     x: str
     y: str
     z: str = ""
@@ -75,6 +93,8 @@ class Panel:
     within: tuple[float, float, float, float] | None = None
     logarithmic: bool = False
     sphere: bool = False
+    bare: bool = False
+    towards: Sequence[float] | None = None
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from varcalc.showing import Plotted, Shown
 from varcalc.solution import Status
 from varcalc.study.compare import EXACT_FLOOR, EXACT_MARGIN
 from varcalc.study.routes import Knob
@@ -32,8 +33,8 @@ STEADY = 0.2
 """Relative difference of two slopes of a curve up to which it is a straight line."""
 
 
-@dataclass(frozen=True)
-class Record:
+@dataclass(frozen=True, repr=False)
+class Record(Shown):
     """One method on one problem at one setting.
 
     ``setting`` is the value of ``knob``: the tolerance asked for, or what else
@@ -93,8 +94,8 @@ class Record:
         return abs(self.value_error) > max(EXACT_MARGIN * self.claimed_error, EXACT_FLOOR * self.size)
 
 
-@dataclass(frozen=True)
-class WorkPrecision:
+@dataclass(frozen=True, repr=False)
+class WorkPrecision(Plotted):
     """What :func:`work_precision` measured: ``records``, and ``about``, where and by what."""
 
     records: tuple[Record, ...]

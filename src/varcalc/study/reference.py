@@ -8,7 +8,7 @@ with the closed form in ``exact`` where there is one.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -19,6 +19,7 @@ import numpy as np
 from varcalc.problem.conditions import finite
 from varcalc.problem.functional import UNNAMED
 from varcalc.problem.problem import Curve, Problem
+from varcalc.showing import Brief, Fact, Shown, brief, line
 from varcalc.spelling import near, spelled
 from varcalc.study.user_file import BROKEN, SUFFIX, ProblemFileError, catalogued, failed, listed, run_file
 
@@ -30,8 +31,8 @@ LOOKED_AT = 3
 
 
 @spelled
-@dataclass(frozen=True)
-class Exact:
+@dataclass(frozen=True, repr=False)
+class Exact(Brief):
     """A closed form: the ``value`` of the functional, and the curve where it is known.
 
     ``y(x)`` takes an array of abscissae and returns an array of x's shape, or
@@ -53,8 +54,8 @@ class Exact:
 
 
 @spelled
-@dataclass(frozen=True)
-class Reference:
+@dataclass(frozen=True, repr=False)
+class Reference(Shown):
     """One reference problem, or one case of it.
 
     ``name`` is the file's name for the default case and ``file/case`` for the
@@ -90,6 +91,19 @@ class Reference:
             named = copy.copy(self.problem)
             named.name = self.name
             object.__setattr__(self, "problem", named)
+
+    def __repr__(self) -> str:
+        return line("Reference", [brief(self.name)])
+
+    def _headline(self) -> str:
+        return f"{self.name}: {self.statement}" if self.statement else self.name
+
+    def _facts(self) -> Iterator[Fact]:
+        if self.source:
+            yield Fact("source", self.source)
+        yield from self.problem._facts()  # noqa: SLF001  what is said of a problem is said of its reference
+        if self.exact is not None:
+            yield Fact("closed form", f"{self.exact.value:.15g}  {self.exact.description}".rstrip())
 
 
 def as_exact(exact: Exact | float | None) -> Exact | None:

@@ -28,11 +28,13 @@ class TracedFunction:
     """What a user's function gave, to be called in its place where the function itself cannot go: another process.
 
     ``function`` takes the columns the user's function was called with and, after them, a column for each group of
-    ``names``: numbers that are attributes of the last argument, where there are any.
+    ``names``: numbers that are attributes of the last argument, where there are any. It is ``called`` what the user's
+    function was.
     """
 
-    def __init__(self, function: ca.Function, names: tuple[tuple[str, ...], ...] = ()) -> None:
+    def __init__(self, function: ca.Function, names: tuple[tuple[str, ...], ...] = (), called: str = "") -> None:
         self.function, self.names = function, names
+        self.__name__ = called or function.name()
 
     def __call__(self, *arguments: Expression) -> Expression:
         """The expression, of other arguments."""
@@ -43,11 +45,16 @@ class TracedFunction:
         return self.function.call([*places, *columns], True, False)[0]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _read_back, (self.function.serialize(), self.names)
+        return _read_back, (self.function.serialize(), self.names, self.__name__)
 
 
-def _read_back(serialized: str, names: tuple[tuple[str, ...], ...]) -> TracedFunction:
-    return TracedFunction(ca.Function.deserialize(serialized), names)
+def _read_back(serialized: str, names: tuple[tuple[str, ...], ...], called: str = "") -> TracedFunction:
+    return TracedFunction(ca.Function.deserialize(serialized), names, called)
+
+
+def name_of(function: Callable[..., Any]) -> str:
+    """What a function is called."""
+    return getattr(function, "__name__", type(function).__name__)
 
 
 def check_arity(name: str, function: Callable[..., Any], count: int, hint: str = "") -> None:

@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from varcalc.showing import Fact, Shown
 from varcalc.solution import Finding, Verdict
 from varcalc.tables import labelled
 
@@ -53,8 +54,8 @@ def excesses(own: np.ndarray, linear: np.ndarray, other: np.ndarray) -> tuple[np
     return excess, np.divide(excess, size, out=np.zeros_like(excess), where=known)
 
 
-@dataclass(frozen=True, eq=False)
-class Verification:
+@dataclass(frozen=True, eq=False, repr=False)
+class Verification(Shown):
     """What kind of stationary curve a solution is, and the evidence.
 
     ``verdict``: the first in the order of :class:`varcalc.Verdict` of all that hold.
@@ -92,9 +93,17 @@ class Verification:
 
     def __str__(self) -> str:
         findings = (f"- {finding.sentence}" for finding in self.findings)
-        return "\n".join([f"{self.name}: {self._headline()}", *labelled(self._rows()), "", *findings])
+        return "\n".join([f"{self.name}: {self._verdict()}", *labelled(self._rows()), "", *findings])
+
+    def _facts(self) -> Iterator[Fact]:
+        yield Fact("verdict", self._verdict())
+        yield from (Fact(*row) for row in self._rows())
+        yield from (Fact("" if k else "findings", finding.sentence) for k, finding in enumerate(self.findings))
 
     def _headline(self) -> str:
+        return self.name
+
+    def _verdict(self) -> str:
         if self.verdict is Verdict.WEAK_MINIMUM and self.maximise:
             return "a maximum among curves of nearby slope only (Weierstrass fails)"
         return self.verdict.value

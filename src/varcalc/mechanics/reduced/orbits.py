@@ -24,6 +24,7 @@ from varcalc.numerics.one_coordinate.motions import (
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import integrals, reached
 from varcalc.problem.conditions import reals
+from varcalc.showing import Shown
 
 CONVERGED = 1e-9
 """Of an integral towards an end: what the last part of the way there may add."""
@@ -50,8 +51,8 @@ OPEN = {End.FAR, End.BEYOND, End.SINGULAR, End.ROUND}
 """Ends at the limits of where the coordinate is defined, or of a turn."""
 
 
-@dataclass(frozen=True)
-class ReducedOrbit:
+@dataclass(frozen=True, repr=False)
+class ReducedOrbit(Shown):
     """A motion of the ``energy`` between ``low`` and ``high``, with what becomes of it at its ``ends``.
 
     ``rest`` is the place at which it comes to rest, where it does: a separatrix.

@@ -11,6 +11,7 @@ import numpy as np
 from varcalc.mechanics.reduced.effective import EffectivePotential
 from varcalc.mechanics.reduced.routh import OneCoordinate
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
+from varcalc.showing import Shown
 
 LEVEL, BESIDE = 1e-9, 1e-2
 """Of the curvature of W beside a place, of its size: less is a curvature of 0 there."""
@@ -18,8 +19,8 @@ SAME = 1e-9
 """Of a coordinate: two places so near are one."""
 
 
-@dataclass(frozen=True)
-class Rest:
+@dataclass(frozen=True, repr=False)
+class Rest(Shown):
     """A place at which the coordinate can rest: an equilibrium, or a circular orbit where angles go on.
 
     Attributes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -18,13 +18,14 @@ from varcalc.mechanics.rigid.inertia import Inertia, TopKind, principal
 from varcalc.mechanics.rigid.motion import RigidMotion, with_unit_quaternions
 from varcalc.mechanics.rigid.rotations import EulerAngles, entries, normalised
 from varcalc.problem.conditions import reals
+from varcalc.showing import Fact, Shown, line, listed
 from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 
 @spelled
-class RigidBody:
+class RigidBody(Shown):
     """A body of a given inertia about the point that is at rest: a pivot, or its centre of mass.
 
     Raises TypeError or ValueError naming the argument, where one of them is not what it should be; for an inertia of no
@@ -81,7 +82,18 @@ class RigidBody:
         self._flows: dict[Engine, Flow] = {}
 
     def __repr__(self) -> str:
-        return f"RigidBody({self.principal.kind.name.lower()} top{': ' + self.name if self.name else ''})"
+        return line("RigidBody", [f"{self.principal.kind.name.lower()} top{': ' + self.name if self.name else ''}"])
+
+    def _headline(self) -> str:
+        told = f"body that turns, with {self.principal.kind.value}"
+        return f"{self.name}: a {told}" if self.name else f"A {told}"
+
+    def _facts(self) -> Iterator[Fact]:
+        yield Fact("moments", ", ".join(f"{moment:.9g}" for moment in self.principal.moments))
+        for number, axis in enumerate(self.principal.axes.T):
+            yield Fact("" if number else "axes", f"({', '.join(f'{x:.6g}' for x in axis)})")
+        if self.parameters:
+            yield Fact("parameters", listed(self.parameters))
 
     @classmethod
     def pivoted(

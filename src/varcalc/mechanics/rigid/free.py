@@ -9,13 +9,14 @@ from enum import Enum
 import numpy as np
 
 from varcalc.mechanics.rigid.inertia import Principal, TopKind
+from varcalc.showing import Shown
 
 SAME = 16 * float(np.finfo(float).eps)
 """Of two squares: by how much they differ that differ by round-off."""
 
 
-@dataclass(frozen=True)
-class Cones:
+@dataclass(frozen=True, repr=False)
+class Cones(Shown):
     """What a free symmetric body does: ω, its axis e3 and the angular momentum L lie in one plane, which turns.
 
     ``body_frequency`` is the angular frequency at which ω goes round e3, seen from the body, in the sense of e3 where
@@ -61,8 +62,8 @@ class PolhodeKind(Enum):
     SEPARATRIX = "it leaves the middle axis for its other end, and takes for ever"
 
 
-@dataclass(frozen=True)
-class Polhode:
+@dataclass(frozen=True, repr=False)
+class Polhode(Shown):
     """The closed way of the angular velocity of a free body, seen from the body.
 
     ``period`` is the time it takes, infinite on the separatrix and zero where it stays; ``parameter`` is the m = k² of
@@ -101,8 +102,8 @@ def polhode(principal: Principal, angular_velocity: np.ndarray) -> Polhode:
     return Polhode(kind, inner * other / (outer * square), period)
 
 
-@dataclass(frozen=True)
-class SteadyRotation:
+@dataclass(frozen=True, repr=False)
+class SteadyRotation(Shown):
     """Free rotation about a principal ``axis`` (3,) with its ``moment``.
 
     Small departures swing with the angular frequency ``rate``, in units of that of the rotation, where it is

@@ -11,6 +11,7 @@ import numpy as np
 
 from varcalc.mechanics.rigid.rotations import NOT_ORTHOGONAL
 from varcalc.problem.conditions import reals
+from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
 ALIKE = 1e-12
@@ -26,8 +27,8 @@ class TopKind(Enum):
     LINEAR = "no moment about one axis, on which all of the mass lies"
 
 
-@dataclass(frozen=True)
-class Principal:
+@dataclass(frozen=True, repr=False)
+class Principal(Shown):
     """The principal ``moments`` (3,), ascending, and the ``axes`` (3, 3), one a column, a right-handed frame."""
 
     moments: np.ndarray
@@ -45,8 +46,8 @@ class Principal:
 
 
 @spelled
-@dataclass(frozen=True)
-class Inertia:
+@dataclass(frozen=True, repr=False)
+class Inertia(Shown):
     """A mass with its ``centre`` (3,) and its inertia ``tensor`` (3, 3) about that centre.
 
     The units are any that agree: a tensor is in those of the mass times those of length squared. Bodies are put

@@ -13,6 +13,7 @@ from varcalc.mechanics.rigid.top_cubic import TopCubic, TopStart, total
 from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionBounds, bounds, ways
 from varcalc.numerics.one_coordinate.quadrature import integrals
 from varcalc.numerics.roots import EPSILON, bracketed_newton
+from varcalc.showing import Shown
 
 BEYOND = 1.0
 """How far beyond upright and upside down the cubic is looked at, so that a root there lies inside."""
@@ -38,8 +39,8 @@ class NutationCase(Enum):
     ASYMPTOTIC = "the axis comes to the vertical, and takes for ever"
 
 
-@dataclass(frozen=True)
-class Nutation:
+@dataclass(frozen=True, repr=False)
+class Nutation(Shown):
     """How the axis of a top goes to and fro.
 
     ``theta`` are the limits of θ, the lesser first, ``u`` those of cos θ, the lesser first. In a ``period``, infinite

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.problem.conditions import reals
+from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import Expression
 
@@ -88,8 +89,8 @@ def quaternion_of(rotation: Any) -> np.ndarray:
 
 
 @spelled
-@dataclass(frozen=True)
-class EulerAngles:
+@dataclass(frozen=True, repr=False)
+class EulerAngles(Brief):
     """The angles φ, θ and ψ in radians, numbers or arrays of one shape.
 
     The body's frame is turned about z by φ, about the line of nodes x' by θ, about its own axis e3 by ψ (Goldstein,

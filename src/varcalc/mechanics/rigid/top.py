@@ -18,6 +18,7 @@ from varcalc.mechanics.rigid.rotations import EulerAngles, entries
 from varcalc.mechanics.rigid.top_cubic import TopStart
 from varcalc.mechanics.system import System
 from varcalc.problem.conditions import reals
+from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
 ALIGNED = 1e-12
@@ -25,8 +26,8 @@ ALIGNED = 1e-12
 
 
 @spelled
-@dataclass(frozen=True)
-class Top:
+@dataclass(frozen=True, repr=False)
+class Top(Shown):
     """A symmetric top: the moments ``I1`` across its axis and ``I3`` about it, at the fixed point, and ``Mgh``.
 
     M g h is the weight times the distance from the fixed point to the centre of mass along the axis e3: negative for a

@@ -9,6 +9,7 @@ import numpy as np
 
 from varcalc.mechanics.scattering.deflection import Deflections
 from varcalc.numerics.roots import bracketed_newton, scanned_root
+from varcalc.showing import Shown
 
 DEEPEST = 34.0
 """Of |ln|: e^-34 is the round-off of what is next to an end."""
@@ -54,8 +55,8 @@ class Interval:
         return float(np.log(above / (self._unit if np.isinf(self.high) else self.high - impact)))
 
 
-@dataclass(frozen=True)
-class Rainbow:
+@dataclass(frozen=True, repr=False)
+class Rainbow(Shown):
     """Where the angle is stationary: the ``impact`` parameter and the ``angle``."""
 
     impact: float

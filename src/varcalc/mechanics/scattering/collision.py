@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 
 from varcalc.mechanics.scattering.arguments import positive
 from varcalc.problem.conditions import reals
+from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
 
 @spelled
-@dataclass(frozen=True)
-class Collision:
+@dataclass(frozen=True, repr=False)
+class Collision(Shown):
     """A body of the mass ``projectile`` that meets one of the mass ``target``, which is at rest in the laboratory.
 
     All angles are in radians (Brizard, "An Introduction to Lagrangian Mechanics", sect. 5.2 to 5.4; Landau and

@@ -13,6 +13,7 @@ from varcalc.mechanics.scattering.pieces import LOG_RADIUS_LIMIT, PieceOfEnergy,
 from varcalc.numerics.one_coordinate.potential import NodesOutwards
 from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.numerics.roots import bracketed_newton
+from varcalc.showing import Brief, Shown
 
 ROUND_OFF = float(np.finfo(float).eps)
 SAME = 8 * ROUND_OFF
@@ -33,8 +34,8 @@ class ScatteringOutcome(Enum):
     UNRESOLVED = "an integral was not resolved"
 
 
-@dataclass(frozen=True)
-class Deflections:
+@dataclass(frozen=True, repr=False)
+class Deflections(Shown):
     """Deflections of m orbits with the impact parameters ``impact``, all arrays of their shape.
 
     Attributes
@@ -56,8 +57,8 @@ class Deflections:
     outcomes: np.ndarray
 
 
-@dataclass(frozen=True)
-class Orbiting:
+@dataclass(frozen=True, repr=False)
+class Orbiting(Brief):
     """An orbit that comes in and goes round for ever, on a circle of ``radius``.
 
     Next to its ``impact`` parameter b₀ the angle goes as -``logarithm`` ln(1/(b/b₀ - 1)) outside, and with twice as

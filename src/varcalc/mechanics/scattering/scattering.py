@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -22,6 +22,7 @@ from varcalc.mechanics.scattering.deflection import (
 )
 from varcalc.mechanics.scattering.pieces import radial_pieces
 from varcalc.problem.conditions import reals
+from varcalc.showing import Brief, Fact, Shown, line
 from varcalc.spelling import spelled
 
 VANISHED = 1e-12
@@ -34,8 +35,8 @@ LARGEST = 1e100
 """Impact parameters beyond it have no square to speak of."""
 
 
-@dataclass(frozen=True)
-class Glory:
+@dataclass(frozen=True, repr=False)
+class Glory(Brief):
     """An orbit with an ``impact`` parameter other than 0 that leaves forwards or, ``backward``, the way it came.
 
     The ``angle`` is a whole multiple of π, and the cross-section diverges as 1/sin of it.
@@ -47,7 +48,7 @@ class Glory:
 
 
 @spelled
-class Scattering:
+class Scattering(Shown):
     """Particles of one energy, or one of two about their centre of mass, scattered by a central potential.
 
     What is deflected by what angle depends on the potential in units of the energy alone (Brizard, "An Introduction
@@ -79,6 +80,17 @@ class Scattering:
         self.energy, self.hard_core = positive("energy", energy), not_negative("hard_core", hard_core)
         self._approaches = tuple(Approach(piece, self.energy) for piece in radial_pieces(potential, self.hard_core))
         self._check_far_away()
+
+    def __repr__(self) -> str:
+        core = [f"hard_core={self.hard_core:g}"] if self.hard_core else []
+        return line("Scattering", [f"energy={self.energy:.9g}", *core])
+
+    def _headline(self) -> str:
+        return f"Scattering by a central potential, at the energy {self.energy:.9g}"
+
+    def _facts(self) -> Iterator[Fact]:
+        yield Fact("pieces", f"{len(self._approaches)}, between which the potential has kinks or jumps")
+        yield Fact("hard core", f"radius {self.hard_core:g}" if self.hard_core else "none")
 
     def _check_far_away(self) -> None:
         outermost = self._approaches[0]

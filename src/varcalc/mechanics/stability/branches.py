@@ -11,6 +11,7 @@ import numpy as np
 
 from varcalc.mechanics.stability.curve import RestCurve, Station
 from varcalc.mechanics.system import System
+from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
 LOOKS = np.array([0.0, 0.1719, 0.3931, 0.6142, 0.8353, 1.0])
@@ -35,8 +36,8 @@ class BifurcationKind(Enum):
     OSCILLATION = "the equilibrium stays, and its small motions begin to swing farther and farther"
 
 
-@dataclass(frozen=True)
-class Bifurcation:
+@dataclass(frozen=True, repr=False)
+class Bifurcation(Shown):
     """A bifurcation at ``place`` (n,) where the parameter has the value ``parameter``, which is off by ``error``."""
 
     kind: BifurcationKind
@@ -45,8 +46,8 @@ class Bifurcation:
     error: float
 
 
-@dataclass(frozen=True)
-class EquilibriumBranch:
+@dataclass(frozen=True, repr=False)
+class EquilibriumBranch(Shown):
     """Equilibria in the order of the branch: ``places`` (m, n) at ``parameter`` (m,), and which are ``stable`` (m,)."""
 
     parameter: np.ndarray
@@ -54,8 +55,8 @@ class EquilibriumBranch:
     stable: np.ndarray
 
 
-@dataclass(frozen=True)
-class BifurcationChart:
+@dataclass(frozen=True, repr=False)
+class BifurcationChart(Shown):
     """All ``branches`` that were found over the parameter ``name``, their ``bifurcations``, and what was ``searched``.
 
     ``unresolved`` counts parts of the boxes searched in which there may be other equilibria.

@@ -13,6 +13,7 @@ import numpy as np
 from varcalc.mechanics.stability.crossing import Crossing, passings
 from varcalc.mechanics.stability.surface import Surface
 from varcalc.mechanics.system import System
+from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
 CHECKED = 5
@@ -21,8 +22,8 @@ SAFE = 16.0
 """By how many times the error of the series multipliers may be off."""
 
 
-@dataclass(frozen=True)
-class Boundaries:
+@dataclass(frozen=True, repr=False)
+class Boundaries(Shown):
     """Where multipliers pass 1 or -1, or meet or leave the unit circle elsewhere.
 
     Values of the parameters ``places`` (b, 2), and the ``multipliers`` (b,), complex, those off the real axis by the
@@ -35,8 +36,8 @@ class Boundaries:
     errors: np.ndarray
 
 
-@dataclass(frozen=True)
-class StabilityChart:
+@dataclass(frozen=True, repr=False)
+class StabilityChart(Shown):
     """Growth of small motions over parameters: ``growth`` (m, k) over ``first`` (m,) and ``second`` (k,) values.
 
     ``growth`` is ln|largest multiplier|/period, the rate at which motions part at most, known to ``error`` (m, k);

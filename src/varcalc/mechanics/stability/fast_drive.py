@@ -13,6 +13,7 @@ import scipy.linalg
 from varcalc.mechanics.linearised import standing_forces
 from varcalc.mechanics.system import System
 from varcalc.problem.conditions import reals
+from varcalc.showing import Shown
 from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import Expression
 
@@ -29,8 +30,8 @@ UNLIKE = 1e-9
 
 
 @spelled
-@dataclass(frozen=True)
-class Averaged:
+@dataclass(frozen=True, repr=False)
+class Averaged(Shown):
     """A ``system`` that moves as another, driven fast, does in the mean; ``swing`` is how far that goes about it."""
 
     system: System

@@ -11,6 +11,7 @@ import scipy.linalg
 
 from varcalc.mechanics.linearised import Linearised
 from varcalc.problem.conditions import reals
+from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
 FIRST, LAST = 256, 1 << 22
@@ -20,8 +21,8 @@ SETTLED = 1e-13
 
 
 @spelled
-@dataclass(frozen=True)
-class Response:
+@dataclass(frozen=True, repr=False)
+class Response(Shown):
     """The response of small motions of m directions (``about``) to forces: x(ω) = χ(ω) f(ω) for f exp(-iωt).
 
     χ(ω) = (K - iω (D + G) - ω² M)⁻¹ (Landau and Lifshitz, "Mechanics", sect. 26; "Statistical Physics", sect. 123).

@@ -30,6 +30,7 @@ from varcalc.methods.collocation.starting_curves import (
 from varcalc.methods.collocation.system import CollocationSystem, Residual, collocation_space
 from varcalc.problem.conditions import truth, whole
 from varcalc.problem.functional import Functional
+from varcalc.showing import Brief
 from varcalc.solution import Solution, Stats, Status, no_answer
 from varcalc.spelling import spelled
 
@@ -44,8 +45,8 @@ TOGETHER = 0.1
 
 
 @spelled
-@dataclass(frozen=True)
-class Collocation:
+@dataclass(frozen=True, repr=False)
+class Collocation(Brief):
     """Solve the Euler-Lagrange equation by collocation with polynomials of ``degree`` on ``elements`` equal elements.
 
     With ``refine`` the mesh is the first one and is refined until the error

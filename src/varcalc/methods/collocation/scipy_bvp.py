@@ -25,6 +25,7 @@ from varcalc.methods.collocation.stationarity import Stationarity, stationarity
 from varcalc.methods.collocation.system import CollocationSystem, State, collocation_space
 from varcalc.problem.conditions import whole
 from varcalc.problem.lagrangian import Lagrangian
+from varcalc.showing import Brief
 from varcalc.solution import Solution, Stats, Status, no_answer
 from varcalc.spelling import spelled
 
@@ -34,8 +35,8 @@ RESIDUALS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 
 
 @spelled
-@dataclass(frozen=True)
-class SciPyBvp:
+@dataclass(frozen=True, repr=False)
+class SciPyBvp(Brief):
     """Solve the Euler-Lagrange equation by SciPy's ``solve_bvp`` with at most ``nodes`` nodes.
 
     For problems without corners, prescribed integrals, pathwise conditions,

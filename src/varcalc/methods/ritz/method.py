@@ -26,6 +26,7 @@ from varcalc.methods.ritz.starts import COMPARED, bent_anyhow, clear_of_bounds, 
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.methods.ritz.touching import touchable, touching
 from varcalc.numerics.mesh import Space, on_one_element
+from varcalc.showing import Brief
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, no_answer
 from varcalc.spelling import spelled
 
@@ -68,8 +69,8 @@ RESTART_DEGREE = 24
 
 
 @spelled
-@dataclass(frozen=True)
-class Ritz:
+@dataclass(frozen=True, repr=False)
+class Ritz(Brief):
     """Minimise over piecewise polynomials of ``degree`` on ``elements`` equal elements.
 
     With ``refine`` the mesh is the first one and is refined until the error

@@ -26,6 +26,7 @@ from varcalc.methods.shooting.search import NoneFound, Search, describe
 from varcalc.methods.shooting.shot_extremal import Finished, finish
 from varcalc.methods.shooting.shots import Failure
 from varcalc.problem.conditions import whole
+from varcalc.showing import Brief
 from varcalc.solution import Solution, Stats, Status, no_answer
 from varcalc.spelling import spelled
 
@@ -44,8 +45,8 @@ ILL_POSED = 1e-6
 
 
 @spelled
-@dataclass(frozen=True)
-class Shooting:
+@dataclass(frozen=True, repr=False)
+class Shooting(Brief):
     """Multiple shooting with ``segments`` (by default as many as the growth of errors demands).
 
     ``Shooting(segments=1)`` is simple shooting. ``engine`` integrates:

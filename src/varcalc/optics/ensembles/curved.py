@@ -24,6 +24,7 @@ from varcalc.optics.models.hamilton import flown
 from varcalc.optics.propagation.bundle import Bundle
 from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.validation import how_far, matched, rows
+from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -33,8 +34,8 @@ Expression = Any
 
 
 @spelled
-@dataclass(frozen=True)
-class CurvedMedium:
+@dataclass(frozen=True, repr=False)
+class CurvedMedium(Brief):
     """A refractive index in a space of 2 or 3 coordinates q with the metric ds² = Σ g_ij dq^i dq^j.
 
     Parameters

@@ -18,6 +18,7 @@ import numpy as np
 from varcalc.optics.models.hamilton import flown
 from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.validation import how_far, matched, rows
+from varcalc.showing import Brief, Shown
 from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -26,8 +27,8 @@ Expression = Any
 """A CasADi SX expression."""
 
 
-@dataclass(frozen=True)
-class WavePackets:
+@dataclass(frozen=True, repr=False)
+class WavePackets(Shown):
     """The ends of m rays in d dimensions, one row a ray.
 
     Attributes
@@ -52,8 +53,8 @@ class WavePackets:
 
 
 @spelled
-@dataclass(frozen=True)
-class DispersionRelation:
+@dataclass(frozen=True, repr=False)
+class DispersionRelation(Brief):
     """Waves of the angular frequency ω(x, k), in the plane or in space.
 
     Parameters

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.optics.validation import numbers
+from varcalc.showing import Brief
 from varcalc.spelling import listed, near, spelled
 
 
@@ -24,8 +25,8 @@ class Dispersion(ABC):
 
 
 @spelled
-@dataclass(frozen=True)
-class Sellmeier(Dispersion):
+@dataclass(frozen=True, repr=False)
+class Sellmeier(Brief, Dispersion):
     """n² = 1 + Σ B λ²/(λ² - C), with λ the vacuum wavelength in micrometres and C in square micrometres.
 
     Parameters
@@ -70,8 +71,8 @@ class Sellmeier(Dispersion):
 
 
 @spelled
-@dataclass(frozen=True)
-class Cauchy(Dispersion):
+@dataclass(frozen=True, repr=False)
+class Cauchy(Brief, Dispersion):
     """n = A₀ + A₁/λ² + A₂/λ⁴ + ..., with λ the vacuum wavelength in micrometres.
 
     Parameters

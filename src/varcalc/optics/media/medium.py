@@ -19,6 +19,7 @@ from varcalc.optics.media.dispersion import Dispersion
 from varcalc.optics.parameters import Parametrised
 from varcalc.optics.validation import point
 from varcalc.problem.functional import named
+from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -87,8 +88,8 @@ class _Parametric(Medium):
 
 
 @spelled
-@dataclass(frozen=True)
-class Uniform(_Parametric):
+@dataclass(frozen=True, repr=False)
+class Uniform(Brief, _Parametric):
     """The same index everywhere.
 
     Raises TypeError or ValueError where ``n`` is not a positive number.
@@ -148,8 +149,8 @@ class Uniform(_Parametric):
 
 
 @spelled
-@dataclass(frozen=True)
-class Stratified(_Parametric):
+@dataclass(frozen=True, repr=False)
+class Stratified(Brief, _Parametric):
     """An index that depends on the height, the last coordinate.
 
     Parameters
@@ -183,8 +184,8 @@ class Stratified(_Parametric):
 
 
 @spelled
-@dataclass(frozen=True)
-class Radial(_Parametric):
+@dataclass(frozen=True, repr=False)
+class Radial(Brief, _Parametric):
     """An index that depends on the distance from a centre.
 
     Parameters
@@ -235,8 +236,8 @@ class Radial(_Parametric):
 
 
 @spelled
-@dataclass(frozen=True)
-class Graded(_Parametric):
+@dataclass(frozen=True, repr=False)
+class Graded(Brief, _Parametric):
     """Any index.
 
     Parameters

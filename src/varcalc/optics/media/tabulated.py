@@ -11,6 +11,7 @@ import numpy as np
 
 from varcalc.optics.media.medium import Expression, Medium
 from varcalc.optics.validation import numbers
+from varcalc.showing import Brief
 from varcalc.spelling import spelled
 
 CHECKED_PLACES = 33
@@ -18,8 +19,8 @@ CHECKED_PLACES = 33
 
 
 @spelled
-@dataclass(frozen=True)
-class Tabulated(Medium):
+@dataclass(frozen=True, repr=False)
+class Tabulated(Brief, Medium):
     """An index given at some heights, the last coordinate; rays end where they leave the table.
 
     The index at each height is a parameter of the medium: ``n0``, ``n1``, ... in the order of the heights.

@@ -3,18 +3,48 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from varcalc.axes import Axis
 from varcalc.optics import validation
+from varcalc.optics.media.medium import Medium
+from varcalc.optics.models.model import Model
 from varcalc.optics.propagation.sequential import Propagator
 from varcalc.optics.rays.beam import RayStatus, launched, spreading
+from varcalc.optics.rays.tube import RayTube
+from varcalc.optics.surfaces import Surface
 from varcalc.progress import Progress, telling
+from varcalc.showing import Fact, Plotted, counted, line
 
 
-@dataclass(frozen=True)
-class Bundle:
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """Where a bundle comes from: enough to follow single rays of it again, for pictures."""
+
+    media: Sequence[Medium]
+    surfaces: Sequence[Surface]
+    until: Surface | None
+    model: Model | None
+    points: np.ndarray
+    directions: np.ndarray
+    index: np.ndarray
+
+    def tubes(self, rows: Iterable[int], optical_path: np.ndarray) -> list[RayTube]:
+        """The rays of some ``rows``, each up to its optical path (m,)."""
+        propagator = Propagator(self.media, self.surfaces, self.until, self.points.shape[1], self.model)
+        beam = launched(self.points, self.directions, self.index, neighbours=False)
+        found = []
+        for row in rows:
+            legs, status = propagator.followed(beam.take(np.array([row])), float(optical_path[row]))
+            found.append(RayTube(status, tuple(legs)))
+        return found
+
+
+@dataclass(frozen=True, repr=False)
+class Bundle(Plotted):
     """The ends of m rays in d dimensions, one row a ray.
 
     Attributes
@@ -37,6 +67,12 @@ class Bundle:
     status: np.ndarray
     spreading: np.ndarray | None
     model: str
+    axes: tuple[Axis, ...] = field(repr=False, default=())
+    """Names and units of the coordinates."""
+    origin: Origin | None = field(repr=False, default=None, compare=False)
+
+    def __repr__(self) -> str:
+        return line("Bundle", [counted(len(self), "ray"), f"{int(self.arrived.sum())} arrived", self.model])
 
     def __len__(self) -> int:
         return len(self.points)
@@ -46,9 +82,18 @@ class Bundle:
         """True (m,) for the rays that ended where they were to end."""
         return self.status == RayStatus.ARRIVED
 
-    def __str__(self) -> str:
+    def _headline(self) -> str:
+        return f"{counted(len(self), 'ray')} in {'the plane' if self.points.shape[1] == 2 else 'space'}"
+
+    def _facts(self) -> Iterator[Fact]:
         counts = Counter(RayStatus(int(code)) for code in self.status)
-        return "\n".join(f"{counts[status]} rays: {status.message}" for status in RayStatus if counts[status])
+        for status in RayStatus:
+            if counts[status]:
+                yield Fact(counted(counts[status], "ray"), status.message)
+        if self.arrived.any():
+            paths = self.optical_path[self.arrived]
+            yield Fact("optical path", f"from {paths.min():.9g} to {paths.max():.9g}")
+        yield Fact("carried by", self.model)
 
 
 @dataclass(frozen=True)
@@ -72,6 +117,10 @@ def traced(propagator: Propagator, starts: Starts, *, with_spreading: bool, prog
     bundle = Bundle(
         np.empty((m, d)), np.empty((m, d)), np.empty(m), np.empty(m, np.int8),
         np.empty(m) if with_spreading else None, propagator.name,
+        origin=Origin(
+            propagator.media, propagator.surfaces, propagator.until, propagator.model, starts.points,
+            starts.directions, starts.index,
+        ),
     )  # fmt: skip
     parts = [slice(first, min(first + validation.CHUNK, m)) for first in range(0, m, validation.CHUNK)]
     with telling(progress, "rays") as told:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from varcalc.axes import Axis
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.rays.beam import AT_END, RayStatus
 from varcalc.optics.rays.derivatives import path_derivatives
@@ -16,16 +17,19 @@ from varcalc.optics.rays.leg import Leg
 from varcalc.optics.rays.tube import RayTube
 from varcalc.optics.surfaces import Surface
 from varcalc.problem.conditions import finite
+from varcalc.showing import Fact, Plotted, counted, figure_of, line
 
 if TYPE_CHECKING:
     from varcalc.certificates import Certificate
 
+MOST_RAYS, MOST_PATHS = 6, 4
+"""Rays that are told one by one in a print, and in a line."""
 SPEED_OF_LIGHT = 299_792_458.0
 """In vacuum, in metres a second (SI)."""
 
 
-@dataclass(frozen=True)
-class Ray:
+@dataclass(frozen=True, repr=False)
+class Ray(Plotted):
     """A ray from A to B.
 
     Attributes
@@ -58,6 +62,22 @@ class Ray:
     way: Callable[[], Sequence[Leg]] = field(repr=False)
     media: Sequence[Medium] = field(repr=False, default=())
     surfaces: Sequence[Surface] = field(repr=False, default=())
+    axes: tuple[Axis, ...] = field(repr=False, default=())
+    """Names and units of the coordinates, where the scene declares them."""
+
+    def _headline(self) -> str:
+        return f"A ray in {'the plane' if len(self.tangents[0]) == 2 else 'space'}"
+
+    def _facts(self) -> Iterator[Fact]:
+        yield Fact("optical path", figure_of(self.optical_path, self.error))
+        yield Fact("caustics", f"{counted(self.index, 'conjugate point')} on the way" + self._on_caustic())
+        yield Fact("spreading", f"{self.spreading:.6g}")
+        for label, tangent in zip(("leaves along", "arrives along"), self.tangents, strict=True):
+            yield Fact(label, direction(tangent))
+        yield Fact("carried by", self.model)
+
+    def _on_caustic(self) -> str:
+        return ", and one at its end: it ends on a caustic" if self.degenerate else ""
 
     def __getstate__(self) -> dict[str, Any]:
         return {**{f.name: getattr(self, f.name) for f in fields(self)}, "way": partial(tuple, self.legs)}
@@ -132,8 +152,8 @@ class Ray:
         return RayTube(RayStatus.ARRIVED, self.legs)
 
 
-@dataclass(frozen=True)
-class Rays(Sequence[Ray]):
+@dataclass(frozen=True, repr=False)
+class Rays(Plotted, Sequence[Ray]):
     """The rays from A to B, the shortest optical path first.
 
     Attributes
@@ -154,6 +174,30 @@ class Rays(Sequence[Ray]):
     searched: str
     continuum: bool = False
     unresolved: int = 0
+    axes: tuple[Axis, ...] = field(repr=False, default=())
+    """Names and units of the coordinates, where the scene declares them."""
+
+    def __repr__(self) -> str:
+        paths = [f"{ray.optical_path:.12g}" for ray in self.found]
+        return line("Rays", [f"[{', '.join(paths[:MOST_PATHS])}{', ...' if len(paths) > MOST_PATHS else ''}]"])
+
+    def _headline(self) -> str:
+        if not self.found:
+            return f"No ray: {self.reason}"
+        more = ", one for infinitely many" if self.continuum else ""
+        return f"{counted(len(self.found), 'ray')}, the shortest optical path first{more}"
+
+    def _facts(self) -> Iterator[Fact]:
+        for number, ray in enumerate(self.found[:MOST_RAYS]):
+            path = figure_of(ray.optical_path, ray.error)
+            touched = ", ends on a caustic" if ray.degenerate else ""
+            told = f"{path}, {counted(ray.index, 'caustic')}{touched}, along {direction(ray.tangents[0])}"
+            yield Fact("" if number else "optical path", told)
+        if len(self.found) > MOST_RAYS:
+            yield Fact("", f"and {len(self.found) - MOST_RAYS} more")
+        yield Fact("searched", self.searched)
+        if self.unresolved:
+            yield Fact("given up", f"{counted(self.unresolved, 'narrow part')} of the search: there may be more rays")
 
     @overload
     def __getitem__(self, key: int) -> Ray: ...
@@ -164,3 +208,8 @@ class Rays(Sequence[Ray]):
 
     def __len__(self) -> int:
         return len(self.found)
+
+
+def direction(vector: np.ndarray) -> str:
+    """A direction in words: its components."""
+    return f"({', '.join(f'{x:.6g}' for x in vector)})"

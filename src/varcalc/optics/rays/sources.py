@@ -12,6 +12,7 @@ import numpy as np
 from varcalc.optics.media.medium import Field
 from varcalc.optics.rays.beam import Beam, frames, launched
 from varcalc.optics.validation import direction, numbers, point, unit_rows
+from varcalc.showing import Brief
 from varcalc.spelling import spelled
 
 
@@ -33,8 +34,8 @@ class Source(ABC):
 
 
 @spelled
-@dataclass(frozen=True)
-class PointSource(Source):
+@dataclass(frozen=True, repr=False)
+class PointSource(Brief, Source):
     """A point from which rays leave in all directions.
 
     Rays are named by their directions, an array (m, d) of vectors of any length; or by their number, which spreads
@@ -69,8 +70,8 @@ class PointSource(Source):
 
 
 @spelled
-@dataclass(frozen=True)
-class PlaneWave(Source):
+@dataclass(frozen=True, repr=False)
+class PlaneWave(Brief, Source):
     """A wave whose phase is the same on a plane, which its rays leave at right angles.
 
     Rays are named by their offsets from ``point`` in that plane (a straight line, in the plane): an array (m,) in the

@@ -18,6 +18,7 @@ import numpy as np
 from varcalc.optics.rays.beam import Beam, RayStatus, spreading
 from varcalc.optics.rays.leg import Leg
 from varcalc.problem.conditions import reals
+from varcalc.showing import Shown
 
 STEPS_TO_PATH = 8
 """Newton's steps from a sampled σ to one at a given optical path."""
@@ -25,8 +26,8 @@ ON_CAUSTIC = 1e-9
 """Of the tube's optical path: places so close to a conjugate point are on the caustic."""
 
 
-@dataclass(frozen=True)
-class Intensity:
+@dataclass(frozen=True, repr=False)
+class Intensity(Shown):
     """The intensity of light at k places of a ray.
 
     Attributes
@@ -47,8 +48,8 @@ class Intensity:
     on_caustic: np.ndarray
 
 
-@dataclass(frozen=True)
-class RayTube:
+@dataclass(frozen=True, repr=False)
+class RayTube(Shown):
     """A ray of a wave with its neighbours, from the source on; places are named by their optical path from there.
 
     Attributes

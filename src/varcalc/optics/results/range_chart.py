@@ -17,6 +17,7 @@ from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Plane
 from varcalc.optics.validation import point
 from varcalc.problem.conditions import whole
+from varcalc.showing import Plotted
 from varcalc.spelling import spelled
 
 DEFAULT_ANGLES = 720
@@ -25,8 +26,8 @@ OFF_AXIS = 1e-3
 """Radians by which they are turned: a ray that leaves along the receiver's height touches it at once."""
 
 
-@dataclass(frozen=True)
-class RangeChart:
+@dataclass(frozen=True, repr=False)
+class RangeChart(Plotted):
     """Reach against launching angle.
 
     Attributes

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.optics.media.medium import Field
+from varcalc.optics.media.medium import Field, Medium
 from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.rays.ray import Ray, Rays
 from varcalc.optics.rays.sources import Source
@@ -24,6 +24,7 @@ from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.optics.validation import point
 from varcalc.problem.conditions import finite, whole
 from varcalc.progress import Interrupted, Progress, telling
+from varcalc.showing import Plotted, Shown
 from varcalc.spelling import spelled
 from varcalc.tables import shown, table
 
@@ -40,8 +41,8 @@ FRONT_RAYS = 8
 
 
 @spelled
-@dataclass(frozen=True)
-class Study:
+@dataclass(frozen=True, repr=False)
+class Study(Shown):
     """What is to be seen of a scene.
 
     Raises TypeError or ValueError for arguments that do not fit each other.
@@ -118,7 +119,7 @@ class Study:
     def _seen(self, tubes: Sequence[RayTube], arrivals: Rays | None, fronts: Sequence[Wavefront]) -> Seen:
         return Seen(
             study=self,
-            tracks=tuple(_track(tube.point, tube.optical_path, tube.status) for tube in tubes if tube.legs),
+            tracks=tuple(Track.of(tube) for tube in tubes if tube.legs),
             caustic=caustic_of(tubes, self.source.dimension),
             wavefronts=tuple(fronts),
             arrivals=arrivals,
@@ -142,6 +143,11 @@ class Track:
     points: np.ndarray
     status: RayStatus
 
+    @classmethod
+    def of(cls, tube: RayTube) -> Track:
+        """The whole of a ray that was followed."""
+        return _track(tube.point, tube.optical_path, tube.status)
+
 
 @dataclass(frozen=True)
 class Background:
@@ -158,8 +164,8 @@ class Background:
     mirrors: tuple[bool, ...]
 
 
-@dataclass(frozen=True)
-class Seen:
+@dataclass(frozen=True, repr=False)
+class Seen(Plotted):
     """What a study has found.
 
     Attributes
@@ -187,21 +193,8 @@ class Seen:
 
     def background(self) -> Background:
         """Index and surfaces where the rays are, in the plane of the first and the last coordinate."""
-        scene, d = self.study.scene, self.study.source.dimension
         drawn = np.concatenate([track.points for track in (*self.tracks, *self.arriving)])
-        low, high = drawn.min(0)[[0, -1]], drawn.max(0)[[0, -1]]
-        extent = np.maximum(high - low, 1e-3 * float((high - low).max()) or 1.0)
-        room = MARGIN * np.where(extent.min() < FLAT * extent.max(), extent, extent.max())
-        across, up = (np.linspace(a, b, BACKGROUND_POINTS) for a, b in zip(low - room, high + room, strict=True))
-        plane = np.zeros((len(up), len(across), d))
-        plane[:] = np.median(drawn, axis=0)
-        plane[..., 0], plane[..., -1] = np.meshgrid(across, up)
-        flat = plane.reshape(-1, d)
-        index = None
-        if len(scene.media) == 1:
-            index = Field(scene.media[0], d).index(flat).reshape(plane.shape[:2])
-        levels = tuple(_level(surface, flat).reshape(plane.shape[:2]) for surface in scene.surfaces)
-        return Background(across, up, index, levels, tuple(surface.mirror for surface in scene.surfaces))
+        return background(self.study.scene.media, self.study.scene.surfaces, drawn)
 
     def table(self) -> str:
         """The rays to the receiver, and how the others ended, in plain text."""
@@ -238,6 +231,24 @@ class Seen:
             "reason": "" if self.arrivals is None else self.arrivals.reason,
             "searched": "" if self.arrivals is None else self.arrivals.searched,
         }
+
+
+def background(media: Sequence[Medium], surfaces: Sequence[Surface], drawn: np.ndarray) -> Background:
+    """Index and surfaces about points (m, d) of rays, in the plane of the first and the last coordinate."""
+    d = drawn.shape[1]
+    low, high = drawn.min(0)[[0, -1]], drawn.max(0)[[0, -1]]
+    extent = np.maximum(high - low, 1e-3 * float((high - low).max()) or 1.0)
+    room = MARGIN * np.where(extent.min() < FLAT * extent.max(), extent, extent.max())
+    across, up = (np.linspace(a, b, BACKGROUND_POINTS) for a, b in zip(low - room, high + room, strict=True))
+    plane = np.zeros((len(up), len(across), d))
+    plane[:] = np.median(drawn, axis=0)
+    plane[..., 0], plane[..., -1] = np.meshgrid(across, up)
+    flat = plane.reshape(-1, d)
+    index = None
+    if len(media) == 1:
+        index = Field(media[0], d).index(flat).reshape(plane.shape[:2])
+    levels = tuple(_level(surface, flat).reshape(plane.shape[:2]) for surface in surfaces)
+    return Background(across, up, index, levels, tuple(surface.mirror for surface in surfaces))
 
 
 def _track(at: Any, path: float, status: RayStatus) -> Track:

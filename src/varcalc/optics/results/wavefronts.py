@@ -25,11 +25,12 @@ from varcalc.optics.scene import Scene
 from varcalc.optics.validation import number, positive
 from varcalc.problem.conditions import reals
 from varcalc.progress import Interrupted
+from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
 
-@dataclass(frozen=True)
-class Wavefront:
+@dataclass(frozen=True, repr=False)
+class Wavefront(Shown):
     """Points of equal optical path from a source, one row a ray.
 
     Attributes
@@ -53,8 +54,8 @@ class Wavefront:
         return self.status == RayStatus.ARRIVED
 
 
-@dataclass(frozen=True)
-class Caustic:
+@dataclass(frozen=True, repr=False)
+class Caustic(Shown):
     """Points where neighbouring rays of a source cross, one row each: a curve in the plane, surfaces in space.
 
     Attributes

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 import casadi as ca
 
+from varcalc.axes import numbered
+from varcalc.problem.conditions import Bound
 from varcalc.problem.functional import Functional, check_functional
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.reading.equations import MOST_TERMS, collected, simplified
@@ -56,15 +58,19 @@ def latex(expression: Expression, named: Named = ()) -> str:
 
 
 def _equations(problem: Functional) -> Iterator[Sum]:
-    lagrangian = Lagrangian.of(problem)
-    named = names_of(problem, lagrangian)
+    """What vanishes along an extremal: of L less each condition times its multiplier."""
+    held = [t for t in problem.traced if not isinstance(t.constraint, Bound)]
+    multipliers = ca.SX.sym("lambda", len(held))
+    conditions = ca.vertcat(*(t.expression for t in held)) if held else ca.SX(0, 1)
+    lagrangian = Lagrangian(problem.symbols, problem.integrand - ca.dot(multipliers, conditions))
+    named = [*names_of(problem, lagrangian), *([(multipliers, numbered("lambda", len(held)))] if held else [])]
     for k in range(problem.n):
         yield _shortened(lagrangian.euler_lagrange[k], named)
 
 
 def _shortened(component: Expression, named: Named) -> Sum:
-    """What is to vanish, over a common denominator, which is left out."""
-    left = simplified(EXPANDED.read(component, named))
+    """What is to vanish, over a common denominator, which is left out; the first of the names is the abscissa's."""
+    left = simplified(EXPANDED.read(component, named), named[0][1][0])
     return left if len(left.terms) <= MOST_TERMS else FACTORED.read(component, named)
 
 
@@ -80,7 +86,7 @@ def equation_latex(left: Expression, named: Named) -> str:
 
 def _integrals(problem: Functional, lagrangian: Lagrangian) -> Iterator[tuple[str, Expression]]:
     """Which first integrals the Lagrangian has, with their names."""
-    labels = ["y"] if problem.scalar else [f"y_{i + 1}" for i in range(problem.n)]
+    labels = [axis.name for axis in problem.ordinates]
     for k in lagrangian.ignorable:
         yield f"momentum of {labels[k]}", lagrangian.momenta[0][k]
     if lagrangian.ignorable_abscissa:
@@ -92,7 +98,9 @@ def euler_lagrange_text(problem: Functional) -> str:
     """The Euler-Lagrange equation, one line for each unknown function, as short as algebra makes it.
 
     Terms are over a common denominator, which is left out: it cannot vanish
-    where the equation makes sense.
+    where the equation makes sense. A condition stands in it with its multiplier,
+    lambda (lambda_1, ... of several), that of ``solution.multipliers``; bounds do not: the equation
+    holds where none of them is met.
 
     >>> from varcalc import Fixed, Problem
     >>> film = Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), Fixed(-0.5, 1), Fixed(0.5, 1))

@@ -86,16 +86,19 @@ def divided(total: Sum, divisor: Sum) -> Sum | None:
     return None
 
 
-def simplified(total: Sum) -> Sum:
-    """The left side of ``total = 0``, up to a factor that is not zero where the equation makes sense."""
+def simplified(total: Sum, abscissa: str = "x") -> Sum:
+    """The left side of ``total = 0``, up to a factor that is not zero where the equation makes sense.
+
+    ``abscissa`` is the name of what the unknown functions depend on.
+    """
     cleared, used = without_denominators(total)
     if not cleared.terms or len(cleared.terms) > MOST_TERMS:
         return total
     for a in sorted(used, key=lambda a: a.key):
         while (inner := a.bracket) is not None and (quotient := divided(cleared, inner)) is not None:
             cleared = quotient
-    # a factor in x alone vanishes at isolated abscissae only
-    nonzero = used | {a for m, _ in cleared.terms for a, _e in m if a.positive or a.symbols == {"x"}}
+    # a factor in the abscissa alone vanishes at isolated abscissae only
+    nonzero = used | {a for m, _ in cleared.terms for a, _e in m if a.positive or a.symbols == {abscissa}}
     common = {a: min(dict(m).get(a, Fraction(0)) for m, _ in cleared.terms) for a in nonzero}
     lowered = monomial({a: -e for a, e in common.items() if e > 0})
     cleared = Sum.of({times(m, lowered): c for m, c in cleared.terms})

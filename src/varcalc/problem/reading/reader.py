@@ -29,8 +29,8 @@ def names(problem: Functional) -> Named:
 def names_of(problem: Functional, lagrangian: Lagrangian) -> Named:
     """:func:`names` for one Lagrangian object, whose symbols for higher derivatives are its own."""
     s = problem.symbols
-    bases = ["y"] if problem.scalar else [f"y_{i + 1}" for i in range(problem.n)]
-    out: list[tuple[Expression, list[str]]] = [(s.x, ["x"])]
+    bases = [axis.name for axis in problem.ordinates]
+    out: list[tuple[Expression, list[str]]] = [(s.x, [problem.abscissa.name])]
     for k, derivative in enumerate(lagrangian.derivatives_of_y):
         out.append((derivative, [base + "'" * k for base in bases]))
     out += [(s.parameters, list(problem.parameters)), (s.unknowns, list(problem.unknowns))]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+from varcalc.axes import latex_name
 from varcalc.problem.reading.sums import CLOSE, Atom, Monomial, Sum, monomial, times
 
 LARGEST_DENOMINATOR = 720
@@ -30,33 +31,38 @@ def _text_fraction(above: str, below: str) -> str:
     return f"{above}/{below}"
 
 
-GREEK = re.compile(
-    "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|upsilon|phi|chi|psi|"
-    "omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|Omega"
-)
 LATEX_FUNCTIONS = {
     "sin": r"\sin", "cos": r"\cos", "tan": r"\tan", "exp": r"\exp", "log": r"\ln", "sinh": r"\sinh", "cosh": r"\cosh",
     "tanh": r"\tanh", "asin": r"\arcsin", "acos": r"\arccos", "atan": r"\arctan",
 }  # fmt: skip
 
 
-def _latex_name(name: str) -> str:
-    base, primes = name.rstrip("'"), "'" * (len(name) - len(name.rstrip("'")))
-    stem, _, index = base.partition("_")
-    match = re.fullmatch(r"([A-Za-z]+)(\d+)", stem)
-    if match and not index:
-        stem, index = match.group(1), match.group(2)
-    if GREEK.fullmatch(stem):
-        stem = "\\" + stem
-    elif len(stem) > 1:
-        stem = rf"\mathrm{{{stem}}}"
-    return stem + (f"_{{{index}}}" if index else "") + primes
+RELATIONS = {"lt": ("<", "<"), "le": ("<=", r"\leq"), "eq": ("==", "="), "ne": ("!=", r"\neq"),
+             "and": ("and", r"\wedge"), "or": ("or", r"\vee")}  # fmt: skip
+"""What stands between two operands, as text and as LaTeX."""
+TABLE = "table"
+"""What a function is called that CasADi knows no name of."""
+
+
+def _text_function(name: str, arguments: list[str]) -> str:
+    if name in RELATIONS:
+        return f" {RELATIONS[name][0]} ".join(arguments)
+    known = {"fabs": "abs", "if_else_zero": "if", "call": TABLE}
+    return f"{known.get(name, name)}({', '.join(arguments)})"
 
 
 def _latex_function(name: str, arguments: list[str]) -> str:
+    if name in RELATIONS:
+        return f" {RELATIONS[name][1]} ".join(arguments)
     inside = ", ".join(arguments)
     if name == "fabs":
         return rf"\left|{inside}\right|"
+    if name == "not":
+        return rf"\neg\left({inside}\right)"
+    if name == "if_else_zero":  # Iverson's bracket: 1 where it is true, 0 elsewhere
+        condition, value = arguments
+        return rf"\left[{condition}\right]" + ("" if value == "1" else rf" \left({value}\right)")
+    name = TABLE if name == "call" else name
     escaped = name.replace("_", r"\_")
     return LATEX_FUNCTIONS.get(name, rf"\operatorname{{{escaped}}}") + rf"\left({inside}\right)"
 
@@ -66,12 +72,12 @@ TEXT = Style(
     fraction=_text_fraction,
     root=lambda inside: f"sqrt({inside})",
     raised=lambda base, exponent: f"{base}^{exponent}" if re.fullmatch(r"\d+", exponent) else f"{base}^({exponent})",
-    function=lambda name, arguments: f"{'abs' if name == 'fabs' else name}({', '.join(arguments)})",
+    function=_text_function,
     bracket=lambda inside: f"({inside})",
     bare_fraction=False,
 )
 LATEX = Style(
-    name=_latex_name,
+    name=latex_name,
     fraction=lambda above, below: rf"\frac{{{above}}}{{{below}}}",
     root=lambda inside: rf"\sqrt{{{inside}}}",
     raised=lambda base, exponent: f"{base}^{{{exponent}}}",
