@@ -35,6 +35,11 @@ def speed(q, dq):
     return ca.norm_2(dq)
 
 
+def rolled(phi, r, p):
+    """The point at an angle and a distance from the apex."""
+    return r * p.sine * ca.cos(phi), r * p.sine * ca.sin(phi), r * ca.sqrt(1 - p.sine**2)
+
+
 def on_cone(q):
     return 16 * (q[0] ** 2 + q[1] ** 2) - 9 * q[2] ** 2
 
@@ -50,7 +55,9 @@ def rolled_up(t: Any) -> np.ndarray:
 references = (
     vc.Reference(
         name="cone",
-        problem=vc.Problem(arc_length, vc.Fixed(0, 1), vc.Fixed(2, 1.5), parameters={"sine": SINE}),
+        problem=vc.Problem(
+            arc_length, vc.Fixed(0, 1), vc.Fixed(2, 1.5), parameters={"sine": SINE}, names=("phi", "r"), surface=rolled
+        ),
         exact=vc.Exact(
             line.length, lambda x: line.radius(SINE * np.asarray(x, dtype=float)), "straight line, rolled up"
         ),

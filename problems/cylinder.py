@@ -30,6 +30,11 @@ def speed(q, dq):
     return ca.norm_2(dq)
 
 
+def rolled(phi, z):
+    """The point of the unit cylinder at an angle and a height."""
+    return ca.cos(phi), ca.sin(phi), z
+
+
 def on_cylinder(q):
     return q[0] ** 2 + q[1] ** 2 - RADIUS**2
 
@@ -42,14 +47,14 @@ def helix(t: Any) -> np.ndarray:
 references = (
     vc.Reference(
         name="cylinder",
-        problem=vc.Problem(arc_length, vc.Fixed(0, 0), vc.Fixed(2, 1)),
+        problem=vc.Problem(arc_length, vc.Fixed(0, 0), vc.Fixed(2, 1), names=("phi", "z"), surface=rolled),
         exact=vc.Exact(math.sqrt(5), lambda x: np.asarray(x, dtype=float) / 2, "helix"),
         source=SOURCE,
         statement="The geodesic of the unit cylinder that rises by 1 over an angle of 2.",
     ),
     vc.Reference(
         name="cylinder/other_way",
-        problem=vc.Problem(arc_length, vc.Fixed(FAR_SIDE, 1), vc.Fixed(0, 0)),
+        problem=vc.Problem(arc_length, vc.Fixed(FAR_SIDE, 1), vc.Fixed(0, 0), names=("phi", "z"), surface=rolled),
         exact=vc.Exact(math.hypot(FAR_SIDE, 1), lambda x: np.asarray(x, dtype=float) / FAR_SIDE, "helix"),
         source=SOURCE,
         statement="The geodesic between the same points of the unit cylinder, the other way round.",

@@ -52,6 +52,11 @@ def on_sphere(q):
     return ca.sumsqr(q) - RADIUS**2
 
 
+def on_unit_sphere(theta, phi):
+    """The point at a polar angle and an azimuth."""
+    return ca.sin(theta) * ca.cos(phi), ca.sin(theta) * ca.sin(phi), ca.cos(theta)
+
+
 def angle_between(theta: float, other: float, azimuth: float) -> float:
     """The angle between two directions, by haversines."""
     haversine = math.sin((other - theta) / 2) ** 2 + math.sin(theta) * math.sin(other) * math.sin(azimuth / 2) ** 2
@@ -80,14 +85,26 @@ def embedded(t: Any) -> np.ndarray:
 references = (
     vc.Reference(
         name="great_circle",
-        problem=vc.Problem(length_by_polar_angle, vc.Fixed(NORTH, 0), vc.Fixed(SOUTH, APART)),
+        problem=vc.Problem(
+            length_by_polar_angle,
+            vc.Fixed(NORTH, 0),
+            vc.Fixed(SOUTH, APART),
+            names=("theta", "phi"),
+            surface=on_unit_sphere,
+        ),
         exact=vc.Exact(angle_between(NORTH, SOUTH, APART), azimuth, "great circle"),
         source=SOURCE,
         statement="The shortest path on the unit sphere, azimuth as a function of the polar angle.",
     ),
     vc.Reference(
         name="great_circle/longitude",
-        problem=vc.Problem(length_by_azimuth, vc.Fixed(0, SOUTH), vc.Fixed(2, NORTH)),
+        problem=vc.Problem(
+            length_by_azimuth,
+            vc.Fixed(0, SOUTH),
+            vc.Fixed(2, NORTH),
+            names=("phi", "theta"),
+            surface=lambda phi, theta: on_unit_sphere(theta, phi),
+        ),
         exact=vc.Exact(angle_between(SOUTH, NORTH, 2), polar_angle, "great circle"),
         source=SOURCE,
         statement="The shortest path on the unit sphere, polar angle as a function of the azimuth.",

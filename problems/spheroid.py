@@ -39,6 +39,7 @@ __all__ = ["EARTH", "FLAT", "Distances", "Geodesic", "distances", "references"]
 SOURCE = 'Karney, "Algorithms for geodesics", J. Geodesy 87 (2013), sect. 2'
 EARTH = {"a": 6378137.0, "f": 1 / 298.257223563}
 FLAT = {"a": 1.0, "f": 0.4}
+LATITUDE_FIRST = ("phi", "lambda")
 
 
 def principal_radii(latitude, p):
@@ -46,6 +47,17 @@ def principal_radii(latitude, p):
     eccentricity2 = p.f * (2 - p.f)
     N = p.a / ca.sqrt(1 - eccentricity2 * ca.sin(latitude) ** 2)
     return (1 - eccentricity2) * N**3 / p.a**2, N
+
+
+def on_spheroid(latitude, longitude, p):
+    """The point at a geographic latitude and a longitude."""
+    _, N = principal_radii(latitude, p)
+    across, up = N * ca.cos(latitude), (1 - p.f) ** 2 * N * ca.sin(latitude)
+    return across * ca.cos(longitude), across * ca.sin(longitude), up
+
+
+def by_longitude(longitude, latitude, p):
+    return on_spheroid(latitude, longitude, p)
 
 
 def length_by_latitude(x, y, dy, p):
@@ -163,21 +175,45 @@ flat = Geodesic.between(FLAT, -0.4, 0.9, 1.0)
 references = (
     vc.Reference(
         name="spheroid",
-        problem=vc.Problem(length_by_latitude, vc.Fixed(-0.5, 0), vc.Fixed(0.8, 0.7), parameters=EARTH),
+        problem=vc.Problem(
+            length_by_latitude,
+            vc.Fixed(-0.5, 0),
+            vc.Fixed(0.8, 0.7),
+            parameters=EARTH,
+            names=LATITUDE_FIRST,
+            units=("rad", "rad"),
+            surface=on_spheroid,
+        ),
         exact=vc.Exact(northward.length, northward.longitude_at_latitude, "elliptic integrals"),
         source=SOURCE,
         statement="A geodesic of the Earth in metres, longitude as a function of latitude.",
     ),
     vc.Reference(
         name="spheroid/flight",
-        problem=vc.Problem(length_by_longitude, vc.Fixed(0, 0.7), vc.Fixed(1.8, 0.75), parameters=EARTH),
+        problem=vc.Problem(
+            length_by_longitude,
+            vc.Fixed(0, 0.7),
+            vc.Fixed(1.8, 0.75),
+            parameters=EARTH,
+            names=LATITUDE_FIRST[::-1],
+            units=("rad", "rad"),
+            surface=by_longitude,
+        ),
         exact=vc.Exact(flight.length, flight.latitude_at_longitude, "elliptic integrals"),
         source=SOURCE,
         statement="A geodesic of the Earth over its northernmost point, latitude as a function of longitude.",
     ),
     vc.Reference(
         name="spheroid/curve",
-        problem=vc.Curve(speed, vc.At((0.7, 0)), vc.At((0.75, 1.8)), parameters=EARTH),
+        problem=vc.Curve(
+            speed,
+            vc.At((0.7, 0)),
+            vc.At((0.75, 1.8)),
+            parameters=EARTH,
+            names=LATITUDE_FIRST,
+            units=("rad", "rad"),
+            surface=lambda q, p: on_spheroid(q[0], q[1], p),
+        ),
         exact=vc.Exact(flight.length, flight.q, "elliptic integrals"),
         source=SOURCE,
         statement="The same geodesic of the Earth as a curve in latitude and longitude.",
@@ -185,7 +221,15 @@ references = (
     ),
     vc.Reference(
         name="spheroid/flat",
-        problem=vc.Problem(length_by_latitude, vc.Fixed(-0.4, 0), vc.Fixed(0.9, 1.0), parameters=FLAT),
+        problem=vc.Problem(
+            length_by_latitude,
+            vc.Fixed(-0.4, 0),
+            vc.Fixed(0.9, 1.0),
+            parameters=FLAT,
+            names=LATITUDE_FIRST,
+            units=("rad", "rad"),
+            surface=on_spheroid,
+        ),
         exact=vc.Exact(flat.length, flat.longitude_at_latitude, "elliptic integrals"),
         source=SOURCE,
         statement="A geodesic of a spheroid of flattening 0.4.",

@@ -38,6 +38,12 @@ def speed(q, dq, p):
     return ca.sqrt((p.r * dq[0]) ** 2 + ((p.R + p.r * ca.cos(q[0])) * dq[1]) ** 2)
 
 
+def on_torus(u, v, p):
+    """The point at an angle about the tube and one about the axis."""
+    rho = p.R + p.r * ca.cos(u)
+    return rho * ca.cos(v), rho * ca.sin(v), p.r * ca.sin(u)
+
+
 def rho(u: Any) -> np.ndarray:
     return R + TUBE * np.cos(u)
 
@@ -76,14 +82,28 @@ def geodesic(t: Any) -> np.ndarray:
 references = (
     vc.Reference(
         name="torus",
-        problem=vc.Problem(arc_length, vc.Fixed(*START), vc.Fixed(*END), parameters={"R": R, "r": TUBE}),
+        problem=vc.Problem(
+            arc_length,
+            vc.Fixed(*START),
+            vc.Fixed(*END),
+            parameters={"R": R, "r": TUBE},
+            names=("u", "v"),
+            surface=on_torus,
+        ),
         exact=vc.Exact(LENGTH, lambda x: across(CLAIRAUT, x), "elliptic integrals"),
         source=SOURCE,
         statement="The geodesic across the outside of a torus, as a graph over the angle about the tube.",
     ),
     vc.Reference(
         name="torus/curve",
-        problem=vc.Curve(speed, vc.At(START), vc.At(END), parameters={"R": R, "r": TUBE}),
+        problem=vc.Curve(
+            speed,
+            vc.At(START),
+            vc.At(END),
+            parameters={"R": R, "r": TUBE},
+            names=("u", "v"),
+            surface=lambda q, p: on_torus(q[0], q[1], p),
+        ),
         exact=vc.Exact(LENGTH, geodesic, "elliptic integrals"),
         source=SOURCE,
         statement="The same geodesic of the torus, as a curve in its two angles.",

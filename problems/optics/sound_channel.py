@@ -12,7 +12,7 @@ from varcalc import optics
 
 angles = np.radians(np.linspace(-12.0, 12.0, 25))
 study = optics.Study(
-    optics.Scene(optics.munk_profile()),
+    optics.Scene(optics.munk_profile(), names=("range", "height"), units=("m", "m")),
     optics.PointSource((0.0, -1300.0)),
     np.column_stack([np.cos(angles), np.sin(angles)]),
     optical_path=6.2e4,

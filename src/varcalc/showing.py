@@ -132,7 +132,7 @@ def brief(value: Any) -> str:
     >>> brief(0.1), brief(np.zeros((3, 100))), brief([1, None]), brief(len), brief("a")
     ('0.1', 'array(3, 100)', '[1, None]', 'len', "'a'")
     """
-    if isinstance(value, Brief) or is_dataclass(value):
+    if not hasattr(value, "__name__") and (isinstance(value, Brief) or is_dataclass(value)):
         short = repr(value) if isinstance(value, Brief) else _record(value)
         return short if len(short) <= LONG_TEXT else f"{type(value).__name__}(...)"
     return name_of(value) if callable(value) else shorten(repr(value), LONG_TEXT, placeholder=" ...")

@@ -139,11 +139,8 @@ def _net(problem: Functional, places: Sequence[np.ndarray]) -> Net:
         away = np.abs(problem.on_surface(turned) - problem.on_surface(middle)).max()
         room = BEYOND * (b - a or 1.0)
         ranges.append(((a + b - TURN) / 2, (a + b + TURN) / 2) if away <= SAME * size else (a - room, b + room))
-    dense, few = (
-        (np.linspace(a, b, 4 * NET_LINES) for a, b in ranges),
-        [np.linspace(a, b, NET_LINES) for a, b in ranges],
-    )
-    first, second = dense
+    first, second = (np.linspace(a, b, 4 * NET_LINES) for a, b in ranges)
+    few = [np.linspace(a, b, NET_LINES) for a, b in ranges]
     lines = [np.vstack([np.full_like(second, value), second]) for value in few[0]]
     lines += [np.vstack([first, np.full_like(first, value)]) for value in few[1]]
     return Net([problem.on_surface(line) for line in lines])

@@ -12,7 +12,7 @@ import casadi as ca
 
 from varcalc.problem.functional import named
 from varcalc.spelling import check_names, spelled
-from varcalc.symbolic.tracing import Names, TracedFunction, check_arity, trace
+from varcalc.symbolic.tracing import Names, TracedFunction, check_arity, name_of, trace
 
 
 class Parametrised:
@@ -55,6 +55,11 @@ class _Traced:
     """What a function of coordinates and parameters gave, for each number of coordinates it takes."""
 
     by_count: Mapping[int, TracedFunction]
+    called: str
+
+    @property
+    def __name__(self) -> str:
+        return self.called
 
     @classmethod
     def of(cls, function: Callable[..., Any], counts: tuple[int, ...], names: tuple[str, ...]) -> _Traced:
@@ -69,7 +74,7 @@ class _Traced:
                 check_arity("n", function, count + len(last))
                 expression = trace("n", function, [*arguments, *last], ca.SX)
                 found[count] = TracedFunction(ca.Function("traced", [*arguments, p], [expression]), (names,))
-        return cls(found)
+        return cls(found, name_of(function))
 
     def __call__(self, *arguments: Any) -> Any:
         count = len(arguments) - any(traced.names != ((),) for traced in self.by_count.values())

@@ -104,7 +104,7 @@ class Measured:
 
     def __post_init__(self) -> None:
         for name in ("value", "error"):
-            given = getattr(self, name)
+            given: Any = getattr(self, name)
             if given is None and name == "error":
                 continue
             try:

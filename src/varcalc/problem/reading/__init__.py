@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import casadi as ca
@@ -57,15 +58,23 @@ def latex(expression: Expression, named: Named = ()) -> str:
     return _written(expression, named, LATEX)
 
 
-def _equations(problem: Functional) -> Iterator[Sum]:
-    """What vanishes along an extremal: of L less each condition times its multiplier."""
+def left_sides(problem: Functional, legible: float = math.inf) -> Iterator[Sum | None]:
+    """What vanishes along an extremal, of L less each condition times its multiplier: one sum for each function.
+
+    None for one of more than ``legible`` operations. The problem is one of SX expressions.
+    """
     held = [t for t in problem.traced if not isinstance(t.constraint, Bound)]
     multipliers = ca.SX.sym("lambda", len(held))
     conditions = ca.vertcat(*(t.expression for t in held)) if held else ca.SX(0, 1)
     lagrangian = Lagrangian(problem.symbols, problem.integrand - ca.dot(multipliers, conditions))
-    named = [*names_of(problem, lagrangian), *([(multipliers, numbered("lambda", len(held)))] if held else [])]
+    taken = {axis.name for axis in problem.axes} | {*problem.parameters, *problem.unknowns}
+    letter = "mu" if any(name.startswith("lambda") for name in taken) else "lambda"
+    named = [*names_of(problem, lagrangian), *([(multipliers, numbered(letter, len(held)))] if held else [])]
+    symbols = [symbol for symbol, _ in named]
     for k in range(problem.n):
-        yield _shortened(lagrangian.euler_lagrange[k], named)
+        component = lagrangian.euler_lagrange[k]
+        operations = ca.Function("left", symbols, [component], {"allow_free": True}).n_instructions()
+        yield _shortened(component, named) if operations <= legible else None
 
 
 def _shortened(component: Expression, named: Named) -> Sum:
@@ -99,8 +108,8 @@ def euler_lagrange_text(problem: Functional) -> str:
 
     Terms are over a common denominator, which is left out: it cannot vanish
     where the equation makes sense. A condition stands in it with its multiplier,
-    lambda (lambda_1, ... of several), that of ``solution.multipliers``; bounds do not: the equation
-    holds where none of them is met.
+    lambda (lambda_1, ... of several; mu where a variable has that name), that of
+    ``solution.multipliers``; bounds do not: the equation holds where none of them is met.
 
     >>> from varcalc import Fixed, Problem
     >>> film = Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), Fixed(-0.5, 1), Fixed(0.5, 1))
@@ -127,7 +136,7 @@ def _all_equations(problem: Functional, style: Style) -> str:
     if problem.symbols.kind is not ca.SX:
         components = ca.vertsplit(Lagrangian.of(problem).euler_lagrange)
         return "\n".join(f"{component} = 0" for component in components)
-    return "\n".join(f"{write(left, style)} = 0" for left in _equations(problem))
+    return "\n".join(f"{write(left, style)} = 0" for left in left_sides(problem) if left is not None)
 
 
 @spelled

@@ -9,9 +9,10 @@ from typing import Any
 
 import casadi as ca
 
+from varcalc.axes import latex_name
 from varcalc.problem.conditions import Bound, Isoperimetric, Parameter, Through, components
 from varcalc.problem.functional import Functional, Traced
-from varcalc.problem.reading import euler_lagrange_latex, euler_lagrange_text
+from varcalc.problem.reading import left_sides
 from varcalc.problem.reading.reader import FACTORED, Named, names
 from varcalc.problem.reading.sums import Sum
 from varcalc.problem.reading.writing import LATEX, TEXT, Style, write
@@ -22,6 +23,8 @@ MOST_LINES = 3
 """Conditions, and components of the equation, that are told one by one: a print stays a few lines."""
 LONGEST_LATEX = 1500
 """Characters of a formula in a notebook, where so many fill a screen."""
+LEGIBLE = 75
+"""Operations of an equation: of one that has more there is nothing to be read."""
 LEFT_OUT = "too long to be shown here; varcalc.euler_lagrange_text writes it"
 NO_FORMULA = "not written out: L holds a table, or a function that has no formula"
 
@@ -210,10 +213,23 @@ def _numbers(problem: Functional) -> Iterator[Fact]:
 
 def _equations(problem: Functional) -> list[Fact]:
     if problem.symbols.kind is not ca.SX:
-        return [Fact("", NO_FORMULA)]
-    written = euler_lagrange_text(problem), euler_lagrange_latex(problem)
-    words, formulas = (w.splitlines() for w in written)
-    return [_fact("", told, formula, LEFT_OUT) for told, formula in zip(words, formulas, strict=True)]
+        return [Fact("", NO_FORMULA, _in_general(problem))]
+    lefts = list(left_sides(problem, LEGIBLE))
+    written = [None if left is None else [f"{write(left, style)} = 0" for style in (TEXT, LATEX)] for left in lefts]
+    if all(both is None or len(both[0]) > ROOM for both in written):
+        return [Fact("", LEFT_OUT, _in_general(problem))]
+    return [Fact("", LEFT_OUT) if both is None else _fact("", *both, LEFT_OUT) for both in written]
+
+
+def _in_general(problem: Functional) -> str:
+    """The equation of any L, of which no condition but those of the ends is asked."""
+    if problem.traced:
+        return ""
+    y = "q" if problem.n > 1 else latex_name(problem.ordinates[0].name)
+    x = latex_name(problem.abscissa.name)
+    terms = [rf"\frac{{\partial L}}{{\partial {y}}}", rf"\frac{{d}}{{d{x}}} \frac{{\partial L}}{{\partial {y}'}}"]
+    terms += [rf"\frac{{d^2}}{{d{x}^2}} \frac{{\partial L}}{{\partial {y}''}}"] if problem.order == 2 else []
+    return " - ".join(terms[:2]) + "".join(f" + {term}" for term in terms[2:]) + " = 0"
 
 
 def _several(label: str, facts: Sequence[Fact]) -> Iterator[Fact]:
