@@ -36,7 +36,9 @@ from varcalc.study.work_precision import work_precision
 from varcalc.verify import Finding, Verification, verify
 
 if TYPE_CHECKING:
-    from varcalc import mechanics, optics, problems
+    from varcalc import mechanics as mechanics
+    from varcalc import optics as optics
+    from varcalc import problems as problems
     from varcalc.certificates import Certificate, certify
     from varcalc.methods.collocation.method import Collocation
     from varcalc.methods.collocation.scipy_bvp import SciPyBvp
@@ -89,7 +91,6 @@ __all__ = [
     "Verdict",
     "Verification",
     "WorkPrecision",
-    "__version__",
     "certify",
     "compare",
     "continue_branch",
@@ -98,9 +99,6 @@ __all__ = [
     "euler_lagrange_text",
     "extremals",
     "first_integrals_text",
-    "mechanics",
-    "optics",
-    "problems",
     "solve",
     "sweep",
     "verify",
@@ -146,4 +144,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, *_PACKAGES, "__version__"})
