@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from varcalc.certificates.balls import Around, Ball, above, below, flint, largest, working
+from varcalc.certificates.bounds import Bounds, bounds
 from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
 from varcalc.certificates.choice import proved_tube
 from varcalc.certificates.convexity import convex_in_slope
@@ -30,6 +31,7 @@ from varcalc.solve.ladder import solve
 from varcalc.spelling import spelled
 from varcalc.symbolic.convexity import Entry, proved_convex
 from varcalc.verify.along_curve import AlongCurve, in_form
+from varcalc.verify.along_curve import along_curve as along_curve_of
 from varcalc.verify.candidate import candidate
 
 BITS = 128
@@ -42,6 +44,8 @@ VALUE_TOLERANCE = 1e-19
 COORDINATES = "the end where L is infinite is regular in alpha and z, by which the tube and the distances are meant"
 FORWARD = "the curve y0 is a graph: its abscissa grows"
 FORTH = "a curve that runs back is no shorter than a graph: the abscissa does not occur in the metric"
+SIGNS = "the multipliers of the bounds have their signs, so that L with them is no more than L within the bounds"
+WITHIN = "the curve of the upper bound lies within all bounds"
 SHARES = "an abscissa that slides is a number, and distances are meant at equal shares of the interval"
 PACED = "each curve is run through at constant speed, and its distance is meant at equal shares of its length"
 
@@ -109,6 +113,8 @@ def _refusal(solution: Solution, reason: str) -> VariationalError:
 
 def _proof(solution: Solution) -> Certificate:
     """The certificate of a solution's curve, polished, in coordinates in which it is regular."""
+    if any(isinstance(c, Bound) for c in solution.problem.constraints):
+        return _within_bounds(solution)
     along = _polished(solution)
     found = regular(along)
     if found is not None:
@@ -117,6 +123,21 @@ def _proof(solution: Solution) -> Certificate:
     if reason:
         raise Unproved(reason)
     return certified(solution, along)
+
+
+def _within_bounds(solution: Solution) -> Certificate:
+    """The certificate of a curve that bounds hold, as it was found."""
+    if solution.extremal is None:
+        raise Unproved("bounds are covered where the method knows its curve in coordinates of its own")
+    held = bounds(along_curve_of(solution.extremal))
+    held.prove_signs()
+    along = held.with_multipliers()
+    reason = _out_of_reach(along)
+    if reason:
+        raise Unproved(reason)
+    found = _bounded(solution, _setting(solution, along), held)[2]
+    told = (Hypothesis(SIGNS, Means.BALLS), Hypothesis(WITHIN, Means.BALLS))
+    return replace(found, proved=(*found.proved, *told))
 
 
 def _polished(solution: Solution) -> AlongCurve:
@@ -154,16 +175,19 @@ def certified(solution: Solution, along: AlongCurve) -> Certificate:
     return _bounded(solution, _setting(solution, along))[2]
 
 
-def _bounded(solution: Solution, setting: Setting) -> tuple[Ball, Ball, Certificate]:
-    """The bounds as balls, and the certificate."""
+def _bounded(solution: Solution, setting: Setting, held: Bounds | None = None) -> tuple[Ball, Ball, Certificate]:
+    """The two numbers as balls, and the certificate; ``held`` are the bounds along the curve."""
     prover = proved_tube(setting)
     setting = replace(setting, along=allowed_for(setting, prover))
     end_terms = prove_ends(prover)
-    near = _nearness(setting, prover.tube)
     drop = total(setting.along, prover.tube.kappa, prover.tube.mu)
-    scope, hypotheses = _scope(setting, prover, near, solution)
     value = setting.along.value + _end_cost(setting) - _levels(setting.statement)
-    low, high = (value - drop).lower(), (value + _correction(setting)).upper()
+    high = (value + _correction(setting)).upper()
+    if held is not None:
+        high = (held.above(setting) + _end_cost(setting)).upper()
+    near = _nearness(setting, prover.tube, largest([high - value]))
+    scope, hypotheses = _scope(setting, prover, near, solution)
+    low = (value - drop).lower()
     if setting.statement.along.form.coordinates.energetic:
         low, high = _length(setting.statement, solution, low, high)
     if solution.problem.maximise:
@@ -217,8 +241,8 @@ def _out_of_reach(along: AlongCurve) -> str:
         and (form.coordinates.energetic or not any(form.problem.slides)),
         "closed curves in space are not covered": form.coordinates.gauged and form.ends.periodic,
         "conditions all along the curve are not covered": bool(along.paths),
-        "inequalities are not covered": any(
-            isinstance(c, Bound) or (isinstance(c, Isoperimetric) and not c.equality) for c in form.problem.constraints
+        "levels that are inequalities are not covered": any(
+            isinstance(c, Isoperimetric) and not c.equality for c in form.problem.constraints
         ),
         "ends that slide are not covered of Lagrangians of second order": form.ends.equations > 0 and form.order == 2,
         "periodic ends that cost something are not covered": form.ends.joint is not None and form.ends.periodic,
@@ -298,14 +322,15 @@ class Nearness:
         return reach
 
 
-def _nearness(setting: Setting, tube: Tube) -> Nearness:
+def _nearness(setting: Setting, tube: Tube, excess: Ball) -> Nearness:
     """How near curves of no greater value lie; Unproved where the curve is too far from stationary for the tube.
 
-    From kappa |w|^2/4 + mu H(|u|)/2, H Huber's function, integrated, being no more than twice ``total``.
+    From kappa |w|^2/4 + mu H(|u|)/2, H Huber's function, integrated, being no more than twice ``total`` and the
+    ``excess`` of what is compared with over the value on the curve.
     """
     found = flint()
     r, q = worst(setting.along)
-    energy, length = total(setting.along, tube.kappa, tube.mu), setting.length
+    energy, length = total(setting.along, tube.kappa, tube.mu) + excess / 2, setting.length
     rho = min(tube.rho)
     if tube.delta < math.inf and not (
         q * 2 <= found.arb(tube.mu) * rho and 2 * r <= found.arb(tube.kappa) * tube.delta

@@ -189,7 +189,7 @@ class Statement:
         # of any size, but marked as variables: what depends on them is told by its derivatives
         unknown = [Jet(found.arb_series([1], 4), {i: found.arb(1)}) for i in range(self.bare + self.n)]
         x = Jet(found.arb_series([centre, half], 4), {ABSCISSA: found.arb(1)})
-        return switches_between(self.program, self._arguments(x, unknown[: self.bare], unknown[self.bare :]))
+        return switches_between(self.program, self.arguments(x, unknown[: self.bare], unknown[self.bare :]))
 
     def jet(
         self,
@@ -220,9 +220,9 @@ class Statement:
     ) -> list[list[Jet]]:
         z = [Jet(value, {i: flint().arb(1)} if order else None) for i, value in enumerate(states)]
         u = [Jet(value, {self.bare + i: flint().arb(1)} if order else None) for i, value in enumerate(controls)]
-        return self._arguments(Jet(x), z, u)
+        return self.arguments(Jet(x), z, u)
 
-    def _arguments(self, x: Jet, z: list[Jet], u: list[Jet]) -> list[list[Jet]]:
+    def arguments(self, x: Jet, z: list[Jet], u: list[Jet]) -> list[list[Jet]]:
         """What H takes."""
         n = self.n
         y, slopes, numbers = z[:n], z[n : n * self.order], z[n * self.order :]
