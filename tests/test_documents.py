@@ -1,7 +1,13 @@
-"""What README.md and docs/ print is run: every Python block, in order, one namespace a page; what they list exists."""
+"""What README.md and docs/ print is run: every Python block, in order, one namespace a page; what they list exists.
+
+The pages are built as well, with warnings as errors, and read as they are shown; the build executes the notebooks.
+"""
 
 import csv
+import html
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -11,7 +17,11 @@ import varcalc as vc
 from varcalc import mechanics, optics
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+DOCS = ROOT / "docs"
+BUILT = DOCS / "_build" / "html"
+PAGES = sorted([ROOT / "README.md", *(page for page in DOCS.rglob("*.md") if "_build" not in page.parts)])
+HOME = re.compile(r"https://(?:github\.com|raw\.githubusercontent\.com)/varcalc/varcalc/(?:blob/)?main/")
+"""Where the repository is: links to it are absolute in README.md, which package indexes show without the repository."""
 
 
 def blocks(page, language):
@@ -19,7 +29,7 @@ def blocks(page, language):
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "python")], ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "python")], ids=lambda page: page.stem)
 def test_python_blocks_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     namespace = {}
@@ -38,13 +48,82 @@ def test_readme_has_two_commands_that_set_themselves_up():
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_to_files_lead_somewhere(page):
-    for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text(encoding="utf-8")):
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", text):
         assert (page.parent / target).exists(), f"{page.name} links to {target}"
+    for target in re.findall(r"\]\((https:[^)#]+)\)", text):
+        if HOME.match(target):
+            assert (ROOT / HOME.sub("", target)).exists(), f"{page.name} links to {target}"
+
+
+def test_readme_links_hold_on_a_package_index():
+    assert re.findall(r"\]\((?!https:)[^)]*\)", (ROOT / "README.md").read_text(encoding="utf-8")) == []
+
+
+def shown(page):
+    """The text of a built page as a reader sees it, without what stands in code."""
+    text = page.read_text(encoding="utf-8")
+    [article] = re.findall(r'<article role="main"[^>]*>(.*?)</article>', text, re.DOTALL)
+    article = re.sub(r"<(pre|code|script|style)\b.*?</\1>", " ", article, flags=re.DOTALL)
+    article = re.sub(r'<(span|div) class="math.*?</\1>', " ", article, flags=re.DOTALL)
+    return html.unescape(re.sub(r"<[^>]+>", "", article))
+
+
+FAULTS = {
+    "a role or directive that was not understood": r":\w+:`|^\s*\.\. \w+::",
+    "marks of literals": r"``|(?<!\w)`[^`\n]+`",
+    "marks of emphasis": r"\*\*\w|\w\*\*(?!\s*\d)",
+    "an example that is not one": r">>> ",
+    "a link that leads nowhere": r"\]\(\S+\)|\{(?:doc|ref|class|func|py:\w+)\}",
+    "a section that was not read as one": r"^-{4,}$|^(?:Parameters|Returns|Raises|Notes)\s*\n\s*-{3,}",
+}
+
+
+def misread_fields(page):
+    """Parameters that are no names: prose that was taken for a field list."""
+    text = page.read_text(encoding="utf-8")
+    names = []
+    for listed in re.findall(r'<dt class="field-[^>]*>Parameters.*?</dt>\s*<dd[^>]*>(.*?)</dd>', text, re.DOTALL):
+        for entry in re.findall(r"<(?:li|dd[^>]*)>\s*<p>(.*?)</p>", listed, re.DOTALL) or [listed]:
+            names += re.findall(r"^\s*(?:<p>)?<strong>(.*?)</strong>\s*\((.*?)\)", entry, re.DOTALL)
+    signs = {name for text in re.findall(r'<em class="sig-param">(.*?)</em>', text, re.DOTALL)
+             for name in re.findall(r'<span class="n"><span class="pre">(\w+)', text)}  # fmt: skip
+    return [
+        (name, kind) for name, kind in names
+        if not set(re.findall(r"\w+", re.sub(r"<[^>]+>", "", name))) <= signs or "Raises" in kind or "naming" in kind
+    ]  # fmt: skip
+
+
+def test_pages_are_built_and_read_as_they_were_written():
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", str(DOCS), str(BUILT)]
+    built = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    pages = [page for page in BUILT.rglob("*.html") if 'role="main"' in page.read_text(encoding="utf-8")]
+    written = [page for page in pages if (DOCS / page.relative_to(BUILT)).with_suffix(".md").exists()]
+    assert len(written) == len(PAGES) - 1
+    faults = [
+        f"{page.name}: {fault}: {found.group()!r}"
+        for page in written
+        for fault, pattern in FAULTS.items()
+        for found in re.finditer(pattern, shown(page), re.MULTILINE)
+    ]
+    assert faults == []
+    assert misread_fields(BUILT / "api.html") == []
+    signatures = re.findall(r'<em class="sig-param">(.*?)</em>', (BUILT / "api.html").read_text("utf-8"), re.DOTALL)
+    assert len(signatures) > 500
+    assert [text for text in signatures if re.search(r"&lt;|~|> at 0x", re.sub(r"<[^>]+>", "", text))] == []
+
+
+@pytest.mark.parametrize(
+    "text", ["Raises :class:`X`", "a ``name``", "**bold", "[page](page.md)", "Returns\n-------", ">>> 1"]
+)
+def test_faults_of_shown_text_are_seen(text):
+    assert any(re.search(pattern, text, re.MULTILINE) for pattern in FAULTS.values())
 
 
 @pytest.mark.parametrize("picture", ["brachistochrone.png", "stability.png", "chart.png"])
 def test_readme_shows_the_pictures_its_commands_write(picture):
-    assert f"](docs/{picture})" in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"/main/docs/{picture})" in (ROOT / "README.md").read_text(encoding="utf-8")
     assert (ROOT / "docs" / picture).stat().st_size < 350_000
 
 

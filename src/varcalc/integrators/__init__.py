@@ -7,13 +7,12 @@ compiled, :class:`Dop853` (Dormand and Prince, SciPy's coefficients) needs no co
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import replace
 
 import casadi as ca
 
 from varcalc.integrators.attentive import Attentive
-from varcalc.integrators.dop853 import SMALLEST, Dop853
+from varcalc.integrators.dop853 import SMALLEST, Dop853, installed
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.on_demand import STEPS, OnDemand
 from varcalc.integrators.piecewise import Continuous, Piecewise
@@ -70,20 +69,12 @@ def compiled(owner: Owner, engine: Engine, system: ca.Function) -> Flow:
     return kept[key]
 
 
-def _installed(package: str) -> bool:
-    """Whether a package can be imported, without importing it; an import hook may say no by ImportError."""
-    try:
-        return importlib.util.find_spec(package) is not None
-    except ImportError:
-        return False
-
-
 def available(taylor: Taylor | None = None) -> tuple[Taylor | Dop853, ...]:
     """The engines whose packages are installed, the preferred one first, heyoka's with the settings of ``taylor``."""
     engines: list[Taylor | Dop853] = []
-    if _installed("heyoka"):
+    if installed("heyoka"):
         engines.append(taylor or Taylor())
-    if _installed("scipy"):
+    if installed("scipy"):
         engines.append(Dop853())
     return tuple(engines)
 

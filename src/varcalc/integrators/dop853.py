@@ -7,6 +7,8 @@ takes any CasADi function, interpolated data included.
 
 from __future__ import annotations
 
+import importlib.util
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -42,6 +44,8 @@ SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0
 """A new step is so much of the one that just meets the tolerance, and so many times the last at least and at most."""
 TOGETHER = 1024
 """Runs that take their steps together."""
+NOTED = 2000
+"""So many runs at a time would be worth the compilation by heyoka: its absence is told."""
 SPARSE = 16
 """So many runs are left together until half of them have ended: less is not worth rearranging."""
 
@@ -122,6 +126,8 @@ class Dop853Flow:
     ) -> Landing:
         """:meth:`varcalc.integrators.protocol.Flow.ensemble`; each ``level`` halves the steps."""
         landing, until = begun(states, start, until, self.stops is not None)
+        if len(states) >= NOTED:
+            _note()
         bounds = np.full(len(states), math.inf) if longest is None else longest
         if longest is None and level > 0:  # smaller steps as well: few steps may be the same at any tolerance
             usual = self.ensemble(states, constants, start=start, until=until, leaving=leaving)
@@ -134,6 +140,24 @@ class Dop853Flow:
         if kept is not None:
             landing.dense = [Pieces.of(kept, row) for row in range(len(states))]
         return landing
+
+
+def installed(package: str) -> bool:
+    """Whether a package can be imported, without importing it; an import hook may say no by ImportError."""
+    try:
+        return importlib.util.find_spec(package) is not None
+    except ImportError:
+        return False
+
+
+@lru_cache(maxsize=1)
+def _note() -> None:
+    """Tell, once, that large ensembles would be quicker with heyoka, unless it is there and this method was chosen."""
+    if not installed("heyoka"):
+        logging.getLogger("varcalc").warning(
+            "heyoka is not installed: large bundles of rays and motions go by DOP853 on arrays, which is some tens "
+            "of times slower, to the same digits. Where there is a wheel for it: python -m pip install heyoka"
+        )
 
 
 @lru_cache(maxsize=1)

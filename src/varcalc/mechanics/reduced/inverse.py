@@ -45,6 +45,8 @@ def force_of_orbit(
     -------
     r, force : arrays of the shape of ``angle``
 
+    Examples
+    --------
     >>> r, force = force_of_orbit(lambda theta: theta**2, [1.0, 2.0])  # -(l²/m) (1 + 6/r)/r³
     >>> bool(np.all(abs(force * r**4 / (r + 6) + 1) < 1e-14))
     True
@@ -83,6 +85,8 @@ def well_width(period: Callable[[np.ndarray], np.ndarray], depth: Any, *, mass: 
     -------
     array of the shape of ``depth``
 
+    Examples
+    --------
     >>> width = well_width(lambda energy: 0 * energy + 2 * np.pi, [0.5, 2.0])  # of x²/2
     >>> bool(np.all(abs(width - [2, 4]) < 1e-14))
     True

@@ -45,6 +45,8 @@ def firsov(deflection: Callable[[np.ndarray], np.ndarray], energy: float, w: Any
     -------
     r, potential : arrays of the shape of ``w``
 
+    Examples
+    --------
     >>> import numpy as np
     >>> r, potential = firsov(lambda b: 2 * np.arctan(1 / (2 * b)), 1.0, [0.5, 2.0])
     >>> bool(np.max(np.abs(potential * r - 1)) < 1e-12)
