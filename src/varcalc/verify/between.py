@@ -175,7 +175,8 @@ def _samples(extremal: Extremal) -> tuple[np.ndarray, np.ndarray]:
 def _led_on(s: np.ndarray, points: np.ndarray, at: float, near: int, next_one: int) -> np.ndarray:
     """Where the straight line through two of the points (rows, m) at s (m,) is ``at`` an end."""
     share = (at - s[near]) / (s[next_one] - s[near])
-    return points[:, near] + (points[:, next_one] - points[:, near]) * share
+    with np.errstate(invalid="ignore"):  # of a slope that is infinite at both places nothing is known at the end
+        return points[:, near] + (points[:, next_one] - points[:, near]) * share
 
 
 def _points(extremal: Extremal, s: np.ndarray) -> np.ndarray:
