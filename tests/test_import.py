@@ -19,7 +19,17 @@ def loaded_after(statement):
 
 @pytest.mark.parametrize("statement", ["import varcalc", "import varcalc.cli", "import varcalc.study.reference"])
 def test_nothing_heavy_is_imported_until_needed(statement):
-    heavy = ("matplotlib", "heyoka", "scipy.integrate", "scipy.optimize", "scipy.linalg", "rich", "hypothesis")
+    heavy = (
+        "matplotlib",
+        "heyoka",
+        "scipy.integrate",
+        "scipy.optimize",
+        "scipy.linalg",
+        "rich",
+        "hypothesis",
+        "jinja2",
+        "latex2mathml",
+    )
     loaded = loaded_after(statement)
     assert [name for name in loaded if name in heavy] == []
 

@@ -41,14 +41,17 @@ STRIPE = 3.0
 ROUNDING_LABEL = "double precision"
 
 
-def comparison_picture(comparison: Comparison, *, title: str = "", downward: bool = False) -> Figure:
+def comparison_picture(
+    comparison: Comparison, *, title: str = "", downward: bool = False, legend_beneath: bool = False
+) -> Figure:
     """All curves of ``comparison`` over each other, and their differences beneath.
 
     Each component of y has a panel of its own; a :class:`varcalc.Curve` in the
     plane is drawn in the plane. The lowest panel shows, on a logarithmic axis,
     the distance of every curve from the exact one, or from that of the route
     claiming the least error where no exact curve is known. ``title`` is by
-    default the problem's name; ``downward`` draws the last coordinate downward.
+    default the problem's name; ``downward`` draws the last coordinate downward,
+    ``legend_beneath`` puts the legend under the panels, where a narrow picture has room.
     Raises ValueError when there is no curve to draw.
     """
     routes, exact = _lines(comparison)
@@ -64,7 +67,8 @@ def comparison_picture(comparison: Comparison, *, title: str = "", downward: boo
     others = [line for line in routes if line is not reference]
     figure, panels, lowest = _panels(1 if in_plane else comparison.problem.n, in_plane, bool(others))
     note = ALIGNED if reference.closed and others else ""
-    _draw_curves(panels, routes, exact, comparison.problem, in_plane, note)
+    _draw_curves(panels, routes, exact, comparison.problem, in_plane)
+    _draw_legend(figure, panels[0], note, legend_beneath)
     if downward:
         panels[-1].invert_yaxis()
     if lowest is not None:
@@ -122,7 +126,7 @@ def _panels(count: int, in_plane: bool, with_differences: bool) -> tuple[Figure,
 
 
 def _draw_curves(
-    panels: Sequence[Axes], routes: Sequence[Line], exact: Line | None, problem: Functional, in_plane: bool, note: str
+    panels: Sequence[Axes], routes: Sequence[Line], exact: Line | None, problem: Functional, in_plane: bool
 ) -> None:
     """The closed form as a wide band; upon it the routes in stripes that alternate where they coincide."""
     if exact is not None:
@@ -136,9 +140,15 @@ def _draw_curves(
     if in_plane:
         panels[0].set_xlabel(ordinates[0].label, color=INK)
         panels[0].set_aspect("equal", adjustable="datalim")
-    legend = panels[0].legend(
-        frameon=False, labelcolor=INK, fontsize=9, loc="best", title=note or None, title_fontsize=9
-    )
+
+
+def _draw_legend(figure: Figure, panel: Axes, note: str, beneath: bool) -> None:
+    handles, labels = panel.get_legend_handles_labels()
+    look = {"frameon": False, "labelcolor": INK, "fontsize": 9, "title": note or None, "title_fontsize": 9}
+    if beneath:
+        legend = figure.legend(handles, labels, loc="outside lower left", ncols=2, **look)
+    else:
+        legend = panel.legend(handles, labels, loc="best", **look)
     legend.get_title().set_color(INK)
     for handle in legend.get_lines():
         handle.set_linestyle("solid")

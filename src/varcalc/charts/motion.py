@@ -27,14 +27,33 @@ def motion_picture(moved: Moved) -> Figure:
     Without that it is the phase portrait of one coordinate, and the orbit of more.
     """
     figure, right = _beside_times(moved.motion, moved.title)
-    if isinstance(asked := moved.experiment.beside, Section):
-        _section(right, moved, asked)
-    elif isinstance(asked, Flights):
-        _flights(right, moved, asked)
-    else:
-        _energies(right, moved)
-        _orbit(right, moved.motion)
+    _beside(right, moved)
     return figure
+
+
+def course_picture(moved: Moved) -> Figure:
+    """The left panel of :func:`motion_picture` by itself: coordinates against time."""
+    figure = Figure(figsize=(5.5, 4.2), layout="constrained")
+    _course(figure.subplots(), moved.motion)
+    return figure
+
+
+def beside_picture(moved: Moved) -> Figure:
+    """The right panel of :func:`motion_picture` by itself: the phase portrait, the orbit, or what was asked for."""
+    figure = Figure(figsize=(5.5, 4.4), layout="constrained")
+    _beside(figure.subplots(), moved)
+    return figure
+
+
+def _beside(panel: Axes, moved: Moved) -> None:
+    """What the experiment asks for beside its motion."""
+    if isinstance(asked := moved.experiment.beside, Section):
+        _section(panel, moved, asked)
+    elif isinstance(asked, Flights):
+        _flights(panel, moved, asked)
+    else:
+        _energies(panel, moved)
+        _orbit(panel, moved.motion)
 
 
 def motion_of_picture(motion: Motion) -> Figure:
@@ -68,19 +87,24 @@ def _beside_times(motion: Motion, title: str) -> tuple[Figure, Axes]:
     """A figure with the coordinates against time on its left, and what is free on its right."""
     figure = Figure(figsize=(11, 4.6), layout="constrained")
     left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
+    _course(left, motion)
+    figure.suptitle(title)
+    return figure, right
+
+
+def _course(panel: Axes, motion: Motion) -> None:
+    """The coordinates against time, and where events are."""
     times = np.linspace(*motion.span, LOOKED_AT)
     q = motion.q(times)
     time, *axes = _axes(motion.axes, len(q))
     for number, (axis, values) in enumerate(zip(axes, q, strict=True)):
-        left.plot(times, values, color=OTHER_COLOURS[number % len(OTHER_COLOURS)], label=axis.label)
+        panel.plot(times, values, color=OTHER_COLOURS[number % len(OTHER_COLOURS)], label=axis.label)
     for event in motion.events:
-        left.axvline(event.t, color="0.8", linewidth=0.8, zorder=0)
-    left.set_xlabel(time.label)
-    left.set_ylabel(axes[0].label if len(axes) == 1 else "coordinates")
+        panel.axvline(event.t, color="0.8", linewidth=0.8, zorder=0)
+    panel.set_xlabel(time.label)
+    panel.set_ylabel(axes[0].label if len(axes) == 1 else "coordinates")
     if len(q) > 1:
-        left.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=MOST_NAMES)
-    figure.suptitle(title)
-    return figure, right
+        panel.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=MOST_NAMES)
 
 
 def _orbit(panel: Axes, motion: Motion) -> None:
@@ -112,7 +136,9 @@ def _flights(axes: Axes, moved: Moved, asked: Flights) -> None:
     many = moved.many
     assert many is not None
     times = many.times[:, 0].reshape(len(asked.second), len(asked.first))
-    image = axes.pcolormesh(asked.first, asked.second, times, norm=LogNorm(), shading="nearest", cmap="viridis")
+    image = axes.pcolormesh(
+        asked.first, asked.second, times, norm=LogNorm(), shading="nearest", cmap="viridis", rasterized=True
+    )
     _, names, _ = moved.axes
     unit = moved.experiment.system.time_unit
     axes.figure.colorbar(image, ax=axes, label=f"time to {asked.event.name}" + (f" ({unit})" if unit else ""))

@@ -28,6 +28,8 @@ FRONT_GAP = 8.0
 """Neighbouring points of a wavefront that lie so many times the usual distance apart are not joined."""
 CROSSINGS = ("#0072b2", "#56b4e9", "#009e73", "#e69f00")
 SIZE = 8.0
+LEGEND_COLUMNS = 3
+"""So that a picture in a page, which is narrower, holds its legend."""
 MOST_RAYS = 61
 """Of a bundle that are drawn."""
 
@@ -224,5 +226,10 @@ def _legend(figure: Figure, view: View) -> None:
     ]
     handles = [line for present, line in there if present]
     figure.legend(
-        handles=handles, loc="outside lower left", ncols=len(handles), frameon=False, labelcolor=INK, fontsize=9
+        handles=handles,
+        loc="outside lower left",
+        ncols=min(len(handles), LEGEND_COLUMNS),
+        frameon=False,
+        labelcolor=INK,
+        fontsize=9,
     )

@@ -28,6 +28,9 @@ MARKERS = ("o", "s", "D", "v", "P", "X", "<", ">")
 """Those of the curves that options make, in the order in which they appear."""
 DEGREE_MARKER = "^"
 LADDER_LABEL = "ladder"
+ERROR_LABEL = "relative error of the value"
+NARROW = (5.4, 5.2)
+"""Of a picture of one panel, in inches."""
 BENEATH = 4.0
 """By how much wider the line of a second route of one kind is: it runs beneath that of the first."""
 PALE = 0.35
@@ -97,16 +100,8 @@ def _draw_problem(problem: str, records: Sequence[Record], panels: Sequence[Axes
     convergence, claims, *times = panels
     top = top_edge(records)
     for panel in panels:
-        plain(panel)
-        panel.set_xscale("log")
-        panel.set_yscale("log")
-        panel.set_ylim(FLOOR / 4, top)
-        panel.yaxis.set_major_locator(LogLocator(numticks=7))
-        for axis in (panel.xaxis, panel.yaxis):
-            axis.set_minor_formatter(NullFormatter())
-    for panel in (convergence, *times):
-        panel.axhline(np.finfo(float).eps, color=INK, linewidth=0.8, linestyle=(0, (2, 3)), zorder=1.5)
-    _draw_convergence(convergence, records, style)
+        _logarithmic(panel, top)
+    _finished_convergence(convergence, records, style)
     draw_claims(claims, records, style.colours, top)
     claims.set_xlabel("delivered error", color=INK)
     claims.set_ylabel("claimed error", color=INK)
@@ -115,14 +110,60 @@ def _draw_problem(problem: str, records: Sequence[Record], panels: Sequence[Axes
     for panel, (name, time) in zip(times, TIMES, strict=True):
         for route in style.colours:
             _draw_route(panel, [r for r in records if r.route == route], time, style.colours[route], top)
+        _mark_epsilon(panel)
         panel.set_xlim(*limits)
         panel.set_xlabel(f"{name}, milliseconds", color=INK)
     for panel in times[1:]:
         panel.tick_params(labelleft=False)
     convergence.set_title(problem, fontsize=12, color=INK, loc="left", fontweight="bold")
-    convergence.set_xlabel("unknowns", color=INK)
-    for panel in (convergence, times[0]):
-        panel.set_ylabel("relative error of the value", color=INK)
+    times[0].set_ylabel(ERROR_LABEL, color=INK)
+
+
+def convergence_picture(records: Sequence[Record], *, title: str = "") -> Figure:
+    """How the error of one problem's value falls with the unknowns, as each route's options turn: one narrow panel.
+
+    It is the upper left panel of :func:`work_precision_picture`. Raises ValueError as that does, and where no
+    option was turned.
+    """
+    drawn = drawable(records)
+    style = LineStyle.of([r for r in drawn if r.knob in (Knob.ELEMENT, Knob.DEGREE)])
+    if not _curves(drawn):
+        raise ValueError("no route has an option to turn that answered, so there is no convergence to draw")
+    figure = Figure(figsize=NARROW, layout="constrained", facecolor="white")
+    panel = figure.subplots()
+    _logarithmic(panel, top_edge(drawn))
+    _finished_convergence(panel, drawn, style)
+    panel.set_title(title, fontsize=12, color=INK, loc="left")
+    routes = [_route_handle(name, colour, style.beneath(name)) for name, colour in style.colours.items()]
+    marks = [
+        Line2D([], [], color=INK, marker=m, markersize=5, linewidth=0, label=name) for name, m in style.markers.items()
+    ]
+    figure.legend(handles=[*routes, *marks], loc="outside lower left", ncols=2, frameon=False, labelcolor=INK)
+    return figure
+
+
+def _logarithmic(panel: Axes, top: float) -> None:
+    """Both axes logarithmic, that of errors from round-off to ``top``."""
+    plain(panel)
+    panel.set_xscale("log")
+    panel.set_yscale("log")
+    panel.set_ylim(FLOOR / 4, top)
+    panel.yaxis.set_major_locator(LogLocator(numticks=7))
+    for axis in (panel.xaxis, panel.yaxis):
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _mark_epsilon(panel: Axes) -> None:
+    """Where double precision ends."""
+    panel.axhline(np.finfo(float).eps, color=INK, linewidth=0.8, linestyle=(0, (2, 3)), zorder=1.5)
+
+
+def _finished_convergence(panel: Axes, records: Sequence[Record], style: LineStyle) -> None:
+    """The error over the unknowns, with what its axes are."""
+    _mark_epsilon(panel)
+    _draw_convergence(panel, records, style)
+    panel.set_xlabel("unknowns", color=INK)
+    panel.set_ylabel(ERROR_LABEL, color=INK)
 
 
 def _curves(records: Iterable[Record]) -> dict[tuple[str, str], list[Record]]:

@@ -1,4 +1,4 @@
-"""The command line: ``varcalc list``, ``run``, ``certify``, ``chart``, ``sweep``, ``trace``, ``move``, ``figure``.
+"""The command line: ``varcalc list``, ``run``, ``certify``, ``chart``, ``sweep``, ``trace``, ``move`` and the others.
 
 What a command needs is imported when it runs, so that help and the list come at once.
 """
@@ -14,6 +14,7 @@ from varcalc.cli.groups import Commands
 from varcalc.cli.measuring import chart, sweep
 from varcalc.cli.moving import move
 from varcalc.cli.problems import list_, run
+from varcalc.cli.reporting import report
 from varcalc.cli.tracing import trace
 
 
@@ -23,5 +24,5 @@ def main() -> None:
     """The calculus of variations as a solver: extremals by independent routes, with honest errors."""
 
 
-for command in (list_, run, verify, extremals, diagnose, certify, chart, sweep, trace, move, figure):
+for command in (list_, run, verify, extremals, diagnose, certify, chart, sweep, trace, move, figure, report):
     main.add_command(command)

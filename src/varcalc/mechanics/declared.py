@@ -22,7 +22,7 @@ from varcalc.mechanics.symmetries import Symmetry, noether
 from varcalc.problem.conditions import Holonomic, reals, sequence
 from varcalc.problem.conditions import text as text_of
 from varcalc.problem.functional import named
-from varcalc.problem.reading import equation_latex, equation_text, text
+from varcalc.problem.reading import equation_latex, equation_text, latex, text
 from varcalc.showing import ROOM, Fact, Shown, brief, counted, equations, line, listed
 from varcalc.spelling import check_names, spelled
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -178,6 +178,16 @@ class Declared(Shown):
         \theta'' + \theta = 0
         """
         return "\n".join(equation_latex(left, self._named) for left in self._balance)
+
+    def lagrangian_latex(self) -> str:
+        r"""The Lagrangian as LaTeX, its numbers as they are given.
+
+        >>> from varcalc.mechanics import System
+        >>> print(System(lambda t, q, v, p: (v[0]**2 - p.k * q[0]**2) / 2, ("x",), parameters={"k": 2.0})
+        ...       .lagrangian_latex())
+        \frac{x'^{2} - k x^{2}}{2}
+        """
+        return latex(self._lagrange.value, self._named)
 
     @cached_property
     def _rate_symbols(self) -> tuple[Expression, Expression]:

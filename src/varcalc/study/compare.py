@@ -115,6 +115,11 @@ class Comparison(Plotted):
         """True when there is an answer and no two answers disagree; see :attr:`disagreements`."""
         return not self.disagreements
 
+    @property
+    def conclusion(self) -> tuple[str, ...]:
+        """The closing lines: whether the answers agree, as far as there are any, and whether the ladder's stands."""
+        return tuple(_verdict(self))
+
     def table(self) -> str:
         """The comparison as text for a monospaced page, with the reasons and disagreements beneath.
 
@@ -278,7 +283,7 @@ def _notes(comparison: Comparison) -> list[str]:
     exact = comparison.exact
     notes = [] if exact is None else [f"closed form: {exact.value:.15g}  {exact.description}".rstrip()]
     notes += [f"{row.label}: {row.reason}" for row in comparison.rows if row.reason]
-    return [*notes, *_verdict(comparison)]
+    return [*notes, *comparison.conclusion]
 
 
 def _routes(comparison: Comparison) -> list[str]:
@@ -290,7 +295,7 @@ def _routes(comparison: Comparison) -> list[str]:
 
 
 def _verdict(comparison: Comparison) -> list[str]:
-    """The closing lines: whether the answers agree, as far as there are any, and whether the ladder's stands."""
+    """See :attr:`Comparison.conclusion`."""
     routes = _routes(comparison)
     measure = " with the closed form" if comparison.exact is not None else ""
     if not routes:

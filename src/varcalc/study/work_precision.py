@@ -94,17 +94,22 @@ def work_precision(
     return WorkPrecision(tuple(records), about())
 
 
-def convergence(reference: Reference, route: Route, *, repeats: int = 3, seconds: float = BRIEFLY) -> WorkPrecision:
+def convergence(
+    reference: Reference, route: Route, *, repeats: int = 3, seconds: float = BRIEFLY, within: float = math.inf
+) -> WorkPrecision:
     """Measure what a route costs and delivers as each of its options turns from coarse to fine.
 
     The records are those of :func:`work_precision`, one for each setting of each :class:`Dial`. The errors are not
-    held to a tolerance, so that coarse settings have theirs.
+    held to a tolerance, so that coarse settings have theirs. Once a dial took ``within`` seconds of processor time
+    its finer settings are left out.
     """
     records: list[Record] = []
     for dial in route.dials:
         point = Record(reference.name, label(dial.method), 0.0, "", knob=dial.knob, curve=dial.name, route=route.name)
         points = [replace(point, setting=setting) for setting in dial.settings]
-        records += _line(reference, points, lambda point, d=dial: (d.turned(point.setting), ANY), repeats, seconds)
+        records += _line(
+            reference, points, lambda point, d=dial: (d.turned(point.setting), ANY), repeats, seconds, within
+        )
     return WorkPrecision(tuple(records), about())
 
 
@@ -152,17 +157,24 @@ def _line(
     asked: Callable[[Record], tuple[Any, float]],
     repeats: int,
     seconds: float,
+    within: float = math.inf,
 ) -> list[Record]:
     """The measured records of one method: ``asked`` gives method and tolerance of each of ``points``.
 
-    One solve at the last of them is not counted: it loads plug-ins and fills tables.
+    One solve at the last of them is not counted: it loads plug-ins and fills tables. Once the points took ``within``
+    seconds the rest are left out.
     """
     reason = reference.inapplicable.get(type(asked(points[-1])[0]))
     if reason is not None:
         return [replace(point, status="not applicable", reason=reason) for point in points]
     method, tol = asked(points[-1])
     solve(cold(reference.problem), method, tol=tol, throw=False)
-    return [_measured(reference, point, *asked(point), repeats, seconds) for point in points]
+    began, found = time.process_time(), list[Record]()
+    for point in points:
+        if time.process_time() - began > within:
+            break
+        found.append(_measured(reference, point, *asked(point), repeats, seconds))
+    return found
 
 
 def _measured(reference: Reference, point: Record, method: Any, tol: float, repeats: int, seconds: float) -> Record:
