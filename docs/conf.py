@@ -1,16 +1,22 @@
 """Sphinx configuration: `python -m sphinx -W --keep-going -b html docs docs/_build/html`."""
 
 import re
+import sys
 from importlib.metadata import version as installed_version
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))  # for gallery.py, which writes a page for each of problems/
 
 project = "varcalc"
 copyright = "2026, the varcalc authors"
 author = "the varcalc authors"
 version = release = installed_version("varcalc")
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon", "gallery"]
 exclude_patterns = ["_build"]
+html_static_path = ["gallery/static"]
+html_css_files = ["report.css"]
+html_js_files = [("report.js", {"defer": "defer"})]
 html_theme = "furo"
 html_title = "varcalc"
 

@@ -236,6 +236,14 @@ def test_the_picture_can_be_written(graph, tmp_path, suffix):
     assert path.stat().st_size > 5000
 
 
+def test_the_legend_may_stand_beneath(graph):
+    rows = (row(graph, "A", straight(1e-6), (0, 3)), row(graph, "B", straight(1e-9), (0, 3)))
+    figure = comparison_picture(Comparison(graph, rows, Exact(5.0, lambda x: 4 * x / 3), 1e-10), legend_beneath=True)
+    assert [panel.get_legend() for panel in figure.axes] == [None, None]
+    [legend] = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["closed form", "A", "B"]
+
+
 def test_drawing_needs_no_pyplot_and_leaves_settings_alone():
     code = (
         "import sys, matplotlib; before = matplotlib.rcParams.copy(); import varcalc.charts; "

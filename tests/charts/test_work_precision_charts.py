@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from varcalc.charts import claims_picture, cold_picture, work_precision_picture
+from varcalc.charts import claims_picture, cold_picture, convergence_picture, work_precision_picture
 from varcalc.charts.colours import COLOURS, colours_by_label
 from varcalc.charts.panels import FLOOR
 from varcalc.charts.work_precision import BRIEFEST
@@ -61,6 +61,13 @@ def test_an_option_that_is_turned_is_a_line_over_the_unknowns_with_its_order():
     assert [t.get_text() for t in convergence.texts] == ["$h^{4.0}$"]
 
 
+def test_convergence_by_itself_is_the_same_panel():
+    [panel] = convergence_picture(along_h([1e-4, 1e-4 / 16, 1e-4 / 256])).axes
+    assert points(panel, COLOURS["Ritz"][0]) == [(4, 1e-4), (8, 1e-4 / 16), (16, 1e-4 / 256)]
+    with pytest.raises(ValueError, match="no route has an option to turn"):
+        convergence_picture([record()])
+
+
 def test_values_below_the_closed_form_are_hollow_and_what_never_rises_says_so():
     naive = along_h([-0.1, -0.09, -0.089], claimed=None)
     (convergence, *_) = work_precision_picture([record(), *naive]).axes
@@ -113,7 +120,7 @@ def test_claims_of_many_problems_are_a_grid():
     assert visible == [True] * 4 + [False] * 2
 
 
-@pytest.mark.parametrize("draw", [work_precision_picture, cold_picture, claims_picture])
+@pytest.mark.parametrize("draw", [work_precision_picture, convergence_picture, cold_picture, claims_picture])
 def test_nothing_to_draw_is_refused_with_the_reason(draw):
     with pytest.raises(ValueError, match="no method applied"):
         draw([record(status="not applicable")])

@@ -217,3 +217,11 @@ def test_the_table_names_every_row_and_the_reasons():
 
 def test_the_document_is_plain_json():
     json.dumps(measured([film()], [vc.Ritz()]).document(), allow_nan=False)
+
+
+def test_a_line_without_time_leaves_its_finer_settings_out():
+    [reference] = load("shortest_path/curve")
+    route = Route(vc.Ritz(), dials=mesh_dials(vc.Ritz(), (), (1,), (2, 4, 6)))
+    found = convergence(reference, route, repeats=1, within=1e-9).records
+    assert len(found) < 3
+    assert len(convergence(reference, route, repeats=1, within=math.inf).records) == 3
