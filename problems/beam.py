@@ -14,14 +14,12 @@ Source: Landau and Lifshitz, "Theory of Elasticity", sect. 20, problems 1-3;
 Courant and Hilbert, "Methods of Mathematical Physics", vol. I, ch. IV.
 """
 
-import math
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import cosh, numbers, sinh, tanh
 
 SOURCE = 'Landau and Lifshitz, "Theory of Elasticity", sect. 20'
 STIFFNESS, LOAD, TENSION = 2.0, 3.0, 5.0
@@ -35,17 +33,15 @@ def energy_under_tension(x, y, dy, ddy, p):
     return (ddy**2 + (p.k * dy) ** 2) / 2
 
 
-def beam(
-    start: Any, end: Any, shape: Callable[[np.ndarray], Any], divisor: float, case: str, statement: str
-) -> vc.Reference:
+def beam(start: Any, end: Any, shape: Callable[[Any], Any], divisor: float, case: str, statement: str) -> vc.Reference:
+    def form(number: Callable[[float], Any]) -> tuple[Any, Any]:
+        value = -(number(LOAD) ** 2) / (divisor * STIFFNESS)
+        return value, lambda x: number(LOAD) / (24 * STIFFNESS) * shape(numbers(x))
+
     return vc.Reference(
         name="beam" + case,
         problem=vc.Problem(energy, start, end, order=2, parameters={"B": STIFFNESS, "w": LOAD}, name="beam"),
-        exact=vc.Exact(
-            -(LOAD**2) / (divisor * STIFFNESS),
-            lambda x: LOAD / (24 * STIFFNESS) * shape(np.asarray(x, dtype=float)),
-            "polynomial",
-        ),
+        exact=vc.Exact.of(form, "polynomial"),
         source=SOURCE,
         statement=statement,
         inapplicable=_inapplicable.SECOND_ORDER,
@@ -53,13 +49,16 @@ def beam(
     )
 
 
-SHEAR = TENSION**2 / (1 - 2 * math.tanh(TENSION / 2) / TENSION)
+def under_tension(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    k = number(TENSION)
+    shear = k**2 / (1 - 2 * tanh(k / 2) / k)
 
+    def y(x: Any) -> Any:
+        x = numbers(x)
+        bend = 2 * sinh(k * x / 2) * cosh(k * (1 - x) / 2) / (k * cosh(k / 2))
+        return shear / k**2 * (x - bend)
 
-def under_tension(x: Any) -> np.ndarray:
-    k, x = TENSION, np.asarray(x, dtype=float)
-    bend = 2 * np.sinh(k * x / 2) * np.cosh(k * (1 - x) / 2) / (k * math.cosh(k / 2))
-    return SHEAR / k**2 * (x - bend)
+    return shear / 2, y
 
 
 references = (
@@ -80,7 +79,7 @@ references = (
         problem=vc.Problem(
             energy_under_tension, vc.Fixed(0, 0, 0), vc.Fixed(1, 1, 0), order=2, parameters={"k": TENSION}
         ),
-        exact=vc.Exact(SHEAR / 2, under_tension, "hyperbolic functions"),
+        exact=vc.Exact.of(under_tension, "hyperbolic functions"),
         source=SOURCE,
         statement="A beam under tension between two horizontal clamps of different height.",
         inapplicable=_inapplicable.SECOND_ORDER,

@@ -17,6 +17,8 @@ lecture 8.
 """
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 
@@ -40,20 +42,32 @@ def travel_time_by_depth(x, y, dy, p):
 
 
 def descent(across: float, depth: float, case: str, statement: str) -> vc.Reference:
-    cycloid = Cycloid.through(across, depth)
+
+    def form(number: Callable[[float], Any]) -> tuple[Any, Any]:
+        cycloid = Cycloid.through(number(across), number(depth))
+        return cycloid.descent_time(number(GRAVITY)), cycloid.depth
+
     return vc.Reference(
         name="brachistochrone" + case,
         problem=vc.Problem(
             travel_time, vc.Fixed(0, 0), vc.Fixed(across, depth), parameters={"g": GRAVITY}, name="brachistochrone"
         ),
-        exact=vc.Exact(cycloid.descent_time(GRAVITY), cycloid.depth, "cycloid"),
+        exact=vc.Exact.of(form, "cycloid"),
         source=SOURCE,
         statement=statement,
         downward=True,
     )
 
 
-cycloid = Cycloid.through(1, 1)
+def upward(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    cycloid = Cycloid.through(number(1), number(1))
+    return cycloid.descent_time(number(GRAVITY)), lambda x: -cycloid.depth(x)
+
+
+def swapped(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    cycloid = Cycloid.through(number(1), number(1))
+    return cycloid.descent_time(number(GRAVITY)), cycloid.across
+
 
 references = (
     descent(1, 1, "", "Quickest descent from rest to a point as deep as it is far."),
@@ -63,14 +77,14 @@ references = (
     vc.Reference(
         name="brachistochrone/upward",
         problem=vc.Problem(travel_time_by_height, vc.Fixed(0, 0), vc.Fixed(1, -1), parameters={"g": GRAVITY}),
-        exact=vc.Exact(cycloid.descent_time(GRAVITY), lambda x: -cycloid.depth(x), "cycloid"),
+        exact=vc.Exact.of(upward, "cycloid"),
         source=SOURCE,
         statement="Quickest descent, height counted upward.",
     ),
     vc.Reference(
         name="brachistochrone/swapped",
         problem=vc.Problem(travel_time_by_depth, vc.Fixed(0, 0), vc.Fixed(1, 1), parameters={"g": GRAVITY}),
-        exact=vc.Exact(cycloid.descent_time(GRAVITY), cycloid.across, "cycloid"),
+        exact=vc.Exact.of(swapped, "cycloid"),
         source='Abanov, "Analytical Mechanics", lecture 8',
         statement="Quickest descent, the depth taken as independent variable.",
     ),

@@ -10,13 +10,13 @@ Source: Ascher, Mattheij and Russell, "Numerical Solution of Boundary Value
 Problems"; Bratu, Bull. Soc. Math. France 42 (1914).
 """
 
-import math
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 import varcalc as vc
+from varcalc.problems._arithmetic import cosh, log1p, numbers, scalar, sinh, sqrt, tanh
 from varcalc.problems._curves import FOLD
 from varcalc.problems._roots import increasing_root
 
@@ -26,21 +26,24 @@ def functional(x, y, dy, p):
 
 
 def reaction(rate: float, case: str, statement: str) -> vc.Reference:
-    def root(h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return h / np.cosh(h), (1 - h * np.tanh(h)) / np.cosh(h)
+    def root(h: Any) -> tuple[Any, Any]:
+        return h / cosh(h), (1 - h * tanh(h)) / cosh(h)
 
-    theta = 4 * float(increasing_root(root, 0.0, FOLD, math.sqrt(2 * rate) / 4))
+    def form(number: Callable[[float], Any]) -> tuple[Any, Any]:
+        theta = 4 * scalar(increasing_root(root, 0.0, FOLD, sqrt(2 * number(rate)) / 4))
 
-    def y(x: Any) -> np.ndarray:
-        x = np.asarray(x, dtype=float)
-        # cosh(theta/4) - cosh(theta (2x - 1)/4) as a product, to keep the digits at the ends
-        rise = 2 * np.sinh(theta * x / 4) * np.sinh(theta * (1 - x) / 4) / np.cosh(theta * (2 * x - 1) / 4)
-        return 2 * np.log1p(rise)
+        def y(x: Any) -> Any:
+            x = numbers(x)
+            # cosh(theta/4) - cosh(theta (2x - 1)/4) as a product, to keep the digits at the ends
+            rise = 2 * sinh(theta * x / 4) * sinh(theta * (1 - x) / 4) / cosh(theta * (2 * x - 1) / 4)
+            return 2 * log1p(rise)
+
+        return theta**2 / 2 - 4 * theta * tanh(theta / 4), y
 
     return vc.Reference(
         name="bratu" + case,
         problem=vc.Problem(functional, vc.Fixed(0, 0), vc.Fixed(1, 0), parameters={"rate": rate}, name="bratu"),
-        exact=vc.Exact(theta**2 / 2 - 4 * theta * math.tanh(theta / 4), y, "logarithm of a hyperbolic cosine"),
+        exact=vc.Exact.of(form, "logarithm of a hyperbolic cosine"),
         source='Ascher, Mattheij and Russell, "Numerical Solution of Boundary Value Problems"',
         statement=statement,
     )

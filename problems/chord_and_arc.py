@@ -13,7 +13,7 @@ Gelfand and Fomin, "Calculus of Variations", sect. 12.
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +22,7 @@ import numpy as np
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import cos, numbers, pi, scalar, sin, sqrt
 from varcalc.problems._functions import sine_deficit
 from varcalc.problems._roots import increasing_root
 
@@ -57,41 +58,49 @@ class Arc:
 
         def shortening(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             part = sine_deficit(a) / a
-            return part, 2 * np.sin(a / 2) ** 2 / a - part / a
+            return part, 2 * sin(a / 2) ** 2 / a - part / a
 
         missing = (length - 2 * half_chord) / length
-        return cls(half_chord, float(increasing_root(shortening, 0.0, math.pi, missing)))
+        return cls(half_chord, scalar(increasing_root(shortening, 0.0, pi(length), missing)))
 
     @property
     def radius(self) -> float:
         """Radius of the circle."""
-        return self.half_chord / math.sin(self.angle)
+        return self.half_chord / sin(self.angle)
 
     @property
     def area(self) -> float:
         """Area between chord and arc."""
-        return self.radius**2 * float(sine_deficit(2 * self.angle)) / 2
+        return self.radius**2 * scalar(sine_deficit(2 * self.angle)) / 2
 
     def y(self, x: Any) -> np.ndarray:
         """Height over the chord, for an arc that is a graph."""
-        x = np.asarray(x, dtype=float)
-        below = self.radius * math.cos(self.angle)
-        return (self.half_chord - x) * (self.half_chord + x) / (np.sqrt(self.radius**2 - x**2) + below)
+        x = numbers(x)
+        below = self.radius * cos(self.angle)
+        return (self.half_chord - x) * (self.half_chord + x) / (sqrt(self.radius**2 - x**2) + below)
 
     def q(self, t: Any) -> np.ndarray:
         """The point a fraction t along the arc."""
-        t = np.asarray(t, dtype=float)
-        height_over_chord = 2 * self.radius * np.sin(self.angle * t) * np.sin(self.angle * (1 - t))
-        return np.array([self.radius * np.sin(self.angle * (2 * t - 1)), height_over_chord])
+        t = numbers(t)
+        height_over_chord = 2 * self.radius * sin(self.angle * t) * sin(self.angle * (1 - t))
+        return np.array([self.radius * sin(self.angle * (2 * t - 1)), height_over_chord])
 
 
-low, high = Arc.of_length(1, 3), Arc.of_length(1, 4)
+def low(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    arc = Arc.of_length(number(1), number(3))
+    return arc.area, arc.y
+
+
+def high(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    arc = Arc.of_length(number(1), number(4))
+    return arc.area, arc.q
+
 
 references = (
     vc.Reference(
         name="chord_and_arc",
         problem=vc.Problem(height, vc.Fixed(-1, 0), vc.Fixed(1, 0), [vc.Isoperimetric(arc_length, 3)], maximise=True),
-        exact=vc.Exact(low.area, low.y, "circular arc"),
+        exact=vc.Exact.of(low, "circular arc"),
         source=SOURCE,
         statement="The greatest area under an arc of length 3 over a chord of length 2.",
     ),
@@ -100,7 +109,7 @@ references = (
         problem=vc.Problem(
             height, vc.Fixed(-1, 0), vc.Fixed(1, 0), [vc.Isoperimetric(arc_length, lower=2.5, upper=3)], maximise=True
         ),
-        exact=vc.Exact(low.area, low.y, "circular arc"),
+        exact=vc.Exact.of(low, "circular arc"),
         source=SOURCE,
         statement="The greatest area under an arc of length between 2.5 and 3 over a chord of length 2.",
         inapplicable=_inapplicable.INEQUALITY,
@@ -108,7 +117,7 @@ references = (
     vc.Reference(
         name="chord_and_arc/curve",
         problem=vc.Curve(area_under, vc.At((-1, 0)), vc.At((1, 0)), [vc.Isoperimetric(speed, 4)], maximise=True),
-        exact=vc.Exact(high.area, high.q, "circular arc"),
+        exact=vc.Exact.of(high, "circular arc"),
         source=SOURCE,
         statement="The greatest area between a chord of length 2 and a curve of length 4, which overhangs it.",
         inapplicable=_inapplicable.SEVERAL_FUNCTIONS,

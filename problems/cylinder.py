@@ -9,6 +9,7 @@ for this metric; Gelfand and Fomin, "Calculus of Variations", sect. 9.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -16,10 +17,11 @@ import numpy as np
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import atan2, cos, hypot, numbers, sin, sqrt
 
 SOURCE = 'Gelfand and Fomin, "Calculus of Variations", sect. 9'
 FAR_SIDE = 2 - 2 * math.pi
-RADIUS, RISE, TURN = 5, 2, math.atan2(4, 3)
+RADIUS, RISE = 5, 2
 
 
 def arc_length(x, y, dy):
@@ -39,30 +41,37 @@ def on_cylinder(q):
     return q[0] ** 2 + q[1] ** 2 - RADIUS**2
 
 
-def helix(t: Any) -> np.ndarray:
-    t = np.asarray(t, dtype=float)
-    return np.array([RADIUS * np.cos(TURN * t), RADIUS * np.sin(TURN * t), RISE * t])
+def helix(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    turn = atan2(number(4), number(3))
+
+    def q(t: Any) -> np.ndarray:
+        t = numbers(t)
+        return np.array([RADIUS * cos(turn * t), RADIUS * sin(turn * t), RISE * t])
+
+    return hypot(RADIUS * turn, RISE), q
 
 
 references = (
     vc.Reference(
         name="cylinder",
         problem=vc.Problem(arc_length, vc.Fixed(0, 0), vc.Fixed(2, 1), names=("phi", "z"), surface=rolled),
-        exact=vc.Exact(math.sqrt(5), lambda x: np.asarray(x, dtype=float) / 2, "helix"),
+        exact=vc.Exact.of(lambda number: (sqrt(number(5)), lambda x: numbers(x) / 2), "helix"),
         source=SOURCE,
         statement="The geodesic of the unit cylinder that rises by 1 over an angle of 2.",
     ),
     vc.Reference(
         name="cylinder/other_way",
         problem=vc.Problem(arc_length, vc.Fixed(FAR_SIDE, 1), vc.Fixed(0, 0), names=("phi", "z"), surface=rolled),
-        exact=vc.Exact(math.hypot(FAR_SIDE, 1), lambda x: np.asarray(x, dtype=float) / FAR_SIDE, "helix"),
+        exact=vc.Exact.of(
+            lambda number: (hypot(number(FAR_SIDE), 1), lambda x: numbers(x) / number(FAR_SIDE)), "helix"
+        ),
         source=SOURCE,
         statement="The geodesic between the same points of the unit cylinder, the other way round.",
     ),
     vc.Reference(
         name="cylinder/embedded",
         problem=vc.Curve(speed, vc.At((5, 0, 0)), vc.At((3, 4, 2)), [vc.Holonomic(on_cylinder)]),
-        exact=vc.Exact(math.hypot(RADIUS * TURN, RISE), helix, "helix"),
+        exact=vc.Exact.of(helix, "helix"),
         source=SOURCE,
         statement="The shortest curve in space that lies on a cylinder of radius 5.",
         inapplicable=_inapplicable.HOLONOMIC,

@@ -8,7 +8,7 @@ at right angles: a semicircle of radius l/pi, A = l^2/(2 pi).
 Source: Gelfand and Fomin, "Calculus of Variations", sect. 12 and 14.
 """
 
-import math
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -16,6 +16,7 @@ import numpy as np
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import numbers, pi, sin
 
 LENGTH = 3.0
 SOURCE = 'Gelfand and Fomin, "Calculus of Variations", sect. 12 and 14'
@@ -33,9 +34,18 @@ def shore(q):
     return q[1]
 
 
-def semicircle(t: Any) -> np.ndarray:
-    t = np.asarray(t, dtype=float)
-    return LENGTH / math.pi * np.array([2 * np.sin(math.pi * t / 2) ** 2, np.sin(math.pi * t)])
+def area(number: Callable[[float], Any]) -> Any:
+    return number(LENGTH) ** 2 / (2 * pi(number(1)))
+
+
+def semicircle(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    half_turn = pi(number(1))
+
+    def q(t: Any) -> np.ndarray:
+        t = numbers(t)
+        return LENGTH / half_turn * np.array([2 * sin(half_turn * t / 2) ** 2, sin(half_turn * t)])
+
+    return area(number), q
 
 
 references = (
@@ -48,7 +58,7 @@ references = (
             [vc.Isoperimetric(speed, LENGTH)],
             maximise=True,
         ),
-        exact=vc.Exact(LENGTH**2 / (2 * math.pi), semicircle, "semicircle"),
+        exact=vc.Exact.of(semicircle, "semicircle"),
         source=SOURCE,
         statement="The greatest area between a shore and a curve of length 3, one end given and one free on the shore.",
         inapplicable=_inapplicable.SEVERAL_FUNCTIONS,
@@ -62,7 +72,7 @@ references = (
             [vc.Isoperimetric(speed, LENGTH)],
             maximise=True,
         ),
-        exact=vc.Exact(LENGTH**2 / (2 * math.pi), description="semicircle, its place on the shore free"),
+        exact=vc.Exact.of(lambda number: (area(number), None), "semicircle, its place on the shore free"),
         source=SOURCE,
         statement="The greatest area between a shore and a curve of length 3 with both ends free on the shore.",
         inapplicable=_inapplicable.SEVERAL_FUNCTIONS,

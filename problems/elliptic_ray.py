@@ -12,7 +12,11 @@ Source: Brizard, "An Introduction to Lagrangian Mechanics" (2005), sect. 1.4.2
 and problem 8; Luneburg, "Mathematical Theory of Optics".
 """
 
+from __future__ import annotations
+
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -20,16 +24,13 @@ import numpy as np
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import acos, atan2, cos, hypot, numbers, sin, sqrt
 from varcalc.problems._roots import increasing_root
 
 SOURCE = 'Brizard, "An Introduction to Lagrangian Mechanics" (2005), sect. 1.4.2 and problem 8'
 N0, R = 1.5, 2.0
 START, END = (2.0, 0.0), (0.5, 1.75)
-A, B = np.array(START) / R, np.array(END) / R
-DOT = float(A @ B)
-COSINE = (DOT + math.sqrt(DOT**2 - 2 * float(A @ A + B @ B - 2))) / 2
-SIGMA = math.acos(COSINE)
-P = (B - A * COSINE) / math.sin(SIGMA)
+ANGLE, DISTANCE = math.atan2(END[1], END[0]), math.hypot(*END)
 
 
 def speed(q, dq, p):
@@ -40,32 +41,62 @@ def polar_length(x, y, dy, p):
     return p.n0 * ca.sqrt(2 - (y / p.R) ** 2) * ca.sqrt(y**2 + dy**2)
 
 
-def path(sigma: Any) -> np.ndarray:
-    """Optical path up to sigma, in units of n0 R: the integral of 2 - r^2."""
-    s, c = np.sin(sigma), np.cos(sigma)
-    return sigma - (A @ A - 1) * s * c - (A @ P) * s**2
+@dataclass(frozen=True)
+class Ellipse:
+    """r = A cos(sigma) + P sin(sigma) in units of R, from the start to ``sigma``."""
+
+    A: Any
+    P: Any
+    sigma: Any
+    optical_path: Any
+
+    @classmethod
+    def between(cls, start: Any, end: Any, index: Any) -> Ellipse:
+        """The shorter of the two rays between two points (2,), n0 being the ``index``."""
+        A, B = start / R, end / R
+        dot = A @ B
+        cosine = (dot + sqrt(dot**2 - 2 * (A @ A + B @ B - 2))) / 2
+        sigma = acos(cosine)
+        P = (B - A * cosine) / sin(sigma)
+        return cls(A, P, sigma, index * R * (sigma + sin(sigma) * (cosine - dot)))
+
+    def path(self, sigma: Any) -> Any:
+        """Optical path up to sigma, in units of n0 R: the integral of 2 - r^2."""
+        s, c = sin(sigma), cos(sigma)
+        return sigma - (self.A @ self.A - 1) * s * c - (self.A @ self.P) * s**2
+
+    def point(self, sigma: Any) -> np.ndarray:
+        """The point at sigma, in units of R."""
+        return np.array([a * cos(sigma) + b * sin(sigma) for a, b in zip(self.A, self.P, strict=True)])
+
+    def q(self, t: Any) -> np.ndarray:
+        """The point a fraction t of the optical path along."""
+
+        def covered(sigma: Any) -> tuple[Any, Any]:
+            return self.path(sigma), 2 - (self.point(sigma) ** 2).sum(axis=0)
+
+        sigma = increasing_root(covered, 0.0, self.sigma, numbers(t) * self.path(self.sigma))
+        return R * self.point(sigma)
+
+    def radius(self, theta: Any) -> Any:
+        """The distance from the centre at a polar angle, counted from the start."""
+        c, s = cos(theta), sin(theta)
+        x, y = self.point(atan2(self.A[0] * s, self.P[1] * c - self.P[0] * s))
+        return R * hypot(x, y)
 
 
-def q(t: Any) -> np.ndarray:
-    """The point a fraction t of the optical path along."""
-    t = np.asarray(t, dtype=float)
-
-    def covered(sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        point = np.multiply.outer(A, np.cos(sigma)) + np.multiply.outer(P, np.sin(sigma))
-        return path(sigma), 2 - (point**2).sum(axis=0)
-
-    sigma = increasing_root(covered, 0.0, SIGMA, t * path(SIGMA))
-    return R * (np.multiply.outer(A, np.cos(sigma)) + np.multiply.outer(P, np.sin(sigma)))
+def polar(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    """The polar coordinates of the end are rounded, and so is the end."""
+    theta, r = number(ANGLE), number(DISTANCE)
+    end = r * np.array([cos(theta), sin(theta)])
+    ellipse = Ellipse.between(np.array([*map(number, START)]), end, number(N0))
+    return ellipse.optical_path, ellipse.radius
 
 
-def radius(theta: Any) -> np.ndarray:
-    """The distance from the centre at a polar angle, counted from the start."""
-    c, s = np.cos(theta), np.sin(theta)
-    sigma = np.arctan2(A[0] * s, P[1] * c - P[0] * s)
-    return R * np.hypot(A[0] * np.cos(sigma) + P[0] * np.sin(sigma), P[1] * np.sin(sigma))
+def curve(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    ellipse = Ellipse.between(*(np.array([*map(number, point)]) for point in (START, END)), number(N0))
+    return ellipse.optical_path, ellipse.q
 
-
-OPTICAL_PATH = N0 * R * float(SIGMA + math.sin(SIGMA) * (COSINE - DOT))
 
 references = (
     vc.Reference(
@@ -73,17 +104,17 @@ references = (
         problem=vc.Problem(
             polar_length,
             vc.Fixed(0, START[0]),
-            vc.Fixed(math.atan2(END[1], END[0]), math.hypot(*END)),
+            vc.Fixed(ANGLE, DISTANCE),
             parameters={"n0": N0, "R": R},
         ),
-        exact=vc.Exact(OPTICAL_PATH, radius, "ellipse"),
+        exact=vc.Exact.of(polar, "ellipse"),
         source=SOURCE,
         statement="A light ray in n0 sqrt(2 - (r/R)^2), in polar coordinates.",
     ),
     vc.Reference(
         name="elliptic_ray/curve",
         problem=vc.Curve(speed, vc.At(START), vc.At(END), parameters={"n0": N0, "R": R}),
-        exact=vc.Exact(OPTICAL_PATH, q, "ellipse"),
+        exact=vc.Exact.of(curve, "ellipse"),
         source=SOURCE,
         statement="The same light ray as a curve in the plane.",
         inapplicable=_inapplicable.SEVERAL_FUNCTIONS,

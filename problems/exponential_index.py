@@ -11,12 +11,13 @@ Source: Brizard, "An Introduction to Lagrangian Mechanics" (2005), ch. 1,
 problem 4, eq. 1.56.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 import varcalc as vc
+from varcalc.problems._arithmetic import exp, log, numbers
 from varcalc.problems._curves import PolarLine
 
 
@@ -26,10 +27,11 @@ def optical_length(x, y, dy, p):
 
 def ray(across: float, rise: float, beta: float, case: str, statement: str) -> vc.Reference:
     n0 = 1.5
-    line = PolarLine(1, float(np.exp(-beta * rise)), beta * across)
 
-    def y(x: Any) -> np.ndarray:
-        return np.log(line.reciprocal(beta * np.asarray(x, dtype=float))) / beta
+    def form(number: Callable[[float], Any]) -> tuple[Any, Any]:
+        scale = number(beta)
+        line = PolarLine(number(1), exp(-scale * number(rise)), scale * number(across))
+        return n0 / scale * line.length, lambda x: log(line.reciprocal(scale * numbers(x))) / scale
 
     return vc.Reference(
         name="exponential_index" + case,
@@ -40,7 +42,7 @@ def ray(across: float, rise: float, beta: float, case: str, statement: str) -> v
             parameters={"n0": n0, "beta": beta},
             name="exponential_index",
         ),
-        exact=vc.Exact(n0 / beta * line.length, y, "logarithm of a cosine"),
+        exact=vc.Exact.of(form, "logarithm of a cosine"),
         source='Brizard, "An Introduction to Lagrangian Mechanics" (2005), eq. 1.56',
         statement=statement,
     )

@@ -16,7 +16,7 @@ integral of |q'|^2/2 least.
 Source: Brizard, "An Introduction to Lagrangian Mechanics" (2005), eq. 1.18.
 """
 
-import math
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -24,12 +24,12 @@ import numpy as np
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import asin, atan, atan2, cos, numbers, pi, sin, sqrt, tan
 
 SOURCE = 'Brizard, "An Introduction to Lagrangian Mechanics" (2005), eq. 1.18'
 NORTH, SOUTH, APART = 0.6, 1.3, 0.8
 RADIUS = 3
 A, B = np.array([2.0, 2.0, 1.0]), np.array([-1.0, 2.0, 2.0])
-ANGLE = math.atan2(float(np.linalg.norm(np.cross(A, B))), float(A @ B))
 
 
 def length_by_polar_angle(x, y, dy):
@@ -57,29 +57,52 @@ def on_unit_sphere(theta, phi):
     return ca.sin(theta) * ca.cos(phi), ca.sin(theta) * ca.sin(phi), ca.cos(theta)
 
 
-def angle_between(theta: float, other: float, azimuth: float) -> float:
+def angle_between(theta: Any, other: Any, azimuth: Any) -> Any:
     """The angle between two directions, by haversines."""
-    haversine = math.sin((other - theta) / 2) ** 2 + math.sin(theta) * math.sin(other) * math.sin(azimuth / 2) ** 2
-    return 2 * math.asin(math.sqrt(haversine))
+    haversine = sin((other - theta) / 2) ** 2 + sin(theta) * sin(other) * sin(azimuth / 2) ** 2
+    return 2 * asin(sqrt(haversine))
 
 
-def azimuth(theta: Any) -> np.ndarray:
+def by_polar_angle(number: Callable[[float], Any]) -> tuple[Any, Any]:
     """The azimuth at a polar angle, on the way from (NORTH, 0) to (SOUTH, APART), where both grow."""
-    north, south = 1 / math.tan(NORTH), 1 / math.tan(SOUTH)
-    first = math.atan2(north * math.sin(APART), north * math.cos(APART) - south)
-    return first - np.arcsin(math.sin(first) / north / np.tan(theta))
+    theta, other, apart = number(NORTH), number(SOUTH), number(APART)
+    north, south = 1 / tan(theta), 1 / tan(other)
+    first = atan2(north * sin(apart), north * cos(apart) - south)
+    return angle_between(theta, other, apart), lambda x: first - asin(sin(first) / north / tan(x))
 
 
-def polar_angle(phi: Any) -> np.ndarray:
+def by_azimuth(number: Callable[[float], Any]) -> tuple[Any, Any]:
     """The polar angle at an azimuth, on the way from (SOUTH, 0) to (NORTH, 2)."""
-    first, last = 1 / math.tan(SOUTH), 1 / math.tan(NORTH)
-    cotangent = (first * np.sin(2 - np.asarray(phi, dtype=float)) + last * np.sin(phi)) / math.sin(2)
-    return math.pi / 2 - np.arctan(cotangent)
+    theta, other, apart = number(SOUTH), number(NORTH), number(2)
+    first, last = 1 / tan(theta), 1 / tan(other)
+
+    def polar_angle(phi: Any) -> Any:
+        phi = numbers(phi)
+        return pi(first) / 2 - atan((first * sin(apart - phi) + last * sin(phi)) / sin(apart))
+
+    return angle_between(theta, other, apart), polar_angle
 
 
-def embedded(t: Any) -> np.ndarray:
-    t = np.asarray(t, dtype=float)
-    return (np.multiply.outer(A, np.sin((1 - t) * ANGLE)) + np.multiply.outer(B, np.sin(t * ANGLE))) / math.sin(ANGLE)
+def embedded(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    """The angle between the ends, and the uniform motion in their plane."""
+    across = np.cross(A, B).tolist()
+    angle = atan2(sqrt(number(sum(c**2 for c in across))), number(float(A @ B)))
+
+    def q(t: Any) -> np.ndarray:
+        t = numbers(t)
+        return np.array([a * sin((1 - t) * angle) + b * sin(t * angle) for a, b in zip(A, B, strict=True)]) / sin(angle)
+
+    return angle, q
+
+
+def length(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    angle, q = embedded(number)
+    return RADIUS * angle, q
+
+
+def least_energy(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    angle, q = embedded(number)
+    return (RADIUS * angle) ** 2 / 2, q
 
 
 references = (
@@ -92,7 +115,7 @@ references = (
             names=("theta", "phi"),
             surface=on_unit_sphere,
         ),
-        exact=vc.Exact(angle_between(NORTH, SOUTH, APART), azimuth, "great circle"),
+        exact=vc.Exact.of(by_polar_angle, "great circle"),
         source=SOURCE,
         statement="The shortest path on the unit sphere, azimuth as a function of the polar angle.",
     ),
@@ -105,7 +128,7 @@ references = (
             names=("phi", "theta"),
             surface=lambda phi, theta: on_unit_sphere(theta, phi),
         ),
-        exact=vc.Exact(angle_between(SOUTH, NORTH, 2), polar_angle, "great circle"),
+        exact=vc.Exact.of(by_azimuth, "great circle"),
         source=SOURCE,
         statement="The shortest path on the unit sphere, polar angle as a function of the azimuth.",
         downward=True,
@@ -113,7 +136,7 @@ references = (
     vc.Reference(
         name="great_circle/embedded",
         problem=vc.Curve(speed, vc.At(A.tolist()), vc.At(B.tolist()), [vc.Holonomic(on_sphere)]),
-        exact=vc.Exact(RADIUS * ANGLE, embedded, "great circle"),
+        exact=vc.Exact.of(length, "great circle"),
         source=SOURCE,
         statement="The shortest curve in space that lies on a sphere of radius 3.",
         inapplicable=_inapplicable.HOLONOMIC,
@@ -123,7 +146,7 @@ references = (
         problem=vc.Problem(
             energy, vc.Fixed(0, A.tolist()), vc.Fixed(1, B.tolist()), [vc.Holonomic(lambda x, y: on_sphere(y))]
         ),
-        exact=vc.Exact((RADIUS * ANGLE) ** 2 / 2, embedded, "uniform motion on a great circle"),
+        exact=vc.Exact.of(least_energy, "uniform motion on a great circle"),
         source='Milnor, "Morse Theory", sect. 12',
         statement="The motion of least energy between two points of a sphere in unit time.",
         inapplicable=_inapplicable.HOLONOMIC,

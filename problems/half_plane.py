@@ -14,7 +14,7 @@ problem 5; Stillwell, "Geometry of Surfaces", ch. 4.
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +23,7 @@ import numpy as np
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import asinh, cosh, greatest, hypot, least, numbers, sqrt, tanh, where
 
 SOURCE = 'Brizard, "An Introduction to Lagrangian Mechanics" (2005), ch. 1, problem 5'
 
@@ -39,43 +40,64 @@ def speed(q, dq):
 class Semicircle:
     """The geodesic between two points above y = 0."""
 
-    start: tuple[float, float]
-    end: tuple[float, float]
+    start: tuple[Any, Any]
+    end: tuple[Any, Any]
+
+    @classmethod
+    def between(
+        cls, number: Callable[[float], Any], start: tuple[float, float], end: tuple[float, float]
+    ) -> Semicircle:
+        """That between two points in the arithmetic of ``number``."""
+        return cls((number(start[0]), number(start[1])), (number(end[0]), number(end[1])))
 
     @property
     def distance(self) -> float:
         """The hyperbolic distance."""
         (x0, y0), (x1, y1) = self.start, self.end
-        return 2 * math.asinh(math.hypot(x1 - x0, y1 - y0) / (2 * math.sqrt(y0 * y1)))
+        return 2 * asinh(hypot(x1 - x0, y1 - y0) / (2 * sqrt(y0 * y1)))
 
     def y(self, x: Any) -> np.ndarray:
         """The height at x."""
         (x0, y0), (x1, y1) = self.start, self.end
-        x = np.asarray(x, dtype=float)
+        x = numbers(x)
         chord = (y0**2 * (x1 - x) + y1**2 * (x - x0)) / (x1 - x0)
-        return np.sqrt(chord + (x - x0) * (x1 - x))
+        return sqrt(chord + (x - x0) * (x1 - x))
 
     def q(self, t: Any) -> np.ndarray:
         """The point a fraction t of the distance along."""
         (x0, y0), (x1, y1) = self.start, self.end
         middle = (x0 + x1) / 2 + (y1 - y0) * (y1 + y0) / (2 * (x1 - x0))
-        radius = math.hypot(x0 - middle, y0)
-        s = math.asinh((x0 - middle) / y0) + self.distance * np.asarray(t, dtype=float)
-        return np.array([middle + radius * np.tanh(s), radius / np.cosh(s)])
+        radius = hypot(x0 - middle, y0)
+        s = asinh((x0 - middle) / y0) + self.distance * numbers(t)
+        return np.array([middle + radius * tanh(s), radius / cosh(s)])
 
 
 def ray(start: tuple[float, float], end: tuple[float, float], H: float, case: str, statement: str) -> vc.Reference:
-    arc = Semicircle(start, end)
+    def form(number: Callable[[float], Any]) -> tuple[Any, Any]:
+        arc = Semicircle.between(number, start, end)
+        return number(H) * arc.distance, arc.y
+
     return vc.Reference(
         name="half_plane" + case,
         problem=vc.Problem(optical_length, vc.Fixed(*start), vc.Fixed(*end), parameters={"H": H}, name="half_plane"),
-        exact=vc.Exact(H * arc.distance, arc.y, "semicircle"),
+        exact=vc.Exact.of(form, "semicircle"),
         source=SOURCE,
         statement=statement,
     )
 
 
-oblique, there, back = Semicircle((0, 1), (1, 2)), Semicircle((0, 1), (1, 2)), Semicircle((1, 2), (3, 1))
+def oblique(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    arc = Semicircle.between(number, (0, 1), (1, 2))
+    return arc.distance, arc.q
+
+
+def waypoint(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    there, back = Semicircle.between(number, (0, 1), (1, 2)), Semicircle.between(number, (1, 2), (3, 1))
+    return (
+        there.distance + back.distance,
+        lambda x: where(numbers(x) < 1, there.y(least(x, number(1))), back.y(greatest(x, number(1)))),
+    )
+
 
 references = (
     ray((0, 1), (2, 2), 1.0, "", "The geodesic of the hyperbolic plane between two points."),
@@ -84,7 +106,7 @@ references = (
     vc.Reference(
         name="half_plane/curve",
         problem=vc.Curve(speed, vc.At((0, 1)), vc.At((1, 2))),
-        exact=vc.Exact(oblique.distance, oblique.q, "semicircle"),
+        exact=vc.Exact.of(oblique, "semicircle"),
         source=SOURCE,
         statement="The geodesic of the hyperbolic plane as a curve.",
         inapplicable=_inapplicable.SEVERAL_FUNCTIONS,
@@ -92,11 +114,7 @@ references = (
     vc.Reference(
         name="half_plane/waypoint",
         problem=vc.Problem(optical_length, vc.Fixed(0, 1), vc.Fixed(3, 1), [vc.Through(1, 2)], parameters={"H": 1.0}),
-        exact=vc.Exact(
-            there.distance + back.distance,
-            lambda x: np.where(np.asarray(x) < 1, there.y(np.minimum(x, 1)), back.y(np.maximum(x, 1))),
-            "two semicircles",
-        ),
+        exact=vc.Exact.of(waypoint, "two semicircles"),
         source=SOURCE,
         statement="The shortest path of the hyperbolic plane through a waypoint.",
         inapplicable=_inapplicable.WAYPOINT,

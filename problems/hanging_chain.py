@@ -15,6 +15,9 @@ of ch. 1 (which fixes the poles so that k = 0); Gelfand and Fomin, "Calculus of
 Variations", sect. 12.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import casadi as ca
 
 import varcalc as vc
@@ -32,7 +35,11 @@ def arc_length(x, y, dy):
 
 
 def chain(span: float, rise: float, length: float, case: str, statement: str) -> vc.Reference:
-    catenary = Catenary.of_length(0, span, rise, length)
+
+    def form(number: Callable[[float], Any]) -> tuple[Any, Any]:
+        catenary = Catenary.of_length(number(0), number(span), number(rise), number(length))
+        return catenary.moment_about_start, catenary.above_start
+
     return vc.Reference(
         name="hanging_chain" + case,
         problem=vc.Problem(
@@ -42,13 +49,16 @@ def chain(span: float, rise: float, length: float, case: str, statement: str) ->
             [vc.Isoperimetric(arc_length, length)],
             name="hanging_chain",
         ),
-        exact=vc.Exact(catenary.moment_about_start, catenary.above_start, "catenary"),
+        exact=vc.Exact.of(form, "catenary"),
         source=SOURCE,
         statement=statement,
     )
 
 
-whole = Catenary.of_length(0, 2, 0, 3)
+def half(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    whole = Catenary.of_length(number(0), number(2), number(0), number(3))
+    return whole.moment_about_start / 2, whole.above_start
+
 
 references = (
     chain(1, 0, 1.5, "", "A chain half as long again as its span."),
@@ -60,7 +70,7 @@ references = (
         problem=vc.Problem(
             energy, vc.Fixed(0, 0), vc.Free(1), [vc.Isoperimetric(arc_length, 1.5)], name="hanging_chain"
         ),
-        exact=vc.Exact(whole.moment_about_start / 2, whole.above_start, "half a catenary"),
+        exact=vc.Exact.of(half, "half a catenary"),
         source=SOURCE,
         statement="A chain whose right end slides on a vertical pole.",
     ),

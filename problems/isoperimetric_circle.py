@@ -8,12 +8,11 @@ Source: Brizard, "An Introduction to Lagrangian Mechanics" (2005), sect. 1.2.1;
 Gelfand and Fomin, "Calculus of Variations", sect. 12.
 """
 
-import math
-
 import casadi as ca
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import pi
 
 LENGTH = 3.0
 
@@ -30,7 +29,7 @@ references = (
     vc.Reference(
         name="isoperimetric_circle",
         problem=vc.Curve(enclosed_area, vc.Periodic(), vc.Periodic(), [vc.Isoperimetric(speed, LENGTH)], maximise=True),
-        exact=vc.Exact(LENGTH**2 / (4 * math.pi), description="circle, its place free"),
+        exact=vc.Exact.of(lambda number: (number(LENGTH) ** 2 / (4 * pi(number(1))), None), "circle, its place free"),
         source='Brizard, "An Introduction to Lagrangian Mechanics" (2005), sect. 1.2.1',
         statement="The greatest area enclosed by a closed curve of length 3.",
         inapplicable=_inapplicable.SEVERAL_FUNCTIONS,

@@ -12,12 +12,13 @@ Source: Brizard, "An Introduction to Lagrangian Mechanics" (2005),
 sect. 1.3.3, eq. 1.36-1.38.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 import varcalc as vc
+from varcalc.problems._arithmetic import numbers
 from varcalc.problems._curves import Catenary
 
 
@@ -27,10 +28,12 @@ def optical_length(x, y, dy, p):
 
 def ray(across: float, rise: float, beta: float, case: str, statement: str) -> vc.Reference:
     n0 = 1.5
-    catenary = Catenary.over_axis((0, 1), (beta * across, 1 - beta * rise))
 
-    def y(x: Any) -> np.ndarray:
-        return -catenary.above_start(beta * np.asarray(x, dtype=float)) / beta
+    def form(number: Callable[[float], Any]) -> tuple[Any, Any]:
+        scale = number(beta)
+        catenary = Catenary.over_axis((number(0), number(1)), (scale * across, 1 - scale * number(rise)))
+        path = n0 / scale * catenary.moment_about_axis
+        return path, lambda x: -catenary.above_start(scale * numbers(x)) / scale
 
     return vc.Reference(
         name="linear_index" + case,
@@ -41,7 +44,7 @@ def ray(across: float, rise: float, beta: float, case: str, statement: str) -> v
             parameters={"n0": n0, "beta": beta},
             name="linear_index",
         ),
-        exact=vc.Exact(n0 / beta * catenary.moment_about_axis, y, "catenary"),
+        exact=vc.Exact.of(form, "catenary"),
         source='Brizard, "An Introduction to Lagrangian Mechanics" (2005), eq. 1.36-1.38',
         statement=statement,
     )

@@ -14,18 +14,16 @@ Source: Kinderlehrer and Stampacchia, "An Introduction to Variational
 Inequalities and Their Applications", ch. I and II.
 """
 
-import math
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import asinh, numbers, pi, sqrt, where
 
 SOURCE = 'Kinderlehrer and Stampacchia, "An Introduction to Variational Inequalities", ch. I'
-TOUCH = 2 - math.sqrt(3)
-TANGENT = math.sqrt(1 + 4 * TOUCH**2)
 
 
 def arc_length(x, y, dy):
@@ -48,23 +46,37 @@ def speed(q, dq):
     return ca.norm_2(dq)
 
 
-def taut(x: Any) -> np.ndarray:
-    x = np.abs(np.asarray(x, dtype=float))
-    return np.where(x < TOUCH, 1 - x**2, 2 * TOUCH * (2 - x))
+def taut(touch: Any) -> Callable[[Any], Any]:
+    """The string over the hill, which touches that up to ``touch`` either way."""
+
+    def y(x: Any) -> Any:
+        x = abs(numbers(x))
+        return where(x < touch, 1 - x**2, 2 * touch * (2 - x))
+
+    return y
 
 
-def cut_slope(x: Any) -> np.ndarray:
-    near = 1 - np.abs(1 - np.asarray(x, dtype=float))
-    return np.where(near < 0.75, near, 0.875 - 2 * (1 - near) ** 2)
+def over_hill(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    touch = 2 - sqrt(number(3))
+    tangent = sqrt(1 + 4 * touch**2)
+    return 2 * (2 - touch) * tangent + touch * tangent + asinh(2 * touch) / 2, taut(touch)
+
+
+def least_energy(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    touch = 2 - sqrt(number(3))
+    return 4 * touch**2 * (2 - touch) + 4 * touch**3 / 3, taut(touch)
+
+
+def cut_slope(x: Any) -> Any:
+    near = 1 - abs(1 - numbers(x))
+    return where(near < 0.75, near, 0.875 - 2 * (1 - near) ** 2)
 
 
 references = (
     vc.Reference(
         name="obstacle",
         problem=vc.Problem(arc_length, vc.Fixed(-2, 0), vc.Fixed(2, 0), [vc.Bound(above_hill, lower=0)]),
-        exact=vc.Exact(
-            2 * (2 - TOUCH) * TANGENT + TOUCH * TANGENT + math.asinh(2 * TOUCH) / 2, taut, "tangents and parabola"
-        ),
+        exact=vc.Exact.of(over_hill, "tangents and parabola"),
         source=SOURCE,
         statement="The shortest string over a parabolic hill.",
         inapplicable=_inapplicable.INEQUALITY,
@@ -72,7 +84,7 @@ references = (
     vc.Reference(
         name="obstacle/string",
         problem=vc.Problem(energy, vc.Fixed(-2, 0), vc.Fixed(2, 0), [vc.Bound(above_hill, lower=0)]),
-        exact=vc.Exact(4 * TOUCH**2 * (2 - TOUCH) + 4 * TOUCH**3 / 3, taut, "tangents and parabola"),
+        exact=vc.Exact.of(least_energy, "tangents and parabola"),
         source=SOURCE,
         statement="The string of least energy over a parabolic hill.",
         inapplicable=_inapplicable.INEQUALITY,
@@ -80,7 +92,9 @@ references = (
     vc.Reference(
         name="obstacle/disc",
         problem=vc.Curve(speed, vc.At((-2, 0)), vc.At((2, 0)), [vc.Bound(lambda q, dq: ca.sumsqr(q), lower=1)]),
-        exact=vc.Exact(2 * math.sqrt(3) + math.pi / 3, description="tangents and arc, above or below"),
+        exact=vc.Exact.of(
+            lambda number: (2 * sqrt(number(3)) + pi(number(1)) / 3, None), "tangents and arc, above or below"
+        ),
         source=SOURCE,
         statement="The shortest string round a disc.",
         inapplicable=_inapplicable.INEQUALITY,
@@ -88,7 +102,7 @@ references = (
     vc.Reference(
         name="obstacle/slope",
         problem=vc.Problem(loaded, vc.Fixed(0, 0), vc.Fixed(2, 0), [vc.Bound(lambda x, y, dy: dy, lower=-1, upper=1)]),
-        exact=vc.Exact(-37 / 12, cut_slope, "straight lines and parabola"),
+        exact=vc.Exact.of(lambda number: (-number(37) / 12, cut_slope), "straight lines and parabola"),
         source=SOURCE,
         statement="A loaded string whose slope is bounded.",
         inapplicable=_inapplicable.INEQUALITY,

@@ -12,13 +12,13 @@ Source: Brizard, "An Introduction to Lagrangian Mechanics" (2005), sect. 2.1.2
 (Jacobi's principle); Born and Wolf, "Principles of Optics", sect. 3.2.1.
 """
 
-import math
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 import varcalc as vc
+from varcalc.problems._arithmetic import numbers, sqrt
 
 
 def optical_length(x, y, dy):
@@ -26,19 +26,22 @@ def optical_length(x, y, dy):
 
 
 def ray(X: float, Y: float, case: str, statement: str) -> vc.Reference:
-    square, b = X**2 + Y**2, 1 - Y
-    sigma = math.sqrt(2 * square / (b + math.sqrt(b**2 - square)))
-    middle = Y / 2 + sigma**2 / 8
-    optical_path = sigma * (1 + 4 * (1 - 2 * middle) + (1 - 2 * Y)) / 6
+    def form(number: Callable[[float], Any]) -> tuple[Any, Any]:
+        across, up = number(X), number(Y)
+        square, b = across**2 + up**2, 1 - up
+        sigma = sqrt(2 * square / (b + sqrt(b**2 - square)))
+        middle = up / 2 + sigma**2 / 8
 
-    def y(x: Any) -> np.ndarray:
-        x = np.asarray(x, dtype=float)
-        return Y * x / X + (sigma / X) ** 2 * x * (X - x) / 2
+        def y(x: Any) -> Any:
+            x = numbers(x)
+            return up * x / across + (sigma / across) ** 2 * x * (across - x) / 2
+
+        return sigma * (1 + 4 * (1 - 2 * middle) + (1 - 2 * up)) / 6, y
 
     return vc.Reference(
         name="parabolic_ray" + case,
         problem=vc.Problem(optical_length, vc.Fixed(0, 0), vc.Fixed(X, Y), name="parabolic_ray"),
-        exact=vc.Exact(optical_path, y, "parabola"),
+        exact=vc.Exact.of(form, "parabola"),
         source='Brizard, "An Introduction to Lagrangian Mechanics" (2005), sect. 2.1.2',
         statement=statement,
     )

@@ -10,13 +10,14 @@ Source: Courant and Hilbert, "Methods of Mathematical Physics", vol. I, ch. IV.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import cos, numbers, pi, sin
 
 STIFFNESS = 2.0
 PERIOD = vc.Periodic(0, 2 * math.pi)
@@ -26,17 +27,16 @@ def energy(x, y, dy, p):
     return (dy**2 + p.k * y**2) / 2 - (ca.cos(x) + ca.sin(2 * x)) * y
 
 
-def string(x: Any) -> np.ndarray:
-    return np.cos(x) / (STIFFNESS + 1) + np.sin(2 * np.asarray(x, dtype=float)) / (STIFFNESS + 4)
+def string(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    k = number(STIFFNESS)
+    return -(1 / (k + 1) + 1 / (k + 4)) * pi(k) / 2, lambda x: cos(x) / (k + 1) + sin(2 * numbers(x)) / (k + 4)
 
 
 references = (
     vc.Reference(
         name="periodic_load",
         problem=vc.Problem(energy, PERIOD, PERIOD, parameters={"k": STIFFNESS}),
-        exact=vc.Exact(
-            -(1 / (STIFFNESS + 1) + 1 / (STIFFNESS + 4)) * math.pi / 2, string, "Fourier series of two terms"
-        ),
+        exact=vc.Exact.of(string, "Fourier series of two terms"),
         source='Courant and Hilbert, "Methods of Mathematical Physics", vol. I, ch. IV',
         statement="The periodic shape of an endless string on springs under a periodic load.",
         inapplicable=_inapplicable.NOT_IGNORABLE,

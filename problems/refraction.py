@@ -11,12 +11,15 @@ Source: Brizard, "An Introduction to Lagrangian Mechanics" (2005), eq. 1.28;
 Gelfand and Fomin, "Calculus of Variations", sect. 15.
 """
 
+from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 import varcalc as vc
+from varcalc.problems._arithmetic import greatest, numbers, scalar, sqrt
+from varcalc.problems._arithmetic import least as least_of
 from varcalc.problems._roots import increasing_root
 
 SOURCE = 'Brizard, "An Introduction to Lagrangian Mechanics" (2005), eq. 1.28'
@@ -32,22 +35,31 @@ def plate(x, y, dy):
 
 def snell(edges: tuple[float, ...], indices: tuple[float, ...], rise: float) -> vc.Exact:
     """The ray from (edges[0], 0) to (edges[-1], rise) through layers of the given indices."""
-    widths, n = np.diff(edges), np.array(indices)
-    least = n.min()
+    least = min(indices)
 
-    def tangents(u: Any) -> np.ndarray:
-        return least * u / np.sqrt(n**2 + (n**2 - least**2) * u**2)
+    def form(number: Callable[[float], Any]) -> tuple[Any, Any]:
+        widths = [number(b) - number(a) for a, b in pairwise(edges)]
+        layers = list(zip(widths, map(number, indices), strict=True))
 
-    def height(u: np.ndarray) -> tuple[Any, Any]:
-        slopes = least * n**2 / (n**2 + (n**2 - least**2) * u**2) ** 1.5
-        return widths @ tangents(u), widths @ slopes
+        def tangent(n: Any, u: Any) -> Any:
+            return least * u / sqrt(n**2 + (n**2 - least**2) * u**2)
 
-    steepest = rise / widths[n == least].sum()
-    tangent = tangents(increasing_root(height, 0.0, steepest, rise))
-    corners = np.concatenate([[0.0], np.cumsum(widths * tangent)])
-    return vc.Exact(
-        float(np.sum(n * widths * np.sqrt(1 + tangent**2))), lambda x: np.interp(x, edges, corners), "broken line"
-    )
+        def height(u: Any) -> tuple[Any, Any]:
+            slopes = [w * least * n**2 / (n**2 + (n**2 - least**2) * u**2) ** 1.5 for w, n in layers]
+            return sum(w * tangent(n, u) for w, n in layers), sum(slopes)
+
+        steepest = rise / sum(w for w, n in layers if n == least)
+        u = scalar(increasing_root(height, 0 * steepest, steepest, rise))
+
+        def y(x: Any) -> Any:
+            x = numbers(x)
+            # what is passed of each layer
+            passed = [greatest(0 * x, least_of(x, b + 0 * x) - a) for a, b in pairwise(edges)]
+            return sum(part * tangent(n, u) for part, (_, n) in zip(passed, layers, strict=True))
+
+        return scalar(sum(n * w * sqrt(1 + tangent(n, u) ** 2) for w, n in layers)), y
+
+    return vc.Exact.of(form, "broken line")
 
 
 references = (

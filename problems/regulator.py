@@ -15,19 +15,18 @@ and Russell, "Numerical Solution of Boundary Value Problems", on singular pertur
 """
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import cos, cosh, exp, expm1, numbers, sin, sinh, sqrt, tanh
 
 SOURCE = 'Bryson and Ho, "Applied Optimal Control", sect. 5.2'
 DURATION, PENALTY, THICKNESS = 1.0, 2.0, 1e-2
 PERIODS, RATE_COST = 10, 0.4
-SHARE = 1 / (1 + RATE_COST)
-"""Of the signal's amplitude, what is followed."""
 
 
 def cost(x, y, dy):
@@ -46,44 +45,66 @@ def penalty(x0, y0, x1, y1):
     return PENALTY * y1**2 / 2
 
 
-def regulated(x: Any, s: float) -> np.ndarray:
-    left = DURATION - np.asarray(x, dtype=float)
-    return (np.cosh(left) + s * np.sinh(left)) / (math.cosh(DURATION) + s * math.sinh(DURATION))
+def regulated(penalty: float) -> Callable[[Callable[[float], Any]], tuple[Any, Any]]:
+    """The cheapest way, of what is left at the end ``penalty`` being paid for."""
+
+    def form(number: Callable[[float], Any]) -> tuple[Any, Any]:
+        s, T = number(penalty), number(DURATION)
+        c, h = cosh(T), sinh(T)
+
+        def y(x: Any) -> Any:
+            left = T - numbers(x)
+            return (cosh(left) + s * sinh(left)) / (c + s * h)
+
+        return (h + s * c) / (c + s * h) / 2, y
+
+    return form
 
 
-def least_cost(s: float) -> float:
-    c, h = math.cosh(DURATION), math.sinh(DURATION)
-    return (h + s * c) / (c + s * h) / 2
+def layer(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    thickness = sqrt(number(THICKNESS**2))
+
+    def y(x: Any) -> Any:
+        x = numbers(x)
+        return exp(-x / thickness) * expm1(-2 * (1 - x) / thickness) / expm1(-2 / thickness)
+
+    return thickness / tanh(1 / thickness) / 2, y
 
 
-def layer(x: Any) -> np.ndarray:
-    x = np.asarray(x, dtype=float)
-    return np.exp(-x / THICKNESS) * np.expm1(-2 * (1 - x) / THICKNESS) / math.expm1(-2 / THICKNESS)
+def followed(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    """The share of the signal that is followed, but for what brings the curve to zero at the last double."""
+    T, share, rate = number(2 * math.pi * PERIODS), 1 / (1 + number(RATE_COST)), sqrt(number(RATE_COST))
+    rest = share * sin(T)
+    missed = (1 - share) ** 2 * (T / 2 - sin(2 * T) / 4) / 2
+    paid = rate**2 * share**2 * (T / 2 + sin(2 * T) / 4) / 2
+    at_end = -(rate**2) * share * cos(T) * rest + rate * rest**2 / tanh(T / rate) / 2
 
+    def y(x: Any) -> Any:
+        x = numbers(x)
+        return share * sin(x) - rest * sinh(x / rate) / sinh(T / rate)
 
-def followed(x: Any) -> np.ndarray:
-    return SHARE * np.sin(np.asarray(x, dtype=float))
+    return missed + paid + at_end, y
 
 
 references = (
     vc.Reference(
         name="regulator",
         problem=vc.Problem(cost, vc.Fixed(0, 1), vc.Free(DURATION)),
-        exact=vc.Exact(least_cost(0), lambda x: regulated(x, 0), "hyperbolic cosine"),
+        exact=vc.Exact.of(regulated(0), "hyperbolic cosine"),
         source=SOURCE,
         statement="The cheapest way to bring a quantity down in a given time.",
     ),
     vc.Reference(
         name="regulator/end_cost",
         problem=vc.Problem(cost, vc.Fixed(0, 1), vc.Free(DURATION), end_cost=penalty),
-        exact=vc.Exact(least_cost(PENALTY), lambda x: regulated(x, PENALTY), "hyperbolic functions"),
+        exact=vc.Exact.of(regulated(PENALTY), "hyperbolic functions"),
         source=SOURCE,
         statement="The cheapest way to bring a quantity down, what is left being paid for at the end.",
     ),
     vc.Reference(
         name="regulator/layer",
         problem=vc.Problem(stiff_cost, vc.Fixed(0, 1), vc.Fixed(1, 0), parameters={"eps": THICKNESS**2}),
-        exact=vc.Exact(THICKNESS / math.tanh(1 / THICKNESS) / 2, layer, "hyperbolic sine"),
+        exact=vc.Exact.of(layer, "hyperbolic sine"),
         source='Ascher, Mattheij and Russell, "Numerical Solution of Boundary Value Problems"',
         statement="A rate so cheap that the quantity drops to zero in a boundary layer.",
     ),
@@ -92,7 +113,7 @@ references = (
         problem=vc.Problem(
             tracking_cost, vc.Fixed(0, 0), vc.Fixed(2 * math.pi * PERIODS, 0), parameters={"eps": RATE_COST}
         ),
-        exact=vc.Exact(math.pi / 2 * PERIODS * (1 - SHARE), followed, "sine"),
+        exact=vc.Exact.of(followed, "sine"),
         source=SOURCE,
         statement="Following a signal of ten periods, the rate being paid for.",
         inapplicable=_inapplicable.NOT_IGNORABLE,

@@ -10,7 +10,7 @@ Source: Brizard, "An Introduction to Lagrangian Mechanics" (2005), sect. 1.1;
 Gelfand and Fomin, "Calculus of Variations", sect. 4, 6 and 14.
 """
 
-import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -18,6 +18,7 @@ import numpy as np
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import numbers, sqrt
 
 SOURCE = 'Brizard, "An Introduction to Lagrangian Mechanics" (2005), sect. 1.1'
 SLIDING = 'Gelfand and Fomin, "Calculus of Variations", sect. 14'
@@ -47,29 +48,23 @@ def slanting_line(q):
     return 3 * q[0] + 4 * q[1] - 10
 
 
-def constant(value: float) -> Any:
-    return lambda x: np.full_like(np.asarray(x, dtype=float), value)
-
-
-def segment(a: tuple[float, ...], b: tuple[float, ...]) -> Any:
+def segment(a: Sequence[Any], b: Sequence[Any]) -> Callable[[Any], np.ndarray]:
     """The straight line from a to b at constant speed."""
-    return lambda t: (
-        np.multiply.outer(a, 1 - np.asarray(t, dtype=float)) + np.multiply.outer(b, np.asarray(t, dtype=float))
-    )
+    return lambda t: np.array([start * (1 - numbers(t)) + end * numbers(t) for start, end in zip(a, b, strict=True)])
 
 
 references = (
     vc.Reference(
         name="shortest_path",
         problem=vc.Problem(arc_length, vc.Fixed(0, 0), vc.Fixed(3, 4)),
-        exact=vc.Exact(5, lambda x: 4 * np.asarray(x, dtype=float) / 3, "straight line"),
+        exact=vc.Exact.of(lambda number: (number(5), lambda x: 4 * numbers(x) / 3), "straight line"),
         source=SOURCE,
         statement="The shortest path between two points of the plane.",
     ),
     vc.Reference(
         name="shortest_path/curve",
         problem=vc.Curve(speed, vc.At((0, 0)), vc.At((-3, 4))),
-        exact=vc.Exact(5, segment((0, 0), (-3, 4)), "straight line"),
+        exact=vc.Exact.of(lambda number: (number(5), segment((0, 0), (-3, 4))), "straight line"),
         source=SOURCE,
         statement="The shortest curve between two points of the plane.",
         inapplicable=_inapplicable.SEVERAL_FUNCTIONS,
@@ -77,21 +72,25 @@ references = (
     vc.Reference(
         name="shortest_path/free",
         problem=vc.Problem(arc_length, vc.Fixed(0, 1), vc.Free(3)),
-        exact=vc.Exact(3, constant(1), "horizontal line"),
+        exact=vc.Exact.of(lambda number: (number(3), lambda x: 0 * numbers(x) + 1), "horizontal line"),
         source='Gelfand and Fomin, "Calculus of Variations", sect. 6',
         statement="The shortest path from a point to a vertical line.",
     ),
     vc.Reference(
         name="shortest_path/to_parabola",
         problem=vc.Problem(arc_length, vc.Fixed(0, 0), vc.OnCurve(parabola, x=1.5)),
-        exact=vc.Exact(math.sqrt(5), lambda x: np.asarray(x, dtype=float) / 2, "normal of the parabola at (2, 1)"),
+        exact=vc.Exact.of(
+            lambda number: (sqrt(number(5)), lambda x: numbers(x) / 2), "normal of the parabola at (2, 1)"
+        ),
         source=SLIDING,
         statement="The shortest path from the origin to the parabola y = (x - 3)^2.",
     ),
     vc.Reference(
         name="shortest_path/to_sphere",
         problem=vc.Problem(arc_length, vc.Fixed(0, (0, 0)), vc.OnCurve(sphere, x=1.5, n=2)),
-        exact=vc.Exact(5, lambda x: np.multiply.outer((1.5, 3), np.asarray(x, dtype=float)), "line to the centre"),
+        exact=vc.Exact.of(
+            lambda number: (number(5), lambda x: np.array([1.5 * numbers(x), 3 * numbers(x)])), "line to the centre"
+        ),
         source=SLIDING,
         statement="The shortest path in space from the origin to the sphere of radius 2 about (2, 3, 6).",
         inapplicable=_inapplicable.SEVERAL_FUNCTIONS,
@@ -99,7 +98,10 @@ references = (
     vc.Reference(
         name="shortest_path/circle_to_line",
         problem=vc.Curve(speed, vc.OnSurface(unit_circle, guess=(1, 0.5)), vc.OnSurface(slanting_line, guess=(2, 1))),
-        exact=vc.Exact(1, segment((0.6, 0.8), (1.2, 1.6)), "common normal"),
+        exact=vc.Exact.of(
+            lambda number: (number(1), segment([number(v) / 5 for v in (3, 4)], [number(v) / 5 for v in (6, 8)])),
+            "common normal",
+        ),
         source=SLIDING,
         statement="The shortest path from the unit circle to the line 3x + 4y = 10.",
         inapplicable=_inapplicable.SEVERAL_FUNCTIONS,

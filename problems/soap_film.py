@@ -12,6 +12,9 @@ Source: Gelfand and Fomin, "Calculus of Variations", sect. 4, example 2;
 Bliss, "Calculus of Variations" (1925), ch. IV.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import casadi as ca
 
 import varcalc as vc
@@ -23,11 +26,16 @@ def area(x, y, dy):
 
 
 def film(start: tuple[float, float], end: tuple[float, float], case: str, statement: str) -> vc.Reference:
-    catenary = Catenary.over_axis(start, end)
+
+    def form(number: Callable[[float], Any]) -> tuple[Any, Any]:
+        (x0, y0), (x1, y1) = (map(number, point) for point in (start, end))
+        catenary = Catenary.over_axis((x0, y0), (x1, y1))
+        return catenary.moment_about_axis, catenary.above_axis
+
     return vc.Reference(
         name="soap_film" + case,
         problem=vc.Problem(area, vc.Fixed(*start), vc.Fixed(*end), name="soap_film"),
-        exact=vc.Exact(catenary.moment_about_axis, catenary.above_axis, "catenary"),
+        exact=vc.Exact.of(form, "catenary"),
         source='Gelfand and Fomin, "Calculus of Variations", sect. 4',
         statement=statement,
     )

@@ -17,6 +17,7 @@ import numpy as np
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import numbers
 
 SOURCE = 'Holladay, "A smoothest curve approximation", Math. Tables Aids Comput. 11 (1957)'
 
@@ -26,12 +27,12 @@ def bending(x, y, dy, ddy):
 
 
 def natural(x: Any) -> np.ndarray:
-    near = 1 - np.abs(1 - np.asarray(x, dtype=float))
+    near = 1 - abs(1 - numbers(x))
     return near * (3 - near**2) / 2
 
 
 def hermite(x: Any) -> np.ndarray:
-    x = np.asarray(x, dtype=float)
+    x = numbers(x)
     return np.array([x * (1 + x * (1 - x)), x**2 * (2 - x)])
 
 
@@ -39,7 +40,7 @@ references = (
     vc.Reference(
         name="spline",
         problem=vc.Problem(bending, vc.Fixed(0, 0), vc.Fixed(2, 0), [vc.Through(1, 1)], order=2),
-        exact=vc.Exact(3, natural, "natural cubic spline"),
+        exact=vc.Exact.of(lambda number: (number(3), natural), "natural cubic spline"),
         source=SOURCE,
         statement="The least bent curve through three points.",
         inapplicable=_inapplicable.SECOND_ORDER,
@@ -47,7 +48,7 @@ references = (
     vc.Reference(
         name="spline/plane",
         problem=vc.Problem(bending, vc.Fixed(0, (0, 0), (1, 0)), vc.Fixed(1, (1, 1), (0, 1)), order=2),
-        exact=vc.Exact(4, hermite, "Hermite's cubic"),
+        exact=vc.Exact.of(lambda number: (number(4), hermite), "Hermite's cubic"),
         source='de Boor, "A Practical Guide to Splines", ch. IV',
         statement="The motion of least acceleration between two states in the plane: a quarter turn.",
         inapplicable=_inapplicable.SECOND_ORDER,

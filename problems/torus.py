@@ -15,6 +15,7 @@ Source: do Carmo, "Differential Geometry of Curves and Surfaces", sect. 4-4;
 Brizard, "An Introduction to Lagrangian Mechanics" (2005), eq. 1.17.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -22,6 +23,7 @@ import numpy as np
 
 import varcalc as vc
 from varcalc.problems import _inapplicable
+from varcalc.problems._arithmetic import cos, numbers, scalar, sqrt
 from varcalc.problems._quadrature import integral
 from varcalc.problems._roots import increasing_root
 
@@ -44,39 +46,47 @@ def on_torus(u, v, p):
     return rho * ca.cos(v), rho * ca.sin(v), p.r * ca.sin(u)
 
 
-def rho(u: Any) -> np.ndarray:
-    return R + TUBE * np.cos(u)
+def rho(u: Any) -> Any:
+    return R + TUBE * cos(u)
 
 
-def across(c: float, u: Any) -> np.ndarray:
-    return c * integral(lambda w: TUBE / (rho(w) * np.sqrt(rho(w) ** 2 - c**2)), START[0], u)
+def across(c: Any, u: Any) -> Any:
+    return c * integral(lambda w: TUBE / (rho(w) * sqrt(rho(w) ** 2 - c**2)), START[0], u)
 
 
-def along(c: float, u: Any) -> np.ndarray:
-    return integral(lambda w: TUBE * rho(w) / np.sqrt(rho(w) ** 2 - c**2), START[0], u)
+def along(c: Any, u: Any) -> Any:
+    return integral(lambda w: TUBE * rho(w) / sqrt(rho(w) ** 2 - c**2), START[0], u)
 
 
-def clairaut_constant() -> float:
-    def end(c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        slope = integral(lambda w: TUBE * rho(w) / (rho(w) ** 2 - c**2) ** 1.5, START[0], END[0])
-        return across(float(c), END[0]), slope
+def clairaut_constant(number: Callable[[float], Any]) -> Any:
+    last = number(END[0])
 
-    return float(increasing_root(end, 0.0, float(rho(END[0])), END[1]))
+    def end(c: Any) -> tuple[Any, Any]:
+        slope = integral(lambda w: TUBE * rho(w) / (rho(w) ** 2 - c**2) ** 1.5, START[0], last)
+        return across(scalar(c), last), slope
 
-
-CLAIRAUT = clairaut_constant()
-LENGTH = float(along(CLAIRAUT, END[0]))
+    return scalar(increasing_root(end, 0.0, scalar(rho(last)), END[1]))
 
 
-def geodesic(t: Any) -> np.ndarray:
-    """The point a fraction t of the length along."""
-    t = np.asarray(t, dtype=float)
+def graph(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    c = clairaut_constant(number)
+    return scalar(along(c, number(END[0]))), lambda x: across(c, x)
 
-    def covered(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return along(CLAIRAUT, u), TUBE * rho(u) / np.sqrt(rho(u) ** 2 - CLAIRAUT**2)
 
-    u = increasing_root(covered, START[0], END[0], t * LENGTH)
-    return np.array([u, across(CLAIRAUT, u)])
+def curve(number: Callable[[float], Any]) -> tuple[Any, Any]:
+    c = clairaut_constant(number)
+    length = scalar(along(c, number(END[0])))
+
+    def geodesic(t: Any) -> np.ndarray:
+        """The point a fraction t of the length along."""
+
+        def covered(u: Any) -> tuple[Any, Any]:
+            return along(c, u), TUBE * rho(u) / sqrt(rho(u) ** 2 - c**2)
+
+        u = increasing_root(covered, START[0], END[0], numbers(t) * length)
+        return np.array([u, across(c, u)])
+
+    return length, geodesic
 
 
 references = (
@@ -90,7 +100,7 @@ references = (
             names=("u", "v"),
             surface=on_torus,
         ),
-        exact=vc.Exact(LENGTH, lambda x: across(CLAIRAUT, x), "elliptic integrals"),
+        exact=vc.Exact.of(graph, "elliptic integrals"),
         source=SOURCE,
         statement="The geodesic across the outside of a torus, as a graph over the angle about the tube.",
     ),
@@ -104,7 +114,7 @@ references = (
             names=("u", "v"),
             surface=lambda q, p: on_torus(q[0], q[1], p),
         ),
-        exact=vc.Exact(LENGTH, geodesic, "elliptic integrals"),
+        exact=vc.Exact.of(curve, "elliptic integrals"),
         source=SOURCE,
         statement="The same geodesic of the torus, as a curve in its two angles.",
         inapplicable=_inapplicable.SEVERAL_FUNCTIONS,

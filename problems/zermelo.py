@@ -18,9 +18,9 @@ from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 import varcalc as vc
+from varcalc.problems._arithmetic import numbers, scalar, sqrt
 from varcalc.problems._quadrature import integral
 from varcalc.problems._roots import increasing_root
 
@@ -41,70 +41,79 @@ def walk(x0, y0, x1, y1, p):
     return COST * y1**2
 
 
-def slope(x: np.ndarray, c: float) -> np.ndarray:
+def inclination(x: Any, c: Any) -> tuple[Any, Any]:
+    """1 - w^2, and k."""
     w = current(x, CURRENT)
-    k = w + c * (1 - w**2)
-    return k * np.sqrt((1 - w**2) / (1 - k**2))
+    return 1 - w**2, w + c * (1 - w**2)
 
 
-def slope_by_constant(x: np.ndarray, c: float) -> np.ndarray:
+def slope(x: Any, c: Any) -> Any:
+    free, k = inclination(x, c)
+    return k * sqrt(free / (1 - k**2))
+
+
+def slope_by_constant(x: Any, c: Any) -> Any:
     """The derivative of the slope by c."""
-    w = current(x, CURRENT)
-    k = w + c * (1 - w**2)
-    return ((1 - w**2) / (1 - k**2)) ** 1.5
+    free, k = inclination(x, c)
+    return (free / (1 - k**2)) ** 1.5
 
 
-def duration_rate(x: np.ndarray, c: float) -> np.ndarray:
-    w = current(x, CURRENT)
-    k = w + c * (1 - w**2)
-    return (1 - k * w) / np.sqrt((1 - w**2) * (1 - k**2))
+def duration_rate(x: Any, c: Any) -> Any:
+    free, k = inclination(x, c)
+    return (1 - k * current(x, CURRENT)) / sqrt(free * (1 - k**2))
 
 
-def track(c: float) -> Callable[[Any], np.ndarray]:
-    return lambda x: integral(lambda s: slope(s, c), 0, x)
-
-
-def drift(x: Any) -> np.ndarray:
+def drift(x: Any) -> Any:
     """The integral of the current."""
-    x = np.asarray(x, dtype=float)
+    x = numbers(x)
     return 2 * CURRENT * x**2 * (1 - 2 * x / 3)
 
 
-def first_integral(cost: float, weight: float) -> float:
+def first_integral(number: Callable[[float], Any], cost: float, weight: float) -> Any:
     """The constant c for which weight y(1) + c cost vanishes; |k| < 1 bounds it."""
+    bank = number(1)
 
-    def balance(c: np.ndarray) -> tuple[Any, Any]:
-        at = float(c)
-        across = integral(lambda s: slope(s, at), 0, 1), integral(lambda s: slope_by_constant(s, at), 0, 1)
+    def balance(c: Any) -> tuple[Any, Any]:
+        at = scalar(c)
+        across = integral(lambda s: slope(s, at), 0, bank), integral(lambda s: slope_by_constant(s, at), 0, bank)
         return weight * across[0] + cost * at, weight * across[1] + cost
 
-    return float(increasing_root(balance, -1.0, 1 / (1 + CURRENT)))
+    return scalar(increasing_root(balance, number(-1), 1 / (1 + number(CURRENT))))
 
 
-def crossing(c: float, cost: float = 0.0) -> vc.Exact:
-    duration = integral(lambda s: duration_rate(s, c), 0, 1)
-    return vc.Exact(float(duration + cost * track(c)(1) ** 2), track(c), "quadrature of the first integral")
+def crossing(cost: float, weight: float, walked: float = 0.0) -> vc.Exact:
+    """The crossing whose constant balances, the landing at y costing ``walked`` y^2 more."""
+
+    def form(number: Callable[[float], Any]) -> tuple[Any, Any]:
+        c, bank = first_integral(number, cost, weight), number(1)
+
+        def track(x: Any) -> Any:
+            return integral(lambda s: slope(s, c), 0, x)
+
+        return scalar(integral(lambda s: duration_rate(s, c), 0, bank) + walked * track(bank) ** 2), track
+
+    return vc.Exact.of(form, "quadrature of the first integral")
 
 
 references = (
     vc.Reference(
         name="zermelo",
         problem=vc.Problem(crossing_time, vc.Fixed(0, 0), vc.Fixed(1, 0), parameters={"W": CURRENT}),
-        exact=crossing(first_integral(cost=0, weight=1)),
+        exact=crossing(cost=0, weight=1),
         source=SOURCE,
         statement="The quickest crossing of a river to the point opposite.",
     ),
     vc.Reference(
         name="zermelo/drift",
         problem=vc.Problem(crossing_time, vc.Fixed(0, 0), vc.Free(1), parameters={"W": CURRENT}),
-        exact=vc.Exact(1, drift, "cubic"),
+        exact=vc.Exact.of(lambda number: (number(1), drift), "cubic"),
         source=SOURCE,
         statement="The quickest crossing of a river, the landing left to the current.",
     ),
     vc.Reference(
         name="zermelo/walk",
         problem=vc.Problem(crossing_time, vc.Fixed(0, 0), vc.Free(1), parameters={"W": CURRENT}, end_cost=walk),
-        exact=crossing(first_integral(cost=1, weight=2 * COST), COST),
+        exact=crossing(cost=1, weight=2 * COST, walked=COST),
         source=SOURCE,
         statement="The quickest crossing of a river when the way back along the shore is paid for.",
     ),

@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from varcalc.methods.shooting.method import Shooting
     from varcalc.problem.reading import euler_lagrange_latex, euler_lagrange_text, first_integrals_text
     from varcalc.search import Branch, Extremals, FoundExtremal, continue_branch, extremals
+    from varcalc.study.plain import PlainProblem
+    from varcalc.study.verify_solver import SolverAnswer, SolverReport, verify_solver
 
 __all__ = [
     "At",
@@ -76,6 +78,7 @@ __all__ = [
     "Paired",
     "Parameter",
     "Periodic",
+    "PlainProblem",
     "Problem",
     "Record",
     "Reference",
@@ -83,6 +86,8 @@ __all__ = [
     "SciPyBvp",
     "Shooting",
     "Solution",
+    "SolverAnswer",
+    "SolverReport",
     "Status",
     "Sweep",
     "SweepPoint",
@@ -102,6 +107,7 @@ __all__ = [
     "solve",
     "sweep",
     "verify",
+    "verify_solver",
     "work_precision",
 ]
 
@@ -120,6 +126,10 @@ _LATER = {
     "FoundExtremal": "varcalc.search",
     "continue_branch": "varcalc.search",
     "extremals": "varcalc.search",
+    "PlainProblem": "varcalc.study.plain",
+    "SolverAnswer": "varcalc.study.verify_solver",
+    "SolverReport": "varcalc.study.verify_solver",
+    "verify_solver": "varcalc.study.verify_solver",
 }
 """Public names whose modules are imported when one of them is asked for: many solves need none of them."""
 

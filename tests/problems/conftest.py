@@ -17,6 +17,8 @@ import varcalc as vc
 
 DIGITS = 40
 EXACTLY = mp.mpf(10) ** -24
+IN_DIGITS = mp.mpf(10) ** -24
+"""Relative difference of closed forms that are evaluated to many digits, and of quadratures in them."""
 BESIDE = mp.mpf(10) ** -28
 """Where a corner is approached from one side, as a fraction of the piece."""
 DOUBLE = 4e-15
@@ -368,6 +370,9 @@ class Claim:
         value, *levels = self.integrals()
         exact = self.reference.exact.value
         assert close(mp.mpf(exact), value, scale=self.scale, tolerance=DOUBLE), (self.reference.name, exact, value)
+        if self.reference.exact.form is not None:
+            digits = self.reference.exact(DIGITS - 10)
+            assert close(digits.value, value, tolerance=IN_DIGITS), (self.reference.name, digits.value, value)
         for level, traced in zip(levels, self.levels, strict=True):
             lower, upper = traced.constraint.interval
             assert lower - EXACTLY < level < upper + EXACTLY, (self.reference.name, level)

@@ -76,7 +76,7 @@ def test_goldschmidts_curve_is_named():
     assert film.local
     assert film.lower == pytest.approx(1, abs=1e-9)
     assert vc.diagnose(soap_film(0.6)).evidence["broken"].value == pytest.approx(1, abs=1e-9)
-    assert not vc.solve(soap_film(0.5)).local
+    assert not vc.solve(soap_film(0.5)).local  # below y = 0 lies another functional, which has no least value
 
 
 @pytest.mark.parametrize("unit", [1e-7, 1e7])

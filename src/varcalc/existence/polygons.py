@@ -172,7 +172,9 @@ class Lattice:
         sums = values_of(self.problem, self.middle, heights, slopes) @ self.steps
         deep = sums < float(self.own_costs.sum()) - FALLEN * self.summed
         for k in np.flatnonzero(deep).tolist():
-            if not concave_at(self.problem, self.middle, heights[k], slopes[k], self.steep).any():
+            # of what is steep no curvature is told: it is looked at with the curve's own slopes as well
+            about = (slopes[k], self.slope)
+            if not any(concave_at(self.problem, self.middle, heights[k], v, self.steep).any() for v in about):
                 return falls_along(self.problem, self.x, self.c, sizes[k] * arch)
         return None
 

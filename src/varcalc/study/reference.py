@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from varcalc.problem.problem import Curve, Problem
 from varcalc.showing import Brief, Fact, Shown, brief, line
 from varcalc.spelling import near, spelled
 from varcalc.study.user_file import BROKEN, SUFFIX, ProblemFileError, catalogued, failed, listed, run_file
+
+if TYPE_CHECKING:
+    from varcalc.study.digits import ClosedForm, ExactDigits
 
 PROBLEMS_PACKAGE = "varcalc.problems"
 """The package the reference problems are installed as."""
@@ -39,12 +42,42 @@ class Exact(Brief):
     of shape ``(n,) + x.shape`` for n unknown functions; for a
     :class:`varcalc.Curve` it is ``q(t)``, t in [0, 1], of shape ``(n,) + t.shape``.
     Raises TypeError or ValueError for a value that is not a finite number and
-    for a ``y`` that cannot be called.
+    for a ``y`` that cannot be called. Made by :meth:`of`, it can be called for more digits than a double has.
     """
 
     value: float
     y: Callable[[np.ndarray], Any] | None = None
     description: str = ""
+    form: ClosedForm | None = field(default=None, repr=False, compare=False)
+
+    @classmethod
+    def of(cls, form: ClosedForm, description: str = "") -> Exact:
+        """A closed form that is written once for doubles and for any number of digits.
+
+        ``form(number)`` returns the value and the curve (or None); ``number`` takes the doubles of the statement into
+        the arithmetic, as ``float`` does. Its functions must take what that makes, as those of
+        ``varcalc.problems._arithmetic`` do.
+        """
+        value, y = form(float)
+        return cls(float(value), y, description, form)
+
+    def __call__(self, digits: int) -> ExactDigits:
+        """The closed form to so many digits, for the problem as its doubles state it.
+
+        Raises ValueError where it is known in doubles alone, and for a number of digits that is none;
+        ModuleNotFoundError without mpmath (``pip install 'varcalc[digits]'``).
+
+        >>> from varcalc.study.reference import load
+        >>> print(load("cylinder")[0].exact(digits=40))
+        2.236067977499789696409173668731276235441
+        """
+        if isinstance(digits, bool) or not isinstance(digits, int) or digits < 1:
+            raise ValueError(f"digits must be a whole number from 1 on, not {digits!r}")
+        if self.form is None:
+            raise ValueError("this closed form is known in double precision alone; take its value and y as they are")
+        from varcalc.study.digits import to_digits  # with mpmath
+
+        return to_digits(self.form, digits)
 
     def __post_init__(self) -> None:
         value = finite("exact.value", self.value)

@@ -1,0 +1,222 @@
+"""Somebody else's solver, run over the reference problems and held against their closed forms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from varcalc.study.plain import PlainProblem, size_of
+from varcalc.study.reference import Exact, Reference, catalogue, load
+from varcalc.study.user_file import BROKEN
+from varcalc.tables import shown, table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COMPARED = 33
+"""Places at which a curve is held against the closed form."""
+ROUND_OFF = 8 * np.finfo(float).eps
+"""Relative error that no claim in double precision need cover."""
+
+
+class Outcome(Enum):
+    """What came of one problem; each member carries its meaning."""
+
+    RIGHT = "an answer, as close as was asked for"
+    WRONG = "an answer that is further off than was asked for, as it says itself"
+    REFUSED = "no answer, and it says so"
+    FALSELY_RIGHT = "an answer given out for right that is not"
+
+    @property
+    def words(self) -> str:
+        """The name as a table shows it."""
+        return self.name.lower().replace("_", " ")
+
+
+@dataclass(frozen=True)
+class SolverAnswer:
+    """What a solver says: the ``value``, and where it has them the curve ``y(x)`` and the ``error`` it claims.
+
+    ``y`` takes abscissae (m,) (t in [0, 1] at constant speed for a Curve) and returns (m,) or (n, m). ``success=False``
+    is a refusal, and ``message`` says why.
+    """
+
+    value: float
+    y: Callable[[np.ndarray], Any] | None = None
+    error: float | None = None
+    success: bool = True
+    message: str = ""
+
+
+Solver = Callable[[PlainProblem], "SolverAnswer | float | None"]
+"""A solver, adapted: it returns the value, with more in a SolverAnswer, or None for what it does not do."""
+
+
+@dataclass(frozen=True)
+class SolverRow:
+    """One problem: the :class:`Outcome`, the value and its distance from the closed form, that of the curve, the claim.
+
+    Distances are absolute; what is not known is None.
+    """
+
+    problem: str
+    outcome: Outcome
+    value: float | None = None
+    value_error: float | None = None
+    curve_error: float | None = None
+    claimed_error: float | None = None
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class SolverReport:
+    """What :func:`verify_solver` found: a row for each problem, in the order they were given. It prints as a table."""
+
+    solver: str
+    tolerance: float
+    rows: tuple[SolverRow, ...] = field(repr=False)
+
+    def of(self, outcome: Outcome) -> tuple[SolverRow, ...]:
+        """The rows with one outcome."""
+        return tuple(row for row in self.rows if row.outcome is outcome)
+
+    @property
+    def right(self) -> tuple[SolverRow, ...]:
+        """The problems it solved."""
+        return self.of(Outcome.RIGHT)
+
+    @property
+    def wrong(self) -> tuple[SolverRow, ...]:
+        """Those of which it was off, and said so."""
+        return self.of(Outcome.WRONG)
+
+    @property
+    def refused(self) -> tuple[SolverRow, ...]:
+        """Those it had no answer to."""
+        return self.of(Outcome.REFUSED)
+
+    @property
+    def falsely_right(self) -> tuple[SolverRow, ...]:
+        """Those of which it gave out a wrong answer for right."""
+        return self.of(Outcome.FALSELY_RIGHT)
+
+    @property
+    def exit_status(self) -> int:
+        """0 where no answer is wrong and one at least is right; 1 else. What it refuses is held against nobody."""
+        return 0 if self.right and not (self.wrong or self.falsely_right) else 1
+
+    def table(self) -> str:
+        """The rows as text for a monospaced page, with the counts beneath."""
+        rows = [
+            (
+                r.problem, r.outcome.words, shown(r.value, ".15g"), shown(r.value_error, "+.1e"),
+                shown(r.curve_error, ".1e"), shown(r.claimed_error, ".1e"), r.message.partition("\n")[0][:80],
+            )
+            for r in self.rows
+        ]  # fmt: skip
+        counts = ", ".join(f"{len(self.of(o))} {o.words}" for o in Outcome)
+        note = f"{self.solver}, {len(self.rows)} problems to {self.tolerance:.1g} of max(1, |value|): {counts}"
+        return table(
+            ("problem", "outcome"), ("value", "error", "curve", "claimed"), rows, last=("message",), notes=[note]
+        )
+
+    def __str__(self) -> str:
+        return self.table()
+
+    def document(self) -> dict[str, Any]:
+        """The report as plain numbers, strings, lists and dicts, ready for JSON."""
+        rows = [asdict(row) | {"outcome": row.outcome.words} for row in self.rows]
+        return {"solver": self.solver, "tolerance": self.tolerance, "rows": rows}
+
+    def to_pandas(self) -> pd.DataFrame:
+        """One row a problem; raises ModuleNotFoundError without pandas (``pip install 'varcalc[frames]'``)."""
+        import pandas as pd
+
+        return pd.DataFrame(self.document()["rows"])
+
+
+def verify_solver(
+    solver: Solver, *, problems: Iterable[str | Reference] | None = None, tolerance: float = 1e-6, digits: int = 0
+) -> SolverReport:
+    """Run a solver over the reference problems, and tell what is right, what is wrong, and what is falsely right.
+
+    ``solver`` takes a :class:`PlainProblem` and returns the value, a :class:`SolverAnswer`, or None for what it does
+    not do; what it raises is a refusal. ``problems`` are names of the catalogue (a file's name for all of its cases) or
+    :class:`varcalc.Reference` with a closed form; without them all are taken. An answer is right where value and claim
+    agree with the closed form to ``tolerance``, relative to max(1, abs(value)), and its curve, where it has one, to the
+    root of that, as the value depends on the curve to second order. It is falsely right where it gives itself out for
+    better than it is: off by more than the error it claims, or than the tolerance where it claims none. With ``digits``
+    the closed form is evaluated to so many, for solvers of more than double precision (mpmath's numbers are kept).
+
+    Raises ValueError for a tolerance that is none, a name that is not in the catalogue, and a reference without a
+    closed form, or without one to so many digits.
+
+    >>> import varcalc as vc
+    >>> report = vc.verify_solver(lambda problem: vc.solve(problem.problem).value, problems=["soap_film", "cone"])
+    >>> len(report.right), report.exit_status
+    (6, 0)
+    """
+    if not (isinstance(tolerance, float | int) and 0 < tolerance < 1):
+        raise ValueError(f"tolerance must be a number between 0 and 1, not {tolerance!r}")
+    names = list(catalogue()) if problems is None else list(problems)
+    references = [r for given in names for r in ((given,) if isinstance(given, Reference) else load(given))]
+    bare = next((r.name for r in references if r.exact is None), None)
+    if bare is not None:
+        raise ValueError(f"{bare} has no closed form to hold a solver against; leave it out")
+    called = getattr(solver, "__qualname__", type(solver).__name__)
+    return SolverReport(called, tolerance, tuple(judged(solver, r, tolerance, digits) for r in references))
+
+
+def judged(solver: Solver, reference: Reference, tolerance: float = 1e-6, digits: int = 0) -> SolverRow:
+    """What comes of one reference problem that has a closed form; see :func:`verify_solver`."""
+    exact = reference.exact
+    if exact is None:
+        raise ValueError(f"{reference.name} has no closed form to hold a solver against")
+    value: Any = exact(digits).value if digits else exact.value
+    problem = PlainProblem(reference)
+    try:
+        answer = solver(problem)
+        if answer is None:
+            return SolverRow(reference.name, Outcome.REFUSED, message="not among what it does")
+        if not isinstance(answer, SolverAnswer):
+            answer = SolverAnswer(answer)
+        if not answer.success:
+            return SolverRow(reference.name, Outcome.REFUSED, message=answer.message)
+        off = float(answer.value - value)
+        apart = _apart(reference, exact, answer)
+    except (*BROKEN, NotImplementedError) as error:
+        return SolverRow(reference.name, Outcome.REFUSED, message=f"{type(error).__name__}: {error}")
+    claim = None if answer.error is None else float(answer.error)
+    outcome = _outcome(off, apart, claim, tolerance, size_of(exact.value), round_off=0.0 if digits else ROUND_OFF)
+    return SolverRow(reference.name, outcome, float(answer.value), off, apart, claim, answer.message)
+
+
+def _outcome(
+    off: float, apart: float | None, claim: float | None, tolerance: float, size: float, round_off: float
+) -> Outcome:
+    """What an answer is that is ``off`` in its value and whose curve is ``apart`` from the closed form."""
+    allowed = tolerance * size
+    # not(<=) rather than >, so that what is no number is not close
+    close = abs(off) <= allowed and (apart is None or apart <= tolerance**0.5 * size)
+    honest = claim is None or abs(off) <= claim + round_off * size
+    if close and honest:
+        return Outcome.RIGHT
+    if claim is not None and honest and claim > allowed:
+        return Outcome.WRONG
+    return Outcome.FALSELY_RIGHT
+
+
+def _apart(reference: Reference, exact: Exact, answer: SolverAnswer) -> float | None:
+    """The largest distance of an answer's curve from the exact one; None where one of the two is not known."""
+    if answer.y is None or exact.y is None:
+        return None
+    problem = reference.problem
+    if any(problem.slides):
+        return None  # how far the curve goes is part of the answer
+    x = np.linspace(*problem.span, COMPARED)
+    given, true = (np.asarray(curve(x), dtype=float).reshape(problem.n, -1) for curve in (answer.y, exact.y))
+    return float(np.abs(given - true).max())
