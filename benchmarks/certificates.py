@@ -9,7 +9,7 @@ Convex: quadratics with a closed form, and functionals of which a polynomial Y i
 G a random sum of convex terms and P a polynomial. Not convex: actions of oscillators up to a conjugate point (and
 beyond, where nothing may be proved), and G with a potential that bends down, by less than Poincaré's inequality
 allows, so that Y is a minimum. The truth is taken in 40 digits at the doubles of the problem, by Gauss's quadrature
-of the traced instructions in mpmath, which shares no code with the proof. Lines are added to
+of the traced instructions in mpmath, which shares with the proof but the reading of these. Lines are added to
 ``records/certificates.csv``; a run goes on where the last one stopped. Then soap films are followed to their fold and
 an oscillator to its conjugate point, and the chart is drawn.
 """
@@ -36,7 +36,7 @@ from varcalc.symbolic.instructions import Program
 DIGITS = 40
 NODES = 64
 RECORD = Path(__file__).parent / "records" / "certificates.csv"
-CHART = Path(__file__).parent / "records" / "certificates.png"
+CHART = Path(__file__).parent.parent / "docs" / "certificates.png"
 COLUMNS = ["family", "seed", "outcome", "width", "solve", "certify", "reason"]
 
 
@@ -114,10 +114,23 @@ CONVEX = [
 ]
 """Terms that are convex in y and v together."""
 BENDING = [
-    lambda y, v: ca.cos(y), lambda y, v: -(y**2) / 2, lambda y, v: ca.cos(y + 0.3 * v) / (1 + 0.09),
-    lambda y, v: -ca.log(1 + y**2) / 2, lambda y, v: 1 / (1 + y**2) / 2,
-]  # fmt: skip
-"""Potentials whose second derivatives lie above -1 (of the third, those of the whole matrix)."""
+    lambda y, v: ca.cos(y),
+    lambda y, v: -(y**2) / 2,
+    lambda y, v: ca.sin(y),
+    lambda y, v: -ca.log(1 + y**2) / 2,
+    lambda y, v: 1 / (1 + y**2) / 2,
+]
+"""Potentials whose second derivatives lie above -1."""
+
+
+def integrated(rate: Callable[[Any], Any]) -> Any:
+    """An integral over [0, 1] by Gauss's quadrature, on panels cut until two results agree."""
+    before, panels = None, 1
+    while True:
+        now = sum(w * rate((k + x) / panels) for k in range(panels) for x, w in gauss()) / panels
+        if before is not None and abs(now - before) <= mpmath.mpf(10) ** -35 * (1 + abs(now)):
+            return now
+        before, panels = now, 2 * panels
 
 
 def made(random: np.random.Generator, *, convex: bool) -> tuple[vc.Problem, Any]:
@@ -142,9 +155,11 @@ def made(random: np.random.Generator, *, convex: bool) -> tuple[vc.Problem, Any]
         return G(y, v) - by_y * y - by_v * v + polynomial(P, x) * v + polynomial(P, x, 1) * y
 
     traced = Program(ca.Function("L", symbols := [ca.SX.sym(n) for n in "xyv"], [lagrangian(*symbols)]))
-    value = sum(
-        w * traced.run([[x], [polynomial(Y, x)], [polynomial(Y, x, 1)]], mpmath.mpf, measured)[0][0] for x, w in gauss()
-    )
+
+    def rate(x: Any) -> Any:
+        return traced.run([[x], [polynomial(Y, x)], [polynomial(Y, x, 1)]], mpmath.mpf, measured)[0][0]
+
+    value = integrated(rate)
     ends = vc.Fixed(0, polynomial(Y, 0.0)), vc.Fixed(1, polynomial(Y, 1.0))
     return vc.Problem(lagrangian, *ends), value
 
@@ -154,13 +169,69 @@ def measured(operation: int, operands: Any) -> Any:
     return MEASURED[operation](*operands)
 
 
+def sliding(random: np.random.Generator) -> tuple[vc.Problem, Any]:
+    """Distance of the origin from y = a - b x - c x^2, c > 0: a root of the footpoint's equation."""
+    a, b, c = float(random.uniform(1, 2)), float(random.uniform(0.5, 2)), float(random.uniform(0, 0.5))
+    A, B, C = map(mpmath.mpf, (a, b, c))
+    height = lambda x: A - B * x - C * x * x  # noqa: E731  short
+    x = mpmath.findroot(lambda x: x + height(x) * (-B - 2 * C * x), A * B / (1 + B * B))
+    end = vc.OnCurve(lambda x, y: y - (a - b * x - c * x**2), x=float(x) * 1.1)
+    return vc.Problem(lambda x, y, v: ca.sqrt(1 + v**2), vc.Fixed(0, 0), end), mpmath.hypot(x, height(x))
+
+
+def tied(random: np.random.Generator) -> tuple[vc.Problem, Any]:
+    """int s v^2 over [0, 1] with a convex quadratic cost of both ends: a line, its ends from two equations."""
+    s, p, q, r, g, h = (float(v) for v in random.uniform(0.1, 2.0, 6))
+    r *= 0.9 * min(p, q) * float(random.choice([-1, 1])) / 2.0
+
+    def cost(x0: Any, y0: Any, x1: Any, y1: Any) -> Any:
+        return p * y0**2 + q * y1**2 + r * y0 * y1 + g * y0 - h * y1
+
+    S, P, Q, R, G, H = map(mpmath.mpf, (s, p, q, r, g, h))
+    y0, y1 = mpmath.lu_solve(
+        mpmath.matrix([[2 * S + 2 * P, R - 2 * S], [R - 2 * S, 2 * S + 2 * Q]]), mpmath.matrix([-G, H])
+    )
+    problem = vc.Problem(lambda x, y, v: s * v**2, vc.Free(0), vc.Free(1), end_cost=cost)
+    return problem, S * (y1 - y0) ** 2 + P * y0**2 + Q * y1**2 + R * y0 * y1 + G * y0 - H * y1
+
+
+def waypoint(random: np.random.Generator) -> tuple[vc.Problem, Any]:
+    """int v^2 +- y^2 from 0 to Y in T through (t, h): each part has a closed form; no part is longer than 3."""
+    sign = float(random.choice([-1, 1]))
+    t, rest, h, Y = (float(v) for v in random.uniform([0.2, 0.2, -2, -2], [3, 3, 2, 2]))
+    T = t + rest
+    part, other = mpmath.mpf(t), mpmath.mpf(T) - mpmath.mpf(t)
+    tan, sin = (mpmath.tanh, mpmath.sinh) if sign > 0 else (mpmath.tan, mpmath.sin)
+    H, E = mpmath.mpf(h), mpmath.mpf(Y)
+    value = H * H / tan(part) + (H * H + E * E) / tan(other) - 2 * H * E / sin(other)
+    way = [vc.Through(t, h)]
+    return vc.Problem(lambda x, y, v: v**2 + sign * y**2, vc.Fixed(0, 0), vc.Fixed(T, Y), way), value
+
+
+def ceiling(random: np.random.Generator) -> tuple[vc.Problem, Any]:
+    """int v^2/2 - f y over [0, T] with y <= h: parabolas that reach it after sqrt(2 h/f), or one that does not."""
+    f, T, h = (float(v) for v in random.uniform([0.5, 0.5, 0.02], [8, 3, 1]))
+    F, L, H = map(mpmath.mpf, (f, T, h))
+    c = mpmath.sqrt(2 * H / F)
+    side = F * F * c**3 / 3 - F * H * c
+    value = 2 * side - F * H * (L - 2 * c) if 2 * c < L else -F * F * L**3 / 24
+    bound = [vc.Bound(lambda x, y, v: y, upper=h)]
+    return vc.Problem(lambda x, y, v: v**2 / 2 - f * y, vc.Fixed(0, 0), vc.Fixed(T, 0), bound), value
+
+
 FAMILIES: dict[str, Callable[[np.random.Generator], tuple[vc.Problem, Any]]] = {
     "quadratic": quadratic,
     "convex": lambda random: made(random, convex=True),
     "oscillator": oscillator,
     "bending": lambda random: made(random, convex=False),
+    "sliding": sliding,
+    "tied": tied,
+    "waypoint": waypoint,
+    "ceiling": ceiling,
 }
 """The families by name; of the first two all are convex."""
+MORE = 100
+"""Problems of each of the last four families."""
 
 
 def outcome(family: str, seed: int) -> dict[str, Any]:
@@ -279,9 +350,8 @@ def chart() -> None:
 def main(convex: int, other: int) -> None:
     """Add to the record, print the counts of each family, and draw the chart."""
     with mpmath.workdps(DIGITS):
-        for family, count in zip(
-            FAMILIES, (convex // 2, convex - convex // 2, other // 2, other - other // 2), strict=True
-        ):
+        counts = [convex // 2, convex - convex // 2, other // 2, other - other // 2, *[MORE] * 4]
+        for family, count in zip(FAMILIES, counts, strict=True):
             campaign(family, count)
     for line in summary():
         print(line)

@@ -14,7 +14,7 @@ from varcalc.solution import Solution
 
 
 class Scope(Enum):
-    """The curves a certificate speaks of: those that meet the ends and, of them, the ones named here."""
+    """The curves a certificate speaks of: those that meet the ends and all constraints and, of them, the ones named."""
 
     ALL = "all curves"
     TUBE = "all curves in the tube, of any slope"

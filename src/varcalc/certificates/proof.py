@@ -376,8 +376,9 @@ def _inequality(tube: Tube) -> str:
 
 def _jointly_convex(stated: Statement, solution: Solution) -> bool:
     """Whether what is minimised is proved jointly convex; of a length, its energy."""
-    if not stated.along.form.coordinates.energetic:
-        return proved_jointly_convex(solution.problem)
+    coordinates = stated.along.form.coordinates
+    if not coordinates.energetic:
+        return not coordinates.gauged and proved_jointly_convex(solution.problem)
     if stated.cost is not None and not stated.cost.quadratic:
         return False  # where its ends may lie is no convex set
     entries: list[list[Entry]] = [[None] * n for n in (stated.n, stated.n)]
