@@ -219,3 +219,17 @@ def test_a_switch_that_hangs_on_an_angle_is_refused_and_no_raw_exception():
     )
     with pytest.raises(vc.VariationalError, match="fabs, which switches there"):
         vc.certify(vc.solve(problem))
+
+
+@pytest.mark.parametrize("power", [1, 4, 9])
+def test_a_wrong_curve_through_a_waypoint_with_an_end_that_costs(power):
+    """int v^2 from 0 through (1, 1/2) with the cost (y - 1)^2 of the end at 2: 1/4 + min of (y - 1/2)^2 + (y - 1)^2."""
+    problem = vc.Problem(
+        lambda x, y, v: v**2,
+        vc.Fixed(0, 0),
+        vc.Free(2),
+        [vc.Through(1.0, 0.5)],
+        end_cost=lambda x0, y0, x1, y1: (y1 - 1) ** 2,
+    )
+    low, high = bounds(displaced(vc.solve(problem), wave(10.0**-power, 3)))
+    assert low <= mpmath.mpf("0.375") <= high

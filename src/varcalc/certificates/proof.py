@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from varcalc.certificates.balls import Around, Ball, above, below, flint, largest, working
+from varcalc.certificates.balls import Ball, above, below, flint, largest, working
 from varcalc.certificates.bounds import Bounds, bounds
-from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
+from varcalc.certificates.certificate import Certificate, Hypothesis, Means, Scope, decimals
 from varcalc.certificates.choice import proved_tube
 from varcalc.certificates.convexity import convex_in_slope
 from varcalc.certificates.curve import end_values, joint_states, pieces, sampled, state_sizes
 from varcalc.certificates.ends import prove_ends, tied
-from varcalc.certificates.field import dynamics
-from varcalc.certificates.integrals import Unproved, along_curve, total, worst
-from varcalc.certificates.jets import Undecided, head, without_enclosure
+from varcalc.certificates.integrals import Unproved, along_curve, total
+from varcalc.certificates.jets import Undecided, without_enclosure
 from varcalc.certificates.levels import allowed_for, meeting
+from varcalc.certificates.nearness import Nearness, nearness
 from varcalc.certificates.regular import Regular, check_forward, regular
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement, statement
@@ -185,7 +185,7 @@ def _bounded(solution: Solution, setting: Setting, held: Bounds | None = None) -
     high = (value + _correction(setting)).upper()
     if held is not None:
         high = (held.above(setting) + _end_cost(setting)).upper()
-    near = _nearness(setting, prover.tube, largest([high - value]))
+    near = nearness(setting, prover.tube, largest([high - value]))
     scope, hypotheses = _scope(setting, prover, near, solution)
     low = (value - drop).lower()
     if setting.statement.along.form.coordinates.energetic:
@@ -284,76 +284,6 @@ def _levels(stated: Statement) -> Ball:
     for multiplier, condition in zip(stated.along.lambdas, stated.along.form.conditions.integrals, strict=True):
         total_of += flint().arb(float(multiplier)) * flint().arb(condition.lower)
     return total_of
-
-
-@dataclass(frozen=True)
-class Nearness:
-    """How near curves of no greater value are, in units of states and controls.
-
-    ``square`` bounds the root of the integral of |w|^2, ``slope`` the integral of |u|, and ``pointwise`` |w| at each
-    point, of what is integrated to levels apart.
-    """
-
-    square: Ball
-    slope: Ball
-    pointwise: Ball
-
-    def distance(self, setting: Setting) -> Distance:
-        """The same of the functions themselves."""
-        unit = flint().arb(float(setting.sizes[0][0]))
-        return Distance(above(self.square / setting.length.sqrt() * unit), above(self.pointwise * unit))
-
-    def of_levels(self, setting: Setting) -> Ball:
-        """A bound of what is integrated to levels, up to any x, where that is of first degree."""
-        stated, found = setting.statement, flint()
-        states, controls = ([float(v) for v in sizes] for sizes in setting.sizes)
-        reach = found.arb(0)
-        for j in range(stated.levels):
-            by_states, by_controls = found.arb(0), found.arb(0)
-            for k, box in setting.along.boxes:
-                around = Around(box, 1, whole=True)
-                jet = stated.level_jets(around.abscissa(), *setting.pieces[k].lifted(around), 1)[j]
-                by_states = largest([by_states, *(head(jet.first.get(i, 0) * c + found.arb(0))
-                                                  for i, c in enumerate(states[: stated.bare]))])  # fmt: skip
-                by_controls = largest([by_controls, *(head(jet.first.get(stated.bare + i, 0) * c + found.arb(0))
-                                                      for i, c in enumerate(controls))])  # fmt: skip
-            w, u = stated.bare * by_states * setting.length.sqrt() * self.square, stated.n * by_controls * self.slope
-            reach += (w + u) / states[stated.bare + j]
-        return reach
-
-
-def _nearness(setting: Setting, tube: Tube, excess: Ball) -> Nearness:
-    """How near curves of no greater value lie; Unproved where the curve is too far from stationary for the tube.
-
-    From kappa |w|^2/4 + mu H(|u|)/2, H Huber's function, integrated, being no more than twice ``total`` and the
-    ``excess`` of what is compared with over the value on the curve.
-    """
-    found = flint()
-    r, q = worst(setting.along)
-    energy, length = total(setting.along, tube.kappa, tube.mu) + excess / 2, setting.length
-    rho = min(tube.rho)
-    if tube.delta < math.inf and not (
-        q * 2 <= found.arb(tube.mu) * rho and 2 * r <= found.arb(tube.kappa) * tube.delta
-    ):
-        raise Unproved(
-            f"the curve is not stationary enough for the tube: the residuals are {float(r):.1g} and {float(q):.1g}"
-        )
-    for stiff, tilt, radius in zip(tube.stiffness, tube.tilt, tube.rho, strict=True):
-        if radius < math.inf and not (found.arb(stiff) - tube.mu) * radius >= found.arb(tilt) * tube.delta:
-            raise Unproved("the slopes of the tube are not wide enough")
-    square = (8 * energy / tube.kappa).sqrt()
-    slope = (8 * energy * length / tube.mu).sqrt()
-    if rho < math.inf and not (8 * energy / (length * tube.mu)).sqrt() <= rho:
-        raise Unproved("the curve is not stationary enough for the slopes of the tube")
-    A, _ = dynamics(setting.statement.n, setting.statement.order, setting.statement.states)
-    # z' = A z + B u in units of the states, which are powers of two
-    states, controls = setting.sizes
-    turning = float(np.abs(A * states / states[:, None]).max())
-    rate = float((controls / states[(setting.statement.order - 1) * setting.statement.n]).max())
-    pointwise = square * (1 / length.sqrt() + turning * length.sqrt()) + slope * rate
-    if not pointwise.upper() < tube.delta:
-        raise Unproved(f"curves of the same value are only known to lie within {float(pointwise):.1g}, beyond the tube")
-    return Nearness(square, slope, pointwise)
 
 
 def _about_curve() -> tuple[Hypothesis, ...]:

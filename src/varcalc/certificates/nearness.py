@@ -1,0 +1,87 @@
+"""How near the certified curve all others lie that are as good."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.certificates.balls import Around, Ball, above, flint, largest
+from varcalc.certificates.certificate import Distance
+from varcalc.certificates.field import dynamics
+from varcalc.certificates.integrals import Unproved, total, worst
+from varcalc.certificates.jets import head
+from varcalc.certificates.levels import meeting
+from varcalc.certificates.setting import Setting
+from varcalc.certificates.tube import Tube
+
+
+@dataclass(frozen=True)
+class Nearness:
+    """How near curves of no greater value are, in units of states and controls.
+
+    ``square`` bounds the root of the integral of |w|^2, ``slope`` the integral of |u|, and ``pointwise`` |w| at each
+    point, of what is integrated to levels apart.
+    """
+
+    square: Ball
+    slope: Ball
+    pointwise: Ball
+
+    def distance(self, setting: Setting) -> Distance:
+        """The same of the functions themselves."""
+        unit = flint().arb(float(setting.sizes[0][0]))
+        return Distance(above(self.square / setting.length.sqrt() * unit), above(self.pointwise * unit))
+
+    def of_levels(self, setting: Setting) -> Ball:
+        """A bound of what is integrated to levels, up to any x, where that is of first degree."""
+        stated, found = setting.statement, flint()
+        states, controls = ([float(v) for v in sizes] for sizes in setting.sizes)
+        reach = found.arb(0)
+        for j, missed in enumerate(meeting(setting).missed() if stated.levels else []):
+            by_states, by_controls = found.arb(0), found.arb(0)
+            for k, box in setting.along.boxes:
+                around = Around(box, 1, whole=True)
+                jet = stated.level_jets(around.abscissa(), *setting.pieces[k].lifted(around), 1)[j]
+                by_states = largest([by_states, *(head(jet.first.get(i, 0) * c + found.arb(0))
+                                                  for i, c in enumerate(states[: stated.bare]))])  # fmt: skip
+                by_controls = largest([by_controls, *(head(jet.first.get(stated.bare + i, 0) * c + found.arb(0))
+                                                      for i, c in enumerate(controls))])  # fmt: skip
+            w, u = stated.bare * by_states * setting.length.sqrt() * self.square, stated.n * by_controls * self.slope
+            reach += (w + u + abs(missed)) / states[stated.bare + j]
+        return reach
+
+
+def nearness(setting: Setting, tube: Tube, excess: Ball) -> Nearness:
+    """How near curves of no greater value lie; Unproved where the curve is too far from stationary for the tube.
+
+    From kappa |w|^2/4 + mu H(|u|)/2, H Huber's function, integrated, being no more than twice ``total`` and the
+    ``excess`` of what is compared with over the value on the curve.
+    """
+    found = flint()
+    r, q = worst(setting.along)
+    energy, length = total(setting.along, tube.kappa, tube.mu) + excess / 2, setting.length
+    rho = min(tube.rho)
+    if tube.delta < math.inf and not (
+        q * 2 <= found.arb(tube.mu) * rho and 2 * r <= found.arb(tube.kappa) * tube.delta
+    ):
+        raise Unproved(
+            f"the curve is not stationary enough for the tube: the residuals are {float(r):.1g} and {float(q):.1g}"
+        )
+    for stiff, tilt, radius in zip(tube.stiffness, tube.tilt, tube.rho, strict=True):
+        if radius < math.inf and not (found.arb(stiff) - tube.mu) * radius >= found.arb(tilt) * tube.delta:
+            raise Unproved("the slopes of the tube are not wide enough")
+    square = (8 * energy / tube.kappa).sqrt()
+    slope = (8 * energy * length / tube.mu).sqrt()
+    if rho < math.inf and not (8 * energy / (length * tube.mu)).sqrt() <= rho:
+        raise Unproved("the curve is not stationary enough for the slopes of the tube")
+    A, _ = dynamics(setting.statement.n, setting.statement.order, setting.statement.states)
+    # z' = A z + B u in units of the states, which are powers of two
+    states, controls = setting.sizes
+    turning = float(np.abs(A * states / states[:, None]).max())
+    rate = float((controls / states[(setting.statement.order - 1) * setting.statement.n]).max())
+    pointwise = square * (1 / length.sqrt() + turning * length.sqrt()) + slope * rate
+    if not pointwise.upper() < tube.delta:
+        raise Unproved(f"curves of the same value are only known to lie within {float(pointwise):.1g}, beyond the tube")
+    return Nearness(square, slope, pointwise)
