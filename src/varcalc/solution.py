@@ -225,9 +225,9 @@ class VariationalError(Exception):
 
     def __init__(self, solution: Solution) -> None:
         super().__init__(solution.message or solution.status.value)
-        self.solution = solution
-        self.status = solution.status
-        self.verdict = solution.verdict
+        self.solution: Solution = solution
+        self.status: Status = solution.status
+        self.verdict: Verdict | None = solution.verdict
 
 
 class InfeasibleError(VariationalError, ValueError):

@@ -12,7 +12,7 @@ from varcalc.study.compare import Row
 
 LADDER_TYPE = "NoneType"
 
-COLOURS = {
+COLOURS: dict[str, tuple[str, ...]] = {
     "Ritz": ("#0072b2", "#d55e00"),
     "Collocation": ("#009e73",),
     "Shooting": ("#cc79a7",),

@@ -12,14 +12,14 @@ from varcalc.charts.colours import COLOURS, INK
 from varcalc.charts.panels import plain
 from varcalc.study.drawing import Drawing, Levels, Line, Net, Panel, Points, Shades, Text
 
-PALETTE = tuple(hues[0] for hues in COLOURS.values())
+PALETTE: tuple[str, ...] = tuple(hues[0] for hues in COLOURS.values())
 WIDTH, HEIGHT = 4.4, 3.8
 """Of a panel, in inches."""
 MOST_TICKS = 5
 """Of an axis in space, where there is little room."""
 MERIDIANS = 13
 """Of the sphere that an orbit lies on."""
-FAINT = {"color": "0.75", "linewidth": 0.5}
+FAINT: dict[str, Any] = {"color": "0.75", "linewidth": 0.5}
 ELEVATIONS, ASIDE = (-40.0, 60.0), 15.0
 """Between which, in degrees, things in space are looked at, and by how much from the side."""
 

@@ -95,9 +95,13 @@ class Stated:
         functional: Expression,
         lifted: tuple[Expression, Expression, Expression, Expression] | None = None,
     ) -> None:
-        self.symbols, self.integrand, self.functional, self.lifted = symbols, integrand, functional, lifted
-        self.n = int(symbols.y.numel())
-        self.is_lifted, self.same_functional = lifted is not None, functional is integrand
+        self.symbols: Symbols = symbols
+        self.integrand: Expression = integrand
+        self.functional: Expression = functional
+        self.lifted: tuple[Expression, Expression, Expression, Expression] | None = lifted
+        self.n: int = int(symbols.y.numel())
+        self.is_lifted: bool = lifted is not None
+        self.same_functional: bool = functional is integrand
 
 
 class StatedLater:
@@ -106,10 +110,12 @@ class StatedLater:
     A method that has the form's numbers need not ask.
     """
 
-    is_lifted, same_functional = True, False
+    is_lifted: bool = True
+    same_functional: bool = False
 
     def __init__(self, n: int, make: Callable[[], Stated]) -> None:
-        self.n, self._make = n, make
+        self.n: int = n
+        self._make = make
 
     def __getattr__(self, name: str) -> Any:
         """One of the expressions, for which all of them are made."""

@@ -17,7 +17,8 @@ SOFT = 1e-9
 POWERS = {ca.OP_POW, ca.OP_CONSTPOW}
 BY_SIZE = {ca.OP_SQRT, ca.OP_LOG, ca.OP_INV}
 LENGTHS = {ca.OP_HYPOT, ca.OP_ATAN2}
-FROM_EDGES = {ca.OP_LOG1P: (-1.0,), ca.OP_ACOSH: (1.0,), ca.OP_ASIN: (-1.0, 1.0), ca.OP_ACOS: (-1.0, 1.0),
+FROM_EDGES: dict[int, tuple[float, ...]] = {
+    ca.OP_LOG1P: (-1.0,), ca.OP_ACOSH: (1.0,), ca.OP_ASIN: (-1.0, 1.0), ca.OP_ACOS: (-1.0, 1.0),
               ca.OP_ATANH: (-1.0, 1.0)}  # fmt: skip
 """Where the domain of an operation ends."""
 RULES = {operation: rule for operation, rule in VARYING.items() if operation not in SEEN_FROM_AFAR}

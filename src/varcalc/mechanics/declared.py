@@ -54,18 +54,20 @@ class Declared(Shown):
         time_unit: str = "",
         name: str = "",
     ) -> None:
-        self.coordinates = coordinate_names(coordinates)
-        self.n = len(self.coordinates)
-        self.units, self.time_unit = coordinate_units(units, self.n), text_of("time_unit", time_unit)
-        self.parameters = named("parameters", parameters)
-        self.name, self.symmetries = text_of("name", name), sequence("symmetries", symmetries)
+        self.coordinates: tuple[str, ...] = coordinate_names(coordinates)
+        self.n: int = len(self.coordinates)
+        self.units: tuple[str, ...] = coordinate_units(units, self.n)
+        self.time_unit: str = text_of("time_unit", time_unit)
+        self.parameters: dict[str, float] = named("parameters", parameters)
+        self.name: str = text_of("name"
+        self.symmetries: tuple[Symmetry, ...] = name), sequence("symmetries", symmetries)
         self._given, self._forces_given = lagrangian, forces
         symbols = StateSymbols.of(self.n, tuple(self.parameters))
         value = symbols.traced("lagrangian", lagrangian, symbols.t, symbols.q, symbols.v)
         none = ca.SX.zeros(self.n)
         pushed = none if forces is None else symbols.column("forces", forces, self.n, *symbols.all[:3])
         self._lagrange = Lagrange(symbols, value, pushed)
-        self.constraints = sequence("constraints", constraints)
+        self.constraints: tuple[Holonomic | Pfaffian, ...] = sequence("constraints", constraints)
         self._held = Held.of(symbols, self.constraints)
         self._numbers = np.array(list(self.parameters.values()), dtype=float)
         self._flows: dict[tuple[Event, ...] | Engine, Flow] = {}

@@ -72,21 +72,22 @@ class Scene(Shown):
         names: Sequence[str] = (),
         units: Sequence[str] = (),
     ) -> None:
-        given: tuple[Any, ...] = _members("media", Medium, media)
+        given: tuple[Any, ...]: tuple[Surface, ...] = _members("media", Medium, media)
         self.surfaces: tuple[Any, ...] = _members("surfaces", Surface, surfaces)
-        self.wavelength = wavelength
+        self.wavelength: float | None = wavelength
         if wavelength is not None:
             if not one_number("wavelength", wavelength) > 0:
                 raise ValueError(f"wavelength must be one positive number, in micrometres, not {wavelength!r}")
             given = tuple(medium.at_wavelength(wavelength) for medium in given)
-        self.media = _one_more(given, self.surfaces)
+        self.media: tuple[Medium, ...] = _one_more(given, self.surfaces)
         dimensions = {item.dimension for item in (*self.media, *self.surfaces)} - {None}
         if len(dimensions) > 1:
             raise ValueError(
                 "the scene has parts in the plane and parts in space; give all points 2 or all 3 coordinates"
             )
-        self.dimension = dimensions.pop() if dimensions else None
-        self.names, self.units = names, units
+        self.dimension: int | None = dimensions.pop() if dimensions else None
+        self.names: Sequence[str] = names
+        self.units: Sequence[str] = units
         if names or units:
             self.dimension = _as_declared(self.dimension, len(names or units))
             self.axes(self.dimension)

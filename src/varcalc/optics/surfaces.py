@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -209,7 +209,7 @@ class Implicit(Brief, Surface):
         Names with values, that the function finds in its last argument: ``p.name``.
     """
 
-    functions = MappingProxyType({"level_function": (2, 3)})
+    functions: ClassVar[Mapping[str, tuple[int, ...]]] = MappingProxyType({"level_function": (2, 3)})
 
     level_function: Callable[..., Expression]
     mirror: bool = False

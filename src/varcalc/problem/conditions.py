@@ -293,7 +293,7 @@ class Periodic(Brief, AnyEnd):
     """
 
     periodic = True
-    of_space = None
+    of_space: ClassVar[bool | None] = None
 
     x0: float | None = None
     x1: float | None = None
@@ -313,7 +313,7 @@ class At(Brief, AnyEnd):
     """An end of a :class:`varcalc.Curve` at the point ``q`` (``None``: that component is free)."""
 
     fixed = True
-    of_space = True
+    of_space: ClassVar[bool | None] = True
 
     q: Sequence[float | Parameter | None]
 
@@ -335,7 +335,7 @@ class OnSurface(Brief, OfFunction, AnyEnd):
     """An end of a :class:`varcalc.Curve` that slides on ``phi(q) = 0``; ``guess`` is a point near it."""
 
     slides = True
-    of_space = True
+    of_space: ClassVar[bool | None] = True
     written = "phi"
 
     phi: Callable[..., Any]

@@ -138,21 +138,21 @@ class Functional(Shown):
         units: Sequence[str],
         surface: Callable[..., Any] | None,
     ) -> None:
-        self.lagrangian = lagrangian
-        self.templates = (start, end)
-        self.parameters = named("parameters", parameters)
+        self.lagrangian: Callable[..., Any] = lagrangian
+        self.templates: tuple[Any, Any] = (start, end)
+        self.parameters: dict[str, float] = named("parameters", parameters)
         self.start, self.end = self.placed_ends()
-        self.unknowns = named("unknowns", unknowns)
+        self.unknowns: dict[str, float] = named("unknowns", unknowns)
         both = self.parameters.keys() & self.unknowns.keys()
         if both:
             raise ValueError(f"{sorted(both)} are given both in parameters and in unknowns; choose one")
-        self.end_cost = end_cost
-        self.maximise = truth("maximise", maximise)
-        self.name = text("name", name) or _own_name(lagrangian)
-        self.constraints = self._checked_constraints(constraints)
+        self.end_cost: Callable[..., Any] | None = end_cost
+        self.maximise: bool = truth("maximise", maximise)
+        self.name: str = text("name", name) or _own_name(lagrangian)
+        self.constraints: tuple[Constraint, ...] = self._checked_constraints(constraints)
         self.abscissa, self.ordinates = self._named_axes(names, units)
-        self.surface = surface
-        self.cache = Cache()
+        self.surface: Callable[..., Any] | None = surface
+        self.cache: Cache = Cache()
         try:
             self._trace(ca.SX)
         except NotSymbolic:

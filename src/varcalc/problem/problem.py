@@ -106,12 +106,14 @@ class Problem(Functional):
         check_function("lagrangian", lagrangian)
         if isinstance(order, bool) or not isinstance(order, int | np.integer) or order not in (1, 2):
             raise ValueError(f"order must be 1 or 2, not {order!r}")
-        self.order = int(order)
-        self.n, self.scalar = dimension(start, end)
+        self.order: int = int(order)
+        n, scalar = dimension(start, end)
+        self.n: int = n
+        self.scalar: bool = scalar
         self._level = np.zeros((1, self.n if self.order == 2 else 0))
         if self.order == 1:
             check_slopes(start, end)
-        self.breakpoints = sequence(
+        self.breakpoints: tuple[float, ...] = sequence(
             "breakpoints", breakpoints
         )  # checked with the ends, whose coordinates may be parameters
         super().__init__(
@@ -132,7 +134,7 @@ class Problem(Functional):
 
     def placed_ends(self) -> tuple[Any, Any]:  # noqa: D102
         start, end = super().placed_ends()
-        self.span = span_of(start, end)
+        self.span: tuple[float, float] = span_of(start, end)
         self.breakpoints = inside("breakpoints", self.breakpoints, self.span, start, end)
         return start, end
 
@@ -295,9 +297,9 @@ class Curve(Functional):
         surface: Callable[..., Any] | None = None,
     ) -> None:
         check_function("lagrangian", lagrangian)
-        self.n = curve_dimension(start, end)
-        self.scalar = False
-        self.span = (0.0, 1.0)
+        self.n: int = curve_dimension(start, end)
+        self.scalar: bool = False
+        self.span: tuple[float, float] = (0.0, 1.0)
         super().__init__(
             lagrangian, start, end, constraints, parameters, unknowns, end_cost, maximise, name, names, units, surface
         )

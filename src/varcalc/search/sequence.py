@@ -55,11 +55,12 @@ class Extremals(Plotted, Sequence[FoundExtremal]):
     """
 
     def __init__(self, solutions: Sequence[Solution], searched: str, windings: Sequence[Any], complete: bool) -> None:
-        kept = tuple(windings) or (0,) * len(solutions)
+        kept: tuple[Any, ...] = tuple(windings) or (0,) * len(solutions)
         order = sorted(range(len(solutions)), key=lambda i: solutions[i].problem.sign * solutions[i].value)
         self._solutions = tuple(FoundExtremal.of(solutions[i]) for i in order)
-        self.windings = tuple(kept[i] for i in order)
-        self.searched, self.complete = searched, complete
+        self.windings: tuple[Any, ...] = tuple(kept[i] for i in order)
+        self.searched: str = searched
+        self.complete: bool = complete
 
     def __len__(self) -> int:
         return len(self._solutions)

@@ -46,8 +46,10 @@ class PointEvaluator:
     """
 
     def __init__(self, function: ca.Function) -> None:
-        self.function = function
-        self.width, self._places, full = 0, [], True
+        self.function: ca.Function = function
+        self.width: int = 0
+        self._places: list[slice | np.ndarray] = []
+        full = True
         for i in range(function.n_out()):
             size = function.numel_out(i)
             places: slice | np.ndarray = slice(self.width, self.width + size)
@@ -250,8 +252,8 @@ class Derivatives:
     """
 
     def __init__(self, rows: np.ndarray) -> None:
-        self.rows = rows
-        self.k = math.isqrt(rows.shape[1] - 1)
+        self.rows: np.ndarray = rows
+        self.k: int = math.isqrt(rows.shape[1] - 1)
         if self.k * (self.k + 1) + 1 != rows.shape[1]:
             raise ValueError(f"{rows.shape[1]} entries are no value with a gradient and a Hessian")
 

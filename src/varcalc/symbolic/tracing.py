@@ -33,8 +33,9 @@ class TracedFunction:
     """
 
     def __init__(self, function: ca.Function, names: tuple[tuple[str, ...], ...] = (), called: str = "") -> None:
-        self.function, self.names = function, names
-        self.__name__ = called or function.name()
+        self.function: ca.Function = function
+        self.names: tuple[tuple[str, ...], ...] = names
+        self.__name__: str = called or function.name()
 
     def __call__(self, *arguments: Expression) -> Expression:
         """The expression, of other arguments."""

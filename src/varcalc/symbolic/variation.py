@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -33,7 +34,7 @@ NARROWEST = 1e-12
 """Width of a box, relative to where it lies, that is not looked into."""
 LEAST_POWER = 12
 """Whole power from which on it matters by what factor its base changes."""
-NUMBERS = {**UNARY, **BINARY}
+NUMBERS: dict[int, Any] = {**UNARY, **BINARY}
 Rules = Mapping[int, Callable[..., np.ndarray]]
 """By what factor operations, by CasADi's codes, may go too far between samples of their operands."""
 

@@ -28,7 +28,9 @@ class ReducedMotion:
     """
 
     def __init__(self, one: OneCoordinate, coordinate: str, ignorable: tuple[str, ...]) -> None:
-        self.coordinate, self.ignorable, self._one = coordinate, ignorable, one
+        self.coordinate: str = coordinate
+        self.ignorable: tuple[str, ...] = ignorable
+        self._one = one
 
     def __repr__(self) -> str:
         return f"ReducedMotion({self.coordinate}{'; ' + ', '.join(self.ignorable) if self.ignorable else ''})"

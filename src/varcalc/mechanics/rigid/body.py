@@ -14,7 +14,7 @@ from varcalc.mechanics.constraints import RATE
 from varcalc.mechanics.course import course
 from varcalc.mechanics.rigid.equations import BodySymbols, TurningEquations
 from varcalc.mechanics.rigid.free import Cones, Polhode, SteadyRotation, cones, polhode, steady_rotations
-from varcalc.mechanics.rigid.inertia import Inertia, TopKind, principal
+from varcalc.mechanics.rigid.inertia import Inertia, Principal, TopKind, principal
 from varcalc.mechanics.rigid.motion import RigidMotion, with_unit_quaternions
 from varcalc.mechanics.rigid.rotations import EulerAngles, entries, normalised
 from varcalc.problem.conditions import reals
@@ -63,8 +63,8 @@ class RigidBody(Shown):
         parameters: Mapping[str, float] | None = None,
         name: str = "",
     ) -> None:
-        self.inertia = _tensor(inertia)
-        self.principal = principal(self.inertia)
+        self.inertia: np.ndarray = _tensor(inertia)
+        self.principal: Principal = principal(self.inertia)
         if self.principal.kind is TopKind.LINEAR:
             axis = ", ".join(f"{x:.6g}" for x in self.principal.axes[:, 0])
             raise ValueError(
@@ -74,8 +74,8 @@ class RigidBody(Shown):
         for key, value in (parameters or {}).items():
             if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value):
                 raise ValueError(f"parameters[{key!r}] must be a finite number, not {value!r}")
-        self.parameters = {key: float(value) for key, value in (parameters or {}).items()}
-        self.name = name
+        self.parameters: dict[str, float] = {key: float(value) for key, value in (parameters or {}).items()}
+        self.name: str = name
         self._numbers = np.array(list(self.parameters.values()), dtype=float)
         symbols = BodySymbols.of(tuple(self.parameters))
         self._equations = TurningEquations(symbols, self.inertia, symbols.energy(potential), symbols.torque(torque))

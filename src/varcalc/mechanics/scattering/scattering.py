@@ -77,7 +77,8 @@ class Scattering(Shown):
     """
 
     def __init__(self, potential: Callable[..., Any], energy: float, *, hard_core: float = 0.0) -> None:
-        self.energy, self.hard_core = positive("energy", energy), not_negative("hard_core", hard_core)
+        self.energy: float = positive("energy", energy)
+        self.hard_core: float = not_negative("hard_core", hard_core)
         self._approaches = tuple(Approach(piece, self.energy) for piece in radial_pieces(potential, self.hard_core))
         self._check_far_away()
 

@@ -34,7 +34,7 @@ from varcalc.showing import Brief
 from varcalc.solution import Solution, Stats, Status, no_answer
 from varcalc.spelling import spelled
 
-FIRST_DEGREES = {1: (10, 6, 16), 2: (10, 16)}
+FIRST_DEGREES: dict[int, tuple[int, ...]] = {1: (10, 6, 16), 2: (10, 16)}
 """Degrees at which roots are sought, by the order of the functional."""
 KEPT_DEGREE = {1: 10, 2: 12}
 """Degree of a mesh that is kept, when none is given."""

@@ -30,7 +30,7 @@ from varcalc.showing import Brief
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, no_answer
 from varcalc.spelling import spelled
 
-DEGREES = {1: (6, 10, 16, 24, 36, 52), 2: (7, 11, 16, 24, 36)}
+DEGREES: dict[int, tuple[int, ...]] = {1: (6, 10, 16, 24, 36, 52), 2: (7, 11, 16, 24, 36)}
 """The rungs of the degree, by the order of the Lagrangian."""
 NOWHERE = (
     "the Lagrangian is not a number on any of the starting curves tried; "

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -162,7 +162,7 @@ class Stratified(Brief, _Parametric):
         Names with values, that ``n`` finds in its last argument: ``p.name``.
     """
 
-    functions = MappingProxyType({"n": (1,)})
+    functions: ClassVar[Mapping[str, tuple[int, ...]]] = MappingProxyType({"n": (1,)})
 
     n: Callable[..., Expression]
     parameters: Mapping[str, float] = _declared()
@@ -199,7 +199,7 @@ class Radial(Brief, _Parametric):
         Names with values, that ``n`` finds in its last argument: ``p.name``.
     """
 
-    functions = MappingProxyType({"n": (1,)})
+    functions: ClassVar[Mapping[str, tuple[int, ...]]] = MappingProxyType({"n": (1,)})
 
     n: Callable[..., Expression]
     center: Sequence[float] | None = None
@@ -249,7 +249,7 @@ class Graded(Brief, _Parametric):
         Names with values, that ``n`` finds in its last argument: ``p.name``.
     """
 
-    functions = MappingProxyType({"n": (2, 3)})
+    functions: ClassVar[Mapping[str, tuple[int, ...]]] = MappingProxyType({"n": (2, 3)})
 
     n: Callable[..., Expression]
     parameters: Mapping[str, float] = _declared()
