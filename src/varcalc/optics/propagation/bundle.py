@@ -87,9 +87,8 @@ class Bundle(Plotted):
 
     def _facts(self) -> Iterator[Fact]:
         counts = Counter(RayStatus(int(code)) for code in self.status)
-        for status in RayStatus:
-            if counts[status]:
-                yield Fact(counted(counts[status], "ray"), status.message)
+        told = [f"{counted(counts[status], 'ray')}: {status.message}" for status in RayStatus if counts[status]]
+        yield from (Fact("" if number else "ended", words) for number, words in enumerate(told))
         if self.arrived.any():
             paths = self.optical_path[self.arrived]
             yield Fact("optical path", f"from {paths.min():.9g} to {paths.max():.9g}")
