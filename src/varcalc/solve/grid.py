@@ -13,6 +13,8 @@ from varcalc.problem.conditions import finite
 from varcalc.showing import Brief
 from varcalc.spelling import spelled
 
+MOST_VALUES = 10**6
+"""Values of one name that are written as from, to and count, at most: more were hardly meant."""
 Place = tuple[int, ...]
 """Where a point lies: one number an axis of a grid, one number alone among paired values."""
 
@@ -127,10 +129,12 @@ def spaced(text: str) -> tuple[str, tuple[float, ...]]:
         raise ValueError(refusal)
     try:
         if len(parts) == 1:
-            return name, tuple(float(v) for v in rest.split(","))
+            return name, tuple(finite(name, float(v)) for v in rest.split(","))
         first, last, count = float(parts[0]), float(parts[1]), int(parts[2])
     except ValueError:
         raise ValueError(refusal) from None
+    if not (math.isfinite(first) and math.isfinite(last)) or count > MOST_VALUES:
+        raise ValueError(f"{text!r} is no grid of at most {MOST_VALUES} finite values; mend its numbers")
     if count < 1:
         raise ValueError(f"{text!r} has no values; the last number counts them, so write 1 or more")
     return name, tuple(np.linspace(first, last, count).tolist())

@@ -10,13 +10,15 @@ import json
 import math
 import platform
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
+from textwrap import shorten
 from typing import Any, Self
 
 import numpy as np
 
+from varcalc.problem.conditions import finite, text
 from varcalc.showing import Plotted, Shown
 from varcalc.solution import Status
 from varcalc.study.compare import EXACT_FLOOR, EXACT_MARGIN
@@ -29,6 +31,8 @@ ANSWERED = tuple(s.words for s in Status if s.ok)
 """The statuses of answers that stand, as records hold them."""
 FEWEST_POINTS = 3
 """Points through which a slope is drawn, at the least."""
+MOST_SAID = 200
+"""Characters of what is wrong with a damaged file, at most."""
 STEADY = 0.2
 """Relative difference of two slopes of a curve up to which it is a straight line."""
 
@@ -132,19 +136,48 @@ class WorkPrecision(Plotted):
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """The measurements in a file that :meth:`save` wrote; ValueError when it is none, OSError without a file."""
-        try:
-            document = json.loads(Path(path).read_text(encoding="utf-8"))
-        except (json.JSONDecodeError, UnicodeDecodeError) as error:
-            raise ValueError(f"{path} holds no JSON ({error}); give a file that WorkPrecision.save wrote") from error
+        document = _read(Path(path))
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             raise ValueError(f"{path} holds no measurements of format {FORMAT}; measure again, and save")
-        known = {f.name for f in fields(Record)}
+        rows, where = document.get("records"), document.get("about")
+        if not isinstance(rows, list) or not isinstance(where, dict):  # what a file holds is no type of an argument
+            raise ValueError(  # noqa: TRY004
+                f"{path} is damaged: it must hold a list of records, and where they were made in about"
+            )
+        return cls(tuple(_record(f"{path} is damaged: record {i}", row) for i, row in enumerate(rows, start=1)), where)
+
+
+def _read(path: Path) -> Any:
+    """What a JSON file holds; ValueError, with the line where there is one, for what is none."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
+    except RecursionError as error:
+        raise ValueError(f"{path} holds lists within lists without end; give a file that was saved") from error
+    except ValueError as error:
+        raise ValueError(f"{path} holds no JSON ({error}); give a file that WorkPrecision.save wrote") from error
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"{name} is no number")
+
+
+def _record(place: str, row: Any) -> Record:
+    """A record as it is stored; ValueError, with its ``place``, for one that is damaged."""
+    kinds = {f.name: str(f.type) for f in fields(Record)}
+    needed = {f.name for f in fields(Record) if f.default is MISSING}
+    if not isinstance(row, dict) or not needed <= row.keys() <= kinds.keys():
+        raise ValueError(f"{place} must have the fields {sorted(kinds)}")
+    for name, value in row.items():
+        if value is None and kinds[name].endswith("None"):
+            continue
         try:
-            return cls(tuple(Record(**row) for row in document["records"]), document["about"])
-        except (KeyError, TypeError) as error:
-            raise ValueError(
-                f"{path} is damaged ({error}); its records must have the fields {sorted(known)}"
-            ) from error
+            _ = text(name, value) if kinds[name] == "str" else finite(name, value)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ValueError(f"{place}: {shorten(str(error), MOST_SAID)}") from error
+    if not (row["setting"] > 0 and row.get("size", 1.0) > 0 and row.get("knob", Knob.TOLERANCE) in [*Knob]):
+        raise ValueError(f"{place}: setting and size must be positive, and knob one of {', '.join(Knob)}")
+    counts = {name: int(row[name]) for name in ("unknowns", "iterations") if row.get(name) is not None}
+    return Record(**row | counts)
 
 
 def measured_order(records: Iterable[Record]) -> float | None:

@@ -10,6 +10,7 @@ import importlib.util
 import pkgutil
 import traceback
 from pathlib import Path
+from textwrap import shorten
 from types import ModuleType
 from typing import TypeVar
 
@@ -19,6 +20,9 @@ from varcalc.spelling import near
 T = TypeVar("T")
 SUFFIX = ".py"
 """What tells a person's own file from a name in a catalogue."""
+
+MOST_NAMED = 400
+"""Characters of the names of a catalogue that a message holds."""
 
 BROKEN = (
     SyntaxError, ImportError, NameError, AttributeError, TypeError, ValueError, RuntimeError, ArithmeticError,
@@ -63,7 +67,7 @@ def catalogued(package: str, name: str, text: str, kind: str) -> ModuleType:
     known = listed(package)
     if name not in known:
         suggested = near(name, known)
-        remedy = suggested or f", which holds {', '.join(known) or 'none'}"
+        remedy = suggested or f", which holds {shorten(', '.join(known) or 'none', MOST_NAMED, placeholder=' ...')}"
         raise ProblemFileError(
             f"{text!r} is no {kind} of the catalogue{remedy}"
             + ("" if suggested else f"; a file of your own is given by its path, ending in {SUFFIX}")
