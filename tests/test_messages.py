@@ -202,3 +202,10 @@ def test_a_wrong_type_within_a_call_is_told_by_what_raised_it():
 
     with pytest.raises(TypeError, match="unsupported operand"):
         vc.solve(PROBLEM, guess=guess)
+
+
+def test_no_more_of_what_was_given_is_repeated_than_can_be_read():
+    with pytest.raises(ValueError, match="n must be finite") as told:
+        optics.Tabulated(np.arange(500.0), np.full(500, np.nan))
+    assert "\n" not in str(told.value)
+    assert len(str(told.value)) < 300

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.problem.conditions import finite, numbers, reals, sequence
+from varcalc.problem.conditions import finite, numbers, reals, sequence, told
 
 
 def coordinate_names(coordinates: Sequence[str]) -> tuple[str, ...]:
     """Different names, one for each coordinate."""
     names = (coordinates,) if isinstance(coordinates, str) else sequence("coordinates", coordinates)
     if not names or not all(isinstance(name, str) and name for name in names) or len(set(names)) != len(names):
-        raise ValueError(f"coordinates must be different names, one for each coordinate, not {coordinates!r}")
+        raise ValueError(f"coordinates must be different names, one for each coordinate, not {told(coordinates)}")
     return names
 
 
@@ -22,7 +22,7 @@ def coordinate_units(units: Sequence[str], n: int) -> tuple[str, ...]:
     """One unit for each of n coordinates; empty ones where none are given."""
     given = (units,) if isinstance(units, str) else sequence("units", units)
     if (given and len(given) != n) or not all(isinstance(unit, str) for unit in given):
-        raise ValueError(f"units must be {n} strings, one for each coordinate, not {units!r}")
+        raise ValueError(f"units must be {n} strings, one for each coordinate, not {told(units)}")
     return given or ("",) * n
 
 
@@ -30,7 +30,7 @@ def finite_column(name: str, values: Any, n: int) -> np.ndarray:
     """n finite numbers (n,), one for each coordinate; TypeError or ValueError, naming the argument, for what is not."""
     column = np.atleast_1d(reals(name, values))
     if column.shape != (n,) or not np.all(np.isfinite(column)):
-        raise ValueError(f"{name} must be {n} finite numbers, one for each coordinate, not {values!r}")
+        raise ValueError(f"{name} must be {n} finite numbers, one for each coordinate, not {told(values)}")
     return column
 
 
@@ -39,13 +39,13 @@ def ascending_span(span: Any) -> tuple[float, float]:
     times = sequence("span", span) if isinstance(span, Sequence | np.ndarray) and np.ndim(span) else ()
     if len(times) != 2:
         raise TypeError(
-            f"span must be two ascending times, not {span!r}; write (0, {span!r})"
+            f"span must be two ascending times, not {told(span)}; write (0, {told(span)})"
             if not times
-            else f"span must be two ascending times, not {span!r}"
+            else f"span must be two ascending times, not {told(span)}"
         )
     first, last = (finite(f"span[{k}]", value) for k, value in enumerate(times))
     if not last > first:
-        raise ValueError(f"span must be two ascending times, not {span!r}")
+        raise ValueError(f"span must be two ascending times, not {told(span)}")
     return first, last
 
 
@@ -53,5 +53,5 @@ def ascending_times(times: Any) -> np.ndarray:
     """Two or more ascending times (k,); TypeError or ValueError for anything else."""
     when = numbers("times", times)
     if when.ndim != 1 or len(when) < 2 or not np.all(np.diff(when) > 0):
-        raise ValueError(f"times must be two or more, ascending, not {times!r}")
+        raise ValueError(f"times must be two or more, ascending, not {told(times)}")
     return when

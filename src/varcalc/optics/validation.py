@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.problem.conditions import numbers
+from varcalc.problem.conditions import numbers, told
 
 __all__ = [
     "CHUNK", "DIMENSIONS", "by_chunks", "direction", "how_far", "matched", "number", "numbers", "point", "positive",
-    "rows",
-    "unit_rows",
+    "rows", "unit_rows",
 ]  # fmt: skip
 
 CHUNK = 1 << 16
@@ -25,7 +24,7 @@ def point(name: str, given: Any) -> tuple[float, ...]:
     """One point as a tuple of 2 or 3 floats."""
     array = numbers(name, given)
     if array.ndim != 1 or len(array) not in DIMENSIONS:
-        raise ValueError(f"{name} must be one point, 2 coordinates in the plane or 3 in space, not {given!r}")
+        raise ValueError(f"{name} must be one point, 2 coordinates in the plane or 3 in space, not {told(given)}")
     return tuple(float(v) for v in array)
 
 
@@ -33,14 +32,14 @@ def number(name: str, given: Any) -> float:
     """One finite number; TypeError naming ``name`` for more of them, or none."""
     array = numbers(name, given)
     if array.ndim:
-        raise TypeError(f"{name} must be one number, not {given!r}")
+        raise TypeError(f"{name} must be one number, not {told(given)}")
     return float(array)
 
 
 def positive(name: str, given: Any) -> float:
     """One positive number; TypeError or ValueError naming ``name`` for what is none."""
     if not number(name, given) > 0:
-        raise ValueError(f"{name} must be a positive number, not {given!r}")
+        raise ValueError(f"{name} must be a positive number, not {told(given)}")
     return float(given)
 
 

@@ -44,12 +44,22 @@ class Parameter:
         text("Parameter.name", self.name)
 
 
+MOST_TOLD = 200
+"""Characters of what was given that a message repeats."""
+
+
+def told(given: Any) -> str:
+    """What was given, as a message repeats it: on one line, and no more of it than can be read."""
+    written = " ".join(repr(given).split())
+    return written if len(written) <= MOST_TOLD else f"{written[:MOST_TOLD]}..."
+
+
 def finite(name: str, value: Any) -> float:
     """``value`` as a float; TypeError or ValueError naming ``name`` otherwise."""
     # float() takes text, truth values, symbols and arrays of one entry for numbers, and none was meant as one
     if type(value) is float and math.isfinite(value):
         return value
-    wrong = TypeError(f"{name} must be a number, not {value!r}")
+    wrong = TypeError(f"{name} must be a number, not {told(value)}")
     if isinstance(value, str | bytes | bool | np.bool_ | ca.SX | ca.MX) or is_vector(value):
         raise wrong
     try:
@@ -63,7 +73,7 @@ def finite(name: str, value: Any) -> float:
 
 def reals(name: str, given: Any) -> np.ndarray:
     """``given`` as an array of floats, which need not be finite; TypeError naming ``name`` otherwise."""
-    wrong = TypeError(f"{name} must be made of numbers, not {given!r}")
+    wrong = TypeError(f"{name} must be made of numbers, not {told(given)}")
     try:
         array = np.array(given)
         kind = array.dtype.kind
@@ -80,7 +90,7 @@ def numbers(name: str, given: Any) -> np.ndarray:
     """``given`` as an array of finite floats; TypeError or ValueError naming ``name`` otherwise."""
     array = reals(name, given)
     if not np.all(np.isfinite(array)):
-        raise ValueError(f"{name} must be finite, not {given!r}")
+        raise ValueError(f"{name} must be finite, not {told(given)}")
     return array
 
 
@@ -92,7 +102,7 @@ def coordinate(name: str, value: Any) -> float | Parameter:
 def whole(name: str, value: Any, least: int = 1) -> int:
     """``value`` as an int; TypeError or ValueError naming ``name`` where it is none, or less than ``least``."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise TypeError(f"{name} must be a whole number, not {value!r}")
+        raise TypeError(f"{name} must be a whole number, not {told(value)}")
     if value < least:
         raise ValueError(f"{name} must be at least {least}, not {value}")
     return int(value)
@@ -101,21 +111,21 @@ def whole(name: str, value: Any, least: int = 1) -> int:
 def truth(name: str, value: Any) -> bool:
     """``value`` as a bool; TypeError naming ``name`` where it is anything else, such as the text ``"no"``."""
     if not isinstance(value, bool | np.bool_):
-        raise TypeError(f"{name} must be True or False, not {value!r}")
+        raise TypeError(f"{name} must be True or False, not {told(value)}")
     return bool(value)
 
 
 def text(name: str, value: Any) -> str:
     """``value``, which must be a text; TypeError naming ``name`` where it is none."""
     if not isinstance(value, str):
-        raise TypeError(f"{name} must be a text, not {value!r}")
+        raise TypeError(f"{name} must be a text, not {told(value)}")
     return value
 
 
 def sequence(name: str, value: Any) -> tuple[Any, ...]:
     """The entries of ``value``; TypeError naming ``name`` where it has none to go through."""
     if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
-        raise TypeError(f"{name} must be a sequence, not {value!r}; write {name}=[...]")
+        raise TypeError(f"{name} must be a sequence, not {told(value)}; write {name}=[...]")
     return tuple(value)
 
 
@@ -124,7 +134,7 @@ def components(name: str, value: Any) -> tuple[Any, ...]:
     if type(value) in (float, int):
         return (finite(name, value),)
     if isinstance(value, str):
-        raise TypeError(f"{name} must be a number or a sequence of numbers, not {value!r}")
+        raise TypeError(f"{name} must be a number or a sequence of numbers, not {told(value)}")
     if not is_vector(value):
         return (None if value is None else coordinate(name, value),)
     if len(value) == 0:
@@ -140,7 +150,7 @@ def is_vector(value: Any) -> bool:
 def function(name: str, value: Any) -> None:
     """TypeError naming ``name`` where ``value`` cannot be called."""
     if not callable(value):
-        raise TypeError(f"{name} must be a function, not {value!r}")
+        raise TypeError(f"{name} must be a function, not {told(value)}")
 
 
 def _number_of_functions(name: str, n: Any) -> None:
@@ -319,7 +329,7 @@ class At(Brief, AnyEnd):
 
     def __post_init__(self) -> None:
         if not is_vector(self.q):
-            raise TypeError(f"At.q must be a sequence of coordinates, not {self.q!r}")
+            raise TypeError(f"At.q must be a sequence of coordinates, not {told(self.q)}")
         components("At.q", self.q)
 
     def values(self, n: int) -> np.ndarray:  # noqa: ARG002, D102
