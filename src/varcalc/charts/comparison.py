@@ -144,11 +144,13 @@ def _draw_curves(
 
 def _draw_legend(figure: Figure, panel: Axes, note: str, beneath: bool) -> None:
     handles, labels = panel.get_legend_handles_labels()
-    look = {"frameon": False, "labelcolor": INK, "fontsize": 9, "title": note or None, "title_fontsize": 9}
     if beneath:
-        legend = figure.legend(handles, labels, loc="outside lower left", ncols=2, **look)
+        legend = figure.legend(handles, labels, loc="outside lower left", ncols=2, frameon=False, fontsize=9)
     else:
-        legend = panel.legend(handles, labels, loc="best", **look)
+        legend = panel.legend(handles, labels, loc="best", frameon=False, fontsize=9)
+    for text in legend.get_texts():
+        text.set_color(INK)
+    legend.set_title(note or None, {"size": 9})
     legend.get_title().set_color(INK)
     for handle in legend.get_lines():
         handle.set_linestyle("solid")
