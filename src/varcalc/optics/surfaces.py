@@ -52,6 +52,11 @@ class Surface(Parametrised, ABC):
         """2 or 3; None for a surface that fits both."""
         return None
 
+    @property
+    def middle(self) -> Sequence[float] | None:
+        """A point towards which rays are looked for first, where the surface has one."""
+        return None
+
 
 @spelled
 @dataclass(frozen=True, repr=False)
@@ -98,6 +103,11 @@ class Sphere(Brief, Surface):
         """That of the centre."""
         return len(self.center)
 
+    @property
+    def middle(self) -> Sequence[float]:
+        """The centre."""
+        return self.center
+
     def level(self, position: Expression) -> Expression:
         """(|r - center|² - radius²)/(2 radius): near the surface the distance from it."""
         return (ca.sumsqr(position - ca.DM(self.center)) - self.radius**2) / (2 * self.radius)
@@ -125,6 +135,11 @@ class _OfRevolution(Surface):
     def dimension(self) -> int:
         """That of the vertex."""
         return len(self.vertex)
+
+    @property
+    def middle(self) -> Sequence[float]:
+        """The vertex."""
+        return self.vertex
 
 
 @spelled

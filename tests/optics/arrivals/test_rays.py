@@ -334,3 +334,50 @@ def test_the_time_of_a_ray_is_its_optical_path_over_a_speed():
     assert ray.travel_time() == ray.optical_path / 299_792_458
     with pytest.raises(ValueError, match="speed"):
         ray.travel_time(0.0)
+
+
+def through_ball(angle, centre, radius, index):
+    """Where a ray from the origin leaves a ball lens, its direction there, and the optical path, by Snell's law."""
+    ahead = np.array([np.cos(angle), np.sin(angle)])
+    path, place = 0.0, np.zeros(2)
+    for ratio in (index, 1 / index):
+        way = (place - centre) @ ahead
+        root = np.sqrt(way**2 - (place - centre) @ (place - centre) + radius**2)
+        step = -way - root if ratio > 1 else -2 * way
+        place = place + step * ahead
+        path += step * (1 if ratio > 1 else index)
+        normal = (place - centre) / radius * (1 if ratio > 1 else -1)
+        cosine = -ahead @ normal
+        ahead = ahead / ratio + (cosine / ratio - np.sqrt(1 - (1 - cosine**2) / ratio**2)) * normal
+    return place, ahead, path
+
+
+@pytest.mark.parametrize(("radius", "share"), [(0.2, -0.4), (0.02, -0.9), (0.02, 0.2), (0.003, 0.7)])
+def test_lenses_that_are_seen_under_small_angles_are_looked_through(radius, share):
+    centre, index = np.array([1.0, 0.31]), 1.6
+    middle, half = np.arctan2(centre[1], centre[0]), np.arcsin(radius / np.hypot(*centre))
+    angle = middle + half * share
+    place, ahead, path = through_ball(angle, centre, radius, index)
+    target = place + 0.7 * ahead
+    ball = optics.Sphere(tuple(centre), radius)
+    media = [optics.Uniform(1.0), optics.Uniform(index), optics.Uniform(1.0)]
+    jump = optics.Graded(lambda x, y: ca.if_else((x - centre[0]) ** 2 + (y - centre[1]) ** 2 < radius**2, index, 1.0))
+    for scene in (optics.Scene(media, [ball, ball]), optics.Scene(jump)):
+        rays = scene.rays((0, 0), target, within=2.5)
+        # round-off of the angle is magnified hundreds of times by the smallest of them
+        assert any(abs(ray.optical_path - path - 0.7) < 1e-10 for ray in rays)
+        # none is shorter than the straight line, as one that is carried backwards would be
+        assert min(ray.optical_path for ray in rays) > np.hypot(*target) * (1 - 1e-13)
+
+
+@pytest.mark.parametrize(("width", "share"), [(0.05, -0.5), (0.015, 0.8)])
+def test_what_bends_rays_is_seen_under_small_angles(width, share):
+    centre = np.array([0.8, 0.27])
+    scene = optics.Scene(
+        optics.Graded(lambda x, y: 1 + 0.5 * ca.exp(-((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / width**2))
+    )
+    angle = np.arctan2(centre[1], centre[0]) + width * share
+    heading = np.array([np.cos(angle), np.sin(angle)])
+    (end,) = scene.trace((0, 0), heading, optical_path=1.7).points
+    rays = scene.rays((0, 0), end, within=2.0)
+    assert any(np.abs(ray.tangents[0] - heading).max() < 1e-8 for ray in rays)

@@ -22,6 +22,12 @@ from varcalc.optics.rays.beam import Beam, RayStatus, launched, packed, unpacked
 
 FIRST_ANGLES = 64
 """Rays of a source to begin with."""
+LOOKS = 16
+"""By how many times more directions it is looked for surfaces, for jumps of the index, and for what bends rays."""
+UNFORESEEN = 0.02
+"""Of the scene: rays between two that are farther from where these foretell them have met something narrow."""
+AXES_OFF = 1e-3
+"""By so much the first directions are off the axes of the scene."""
 PARTS_OF_INTERVAL = 16
 """Parts into which the interval around a parting direction is cut, again and again."""
 MOST_CUTS = 11
@@ -146,12 +152,16 @@ class Fan:
 
     def _first_rays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Source, angle and entry (m, 10) of rays all round each source, ascending, the first once more at the end."""
+        source, angles, usual = self._first_angles()
         n = len(self.sources)
-        angles = np.linspace(0.0, 2 * np.pi, FIRST_ANGLES + 1) + 1e-3  # off the axes of the scene
-        source, angles = np.repeat(np.arange(n), len(angles)), np.tile(angles, n)
         entry = _states(self.entries(source, angles))
         course = self._course(source, entry)
-        for _ in range(MOST_CUTS if self.propagator.surfaces or self._jumps else 0):
+        # what was looked at for something narrow alone stays where it found it
+        usual = usual | self._unforeseen(source, angles, entry, usual)
+        apart = (course[1:] != course[:-1]) & (source[1:] == source[:-1])
+        kept = np.flatnonzero(usual | np.append(apart, False) | np.append(False, apart))
+        source, angles, entry, course = source[kept], angles[kept], entry[kept], course[kept]
+        for _ in range(MOST_CUTS if self._parting else 0):
             parted = np.flatnonzero((course[1:] != course[:-1]) & (source[1:] == source[:-1]))
             parted = parted[angles[parted + 1] - angles[parted] > NARROWEST]
             if len(parted) == 0 or len(parted) > MOST_PARTINGS * n:
@@ -165,6 +175,65 @@ class Fan:
             order = np.lexsort((angles, source))
             source, angles, entry, course = source[order], angles[order], entry[order], course[order]
         return source, angles, entry
+
+    def _first_angles(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Sources and angles to begin with, ascending, and which of them stay whatever is found there.
+
+        Surfaces and jumps may be seen under small angles, and what bends rays: more directions are looked at, and
+        those of the middles of surfaces.
+        """
+        n, more = len(self.sources), LOOKS if self._parting or self._bending else 1
+        angles = np.linspace(0.0, 2 * np.pi, more * FIRST_ANGLES + 1)
+        usual = np.tile(np.arange(len(angles)) % more == 0, n)
+        source, angles = np.repeat(np.arange(n), len(angles)), np.tile(angles, n)
+        middles = [middle for one in self.propagator.surfaces if (middle := one.middle) is not None]
+        for middle in dict.fromkeys(tuple(np.asarray(middle, dtype=float)) for middle in middles):
+            away = np.array(middle) - self.sources
+            toward = np.mod(np.arctan2(away[:, 1], away[:, 0]) - AXES_OFF, 2 * np.pi)
+            source, angles = np.append(source, np.arange(n)), np.append(angles, toward)
+            usual = np.append(usual, np.full(n, fill_value=False))
+        order = np.lexsort((angles, source))
+        return source[order], angles[order] + AXES_OFF, usual[order]
+
+    @property
+    def resolution(self) -> str:
+        """What is said of surfaces and of jumps inside the medium."""
+        if not self._parting:
+            return ""
+        return f", surfaces and jumps that are seen under more than {360 / LOOKS / FIRST_ANGLES:.2g}°"
+
+    @property
+    def _bending(self) -> bool:
+        """Whether rays are bent in the one medium by what may be narrow."""
+        last = self.propagator.models[-1]
+        return not self.propagator.surfaces and isinstance(last, HamiltonRays)
+
+    def _unforeseen(self, source: np.ndarray, angles: np.ndarray, entry: np.ndarray, usual: np.ndarray) -> np.ndarray:
+        """Which rays (m,) lie between two of the ``usual`` ones that do not foretell where all between them end."""
+        out = np.zeros(len(angles), dtype=bool)
+        if self._parting or not self._bending:
+            return out
+        path = self.bounds.path[source]
+        ends, _ = self._moved(entry, path / np.sum(entry[:, P] ** 2, axis=1), path)
+        number = np.cumsum(usual) - 1  # of the usual ray before
+        first = np.flatnonzero(usual)
+        low, high = first[number], first[np.minimum(number + 1, len(first) - 1)]
+        width = angles[high] - angles[low]
+        with np.errstate(all="ignore"):
+            t, h = ((angles - angles[low]) / width)[:, None], width[:, None]
+            a, b = ends[low], ends[high]
+            foretold = (1 + 2 * t) * (1 - t) ** 2 * a[:, R] + t**2 * (3 - 2 * t) * b[:, R]
+            foretold = foretold + h * t * (1 - t) * ((1 - t) * a[:, MOVED] - t * b[:, MOVED])
+            off = np.linalg.norm(ends[:, R] - foretold, axis=1) > UNFORESEEN * self.bounds.size[source]
+        off &= ~usual & (source[low] == source[high])
+        narrow = np.zeros(len(first), dtype=bool)
+        narrow[number[off]] = True
+        return narrow[number]
+
+    @property
+    def _parting(self) -> bool:
+        """Whether neighbouring rays may part."""
+        return bool(self.propagator.surfaces) or self._jumps
 
     @cached_property
     def _jumps(self) -> bool:

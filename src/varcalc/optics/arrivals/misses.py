@@ -99,7 +99,8 @@ def _met(cells: Cells, targets: np.ndarray, ahead: np.ndarray) -> tuple[np.ndarr
         return place, going, np.sum(place * ahead, axis=2)[..., None]
 
     ends = [at(np.full((*length.shape[:2], 1), u))[2][..., 0] for u in (-SIDE_MARGIN, 1 + SIDE_MARGIN)]
-    outside = np.all(ends[0] > 0, axis=1) | np.all(ends[1] < 0, axis=1)
+    room = cells.error[:, None]  # which is how far other rays of the cell may be off
+    outside = np.all(ends[0] > room, axis=1) | np.all(ends[1] < -room, axis=1)
     u = np.zeros((*length.shape[:2], 1))
     with np.errstate(all="ignore"):
         for _ in range(STEPS_TO_LINE):

@@ -16,6 +16,8 @@ STRAIGHT_STRETCH = 1e-9
 """Of the scene: over so short a stretch a ray is straight."""
 ANGLE_ROUND_OFF = 4 * float(np.spacing(2 * np.pi))
 """Launching angles are known no better."""
+KNOWN = 1e-8
+"""Of the scene: where round-off of the angle makes more, as of rays that graze a surface, nobody says where they go."""
 TOUCHES_CAUSTIC = 4e-14
 """A caustic that comes this close to the point touches it: the ray where it does is polished by no more than that."""
 NEWTON_STEPS = 16
@@ -95,7 +97,8 @@ class _Look(Rows):
     @property
     def met(self) -> np.ndarray:
         """True (k,) where the target is met as closely as round-off of its place and of the angle allows."""
-        return self.distance <= MEETS * self.aims.size + ANGLE_ROUND_OFF * np.abs(self.spread)
+        known = np.fmin(ANGLE_ROUND_OFF * np.abs(self.spread), KNOWN * self.aims.size)
+        return self.distance <= MEETS * self.aims.size + known
 
     def stepped(self, turn: np.ndarray) -> Aims:
         """The aims after a ``turn`` (k,) of the launching angle, at the places closest to the targets, about."""

@@ -32,6 +32,8 @@ PAIRS_TOGETHER = 4096
 """Pairs of points searched for together."""
 SAME_DIRECTION = 1e-14
 """Directions that differ by less, relative to the scene, are the same."""
+MEETS = 1e-7
+"""Of the distance of two points: a ray that ends farther from the second when it is carried anew is none of theirs."""
 USUAL_RANGE = 5.0
 """Rays are looked for up to so many times the optical length of the scene."""
 
@@ -82,7 +84,8 @@ class TwoPoint:
         fan = Fan(self.planar, origins, _bounds(source, flat[1], ends.within, far, distance))
         found = WavefrontConstruction(fan, PlanePairs(source, flat[1], ends.within, distance)).run()
         rays = self._rays(ends, found)
-        searched = f"all directions of the plane ({fan.looked_at} looked at, %d narrow cells left unresolved), "
+        searched = f"all directions of the plane ({fan.looked_at} looked at, %d narrow cells left unresolved"
+        searched += f"{fan.resolution}), "
         searched += "optical paths up to %.6g, no farther than %.6g from B"
         notes = [searched % note for note in zip(found.unresolved, ends.within, far, strict=True)]
         return [
@@ -103,9 +106,11 @@ class TwoPoint:
         path = found.meeting.state[:, 4]
         built = self.built(ends.take(aims.pair), heading, path, found.touching)
         rays: list[list[Ray]] = [[] for _ in range(len(ends))]
-        for k, (ray, _) in zip(aims.pair, built, strict=True):
-            if ray is not None:
+        for k, (ray, miss) in zip(aims.pair, built, strict=True):
+            if ray is not None and miss <= MEETS:
                 rays[k].append(ray)
+            elif ray is not None:
+                found.unresolved[k] += 1
         return rays
 
     def built(

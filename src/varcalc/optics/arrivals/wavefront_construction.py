@@ -123,7 +123,7 @@ class WavefrontConstruction:
             diagonal = np.linalg.norm(high - low, axis=1)
         diagonal[~np.isfinite(diagonal)] = 0.0  # no corner at all: the box is empty
         unknown = np.where(cells.whole & cells.smooth, UNSEEN_MARGIN, 1.0) * diagonal
-        room = np.where(np.isfinite(cells.error) & cells.smooth, np.minimum(cells.error, unknown), unknown)
+        room = np.where(np.isfinite(cells.error) & cells.smooth, cells.error, unknown)
         room += 1e-9 * diagonal
         return low - room[:, None], high + room[:, None]
 

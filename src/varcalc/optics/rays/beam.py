@@ -201,27 +201,28 @@ def at_surface(
     squared, gradient, _ = before(beam.position)
     squared_after, gradient_after, _ = after(beam.position)
     p = beam.momentum
-    into = np.sum(p * normal, axis=1)
-    lateness = -np.einsum("mkd,md->mk", beam.moved, normal) / into[:, None]
-    moved = beam.moved + lateness[:, :, None] * p[:, None, :]
-    turned = beam.turned + lateness[:, :, None] * gradient[:, None, :] / 2
-    tilt = np.einsum("mij,mkj->mki", curvature, moved)
-    into_change = np.einsum("mkd,md->mk", turned, normal) + np.einsum("mkd,md->mk", tilt, p)
-    if mirror:
-        out, out_change, total = -into, -into_change, np.zeros(len(p), dtype=bool)
-    else:
-        under = into**2 + squared_after - squared
-        total = ~(under > 0)
-        out = np.sign(into) * np.sqrt(np.where(total, 1.0, under))
-        steeper = np.einsum("mkd,md->mk", moved, gradient_after - gradient)
-        out_change = (2 * into[:, None] * into_change + steeper) / (2 * out[:, None])
-    gain, gain_change = (out - into)[:, None], (out_change - into_change)[:, :, None]
-    leaving = replace(
-        beam,
-        momentum=p + gain * normal,
-        moved=moved,
-        turned=turned + gain_change * normal[:, None, :] + gain[:, None] * tilt,
-    )
+    with np.errstate(all="ignore"):  # of a ray that only touches the surface nothing is known of the neighbours
+        into = np.sum(p * normal, axis=1)
+        lateness = -np.einsum("mkd,md->mk", beam.moved, normal) / into[:, None]
+        moved = beam.moved + lateness[:, :, None] * p[:, None, :]
+        turned = beam.turned + lateness[:, :, None] * gradient[:, None, :] / 2
+        tilt = np.einsum("mij,mkj->mki", curvature, moved)
+        into_change = np.einsum("mkd,md->mk", turned, normal) + np.einsum("mkd,md->mk", tilt, p)
+        if mirror:
+            out, out_change, total = -into, -into_change, np.zeros(len(p), dtype=bool)
+        else:
+            under = into**2 + squared_after - squared
+            total = ~(under > 0)
+            out = np.sign(into) * np.sqrt(np.where(total, 1.0, under))
+            steeper = np.einsum("mkd,md->mk", moved, gradient_after - gradient)
+            out_change = (2 * into[:, None] * into_change + steeper) / (2 * out[:, None])
+        gain, gain_change = (out - into)[:, None], (out_change - into_change)[:, :, None]
+        leaving = replace(
+            beam,
+            momentum=p + gain * normal,
+            moved=moved,
+            turned=turned + gain_change * normal[:, None, :] + gain[:, None] * tilt,
+        )
     if np.any(total):
         leaving.put(np.flatnonzero(total), beam.take(np.flatnonzero(total)))
     return leaving, total

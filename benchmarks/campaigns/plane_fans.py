@@ -1,0 +1,174 @@
+"""Random media of the plane, and the rays that join points in them by fans that know nothing of varcalc.
+
+A fan of rays is stepped in σ (r'' = ∇n²/2) by a symplectic rule of fourth order (Yoshida, Phys. Lett. A 150 (1990)
+262), its gradients by hand. Neighbouring rays and steps make a net of quadrangles: a receiver is reached once for each
+that it lies in, which a refined net about it confirms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import root
+
+from varcalc import optics
+
+FIRST = 1 / (2 - 2 ** (1 / 3))
+SHARES = (FIRST, 1 - 2 * FIRST, FIRST)
+"""Of a step: Yoshida's."""
+SquaredIndex = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""From places (m, 2) to n² (m,) and its gradient (m, 2)."""
+APPROACHES = 1e-7
+"""A ray of the fan that is aimed at a receiver comes so close."""
+SIGMA = 1.6
+"""Of the optical path that is asked for: σ of the rays of a fan."""
+
+
+@dataclass(frozen=True)
+class Scenery:
+    """A medium, its n² by hand, and optical paths ``within`` which rays are counted; everything is of size 1."""
+
+    medium: optics.Medium
+    squared: SquaredIndex
+    within: float
+
+
+def waves(rng: np.random.Generator) -> Scenery:
+    """Waves of the index in random directions."""
+    k = int(rng.integers(2, 5))
+    size, vectors, phase = rng.uniform(0.02, 0.12, k), rng.normal(size=(k, 2)) * rng.uniform(1, 4), rng.uniform(0, 6, k)
+
+    def index(x, y):
+        terms = zip(size, vectors, phase, strict=True)
+        return ca.sqrt(1.5 + sum(s * ca.sin(v[0] * x + v[1] * y + p) for s, v, p in terms))
+
+    def squared(r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        angle = r @ vectors.T + phase
+        return 1.5 + np.sin(angle) @ size, (np.cos(angle) * size) @ vectors
+
+    return Scenery(optics.Graded(index), squared, 6.0)
+
+
+def lenses(rng: np.random.Generator, narrow: float = 0.0) -> Scenery:
+    """Gaussian lenses, stronger and weaker than what is about them; ``narrow`` times narrower than their distances."""
+    k = int(rng.integers(1, 5))
+    centre, width = rng.uniform(-1, 1, (k, 2)), rng.uniform(0.15, 0.6, k) * 10.0**-narrow
+    size = rng.uniform(-0.5, 0.8, k)
+
+    def index(x, y):
+        bumps = zip(size, centre, width, strict=True)
+        return ca.sqrt(1 + sum(s * ca.exp(-((x - c[0]) ** 2 + (y - c[1]) ** 2) / w**2) for s, c, w in bumps))
+
+    def squared(r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        away = r[:, None] - centre
+        bump = size * np.exp(-np.sum(away**2, axis=2) / width**2)
+        return 1 + bump.sum(axis=1), np.einsum("mk,mkd->md", -2 * bump / width**2, away)
+
+    return Scenery(optics.Graded(index), squared, 5.0)
+
+
+def folds(rng: np.random.Generator) -> Scenery:
+    """Two kinks across each other."""
+    a, b = rng.normal(size=(2, 2))
+    p, q = rng.uniform(-0.3, 0.3, 2)
+    s, t = rng.uniform(-0.15, 0.15, 2)
+
+    def index(x, y):
+        return ca.sqrt(2 + s * ca.fabs(a[0] * x + a[1] * y - p) + t * ca.fmax(b[0] * x + b[1] * y, q))
+
+    def squared(r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        first, second = r @ a - p, r @ b
+        slope = s * np.sign(first)[:, None] * a + t * (second > q)[:, None] * b
+        return 2 + s * np.abs(first) + t * np.maximum(second, q), slope
+
+    return Scenery(optics.Graded(index), squared, 4.5)
+
+
+def shells(rng: np.random.Generator) -> Scenery:
+    """Shells about a centre, denser and thinner."""
+    k = int(rng.integers(1, 4))
+    radius, width, size = rng.uniform(0.4, 1.5, k), rng.uniform(0.1, 0.5, k), rng.uniform(-0.4, 0.8, k)
+
+    def index(r):
+        return ca.sqrt(1 + sum(s * ca.exp(-(((r - c) / w) ** 2)) for s, c, w in zip(size, radius, width, strict=True)))
+
+    def squared(r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        away = np.linalg.norm(r, axis=1)
+        bump = size * np.exp(-(((away[:, None] - radius) / width) ** 2))
+        slope = np.sum(-2 * bump * (away[:, None] - radius) / width**2, axis=1) / away
+        return 1 + bump.sum(axis=1), slope[:, None] * r
+
+    return Scenery(optics.Radial(index), squared, 5.0)
+
+
+FAMILIES: dict[str, Callable[[np.random.Generator], Scenery]] = {
+    "waves": waves, "lenses": lenses, "narrow lenses": lambda rng: lenses(rng, rng.uniform(0.3, 1.3)),
+    "folds": folds, "shells": shells,
+}  # fmt: skip
+"""By name."""
+
+
+def stepped(
+    squared: SquaredIndex, r: np.ndarray, p: np.ndarray, h: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rays (m, 2) after one step ``h`` (m, 1) in σ, and the optical path of it (m,)."""
+    before = squared(r)[0]
+    for share in SHARES:
+        r = r + 0.5 * share * h * p
+        p = p + 0.5 * share * h * squared(r)[1]
+        r = r + 0.5 * share * h * p
+    return r, p, h[:, 0] * (before + squared(r)[0]) / 2
+
+
+def fan(scenery: Scenery, source: np.ndarray, angles: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places (steps + 1, m, 2) and optical paths (steps + 1, m) of rays at ``angles`` (m,)."""
+    n = np.sqrt(scenery.squared(source[None])[0][0])
+    r = np.tile(source, (len(angles), 1))
+    p = n * np.column_stack([np.cos(angles), np.sin(angles)])
+    h = np.full((len(angles), 1), SIGMA * scenery.within / steps)
+    places, paths = [r], [np.zeros(len(angles))]
+    for _ in range(steps):
+        r, p, more = stepped(scenery.squared, r, p, h)
+        places.append(r)
+        paths.append(paths[-1] + more)
+    return np.array(places), np.array(paths)
+
+
+def met(places: np.ndarray, paths: np.ndarray, target: np.ndarray, within: float) -> np.ndarray:
+    """The quadrangles (k, 2), by step and ray, in which the target (2,) lies and that begin within the path."""
+    off = places - target
+    corners = [off[:-1, :-1], off[1:, :-1], off[1:, 1:], off[:-1, 1:]]
+    low, high = (np.minimum.reduce(corners), np.maximum.reduce(corners))
+    maybe = np.argwhere(np.all((low <= 0) & (high >= 0), axis=2) & (paths[:-1, :-1] <= within))
+    if len(maybe) == 0:
+        return maybe
+    around = np.array([[corner[i, j] for corner in corners] for i, j in maybe])
+    ahead = np.roll(around, -1, axis=1)
+    cross = around[..., 0] * ahead[..., 1] - around[..., 1] * ahead[..., 0]
+    turn = np.arctan2(cross, np.sum(around * ahead, axis=2)).sum(axis=1)
+    return maybe[np.abs(turn) > np.pi]
+
+
+def aimed(
+    scenery: Scenery, source: np.ndarray, target: np.ndarray, angle: float, sigma: float
+) -> tuple[float, float] | None:
+    """The launching angle and the optical path of the ray near a guess that meets the target, by fine steps."""
+    n = np.sqrt(scenery.squared(source[None])[0][0])
+    steps = 400
+
+    def end(guess: np.ndarray) -> tuple[np.ndarray, float]:
+        r, p = source[None], n * np.array([[np.cos(guess[0]), np.sin(guess[0])]])
+        path = 0.0
+        for _ in range(steps):
+            r, p, more = stepped(scenery.squared, r, p, np.full((1, 1), guess[1] / steps))
+            path += float(more[0])
+        return r[0], path
+
+    found = root(lambda guess: end(guess)[0] - target, [angle, sigma], tol=1e-11)
+    away, path = end(found.x)
+    if np.linalg.norm(away - target) > APPROACHES or abs(found.x[0] - angle) > 0.05 or found.x[1] <= 0:
+        return None
+    return float(found.x[0]), path

@@ -1,0 +1,117 @@
+"""All rays between points of random media of the plane, against fans that know nothing of varcalc.
+
+Run: python benchmarks/plane_rays.py [--media N] [--family NAME]
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+import time
+import zlib
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import click
+import numpy as np
+
+from campaigns.plane_fans import FAMILIES, SIGMA, Scenery, aimed, fan, met
+from varcalc import optics
+
+RECORDS = Path(__file__).parent / "records" / "plane_rays.csv"
+RECEIVERS = 20
+RAYS, STEPS = 4_000, 240
+ROUGH, SAME = 5e-3, 1e-5
+"""Launching angles of one ray agree so well as the net has it, and as it is aimed; optical paths to ten times that."""
+EDGE = 1e-3
+"""Of the largest optical path: rays so near to it are on neither side."""
+
+
+@dataclass
+class Tally:
+    """What came of a family: pairs, rays, rays that are missed, by what was said, and pairs left open.
+
+    ``more`` counts rays that the net does not show, each confirmed by the fan's own rule, ``unconfirmed`` those that
+    this could not follow as far; all are carried to their points by the library.
+    """
+
+    family: str
+    pairs: int = 0
+    rays: int = 0
+    missed_in_silence: int = 0
+    missed_and_said: int = 0
+    unconfirmed: int = 0
+    more: int = 0
+    unsure: int = 0
+    seconds: float = 0.0
+
+
+def asked(scenery: Scenery, rng: np.random.Generator, tally: Tally) -> list[str]:
+    """Add one medium to a tally; a line for every ray that is missed or false."""
+    source = rng.uniform(-1, 1, 2)
+    targets = rng.uniform(-1.2, 1.2, (RECEIVERS, 2))
+    angles = np.linspace(0, 2 * np.pi, RAYS + 1) + 1e-4
+    places, paths = fan(scenery, source, angles, STEPS)
+    begun = time.process_time()
+    answers = optics.Scene(scenery.medium).arrivals(source, targets, within=scenery.within)
+    tally.seconds += time.process_time() - begun
+    lines = []
+    for target, rays in zip(targets, answers, strict=True):
+        tally.pairs += 1
+        tally.rays += len(rays)
+        tally.unsure += rays.unresolved > 0
+        own = [(float(np.arctan2(*ray.tangents[0][::-1])), ray.optical_path) for ray in rays]
+        net = met(places, paths, target, scenery.within)
+        rough = [(float(angles[k : k + 2].mean()), float(paths[step : step + 2, k].mean())) for step, k in net]
+        # what both have needs no further look; what one of them lacks is aimed at by the fan's own rule
+        for guess, (step, _) in zip(rough, net, strict=True):
+            if any(_alike(guess, other, ROUGH) for other in own):
+                continue
+            found = aimed(scenery, source, target, guess[0], SIGMA * scenery.within / STEPS * (step + 0.5))
+            if found is None or found[1] > (1 - EDGE) * scenery.within or any(_alike(found, one, SAME) for one in own):
+                continue
+            tally.missed_in_silence += rays.unresolved == 0
+            tally.missed_and_said += rays.unresolved > 0
+            lines.append(f"missed: {source} to {target}, {found}, unresolved {rays.unresolved}")
+        n = scenery.squared(source[None])[0][0]
+        for one in own:
+            if any(_alike(one, guess, ROUGH) for guess in rough):
+                continue
+            found = aimed(scenery, source, target, one[0], one[1] / n)
+            tally.more += found is not None
+            if found is None:
+                lines.append(f"unconfirmed: {source} to {target}, {one}")
+                tally.unconfirmed += 1
+    return lines
+
+
+def _alike(one: tuple[float, float], other: tuple[float, float], close: float) -> bool:
+    """Whether launching angles and optical paths are so close."""
+    turn = abs(np.remainder(one[0] - other[0] + np.pi, 2 * np.pi) - np.pi)
+    return bool(turn < close and abs(one[1] - other[1]) < 10 * close)
+
+
+@click.command()
+@click.option("--media", default=20, show_default=True, help="Media of each family.")
+@click.option("--family", type=click.Choice(list(FAMILIES)), default=None, help="Only this one.")
+def main(media: int, family: str | None) -> None:
+    """Ask, print and store what came of it; exit 1 when a ray was missed in silence."""
+    tallies = []
+    for name in [family] if family else list(FAMILIES):
+        tally = Tally(name)
+        for number in range(media):
+            rng = np.random.default_rng([zlib.crc32(name.encode()), number])
+            for line in asked(FAMILIES[name](rng), rng, tally):
+                print(f"{name} {number} {line}", flush=True)
+        print(tally, flush=True)
+        tallies.append(tally)
+    if family is None:
+        with RECORDS.open("w", newline="") as file:
+            writer = csv.DictWriter(file, [f.name for f in fields(Tally)])
+            writer.writeheader()
+            writer.writerows(asdict(one) | {"seconds": round(one.seconds, 1)} for one in tallies)
+    sys.exit(any(one.missed_in_silence for one in tallies))
+
+
+if __name__ == "__main__":
+    main()
