@@ -59,8 +59,8 @@ class Declared(Shown):
         self.units: tuple[str, ...] = coordinate_units(units, self.n)
         self.time_unit: str = text_of("time_unit", time_unit)
         self.parameters: dict[str, float] = named("parameters", parameters)
-        self.name: str = text_of("name"
-        self.symmetries: tuple[Symmetry, ...] = name), sequence("symmetries", symmetries)
+        self.name: str = text_of("name", name)
+        self.symmetries: tuple[Symmetry, ...] = sequence("symmetries", symmetries)
         self._given, self._forces_given = lagrangian, forces
         symbols = StateSymbols.of(self.n, tuple(self.parameters))
         value = symbols.traced("lagrangian", lagrangian, symbols.t, symbols.q, symbols.v)

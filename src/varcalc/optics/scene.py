@@ -72,8 +72,8 @@ class Scene(Shown):
         names: Sequence[str] = (),
         units: Sequence[str] = (),
     ) -> None:
-        given: tuple[Any, ...]: tuple[Surface, ...] = _members("media", Medium, media)
-        self.surfaces: tuple[Any, ...] = _members("surfaces", Surface, surfaces)
+        given: tuple[Medium, ...] = _members("media", Medium, media)
+        self.surfaces: tuple[Surface, ...] = _members("surfaces", Surface, surfaces)
         self.wavelength: float | None = wavelength
         if wavelength is not None:
             if not one_number("wavelength", wavelength) > 0:
