@@ -52,7 +52,7 @@ def in_space(_):
     """A sphere and a slanted plane in space: the path to an image, and tangents of rays that are reflected at both."""
     normal, foot = np.array([1.0, 2.0, -2.0]) / 3, np.array([0.1, 0.3, -1.0])
     a, b = np.array([0.3, 0.5, -2.1]), np.array([-0.4, 1.2, -1.9])
-    plane = optics.Plane(foot, normal, mirror=True)
+    plane = optics.Plane(tuple(foot.tolist()), tuple(normal.tolist()), mirror=True)
     (ray,) = optics.Scene(optics.Uniform(1.0), plane).rays(a, b)
     image = b - 2 * normal * ((b - foot) @ normal)
     path = abs(ray.optical_path - np.linalg.norm(image - a))

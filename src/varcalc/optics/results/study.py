@@ -71,7 +71,7 @@ class Study(Shown):
     wavefronts: int = 0
     within: float | None = None
     title: str = ""
-    known: Mapping[str, Callable[[Scene], float]] = field(default_factory=dict)
+    known: Mapping[str, Callable[[Scene], Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not isinstance(self.scene, Scene):
