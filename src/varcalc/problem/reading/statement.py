@@ -216,7 +216,7 @@ def _equations(problem: Functional) -> list[Fact]:
         return [Fact("", NO_FORMULA, _in_general(problem))]
     lefts = list(left_sides(problem, LEGIBLE))
     written = [None if left is None else (f"{write(left, TEXT)} = 0", f"{write(left, LATEX)} = 0") for left in lefts]
-    if all(both is None or len(both[0]) > ROOM for both in written):
+    if all(both is None or len(both[1]) > LONGEST_LATEX for both in written):
         return [Fact("", LEFT_OUT, _in_general(problem))]
     return [Fact("", LEFT_OUT) if both is None else _fact("", both[0], both[1], LEFT_OUT) for both in written]
 
