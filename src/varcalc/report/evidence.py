@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from varcalc.certificates.certificate import Certificate, Scope
 from varcalc.report.page import Cell, Facts, Folded, Listed, Mark, Part, Section, Table, Text, table
@@ -15,6 +15,8 @@ from varcalc.solve.diagnose import Diagnosis
 from varcalc.study.compare import Comparison
 from varcalc.verify.verification import SHOWN, Verification
 
+WELL = 1e-6
+"""Off by less than this, what is held against something known stands."""
 SURE = {Verdict.MINIMUM, Verdict.MAXIMUM}
 
 
@@ -191,3 +193,9 @@ def diagnosis_section(diagnosis: Diagnosis, level: int) -> Section:
     headline = "nothing could be shown" if diagnosis.verdict is None else diagnosis.verdict.value
     sentences = tuple(capital(finding.sentence) for finding in diagnosis.findings)
     return Section("Why there is no answer", (Text(f"{capital(headline)}."), Listed(sentences)), level)
+
+
+def errors_table(errors: Mapping[str, float]) -> Table:
+    """By how much each thing that is known is missed."""
+    rows = [(Cell(name), number(error, ".1e")) for name, error in errors.items()]
+    return table("Held against what is known", (("what", False), ("off by", True)), rows)

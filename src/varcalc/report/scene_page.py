@@ -12,6 +12,7 @@ from varcalc.optics.rays.ray import Rays
 from varcalc.optics.rays.sources import PointSource
 from varcalc.optics.results.range_chart import range_chart
 from varcalc.optics.results.study import FLAT, Seen, Study
+from varcalc.report.evidence import WELL, errors_table
 from varcalc.report.page import Cell, Facts, Listed, Mark, Page, Part, Pictures, Section, Text, number_cell, table
 from varcalc.report.pictures import picture, sketch
 from varcalc.report.question import asked_of_scene
@@ -40,6 +41,7 @@ def scene_page(subject: Subject) -> Page:
         Section("The question", (Facts(tuple(asked_of_scene(study))),)),
         Section("The answer", (Facts(tuple(_answered(seen, answer))), *_pictures(seen))),
         *([] if arrivals is None else [_arrivals_section(arrivals)]),
+        *([Section("How well it is known", (errors_table(seen.errors),))] if seen.errors else []),
         _unseen_section(seen),
         source_section(subject),
     ]
@@ -48,7 +50,8 @@ def scene_page(subject: Subject) -> Page:
         f"optical paths known to {max(errors):.1g}" if errors else "no receiver is named, so no optical path is told"
     )
     first = arrivals[0].optical_path if arrivals else None
-    mark = Mark.GOOD if seen.tracks or arrivals else Mark.BAD
+    stands = max(seen.errors.values(), default=0.0) < WELL
+    mark = Mark.BAD if not (seen.tracks or arrivals) else Mark.GOOD if stands else Mark.DOUBTFUL
     return Page(
         subject.name, subject.kind.singular, study.title or subject.line, answer, known, mark, tuple(sections),
         _sketch(seen),

@@ -10,6 +10,7 @@ import numpy as np
 from varcalc.charts import beside_picture, course_picture
 from varcalc.mechanics.examination import Examined
 from varcalc.mechanics.experiment import Moved
+from varcalc.report.evidence import WELL, errors_table
 from varcalc.report.page import (
     Cell,
     Fact,
@@ -29,8 +30,6 @@ from varcalc.report.subjects import Subject
 from varcalc.report.words import about_section, capital, source_section
 from varcalc.study.experiments import load_experiment
 
-WELL = 1e-6
-"""Off by less than this, what is held against something known stands."""
 EVENTS = 12
 """That are listed; of more, only their number is."""
 
@@ -78,18 +77,13 @@ def _sections(moved: Moved) -> list[Section]:
     return [
         Section("The question", (Facts(tuple(asked)),)),
         Section("The answer", (Facts(tuple(facts)), _pictures(moved), *_events(moved))),
-        Section("How well it is known", (_errors(moved.errors),)),
+        Section("How well it is known", (errors_table(moved.errors),)),
         _unseen(moved),
     ]
 
 
 def _examined(done: Examined) -> Section:
-    return Section("How well it is known", (_errors(done.errors),))
-
-
-def _errors(errors: Mapping[str, float]) -> Table:
-    rows = [(Cell(name), number_cell(error, ".1e")) for name, error in errors.items()]
-    return table("Held against what is known", (("what", False), ("off by", True)), rows)
+    return Section("How well it is known", (errors_table(done.errors),))
 
 
 def _pictures(moved: Moved) -> Pictures:
