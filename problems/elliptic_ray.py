@@ -94,7 +94,8 @@ def polar(number: Callable[[float], Any]) -> tuple[Any, Any]:
 
 
 def curve(number: Callable[[float], Any]) -> tuple[Any, Any]:
-    ellipse = Ellipse.between(*(np.array([*map(number, point)]) for point in (START, END)), number(N0))
+    start, end = (np.array([*map(number, point)]) for point in (START, END))
+    ellipse = Ellipse.between(start, end, number(N0))
     return ellipse.optical_path, ellipse.q
 
 

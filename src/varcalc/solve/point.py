@@ -104,11 +104,9 @@ class Measured:
 
     def __post_init__(self) -> None:
         for name in ("value", "error"):
-            given: Any = getattr(self, name)
-            if given is None and name == "error":
-                continue
+            given: Any: Any = getattr(self, name)
             try:
-                object.__setattr__(self, name, float(given))
+                object.__setattr__(self, name, None if name == "error" and given is None else float(given))
             except (TypeError, ValueError) as error:
                 raise TypeError(f"Measured.{name} must be a number, not {given!r}") from error
 
