@@ -14,6 +14,9 @@ version = release = installed_version("varcalc")
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon", "gallery"]
 exclude_patterns = ["_build"]
+html_static_path = ["_static", "gallery/static"]
+html_css_files = ["pages.css", "report.css"]
+html_js_files = [("report.js", {"defer": "defer"})]
 html_theme = "furo"
 html_title = "varcalc"
 
@@ -31,9 +34,6 @@ nb_execution_raise_on_error = True
 nb_execution_timeout = 120
 nb_execution_in_temp = True
 nb_merge_streams = True
-html_static_path = ["_static", "gallery/static"]
-html_css_files = ["pages.css", "report.css"]
-html_js_files = [("report.js", {"defer": "defer"})]
 
 
 def _readable(_app, _what, _name, _object, _options, signature, returned):

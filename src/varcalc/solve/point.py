@@ -104,7 +104,7 @@ class Measured:
 
     def __post_init__(self) -> None:
         for name in ("value", "error"):
-            given: Any: Any = getattr(self, name)
+            given: Any = getattr(self, name)
             try:
                 object.__setattr__(self, name, None if name == "error" and given is None else float(given))
             except (TypeError, ValueError) as error:
