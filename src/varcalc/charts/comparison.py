@@ -150,8 +150,10 @@ def _draw_legend(figure: Figure, panel: Axes, note: str, beneath: bool) -> None:
         legend = panel.legend(handles, labels, loc="best", frameon=False, fontsize=9)
     for text in legend.get_texts():
         text.set_color(INK)
-    legend.set_title(note or None, {"size": 9})
-    legend.get_title().set_color(INK)
+    title = legend.get_title()
+    title.set_text(note)
+    title.set_fontsize(9)
+    title.set_color(INK)
     for handle in legend.get_lines():
         handle.set_linestyle("solid")
 

@@ -176,7 +176,7 @@ def _record(place: str, row: Any) -> Record:
             raise ValueError(f"{place}: {shorten(str(error), MOST_SAID)}") from error
     if not (row["setting"] > 0 and row.get("size", 1.0) > 0 and row.get("knob", Knob.TOLERANCE) in [*Knob]):
         raise ValueError(f"{place}: setting and size must be positive, and knob one of {', '.join(Knob)}")
-    counts = {name: int(row[name]) for name in ("unknowns", "iterations") if row.get(name) is not None}
+    counts: dict[str, Any] = {name: int(row[name]) for name in ("unknowns", "iterations") if row.get(name) is not None}
     return Record(**row | counts)
 
 
