@@ -11,7 +11,6 @@ from varcalc.charts.motion import beside_picture, course_picture, motion_picture
 from varcalc.charts.picture import picture
 from varcalc.charts.rays import range_picture, rays_picture
 from varcalc.charts.spread import convergence_picture, work_precision_picture
-from varcalc.charts.sweep import sweep_picture
 from varcalc.charts.themed_svg import themed_svg
 from varcalc.charts.work_precision import claims_picture, cold_picture
 
@@ -27,7 +26,6 @@ __all__ = [
     "picture",
     "range_picture",
     "rays_picture",
-    "sweep_picture",
     "themed_svg",
     "work_precision_picture",
 ]

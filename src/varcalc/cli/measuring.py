@@ -185,9 +185,7 @@ def sweep(
         found, stopped = kept(lambda: _swept(name_or_file, grid, store, cores, tol))
     click.echo(json.dumps(found.document(), indent=2, allow_nan=False) if as_json else found.table())
     if output is not None:
-        from varcalc.charts import sweep_picture
-
-        save_figure(partial(sweep_picture, found), output)
+        save_figure(found.plot, output)
     end(stopped=stopped, failed=bool(found.failures), status=DISAGREE)
 
 
