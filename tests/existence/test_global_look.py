@@ -67,10 +67,9 @@ def test_a_deeper_well_is_reached_however_long_the_way(depth, tilt, length):
         return v**2 / 2 + depth * (y**2 - 1) ** 2 + tilt * y
 
     def through_the_deeper_well(width):
-        x, weights = np.polynomial.legendre.leggauss(4000)
-        x = (x + 1) * length / 2
+        x = (np.arange(10_000) + 0.5) * length / 10_000
         first, last = 2.1 * np.exp(-x / width), 1.8 * np.exp((x - length) / width)
-        return weights @ lagrangian(x, first + last - 1, (last - first) / width) * length / 2
+        return lagrangian(x, first + last - 1, (last - first) / width).mean() * length
 
     found = vc.solve(vc.Problem(lagrangian, vc.Fixed(0, 1.1), vc.Fixed(length, 0.8)))
     assert found.value < min(map(through_the_deeper_well, np.geomspace(0.1, 2, 20)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -79,3 +80,25 @@ def test_where_contacts_are_looked_for():
     ends = vc.Fixed(0, 0), vc.Fixed(1, 1)
     assert not touchable(formulate(vc.Problem(lambda x, y, v: v**2, *ends, [slopes])))
     assert not touchable(formulate(vc.Problem(lambda x, y, v: v**2, *ends)))
+
+
+@pytest.mark.parametrize("width", [1e-1, 3e-3, 1e-4])
+@pytest.mark.parametrize("centre", [0.3, 0.6180339887])
+def test_a_string_over_a_post_touches_both_its_corners(width, centre):
+    # straight to one corner, along the top, straight on
+    bound = vc.Bound(lambda x, y, v: y - ca.if_else(ca.fabs(x - centre) <= width, 1.0, -1.0), lower=0)
+    solution = vc.solve(vc.Problem(lambda x, y, v: v**2, vc.Fixed(0, 0.1), vc.Fixed(1, 0.2), [bound]))
+    assert solution.value == pytest.approx(0.9**2 / (centre - width) + 0.8**2 / (1 - centre - width), rel=1e-10)
+
+
+@pytest.mark.parametrize("width", [1e-1, 1e-2, 1e-3])
+def test_a_string_over_a_narrow_cap_follows_it(width):
+    # over 2 - ((x - c)/w)^2 with both ends at 0: tangents of slope s from a distance t = s w^2/2 either side of its top
+    c = 0.5
+    t = c - math.sqrt(c**2 - 2 * width**2)
+    height, slope = 2 - (t / width) ** 2, 2 * t / width**2
+    assert height == pytest.approx(slope * (c - t), rel=1e-9)
+    bound = vc.Bound(lambda x, y, v: y - 2 + ((x - c) / width) ** 2, lower=0)
+    solution = vc.solve(vc.Problem(lambda x, y, v: v**2, vc.Fixed(0, 0), vc.Fixed(1, 0), [bound]))
+    value = 2 * (height**2 / (c - t) + 4 * t**3 / (3 * width**4))
+    assert solution.value == pytest.approx(value, rel=1e-10)

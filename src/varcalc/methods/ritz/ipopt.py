@@ -35,6 +35,8 @@ FINISHED = ("Search_Direction_Becomes_Too_Small", "Maximum_Iterations_Exceeded",
 """Ends at which round-off, not the point, may be what stopped IPOPT."""
 STATIONARY = 1e-8
 """Infeasibilities, primal and dual in IPOPT's own scaling, below which such an end is a minimum."""
+BESIDE = 64 * float(np.finfo(float).eps)
+"""Distance from a vertex, relative to the abscissae, at which a condition is asked on either side of it."""
 FLAT = 1e-12
 """Relative size of an ordinate or slope that is round-off."""
 
@@ -168,7 +170,14 @@ def _scales(system: RitzSystem, z: np.ndarray) -> np.ndarray:
     for a in range(system.n):
         column[system.space.numbers[:, :, a].ravel()] = values[a]
     unknowns = np.abs(system.unknowns(z))
-    return np.concatenate([column[system.free], np.where(unknowns > 0, unknowns, 1.0)])
+    unknowns = np.where(unknowns > 0, unknowns, 1.0)
+    if corners := system.form.coordinates.corners:  # they move by shares of the pieces between them
+        places = system.unknowns(z)[-corners:]
+        order = np.argsort(places)
+        pieces = np.diff(np.concatenate([system.space.vertices[:1], places[order], system.space.vertices[-1:]]))
+        shorter = np.minimum(pieces[1:], pieces[:-1])[np.argsort(order)]
+        unknowns[-corners:] = np.where(shorter > 0, shorter, unknowns[-corners:])
+    return np.concatenate([column[system.free], unknowns])
 
 
 def _arguments(system: RitzSystem, w: Any, scale: np.ndarray, points: np.ndarray | None) -> list[Any]:
@@ -235,7 +244,7 @@ def _program(system: RitzSystem, z: np.ndarray, scale: np.ndarray) -> tuple[_Pro
         _add_ends(system, program, scale, z / scale)
     nodes = lobatto(system.space.degree)
     if form.conditions.pathwise:
-        _add_pathwise(system, program, scale, nodes, at_gauss, sizes)
+        _add_pathwise(system, program, scale, nodes, at_gauss, sizes, z / scale)
     return program, nodes
 
 
@@ -273,6 +282,7 @@ def _add_pathwise(
     nodes: np.ndarray,
     at_gauss: list[Any],
     sizes: _Sizes,
+    start: np.ndarray,
 ) -> None:
     """Pathwise conditions, left out where the fixed ends already decide them."""
     form = system.form
@@ -292,10 +302,28 @@ def _add_pathwise(
             kept = np.repeat(elements, len(nodes) - 2)
             program.add("nodes", condition.index, rows(inner, kept), bounds, size, elements)
         if corners.any() and (condition.equality or _free_of_slopes(system, condition)):
-            program.add("vertices", condition.index, rows(vertices, corners), bounds, size, elements)
+            beside = [_beside(system, vertices, side) for side in (-1, 1)]
+            jumping = corners.copy()
+            jumping[corners] = _differ([rows(side, corners) for side in beside], program.w, start, FLAT * size)
+            # a bound that jumps there is kept on both sides
+            for arguments, kept in ((vertices, corners & ~jumping), *((side, jumping) for side in beside)):
+                if kept.any():
+                    program.add("vertices", condition.index, rows(arguments, kept), bounds, size, elements)
         if not condition.equality:
             kept = np.repeat(elements, system.count)
             program.add("gauss", condition.index, rows(at_gauss, kept), bounds, size, elements)
+
+
+def _beside(system: RitzSystem, vertices: list[Any], side: int) -> list[Any]:
+    """The arguments at vertices with abscissae just beside them, where what jumps has the value of that side."""
+    ends = system.space.vertices[[0, -1]]
+    return [vertices[0] + side * BESIDE * float(max(np.abs(ends).max(), np.ptp(ends))), *vertices[1:]]
+
+
+def _differ(sides: list[Any], w: Any, start: np.ndarray, least: float) -> np.ndarray:
+    """Where two rows differ at the start by more than the ``least``."""
+    before, after = ca.substitute(sides, [w], [ca.MX(ca.DM(start))])
+    return np.asarray(ca.evalf(ca.fabs(after - before))).ravel() > least
 
 
 def _asked(system: RitzSystem, condition: SideCondition) -> tuple[np.ndarray, np.ndarray]:

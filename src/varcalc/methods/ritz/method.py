@@ -44,6 +44,8 @@ SPLIT_DEGREE = 16
 """Degree kept while elements are bisected."""
 COARSE, COARSE_DEGREE = 16, 4
 """Elements and degree of the mesh on which contacts with a bound are looked for."""
+UNSEEN, ROUGHLY = 1e-3, 1e-6
+"""Relative error of that mesh from which on contacts may be narrower than it, and the tolerance that shows them."""
 TOUCHING_DEGREE = 6
 """The same where the curve may touch a bound: its curvature jumps there, and high degrees do not help."""
 STALLED = 0.05
@@ -127,6 +129,14 @@ class Ritz(Brief):
         started = time.perf_counter()
         coarse = replace(self, elements=max(COARSE, self.elements), degree=COARSE_DEGREE, refine=False)
         first = _Climb(coarse, form, tol).run(guess)
+        solution = self._held(form, first, started, tol)
+        if solution is None and first.error.value > UNSEEN * abs(first.value):  # what is touched is narrower than that
+            first = _Climb(self, form, ROUGHLY).run(guess)
+            solution = self._held(form, first, started, tol)
+        return solution
+
+    def _held(self, form: Form, first: Solution, started: float, tol: float) -> Solution | None:
+        """The answer with the contacts of a ``first`` one as equations; None where it does not count."""
         found = touching(form, first)
         if found is None:
             return None

@@ -20,6 +20,7 @@ import numpy as np
 
 from varcalc.formulation import Contact, Form, Sampled, SideCondition, broken_form
 from varcalc.methods.answer import Extremal
+from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
@@ -27,6 +28,8 @@ from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import PointEvaluator
 
 SAMPLES = 2001
+AN_ELEMENT = 64
+"""Abscissae an element at which contacts are looked for, where that is closer."""
 TOUCHING = 1e-4
 """Distance from a bound, in units of its range along the curve, at which a coarse curve touches it."""
 ROUGH = 1e-2
@@ -45,7 +48,8 @@ def touchable(form: Form) -> bool:
     problem = form.problem
     plain = isinstance(problem, Problem) and problem.n == 1 and problem.order == 1 and not form.stated.is_lifted
     levels = all(c.equality for c in form.conditions.integrals)
-    if not (plain and levels) or form.conditions.knots or form.ends.joint is not None:
+    # marks of what lies between the points are no breakpoints of the problem's
+    if not (plain and levels) or breaks(problem) or form.conditions.waypoints or form.ends.joint is not None:
         return False
     bounds = all(isinstance(problem.constraints[c.index], Bound) for c in form.conditions.pathwise)
     slope = form.symbols.dy
@@ -68,7 +72,9 @@ class Touching:
         """Whether the bounds hold everywhere, and press the right way where they are touched."""
         if solution.curve is None:
             return False
-        x = np.linspace(*self.plain.span, SAMPLES)
+        # as closely as the bound is seen, in units of its contacts too
+        close = [np.linspace(c.start - (c.end - c.start), c.end + (c.end - c.start), SAMPLES) for c in self.contacts]
+        x = np.clip(np.concatenate([np.linspace(*self.plain.span, SAMPLES), *close]), *self.plain.span)
         curve = solution.curve
         for condition in self.plain.conditions.pathwise:
             values = _along(self.plain, condition, lambda x: curve(x, 0), x)
@@ -111,8 +117,10 @@ def touching(form: Form, coarse: Solution) -> Touching | None:
     """The contacts that a coarse solution shows, as a form of their own; None when there are none to speak of."""
     if coarse.curve is None or not isinstance(form.problem, Problem):
         return None
-    curve = coarse.curve
-    x = np.linspace(*form.span, SAMPLES)
+    curve, vertices = coarse.curve, coarse.x
+    # a mesh that was marked is fine where the bound is narrow
+    within = (vertices[:-1, None] + np.diff(vertices)[:, None] * (np.arange(AN_ELEMENT) / AN_ELEMENT)).ravel()
+    x = np.union1d(np.linspace(*form.span, SAMPLES), within)
     contacts: list[Contact] = []
     for condition in form.conditions.pathwise:
         values = _along(form, condition, lambda x: curve(x, 0), x)
