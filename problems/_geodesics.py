@@ -99,7 +99,7 @@ def distances(start: Any, end: Any, spheroid: Mapping[str, float], cores: int = 
 
     >>> from varcalc.problems.spheroid import EARTH, distances
     >>> distances([[0.7, 0.0]], [[0.75, 1.8]], EARTH).lengths.round(3).tolist()
-    [7957078.837]
+    [8006550.374]
     """
     points = _checked(start), _checked(end)
     if points[0].shape != points[1].shape:

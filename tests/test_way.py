@@ -65,7 +65,7 @@ def verified(problem):
 @pytest.mark.parametrize(
     ("name", "prepared", "most"),
     [
-        ("solve, a plain problem", lambda: solved(film()), 38),
+        ("solve, a plain problem", lambda: solved(film()), 41),
         ("solve, a singular end", lambda: solved(descent()), 39),
         ("verify", lambda: verified(film()), 36),
         ("rays", rays, 48),

@@ -1,5 +1,7 @@
 """The initial-value engines against closed forms: the same questions put to each."""
 
+import importlib.util
+
 import casadi as ca
 import mpmath
 import numpy as np
@@ -122,9 +124,9 @@ def test_on_demand_goes_over_to_taylor_when_that_pays():
 def test_engines_are_chosen_by_what_is_installed(monkeypatch):
     assert integrators.available() == (Taylor(), Dop853())
     assert integrators.default() == OnDemand()
-    monkeypatch.setattr(integrators.importlib.util, "find_spec", lambda name: None if name == "heyoka" else object())
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "heyoka" else object())
     assert integrators.default() == Dop853()
-    monkeypatch.setattr(integrators.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     with pytest.raises(ImportError, match="install scipy"):
         integrators.default()
 

@@ -89,9 +89,9 @@ def test_pictures_name_their_axes(name):
     first = moved.names[0]
     assert left.get_xlabel() == "t (s)"
     if len(moved.names) > 1:
-        assert (right.get_xlabel(), right.get_ylabel()) == (f"{first} (m)", f"{moved.names[1]} (rad)")
+        assert (right.get_xlabel(), right.get_ylabel()) == (f"{first} (m)", r"$\theta$ (rad)")
     else:
-        assert (right.get_xlabel(), right.get_ylabel()) == (f"{first} (rad)", f"d{first}/dt (rad/s)")
+        assert (right.get_xlabel(), right.get_ylabel()) == (r"$\theta$ (rad)", r"$d\theta/dt$ (rad/s)")
 
 
 def test_units_are_one_a_coordinate():
@@ -105,7 +105,7 @@ def test_a_section_and_a_map_are_drawn_where_they_are_asked_for():
     assert isinstance(section, mechanics.Section)
     few = replace(section, q0=section.q0[:3], v0=section.v0[:3], most=20)
     _, right = motion_picture(replace(asked, checks={}, beside=few).run()).axes
-    assert (right.get_xlabel(), right.get_ylabel()) == ("y", "dy/dt")
+    assert (right.get_xlabel(), right.get_ylabel()) == ("y", "$dy/dt$")
     assert [len(line.get_xdata()) for line in right.lines] == [20] * 3
     asked = load_experiment("double_pendulum")
     flights = asked.beside
@@ -118,7 +118,7 @@ def test_a_section_and_a_map_are_drawn_where_they_are_asked_for():
     assert times[0, 0] == pytest.approx(times[0, 2], rel=1e-9)  # the mirrored motion
     _, right, bar = motion_picture(moved).axes
     assert (right.get_xlabel(), bar.get_ylabel()) == (
-        "theta1 (rad) at rest",
+        r"$\theta_{1}$ (rad) at rest",
         "time to the lower rod upright (s)",
     )
 

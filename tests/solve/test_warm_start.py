@@ -1,6 +1,7 @@
 """Neighbouring parameter values: as right as solves of their own, and what is in doubt is left to those."""
 
 import math
+import sys
 
 import casadi as ca
 import numpy as np
@@ -107,7 +108,7 @@ def counted(monkeypatch):
         solves.append(problem.parameters)
         return original(problem, method, **options)
 
-    monkeypatch.setattr("varcalc.solve.row.solve", watched)
+    monkeypatch.setattr(sys.modules["varcalc.solve.row"], "solve", watched)
     return solves
 
 

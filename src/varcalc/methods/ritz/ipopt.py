@@ -301,10 +301,12 @@ def _add_pathwise(
         if len(nodes) > 2:
             kept = np.repeat(elements, len(nodes) - 2)
             program.add("nodes", condition.index, rows(inner, kept), bounds, size, elements)
-        if corners.any() and (condition.equality or _free_of_slopes(system, condition)):
+        of_place = _free_of_slopes(system, condition)
+        if corners.any() and (condition.equality or of_place):
             beside = [_beside(system, vertices, side) for side in (-1, 1)]
-            jumping = corners.copy()
-            jumping[corners] = _differ([rows(side, corners) for side in beside], program.w, start, FLAT * size)
+            jumping = corners & of_place  # the slope at a vertex is that of one side only
+            if jumping.any():
+                jumping[corners] = _differ([rows(side, corners) for side in beside], program.w, start, FLAT * size)
             # a bound that jumps there is kept on both sides
             for arguments, kept in ((vertices, corners & ~jumping), *((side, jumping) for side in beside)):
                 if kept.any():

@@ -94,7 +94,8 @@ class Fan:
         beam, status, alive = self.propagator.into_last_medium(beam, self.bounds.path[source])
         self.ends.update(RayStatus(int(code)) for code in status[~alive])
         self.entered += int(np.sum(alive))
-        return beam.known(alive)
+        # one that touches a surface without going through it parts its neighbours: it is the edge of those that come in
+        return beam.known(alive & np.all(np.isfinite(beam.moved), axis=(1, 2)))
 
     def at(self, source: np.ndarray, angles: np.ndarray, sigma: np.ndarray, path: np.ndarray) -> Beam:
         """The rays (m,) at ``angles``, ``sigma`` behind the last surface; ``path`` is their optical path there, about.
