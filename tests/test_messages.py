@@ -62,7 +62,7 @@ WRITTEN_WRONGLY = [
     (lambda: with_g(lambda x, y, dy, g: g * dy**2), "written p.g"),
     (lambda: of_ends(length, params={"g": 1}), "Problem has no argument 'params'; did you mean 'parameters'?"),
     (lambda: of_ends(length, parameters=9.81), "parameters must be a mapping .* write {'g': 9.81}"),
-    (lambda: of_ends(length, g=9.81), "Problem has no argument 'g'; it takes lagrangian, start, end, .* and name"),
+    (lambda: of_ends(length, g=9.81), "Problem has no argument 'g'; it takes lagrangian, start, end, .*, name"),
     (lambda: SPRING.with_parameters(k=2), "give a mapping from names to values: values={'k': 2}"),
     (lambda: SPRING.with_parameters({"K": 2}), "it has .'k'.; did you mean 'k'?"),
     # formulas

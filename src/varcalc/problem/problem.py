@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -81,7 +81,11 @@ class Problem(Functional):
         show the curve on its surface, as is fit for a geodesic.
     """
 
-    written = ("x", "y"), ("dy", "ddy"), ("x0", "y0", "x1", "y1")
+    written: ClassVar[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = (
+        ("x", "y"),
+        ("dy", "ddy"),
+        ("x0", "y0", "x1", "y1"),
+    )
     slide_takes = "phi takes x and y, never p"
     slide_idle = "depends neither on x nor on y, so phi = 0 is no curve to slide on"
 
@@ -276,7 +280,7 @@ class Curve(Functional):
     Raises ValueError when ``F`` is not homogeneous of degree one.
     """
 
-    written = ("q",), ("dq",), ("q0", "q1")
+    written: ClassVar[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = ("q",), ("dq",), ("q0", "q1")
     slide_takes = "phi takes q, never p"
     slide_idle = "does not depend on q, so phi = 0 is no surface to slide on"
 

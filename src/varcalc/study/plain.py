@@ -72,19 +72,28 @@ class PlainProblem:
 
     def __init__(self, reference: Reference) -> None:
         problem = reference.problem
-        self.problem, self.name, self.sentence = problem, reference.name, reference.statement
-        self.is_curve, self.n, self.order = isinstance(problem, Curve), problem.n, problem.order
-        self.maximise, self.interval = problem.maximise, (float(problem.span[0]), float(problem.span[1]))
+        self.problem: Problem | Curve = problem
+        self.name: str = reference.name
+        self.sentence: str = reference.statement
+        self.is_curve: bool = isinstance(problem, Curve)
+        self.n: int = problem.n
+        self.order: int = problem.order
+        self.maximise: bool = problem.maximise
+        self.interval: tuple[float, float] = float(problem.span[0]), float(problem.span[1])
         self.parameters: Mapping[str, float] = dict(problem.parameters)
         self.unknowns: Mapping[str, float] = dict(problem.unknowns)
-        self.breakpoints = tuple(problem.breakpoints)
-        self.start, self.end = (self._end(label) for label in ("start", "end"))
+        self.breakpoints: tuple[float, ...] = tuple(problem.breakpoints)
+        self.start: PlainEnd = self._end("start")
+        self.end: PlainEnd = self._end("end")
         of = [(t.constraint, t.expression) for t in problem.traced]
-        self.levels = tuple(self._limited(c, e) for c, e in of if isinstance(c, Isoperimetric))
-        self.bounds = tuple(self._limited(c, e) for c, e in of if isinstance(c, Bound))
-        self.held = tuple(self._along([e])[0] for c, e in of if isinstance(c, Holonomic))
-        self.waypoints = tuple((float(c.x), np.atleast_1d(c.values)) for c in problem.of_type(Through))
-        self.end_cost = self._end_cost()
+        self.levels: tuple[Limited, ...] = tuple(self._limited(c, e) for c, e in of if isinstance(c, Isoperimetric))
+        self.bounds: tuple[Limited, ...] = tuple(self._limited(c, e) for c, e in of if isinstance(c, Bound))
+        self.held: tuple[Along, ...] = tuple(self._along([e])[0] for c, e in of if isinstance(c, Holonomic))
+        places = problem.of_type(Through)
+        self.waypoints: tuple[tuple[float, np.ndarray], ...] = tuple(
+            (float(c.x), np.atleast_1d(c.values)) for c in places
+        )
+        self.end_cost: Callable[..., float] | None = self._end_cost()
 
     @cached_property
     def lagrangian(self) -> Along:
