@@ -107,6 +107,12 @@ def on_sphere(x, y):
     return ca.sin(x) * ca.cos(y), ca.sin(x) * ca.sin(y), ca.cos(x)
 
 
+MATHIEU = mechanics.System(
+    lambda t, q, v, p: (v[0] ** 2 - (p.a - 2 * p.q * ca.cos(2 * t)) * q[0] ** 2) / 2, ("x",),
+    parameters={"a": 0.0, "q": 0.5},
+)  # fmt: skip
+
+
 @cache
 def made():
     """One of each kind of result."""
@@ -139,6 +145,11 @@ def made():
         "equilibria": PENDULUM.equilibria([-1], [4]), "hamiltonian": PENDULUM.hamiltonian(),
         "diagnosis": vc.diagnose(vc.Problem(lambda x, y, dy: y * dy, vc.Fixed(0, 0), vc.Free(1))),
         "scattering": mechanics.Scattering(lambda r: 1 / r, 2.0),
+        "turning": mechanics.RigidBody([1.0, 2.0, 2.5]).motion((1, 0, 0, 0), (1, 0, 1), (0, 3)),
+        "stability": mechanics.stability_chart(
+            MATHIEU, [0.0], np.pi, {"a": np.linspace(-1, 2, 20), "q": np.linspace(0, 1, 10)}
+        ),
+        "growth": mechanics.stability_chart(MATHIEU, [0.0], np.pi, {"a": np.linspace(-1, 2, 20)}),
         "body": mechanics.RigidBody([1.0, 2.0, 2.5], name="plate"), "event": PENDULUM, "scene": GLASS,
         "orbits": PENDULUM.closed_orbits(3.0), "symmetry": mechanics.Returns(np.array([[-1.0]])),
         "tube": rays[0].tube, "study": optics.Study(SEA, optics.PointSource((0, 0)), [(1, 1)], 0.4).run(),
@@ -148,6 +159,7 @@ def made():
 PLOTTED = (
     "solution", "extremals", "found", "in space", "on a surface", "several functions", "comparison", "branch", "sweep",
     "map", "rays", "ray", "through glass", "bundle", "motion", "ensemble", "study",
+    "scattering", "turning", "stability", "growth",
 )  # fmt: skip
 
 

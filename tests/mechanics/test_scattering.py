@@ -41,6 +41,41 @@ def test_the_derivative_by_the_impact_parameter():
     assert found.slope == pytest.approx(float((above - below) / (2 * step)), rel=1e-12)
 
 
+@pytest.mark.parametrize("beside", [-1e-12, -1e-9, 1e-9, 1e-12])
+def test_next_to_an_orbit_that_goes_round_no_digits_are_lost(beside):
+    """Quadrature in many digits, cut at the circle that it all but stays on."""
+    energy = mp.mpf("0.5")
+    with mp.workdps(40):
+        circle = mp.findroot(lambda r: mp.diff(lambda u: u**2 * (1 - lennard_jones(u) / energy), r), 1.53)
+        round_for_ever = circle * mp.sqrt(1 - lennard_jones(circle) / energy)
+        impact = float(round_for_ever * (1 + mp.mpf(beside)))
+        b, near = mp.mpf(impact), circle * (1 + 3 * mp.sqrt(abs(beside))) if beside > 0 else mp.mpf("1.1103")
+        closest = mp.findroot(lambda r: r**2 * (1 - lennard_jones(r) / energy) - b**2, near)
+
+        def left(r):
+            return 1 - lennard_jones(r) / energy - (b / r) ** 2
+
+        steep = mp.diff(left, closest)
+
+        def share(x):  # r = closest/(1 - x^2)
+            squared = left(closest / (1 - x**2)) / x**2 if x > 1e-12 else closest * steep
+            return 2 * b / (closest * mp.sqrt(squared))
+
+        at = mp.sqrt(1 - closest / circle) if circle > closest else mp.mpf(0)
+        cuts = sorted({mp.mpf(0), at, mp.mpf("0.75"), mp.mpf(1)})
+        exact = mp.pi - 2 * mp.quad(share, cuts, maxdegree=12)
+    found = mechanics.Scattering(lennard_jones, 0.5).deflection(impact)
+    # where it goes round for ever is known to round-off, and by that the angle next to it
+    room = 4 * np.finfo(float).eps / abs(beside) + 1e-6
+    assert abs(found.angle - float(exact)) <= room
+
+
+def test_the_cross_section_at_an_angle_does_not_depend_on_what_else_is_asked():
+    scattering = mechanics.Scattering(lennard_jones, 0.5)
+    several = scattering.cross_section(np.linspace(0.1, 3.0, 9))
+    assert several[0] == pytest.approx(float(scattering.cross_section(0.1)), rel=1e-14)
+
+
 def test_the_rainbow_of_lennard_jones_is_that_of_an_independent_root():
     energy = 2.0
     (rainbow,) = mechanics.Scattering(lennard_jones, energy).rainbows

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import singledispatch
+from typing import Any
 
 from matplotlib.figure import Figure
 
@@ -11,8 +13,11 @@ from varcalc.charts.curves import branch_drawing, extremals_drawing, solution_dr
 from varcalc.charts.drawing import drawing_picture
 from varcalc.charts.motion import closed_orbit_picture, ensemble_drawing, motion_of_picture, motion_picture
 from varcalc.charts.rays import bundle_picture, found_rays_picture, range_picture, ray_picture, rays_picture
+from varcalc.charts.rigid import rigid_drawing
+from varcalc.charts.scattering import scattering_drawing
 from varcalc.charts.spread import work_precision_picture
-from varcalc.mechanics import ClosedOrbit, Ensemble, Motion, Moved
+from varcalc.charts.stability import stability_drawing
+from varcalc.mechanics import ClosedOrbit, Ensemble, Motion, Moved, RigidMotion, Scattering, StabilityChart
 from varcalc.optics import Bundle, RangeChart, Ray, Rays, Seen
 from varcalc.search import Branch, Extremals
 from varcalc.solution import Solution
@@ -31,32 +36,9 @@ def picture(shown: object) -> Figure:
     raise TypeError(f"there is no picture of a {type(shown).__name__}")
 
 
-def _of_solution(shown: Solution) -> Figure:
-    return drawing_picture(solution_drawing(shown))
-
-
-def _of_extremals(shown: Extremals) -> Figure:
-    return drawing_picture(extremals_drawing(shown))
-
-
-def _of_branch(shown: Branch) -> Figure:
-    return drawing_picture(branch_drawing(shown))
-
-
-def _of_sweep(shown: Sweep) -> Figure:
-    return drawing_picture(sweep_drawing(shown))
-
-
-def _of_ensemble(shown: Ensemble) -> Figure:
-    return drawing_picture(ensemble_drawing(shown))
-
-
-def _of_comparison(shown: Comparison) -> Figure:
-    return comparison_picture(shown)
-
-
-def _of_range(shown: RangeChart) -> Figure:
-    return range_picture(shown)
+def _drawn(drawing: Callable[[Any], Drawing]) -> Callable[[Any], Figure]:
+    """The picture of what ``drawing`` makes panels of."""
+    return lambda shown: drawing_picture(drawing(shown))
 
 
 def _of_measurements(shown: WorkPrecision) -> Figure:
@@ -64,9 +46,11 @@ def _of_measurements(shown: WorkPrecision) -> Figure:
 
 
 for kind, draw in {
-    Drawing: drawing_picture, Solution: _of_solution, Extremals: _of_extremals, Branch: _of_branch, Sweep: _of_sweep,
-    Comparison: _of_comparison, WorkPrecision: _of_measurements, Motion: motion_of_picture, Moved: motion_picture,
-    ClosedOrbit: closed_orbit_picture, Ensemble: _of_ensemble, Ray: ray_picture, Rays: found_rays_picture,
-    Bundle: bundle_picture, Seen: rays_picture, RangeChart: _of_range,
+    Drawing: drawing_picture, Solution: _drawn(solution_drawing), Extremals: _drawn(extremals_drawing),
+    Branch: _drawn(branch_drawing), Sweep: _drawn(sweep_drawing), Comparison: comparison_picture,
+    WorkPrecision: _of_measurements, Motion: motion_of_picture, Moved: motion_picture,
+    ClosedOrbit: closed_orbit_picture, Ensemble: _drawn(ensemble_drawing), RigidMotion: _drawn(rigid_drawing),
+    Scattering: _drawn(scattering_drawing), StabilityChart: _drawn(stability_drawing), Ray: ray_picture,
+    Rays: found_rays_picture, Bundle: bundle_picture, Seen: rays_picture, RangeChart: range_picture,
 }.items():  # fmt: skip
     picture.register(kind, draw)

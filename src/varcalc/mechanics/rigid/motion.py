@@ -11,12 +11,12 @@ import numpy as np
 from varcalc.integrators.protocol import Outcome
 from varcalc.mechanics.rigid.rotations import EulerAngles, rotation_matrix
 from varcalc.problem.conditions import reals
-from varcalc.showing import Shown
+from varcalc.showing import Plotted
 from varcalc.symbolic.evaluation import PointEvaluator
 
 
 @dataclass(frozen=True, repr=False)
-class RigidMotion(Shown):
+class RigidMotion(Plotted):
     """The motion of a rigid body from ``span[0]`` to ``span[1]``, known at every time between.
 
     ``error`` bounds, in radians, the angle by which the orientation is off anywhere, as the difference from a motion

@@ -13,6 +13,8 @@ from varcalc.showing import Shown
 
 DEEPEST = 34.0
 """Of |ln|: e^-34 is the round-off of what is next to an end."""
+APART = 64 * float(np.finfo(float).eps)
+"""Of an impact parameter: nearer to one at which the angle diverges or jumps round-off decides on which side it is."""
 FARTHEST = 1e-12
 """Radians: impact parameters at which an orbit is deflected by less are not looked at."""
 FIRST, ROUNDS = 64, 10
@@ -98,8 +100,12 @@ class Branches:
         start = self.z[cell, 0] + share * (self.z[cell, 1] - self.z[cell, 0])
 
         def left(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            angle, slope = self.angles(interval, z)
-            return way * (angle - wanted), way * slope
+            impact, rate = self._impacts(interval, z)
+            found = self.deflecting(impact)
+            off = found.angle - wanted
+            # next to what orbits, neighbouring impact parameters are far apart in z, and in angle
+            met = np.abs(off) <= np.spacing(impact) * np.abs(found.slope)
+            return np.where(met, 0.0, way * off), way * found.slope * rate
 
         if len(cell) == 0:
             return number, start, start
@@ -178,7 +184,8 @@ class _Sampled:
     @classmethod
     def _at(cls, deflecting: Deflecting, interval: Interval, z: np.ndarray) -> _Sampled:
         impact, rate = interval.impact(z)
-        inside = (impact > interval.low) & (impact < interval.high)
+        room = APART * impact
+        inside = (impact - interval.low > (room if interval.low > 0 else 0.0)) & (interval.high - impact > room)
         found = deflecting(impact[inside])
         good = np.isfinite(found.angle) & np.isfinite(found.slope)
         return cls(deflecting, interval, z[inside][good], found.angle[good], (found.slope * rate[inside])[good])

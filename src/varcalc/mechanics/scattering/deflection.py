@@ -16,6 +16,8 @@ from varcalc.numerics.roots import bracketed_newton
 from varcalc.showing import Brief, Shown
 
 ROUND_OFF = float(np.finfo(float).eps)
+NEXT_TO_ORBITING = 1e-8
+"""Of the impact parameter at which an orbit goes round: nearer, round-off takes more than the logarithm leaves out."""
 SAME = 8 * ROUND_OFF
 """Of the square of an impact parameter: one that is so near to an orbiting one goes round for ever."""
 BESIDE = 1 - 1e-6
@@ -146,6 +148,30 @@ class Inwards:
 
     def followed(self) -> Deflections:
         """What becomes of them."""
+        found = self._through()
+        for orbiting in self.round:
+            for side in (-1, 1):
+                self._beside(orbiting, side, found)
+        return found
+
+    def _beside(self, orbiting: Orbiting, side: int, found: Deflections) -> None:
+        """Writes the angles next to an orbit that goes round by its logarithm: quadrature has lost their digits."""
+        off = self.impact - orbiting.impact
+        near = (side * off > 0) & (np.abs(off) < NEXT_TO_ORBITING * orbiting.impact)
+        near &= found.outcomes != ScatteringOutcome.ORBITING
+        if not np.any(near):
+            return
+        farther = orbiting.impact * (1 + side * NEXT_TO_ORBITING)
+        anchor = Inwards(self.approaches, (), np.array([farther])).followed()
+        apart = farther - orbiting.impact
+        passed = np.rint(anchor.slope[0] * apart / orbiting.logarithm)  # in and out over it, or up to it and back
+        if anchor.outcomes[0] is not ScatteringOutcome.DEFLECTED:
+            return
+        found.angle[near] = anchor.angle[0] + passed * orbiting.logarithm * np.log(off[near] / apart)
+        found.slope[near] = passed * orbiting.logarithm / off[near]
+        found.outcomes[near] = ScatteringOutcome.DEFLECTED
+
+    def _through(self) -> Deflections:
         m = len(self.impact)
         total = BentAngles(np.zeros(m), np.zeros(m), np.zeros(m))
         closest, outcomes = np.zeros(m), np.full(m, ScatteringOutcome.CAPTURED)

@@ -22,7 +22,7 @@ from varcalc.mechanics.scattering.deflection import (
 )
 from varcalc.mechanics.scattering.pieces import radial_pieces
 from varcalc.problem.conditions import reals
-from varcalc.showing import Brief, Fact, Shown, line
+from varcalc.showing import Brief, Fact, Plotted, line
 from varcalc.spelling import spelled
 
 VANISHED = 1e-12
@@ -48,7 +48,7 @@ class Glory(Brief):
 
 
 @spelled
-class Scattering(Shown):
+class Scattering(Plotted):
     """Particles of one energy, or one of two about their centre of mass, scattered by a central potential.
 
     What is deflected by what angle depends on the potential in units of the energy alone (Brizard, "An Introduction
@@ -168,7 +168,8 @@ class Scattering(Shown):
         mine = whose[order][number]
         with np.errstate(divide="ignore"):
             parts = impact / (np.sin(flat[mine]) * np.abs(slope))
-        return np.bincount(mine, parts, minlength=len(flat)).reshape(wanted.shape)[()]
+        # of nothing at all bincount makes whole numbers
+        return np.bincount(mine, parts, minlength=len(flat)).astype(float).reshape(wanted.shape)[()]
 
     @cached_property
     def total_cross_section(self) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from varcalc.mechanics.stability.crossing import Crossing, passings
 from varcalc.mechanics.stability.surface import Surface
 from varcalc.mechanics.system import System
-from varcalc.showing import Shown
+from varcalc.showing import Plotted, Shown
 from varcalc.spelling import spelled
 
 CHECKED = 5
@@ -37,7 +37,7 @@ class Boundaries(Shown):
 
 
 @dataclass(frozen=True, repr=False)
-class StabilityChart(Shown):
+class StabilityChart(Plotted):
     """Growth of small motions over parameters: ``growth`` (m, k) over ``first`` (m,) and ``second`` (k,) values.
 
     ``growth`` is ln|largest multiplier|/period, the rate at which motions part at most, known to ``error`` (m, k);
