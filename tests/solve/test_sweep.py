@@ -1,5 +1,6 @@
 """Sweeps: every point right, failures kept, and nothing lost when one ends early."""
 
+import json
 import math
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -198,8 +199,54 @@ def test_a_line_that_was_cut_short_is_dropped_with_a_note_and_a_damaged_one_refu
     np.testing.assert_allclose(again.values, whole.values, rtol=1e-12)
     assert vc.Sweep.load(store) == again
     store.write_text(text.replace('"status"', '"state"', 1), encoding="utf-8")
-    with pytest.raises(ValueError, match="is no store of this sweep \\(line 2: state is no field of a point\\)"):
+    with pytest.raises(ValueError, match="is no store of this sweep \\(line 2: a point has no state\\)"):
         vc.sweep(spring(), {"k": [1.0, 2.0]}, store=store)
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("[1, 2]", "at must be a list of 1 whole numbers, not None"),
+        ("[" * 100_000, "nested too deeply"),
+        ({"at": [7]}, r"at = \[7\] lies outside the grid, which has 2 points"),
+        ({"at": [True]}, r"at must be a list of 1 whole numbers, not \[True\]"),
+        ({"values": [5.0]}, r"values = \[5.0\] are not those of the grid there, \[1.0\]"),
+        ({"values": [float("nan")]}, "NaN is no number"),
+        ({"status": "fine"}, "status must be one of solved, .*, not 'fine'"),
+        ({"value": None}, "a point that is solved has a value"),
+        ({"status": "refused"}, "a point that is refused has no value"),
+        ({"value": "3"}, "value must be a number or null, not '3'"),
+        ({"claimed_error": -1.0}, "claimed_error must be a number that is not negative, or null"),
+        ({"message": 5}, "message must be words, not 5"),
+        ({"lower": "low"}, "lower must be a number, null or"),
+    ],
+)
+def test_a_line_that_no_sweep_writes_is_refused_with_its_number_and_the_reason(tmp_path, line, told):
+    store = tmp_path / "sweep.jsonl"
+    vc.sweep(spring(), {"k": [1.0, 2.0]}, store=store)
+    head, first, *_ = store.read_text(encoding="utf-8").splitlines()
+    written = line if isinstance(line, str) else json.dumps(json.loads(first) | line)
+    store.write_text(f"{head}\n{written}\n", encoding="utf-8")
+    for reader in (vc.Sweep.load, lambda path: vc.sweep(spring(), {"k": [1.0, 2.0]}, store=path)):
+        with pytest.raises(ValueError, match=rf"is no store of this sweep \(line 2: .*{told}"):
+            reader(store)
+
+
+@pytest.mark.parametrize(
+    ("part", "told"),
+    [
+        ({"grid": {}}, "grid must map names to values"), ({"grid": {"k": "12"}}, r"grid\['k'\] must be a sequence"),
+        ({"paired": 1}, "paired must be true or false, not 1"), ({"units": {"k": 2}}, "units must be units by"),
+        ({"tol": "fine"}, "tol must be a number, not 'fine'"), ({"problem": None}, "problem must be what tells it"),
+    ],
+)  # fmt: skip
+def test_a_first_line_that_no_sweep_writes_is_refused_with_the_reason(tmp_path, part, told):
+    store = tmp_path / "sweep.jsonl"
+    vc.sweep(spring(), {"k": [1.0, 2.0]}, store=store)
+    head, *rest = store.read_text(encoding="utf-8").splitlines()
+    store.write_text("\n".join([json.dumps(json.loads(head) | part), *rest, ""]), encoding="utf-8")
+    with pytest.raises(ValueError, match=rf"\(line 1: {told}"):
+        vc.Sweep.load(store)
 
 
 def test_what_lies_infinitely_low_is_stored(tmp_path):

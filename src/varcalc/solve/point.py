@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from varcalc.showing import Shown
+from varcalc.showing import Shown, brief
 from varcalc.solution import Solution, Status
 
 FAILED = "failed"
@@ -16,8 +16,32 @@ NUMBERS = ("value", "claimed_error", "lower")
 """The fields of a point that are a number or None."""
 MISSING = "missing"
 """The status of a point that a store does not hold yet."""
+ANSWERS = {status.words: status.ok for status in Status} | {FAILED: False}
+"""The words that a store has for what became of a point, and whether such a point has an answer."""
 BROKEN_POINT = (ValueError, ArithmeticError, LookupError, RuntimeError)
 """What is raised where values allow no problem, or its functions fail there (CasADi raises RuntimeError)."""
+
+
+def _number(given: Any) -> bool:
+    return isinstance(given, int | float) and not isinstance(given, bool) and math.isfinite(given)
+
+
+def _no_number_or(given: Any) -> bool:
+    return given is None or _number(given)
+
+
+WRITTEN: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "values": ("a list of numbers", lambda given: isinstance(given, list) and all(map(_number, given))),
+    "status": (f"one of {', '.join(ANSWERS)}", lambda given: isinstance(given, str) and given in ANSWERS),
+    "value": ("a number or null", _no_number_or),
+    "claimed_error": ("a number that is not negative, or null", lambda e: _no_number_or(e) and not (e and e < 0)),
+    "iterations": ("a number of steps", lambda given: isinstance(given, int) and given >= 0),
+    "seconds": ("a time that is not negative", lambda given: _number(given) and given >= 0),
+    "message": ("words", lambda given: isinstance(given, str)),
+    "local": ("true or false", lambda given: isinstance(given, bool)),
+    "lower": ('a number, null or "-inf"', lambda given: _no_number_or(given) or given in ("-inf", "inf")),
+}
+"""What each field of a point is where it is written, in words, and whether something is that."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,10 +90,15 @@ class SweepPoint(Shown):
 
     @classmethod
     def read(cls, row: Mapping[str, Any]) -> SweepPoint:
-        """The point that :meth:`row` wrote; KeyError, TypeError or ValueError for what it did not write."""
-        strange = row.keys() - {f.name for f in fields(cls)}
-        if strange:
-            raise ValueError(f"{min(strange)} is no field of a point")
+        """The point that :meth:`row` wrote; ValueError, naming the field, for what it did not write."""
+        names = {f.name for f in fields(cls)}
+        for name in sorted(row.keys() ^ names):
+            raise ValueError(f"a point has no {name}" if name in row else f"the point has no {name}, which each has")
+        for name, (means, allowed) in WRITTEN.items():
+            if not allowed(row[name]):
+                raise ValueError(f"{name} must be {means}, not {brief(row[name])}")
+        if (row["value"] is None) == ANSWERS[row["status"]]:
+            raise ValueError(f"a point that is {row['status']} has {'no' if row['value'] is not None else 'a'} value")
         numbers = {name: None if row[name] is None else float(row[name]) for name in NUMBERS}
         return cls(**{**row, **numbers, "values": tuple(map(float, row["values"]))})
 

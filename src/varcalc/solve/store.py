@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Self
 
-from varcalc.solve.grid import Place
+from varcalc.showing import brief
+from varcalc.solve.grid import Grid, Paired, Place, checked
 from varcalc.solve.identity import same
 from varcalc.solve.point import SweepPoint
 
@@ -27,6 +28,16 @@ DIFFERENT = {
     "method": "by another method", "tol": "to another tolerance", "problem": "of another problem",
 }  # fmt: skip
 """What a store is of that differs from what is wanted, by the part of the first line that does."""
+
+
+HEADED: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "paired": ("true or false", lambda given: isinstance(given, bool)),
+    "units": ("units by the names of parameters", lambda given: _is_named(given, str)),
+    "method": ("words", lambda given: isinstance(given, str)),
+    "tol": ("a number", lambda given: isinstance(given, int | float) and not isinstance(given, bool)),
+    "problem": ("what tells it from others", lambda given: isinstance(given, dict)),
+}
+"""What each part of the first line but the grid is, in words, and whether something is that."""
 
 
 class Store:
@@ -80,15 +91,15 @@ def read(path: Path) -> tuple[dict[str, Any], dict[Place, SweepPoint], tuple[str
         whole, rest = whole[:end], whole[end:]
     lines = whole.decode("utf-8", errors="replace").splitlines()
     found: dict[Place, SweepPoint] = {}
-    header: dict[str, Any] = {}
+    header, grid = {}, Grid({}, paired=False)
     for number, line in enumerate(lines or [""], start=1):
         try:
             if number == 1:
-                header = _headed(line)
+                header, grid = _headed(_parsed(line))
             else:
-                at, point = _pointed(line)
+                at, point = _pointed(_parsed(line), grid)
                 found[at] = point
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
+        except (ValueError, TypeError) as error:
             raise ValueError(
                 f"{path} is no store of this sweep (line {number}: {error}); give another name, or remove it"
             ) from error
@@ -96,18 +107,48 @@ def read(path: Path) -> tuple[dict[str, Any], dict[Place, SweepPoint], tuple[str
     return header, found, notes, len(whole)
 
 
-def _headed(line: str) -> dict[str, Any]:
-    """The first line of a store."""
-    header = json.loads(line)
+def _parsed(line: str) -> Any:
+    """What JSON says in a line; ValueError for what it cannot."""
+    try:
+        return json.loads(line, parse_constant=_no_number)
+    except RecursionError:
+        raise ValueError("it is nested too deeply for a line of a store") from None
+
+
+def _is_named(given: Any, kind: type) -> bool:
+    return isinstance(given, dict) and all(isinstance(value, kind) for value in given.values())
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number")
+
+
+def _headed(header: Any) -> tuple[dict[str, Any], Grid]:
+    """The first line of a store, and its grid."""
     if not isinstance(header, dict) or {k: header.get(k) for k in FORMAT} != FORMAT:
         raise ValueError(f"a store of version {FORMAT['version']} does not begin so")
-    return header
+    for name, (means, allowed) in HEADED.items():
+        if not allowed(header.get(name)):
+            raise ValueError(f"{name} must be {means}, not {brief(header.get(name))}")
+    axes = checked("grid", header.get("grid"))
+    if header["paired"]:
+        Paired(axes)  # which sees to it that there are as many of one as of another
+    return header, Grid(axes, header["paired"])
 
 
-def _pointed(line: str) -> tuple[Place, SweepPoint]:
-    """Any other line: a place and its point."""
-    row = json.loads(line)
-    return tuple(row.pop("at")), SweepPoint.read(row)
+def _pointed(row: Any, grid: Grid) -> tuple[Place, SweepPoint]:
+    """Any other line: a place on the grid and its point."""
+    at = row.pop("at", None) if isinstance(row, dict) else None
+    counts = grid.shape
+    if not isinstance(at, list) or [type(k) for k in at] != [int] * len(counts):
+        raise ValueError(f"at must be a list of {len(counts)} whole numbers, not {brief(at)}")
+    if not all(0 <= k < count for k, count in zip(at, counts, strict=True)):
+        raise ValueError(f"at = {at} lies outside the grid, which has {' x '.join(map(str, counts))} points")
+    point, columns = SweepPoint.read(row), at * len(grid.axes) if grid.paired else at
+    wanted = [values[k] for values, k in zip(grid.axes.values(), columns, strict=True)]
+    if not same(list(point.values), wanted):
+        raise ValueError(f"values = {list(point.values)} are not those of the grid there, {wanted}")
+    return tuple(at), point
 
 
 def _check_same(path: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
