@@ -30,6 +30,9 @@ THEMES = (
     DarkTheme("@media (prefers-color-scheme: dark)", 'body:not([data-theme="light"]) .vc'),
 )
 """Where furo is dark: when the reader chose so, and when the system is and the reader chose nothing."""
+APART = "---\norphan: true\n---\n\n"
+"""A page that the tiles lead to, not the navigation: with a hundred entries more the menu of every page takes longer
+to write than the page, and to read."""
 MARKS = re.compile(r"([\\`*_{}\[\]<>()#+!|$^~-])")
 """What means something in MyST."""
 
@@ -66,7 +69,8 @@ def written(subject: Subject) -> tuple[str, str]:
     page = page_of(subject, Depth.QUICK)
     answer = f"**{_plain(page.answer)}** ({_plain(page.known)})"
     inner = _raw(f"<style>{colours(page.pictures, THEMES)}</style>\n{sections_html(page.sections)}")
-    return f"# {_plain(page.title)}\n\n{answer}\n\n{inner}", tile_html(Entry.of(page, subject.file, subject.kind))
+    text = f"{APART}# {_plain(page.title)}\n\n[Gallery](../index.md)\n\n{answer}\n\n{inner}"
+    return text, tile_html(Entry.of(page, subject.file, subject.kind))
 
 
 def _index(tiles: dict[Subject, str]) -> str:
@@ -78,10 +82,9 @@ def _index(tiles: dict[Subject, str]) -> str:
     )
     parts = [said]
     for kind in Kind:
-        chosen = {subject: tile for subject, tile in tiles.items() if subject.kind is kind}
-        listed = "\n".join(str(Path(subject.file).with_suffix("")) for subject in chosen)
-        gallery = f'<div class="vc"><ul class="gallery">{"".join(chosen.values())}</ul></div>'
-        parts.append(f"## {kind.plural}\n\n{_raw(gallery)}\n```{{toctree}}\n:hidden:\n\n{listed}\n```\n")
+        chosen = "".join(tile for subject, tile in tiles.items() if subject.kind is kind)
+        tiled = f'<div class="vc"><ul class="gallery">{chosen}</ul></div>'
+        parts.append(f"## {kind.plural}\n\n{_raw(tiled)}")
     return "\n".join(parts)
 
 

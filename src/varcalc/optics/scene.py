@@ -155,7 +155,7 @@ class Scene(Shown):
         """Carry a bundle of rays through the scene, each with steps, an end and a status of its own.
 
         Raises TypeError or ValueError for arguments that do not fit the scene: a source on a surface or where the index
-        is not positive, a direction of length zero, no stop or two. :class:`DoesNotApply`, a ValueError, for a model
+        is not positive, a direction of length zero, no stop. :class:`DoesNotApply`, a ValueError, for a model
         that cannot treat the scene.
 
         Parameters
@@ -166,7 +166,8 @@ class Scene(Shown):
         optical_path : float or array_like, shape (m,)
             The optical path ∫ n ds at which to stop.
         until : Surface
-            The surface at which to stop. Exactly one of the two is given.
+            The surface at which to stop. One of the two is given; or both, and then a ray that has not come to the
+            surface within the optical path has missed it.
         with_spreading : bool
             Whether to carry d - 1 neighbours of each ray along, which costs about three times as much.
         wavelength : float, optional
@@ -245,6 +246,13 @@ class Scene(Shown):
             A, B = point("A", A), point("B", B)
         return self._named(self._pairs.arrivals("A", A, "B", B, within, model)[0])
 
+    def usual_range(self, A: Any, B: Any) -> float:
+        """The optical path up to which :meth:`rays` looks for rays from A to B when ``within`` is left out.
+
+        Raises as :meth:`rays` does.
+        """
+        return self._pairs.usual_range("A", point("A", A), "B", point("B", B))
+
     def arrivals(
         self, sources: Any, receivers: Any, *, within: float | None = None, wavelength: float | None = None,
         model: Model | None = None, progress: Progress = None,
@@ -310,8 +318,8 @@ class Scene(Shown):
                     f"points: row {int(np.argmax(on))} lies on surface {number} of the scene, so that it is not said "
                     "which side the ray starts from; move it off by any amount"
                 )
-        if (optical_path is None) == (until is None):
-            raise ValueError("give either optical_path= or until=, to say where the rays are to stop")
+        if optical_path is None and until is None:
+            raise ValueError("give optical_path=, until=, or both, to say where the rays are to stop")
         if until is not None and not isinstance(until, Surface):
             raise TypeError(f"until must be a surface such as Plane or Sphere, not {until!r}")
         unlimited = np.broadcast_to(np.inf, len(start))

@@ -131,7 +131,7 @@ def test_spreading_of_a_uniform_medium_is_the_inverse_square_law():
             "surface 0 is a mirror",
         ),
         (lambda: optics.Scene(AIR).trace((0, 0), (0, 0), optical_path=1), ValueError, "length zero"),
-        (lambda: optics.Scene(AIR).trace((0, 0), (0, 1)), ValueError, "either optical_path= or until="),
+        (lambda: optics.Scene(AIR).trace((0, 0), (0, 1)), ValueError, "give optical_path=, until=, or both"),
         (lambda: optics.Scene(AIR).trace((0, 0), (0, 1), optical_path=-1), ValueError, "must not be negative"),
         (lambda: optics.Scene(AIR).trace((0, 0), (0, 0, 1), optical_path=1), ValueError, "2 coordinates here, not 3"),
         (lambda: optics.Scene(AIR).trace((0, np.nan), (0, 1), optical_path=1), ValueError, "must be finite"),

@@ -236,6 +236,10 @@ class PairSearch:
             told(len(order), len(order))
         return answers
 
+    def usual_range(self, source: str, A: Any, receiver: str, B: Any) -> float:
+        """The optical path up to which rays of one pair are looked for when nobody says."""
+        return float(self._usual_range(*self._pairs(source, A, receiver, B))[0])
+
     def _pairs(self, source: str, A: Any, receiver: str, B: Any) -> tuple[np.ndarray, np.ndarray]:
         """A and B as arrays (k, d), checked."""
         a, b = rows(source, A), rows(receiver, B)

@@ -152,10 +152,15 @@ class Propagator:
             yield MediumPassage(number, rows, entry, arrival.beam)
 
     def ends(self, beam: Beam, limit: np.ndarray, starts_at_stop: np.ndarray) -> tuple[Beam, np.ndarray]:
-        """The ends of the rays and their status; ``starts_at_stop`` (m,) marks rays that start on ``until``."""
+        """The ends of the rays and their status; ``starts_at_stop`` (m,) marks rays that start on ``until``.
+
+        Those that come to the optical path ``limit`` (m,) before they come to ``until`` have missed it.
+        """
         rays = UnderWay.started(beam, np.where(starts_at_stop, self.stop, NOTHING))
         for _ in self.passages(rays, limit):
             pass
+        if self.until is not None:
+            rays.status[(rays.status == RayStatus.ARRIVED) & (rays.struck != self.stop)] = RayStatus.MISSED
         return rays.beam, rays.status
 
     def into_last_medium(self, beam: Beam, limit: np.ndarray) -> tuple[Beam, np.ndarray, np.ndarray]:

@@ -75,7 +75,8 @@ def range_chart(
     crossings : int
         How many crossings of the receiver's height are followed.
     within : float, optional
-        As for :meth:`Scene.rays`.
+        The optical path up to which rays are looked for and up to which they are followed from one crossing to the
+        next; :meth:`Scene.usual_range` when left out.
 
     Examples
     --------
@@ -92,6 +93,8 @@ def range_chart(
     if scene.surfaces or len(start) != 2 or scene.dimension == 3:
         raise ValueError("a range chart is drawn of one medium in the plane; the scene has surfaces, or is in space")
     whole("crossings", crossings)
+    arrivals = scene.rays(start, target, within=within)
+    farthest = scene.usual_range(start, target) if within is None else float(within)
     tried = (
         np.linspace(-np.pi, np.pi, DEFAULT_ANGLES, endpoint=False) + OFF_AXIS
         if angles is None
@@ -99,21 +102,26 @@ def range_chart(
     )
     return RangeChart(
         angles=tried,
-        reach=_reach(scene, start, target[1], tried, crossings),
+        reach=_reach(scene, start, target[1], tried, crossings, farthest),
         momentum=float(Field(scene.media[0], 2).index(start[None])[0]) * np.cos(tried),
         receiver=(target[0], target[1]),
-        arrivals=scene.rays(start, target, within=within),
+        arrivals=arrivals,
     )
 
 
-def _reach(scene: Scene, start: np.ndarray, height: float, angles: np.ndarray, crossings: int) -> np.ndarray:
-    """The first coordinates (m, crossings) at which rays at ``angles`` (m,) cross a height, one time after another."""
+def _reach(
+    scene: Scene, start: np.ndarray, height: float, angles: np.ndarray, crossings: int, farthest: float
+) -> np.ndarray:
+    """The first coordinates (m, crossings) at which rays at ``angles`` (m,) cross a height, one time after another.
+
+    A ray that goes round, or along, is not followed for ever: up to an optical path ``farthest`` for each crossing.
+    """
     points = np.tile(start, (len(angles), 1))
     headings = np.column_stack([np.cos(angles), np.sin(angles)])
     reach = np.full((len(angles), crossings), np.nan)
     plane, alive = Plane((0.0, height), (0.0, 1.0)), np.arange(len(angles))
     for number in range(crossings):
-        bundle = scene.trace(points[alive], headings[alive], until=plane)
+        bundle = scene.trace(points[alive], headings[alive], optical_path=farthest, until=plane)
         met = bundle.arrived
         alive = alive[met]
         if not len(alive):
