@@ -5,17 +5,20 @@ import sys
 from importlib.metadata import version as installed_version
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))  # for gallery.py, which writes a page for each of problems/
+sys.path.insert(
+    0, str(Path(__file__).parent)
+)  # for formulas.py, and gallery.py, which writes a page for each of problems/
 
 project = "varcalc"
 copyright = "2026, the varcalc authors"
 author = "the varcalc authors"
 version = release = installed_version("varcalc")
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon", "gallery"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "formulas", "gallery"]
 exclude_patterns = ["_build"]
 html_static_path = ["_static", "gallery/static"]
 html_css_files = ["pages.css", "report.css"]
+html_math_renderer = "mathml"
 html_js_files = [("report.js", {"defer": "defer"})]
 html_theme = "furo"
 html_title = "varcalc"

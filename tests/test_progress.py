@@ -86,6 +86,23 @@ def test_a_terminal_sees_a_bar_after_a_second_and_none_before(monkeypatch):
     assert "early" not in sys.stderr.getvalue()
 
 
+def test_a_notebook_shows_a_bar_of_its_own(monkeypatch):
+    display = pytest.importorskip("IPython.display", reason="notebooks come with IPython")
+    shown = []
+
+    class Place:
+        def update(self, data, *, raw):
+            assert raw
+            shown.append(data)
+
+    monkeypatch.setattr(display, "display", lambda data, **_: shown.append(data) or Place())
+    monkeypatch.setitem(sys.modules, "ipykernel", object())
+    with telling(True, "a <call>") as told:
+        told(1, 3, "early & late")
+    assert shown[1]["text/html"] == 'a &lt;call&gt; <progress value="1" max="3"></progress> 1 of 3, early &amp; late'
+    assert shown[-1] == {"text/plain": ""}
+
+
 def test_ctrl_c_leaves_what_is_known():
     with pytest.raises(vc.Interrupted) as stopped:
         CALLS["compare"](Told(stop_at=1))

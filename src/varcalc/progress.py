@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import html
 import sys
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sized
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 T = TypeVar("T")
 
@@ -40,7 +41,8 @@ class Telling:
         self._function = progress if callable(progress) else None
         shown = _watched() if progress is None else progress is True
         self._from = time.perf_counter() + (0.0 if progress is True else PATIENCE) if shown else float("inf")
-        self._title, self._bar = title, None
+        self._title = title
+        self._bar: _Bar | None = None
 
     def __call__(self, done: int, total: int | None, what: str = "") -> None:
         """Tell that ``done`` steps of ``total`` lie behind, and that ``what`` comes next."""
@@ -65,17 +67,57 @@ class Telling:
 
     def _show(self, done: int, total: int | None, what: str) -> None:
         if self._bar is None:
-            from rich.console import Console  # few calls take a second
-            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-            columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[what]}")
-            console = Console(stderr=True)
-            self._bar = Progress(*columns, TimeElapsedColumn(), console=console, transient=console.is_terminal)
-            self._bar.add_task(self._title, what="")
-            self._bar.start()
+            self._bar = _InNotebook(self._title) if _in_notebook() else _OnTerminal(self._title)
         count = f"{done} of {total}" if total else ""
-        words = ", ".join(filter(None, (count, what)))
+        self._bar.show(done, total, ", ".join(filter(None, (count, what))))
+
+
+class _Bar(Protocol):
+    """A bar that somebody sees."""
+
+    def show(self, done: int, total: int | None, words: str) -> None:
+        """Show how far it has come."""
+
+    def stop(self) -> None:
+        """Take it away."""
+
+
+class _OnTerminal:
+    """A bar of rich's, on standard error; where that is no terminal what it last said stays."""
+
+    def __init__(self, title: str) -> None:
+        from rich.console import Console  # few calls take a second
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[what]}")
+        console = Console(stderr=True)
+        self._bar = Progress(*columns, TimeElapsedColumn(), console=console, transient=console.is_terminal)
+        self._bar.add_task(title, what="")
+        self._bar.start()
+
+    def show(self, done: int, total: int | None, words: str) -> None:
         self._bar.update(self._bar.task_ids[0], completed=done, total=total, what=words)
+
+    def stop(self) -> None:
+        self._bar.stop()
+
+
+class _InNotebook:
+    """A bar under a notebook's cell: rich would want ipywidgets for one, and warn of it."""
+
+    def __init__(self, title: str) -> None:
+        from IPython.display import display
+
+        self._title = title
+        self._place: Any = display({"text/plain": ""}, raw=True, display_id=True)
+
+    def show(self, done: int, total: int | None, words: str) -> None:
+        course = f' value="{done}" max="{total}"' if total else ""
+        bar = f"{html.escape(self._title)} <progress{course}></progress> {html.escape(words)}"
+        self._place.update({"text/plain": f"{self._title} {words}", "text/html": bar}, raw=True)
+
+    def stop(self) -> None:
+        self._place.update({"text/plain": ""}, raw=True)
 
 
 @contextmanager
@@ -90,4 +132,8 @@ def telling(progress: Progress, title: str) -> Generator[Telling]:
 
 def _watched() -> bool:
     """Whether a person sees what is written: on a terminal or in a notebook."""
-    return sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules)
+    return _in_notebook() or (sys.stderr is not None and sys.stderr.isatty())
+
+
+def _in_notebook() -> bool:
+    return "ipykernel" in sys.modules
