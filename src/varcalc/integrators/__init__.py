@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from varcalc.integrators.attentive import Attentive
+from varcalc.integrators.attentive import Attentive, trajectories
 from varcalc.integrators.dop853 import SMALLEST, Dop853, installed
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.on_demand import STEPS, OnDemand
@@ -45,6 +45,7 @@ __all__ = [
     "for_many",
     "for_one",
     "spread",
+    "trajectories",
     "variational",
 ]
 

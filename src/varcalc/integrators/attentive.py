@@ -10,9 +10,9 @@ the operation begins to matter, however far off that is, so that steps become sh
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -100,17 +100,19 @@ class AttentiveFlow:
         """True (m,) for boxes of states (m, N) in which something narrow may be; ``s`` (m, 2), ``constants`` (m, c)."""
 
         def sides(first: np.ndarray, last: np.ndarray) -> list[Between]:
-            return [Between((a, b), (a + b) / 2, (a + b) / 2) for a, b in zip(first.T, last.T, strict=True)]
+            middles = ((a + b) / 2 for a, b in zip(first.T, last.T, strict=True))
+            return [Between((a, b), middle, middle) for a, b, middle in zip(first.T, last.T, middles, strict=True)]
 
         with np.errstate(all="ignore"):
             boxes = [sides(s[:, :1], s[:, 1:]), sides(low, high), sides(constants, constants)]
             return ~(excess(self.system, boxes, (len(low),), RULES) <= WIDE)
 
-    def _wide_along(self, run: Run, constants: np.ndarray) -> bool:
-        """Whether something narrow may be in the box of all places where a run has been."""
-        been = run.states[np.all(np.isfinite(run.states), axis=1)]
-        ends = np.sort([[run.abscissae[0], run.reached]], axis=1)
-        return bool(self._wide(been.min(0)[None], been.max(0)[None], ends, np.reshape(constants, (1, -1)))[0])
+    def _wide_along(self, runs: Sequence[Run], constants: np.ndarray) -> np.ndarray:
+        """True (m,) for runs where something narrow may be in the box of all places where they have been."""
+        been = [run.states[np.all(np.isfinite(run.states), axis=1)] for run in runs]
+        low, high = np.array([places.min(0) for places in been]), np.array([places.max(0) for places in been])
+        ends = np.sort([[run.abscissae[0], run.reached] for run in runs], axis=1)
+        return self._wide(low, high, ends, np.reshape(constants, (1, -1)))
 
     def _unseen_along(self, run: Run, constants: np.ndarray) -> bool:
         """The same of the boxes between closer places, as enclosures are wide in wide boxes.
@@ -145,21 +147,35 @@ class AttentiveFlow:
         longest: float | None = None, dense: bool = False,
     ) -> Run:  # fmt: skip
         """See :meth:`varcalc.integrators.protocol.Flow.trajectory`."""
-        first, last = float(abscissae[0]), float(abscissae[-1])
-        grid = np.union1d(np.linspace(first, last, LOOKS), abscissae)[:: 1 if last > first else -1]
-        own = np.flatnonzero(np.isin(grid, abscissae))
+        grid, own = _looked_at(abscissae)
         run = self.free.trajectory(grid, state, constants, level=level, longest=longest, dense=dense)
-        if self._wide_along(run, constants) and self._unseen_along(run, constants):
-            more = self.watched.trajectory(
+        if self._wide_along([run], constants)[0]:
+            run = self._attended(run, constants, lambda: self.watched.trajectory(
                 grid, self._extended(state), constants, level=level, longest=longest, dense=dense
-            )
-            if more.outcome is not Outcome.NOT_FINITE:
-                inner = more.trajectory
-                run = replace(
-                    more, states=more.states[:, : self._size],
-                    trajectory=None if inner is None else _Shortened(inner, self._size),
-                )  # fmt: skip
+            ))  # fmt: skip
         return replace(run, abscissae=np.asarray(abscissae), states=run.states[own])
+
+    def trajectories(self, abscissae: np.ndarray, states: Sequence[np.ndarray], constants: np.ndarray) -> list[Run]:
+        """The trajectories of many ``states``: one look at the boxes of all of them."""
+        if not states:
+            return []
+        grid, own = _looked_at(abscissae)
+        runs = [self.free.trajectory(grid, state, constants) for state in states]
+        for k in np.flatnonzero(self._wide_along(runs, constants)).tolist():
+            again = partial(self.watched.trajectory, grid, self._extended(states[k]), constants)
+            runs[k] = self._attended(runs[k], constants, again)
+        return [replace(run, abscissae=np.asarray(abscissae), states=run.states[own]) for run in runs]
+
+    def _attended(self, run: Run, constants: np.ndarray, watched: Callable[[], Run]) -> Run:
+        """The run, or the ``watched`` one where the former may have gone past something narrow."""
+        if not self._unseen_along(run, constants):
+            return run
+        more = watched()
+        if more.outcome is Outcome.NOT_FINITE:
+            return run
+        inner = more.trajectory
+        kept = None if inner is None else _Shortened(inner, self._size)
+        return replace(more, states=more.states[:, : self._size], trajectory=kept)
 
     def ensemble(
         self,
@@ -211,6 +227,20 @@ class AttentiveFlow:
         if alike and not self._wide(low.min(0)[None], high.max(0)[None], all_times, constants[:1])[0]:
             return np.zeros(0, dtype=int)
         return np.flatnonzero(self._wide(low, high, times, constants))
+
+
+def trajectories(flow: Flow, abscissae: np.ndarray, states: Sequence[np.ndarray], constants: np.ndarray) -> list[Run]:
+    """What ``flow.trajectory`` gives from each of many ``states``, with what can be asked of all at once so asked."""
+    if isinstance(flow, AttentiveFlow):
+        return flow.trajectories(abscissae, states, constants)
+    return [flow.trajectory(abscissae, state, constants) for state in states]
+
+
+def _looked_at(abscissae: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The places of a run at which it is looked at, and which of them are its ``abscissae``."""
+    first, last = float(abscissae[0]), float(abscissae[-1])
+    grid = np.union1d(np.linspace(first, last, LOOKS), abscissae)[:: 1 if last > first else -1]
+    return grid, np.flatnonzero(np.isin(grid, abscissae))
 
 
 def _differentiated(values: np.ndarray, step: float) -> np.ndarray:

@@ -10,6 +10,7 @@ and 26; the derivative is the Jacobi field, which vanishes at conjugate points).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,7 +20,7 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.formulation.height import height
-from varcalc.integrators import Flow, Outcome, Run, Variational, compiled, for_many, variational
+from varcalc.integrators import Flow, Outcome, Run, Variational, compiled, for_many, trajectories, variational
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 
 STATIONS = 9
@@ -126,10 +127,18 @@ class EndMap:
         gradient = ca.jacobian(momentum, ca.vertcat(symbols.y, symbols.dy))
         return ca.Function("momentum", [symbols.x, symbols.y, symbols.dy, symbols.parameters], [momentum, gradient])
 
-    def _run(self, v: float, t: np.ndarray) -> Run:
+    @cached_property
+    def key(self) -> tuple[object, ...]:
+        """All that the map depends on, as what can be compared."""
+        ends = self.form.ends.start.tobytes(), self.form.ends.end.tobytes()
+        formulas = self._system.system.serialize(), self._momentum.serialize()
+        return (*formulas, *ends, self.form.span, self.ordinate, self._constants.tobytes())
+
+    def _runs(self, slopes: Sequence[float], t: np.ndarray) -> list[Run]:
+        """The trajectories of scaled ``slopes`` at the shares ``t`` of the way."""
         fixed = self.form.ends.start if self.forward else self.form.ends.end
-        state = self._system.start(np.array([fixed[0, 0] / self.ordinate, v]))
-        return self._flow.trajectory(t if self.forward else 1.0 - t, state, self._constants)
+        states = [self._system.start(np.array([fixed[0, 0] / self.ordinate, v])) for v in slopes]
+        return trajectories(self._flow, t if self.forward else 1.0 - t, states, self._constants)
 
     def _far(self, states: np.ndarray) -> tuple[float, float]:
         """The scaled miss at the far end and its derivative by the scaled initial slope."""
@@ -144,7 +153,14 @@ class EndMap:
 
     def shoot(self, u: float) -> TrialTrajectory:
         """Follow the trajectory whose scaled slope is sinh(u)."""
-        run = self._run(math.sinh(u), np.linspace(0.0, 1.0, STATIONS))
+        return self.shots([u])[0]
+
+    def shots(self, places: Sequence[float]) -> list[TrialTrajectory]:
+        """The same for many u: what asks whether they went past something narrow asks it of all together."""
+        runs = self._runs([math.sinh(u) for u in places], np.linspace(0.0, 1.0, STATIONS))
+        return [self._told(u, run) for u, run in zip(places, runs, strict=True)]
+
+    def _told(self, u: float, run: Run) -> TrialTrajectory:
         if not run.completed:
             slopes = run.states[np.isfinite(run.states[:, 1]), 1]
             side = math.copysign(1.0, slopes[-1]) if len(slopes) > 1 else 0.0
@@ -159,7 +175,7 @@ class EndMap:
     def curve(self, u: float) -> Sampled:
         """The trajectory of a shot that arrived, as a function of the form's abscissa (cubic between its points)."""
         t = np.linspace(0.0, 1.0, TRAJECTORY_POINTS)
-        y, v = self._run(math.sinh(u), t).states[:, :2].T
+        y, v = self._runs([math.sinh(u)], t)[0].states[:, :2].T
         y, v = (y, v) if self.forward else (y[::-1], v[::-1])
         a, b = self.form.span
 

@@ -12,14 +12,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 
 import numpy as np
 
 from varcalc.integrators import Outcome
+from varcalc.problem.functional import Functional
 from varcalc.search.end_map import EndMap, TrialTrajectory
+from varcalc.symbolic.derived import derived
 
 FARTHEST_SLOPE = 1e6
 """Largest slope, in units of the problem's own."""
@@ -27,6 +29,8 @@ FIRST_INTERVALS = 256
 """Intervals of the first grid."""
 MOST_TRAJECTORIES = 4096
 """Trajectories of one scan."""
+TOGETHER = 64
+"""Trajectories that are followed together."""
 DEEPEST_HALVING = 22
 """Halvings of an interval between two trajectories that arrived."""
 TOWARDS_GAP, ACROSS_GAP = 12, 90
@@ -82,49 +86,69 @@ class _Scan:
     steps: int = 0
     unresolved: int = 0
 
-    def at(self, u: float) -> TrialTrajectory:
-        if u not in self.shots:
-            self.shots[u] = self.map.shoot(u)
-            self.steps += self.shots[u].steps
-        return self.shots[u]
+    def shoot(self, places: Iterable[float]) -> None:
+        """Follow the trajectories of u that have not been followed yet, all together."""
+        fresh = [u for u in dict.fromkeys(places) if u not in self.shots]
+        for shot in self.map.shots(fresh):
+            self.shots[shot.u] = shot
+            self.steps += shot.steps
 
     def reach(self, grid: np.ndarray) -> np.ndarray:
         """The part of a symmetric grid, from the middle outwards, that half of the budget pays for."""
-        middle = len(grid) // 2
-        for k in range(middle + 1):
-            self.at(float(grid[middle - k]))
-            self.at(float(grid[middle + k]))
-            if 2 * self.steps > self.map.budget:
-                return grid[middle - k : middle + k + 1]
-        return grid
+        middle, grown = len(grid) // 2, -1
+        while grown < middle and 2 * self.steps <= self.map.budget:
+            further = np.arange(grown + 1, min(grown + 1 + TOGETHER // 2, middle + 1))
+            self.shoot(np.concatenate([grid[middle - further], grid[middle + further]]).tolist())
+            grown = int(further[-1])
+        return grid[middle - grown : middle + grown + 1]
 
     def refine(self, grid: np.ndarray) -> None:
         """Halve intervals until the map is resolved, or the trajectories are used up."""
         waiting = deque((float(a), float(b), 0) for a, b in pairwise(grid))
         while waiting:
-            a, b, depth = waiting.popleft()
-            left, right = self.at(a), self.at(b)
-            middle = 0.5 * (a + b)
-            if depth >= _halvings(left, right) or not a < middle < b:
-                self.unresolved += left.arrived and right.arrived
-                continue
-            if len(self.shots) >= MOST_TRAJECTORIES or self.steps >= self.map.budget:
-                self.unresolved += 1
-                continue
-            if not _resolved(left, right, self.at(middle)):
-                waiting += [(a, middle, depth + 1), (middle, b, depth + 1)]
+            some = [waiting.popleft() for _ in range(min(TOGETHER, len(waiting)))]
+            halved: list[tuple[float, float, int]] = []
+            for a, b, depth in some:
+                left, right = self.shots[a], self.shots[b]
+                if depth >= _halvings(left, right) or not a < 0.5 * (a + b) < b:
+                    self.unresolved += left.arrived and right.arrived
+                elif len(self.shots) + len(halved) >= MOST_TRAJECTORIES or self.steps >= self.map.budget:
+                    self.unresolved += 1
+                else:
+                    halved.append((a, b, depth))
+            self.shoot(0.5 * (a + b) for a, b, _ in halved)
+            for a, b, depth in halved:
+                middle = 0.5 * (a + b)
+                if not _resolved(self.shots[a], self.shots[b], self.shots[middle]):
+                    waiting += [(a, middle, depth + 1), (middle, b, depth + 1)]
 
     def extremum(self, left: TrialTrajectory, right: TrialTrajectory) -> TrialTrajectory:
         """Where the derivative of the map vanishes between two shots, by regula falsi (Illinois)."""
-        u = _root(lambda s: s.slope, left, right, self.map.shoot)
-        return self.shots.setdefault(u.u, u)
+        lowest = _root(lambda s: s.slope, left, right, self.map.shoot)
+        return self.shots.setdefault(lowest.u, lowest)
 
 
 def scan(end_map: EndMap) -> Scanned:
-    """The zeros of ``end_map`` for slopes up to FARTHEST_SLOPE units either way, or as far as its budget goes."""
+    """The zeros of ``end_map`` for slopes up to FARTHEST_SLOPE units either way, or as far as its budget goes.
+
+    They are kept with the problem: a refusal asks for them, and whoever then asks why.
+    """
+    kept, key = _scans(end_map.form.problem), end_map.key
+    if key not in kept:
+        kept[key] = _scanned(end_map)
+    return kept[key]
+
+
+@derived
+def _scans(_: Functional) -> dict[tuple[object, ...], Scanned]:
+    """What has been scanned, by all that a scan depends on."""
+    return {}
+
+
+def _scanned(end_map: EndMap) -> Scanned:
     state = _Scan(end_map)
     grid = state.reach(np.linspace(-math.asinh(FARTHEST_SLOPE), math.asinh(FARTHEST_SLOPE), FIRST_INTERVALS + 1))
-    continuum = _continuum([state.at(float(u)) for u in grid])
+    continuum = _continuum([state.shots[u] for u in grid.tolist()])
     zeros: list[float] = []
     double: list[float] = []
     if continuum is None:

@@ -74,8 +74,10 @@ def excess(
         if variation is not None:
             np.fmax(worst, variation(*operands), out=worst)
         of = NUMBERS.get(operation, _unknown)
-        ends = [of(*side) for side in zip(*((o.first, o.last) for o in operands), strict=True)]
-        return Between(applied(operation, [o.range for o in operands]), *ends)
+        first = of(*(o.first for o in operands))
+        same = all(o.first is o.last for o in operands)
+        last = first if same else of(*(o.last for o in operands))
+        return Between(applied(operation, [o.range for o in operands]), first, last)
 
     with np.errstate(all="ignore"):
         interpret(function, boxes, _constant, watched)
