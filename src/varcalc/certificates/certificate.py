@@ -48,30 +48,18 @@ class Distance:
     largest: float
 
 
-@dataclass(frozen=True, repr=False)
-class Certificate(Shown):
-    """A proof that the infimum (the supremum of a maximum) lies between ``lower`` and ``upper``.
+@dataclass(frozen=True, repr=False, kw_only=True)
+class ProvedInterval(Shown):
+    """Two numbers between which a third is proved to lie.
 
     ``lower`` and ``upper`` are doubles, rounded outward, ``enclosure`` the same interval as decimal strings with as
-    many digits as it has. ``scope`` tells of which curves it is the infimum: ``tube`` is the greatest distance
-    ``|y(x) - y0(x)|`` of these and ``slopes`` that of ``y'(x)`` from ``y0'(x)``, each infinite where it is not
-    limited; ``integrals`` is the greatest difference, up to any x, of what is integrated to a prescribed level (one
-    for each). Each curve of the scope whose value is as good as that of the certified curve y0 lies within
-    ``distance`` of it. ``proved`` lists the hypotheses of the theorem, each with how it was proved; ``seconds`` is
+    many digits as it has. ``proved`` lists the hypotheses of the theorem, each with how it was proved; ``seconds`` is
     what the proof took.
-
-    y0 is a polynomial close to the curve of ``solution``, which meets the ends exactly.
     """
 
-    solution: Solution
     lower: float
     upper: float
     enclosure: tuple[str, str]
-    scope: Scope
-    tube: float
-    slopes: float
-    integrals: tuple[float, ...]
-    distance: Distance
     proved: tuple[Hypothesis, ...]
     seconds: float
 
@@ -92,13 +80,6 @@ class Certificate(Shown):
         low, high = map(Fraction, self.enclosure)
         return low <= Fraction(value) <= high
 
-    def __repr__(self) -> str:
-        return line("Certificate", [brief(self.solution.problem.name), f"{self.digits} digits", *self.enclosure[:1]])
-
-    def _headline(self) -> str:
-        what = "supremum" if self.solution.problem.maximise else "infimum"
-        return f"Theorem: the {what} of {self.solution.problem.name} over {self._curves()} lies between two numbers."
-
     def _facts(self) -> Iterator[Fact]:
         for label, bound in zip(("at least", "at most"), self.enclosure, strict=True):
             yield Fact(label, bound)
@@ -106,18 +87,48 @@ class Certificate(Shown):
         yield from (Fact("" if k else "proved", str(hypothesis)) for k, hypothesis in enumerate(self.proved))
         yield Fact("seconds", f"{self.seconds:.2g}")
 
-    def __str__(self) -> str:
-        what = "supremum" if self.solution.problem.maximise else "infimum"
+    def _theorem(self, what: str, more: str) -> str:
+        """The theorem about ``what``, and its hypotheses; ``more`` follows the width."""
         low, high = self.enclosure
-        near = f"{self.distance.largest:.1g} of the curve ({self.distance.mean:.1g} in root mean square)"
-        lines = [
-            f"theorem:  {low}",
-            f"          <= {what} of {self.solution.problem.name} over {self._curves()} <=",
-            f"          {high}",
-            f"          The width is {self.width:.1g}. Whatever is as good lies within {near}.",
-        ]
+        lines = [f"theorem:  {low}", f"          <= {what} <=", f"          {high}"]
+        lines += [f"          The width is {self.width:.1g}. {more}"]
         lines += [f"{'proved:' if not k else '':<9} {hypothesis}" for k, hypothesis in enumerate(self.proved)]
         return "\n".join([*lines, f"seconds:  {self.seconds:.2g}"])
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Certificate(ProvedInterval):
+    """A proof that the infimum (the supremum of a maximum) lies between ``lower`` and ``upper``.
+
+    ``scope`` tells of which curves it is the infimum: ``tube`` is the greatest distance
+    ``|y(x) - y0(x)|`` of these and ``slopes`` that of ``y'(x)`` from ``y0'(x)``, each infinite where it is not
+    limited; ``integrals`` is the greatest difference, up to any x, of what is integrated to a prescribed level (one
+    for each). Each curve of the scope whose value is as good as that of the certified curve y0 lies within
+    ``distance`` of it.
+
+    y0 is a polynomial close to the curve of ``solution``, which meets the ends exactly.
+    """
+
+    solution: Solution
+    scope: Scope
+    tube: float
+    slopes: float
+    integrals: tuple[float, ...]
+    distance: Distance
+
+    def __repr__(self) -> str:
+        return line("Certificate", [brief(self.solution.problem.name), f"{self.digits} digits", *self.enclosure[:1]])
+
+    def _headline(self) -> str:
+        what = "supremum" if self.solution.problem.maximise else "infimum"
+        return f"Theorem: the {what} of {self.solution.problem.name} over {self._curves()} lies between two numbers."
+
+    def __str__(self) -> str:
+        what = "supremum" if self.solution.problem.maximise else "infimum"
+        near = f"{self.distance.largest:.1g} of the curve ({self.distance.mean:.1g} in root mean square)"
+        return self._theorem(
+            f"{what} of {self.solution.problem.name} over {self._curves()}", f"Whatever is as good lies within {near}."
+        )
 
     def _curves(self) -> str:
         if self.scope is Scope.ALL:

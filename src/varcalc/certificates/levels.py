@@ -100,10 +100,10 @@ class Meeting:
         missed = [-miss for miss in [*self.missed(), *self._missed_ends()]]
         slopes = self._slopes([found.arb(0)] * len(missed))
         steps = _solved([row[:] for row in slopes[1:]], missed)
-        room = [found.arb(0, WIDER * float(abs(step).upper()) + 1e-300) for step in steps]
-        slopes = self._slopes(room)
+        widths = [WIDER * float(abs(step).upper()) + 1e-300 for step in steps]
+        slopes = self._slopes([found.arb(0, width) for width in widths])
         steps = _solved([row[:] for row in slopes[1:]], missed)
-        if not all(bool(abs(step) < abs(wide).upper()) for step, wide in zip(steps, room, strict=True)):
+        if not all(bool(abs(step) < width) for step, width in zip(steps, widths, strict=True)):
             raise Unproved("no curve near the one that was found is proved to meet all that is prescribed")
         return steps, slopes
 

@@ -196,12 +196,18 @@ def _bounded(solution: Solution, setting: Setting, held: Bounds | None = None) -
     infinite = scope is Scope.ALL
     proved = (*_about_curve(), Hypothesis(_inequality(prover.tube), Means.BALLS), *end_terms, *hypotheses)
     certificate = Certificate(
-        solution, below(low), above(high), decimals(low, high), scope,
-        math.inf if infinite else unit * prover.tube.delta,
-        _slope_room(setting, prover.tube, scope),
-        () if infinite else tuple((prover.tube.delta * setting.sizes[0][setting.statement.bare :]).tolist()),
-        near.distance(setting), proved, 0.0,
-    )  # fmt: skip
+        solution=solution,
+        lower=below(low),
+        upper=above(high),
+        enclosure=decimals(low, high),
+        scope=scope,
+        tube=math.inf if infinite else unit * prover.tube.delta,
+        slopes=_slope_room(setting, prover.tube, scope),
+        integrals=() if infinite else tuple((prover.tube.delta * setting.sizes[0][setting.statement.bare :]).tolist()),
+        distance=near.distance(setting),
+        proved=proved,
+        seconds=0.0,
+    )
     return low, high, certificate
 
 

@@ -26,6 +26,8 @@ from varcalc.symbolic.evaluation import PointEvaluator
 
 Expression = Any
 """A CasADi SX expression."""
+Constant = Callable[[float], Any]
+"""What a number of a surface enters its formula as: ``float``, or a symbol that stands for it."""
 ON_SURFACE = 1e-12
 """A point is on a surface when it is no farther from it than this share of the scene's size."""
 
@@ -41,6 +43,13 @@ class Surface(Parametrised, ABC):
 
     def parametric_level(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:  # noqa: ARG002  none, unless a surface says otherwise
         """The level for other values of the parameters, which may be symbols."""
+        return self.level(position)
+
+    def formula(self, position: Expression, constant: Constant) -> Expression:  # noqa: ARG002  none, as for parameters
+        """The level, or any multiple of it, with the surface's numbers as ``constant`` has them.
+
+        Where these are symbols no arithmetic among the numbers is carried out, and so none is rounded.
+        """
         return self.level(position)
 
     def belongs(self, position: Expression) -> Expression:  # noqa: ARG002  every zero does, unless a surface says otherwise
@@ -66,9 +75,12 @@ class Plane(Brief, Surface):
     point: Sequence[float]
     normal: Sequence[float]
     mirror: bool = False
+    _given: Sequence[float] = field(init=False, repr=False, compare=False)
+    """The normal before it was made a unit vector, which is rounded."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", point("point", self.point))
+        object.__setattr__(self, "_given", point("normal", self.normal))
         object.__setattr__(self, "normal", direction("normal", self.normal))
         truth("mirror", self.mirror)
         _same_dimension(point=self.point, normal=self.normal)
@@ -80,7 +92,11 @@ class Plane(Brief, Surface):
 
     def level(self, position: Expression) -> Expression:
         """The distance from the plane, with sign."""
-        return ca.dot(ca.DM(self.normal), position) - float(np.dot(self.normal, self.point))
+        return _along_normal(position, self.normal, self.point, float)
+
+    def formula(self, position: Expression, constant: Constant) -> Expression:
+        """See :meth:`Surface.formula`; by the normal as it was given, of any length."""
+        return _along_normal(position, self._given, self.point, constant)
 
 
 @spelled
@@ -110,7 +126,12 @@ class Sphere(Brief, Surface):
 
     def level(self, position: Expression) -> Expression:
         """(|r - center|² - radius²)/(2 radius): near the surface the distance from it."""
-        return (ca.sumsqr(position - ca.DM(self.center)) - self.radius**2) / (2 * self.radius)
+        return self.formula(position, float)
+
+    def formula(self, position: Expression, constant: Constant) -> Expression:
+        """See :meth:`Surface.formula`."""
+        radius = constant(self.radius)
+        return (ca.sumsqr(position - _column(self.center, constant)) - radius**2) / (2 * radius)
 
 
 @dataclass(frozen=True)
@@ -121,9 +142,12 @@ class _OfRevolution(Surface):
     axis: Sequence[float]
     radius: float
     conic: float = 0.0
+    _given: Sequence[float] = field(init=False, repr=False, compare=False)
+    """The axis before it was made a unit vector, which is rounded."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertex", point("vertex", self.vertex))
+        object.__setattr__(self, "_given", point("axis", self.axis))
         object.__setattr__(self, "axis", direction("axis", self.axis))
         _same_dimension(vertex=self.vertex, axis=self.axis)
         truth("mirror", self.mirror)
@@ -140,6 +164,13 @@ class _OfRevolution(Surface):
     def middle(self) -> Sequence[float]:
         """The vertex."""
         return self.vertex
+
+    def _cylindrical(self, position: Expression, constant: Constant) -> tuple[Expression, Expression]:
+        """Height along the axis above the vertex, and the squared distance from the axis."""
+        offset, given = position - _column(self.vertex, constant), _column(self._given, constant)
+        axis = given / ca.sqrt(ca.sumsqr(given))
+        height = ca.dot(axis, offset)
+        return height, ca.sumsqr(offset - height * axis)
 
 
 @spelled
@@ -168,12 +199,16 @@ class Conic(Brief, _OfRevolution):
 
     def level(self, position: Expression) -> Expression:
         """The conic's equation over 2 R."""
-        height, squared = _cylindrical(position, self.vertex, self.axis)
-        return (squared + (1 + self.conic) * height**2) / (2 * self.radius) - height
+        return self.formula(position, float)
+
+    def formula(self, position: Expression, constant: Constant) -> Expression:
+        """See :meth:`Surface.formula`."""
+        height, squared = self._cylindrical(position, constant)
+        return (squared + (1 + constant(self.conic)) * height**2) / (2 * constant(self.radius)) - height
 
     def belongs(self, position: Expression) -> Expression:
         """Positive on the sheet of the vertex."""
-        height, _ = _cylindrical(position, self.vertex, self.axis)
+        height, _ = self._cylindrical(position, float)
         return 1 - (1 + self.conic) * height / self.radius
 
 
@@ -202,10 +237,15 @@ class Asphere(Brief, _OfRevolution):
 
     def level(self, position: Expression) -> Expression:
         """The sag at the distance of ``position`` from the axis, less its height."""
-        height, squared = _cylindrical(position, self.vertex, self.axis)
-        root = ca.sqrt(1 - (1 + self.conic) * squared / self.radius**2)
-        sag = squared / self.radius / (1 + root)
-        return sag + sum(a * squared ** (i + 2) for i, a in enumerate(self.coefficients)) - height
+        return self.formula(position, float)
+
+    def formula(self, position: Expression, constant: Constant) -> Expression:
+        """See :meth:`Surface.formula`."""
+        height, squared = self._cylindrical(position, constant)
+        radius = constant(self.radius)
+        root = ca.sqrt(1 - (1 + constant(self.conic)) * squared / radius**2)
+        sag = squared / radius / (1 + root)
+        return sag + sum(constant(a) * squared ** (i + 2) for i, a in enumerate(self.coefficients)) - height
 
 
 @spelled
@@ -240,6 +280,10 @@ class Implicit(Brief, Surface):
         """f at ``position``, for the present values of the parameters."""
         return self.parametric_level(position, self.parameters)
 
+    def formula(self, position: Expression, constant: Constant) -> Expression:
+        """See :meth:`Surface.formula`."""
+        return self.parametric_level(position, {name: constant(value) for name, value in self.parameters.items()})
+
     def parametric_level(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:
         """f at ``position``."""
         hint = "it is called with as many coordinates as a point has, and with p last where there are parameters"
@@ -254,11 +298,12 @@ def _same_dimension(**points: Sequence[float]) -> None:
         raise ValueError(f"{first} has {len(a)} coordinates and {second} {len(b)}; give both 2 or both 3")
 
 
-def _cylindrical(position: Expression, vertex: Sequence[float], axis: Sequence[float]) -> tuple[Expression, Expression]:
-    """Height along the axis above the vertex, and the squared distance from the axis."""
-    offset = position - ca.DM(vertex)
-    height = ca.dot(ca.DM(axis), offset)
-    return height, ca.sumsqr(offset - height * ca.DM(axis))
+def _column(numbers_of: Sequence[float], constant: Constant) -> Expression:
+    return ca.vertcat(*map(constant, numbers_of))
+
+
+def _along_normal(position: Expression, normal: Sequence[float], of: Sequence[float], constant: Constant) -> Expression:
+    return ca.dot(_column(normal, constant), position - _column(of, constant))
 
 
 @dataclass(frozen=True)

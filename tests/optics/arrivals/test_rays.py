@@ -381,3 +381,14 @@ def test_what_bends_rays_is_seen_under_small_angles(width, share):
     (end,) = scene.trace((0, 0), heading, optical_path=1.7).points
     rays = scene.rays((0, 0), end, within=2.0)
     assert any(np.abs(ray.tangents[0] - heading).max() < 1e-8 for ray in rays)
+
+
+def test_no_ray_of_a_fan_comes_into_the_last_medium():
+    """Three curved surfaces in space, the last a cap that a whole net of first directions misses."""
+    surfaces = [
+        optics.Asphere((0, 0, 0.7), (0, 0, 1), -1.7, 0.4, (0.01,)),
+        optics.Sphere((0, 0, -0.5), 1.7),
+        optics.Conic((0, 0, 2.0), (0, 0, 1), 2.7, -1.0),
+    ]
+    scene = optics.Scene([optics.Uniform(n) for n in (1.43, 1.87, 1.38, 1.5)], surfaces)
+    assert scene.rays((0, 0.36, -2.5), (-0.38, 0.08, 4.55)).searched

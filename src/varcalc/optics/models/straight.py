@@ -71,7 +71,7 @@ class StraightRays:
         if geometry.quadric:
             return _first_of_two(beam, geometry, leaving)
         parts = [beam.take(np.arange(k, min(k + ROWS_TOGETHER, len(beam)))) for k in range(0, len(beam), ROWS_TOGETHER)]
-        return np.concatenate([_first_of_many(part, geometry, leaving) for part in parts])
+        return np.concatenate([np.zeros(0), *(_first_of_many(part, geometry, leaving) for part in parts)])
 
 
 def _first_of_two(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:

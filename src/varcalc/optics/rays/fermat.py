@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from varcalc.certificates import Certificate, certify
 from varcalc.methods.collocation.method import Collocation
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.rays.leg import Leg
+from varcalc.optics.surfaces import Surface
 from varcalc.problem.conditions import At
 from varcalc.problem.problem import Curve
 from varcalc.solution import Status, VariationalError
@@ -25,10 +26,26 @@ NEAR = 1e-6
 def fermat(medium: Medium, start: Sequence[float], end: Sequence[float]) -> Curve:
     """The optical path between two points as a functional of curves."""
 
-    def path(q: Any, dq: Any) -> Any:
-        return ca.sqrt(medium.squared_index(q) * ca.sumsqr(dq))
+    def path(q: Any, dq: Any, *names: Any) -> Any:
+        parameters = {name: getattr(p, name) for p in names for name in medium.parameters}
+        return stated_index(medium, q, parameters) * ca.sqrt(ca.sumsqr(dq))
 
-    return Curve(path, At(tuple(start)), At(tuple(end)), name="optical_path")
+    parameters = dict(medium.parameters)
+    return Curve(path, At(tuple(start)), At(tuple(end)), name="optical_path", parameters=parameters)
+
+
+def stated_index(medium: Medium, position: Any, parameters: Mapping[str, Any]) -> Any:
+    """The index as it is stated: ``parameters`` are symbols, so that no arithmetic among numbers is rounded."""
+    if by_its_own(medium, "index", "parametric_index"):
+        return medium.index(position)
+    return medium.parametric_index(position, parameters)
+
+
+def by_its_own(part: Medium | Surface, plain: str, stated: str) -> bool:
+    """Whether a class has a method ``plain`` of its own, which what it inherits as ``stated`` knows nothing of."""
+    order = type(part).__mro__
+    own, inherited = (next(c for c in order if name in vars(c)) for name in (plain, stated))
+    return not issubclass(inherited, own)
 
 
 def certified_path(medium: Medium, leg: Leg, end: Sequence[float] | None) -> Certificate:

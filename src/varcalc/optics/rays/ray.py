@@ -21,6 +21,7 @@ from varcalc.showing import Fact, Plotted, counted, figure_of, line
 
 if TYPE_CHECKING:
     from varcalc.certificates import Certificate
+    from varcalc.optics.rays.straight_path import RayCertificate
 
 MOST_RAYS, MOST_PATHS = 6, 4
 """Rays that are told one by one in a print, and in a line."""
@@ -117,27 +118,37 @@ class Ray(Plotted):
             raise ValueError(f"speed must be a positive number, not {speed!r}")
         return self.optical_path / speed
 
-    def certify(self, end: Sequence[float] | None = None) -> Certificate:
-        """Prove between which two numbers the least optical path near this ray lies, see :func:`varcalc.certify`.
+    def certify(self, end: Sequence[float] | None = None) -> Certificate | RayCertificate:
+        """Prove between which two numbers the optical path lies, and whether it is the least near this ray.
 
-        It is the infimum over the curves in a tube around the ray from its first point to ``end``, a point (d,) within
-        round-off of where the ray arrives; by default the very doubles at which it does. A ray beyond a conjugate
-        point is refused, since no tube around it has it for its least.
+        In one medium it is the infimum over the curves in a tube around the ray from its first point to ``end``, a
+        point (d,) within round-off of where the ray arrives; by default the very doubles at which it does. See
+        :func:`varcalc.certify`: a ray beyond a conjugate point is refused, since no tube around it has it for its
+        least. Through surfaces between uniform media it is the path of the one ray near this one, with the number of
+        its conjugate points; where there are none it is the least by way of these surfaces, see
+        :class:`RayCertificate`.
 
-        Raises :class:`varcalc.VariationalError` where there is no proof, with the inequality that failed, ValueError
-        for a ray through surfaces, and ImportError where python-flint is not installed.
+        Raises :class:`varcalc.VariationalError` where there is no proof of a ray in one medium, and ArithmeticError of
+        one through surfaces, with what failed; ValueError for surfaces between media that are not uniform, and
+        ImportError where python-flint is not installed.
 
         >>> from varcalc import optics
         >>> duct = optics.Scene(optics.Stratified(lambda y: 1.5 - y**2 / 8))
         >>> ray = duct.rays((0, 0.1), (1, 0.2))[0]
         >>> ray.certify((1, 0.2)).width < 1e-18
         True
+        >>> water = optics.Scene([optics.Uniform(1.0), optics.Uniform(1.33)], optics.Plane((0, 0), (0, 1)))
+        >>> certificate = water.rays((0, 1), (1, -1))[0].certify((1, -1))
+        >>> certificate.width < 1e-40, certificate.index
+        (True, 0)
         """
         from varcalc.optics.rays.fermat import certified_path
 
-        if len(self.legs) != 1 or len(self.media) != 1:
-            raise ValueError(f"a certificate is of a ray in one medium; this one has {len(self.legs)} legs")
-        return certified_path(self.media[0], self.legs[0], end)
+        if not self.surfaces:
+            return certified_path(self.media[0], self.legs[0], end)
+        from varcalc.optics.rays.straight_path import certified_straight_path
+
+        return certified_straight_path(self, end)
 
     def point(self, s: float | np.ndarray) -> np.ndarray:
         """The point of the ray at the optical path ``s`` from A, shape ``np.shape(s) + (d,)``.
