@@ -20,7 +20,7 @@ import numpy as np
 
 from varcalc.integrators import Outcome
 from varcalc.problem.functional import Functional
-from varcalc.search.end_map import EndMap, TrialTrajectory
+from varcalc.search.end_map import STEPS_PER_TRAJECTORY, EndMap, TrialTrajectory
 from varcalc.symbolic.derived import derived
 
 FARTHEST_SLOPE = 1e6
@@ -93,11 +93,16 @@ class _Scan:
             self.shots[shot.u] = shot
             self.steps += shot.steps
 
+    def _together(self, budget: float) -> int:
+        """How many trajectories may be followed together without going beyond a budget of steps."""
+        return max(1, min(TOGETHER, int((budget - self.steps) / STEPS_PER_TRAJECTORY)))
+
     def reach(self, grid: np.ndarray) -> np.ndarray:
         """The part of a symmetric grid, from the middle outwards, that half of the budget pays for."""
         middle, grown = len(grid) // 2, -1
         while grown < middle and 2 * self.steps <= self.map.budget:
-            further = np.arange(grown + 1, min(grown + 1 + TOGETHER // 2, middle + 1))
+            pairs = max(1, self._together(self.map.budget / 2) // 2)
+            further = np.arange(grown + 1, min(grown + 1 + pairs, middle + 1))
             self.shoot(np.concatenate([grid[middle - further], grid[middle + further]]).tolist())
             grown = int(further[-1])
         return grid[middle - grown : middle + grown + 1]
@@ -106,7 +111,7 @@ class _Scan:
         """Halve intervals until the map is resolved, or the trajectories are used up."""
         waiting = deque((float(a), float(b), 0) for a, b in pairwise(grid))
         while waiting:
-            some = [waiting.popleft() for _ in range(min(TOGETHER, len(waiting)))]
+            some = [waiting.popleft() for _ in range(min(self._together(self.map.budget), len(waiting)))]
             halved: list[tuple[float, float, int]] = []
             for a, b, depth in some:
                 left, right = self.shots[a], self.shots[b]
