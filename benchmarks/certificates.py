@@ -219,6 +219,25 @@ def ceiling(random: np.random.Generator) -> tuple[vc.Problem, Any]:
     return vc.Problem(lambda x, y, v: v**2 / 2 - f * y, vc.Fixed(0, 0), vc.Fixed(T, 0), bound), value
 
 
+def eigenvalue(random: np.random.Generator) -> tuple[vc.Problem, Any]:
+    """Of int p v^2 + q y^2 under int w y^2 = 1: pi^2 + c, with y = m sin(pi x) for m = exp(a sin(b x)).
+
+    With y = m s and p = w = 1/m^2, q = ((log m)'' - (log m)'^2 + c)/m^2, it is int s'^2 + c s^2 over int s^2.
+    """
+    a, b, c = random.uniform(-1, 1), random.uniform(0.5, 6), random.choice([0.0, random.uniform(-40, 40)])
+
+    def weight(x: Any, p: Any) -> Any:
+        return ca.exp(-2 * p.a * ca.sin(p.b * x))
+
+    def energy(x: Any, y: Any, v: Any, p: Any) -> Any:
+        slope, bend = p.a * p.b * ca.cos(p.b * x), -p.a * p.b**2 * ca.sin(p.b * x)
+        return weight(x, p) * (v**2 + (bend - slope**2 + p.c) * y**2)
+
+    norm = vc.Isoperimetric(lambda x, y, v, p: weight(x, p) * y**2, 1.0)
+    parameters = {"a": float(a), "b": float(b), "c": float(c)}
+    return vc.Problem(energy, vc.Fixed(0, 0), vc.Fixed(1, 0), [norm], parameters=parameters), mpmath.pi**2 + c
+
+
 FAMILIES: dict[str, Callable[[np.random.Generator], tuple[vc.Problem, Any]]] = {
     "quadratic": quadratic,
     "convex": lambda random: made(random, convex=True),
@@ -228,10 +247,11 @@ FAMILIES: dict[str, Callable[[np.random.Generator], tuple[vc.Problem, Any]]] = {
     "tied": tied,
     "waypoint": waypoint,
     "ceiling": ceiling,
+    "eigenvalue": eigenvalue,
 }
 """The families by name; of the first two all are convex."""
 MORE = 100
-"""Problems of each of the last four families."""
+"""Problems of each of the last families."""
 
 
 def outcome(family: str, seed: int) -> dict[str, Any]:
@@ -350,7 +370,7 @@ def chart() -> None:
 def main(convex: int, other: int) -> None:
     """Add to the record, print the counts of each family, and draw the chart."""
     with mpmath.workdps(DIGITS):
-        counts = [convex // 2, convex - convex // 2, other // 2, other - other // 2, *[MORE] * 4]
+        counts = [convex // 2, convex - convex // 2, other // 2, other - other // 2, *[MORE] * (len(FAMILIES) - 4)]
         for family, count in zip(FAMILIES, counts, strict=True):
             campaign(family, count)
     for line in summary():

@@ -91,7 +91,7 @@ class ProvedInterval(Shown):
         """The theorem about ``what``, and its hypotheses; ``more`` follows the width."""
         low, high = self.enclosure
         lines = [f"theorem:  {low}", f"          <= {what} <=", f"          {high}"]
-        lines += [f"          The width is {self.width:.1g}. {more}"]
+        lines += [f"          The width is {self.width:.1g}. {more}".rstrip()]
         lines += [f"{'proved:' if not k else '':<9} {hypothesis}" for k, hypothesis in enumerate(self.proved)]
         return "\n".join([*lines, f"seconds:  {self.seconds:.2g}"])
 
@@ -104,7 +104,7 @@ class Certificate(ProvedInterval):
     ``|y(x) - y0(x)|`` of these and ``slopes`` that of ``y'(x)`` from ``y0'(x)``, each infinite where it is not
     limited; ``integrals`` is the greatest difference, up to any x, of what is integrated to a prescribed level (one
     for each). Each curve of the scope whose value is as good as that of the certified curve y0 lies within
-    ``distance`` of it.
+    ``distance`` of it; an eigenfunction's negative is as good as itself, and ``distance`` is infinite.
 
     y0 is a polynomial close to the curve of ``solution``, which meets the ends exactly.
     """
@@ -126,9 +126,9 @@ class Certificate(ProvedInterval):
     def __str__(self) -> str:
         what = "supremum" if self.solution.problem.maximise else "infimum"
         near = f"{self.distance.largest:.1g} of the curve ({self.distance.mean:.1g} in root mean square)"
-        return self._theorem(
-            f"{what} of {self.solution.problem.name} over {self._curves()}", f"Whatever is as good lies within {near}."
-        )
+        # an eigenfunction's negative is as good as itself
+        more = f"Whatever is as good lies within {near}." if self.distance.largest < math.inf else ""
+        return self._theorem(f"{what} of {self.solution.problem.name} over {self._curves()}", more)
 
     def _curves(self) -> str:
         if self.scope is Scope.ALL:

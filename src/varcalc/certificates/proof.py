@@ -10,7 +10,7 @@ import numpy as np
 
 from varcalc.certificates.balls import Ball, above, below, flint, largest, working
 from varcalc.certificates.bounds import Bounds, bounds
-from varcalc.certificates.certificate import Certificate, Hypothesis, Means, Scope, decimals
+from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
 from varcalc.certificates.choice import proved_tube
 from varcalc.certificates.convexity import convex_in_slope
 from varcalc.certificates.curve import end_values, joint_states, pieces, sampled, state_sizes
@@ -19,6 +19,7 @@ from varcalc.certificates.integrals import Unproved, along_curve, total
 from varcalc.certificates.jets import Undecided, without_enclosure
 from varcalc.certificates.levels import allowed_for, meeting
 from varcalc.certificates.nearness import Nearness, nearness
+from varcalc.certificates.rayleigh import lowest_of_all
 from varcalc.certificates.regular import Regular, check_forward, regular
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement, statement
@@ -44,6 +45,7 @@ VALUE_TOLERANCE = 1e-19
 COORDINATES = "the end where L is infinite is regular in alpha and z, by which the tube and the distances are meant"
 FORWARD = "the curve y0 is a graph: its abscissa grows"
 FORTH = "a curve that runs back is no shorter than a graph: the abscissa does not occur in the metric"
+RAYLEIGH = "L and the prescribed integrand are homogeneous of second degree: what is proved near y0 holds of all curves"
 SIGNS = "the multipliers of the bounds have their signs, so that L with them is no more than L within the bounds"
 WITHIN = "the curve of the upper bound lies within all bounds"
 SHARES = "an abscissa that slides is a number, and distances are meant at equal shares of the interval"
@@ -188,6 +190,9 @@ def _bounded(solution: Solution, setting: Setting, held: Bounds | None = None) -
     near = nearness(setting, prover.tube, largest([high - value]))
     scope, hypotheses = _scope(setting, prover, near, solution)
     low = (value - drop).lower()
+    lowest = lowest_of_all(setting, prover.tube, drop) if held is None and scope is not Scope.ALL else None
+    if lowest is not None:
+        low, scope, hypotheses = lowest, Scope.ALL, [Hypothesis(RAYLEIGH, Means.CONSTRUCTION)]
     if setting.statement.along.form.coordinates.energetic:
         low, high = _length(setting.statement, solution, low, high)
     if solution.problem.maximise:
@@ -204,7 +209,7 @@ def _bounded(solution: Solution, setting: Setting, held: Bounds | None = None) -
         tube=math.inf if infinite else unit * prover.tube.delta,
         slopes=_slope_room(setting, prover.tube, scope),
         integrals=() if infinite else tuple((prover.tube.delta * setting.sizes[0][setting.statement.bare :]).tolist()),
-        distance=near.distance(setting),
+        distance=near.distance(setting) if lowest is None else Distance(math.inf, math.inf),
         proved=proved,
         seconds=0.0,
     )

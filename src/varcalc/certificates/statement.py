@@ -128,6 +128,11 @@ class Statement:
         """Whether H is of second degree in the controls, and what is integrated to levels of first in all."""
         return self._degree(False, True) <= 2.0 and self.bent <= 1.0
 
+    @cached_property
+    def of_second_degree(self) -> bool:
+        """Whether H and what is integrated to levels are of second degree at most."""
+        return self._degree(True, True) <= 2.0 and self.bent <= 2.0
+
     def _degree(self, states: bool, controls: bool) -> float:
         return degrees(self.function, self._watched(states, controls))[0][0]
 

@@ -47,14 +47,18 @@ def certify(name_or_file: str, as_json: bool, digits: int | None) -> None:
 
 def document(certificate: Certificate) -> dict[str, Any]:
     """A certificate as plain numbers, strings and lists; None for what is infinite."""
-    widths = {"tube": certificate.tube, "slopes": certificate.slopes}
+
+    def finite(numbers: dict[str, float]) -> dict[str, float | None]:
+        return {name: number if number < float("inf") else None for name, number in numbers.items()}
+
+    distance = {"mean": certificate.distance.mean, "largest": certificate.distance.largest}
     return {
         "lower": certificate.lower,
         "upper": certificate.upper,
         "enclosure": list(certificate.enclosure),
         "scope": certificate.scope.value,
-        **{name: width if width < float("inf") else None for name, width in widths.items()},
-        "distance": {"mean": certificate.distance.mean, "largest": certificate.distance.largest},
+        **finite({"tube": certificate.tube, "slopes": certificate.slopes}),
+        "distance": finite(distance),
         "proved": [{"sentence": h.sentence, "by": h.means.value} for h in certificate.proved],
         "seconds": certificate.seconds,
     }
