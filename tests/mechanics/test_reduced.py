@@ -3,6 +3,7 @@
 import math
 
 import casadi as ca
+import mpmath as mp
 import numpy as np
 import pytest
 from scipy.special import ellipk, gamma
@@ -27,6 +28,17 @@ def test_a_pendulum_to_and_fro_and_over_the_top(energy):
     exact = 4 * ellipk(m) if m < 1 else 2 / math.sqrt(m) * ellipk(1 / m)
     assert orbit.period == pytest.approx(exact, rel=1e-9 if energy < -0.99 else 1e-13)  # of m no more is known there
     assert orbit.ends == ((End.TURNING, End.TURNING) if m < 1 else (End.ROUND, End.ROUND))
+
+
+@pytest.mark.parametrize("beside", [-1e-5, -1e-8, -1e-11, 1e-7, 1e-8, 1e-9, 1e-11])
+def test_a_pendulum_next_to_its_separatrix(beside):
+    """By as many digits as its energy tells of the distance from there."""
+    energy = 1.0 + beside
+    (orbit,) = PENDULUM.orbits(energy)
+    with mp.workdps(30):
+        m = (1 + mp.mpf(energy)) / 2
+        exact = 4 * mp.ellipk(m) if m < 1 else 2 / mp.sqrt(m) * mp.ellipk(1 / m)
+        assert abs(orbit.period - exact) <= 1e-13 * exact + 8 * mp.mpf(np.finfo(float).eps) / abs(beside)
 
 
 def test_the_separatrix_of_a_pendulum_and_its_logarithm():

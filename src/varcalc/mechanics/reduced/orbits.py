@@ -22,7 +22,7 @@ from varcalc.numerics.one_coordinate.motions import (
     ways,
 )
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
-from varcalc.numerics.one_coordinate.quadrature import integrals, reached
+from varcalc.numerics.one_coordinate.quadrature import AGREED, integrals, reached
 from varcalc.problem.conditions import reals
 from varcalc.showing import Shown
 
@@ -45,6 +45,8 @@ class End(Enum):
     ROUND = "goes round"
 
 
+FEWER = 0.05
+"""Of what round-off makes of the rate of a motion that all but rests: what panels of many points must agree to."""
 LEVEL = 1e-13
 """Of the energy: what is round-off of it next to a separatrix."""
 OPEN = {End.FAR, End.BEYOND, End.SINGULAR, End.ROUND}
@@ -67,6 +69,8 @@ class ReducedOrbit(Shown):
     _potential: EffectivePotential
     _way: CoordinateMotion
     _range: tuple[float, float]
+    _agreed: float
+    """To what share integrals are told: fewer digits next to the energy of a separatrix."""
 
     @property
     def bounded(self) -> bool:
@@ -82,15 +86,28 @@ class ReducedOrbit(Shown):
         first, last = self._range
         twice = 2.0 if isinstance(way, OneTurn | TwoTurns) else 1.0
         if self.bounded:
-            return twice * _between(way, first, last)[0]
+            return twice * self._between(way, first, last)
         middle = max(first, 0.0) if isinstance(way, OneTurn) else 0.0
         total = np.zeros(way.integrands(np.array([[middle]]))[1].shape[0])
         for end in (first, last):
             if end == middle:
                 continue
             with np.errstate(invalid="ignore"):  # of what diverges both ways
-                total += (1.0 if end > middle else -1.0) * _towards(way, middle, end)
+                total += (1.0 if end > middle else -1.0) * self._towards(way, middle, end)
         return twice * total
+
+    def _towards(self, way: CoordinateMotion, first: float, last: float) -> np.ndarray:
+        """The integrals towards an end: infinite where they diverge, not numbers where that is not told."""
+        stretch = last - first
+        half, third, fourth = (self._between(way, first + a * stretch, first + b * stretch) for a, b in PARTS)
+        whole = half + third + fourth
+        # to a place of rest the last part is no number
+        diverges = ~(np.abs(fourth) < SHRINKING * np.abs(third)) & ~(np.abs(fourth) <= CONVERGED * np.abs(whole))
+        known = np.abs(fourth) <= CONVERGED * np.abs(whole)
+        return np.where(diverges, np.copysign(np.inf, half), np.where(known, whole, np.nan))
+
+    def _between(self, way: CoordinateMotion, first: float, last: float) -> np.ndarray:
+        return integrals(way, np.array([first]), np.array([last]), agreed=self._agreed)[0]
 
     @property
     def period(self) -> float:
@@ -158,7 +175,7 @@ class ReducedOrbit(Shown):
             inside = np.isfinite(last) & (last >= self._range[0]) & (last <= self._range[1])
             if np.any(inside):
                 way = self._way.take(np.zeros(np.count_nonzero(inside), dtype=int))
-                out[inside] = integrals(way, np.zeros(len(last[inside])), last[inside])
+                out[inside] = integrals(way, np.zeros(len(last[inside])), last[inside], agreed=self._agreed)
         return out.reshape(*places.shape, -1)
 
     def place(self, t: Any) -> tuple[np.ndarray, Mapping[str, np.ndarray]]:
@@ -181,20 +198,6 @@ class ReducedOrbit(Shown):
         q = np.where(good, self._potential.place(u), np.nan).reshape(times.shape)[()]
         angles = [np.where(good, found.integrals[:, ANGLES + k], np.nan) for k in range(len(self._names))]
         return q, {name: a.reshape(times.shape)[()] for name, a in zip(self._names, angles, strict=True)}
-
-
-def _towards(way: CoordinateMotion, first: float, last: float) -> np.ndarray:
-    """The integrals towards an end: infinite where they diverge, not numbers where that is not told."""
-    half, third, fourth = (_between(way, first + a * (last - first), first + b * (last - first))[0] for a, b in PARTS)
-    whole = half + third + fourth
-    # to a place of rest the last part is no number
-    diverges = ~(np.abs(fourth) < SHRINKING * np.abs(third)) & ~(np.abs(fourth) <= CONVERGED * np.abs(whole))
-    known = np.abs(fourth) <= CONVERGED * np.abs(whole)
-    return np.where(diverges, np.copysign(np.inf, half), np.where(known, whole, np.nan))
-
-
-def _between(way: CoordinateMotion, first: float, last: float) -> np.ndarray:
-    return integrals(way, np.array([first]), np.array([last]))
 
 
 @dataclass(frozen=True)
@@ -258,7 +261,14 @@ class Regions:
         upper = chart.high if ends[1] in OPEN else upper
         rest = next((one for one in resting if one is not None), None)
         way = replace(way, C=C) if isinstance(way, OneTurn | NoTurn) else way
-        return ReducedOrbit(energy, lower, upper, ends, rest, self.names, self.potential, way, _span(way, below, above))
+        span, agreed = _span(way, below, above), self._agreed(energy)
+        return ReducedOrbit(energy, lower, upper, ends, rest, self.names, self.potential, way, span, agreed)
+
+    def _agreed(self, energy: float) -> float:
+        """To what share integrals are told: the rate of a motion that all but rests is little but round-off."""
+        saddles = [one.energy for one in self.rests if not one.stable and one.energy != energy]
+        room = [FEWER * float(np.finfo(float).eps) * max(abs(energy), abs(e)) / abs(energy - e) for e in saddles]
+        return max([AGREED, *room])
 
     def _room(self, u0: np.ndarray, sign: int, rest: Rest | None) -> float:
         """How far it is in u to a ``rest``; the one at which a turn begins is also where it ends."""
