@@ -24,7 +24,7 @@ from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.variation import Between, excess, gentle
 
-WIDE = 20.0
+WIDE = 12.0
 """By how many times more than is gentle an argument may go from the middle of where a run has been."""
 LOOKS = 1025
 """Places of a run at which it is asked where it has been."""

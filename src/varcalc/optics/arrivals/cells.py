@@ -26,6 +26,9 @@ which jumps of the index the ray has come through."""
 SLANTED = 0.6
 """A cell is slanted where a line across its rays rises by so many lengths of it from one to the other."""
 
+SLOPE_SHARE = 0.15
+"""Of a length: how far off is a cubic that is right at an end and in the middle, and has a slope that is off there."""
+
 
 @dataclass(frozen=True)
 class Cells(Rows):
@@ -164,20 +167,32 @@ def _delays(cells: Cells) -> np.ndarray:
 def _unforeseen(width: np.ndarray, sigma: np.ndarray, state: np.ndarray, delay: np.ndarray) -> tuple[np.ndarray, ...]:
     """How far off the cubics from ray to ray are (q,), across the rays and in all, and those along the rays.
 
-    In half the width a cubic errs by a sixteenth of that; to divide by four leaves room for doubt.
+    In half the width a cubic errs by a sixteenth of that; to divide by four leaves room for doubt. Where a ray is bent
+    at once, a quarter of the way along, the middle is where it is foretold, but not the direction there, which counts.
     """
     slope = width[:, None, None] * delay[:, ::2, ::2]
     slope = np.stack([slope[:, :, 0], slope.mean(axis=2), slope[:, :, 1]], axis=2)
-    sides = state[:, ::2]
+    sides, ahead = state[:, ::2], state[:, 1, :, P]
     across = width[:, None, None, None] * sides[..., MOVED] + slope[..., None] * sides[..., P]
     late = sigma[:, ::2].mean(axis=1) + (slope[:, 0] - slope[:, 1]) / 8 - sigma[:, 1]
-    actual = state[:, 1, :, R] + late[:, :, None] * state[:, 1, :, P]
+    actual = state[:, 1, :, R] + late[:, :, None] * ahead
     off = sides[..., R].mean(axis=1) + (across[:, 0] - across[:, 1]) / 8 - actual
-    ahead = state[:, 1, :, P]
-    turned = off[..., 0] * ahead[..., 1] - off[..., 1] * ahead[..., 0]
+    turned = _apart(off, ahead)
+    inner = width[:, None, None] * (state[:, 1, :, MOVED] + delay[:, 1, :, None] * ahead)
+    skew = 1.5 * (sides[:, 1, :, R] - sides[:, 0, :, R]) - (across[:, 0] + across[:, 1]) / 4 - inner
     length = (sigma[:, ::2, 2] - sigma[:, ::2, 0])[:, :, None]
     along = sides[:, :, ::2, R].mean(axis=2) + length * (sides[:, :, 0, P] - sides[:, :, 2, P]) / 8 - sides[:, :, 1, R]
+    bend = 1.5 * (sides[:, :, 2, R] - sides[:, :, 0, R]) - length * (
+        (sides[:, :, 0, P] + sides[:, :, 2, P]) / 4 + sides[:, :, 1, P]
+    )
+    with np.errstate(invalid="ignore"):
+        sideways = (turned + SLOPE_SHARE * _apart(skew, ahead)).max(axis=1)
+        over = (np.linalg.norm(off, axis=2) + SLOPE_SHARE * np.linalg.norm(skew, axis=2)).max(axis=1)
+        lengthwise = (np.linalg.norm(along, axis=2) + SLOPE_SHARE * np.linalg.norm(bend, axis=2)).max(axis=1)
+    return tuple(np.where(np.isfinite(error), error, np.inf) for error in (sideways, over, lengthwise))
+
+
+def _apart(off: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+    """The part (q, 3) of ``off`` (q, 3, 2) across the rays, which go ``ahead``."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        sideways = np.abs(turned / np.linalg.norm(ahead, axis=2)).max(axis=1)
-    errors = sideways, np.linalg.norm(off, axis=2).max(axis=1), np.linalg.norm(along, axis=2).max(axis=1)
-    return tuple(np.where(np.isfinite(error), error, np.inf) for error in errors)
+        return np.abs((off[..., 0] * ahead[..., 1] - off[..., 1] * ahead[..., 0]) / np.linalg.norm(ahead, axis=2))
