@@ -370,7 +370,7 @@ def test_lenses_that_are_seen_under_small_angles_are_looked_through(radius, shar
         assert min(ray.optical_path for ray in rays) > np.hypot(*target) * (1 - 1e-13)
 
 
-@pytest.mark.parametrize(("width", "share"), [(0.05, -0.5), (0.015, 0.8)])
+@pytest.mark.parametrize(("width", "share"), [(0.05, -0.5), (0.015, 0.8), (1e-5, -0.3)])
 def test_what_bends_rays_is_seen_under_small_angles(width, share):
     centre = np.array([0.8, 0.27])
     scene = optics.Scene(
@@ -392,3 +392,55 @@ def test_no_ray_of_a_fan_comes_into_the_last_medium():
     ]
     scene = optics.Scene([optics.Uniform(n) for n in (1.43, 1.87, 1.38, 1.5)], surfaces)
     assert scene.rays((0, 0.36, -2.5), (-0.38, 0.08, 4.55)).searched
+
+
+def test_one_narrow_lens_is_met_through_another():
+    first, width = np.array([0.5, 0.1]), 1e-3
+    lens = [(first, 0.6)]
+
+    def index(x, y):
+        return ca.sqrt(1 + sum(s * ca.exp(-((x - c[0]) ** 2 + (y - c[1]) ** 2) / width**2) for c, s in lens))
+
+    heading = np.array([np.cos(a := np.arctan2(0.1, 0.5) + 0.9e-3), np.sin(a)])
+    through_one = optics.Scene(optics.Graded(index)).trace((0, 0), heading, optical_path=1.1)
+    # the second stands where a ray through the first goes, a little beside it
+    lens.append((through_one.points[0] + 4e-4, 0.3))
+    scene = optics.Scene(optics.Graded(index))
+    (end,) = scene.trace((0, 0), heading, optical_path=1.8).points
+    rays = scene.rays((0, 0), end, within=1.9)
+    assert any(np.abs(ray.tangents[0] - heading).max() < 1e-8 for ray in rays)
+
+
+def test_rays_along_a_narrow_ring_are_not_said_to_be_all():
+    def ring(r):
+        return ca.sqrt(1 + 0.1 * ca.exp(-(((r - 0.4) / 1e-2) ** 2)))
+
+    ends = (-1.0, -0.17), (0.5, -0.14)
+    exact = optics.Scene(optics.Radial(ring)).rays(*ends, within=2.0)
+    rays = optics.Scene(optics.Graded(lambda x, y: ring(ca.sqrt(x**2 + y**2)))).rays(*ends, within=2.0)
+    assert rays.unresolved > 0
+    assert "rays along what is narrow" in rays.searched
+    wide = [ray.optical_path for ray in exact if ray.spreading < 100]
+    assert wide
+    assert all(any(abs(path - ray.optical_path) < 1e-9 for ray in rays) for path in wide)
+
+
+def test_no_ray_is_lost_where_the_index_rises_at_once():
+    width = 1e-2
+    across = np.array([1.0, 0.7]) / np.hypot(1.0, 0.7)
+
+    def index(x, y):
+        return ca.sqrt(1 + 0.1 * ca.tanh((across[0] * x + across[1] * y - 0.16) / width))
+
+    a, b = np.array([-0.9, 0.13]), np.array([0.95, -0.21])
+    (ray,) = optics.Scene(optics.Graded(index)).rays(a, b)
+    # by Snell's law what goes along the rise is kept: 0.9 before it and 1.1 behind
+    along = np.array([-across[1], across[0]])
+    slow, fast = np.sqrt(0.9) * ray.tangents[0] @ along, np.sqrt(1.1) * ray.tangents[1] @ along
+    assert abs(slow - fast) < 1e-10
+    # and the optical path differs from that through a jump by less than the rise is wide
+    rise = [(0.16 - a @ across), (b @ across - 0.16)]
+    places = np.linspace(-1, 1, 200_001)
+    first, last = places - a @ along, b @ along - places
+    jump = np.min(np.sqrt(0.9) * np.hypot(rise[0], first) + np.sqrt(1.1) * np.hypot(rise[1], last))
+    assert abs(ray.optical_path - jump) < width

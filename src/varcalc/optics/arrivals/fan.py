@@ -66,6 +66,23 @@ class Bounds:
     size: np.ndarray
 
 
+@dataclass(frozen=True)
+class Aimed:
+    """Directions that a fan is to hold besides: ``angles`` (m,) of the numbers ``source`` (m,), in any order.
+
+    ``looks`` is by how many times more directions it is looked for what bends rays.
+    """
+
+    source: np.ndarray
+    angles: np.ndarray
+    looks: int = LOOKS
+
+    @classmethod
+    def nowhere(cls) -> Aimed:
+        """No directions besides the usual ones."""
+        return cls(np.zeros(0, dtype=int), np.zeros(0))
+
+
 @dataclass
 class Fan:
     """Rays of ``sources`` (n, 2) through the scene ``propagator``; remembers how many were looked at and their ends."""
@@ -73,6 +90,7 @@ class Fan:
     propagator: Propagator
     sources: np.ndarray
     bounds: Bounds
+    aimed: Aimed = field(default_factory=Aimed.nowhere)
     looked_at: int = 0
     ends: Counter[RayStatus] = field(default_factory=Counter)
     entered: int = 0
@@ -183,7 +201,7 @@ class Fan:
         Surfaces and jumps may be seen under small angles, and what bends rays: more directions are looked at, and
         those of the middles of surfaces.
         """
-        n, more = len(self.sources), LOOKS if self._parting or self._bending else 1
+        n, more = len(self.sources), self.aimed.looks if self._parting or self._bending else 1
         angles = np.linspace(0.0, 2 * np.pi, more * FIRST_ANGLES + 1)
         usual = np.tile(np.arange(len(angles)) % more == 0, n)
         source, angles = np.repeat(np.arange(n), len(angles)), np.tile(angles, n)
@@ -193,8 +211,10 @@ class Fan:
             toward = np.mod(np.arctan2(away[:, 1], away[:, 0]) - AXES_OFF, 2 * np.pi)
             source, angles = np.append(source, np.arange(n)), np.append(angles, toward)
             usual = np.append(usual, np.full(n, fill_value=False))
+        source, angles = np.append(source, self.aimed.source), np.append(angles + AXES_OFF, self.aimed.angles)
+        usual = np.append(usual, np.full(len(self.aimed.angles), fill_value=True))
         order = np.lexsort((angles, source))
-        return source[order], angles[order] + AXES_OFF, usual[order]
+        return source[order], angles[order], usual[order]
 
     @property
     def resolution(self) -> str:

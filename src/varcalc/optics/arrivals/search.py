@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from varcalc.optics.arrivals.fan import Bounds, Fan
+from varcalc.optics.arrivals.narrow import NarrowSearch
 from varcalc.optics.arrivals.space import DIRECTIONS, Approaches, search
 from varcalc.optics.arrivals.wavefront_construction import Arrivals, PlanePairs, WavefrontConstruction
 from varcalc.optics.media.medium import Medium, Radial, Stratified
@@ -36,6 +38,8 @@ MEETS = 1e-7
 """Of the distance of two points: a ray that ends farther from the second when it is carried anew is none of theirs."""
 USUAL_RANGE = 5.0
 """Rays are looked for up to so many times the optical length of the scene."""
+FARTHEST_SCALE = 1e3
+"""Of the distance of two points: a medium that varies over more is uniform to a fan, as the tail of a lens is."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,11 @@ class TwoPoint:
     planar: Propagator
     full: Propagator
 
+    @cached_property
+    def narrow(self) -> NarrowSearch:
+        """What is narrow in the last medium."""
+        return NarrowSearch(self.planar)
+
     def found(self, pairs: PointPairs) -> list[Rays]:
         """All rays of each pair, in the planes that hold them or over the sphere of directions."""
         if pairs.in_planes:
@@ -81,11 +90,14 @@ class TwoPoint:
         far = np.maximum(ends.within / self._largest_index(ends), 2 * distance)
         origins, source = np.unique(flat[0], axis=0, return_inverse=True)
         source = source.ravel()
-        fan = Fan(self.planar, origins, _bounds(source, flat[1], ends.within, far, distance))
+        bounds = _bounds(source, flat[1], ends.within, far, distance)
+        aimed, given_up, said = self.narrow.aimed(origins, bounds)
+        fan = Fan(self.planar, origins, bounds, aimed)
+        fan.given_up += given_up
         found = WavefrontConstruction(fan, PlanePairs(source, flat[1], ends.within, distance)).run()
         rays = self._rays(ends, found)
         searched = f"all directions of the plane ({fan.looked_at} looked at, %d narrow cells left unresolved"
-        searched += f"{fan.resolution}), "
+        searched += f"{fan.resolution}{said}), "
         searched += "optical paths up to %.6g, no farther than %.6g from B"
         notes = [searched % note for note in zip(found.unresolved, ends.within, far, strict=True)]
         return [
@@ -347,7 +359,9 @@ class PairSearch:
                 largest = np.fmax(largest, np.sqrt(squared))
                 first = 2 * squared / np.linalg.norm(gradient, axis=1)
                 second = np.sqrt(2 * squared / np.linalg.norm(hessian, axis=(1, 2)))
-            lengths.append(np.minimum(first, second))
+            length = np.minimum(first, second)
+            uniform = (self._known(a.shape[1]) is None) & (length > FARTHEST_SCALE * lengths[0])
+            lengths.append(np.where(uniform, 0.0, length))
         for geometry in self.compiled.geometries(a.shape[1]):
             lengths += [geometry.distance(a), geometry.distance(b)]
         return USUAL_RANGE * largest * sum(np.where(np.isfinite(length), length, 0.0) for length in lengths)
