@@ -50,6 +50,8 @@ HELD = 1e-7
 """Difference, relative to what is summed, of a curve's functional and that of its pieces, which the sum may make."""
 BESIDE_KINK = 1e-3
 """Change of the slope, in units of 1 and of the slope, over which it is seen which way a kink points."""
+SAME_PLACE = 1e-9
+"""Share of the interval by which two crossings at one place may differ."""
 MOST = 8
 """Crossings of one curve that are treated."""
 
@@ -65,10 +67,14 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     units = argument_sizes(problem, np.linspace(*problem.span, 33), formulate(problem).start.curve)
     met: list[Crossing] = []
     tried = False
+    last: list[Crossing] | None = None
     for followed in FOLLOWED:
         small = max(followed * width, ROUND_OFF)
         found = crossings(problem, curve, nodes, problem.unknown_guesses, small, units)
         found = [c for c in found if not _repels(problem, curve, c)]
+        if last is not None and _alike(problem, found, last):  # what they led to is known
+            continue
+        last = found
         if found and (solution := _settled(problem, method, tol, curve, found)) is not None:
             return solution
         rides = any(c.until is not None for c in found)
@@ -82,6 +88,16 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     told = "; ".join(sentence(problem, c) for c in met[:2])
     message = f"{told}; curves that are broken there were tried, and none stands"
     return no_answer(problem, method, Status.NOT_CONVERGED, message)
+
+
+def _alike(problem: Problem, found: list[Crossing], others: list[Crossing]) -> bool:
+    """Whether crossings are those of others but for round-off."""
+    apart = SAME_PLACE * (problem.span[1] - problem.span[0])
+    return len(found) == len(others) and all(
+        a.switch is b.switch and a.level == b.level and (a.until is None) == (b.until is None)
+        and abs(a.x - b.x) <= apart and abs((a.until or 0.0) - (b.until or 0.0)) <= apart
+        for a, b in zip(found, others, strict=True)
+    )  # fmt: skip
 
 
 def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:

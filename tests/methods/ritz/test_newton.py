@@ -11,7 +11,7 @@ import pytest
 import varcalc as vc
 from varcalc.formulation import formulate
 from varcalc.methods.ritz import newton
-from varcalc.methods.ritz.newton import minimise, newton_step
+from varcalc.methods.ritz.newton import NullSpace, minimise, newton_step
 from varcalc.methods.ritz.system import RitzSystem, quadrature_points
 from varcalc.numerics.mesh import Space
 
@@ -206,3 +206,13 @@ def test_a_quadratic_functional_takes_one_step():
     assert outcome.reason == ""
     assert outcome.iterations <= 2
     assert outcome.value == pytest.approx(1 / math.tanh(1), rel=1e-14)
+
+
+@pytest.mark.parametrize("shape", [(1, 7), (2, 9), (3, 5, 8), (4, 2, 12), (5, 5), (6, 5)])
+def test_forms_are_reduced_to_the_directions_that_keep_conditions(shape):
+    random = np.random.default_rng(0)
+    jacobian, square = random.normal(size=shape), random.normal(size=(*shape[:-2], shape[-1], shape[-1]))
+    null, form = NullSpace(jacobian), square + square.swapaxes(-1, -2)
+    assert np.abs(jacobian @ null.basis).max(initial=0.0) < 1e-13
+    expected = null.basis.swapaxes(-1, -2) @ form @ null.basis
+    assert null.reduced(form) == pytest.approx(expected, abs=1e-13)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -164,10 +164,23 @@ class NullSpace:
     """The directions that keep conditions with a Jacobian (.., m, N) to first order; all of them where m is 0."""
 
     def __init__(self, jacobian: np.ndarray) -> None:
-        self.count = m = jacobian.shape[-2]
+        self.count, self._jacobian = jacobian.shape[-2], jacobian
+        m = self.count
         if m:
             q, r = np.linalg.qr(jacobian.swapaxes(-1, -2), mode="complete")
             self._across, self.basis, self._r = q[..., :m], q[..., m:], r[..., :m, :]
+
+    @cached_property
+    def _reflections(self) -> tuple[np.ndarray, np.ndarray]:
+        """V and W (.., N, m) with [across, basis] = I - W V'."""
+        m, (raw, scales) = self.count, np.linalg.qr(self._jacobian.swapaxes(-1, -2), mode="raw")
+        v = np.tril(raw.swapaxes(-1, -2), -1)
+        v[..., range(m), range(m)] = 1.0
+        w = np.zeros_like(v)
+        for j in range(m):
+            before = applied(w[..., :j], applied(v[..., :j].swapaxes(-1, -2), v[..., j]))
+            w[..., j] = scales[..., [j]] * (v[..., j] - before)
+        return v, w
 
     @property
     def independent(self) -> Any:
@@ -178,8 +191,19 @@ class NullSpace:
         return sizes.min(-1) > DEPENDENT * sizes.max(-1)
 
     def reduced(self, matrices: np.ndarray) -> np.ndarray:
-        """Quadratic forms (.., N, N) on these directions."""
-        return self.basis.swapaxes(-1, -2) @ matrices @ self.basis if self.count else matrices
+        """Symmetric quadratic forms (.., N, N) on these directions."""
+        if not self.count:
+            return matrices
+        if self.count >= matrices.shape[-1]:
+            return self.basis.swapaxes(-1, -2) @ matrices @ self.basis
+        # Q = I - W V' (Schreiber and Van Loan, SIAM J. Sci. Stat. Comput. 10, 1989), so that Q'M Q takes no product of
+        # matrices as large as M: few conditions cost next to nothing
+        m, (v, w) = self.count, self._reflections
+        applied_to = matrices @ w
+        both = v @ (w.swapaxes(-1, -2) @ applied_to)
+        part = applied_to - 0.5 * both
+        change = part[..., m:, :] @ v[..., m:, :].swapaxes(-1, -2)
+        return matrices[..., m:, m:] - change - change.swapaxes(-1, -2)
 
     def along(self, gradients: np.ndarray) -> np.ndarray:
         """Linear forms (.., N) on these directions."""
@@ -230,7 +254,10 @@ def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
     solved, shift = _solved(model.reduced, model.slope), 0.0
     if solved is None or (solved[1] > SINGULAR and at.legendre > 0.0):
         metric = system.metric(at)
-        lowest = lowest_eigenvalue(model.reduced, model.null.reduced(metric))
+        measured = model.null.reduced(metric)
+        if solved is not None and positive((model.reduced - ROUND_OFF * measured)[None])[0]:
+            return model.step(solved[0], shift, solved[1])  # no eigenvalue is as small as round-off
+        lowest = lowest_eigenvalue(model.reduced, measured)
         if not math.isfinite(lowest):
             return None
         zero_mode = abs(lowest) < (NEARLY_SINGULAR if solved is None else ROUND_OFF)
