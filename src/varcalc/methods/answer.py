@@ -21,7 +21,7 @@ from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, de
 from varcalc.symbolic.derived import derived
 
 TURNED = 30.0
-"""Factor by which a backward speed must exceed the relative error of the curve to be believed."""
+"""Factor by which a backward speed must exceed the relative error of all speeds to be believed."""
 APPROACH = (2e-2, 2e-3)
 """Relative distances from a singular end between which the growth of the slope is judged."""
 ASTRAY, ASTRAY_SHARE = 2e-2, 30.0
@@ -403,13 +403,44 @@ class _PathDensity:
         return _Density, (_resampled_density(self, person_nodes(self.extremal, self.extremal.vertices)).curve,)
 
 
-def _turns_back(extremal: Extremal, curve_error: float) -> bool:
-    """Whether the abscissa decreases, by more than the curve's error, along a curve that should be a graph."""
+def _turns_back(extremal: Extremal, value: float, error: float) -> bool:
+    """Whether the abscissa decreases, by more than its error, along a curve that should be a graph.
+
+    ``value`` is that of the curve's length, and ``error`` its error.
+    """
     speed = extremal.speed
+    if speed is SEEN_FORWARD:
+        return False
     if speed is None:
-        speed = lifted(extremal, composite_gauss(extremal.vertices, 16)[0])[2]
-    span = extremal.form.problem.span
-    return bool(speed.min() < -(1e-9 + TURNED * curve_error / (span[1] - span[0])) * np.abs(speed).max())
+        points = np.concatenate([composite_gauss(extremal.vertices, 16)[0], extremal.form.span])
+        speed = lifted(extremal, points)[2]
+        speed = speed[np.isfinite(speed)]  # an end may be singular
+    return bool(speed.min() < -speed_error(value, error) * np.abs(speed).max())
+
+
+def with_ends(s: np.ndarray, speed: np.ndarray, span: tuple[float, float]) -> np.ndarray:
+    """The speeds (.., Q) at the points s (Q,) of a rule and, last, at the two ends of ``span``, which are none of them.
+
+    A curve that is to turn back does so at an end first. The speeds there are those of the parabola through the last
+    three and what it differs by from the tangent, by which the true ones may be larger: they may vanish at an end.
+    """
+    ends = []
+    for end, (i, j, k) in zip(span, ((0, 1, 2), (-1, -2, -3)), strict=True):
+        first = (speed[..., i] - speed[..., j]) / (s[..., i] - s[..., j])
+        second = (speed[..., j] - speed[..., k]) / (s[..., j] - s[..., k])
+        tangent = speed[..., i] + (end - s[..., i]) * first
+        bend = (end - s[..., i]) * (end - s[..., j]) * (first - second) / (s[..., i] - s[..., k])
+        ends.append(tangent + bend + np.abs(bend))
+    return np.concatenate([speed, np.stack(ends, axis=-1)], axis=-1)
+
+
+def speed_error(value: Any, error: Any) -> Any:
+    """The error of the speeds along a curve of a certain length, relative to the largest, that is sure to cover them.
+
+    The length lies above the least one by their square. How far a curve is moved at an abscissa says nothing of it
+    where the curve is upright, which is where it turns.
+    """
+    return 1e-9 + TURNED * np.sqrt(error / np.maximum(np.abs(value), error))
 
 
 def unsettled(tol: float) -> float:
@@ -433,7 +464,11 @@ def answer(
     ``rule`` is the number of Gauss points an element for what is integrated on demand.
     """
     problem = extremal.form.problem
-    if extremal.form.coordinates.energetic and isinstance(problem, Problem) and _turns_back(extremal, error.curve):
+    if (
+        extremal.form.coordinates.energetic
+        and isinstance(problem, Problem)
+        and _turns_back(extremal, value, error.value)
+    ):
         return no_answer(
             problem, method, Status.REFUSED,
             "the shortest curve turns back in x: it is no graph, and among graphs the infimum is not attained; "

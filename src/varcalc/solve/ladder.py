@@ -14,6 +14,7 @@ from varcalc.existence.approach import outdone
 from varcalc.existence.feasibility import explained
 from varcalc.existence.global_look import FINE, has_lattice, least_polygons, looked_around
 from varcalc.existence.refraction import refracted, smooth_or_refused
+from varcalc.existence.upright import upright
 from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
 from varcalc.methods.answer import in_coordinates_of
@@ -243,14 +244,11 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
                 failure = failure or no_answer(problem, way, Status.REFUSED, form.refused)
                 continue
             start = guess if guess is not None or failure is None or failure.curve is None else failure
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                solution = _worth_something(way.solve(form, tol=tol, guess=_sampled(problem, form, start)))
+            solution = _in_form(way, form, tol, _sampled(problem, form, start))
+            if solution.status.ok and not form.coordinates.energetic and upright(solution) is not None:
+                return _unless_upright(way, candidates, tol, solution, form)
             if solution.status.ok:
-                solution = _seen_between(way, form, solution, tol)
-            solution = _standing(way, form, solution, tol)
-            if solution.status.ok:
-                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    return _beyond_doubt(vouched(_compared(solution, failure), form), form, candidates)
+                return _vouched(solution, failure, form, candidates)
             if solution.verdict in {Verdict.NOT_ATTAINED, Verdict.DEGENERATE}:
                 return solution
             if failure is None or (math.isnan(failure.value) and not math.isnan(solution.value)) or solution.verdict:
@@ -258,6 +256,37 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
     assert failure is not None
     hopeless = all(form is not None and form.refused for form in candidates)
     return failure if hopeless else explained(problem, failure)
+
+
+def _in_form(way: Method, form: Form, tol: float, start: Sampled | None) -> Solution:
+    """What a method comes to in one form, on a mesh that sees what lies between its points."""
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        solution = _worth_something(way.solve(form, tol=tol, guess=start))
+    if solution.status.ok:
+        solution = _seen_between(way, form, solution, tol)
+    return _standing(way, form, solution, tol)
+
+
+def _vouched(solution: Solution, other: Solution | None, form: Form, candidates: Forms) -> Solution:
+    """The answer, refused where other slopes or steeper curves are better, local where the ``other`` curve is."""
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        return _beyond_doubt(vouched(_compared(solution, other), form), form, candidates)
+
+
+def _unless_upright(way: Method, candidates: Forms, tol: float, solution: Solution, form: Form) -> Solution:
+    """The answer in coordinates in which nothing stands upright; where there are none, this one unless it may."""
+    for other in candidates:
+        if other is None or not other.coordinates.energetic:
+            continue
+        again = _in_form(way, other, tol, None)
+        if again.status.ok:
+            return _vouched(again, solution, other, candidates)
+        if again.verdict is Verdict.NOT_ATTAINED:
+            return again
+    steep = upright(solution)
+    if steep is not None and steep.doubtful:
+        return replace(solution, status=Status.NOT_CONVERGED, message=steep.sentence(solution.value))
+    return _vouched(solution, None, form, candidates)
 
 
 def _made_out(solution: Solution) -> Solution:

@@ -203,7 +203,8 @@ def _excess(extremal: Extremal, function: ca.Function, rules: Rules, *points: np
     It is 0 where one of the points is no number.
     """
     low, high = np.minimum(*points[:2]), np.maximum(*points[:2])
-    room = BEYOND_ENDS * (high - low)
+    with np.errstate(invalid="ignore"):  # a slope may be infinite at both
+        room = BEYOND_ENDS * (high - low)
     room[0] = 0.0
     sides = [_arguments(extremal, side) for side in (low - room, high + room, *points[2:])]
     boxes = [[Between((a, b), c, d) for a, b, c, d in zip(*rows, strict=True)] for rows in zip(*sides, strict=True)]

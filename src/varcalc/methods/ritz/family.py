@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.methods.answer import SEEN_FORWARD, TURNED, Extremal, answer, unsettled
+from varcalc.methods.answer import SEEN_FORWARD, Extremal, answer, speed_error, unsettled, with_ends
 from varcalc.methods.ritz.error import (
     CURVE,
     RESOLVED,
@@ -260,9 +260,8 @@ def _forwards(system: RitzSystem, found: NewtonEstimate) -> Any:
     """Where the curve does not turn back in the abscissa, which is not its own parameter; (K,) of bool."""
     if not system.form.stated.is_lifted:
         return True
-    forward = found.here.dx
-    width = (system.weights * forward).sum(1)
-    return forward.min(1) >= -(1e-9 + TURNED * found.curve / width) * np.abs(forward).max(1)
+    forward = with_ends(system.x, found.here.dx, system.form.span)
+    return forward.min(1) >= -speed_error(found.value, found.error) * np.abs(forward).max(1)
 
 
 def _short_of(found: NewtonEstimate, size: np.ndarray, tol: float, rounded: np.ndarray, *, last: bool) -> np.ndarray:

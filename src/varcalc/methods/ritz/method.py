@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.answer import Along, Extremal, Samples, answer, unsettled
+from varcalc.methods.answer import Along, Extremal, Samples, answer, unsettled, with_ends
 from varcalc.methods.ritz.degeneracy import degenerate
 from varcalc.methods.ritz.error import CURVE, Estimate, estimate, settled
 from varcalc.methods.ritz.ipopt import Ipopt, optimise
@@ -282,10 +282,10 @@ class Rungs:
         )
         return self.optimise(system, fallback, multipliers) if isinstance(outcome, str) or higher else outcome
 
-    def extremal(self, rung: Rung, speed: np.ndarray, along: Along | None) -> Extremal:
+    def extremal(self, rung: Rung, speed: np.ndarray | None, along: Along | None) -> Extremal:
         """The curve of a rung with its multipliers; those of an energy J^2 become those of J by the chain rule.
 
-        ``speed`` is dx/ds at some points, ``along`` what was evaluated along the curve.
+        ``speed`` is dx/ds at some points where x is not the parameter, ``along`` what was evaluated along the curve.
         """
         system, form, energetic = rung.system, self.form, self.form.coordinates.energetic
         coefficients, one = system.coefficients(rung.z), system.space.elements == 1
@@ -295,7 +295,7 @@ class Rungs:
         path = {k: lambda s, mu=mu: factor * mu(s) for k, mu in rung.path.items()}
         return Extremal(
             form, system.space.curve(coefficients), system.unknowns(rung.z).copy(), system.space.vertices,
-            np.array(lambdas), path, speed if energetic else None, coefficients if one else None, along,
+            np.array(lambdas), path, speed, coefficients if one else None, along,
         )  # fmt: skip
 
 
@@ -442,12 +442,18 @@ class _Climb:
             self.built, solve_time, self.rungs.iterations, rung.system.size, space.elements, space.degree
         )  # fmt: skip
         curve = max(float(found.curve), 4e-16 * found.size)
-        extremal = self.rungs.extremal(rung, found.here.dx, self.along(found))
+        extremal = self.rungs.extremal(rung, self.speed(found), self.along(found))
         extremal = replace(extremal, samples=self.samples(found))
         return answer(
             extremal, self.method, self.form.sign * value, ErrorEstimate(error, curve), space.vertices, stats,
             status, message, rule=found.system.count,
         )  # fmt: skip
+
+    def speed(self, found: Estimate) -> np.ndarray | None:
+        """The speed dx/ds where the curve was judged, and at its ends; None where x is its own parameter."""
+        if not self.form.coordinates.energetic:
+            return None
+        return with_ends(found.system.x, found.here.dx, self.form.span)
 
     def samples(self, found: Estimate) -> Samples | None:
         """Where the curve was judged, for a graph of first order."""

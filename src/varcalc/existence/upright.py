@@ -1,0 +1,89 @@
+"""Answers that may hold a jump: a curve so steep somewhere that its mesh cannot tell it from an upright piece.
+
+Where L grows no faster than the slope, a piece that stands upright costs no more than its height, and the infimum may
+be one that no curve attains (Dacorogna, "Direct Methods in the Calculus of Variations", sect. 3.1). The value of the
+curves that come near it settles all the same; what does not settle is the curve, by the height of what stands upright.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.problem.problem import Problem
+from varcalc.solution import Solution
+
+DOUBTED = 1e-5
+"""Error of a curve, relative to its extent, from which other coordinates are asked."""
+UNSETTLED = 3e-4
+"""The same from which it is no answer where no coordinates tell more."""
+STEEP = 30.0
+"""Slope, in units of the curve's extent over the interval, from which a curve may be about to stand upright."""
+SLOPES = 1e4, 1e6
+"""Slopes, in units of the curve's own steepest one, between which the growth of L is seen."""
+SAMPLES = 65
+LINEAR = 0.05
+"""Relative difference from linear growth between them that the terms which do not grow may make."""
+
+
+@dataclass(frozen=True)
+class Upright:
+    """What stands upright in an answer: how high, relative to the curve's extent, it may be, and where."""
+
+    share: float
+    x: float
+    slope: float
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the curve is no answer unless it is known better."""
+        return self.share > UNSETTLED
+
+    def sentence(self, value: float) -> str:
+        """What is seen of the answer with this value."""
+        return (
+            f"the value settles near {value:.6g}, but the curve does not: at x = {self.x:.4g} its slope has grown to "
+            f"{self.slope:.3g}, and L grows no faster than the slope, so that a jump there may cost as little; "
+            "the infimum may not be attained. A Curve may stand upright: state the problem as one"
+        )
+
+
+def upright(solution: Solution) -> Upright | None:
+    """What of a graph of first order may stand upright; None where L or the curve's own error leaves no room for it."""
+    problem, curve = solution.problem, solution.curve
+    if not isinstance(problem, Problem) or problem.order != 1 or curve is None:
+        return None
+    extent = _extent(solution)
+    if not solution.error.curve > DOUBTED * extent:
+        return None
+    x = np.unique(solution.x)
+    with np.errstate(all="ignore"):  # a slope may be infinite at an end
+        slopes = curve(x, 1)
+    if not np.isfinite(slopes).all():
+        return None
+    steepest = int(np.argmax(np.abs(slopes).max(0)))
+    at, slope = x[[steepest]], slopes[:, [steepest]]
+    if not np.abs(slope).max() > STEEP * extent / (x[-1] - x[0]) or not _grows_linearly(
+        problem, at, curve(at, 0), slope
+    ):
+        return None
+    return Upright(solution.error.curve / extent, float(at[0]), float(np.abs(slope).max()))
+
+
+def _extent(solution: Solution) -> float:
+    """The largest difference of the ordinates of one function."""
+    assert solution.curve is not None
+    known = None if solution.extremal is None else solution.extremal.samples  # every solve passes here
+    if known is not None:
+        return float(np.ptp(known.y, axis=1).max())
+    return float(np.ptp(solution.curve(np.linspace(solution.x.min(), solution.x.max(), SAMPLES), 0), axis=1).max())
+
+
+def _grows_linearly(problem: Problem, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> bool:
+    """Whether L grows as the slope does in the direction of the curve's own, and not faster."""
+    directions = np.repeat(slope, 2, axis=1) * np.array(SLOPES)
+    with np.errstate(all="ignore"):
+        values = problem.integrand_values(np.repeat(x, 2), np.repeat(y, 2, axis=1), directions)
+    ratio = SLOPES[1] / SLOPES[0]
+    return bool(abs(values[1] / values[0] / ratio - 1.0) <= LINEAR) if np.all(values != 0.0) else False
