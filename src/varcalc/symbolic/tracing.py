@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -13,7 +14,7 @@ import casadi as ca
 from varcalc.symbolic.names import Names
 from varcalc.symbolic.remedies import BROKEN, NotSymbolic, complaint
 
-__all__ = ["LAST", "Expression", "Names", "NotSymbolic", "TracedFunction", "check_arity", "trace"]
+__all__ = ["LAST", "Expression", "Names", "NotSymbolic", "TracedFunction", "as_written", "check_arity", "trace"]
 
 Expression = Any
 """A CasADi SX or MX expression."""
@@ -104,6 +105,17 @@ def trace(
     check_arity(name, function, len(arguments), hint)
     check_order(name, function, order)
     return scalar(name, called(name, function, arguments, kind), kind)
+
+
+@contextmanager
+def as_written() -> Generator[None]:
+    """CasADi leaves expressions as they are written: else it makes 0.03 x of 0.1 (0.3 x), which is rounded."""
+    before = ca.GlobalOptions.getSimplificationOnTheFly()
+    ca.GlobalOptions.setSimplificationOnTheFly(False)
+    try:
+        yield
+    finally:
+        ca.GlobalOptions.setSimplificationOnTheFly(before)
 
 
 def called(name: str, function: Callable[..., Any], arguments: Sequence[Expression], kind: type) -> Any:

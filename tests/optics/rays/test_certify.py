@@ -137,6 +137,16 @@ def test_parameters_of_surfaces_and_media():
     assert holds(certificate, h * (1 + mpmath.mpf(0.3) ** 2) + (1 - h) * mpmath.mpf(1.33))
 
 
+def test_constants_of_a_surface_are_not_multiplied_together():
+    """y = -0.1 (0.3 x) at x = 7, where CasADi by itself makes 0.03 of 0.1 * 0.3, rounded."""
+    slope = mpmath.mpf(0.1) * mpmath.mpf(0.3)
+    mirror = optics.Implicit(lambda x, y: 0.1 * (0.3 * x) + y, mirror=True)
+    certificate = optics.Scene(optics.Uniform(1.0), mirror).rays((0, 1), (2, 1))[0].certify((2, 1))
+    # the image of (0, 1) in slope x + y = 0
+    away = 2 / (1 + slope**2)
+    assert holds(certificate, mpmath.hypot(2 + away * slope, away))
+
+
 def proof(media, surfaces, ends, hits, path):
     chain = _Chain(tuple(map(np.array, ends)), [optics.Uniform(n) for n in media], surfaces)
     with working(BITS, TERMS):

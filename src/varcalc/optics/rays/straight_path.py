@@ -28,6 +28,7 @@ from varcalc.optics.surfaces import Surface
 from varcalc.optics.validation import point
 from varcalc.showing import line
 from varcalc.symbolic.instructions import Program
+from varcalc.symbolic.tracing import as_written
 
 if TYPE_CHECKING:
     from varcalc.optics.rays.ray import Ray
@@ -164,7 +165,7 @@ def certified_straight_path(ray: Ray, end: Sequence[float] | None) -> RayCertifi
     if len(last) != len(start):
         raise ValueError(f"end has {len(last)} coordinates, and the ray {len(start)}")
     try:
-        with working(BITS, TERMS):
+        with working(BITS, TERMS), as_written():
             found = _proof(_Chain((start, last), ray.media, ray.surfaces), hits, ray.optical_path)
     except (Unproved, Undecided) as unproved:
         raise ArithmeticError(f"no certificate: {unproved}") from None
