@@ -11,6 +11,10 @@ class Misused(TypeError):
     """Parameters that are treated as what they are not; the message says what to write."""
 
 
+class Undeclared(ValueError, AttributeError):
+    """A parameter that is used but not declared; to those who only ask whether there is an attribute: there is none."""
+
+
 class Names:
     """The ``p`` handed to a Lagrangian: one attribute for each parameter or unknown.
 
@@ -30,7 +34,7 @@ class Names:
         known = sorted(self.__dict__)
         suggested = near(name, known)
         remedy = suggested or "; give it in parameters= or unknowns="
-        raise ValueError(f"p.{name} is used but not declared{remedy} (declared: {', '.join(known) or 'none'})")
+        raise Undeclared(f"p.{name} is used but not declared{remedy} (declared: {', '.join(known) or 'none'})")
 
     def __getitem__(self, key: Any) -> NoReturn:
         if isinstance(key, str):

@@ -205,8 +205,9 @@ def _excess(extremal: Extremal, function: ca.Function, rules: Rules, *points: np
     low, high = np.minimum(*points[:2]), np.maximum(*points[:2])
     with np.errstate(invalid="ignore"):  # a slope may be infinite at both
         room = BEYOND_ENDS * (high - low)
-    room[0] = 0.0
-    sides = [_arguments(extremal, side) for side in (low - room, high + room, *points[2:])]
+        room[0] = 0.0
+        low, high = low - room, high + room
+    sides = [_arguments(extremal, side) for side in (low, high, *points[2:])]
     boxes = [[Between((a, b), c, d) for a, b, c, d in zip(*rows, strict=True)] for rows in zip(*sides, strict=True)]
     over = excess(function, boxes, low.shape[1:], rules)
     over[~np.isfinite(points[0] + points[1]).all(0)] = 0.0
