@@ -6,10 +6,11 @@ import pytest
 
 import varcalc as vc
 from varcalc.formulation import formulate
-from varcalc.methods.ritz.ipopt import summed_up
+from varcalc.methods.ritz.ipopt import program_of, summed_up
 from varcalc.methods.ritz.system import RitzSystem
 from varcalc.numerics.mesh import Space
 
+ROUND = vc.Periodic(0, 1)
 PROBLEMS = {
     "one function": vc.Problem(lambda x, y, dy: ca.exp(x) * dy**4 + ca.sin(y), vc.Fixed(0, 0), vc.Fixed(1, 1)),
     "parameters": vc.Problem(
@@ -42,3 +43,48 @@ def test_value_gradient_and_hessian(name, elements):
     upper = np.asarray(options["hess_lag"](z / scale, [], 2.0, []))
     hessian = system.hessian(at, np.zeros(0)) * np.outer(scale, scale) * 2.0
     np.testing.assert_allclose(upper * size, np.triu(hessian), rtol=1e-11, atol=1e-10 * np.abs(hessian).max())
+
+
+CONSTRAINED = {
+    "a bound, an equality and integrals": vc.Problem(
+        lambda x, y, dy: ca.exp(x) * dy[0] ** 4 + dy[1] ** 2 * ca.cos(y[0]), vc.Fixed(0, [0, 1]), vc.Fixed(1, [1, 2]),
+        [
+            vc.Bound(lambda x, y, dy: y[0] ** 2 * dy[1] - x, upper=2.0),
+            vc.Holonomic(lambda x, y: ca.sumsqr(y) - (1 + 4 * x)),
+            vc.Isoperimetric(lambda x, y, dy: y[0] ** 3 * y[1], 0.3),
+            vc.Isoperimetric(lambda x, y, dy: dy[1] ** 3, upper=4.0),
+        ],
+    ),
+    "a wall with a step": vc.Problem(
+        lambda x, y, dy: dy**2, vc.Fixed(0, 0), vc.Fixed(3, 1),
+        [vc.Bound(lambda x, y, dy: y**3 - ca.if_else(x < 1, 0.1, 0.3), upper=0.8)],
+    ),
+    "second order": vc.Problem(
+        lambda x, y, dy, ddy: ddy**2 * (1 + y**2), vc.Fixed(0, 0, 1), vc.Fixed(1, 0),
+        [vc.Bound(lambda x, y, dy: dy**3, upper=2.0)], order=2,
+    ),
+    "an end that slides and costs, with a parameter": vc.Problem(
+        lambda x, y, dy, p: p.k * dy**2 + y**3, vc.Fixed(0, 1), vc.OnCurve(lambda x, y: x - 2 - ca.sin(y), 2.0),
+        [vc.Bound(lambda x, y, dy, p: p.k * y**2 - x**3 * dy, upper=30.0)],
+        end_cost=lambda x0, y0, x1, y1, p: p.k * y1**3 * x1, parameters={"k": 2.0},
+    ),
+    "round and round": vc.Problem(
+        lambda x, y, dy: dy**2 * (1 + y**4), ROUND, ROUND, [vc.Bound(lambda x, y, dy: y**2, lower=0.1)]
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CONSTRAINED)
+def test_the_hessian_of_the_lagrangian_is_that_of_the_whole_program(name):
+    form = formulate(CONSTRAINED[name])
+    space = Space(np.linspace(*form.span, 4), 5, form.n, form.order, periodic=form.ends.periodic)
+    system = RitzSystem(form, space, 9)
+    z = 1.2 + 0.2 * np.sin(1 + np.arange(system.size))
+    program = program_of(system, z, 1 + 0.1 * np.arange(system.size), 3.0)[0]
+    factor, multipliers = ca.MX.sym("factor"), ca.MX.sym("multipliers", program.count)
+    lagrangian = factor * program.objective + ca.dot(multipliers, ca.vertcat(*program.rows))
+    whole = ca.Function("whole", [program.w, factor, multipliers], [ca.hessian(lagrangian, program.w)[0]])
+    at = np.cos(2 + np.arange(program.count))
+    expected = np.triu(np.asarray(whole(z, 2.0, at)))
+    found = np.asarray(program.curvature.function(program.count)(z, [], 2.0, at))
+    np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12 * np.abs(expected).max())

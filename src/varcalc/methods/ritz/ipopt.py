@@ -2,31 +2,31 @@
 
 The variables are the free coefficients and the unknown numbers, scaled to the
 size of the curve; the objective is the mapped integrand summed by the Gauss
-rule, and CasADi gives IPOPT exact first and second derivatives of it (Waechter
-and Biegler, Mathematical Programming 106, 2006). Pathwise conditions hold at the
+rule, with exact first and second derivatives (Waechter and Biegler, Mathematical
+Programming 106, 2006). Pathwise conditions hold at the
 Lobatto nodes of every element, inequalities at its Gauss points as well.
 
-Where nothing but the functional is asked for, its gradient and Hessian are the
-pointwise ones between the matrices that take the unknowns to the Gauss points.
-Handing these to IPOPT spares it the differentiation of the whole program,
-which takes longer than its solution.
+The Hessian that IPOPT is handed is put together from those at the points, see
+:mod:`varcalc.methods.ritz.curvature`; where nothing but the functional is asked for, so is its
+gradient. The differentiation of the whole program would take longer than its
+solution.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from varcalc.formulation import SideCondition
+from varcalc.methods.ritz.curvature import Curvature, Ends, Points, block_diagonal
 from varcalc.methods.ritz.integrands import pointwise
 from varcalc.methods.ritz.newton import Descent
-from varcalc.methods.ritz.system import RitzSystem, joint_vertices
-from varcalc.numerics.mesh import basis, basis_at_gauss, gauss, lobatto
+from varcalc.methods.ritz.system import RitzSystem
+from varcalc.numerics.mesh import lobatto
 from varcalc.problem.conditions import finite, whole
 from varcalc.spelling import spelled
 
@@ -71,11 +71,17 @@ class _Program:
 
     w: Any
     objective: Any
+    curvature: Curvature
     rows: list[Any] = field(default_factory=list)
     lower: list[np.ndarray] = field(default_factory=list)
     upper: list[np.ndarray] = field(default_factory=list)
     labels: list[_Label] = field(default_factory=list)
     sizes: list[np.ndarray] = field(default_factory=list)
+
+    @property
+    def count(self) -> int:
+        """The rows there are."""
+        return sum(label.rows for label in self.labels)
 
     def add(
         self,
@@ -128,12 +134,13 @@ def optimise(
     }
     if _only_minimised(system):
         derivatives = summed_up(system, scale, size)
-        program, points = _Program(derivatives.unknowns, derivatives.value), lobatto(system.space.degree)
-        nlp = {"x": program.w, "f": program.objective}
+        program = _Program(derivatives.unknowns, derivatives.value, Curvature(derivatives.unknowns))
+        points = lobatto(system.space.degree)
         options |= derivatives.options
     else:
-        program, points = _program(system, z, scale)
-        nlp = {"x": program.w, "f": program.objective / size}
+        program, points = program_of(system, z, scale, size)
+        options["hess_lag"] = program.curvature.function(program.count)
+    nlp = {"x": program.w, "f": program.objective}
     if program.rows:
         nlp["g"] = ca.vertcat(*program.rows)
     solver = ca.nlpsol("ritz", "ipopt", nlp, options)
@@ -180,29 +187,6 @@ def _scales(system: RitzSystem, z: np.ndarray) -> np.ndarray:
     return np.concatenate([column[system.free], unknowns])
 
 
-def _arguments(system: RitzSystem, w: Any, scale: np.ndarray, points: np.ndarray | None) -> list[Any]:
-    """Symbolic arguments of the form's functions at the Gauss points, or at ``points`` of the reference element."""
-    space, n, order = system.space, system.n, system.order
-    if points is None:
-        table = basis_at_gauss(space.smoothness, space.degree, system.count, order)
-        points = gauss(system.count)[0]
-    else:
-        table = basis(space.smoothness, space.degree, points, order)
-    free = len(system.free)
-    coefficients = w[:free, :] * scale[:free]
-    unknowns = w[free:, :] * scale[free:]
-    middle, half = 0.5 * (space.vertices[1:] + space.vertices[:-1]), 0.5 * space.widths
-    s = (middle[:, None] + half[:, None] * points).ravel()
-    columns = []
-    for d in range(order + 1):
-        matrix, constant = placement(system, table, d)
-        columns.append(ca.reshape(ca.mtimes(matrix, coefficients) + constant, n, len(s)))
-    if order == 1:
-        columns.append(ca.MX(0, len(s)))
-    parameters = np.tile(system.form.problem.parameter_values[:, None], (1, len(s)))
-    return [s[None, :], *columns, parameters, ca.repmat(unknowns, 1, len(s))]
-
-
 class _Sizes:
     """By how much conditions change when the curve and the unknown numbers change by their own size: their units."""
 
@@ -228,98 +212,102 @@ def _largest(*sizes: float) -> float:
     return max((abs(s) for s in sizes if np.isfinite(s) and s != 0.0), default=1.0)
 
 
-def _program(system: RitzSystem, z: np.ndarray, scale: np.ndarray) -> tuple[_Program, np.ndarray]:
+def program_of(system: RitzSystem, z: np.ndarray, scale: np.ndarray, size: float) -> tuple[_Program, np.ndarray]:
+    """The program of a minimum near ``z``, unknowns in ``scale`` and the functional in ``size``, and Lobatto nodes."""
     form = system.form
-    sizes = _Sizes(system, z)
     w = ca.MX.sym("w", system.size)
-    at_gauss = _arguments(system, w, scale, None)
+    at_gauss = Points.of(system, scale)
     integrands = [form.integrand, *(c.expression for c in form.conditions.integrals)]
     function = ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*integrands))])
     mapped = function.map(len(system.weights))
-    values = ca.mtimes(mapped(*at_gauss), ca.DM(system.weights))
-    program = _Program(w, values[0])
+    values = ca.mtimes(mapped(*at_gauss.arguments(w)), ca.DM(system.weights))
+    program = _Program(w, values[0] / size, Curvature(w))
     for j, condition in enumerate(form.conditions.integrals):
         program.add("integral", condition.index, values[1 + j], condition.bounds)
+    m, count = len(integrands), len(system.weights)
+    factors = np.repeat(system.weights[:, None], m, axis=1)
+    factors[:, 0] /= size
+    program.curvature.at_points(
+        at_gauss, integrands, (np.arange(m * count), np.tile(np.arange(m), count), factors.ravel())
+    )
     if form.ends.joint is not None:
-        _add_ends(system, program, scale, z / scale)
+        _add_ends(system, program, scale, z / scale, size)
     nodes = lobatto(system.space.degree)
     if form.conditions.pathwise:
-        _add_pathwise(system, program, scale, nodes, at_gauss, sizes, z / scale)
+        _Pathwise(system, program, scale, nodes, at_gauss, _Sizes(system, z), z / scale).add()
     return program, nodes
 
 
-def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray, start: np.ndarray) -> None:
-    form, space = system.form, system.space
-    assert form.ends.joint is not None
-    free = len(system.free)
-    place = {int(c): i for i, c in enumerate(system.free)}
-
-    def end(vertex: int) -> Any:
-        entries = []
-        for a in range(system.n):
-            number = space.vertex_number(vertex, 0, a)
-            i = place.get(number)
-            entries.append(ca.MX(system.fixed[number]) if i is None else program.w[i] * scale[i])
-        return ca.vertcat(*entries)
-
-    unknowns = program.w[free:] * scale[free:]
-    joint = form.ends.joint
-    symbols = [*joint.places, form.symbols.unknowns, form.symbols.parameters]
-    function = ca.Function("ends", symbols, [joint.cost, joint.equations])
-    cost, equations = function(*map(end, joint_vertices(system)), unknowns, form.problem.parameter_values)
-    program.objective += cost
-    if equations.numel():
-        for row in ca.vertsplit(equations):
-            gradient = np.asarray(ca.DM(ca.evalf(ca.substitute(ca.gradient(row, program.w), program.w, start))))
-            size = float(np.abs(gradient).max(initial=0.0))
-            program.add("ends", -1, row, (0.0, 0.0), size if np.isfinite(size) and size > 0 else 1.0)
+def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray, start: np.ndarray, size: float) -> None:
+    ends = Ends(system, scale)
+    function = ca.Function("ends", ends.symbols, [ends.joint.cost, ends.joint.equations])
+    cost, equations = function(*ends.arguments(program.w))
+    program.objective += cost / size
+    factors, first = [1 / size], program.count
+    for row in ca.vertsplit(equations) if equations.numel() else []:
+        gradient = np.asarray(ca.DM(ca.evalf(ca.substitute(ca.gradient(row, program.w), program.w, start))))
+        change = float(np.abs(gradient).max(initial=0.0))
+        change = change if np.isfinite(change) and change > 0 else 1.0
+        program.add("ends", -1, row, (0.0, 0.0), change)
+        factors.append(1 / change)
+    rows = np.arange(len(factors))
+    program.curvature.at_ends(ends, (rows, np.where(rows > 0, first + rows, 0), np.array(factors)))
 
 
-def _add_pathwise(
-    system: RitzSystem,
-    program: _Program,
-    scale: np.ndarray,
-    nodes: np.ndarray,
-    at_gauss: list[Any],
-    sizes: _Sizes,
-    start: np.ndarray,
-) -> None:
+@dataclass
+class _Pathwise:
     """Pathwise conditions, left out where the fixed ends already decide them."""
-    form = system.form
-    inner = _arguments(system, program.w, scale, nodes[1:-1]) if len(nodes) > 2 else []
-    vertices = _arguments(system, program.w, scale, nodes[:1])
-    for condition in form.conditions.pathwise:
-        function = ca.Function("pathwise", form.symbols.all, [ca.densify(condition.expression)])
-        size, bounds = sizes.of_integrand(condition), condition.bounds
 
-        elements, corners = _asked(system, condition)
+    system: RitzSystem
+    program: _Program
+    scale: np.ndarray
+    nodes: np.ndarray
+    at_gauss: Points
+    sizes: _Sizes
+    start: np.ndarray
 
-        def rows(arguments: list[Any], keep: np.ndarray, function: Any = function) -> Any:
-            return function.map(arguments[0].shape[1])(*arguments)[0, np.flatnonzero(keep).tolist()]
-
+    def add(self) -> None:
+        """Append the rows of every condition to the program."""
         # a straight element has no nodes of its own, and the first vertex of each but the first is interior
-        if len(nodes) > 2:
-            kept = np.repeat(elements, len(nodes) - 2)
-            program.add("nodes", condition.index, rows(inner, kept), bounds, size, elements)
-        of_place = _free_of_slopes(system, condition)
-        if corners.any() and (condition.equality or of_place):
-            beside = [_beside(system, vertices, side) for side in (-1, 1)]
-            jumping = corners & of_place  # the slope at a vertex is that of one side only
-            if jumping.any():
-                jumping[corners] = _differ([rows(side, corners) for side in beside], program.w, start, FLAT * size)
-            # a bound that jumps there is kept on both sides
-            for arguments, kept in ((vertices, corners & ~jumping), *((side, jumping) for side in beside)):
-                if kept.any():
-                    program.add("vertices", condition.index, rows(arguments, kept), bounds, size, elements)
-        if not condition.equality:
-            kept = np.repeat(elements, system.count)
-            program.add("gauss", condition.index, rows(at_gauss, kept), bounds, size, elements)
+        inside = self.nodes[1:-1]
+        inner = Points.of(self.system, self.scale, inside) if len(inside) else None
+        vertices = Points.of(self.system, self.scale, self.nodes[:1])
+        for condition in self.system.form.conditions.pathwise:
+            size = self.sizes.of_integrand(condition)
+            elements, corners = _asked(self.system, condition)
+            if inner is not None:
+                self._append("nodes", condition, inner.kept(np.repeat(elements, len(inside))), size, elements)
+            of_place = _free_of_slopes(self.system, condition)
+            if corners.any() and (condition.equality or of_place):
+                beside = [_beside(vertices, side) for side in (-1, 1)]
+                jumping = corners & of_place  # the slope at a vertex is that of one side only
+                if jumping.any():
+                    sides = [self._values(condition, side.kept(corners)) for side in beside]
+                    jumping[corners] = _differ(sides, self.program.w, self.start, FLAT * size)
+                # a bound that jumps there is kept on both sides
+                for points, kept in ((vertices, corners & ~jumping), *((side, jumping) for side in beside)):
+                    self._append("vertices", condition, points.kept(kept), size, elements)
+            if not condition.equality:
+                kept = np.repeat(elements, self.system.count)
+                self._append("gauss", condition, self.at_gauss.kept(kept), size, elements)
+
+    def _values(self, condition: SideCondition, points: Points) -> Any:
+        function = ca.Function("pathwise", self.system.form.symbols.all, [ca.densify(condition.expression)])
+        return function.map(len(points.s))(*points.arguments(self.program.w))
+
+    def _append(self, kind: str, condition: SideCondition, points: Points, size: float, elements: np.ndarray) -> None:
+        if not len(points.s):
+            return
+        rows, first = np.arange(len(points.s)), 1 + self.program.count
+        self.program.add(kind, condition.index, self._values(condition, points), condition.bounds, size, elements)
+        shares = (rows, first + rows, np.full(len(rows), 1 / size))
+        self.program.curvature.at_points(points, [condition.expression], shares)
 
 
-def _beside(system: RitzSystem, vertices: list[Any], side: int) -> list[Any]:
-    """The arguments at vertices with abscissae just beside them, where what jumps has the value of that side."""
-    ends = system.space.vertices[[0, -1]]
-    return [vertices[0] + side * BESIDE * float(max(np.abs(ends).max(), np.ptp(ends))), *vertices[1:]]
+def _beside(vertices: Points, side: int) -> Points:
+    """The vertices with abscissae just beside them, where what jumps has the value of that side."""
+    ends = vertices.system.space.vertices[[0, -1]]
+    return replace(vertices, s=vertices.s + side * BESIDE * float(max(np.abs(ends).max(), np.ptp(ends))))
 
 
 def _differ(sides: list[Any], w: Any, start: np.ndarray, least: float) -> np.ndarray:
@@ -408,19 +396,13 @@ class Summed:
 
 def summed_up(system: RitzSystem, scale: np.ndarray, size: float) -> Summed:
     """The functional of ``system`` in units of ``size``, its unknowns in units of ``scale`` (unknowns,)."""
-    n, order, k, count = system.n, system.order, system.k, len(system.weights)
-    w = ca.MX.sym("w", system.size)
-    matrix, constant = _to_points(system)
-    whole = ca.mtimes(matrix, ca.diag(ca.DM(scale)))
-    variables = ca.reshape(ca.mtimes(whole, w) + constant, k, count)
-    columns = [variables[d * n : (d + 1) * n, :] for d in range(order + 1)]
-    columns += [] if order == 2 else [ca.MX(0, count)]
-    parameters = np.repeat(system.form.problem.parameter_values[:, None], count, axis=1)
-    s = system.space.quadrature(system.count)[0].reshape(1, -1)
-    out = pointwise(system.form).map(count)(s, *columns, parameters, ca.MX(0, count))
+    w, points = ca.MX.sym("w", system.size), Points.of(system, scale)
+    count, whole = len(points.s), points.matrix
+    k = whole.shape[0] // count
+    out = pointwise(system.form).map(count)(*points.arguments(w))
     out = ca.mtimes(out, ca.diag(ca.DM(system.weights / size)))
     value = ca.sum2(out[0, :])
-    blocks = ca.MX(_block_diagonal(count, k), ca.vec(out[1 + k :, :]))
+    blocks = ca.MX(block_diagonal(count, k), ca.vec(out[1 + k :, :]))
     hessian = ca.mtimes(whole.T, ca.mtimes(blocks, whole))
     p, lam_f, lam_g = ca.MX.sym("p", 0), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", 0)
     gradient = ca.Function(
@@ -431,43 +413,3 @@ def summed_up(system: RitzSystem, scale: np.ndarray, size: float) -> Summed:
         ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"],
     )  # fmt: skip
     return Summed(w, value, {"grad_f": gradient, "hess_lag": second})
-
-
-@lru_cache(maxsize=64)
-def _block_diagonal(count: int, k: int) -> ca.Sparsity:
-    """``count`` dense blocks of k by k along the diagonal."""
-    return ca.diagcat(*[ca.Sparsity.dense(k, k)] * count)
-
-
-def _to_points(system: RitzSystem) -> tuple[ca.DM, np.ndarray]:
-    """From the free coefficients to (y, y', ..) at all points, one point after the other: matrix and fixed part."""
-    space, n = system.space, system.n
-    table = basis_at_gauss(space.smoothness, space.degree, system.count, system.order)
-    pairs = [placement(system, table, d) for d in range(system.order + 1)]
-    # from derivatives, points, functions to points, derivatives, functions
-    places = np.arange(len(pairs) * len(system.weights) * n).reshape(len(pairs), -1, n).transpose(1, 0, 2).ravel()
-    matrix, constant = ca.vertcat(*(m for m, _ in pairs)), np.concatenate([c for _, c in pairs])
-    return matrix[places.tolist(), :], constant[places]
-
-
-def placement(system: RitzSystem, table: np.ndarray, derivative: int) -> tuple[ca.DM, np.ndarray]:
-    """Sparse matrix from free coefficients to values at points of every element, and the fixed part.
-
-    Rows run over elements, points, functions.
-    """
-    space, n = system.space, system.n
-    factor = (2.0 / space.widths[:, None, None]) ** derivative * space.local_scale[:, None, :]
-    entries = table[derivative][None] * factor
-    E, Q, P = entries.shape
-    values = np.broadcast_to(entries[:, :, :, None], (E, Q, P, n))
-    rows = np.broadcast_to((np.arange(E * Q).reshape(E, Q)[:, :, None, None] * n + np.arange(n)), (E, Q, P, n))
-    columns = np.broadcast_to(space.numbers[:, None], (E, Q, P, n))
-    place = np.full(space.size, -1)
-    place[system.free] = np.arange(len(system.free))
-    free = place[columns] >= 0
-    constant = np.zeros(E * Q * n)
-    np.add.at(constant, rows[~free], values[~free] * system.fixed[columns[~free]])
-    matrix = ca.DM.triplet(
-        rows[free].tolist(), place[columns][free].tolist(), ca.DM(values[free]), E * Q * n, len(system.free)
-    )
-    return matrix, constant

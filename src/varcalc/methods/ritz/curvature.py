@@ -1,0 +1,194 @@
+"""Functions of a form at points of a discretised curve, and the curvature that they give a program of CasADi's.
+
+What a program asks at a point depends on the curve through (y, y'[, y''], unknown numbers) there alone. So the
+Hessian of its Lagrangian is that of a small function at every point, between the matrices that take the unknowns to
+the points. CasADi, which sees one expression in all unknowns, would take longer to find this than IPOPT to solve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.methods.ritz.system import RitzSystem, joint_vertices
+from varcalc.numerics.mesh import basis, basis_at_gauss, gauss
+
+Shares = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Numbers of values, point by point, of the rows that they enter (0 is the objective), and with what factors."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points of a curve: their ``s`` (count,), and ``matrix`` times unknowns plus ``constant`` (count * k,).
+
+    The rows are the k variables (y, y'[, y''], unknown numbers) of one point after the other.
+    """
+
+    system: RitzSystem
+    s: np.ndarray
+    matrix: ca.DM
+    constant: np.ndarray
+
+    @classmethod
+    def of(cls, system: RitzSystem, scale: np.ndarray, nodes: np.ndarray | None = None) -> Points:
+        """The Gauss points, or ``nodes`` of the reference element, of every element; unknowns are in ``scale``."""
+        space, order = system.space, system.order
+        if nodes is None:
+            table, nodes = basis_at_gauss(space.smoothness, space.degree, system.count, order), gauss(system.count)[0]
+        else:
+            table = basis(space.smoothness, space.degree, nodes, order)
+        s = (space.vertices[:-1, None] + 0.5 * space.widths[:, None] * (1 + nodes)).ravel()
+        return cls(system, s, *_placement(system, table, scale))
+
+    def kept(self, mask: np.ndarray) -> Points:
+        """Those of a ``mask`` (count,)."""
+        if mask.all():
+            return self
+        rows = np.flatnonzero(np.repeat(mask, len(self.constant) // len(self.s)))
+        return replace(self, s=self.s[mask], matrix=self.matrix[rows.tolist(), :], constant=self.constant[rows])
+
+    def arguments(self, w: Any) -> list[Any]:
+        """What the form's functions take at the points of the curve of unknowns ``w``."""
+        system, count = self.system, len(self.s)
+        n, depth = system.n, system.order + 1
+        variables = ca.reshape(ca.mtimes(self.matrix, w) + self.constant, -1, count)
+        columns = [variables[d * n : (d + 1) * n, :] for d in range(depth)]
+        columns += [ca.MX(0, count)] * (3 - depth)
+        parameters = np.repeat(system.form.problem.parameter_values[:, None], count, axis=1)
+        return [self.s[None, :], *columns, parameters, variables[depth * n :, :]]
+
+
+@dataclass(frozen=True)
+class _Term:
+    """A column of functions at points: its curvature, their arguments, and each value's shares in the rows."""
+
+    curvature: ca.Function
+    arguments: list[Any]
+    matrix: ca.DM
+    shares: Shares
+
+
+@dataclass
+class Curvature:
+    """The Hessian of a program's Lagrangian in its unknowns ``w``, gathered from its functions at points."""
+
+    w: Any
+    terms: list[_Term] = field(default_factory=list)
+
+    def at_points(self, points: Points, expressions: Sequence[Any], shares: Shares) -> None:
+        """Add ``expressions`` in the form's symbols at ``points``; values are numbered point by point."""
+        s = points.system.form.symbols
+        variables = [v for v in (s.y, *s.slopes, s.unknowns) if v.numel()]
+        self._add(expressions, s.all, variables, points.arguments(self.w), points.matrix, shares)
+
+    def at_ends(self, ends: Ends, shares: Shares) -> None:
+        """Add the cost of the ends and their equations."""
+        equations, symbols = ends.joint.equations, ends.symbols
+        expressions = [ends.joint.cost, *(ca.vertsplit(equations) if equations.numel() else [])]
+        variables = [v for v in symbols[:-1] if v.numel()]
+        self._add(expressions, symbols, variables, ends.arguments(self.w), ends.matrix, shares)
+
+    def _add(
+        self, expressions: Sequence[Any], symbols: list[Any], variables: list[Any],
+        arguments: list[Any], matrix: ca.DM, shares: Shares,
+    ) -> None:  # fmt: skip
+        column = ca.vertcat(*expressions)
+        multipliers = type(symbols[0]).sym("multipliers", column.numel())
+        hessian = ca.hessian(ca.dot(multipliers, column), ca.vertcat(*variables))[0]
+        if hessian.nnz():
+            function = ca.Function("curvature", [*symbols, multipliers], [ca.densify(hessian)])
+            self.terms.append(_Term(function, arguments, matrix, shares))
+
+    def function(self, rows: int) -> ca.Function:
+        """What ``nlpsol`` takes as ``hess_lag`` of a program with this many rows of constraints."""
+        w, p = self.w, ca.MX.sym("p", 0)
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows)
+        multipliers = ca.vertcat(lam_f, lam_g)
+        total = ca.MX(w.numel(), w.numel())
+        for term in self.terms:
+            k = term.curvature.size1_out(0)
+            count, width = term.matrix.shape[0] // k, term.curvature.size1_in(term.curvature.n_in() - 1)
+            values, columns, factors = term.shares
+            shares = ca.DM.triplet(
+                values.tolist(), columns.tolist(), ca.DM(factors), count * width, 1 + rows
+            )  # fmt: skip
+            weights = ca.reshape(ca.mtimes(shares, multipliers), width, count)
+            out = term.curvature.map(count)(*term.arguments, ca.densify(weights))
+            blocks = ca.MX(block_diagonal(count, k), ca.vec(out))
+            total += ca.mtimes(term.matrix.T, ca.mtimes(blocks, term.matrix))
+        return ca.Function(
+            "hess_lag", [w, p, lam_f, lam_g], [ca.triu(total)],
+            ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"],
+        )  # fmt: skip
+
+
+class Ends:
+    """The values at the vertices that the ends' cost and equations are about, and the unknown numbers."""
+
+    def __init__(self, system: RitzSystem, scale: np.ndarray) -> None:
+        assert system.form.ends.joint is not None
+        self.joint = system.form.ends.joint
+        self.symbols = [*self.joint.places, system.form.symbols.unknowns, system.form.symbols.parameters]
+        self._parameters = system.form.problem.parameter_values
+        numbers = [system.space.vertex_number(v, 0, a) for v in joint_vertices(system) for a in range(system.n)]
+        self._n = system.n
+        place = _places(system)[numbers]
+        columns = np.concatenate([place, len(system.free) + np.arange(system.extra)])
+        moving = np.flatnonzero(columns >= 0)
+        picked = columns[moving]
+        self.matrix = ca.DM.triplet(
+            moving.tolist(), picked.tolist(), ca.DM(scale[picked]), len(columns), system.size
+        )  # fmt: skip
+        self.constant = np.concatenate([np.where(place < 0, system.fixed[numbers], 0.0), np.zeros(system.extra)])
+
+    def arguments(self, w: Any) -> list[Any]:
+        """What the cost and the equations take on the curve of unknowns ``w``."""
+        count = len(self.joint.places) * self._n
+        values = ca.mtimes(self.matrix, w) + self.constant
+        ends = [values[i : i + self._n] for i in range(0, count, self._n)]
+        return [*ends, values[count:], self._parameters]
+
+
+@lru_cache(maxsize=64)
+def block_diagonal(count: int, k: int) -> ca.Sparsity:
+    """``count`` dense blocks of k by k along the diagonal."""
+    return ca.diagcat(*[ca.Sparsity.dense(k, k)] * count)
+
+
+def _placement(system: RitzSystem, table: np.ndarray, scale: np.ndarray) -> tuple[ca.DM, np.ndarray]:
+    """Sparse matrix from unknowns in units of ``scale`` to the variables at points of every element, and what is fixed.
+
+    ``table`` (derivatives, points, polynomials) is that of the basis at the points of the reference element.
+    """
+    space, n, extra = system.space, system.n, system.extra
+    factors = (2.0 / space.widths)[:, None, None] ** np.arange(len(table))[:, None] * space.local_scale[:, None]
+    entries = table.transpose(1, 0, 2) * factors[:, None]
+    E, Q, D, P = entries.shape
+    k, count = D * n + extra, E * Q
+    values = np.broadcast_to(entries[..., None], (E, Q, D, P, n))
+    first = k * np.arange(count).reshape(E, Q)[..., None] + n * np.arange(D)
+    rows = np.broadcast_to(first[..., None, None] + np.arange(n), values.shape)
+    numbers = np.broadcast_to(space.numbers[:, None, None], values.shape)
+    columns = _places(system)[numbers]
+    free = columns >= 0
+    constant = np.zeros(k * count)
+    np.add.at(constant, rows[~free], values[~free] * system.fixed[numbers[~free]])
+    # the unknown numbers are the same at each point
+    others = np.repeat(len(system.free) + np.arange(extra), count)
+    of_others = (k * np.arange(count) + D * n + np.arange(extra)[:, None]).ravel()
+    at, column = np.concatenate([rows[free], of_others]), np.concatenate([columns[free], others])
+    value = np.concatenate([values[free], np.ones(len(others))]) * scale[column]
+    matrix = ca.DM.triplet(at.tolist(), column.tolist(), ca.DM(value), k * count, system.size)
+    return matrix, constant
+
+
+def _places(system: RitzSystem) -> np.ndarray:
+    """The place of each coefficient among the free ones, -1 for a fixed one."""
+    place = np.full(system.space.size, -1)
+    place[system.free] = np.arange(len(system.free))
+    return place
