@@ -22,7 +22,7 @@ from numpy.polynomial import legendre
 FEW_POINTS = 16
 """Points of Gauss's rule up to which the weights of NumPy are as good as any."""
 FEW = 2000
-"""Points up to which a curve is evaluated with the coefficients laid out for each of them."""
+"""Points at which a curve is evaluated at a time, the coefficients laid out for each of them."""
 
 
 @lru_cache(maxsize=256)
@@ -278,16 +278,13 @@ class Space:
             table = basis(self.smoothness, self.degree, points, derivative, derivative)[0]
             return (table @ local[0]).T * (2.0 / self.widths[0]) ** derivative
         element = np.clip(np.searchsorted(self.vertices, x, side="right") - 1, 0, self.elements - 1)
-        if len(x) <= FEW:  # all elements in one go
-            points = 2 * (x - self.vertices[element]) / self.widths[element] - 1
-            table = basis(self.smoothness, self.degree, points, derivative, derivative)[0]
-            return np.einsum("mp,mpn->nm", table, local[element]) * (2.0 / self.widths[element]) ** derivative
         out = np.empty((self.n, len(x)))
-        for e in np.unique(element):
-            mask = element == e
-            points = 2 * (x[mask] - self.vertices[e]) / self.widths[e] - 1
+        for first in range(0, len(x), FEW):
+            part = slice(first, first + FEW)
+            e = element[part]
+            points = 2 * (x[part] - self.vertices[e]) / self.widths[e] - 1
             table = basis(self.smoothness, self.degree, points, derivative, derivative)[0]
-            out[:, mask] = (table @ local[e]).T * (2.0 / self.widths[e]) ** derivative
+            out[:, part] = np.einsum("mp,mpn->nm", table, local[e]) * (2.0 / self.widths[e]) ** derivative
         return out
 
     def vertex_number(self, vertex: int, derivative: int, component: int) -> int:

@@ -23,7 +23,7 @@ import numpy as np
 
 from varcalc.formulation import SideCondition
 from varcalc.methods.ritz.curvature import Curvature, Ends, Points, block_diagonal
-from varcalc.methods.ritz.integrands import pointwise
+from varcalc.methods.ritz.integrands import integrands, pointwise
 from varcalc.methods.ritz.newton import Descent
 from varcalc.methods.ritz.system import RitzSystem
 from varcalc.numerics.mesh import lobatto
@@ -217,18 +217,18 @@ def program_of(system: RitzSystem, z: np.ndarray, scale: np.ndarray, size: float
     form = system.form
     w = ca.MX.sym("w", system.size)
     at_gauss = Points.of(system, scale)
-    integrands = [form.integrand, *(c.expression for c in form.conditions.integrals)]
-    function = ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*integrands))])
+    integrals = [form.integrand, *(c.expression for c in form.conditions.integrals)]
+    function = ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*integrals))])
     mapped = function.map(len(system.weights))
     values = ca.mtimes(mapped(*at_gauss.arguments(w)), ca.DM(system.weights))
     program = _Program(w, values[0] / size, Curvature(w))
     for j, condition in enumerate(form.conditions.integrals):
         program.add("integral", condition.index, values[1 + j], condition.bounds)
-    m, count = len(integrands), len(system.weights)
+    m, count = len(integrals), len(system.weights)
     factors = np.repeat(system.weights[:, None], m, axis=1)
     factors[:, 0] /= size
     program.curvature.at_points(
-        at_gauss, integrands, (np.arange(m * count), np.tile(np.arange(m), count), factors.ravel())
+        at_gauss, integrals, (np.arange(m * count), np.tile(np.arange(m), count), factors.ravel())
     )
     if form.ends.joint is not None:
         _add_ends(system, program, scale, z / scale, size)
@@ -399,9 +399,10 @@ def summed_up(system: RitzSystem, scale: np.ndarray, size: float) -> Summed:
     w, points = ca.MX.sym("w", system.size), Points.of(system, scale)
     count, whole = len(points.s), points.matrix
     k = whole.shape[0] // count
-    out = pointwise(system.form).map(count)(*points.arguments(w))
-    out = ca.mtimes(out, ca.diag(ca.DM(system.weights / size)))
-    value = ca.sum2(out[0, :])
+    arguments, weights = points.arguments(w), ca.diag(ca.DM(system.weights / size))
+    out = ca.mtimes(pointwise(system.form).map(count)(*arguments), weights)
+    # a search along a line asks for values alone
+    value = ca.sum2(ca.mtimes(integrands(system.form).map(count)(*arguments), weights))
     blocks = ca.MX(block_diagonal(count, k), ca.vec(out[1 + k :, :]))
     hessian = ca.mtimes(whole.T, ca.mtimes(blocks, whole))
     p, lam_f, lam_g = ca.MX.sym("p", 0), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", 0)
