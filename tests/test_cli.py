@@ -216,7 +216,7 @@ def stored(tmp_path_factory):
     folder = tmp_path_factory.mktemp("chart")
     path, picture, claims = folder / "measured.json", folder / "picture.png", folder / "claims.svg"
     arguments = ["--tol", "1e-3", "--tol", "1e-9", "--repeats", "1", "--store", path, "-o", picture, "--claims", claims]
-    done = CliRunner().invoke(main, ["chart", "soap_film", *map(str, arguments)])
+    done = CliRunner().invoke(main, ["chart", "oscillator", *map(str, arguments)])
     assert done.exit_code == 0, done.output
     assert all(p.stat().st_size > 5000 for p in (picture, claims))
     return path

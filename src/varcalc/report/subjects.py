@@ -13,7 +13,7 @@ from pathlib import Path
 from varcalc.study.experiments import EXPERIMENTS_PACKAGE
 from varcalc.study.reference import PROBLEMS_PACKAGE
 from varcalc.study.scenes import SCENES_PACKAGE
-from varcalc.study.user_file import SUFFIX, ProblemFileError, listed, run_file
+from varcalc.study.user_file import SUFFIX, ProblemFileError, names_in, run_file
 
 
 class Kind(Enum):
@@ -81,7 +81,7 @@ class Subject:
 
 def catalogued_subjects() -> tuple[Subject, ...]:
     """Every problem, scene and system of the catalogues; their files are not run."""
-    return tuple(_of_catalogue(kind, name, name) for kind in Kind for name in listed(kind.package))
+    return tuple(_of_catalogue(kind, name, name) for kind in Kind for name in names_in(kind.package))
 
 
 def subjects_of(names: Iterable[str]) -> tuple[Subject, ...]:
@@ -108,7 +108,7 @@ def _named(text: str) -> list[Subject]:
     name = (rest if kinds else text).partition("/")[0]
     case = (rest if kinds else text).partition("/")[2]
     # only problems have cases
-    having = [k for k in kinds or Kind if name in listed(k.package) and (k is Kind.PROBLEM or not case)]
+    having = [k for k in kinds or Kind if name in names_in(k.package) and (k is Kind.PROBLEM or not case)]
     if not having:
         raise ProblemFileError(
             f"{text!r} is no problem, scene or system of the catalogues; `varcalc list`, `varcalc list --scenes` and "

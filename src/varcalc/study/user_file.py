@@ -57,14 +57,18 @@ def run_file(path: Path, wanted: str) -> ModuleType:
 
 def listed(package: str) -> dict[str, str]:
     """The names of a catalogue's files with the first line of each one's docstring; they are read, not run."""
+    return {name: _first_line(f"{package}.{name}") for name in names_in(package)}
+
+
+def names_in(package: str) -> list[str]:
+    """The names of a catalogue's files; none is read."""
     found = pkgutil.iter_modules(importlib.import_module(package).__path__)
-    names = [module.name for module in found if not module.ispkg and not module.name.startswith("_")]
-    return {name: _first_line(f"{package}.{name}") for name in names}
+    return [module.name for module in found if not module.ispkg and not module.name.startswith("_")]
 
 
 def catalogued(package: str, name: str, text: str, kind: str) -> ModuleType:
     """The file of a catalogue that is called ``name``, run; ProblemFileError where none is, with the ``text`` given."""
-    known = listed(package)
+    known = names_in(package)
     if name not in known:
         suggested = near(name, known)
         remedy = suggested or f", which holds {shorten(', '.join(known) or 'none', MOST_NAMED, placeholder=' ...')}"
