@@ -19,7 +19,6 @@ from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
 from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
-from varcalc.methods.labels import label
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.breaks import breakable, switches_of
 from varcalc.problem.conditions import truth
@@ -199,7 +198,7 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
     """
     failure: Solution | None = None
     for method in LADDER:
-        told(label(method))
+        told(type(method).__name__)
         solution = _made_out(_attempt(problem, method, tol, guess))
         if not solution.status.ok:
             solution = _once_more(solution, method, tol)
@@ -212,7 +211,7 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
         if solution.status.ok:
             return solution
     for guide in _guides():
-        told(label(guide))
+        told(type(guide).__name__)
         extremal = _attempt(problem, guide, tol, guess)
         if extremal.status.ok:
             solution = _made_out(_attempt(problem, replace(LADDER[0], starts=1), tol, extremal))
