@@ -10,7 +10,7 @@ Hessian is positive on the conditions' null space.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -133,8 +133,14 @@ def banded_step(
 
     local, border, corner = system.parts(system.combined(at, multipliers))
     free, extra, count = len(system.free), system.extra, len(at.conditions)
-    metric, _, metric_corner = system.parts(system.metric_blocks(at))
-    matrix, metric = bands(system, local), bands(system, metric)
+    matrix = bands(system, local)
+
+    @cache
+    def metric() -> tuple[np.ndarray, np.ndarray]:
+        """What shifts the model: asked for where it is not convex, which is seldom."""
+        weighed, _, weighed_corner = system.parts(system.metric_blocks(at))
+        return bands(system, weighed), weighed_corner
+
     small = np.zeros((extra + count, extra + count))
     small[:extra, extra:] = at.jacobian[:, free:].T
     small[extra:, :extra] = at.jacobian[:, free:]
@@ -142,12 +148,13 @@ def banded_step(
     right = np.column_stack([-at.gradient[:free], sides])
     below = np.concatenate([-at.gradient[free:], -at.conditions])
     for shift in SHIFTS:
+        shifted = matrix + shift * metric()[0] if shift else matrix
         try:
-            factor = scipy.linalg.cholesky_banded(matrix + shift * metric, lower=True, check_finite=False)
+            factor = scipy.linalg.cholesky_banded(shifted, lower=True, check_finite=False)
         except np.linalg.LinAlgError:
             continue
         solved = scipy.linalg.cho_solve_banded((factor, True), right, check_finite=False)
-        small[:extra, :extra] = corner + shift * metric_corner
+        small[:extra, :extra] = corner + shift * metric()[1] if shift else corner
         schur = small - sides.T @ solved[:, 1:]
         eigenvalues = np.linalg.eigvalsh(schur) if len(schur) else np.zeros(0)
         if (eigenvalues < 0).sum() != count or not np.isfinite(solved).all():
