@@ -155,3 +155,10 @@ def test_a_curve_that_all_but_comes_to_rest_is_not_held(last, load):
 
     problem = vc.Problem(lambda x, y, v: v**2 / 2 + ca.fabs(v) / 2 + load * y, vc.Fixed(0, 0), vc.Fixed(length, fall))
     assert vc.solve(problem).value == pytest.approx(value((first, last)), abs=1e-10)
+
+
+def test_a_curve_that_meets_a_million_steps_is_refused_with_the_first_of_them():
+    steps = vc.Problem(lambda x, y, dy: dy**2 + ca.floor(y), vc.Fixed(0, 1e6), vc.Fixed(1, 0))
+    solution = vc.solve(steps, throw=False)
+    assert solution.status is vc.Status.NOT_CONVERGED
+    assert "a jump (floor) where y = a whole number, and the curve meets it at x = " in solution.message

@@ -27,6 +27,8 @@ ROUND_OFF = 1e-11
 """Size of a switch's argument, in units of its own along the curve, that counts as zero."""
 MADE_OUT = 1e-9
 """Distance, relative to the interval, within which a crossing is at a vertex that the mesh was given for it."""
+MOST_LEVELS = 64
+"""Whole numbers that are looked for along a curve: one that meets so many is not treated."""
 RIDDEN = 1e-3
 """Share of the interval along which an argument is zero, and not at a point."""
 WAVERING = 30.0
@@ -132,7 +134,7 @@ def _of_one(
         if side[i] == side[j] or any(c.until is not None and c.x <= x[j] and x[i] <= c.until for c in found):
             continue
         low, high = sorted((int(side[i]), int(side[j])))
-        levels = range(low + 1, high + 1) if switch.stepped else (0,)
+        levels = range(low + 1, high + 1)[: max(MOST_LEVELS - len(found), 0)] if switch.stepped else (0,)
         found += [Crossing(switch, _place(at, level, float(x[i]), float(x[j])), float(level)) for level in levels]
     return found
 
