@@ -19,12 +19,29 @@ class Style:
     """How signs, fractions and roots are written."""
 
     name: Callable[[str], str]
+    number: Callable[[float], str]
     fraction: Callable[[str, str], str]
     root: Callable[[str], str]
     raised: Callable[[str, str], str]
     function: Callable[[str, list[str]], str]
     bracket: Callable[[str], str]
     bare_fraction: bool
+
+
+def _text_number(value: float) -> str:
+    return f"{value:.12g}"
+
+
+def _latex_number(value: float) -> str:
+    r"""A number, its power of ten written out.
+
+    >>> print(_latex_number(7.2921159e-05), _latex_number(1e20), _latex_number(0.3))
+    7.2921159 \cdot 10^{-5} 10^{20} 0.3
+    """
+    digits, _, power = _text_number(value).partition("e")
+    if not power:
+        return digits
+    return ("" if digits == "1" else rf"{digits} \cdot ") + f"10^{{{int(power)}}}"
 
 
 def _text_fraction(above: str, below: str) -> str:
@@ -69,6 +86,7 @@ def _latex_function(name: str, arguments: list[str]) -> str:
 
 TEXT = Style(
     name=lambda name: name,
+    number=_text_number,
     fraction=_text_fraction,
     root=lambda inside: f"sqrt({inside})",
     raised=lambda base, exponent: f"{base}^{exponent}" if re.fullmatch(r"\d+", exponent) else f"{base}^({exponent})",
@@ -78,6 +96,7 @@ TEXT = Style(
 )
 LATEX = Style(
     name=latex_name,
+    number=_latex_number,
     fraction=lambda above, below: rf"\frac{{{above}}}{{{below}}}",
     root=lambda inside: rf"\sqrt{{{inside}}}",
     raised=lambda base, exponent: f"{base}^{{{exponent}}}",
@@ -131,7 +150,7 @@ def _term(coefficient: float, m: Monomial, style: Style) -> str:
         inside = style.root(_inside_root(1 / square if below else square, under, style))
         (bottom if below else top).append(inside)
     if value is None:
-        top.insert(0, f"{coefficient:.12g}")
+        top.insert(0, style.number(coefficient))
     else:
         top = ([str(value.numerator)] if value.numerator != 1 else []) + top
         bottom = ([str(value.denominator)] if value.denominator != 1 else []) + bottom
