@@ -88,7 +88,18 @@ def test_a_string_over_a_post_touches_both_its_corners(width, centre):
     # straight to one corner, along the top, straight on
     bound = vc.Bound(lambda x, y, v: y - ca.if_else(ca.fabs(x - centre) <= width, 1.0, -1.0), lower=0)
     solution = vc.solve(vc.Problem(lambda x, y, v: v**2, vc.Fixed(0, 0.1), vc.Fixed(1, 0.2), [bound]))
-    assert solution.value == pytest.approx(0.9**2 / (centre - width) + 0.8**2 / (1 - centre - width), rel=1e-10)
+    exact = 0.9**2 / (centre - width) + 0.8**2 / (1 - centre - width)
+    assert solution.value == pytest.approx(exact, rel=1e-10)
+    assert abs(solution.value - exact) <= solution.error.value
+
+
+@pytest.mark.parametrize(("first", "last", "height"), [(0.3, 0.41, 0.23), (0.664, 0.787, 0.488), (0.705, 0.754, 0.43)])
+def test_what_the_barrier_leaves_is_claimed(first, last, height):
+    """The shortest way over a box."""
+    bound = vc.Bound(lambda x, y, v: y - ca.if_else(ca.logic_and(x >= first, x <= last), height, -1.0), lower=0)
+    solution = vc.solve(vc.Problem(lambda x, y, v: ca.sqrt(1 + v**2), vc.Fixed(0, 0), vc.Fixed(1, 0), [bound]))
+    exact = math.hypot(first, height) + (last - first) + math.hypot(1 - last, height)
+    assert abs(solution.value - exact) <= solution.error.value <= 1e-10
 
 
 @pytest.mark.parametrize("width", [1e-1, 1e-2, 1e-3])

@@ -244,6 +244,7 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     same = found.curve <= UNMOVED_CURVE * float(np.abs(at.variables[:, : system.n]).max())
     if math.isfinite(previous) and not same and (rungs.inequalities or not rungs.form.coordinates.corners):
         error = max(error, SAFETY * SHARED * previous)
+    error += unit * SAFETY * richer.gap
     found = replace(found, value=value, error=error, scale=unit * at.scale)
     shares = _shares(rungs, system, richer.z - z)
     return Estimate(**vars(found), system=system, z=richer.z, at=at, step=None, shares=shares)

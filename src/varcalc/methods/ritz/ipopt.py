@@ -14,7 +14,7 @@ solution.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -126,6 +126,7 @@ def optimise(
             "acceptable_tol": 1e-10,
             "max_iter": ipopt.iterations,
             "mu_strategy": "adaptive",
+            "mu_min": 1e-16,  # what the barrier leaves is an error of the value
             "constr_viol_tol": 1e-12,
             "bound_relax_factor": 0.0,
             # the variables are of size one: beyond this the functional has no lower bound
@@ -154,7 +155,17 @@ def optimise(
     status = str(stats["return_status"])
     good = np.isfinite(at.value) and (status in GOOD or (status in FINISHED and _stationary(stats)))
     reason = "" if good else f"IPOPT stopped with {status}"
-    return Descent(found, equalities, at.value, int(stats["iter_count"]), reason), others
+    gap = size * _gap(program, result) if program.rows else 0.0
+    return Descent(found, equalities, at.value, int(stats["iter_count"]), reason, gap=gap), others
+
+
+def _gap(program: _Program, result: Mapping[str, Any]) -> float:
+    """The sum of the multipliers times the room to their bounds, which the barrier leaves."""
+    rows, multipliers = (np.asarray(result[name]).ravel() for name in ("g", "lam_g"))
+    lower, upper = np.concatenate(program.lower), np.concatenate(program.upper)
+    bound = np.where(multipliers > 0, upper, lower)
+    held = np.isfinite(bound)
+    return float(np.abs(multipliers[held]) @ np.abs(rows - bound)[held])
 
 
 def _only_minimised(system: RitzSystem) -> bool:

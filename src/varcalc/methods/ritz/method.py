@@ -151,7 +151,10 @@ class Ritz(Brief):
 
 @dataclass
 class Rung:
-    """A minimum in one space. ``path`` holds the multipliers of pathwise conditions by their index."""
+    """A minimum in one space, its value known to a ``gap`` (see :class:`Descent`).
+
+    ``path`` holds the multipliers of pathwise conditions by their index.
+    """
 
     system: RitzSystem
     z: np.ndarray
@@ -160,6 +163,7 @@ class Rung:
     path: dict[int, Callable[[np.ndarray], np.ndarray]] = field(default_factory=dict)
     levels: dict[int, float] = field(default_factory=dict)
     """Multipliers of integral inequalities by their index."""
+    gap: float = 0.0
 
 
 class Rungs:
@@ -226,7 +230,7 @@ class Rungs:
             return outcome.reason
         along = {k: v for k, v in path.items() if isinstance(k, int)}
         levels = {k[1]: v for k, v in path.items() if isinstance(k, tuple)}
-        return Rung(system, outcome.z, outcome.multipliers, outcome.value, along, levels)
+        return Rung(system, outcome.z, outcome.multipliers, outcome.value, along, levels, outcome.gap)
 
     def start(self, space: Space, guess: Sampled | None) -> Rung | str:
         """The lowest of the minima in ``space`` that the first starting curves lead to."""

@@ -121,7 +121,11 @@ class Step:
 
 @dataclass
 class Descent:
-    """Where an iteration ended. ``reason`` is empty when it converged to a minimum, ``direct`` tells of whole steps."""
+    """Where an iteration ended. ``reason`` is empty when it converged to a minimum, ``direct`` tells of whole steps.
+
+    ``gap`` is what bounds that are not quite met leave between the value and the minimum: the sum of each multiplier
+    times the room to its bound (Boyd and Vandenberghe, "Convex Optimization", sect. 5.5.1).
+    """
 
     z: np.ndarray
     multipliers: np.ndarray
@@ -129,6 +133,7 @@ class Descent:
     iterations: int
     reason: str
     direct: bool = False
+    gap: float = 0.0
 
 
 def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> Step | None:
