@@ -27,14 +27,17 @@ def two_media(level, inclined, below, above):
     )  # fmt: skip
 
 
-def stuck(friction, load, shift=0.0):
+def stuck(friction, load, shift=0.0, rise=0.0):
     """int y'^2/2 + friction |y' - shift| - load (y - shift x): sliding, held along the middle, sliding back."""
     problem = vc.Problem(
         lambda x, y, dy: (dy - shift) ** 2 / 2 + friction * ca.fabs(dy - shift) - load * (y - shift * x),
-        vc.Fixed(0, 0), vc.Fixed(1, shift),
+        vc.Fixed(0, 0), vc.Fixed(1, shift + rise),
     )  # fmt: skip
-    m = mpf(load) / 2 - mpf(friction)
-    return problem, -(m**3) / (3 * load)  # y' - shift falls from m to 0 at the rate of the load
+    m, further = mpf(load) / 2 - mpf(friction), mpf(rise) * load / (mpf(load) - 2 * mpf(friction))
+    # y' - shift falls at the rate of the load from one to 0, and from 0 to minus the other
+    start, end = (m + further) / load, (m - further) / load
+    slid = sum(load * friction * a**2 / 2 - mpf(load) ** 2 * a**3 / 6 for a in (start, end))
+    return problem, slid - load * rise * end - load**2 * start**2 / 2 * (1 - start - end)
 
 
 def across(stiffness):
@@ -57,6 +60,9 @@ CASES = {
     "friction nearly as strong as the load": stuck(2.5, 9.0),
     "hardly any friction": stuck(0.15, 15.0),
     "friction against a moving belt": stuck(1.0, 12.0, 0.5),
+    "a belt whose speed is no dyadic number": stuck(0.8, 9.0, 0.7),
+    "ends that all but move with the belt": stuck(0.8, 9.0, 0.7, 1e-6),
+    "ends that all but rest": stuck(0.8, 9.0, 0.0, 1e-5),
     "a kink in y": across(3.0),
 }
 

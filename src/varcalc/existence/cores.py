@@ -73,10 +73,8 @@ def _side(problem: Problem, switch: Switch, curve: Curve) -> float:
     """The side of the level on which the curve starts and ends, that of the larger departure; 0 where it changes."""
     x = np.linspace(*problem.span, SAMPLES)
     values = _argument(problem, switch, x, curve(x, 0))
-    first, last = values[0], values[-1]
-    if first * last < 0.0:
-        return 0.0
-    return float(np.sign(values[np.argmax(np.abs(values))]))
+    side = float(np.sign(values[np.argmax(np.abs(values))]))
+    return side if min(side * values[0], side * values[-1]) >= 0.0 else 0.0
 
 
 def _one_sided(problem: Problem, switch: Switch, side: float, curve: Curve) -> Problem:

@@ -7,7 +7,7 @@ these places then become unknowns, with Weierstrass and Erdmann's conditions of 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -18,7 +18,7 @@ from varcalc.existence.cores import resting
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
 from varcalc.formulation.broken import SHORTEST
 from varcalc.methods.answer import composite_gauss, lifted
-from varcalc.methods.crossings import ROUND_OFF, Crossing, argument_sizes, crossings, met_by, sentence, slopes_of, unmet
+from varcalc.methods.crossings import ROUND_OFF, Crossing, crossings, met_by, on_curve, sentence, unmet
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.breaks import breakable, crowded, singular_inside
 from varcalc.problem.functional import Functional
@@ -26,13 +26,16 @@ from varcalc.problem.problem import Problem
 from varcalc.problem.reading import names, text
 from varcalc.solution import Solution, Status, no_answer
 from varcalc.symbolic.derived import Cache
-from varcalc.symbolic.switches import sizes, smoothed
+from varcalc.symbolic.switches import smoothed, units
 from varcalc.symbolic.tracing import Expression
 
 Curve = Callable[[np.ndarray, int], np.ndarray]
+Points = Sequence[Sequence[np.ndarray]]
 
 ROUNDED = (0.3, 0.05, 0.01, 2e-3)
 """Widths over which switches are rounded off, in turn, relative to the size of what switches."""
+WIDER = (10.0, 1e3, 1e5)
+"""Those that are tried in turn where the first is too narrow for any curve to be found."""
 FOLLOWED = (4.0, 40.0, 400.0)
 """What is as small as so many widths is followed rather than crossed, where that leads to a curve that stands."""
 COARSE = Ritz(elements=24, degree=3, refine=False)
@@ -50,6 +53,8 @@ HELD = 1e-7
 """Difference, relative to what is summed, of a curve's functional and that of its pieces, which the sum may make."""
 BESIDE_KINK = 1e-3
 """Change of the slope, in units of 1 and of the slope, over which it is seen which way a kink points."""
+SAMPLES = 33
+"""Places of a line at which it is seen how large what switches is."""
 SAME_PLACE = 1e-9
 """Share of the interval by which two crossings at one place may differ."""
 MOST = 8
@@ -60,17 +65,18 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     """The minimum with its crossings made out, or the refusal that says what was met; None where no switch is met."""
     if not (isinstance(problem, Problem) and breakable(problem)):
         return None
-    curve, width = _rounded(problem, guess)
-    if curve is None:
+    rounded = _rounded(problem, guess)
+    if rounded is None:
         return None
+    curve, width, points = rounded
     nodes = np.linspace(*problem.span, 49)
-    units = argument_sizes(problem, np.linspace(*problem.span, 33), formulate(problem).start.curve)
+    sizes, _ = units([switch.argument for switch in on_curve(problem)], problem.symbols.all, points)
     met: list[Crossing] = []
     tried = False
     last: list[Crossing] | None = None
     for followed in FOLLOWED:
         small = max(followed * width, ROUND_OFF)
-        found = crossings(problem, curve, nodes, problem.unknown_guesses, small, units)
+        found = crossings(problem, curve, nodes, problem.unknown_guesses, small, np.array(sizes))
         found = [c for c in found if not _repels(problem, curve, c)]
         if last is not None and _alike(problem, found, last):  # what they led to is known
             continue
@@ -202,37 +208,52 @@ def _piece(problem: Problem, crossing: Crossing) -> Refraction | Ride:
     return Refraction(crossing.x, None if switch.depends_on(s.dy) else surface)
 
 
-def _rounded(problem: Problem, guess: Sampled | None) -> tuple[Curve | None, float]:
-    """A coarse minimum with all switches rounded off, less and less, and the last width."""
+def _rounded(problem: Problem, guess: Sampled | None) -> tuple[Curve, float, Points] | None:
+    """A coarse minimum with all switches rounded off, less and less, the last width, and where its units were taken.
+
+    The units in which a width is meant are those along the last curve. A line that all but keeps to a switch is none to
+    take them from: what is rounded off too little to begin with is rounded off more.
+    """
     plain = formulate(problem)
-    curve: Curve | None = None
-    last = 0.0
-    for width in ROUNDED:
-        form = _smooth(problem, plain, width)
+    points = _points(problem, plain.start.curve)
+    found: tuple[Curve, float, Points] | None = None
+    widths = list(ROUNDED)
+    wider = list(WIDER)
+    while widths:
+        form = _smooth(problem, plain, widths[0], points)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             solution = COARSE.solve(form, tol=1e-6, guess=guess)
-        if solution.curve is None or not np.isfinite(solution.value):
+        if solution.curve is not None and np.isfinite(solution.value):
+            found = solution.curve, widths.pop(0), points
+            guess = partial(_ordinates, solution.curve)
+            points = _points(problem, guess)
+        elif found is None and wider:
+            widths.insert(0, wider.pop(0))
+        else:
             break
-        curve, last = solution.curve, width
-        guess = partial(_ordinates, curve)
-    return curve, last
+    return found
 
 
 def _ordinates(curve: Curve, x: np.ndarray) -> np.ndarray:
     return curve(x, 0)
 
 
-def _smooth(problem: Problem, plain: Form, width: float) -> Form:
-    s = problem.symbols
-    x = np.linspace(*problem.span, 33)
-    y = plain.start.curve(x)
-    slope = slopes_of(x, y)
+def _points(problem: Problem, line: Sampled) -> Points:
+    """What L depends on, along a line: one array for each entry of a symbol."""
+    x = np.linspace(*problem.span, SAMPLES)
+    y = line(x)
+    slopes = np.gradient(y, x, axis=1)
+    slopes = np.where(np.abs(slopes) * np.ptp(x) <= ROUND_OFF * np.abs(y).max(), 0.0, slopes)  # made of round-off
     numbers = [[np.array(v) for v in values] for values in (problem.parameter_values, problem.unknown_guesses)]
-    points = [[x], list(y), list(slope), [], *numbers]
+    return [[x], list(y), list(slopes), [], *numbers]
+
+
+def _smooth(problem: Problem, plain: Form, width: float, points: Points) -> Form:
+    s = problem.symbols
 
     def rewrite(expression: Expression, _: bool) -> Expression:
-        units = sizes([expression], s.all, points)
-        return smoothed([expression], s.all, [width * unit for unit in units])[0]
+        sizes = units([expression], s.all, points)[1]
+        return smoothed([expression], s.all, [width * size for size in sizes])[0]
 
     integrand = problem.sign * rewrite(problem.integrand, True)
     coordinates = replace(plain.coordinates, stated=Stated(s, integrand, integrand), numbers=None)

@@ -117,6 +117,13 @@ def _judged(failure: Solution, found: Extremals) -> Solution:
         number = f"the best of {len(found)} extremals" if len(found) > 1 else "the one extremal"
         message = f"a local {kind} as far as is shown: {number} found by search, to which minimising did not lead"
         return replace(best, verdict=None, local=True, message=message)
+    rival = broken_curve(best.problem)
+    if rival is not None and rival.jumps and best.problem.sign * (best.value - rival.value) > best.error.value:
+        message = (
+            f"the infimum is not attained: {rival.sentence}, graphs come as near to it as one likes, and of the "
+            f"extremals found, among {found.searched.split(';')[0]}, none comes as low"
+        )
+        return refused(failure, Finding(Verdict.NOT_ATTAINED, message))
     others = f", one of {len(found)} extremals" if len(found) > 1 else ""
     message = (
         f"there is no minimum that could be vouched for; the best extremal{others} has the value {best.value:.12g} "

@@ -13,7 +13,6 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Sampled
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.functional import Functional
 from varcalc.problem.reading import names, text
@@ -90,22 +89,6 @@ def crossings(
                 found.append(Crossing(switch, float(x[at_end])))
         found += _of_one(switch, x, values, small * size, lambda at, k=k: arguments(at)[k])
     return sorted(found, key=lambda c: c.x)
-
-
-def slopes_of(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The slopes (n, m) of a line y (n, m) at x (m,), those that are made of rounding taken for zero."""
-    slopes = np.gradient(y, x, axis=1)
-    return np.where(np.abs(slopes) * np.ptp(x) <= ROUND_OFF * np.abs(y).max(), 0.0, slopes)
-
-
-def argument_sizes(problem: Functional, x: np.ndarray, line: Sampled) -> np.ndarray:
-    """The largest size of each switch's argument along a line at x (m,), 1 where it is zero."""
-    y = line(x)
-    columns = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, problem.unknown_guesses)]
-    with np.errstate(all="ignore"):
-        found = np.asarray(_arguments(problem)(x[None], y, slopes_of(x, y), np.zeros((0, len(x))), *columns))
-    sizes = np.nanmax(np.abs(found.reshape(-1, len(x))), axis=1, initial=0.0)
-    return np.where(sizes > 0.0, sizes, 1.0)
 
 
 def met_by(solution: Solution, small: float = ROUND_OFF) -> list[Crossing]:

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from varcalc.existence.approach import outdone
+from varcalc.existence.constant_speed import at_constant_speed
 from varcalc.existence.feasibility import explained
 from varcalc.existence.global_look import FINE, has_lattice, least_polygons, looked_around
 from varcalc.existence.refraction import refracted, smooth_or_refused
@@ -20,6 +21,7 @@ from varcalc.formulation.singular import Forms, Infinite, forms
 from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
 from varcalc.methods.ritz.method import Ritz
+from varcalc.numerics.resampled import polynomials
 from varcalc.problem.breaks import breakable, switches_of
 from varcalc.problem.conditions import truth
 from varcalc.problem.convexity import proved_jointly_convex
@@ -44,6 +46,8 @@ from varcalc.verify.slopes import vouched
 
 FINER_DEGREE = 8
 """Degree at most with which a finer mesh is begun."""
+MOST_ELEMENTS = 1000
+"""Elements on which an extremal is held: one that needs more is singular somewhere."""
 CLOSER_MESHES = 6
 """Times that a problem is solved anew on a mesh that sees what lay between the points of the one before."""
 
@@ -167,12 +171,17 @@ def reconsidered(solution: Solution, method: Method | None, tol: float) -> Solut
     return fresh if lower or (fresh.local and not solution.local) else solution
 
 
-def _guides() -> tuple[Method, ...]:
-    """Routes that may find an extremal where minimisation finds no way to it; it is minimised from there."""
-    from varcalc.methods.collocation.method import Collocation  # both are imported by the few solves that need them
+def _quadrature() -> Method:
+    """The route by quadrature, imported by the few solves that need it."""
     from varcalc.methods.first_integral.method import FirstIntegral
 
-    return (Collocation(), FirstIntegral())
+    return FirstIntegral()
+
+
+def _collocation() -> Method:
+    from varcalc.methods.collocation.method import Collocation
+
+    return Collocation()
 
 
 def _reduces(method: Method) -> bool:
@@ -197,7 +206,8 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
     only when minimising from there stays at it.
     """
     failure: Solution | None = None
-    for method in LADDER:
+    # where there is a first integral, it costs far less than more starting curves do, and sees walls however narrow
+    for method, guide in zip(LADDER, (_quadrature, None), strict=True):
         told(type(method).__name__)
         solution = _made_out(_attempt(problem, method, tol, guess))
         if not solution.status.ok:
@@ -205,26 +215,55 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
         if solution.status.ok or solution.verdict is not None:
             return solution
         failure = failure or solution
+        found = None if guide is None else _guided(problem, guide(), tol, guess, told)
+        if found is not None and found.status.ok:
+            return found
     told("polygons")
     for polygon in least_polygons(problem):
         solution = _polished(problem, tol, FINE, polygon)
         if solution.status.ok:
             return solution
-    for guide in _guides():
-        told(type(guide).__name__)
-        extremal = _attempt(problem, guide, tol, guess)
-        if extremal.status.ok:
-            solution = _made_out(_attempt(problem, replace(LADDER[0], starts=1), tol, extremal))
-            if solution.status.ok or solution.verdict is Verdict.DEGENERATE:
-                return solution
     assert failure is not None
-    return failure
+    return _guided(problem, _collocation(), tol, guess, told) or failure
+
+
+def _guided(problem: Functional, guide: Method, tol: float, guess: Guess, told: Told) -> Solution | None:
+    """The minimum at the extremal of a ``guide``, an indirect route; None where there is none.
+
+    It is minimised from there, on a mesh that holds it, else on one that is refined from the start.
+    """
+    told(type(guide).__name__)
+    extremal = _attempt(problem, guide, tol, guess)
+    if not extremal.status.ok:
+        return None
+    solution = _on_its_mesh(problem, tol, extremal)
+    if solution is None or not solution.status.ok:
+        solution = _made_out(_attempt(problem, replace(LADDER[0], starts=1), tol, extremal))
+    return solution if solution.status.ok or solution.verdict is Verdict.DEGENERATE else None
+
+
+def _on_its_mesh(problem: Functional, tol: float, extremal: Solution) -> Solution | None:
+    """The answer of the direct method on elements on which polynomials hold an extremal; None where none do."""
+    curve = extremal.curve
+    if curve is None or not isinstance(problem, Problem):
+        return None
+    form = formulate(problem)
+    vertices = polynomials(lambda x: curve(x, 1), np.unique(extremal.x)).edges[1:-1]
+    if len(vertices) > MOST_ELEMENTS:
+        return None
+    knots = tuple(sorted({*form.conditions.knots, *vertices.tolist()}))
+    form = replace(form, conditions=replace(form.conditions, knots=knots), cache=Cache())
+    way = replace(LADDER[0], starts=1, degree=FINER_DEGREE)
+    solution = _in_form(way, form, tol, lambda x: curve(x, 0))
+    return _made_out(_vouched(replace(solution, method=LADDER[0]), None, form, forms(problem)))
 
 
 def _broken(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution | None:
     """The answer of the direct method in pieces, or a refusal, where its curve meets what switches; None elsewhere."""
     if not (isinstance(method, Ritz) and breakable(problem)):
         return None
+    if guess is None and (found := at_constant_speed(problem, method, tol)) is not None and unseen(found) is None:
+        return found
     return refracted(problem, method, tol, _sampled(problem, formulate(problem), guess))
 
 

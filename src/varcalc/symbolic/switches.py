@@ -22,6 +22,7 @@ SWITCHING = ONE_SIDED | PAIRED | STEPPED | {ca.OP_COPYSIGN}
 """Operations that are not smooth in what they are done to."""
 CONTINUOUS = {ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}
 """Those whose result does not jump."""
+SUMS = {ca.OP_ADD, ca.OP_SUB}
 SAME = 1e-12
 """Relative difference that is round-off."""
 WORDS = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
@@ -153,24 +154,55 @@ def _side(operation: int, operands: Sequence[_Held], value: float) -> Expression
     return ca.SX(value) if operation in SWITCHING else None
 
 
-def sizes(
+@dataclass(frozen=True)
+class _Sized:
+    """Values at points, and how large what they were summed from is there."""
+
+    values: np.ndarray
+    terms: np.ndarray
+
+    def unit(self) -> float:
+        """The largest of the values; of their terms where those are round-off of them, and 1 where all are zero."""
+        largest, terms = (
+            float(np.abs(v[np.isfinite(v)]).max(initial=0.0)) for v in map(np.atleast_1d, (self.values, self.terms))
+        )
+        return (largest if largest > SAME * terms else terms) or 1.0
+
+
+def _measured(operation: int, operands: Sequence[_Sized]) -> _Sized:
+    """What an operation makes of values; only a sum may be far smaller than what it is made of."""
+    a, b = operands[0], operands[-1]
+    values = np.asarray((UNARY if len(operands) == 1 else BINARY)[operation](*(o.values for o in operands)))
+    if operation in SUMS:
+        return _Sized(values, a.terms + b.terms)
+    if operation in (ca.OP_NEG, ca.OP_FABS):
+        return _Sized(values, a.terms)
+    return _Sized(values, np.abs(values))
+
+
+def units(
     expressions: Sequence[Expression], symbols: Sequence[Expression], points: Sequence[Sequence[np.ndarray]]
-) -> list[float]:
-    """How large the argument of each operation that switches is at ``points``, one array for each entry of a symbol."""
-    found: list[float] = []
+) -> tuple[list[float], list[float]]:
+    """How large SX ``expressions`` are at ``points``, and the argument of each of their operations that switches.
 
-    def applied(operation: int, operands: Sequence[np.ndarray]) -> np.ndarray:
+    The points are one array for each entry of a symbol. What is zero there but for round-off has the size of its
+    terms, and what is zero has the size 1.
+    """
+    switching: list[float] = []
+
+    def applied(operation: int, operands: Sequence[_Sized]) -> _Sized:
         if operation in SMOOTHED:
-            argument = operands[0] if operation in ONE_SIDED else operands[0] - operands[-1]
-            known = np.abs(argument[np.isfinite(argument)]) if np.ndim(argument) else np.abs(np.ravel(argument))
-            found.append(float(known.max(initial=0.0)) or 1.0)
-        return numbers[operation](*operands)
+            argument = operands[0] if operation in ONE_SIDED else _measured(ca.OP_SUB, (operands[0], operands[-1]))
+            switching.append(argument.unit())
+        return _measured(operation, operands)
 
-    numbers = {**UNARY, **BINARY}
-    function = ca.Function("sizes", list(symbols), [ca.densify(ca.vertcat(*expressions))])
+    def sized(values: np.ndarray | float) -> _Sized:
+        return _Sized(np.asarray(values), np.abs(values))
+
+    function = ca.Function("units", list(symbols), [ca.densify(ca.vertcat(*expressions))])
     with np.errstate(all="ignore"):
-        interpret(function, points, np.array, applied)
-    return found
+        (results,) = interpret(function, [[sized(v) for v in entries] for entries in points], sized, applied)
+    return [result.unit() for result in results], switching
 
 
 def smoothed(

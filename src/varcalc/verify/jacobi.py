@@ -28,6 +28,8 @@ FIELD_DEGREE = 16
 """Degree of the polynomials that stand for Jacobi fields on a panel."""
 RESOLVED_TAIL = 1e-13
 """Relative size of the last Legendre coefficients of a resolved panel."""
+LARGEST_NOISE, STALLED = 1e-8, 0.5
+"""Tails up to which those that a bisection hardly lowers are noise of the curve, and the share that it leaves."""
 PANEL_BISECTIONS = 12
 SAMPLES_PER_PANEL = 6
 """Points a panel at which passages are first counted."""
@@ -65,15 +67,17 @@ class Canonical:
         """The fundamental matrix of each panel, the panels bisected until they resolve it."""
         done: list[Panel] = []
         waiting = np.stack([self.vertices[:-1], self.vertices[1:]], axis=1)
+        before = np.full(len(waiting), np.inf)
         for depth in range(PANEL_BISECTIONS + 1):
             fields = self._fundamental(waiting)
             size = np.abs(fields).max((1, 2, 3))
             tail = np.abs(fields[:, -2:]).max((1, 2, 3)) / size
             if not np.isfinite(fields).all():
                 raise Unresolved("the accessory equation is not a number somewhere along the curve")
-            good = (tail <= RESOLVED_TAIL) | (depth == PANEL_BISECTIONS)
+            noise = (tail <= LARGEST_NOISE) & (tail > STALLED * before)
+            good = (tail <= RESOLVED_TAIL) | noise | (depth == PANEL_BISECTIONS)
             done += [Panel(a, b, c) for (a, b), c, ok in zip(waiting, fields, good, strict=True) if ok]
-            waiting = waiting[~good]
+            waiting, before = waiting[~good], np.tile(tail[~good], 2)
             if not len(waiting):
                 break
             middle = waiting.mean(1)

@@ -42,7 +42,7 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.symbolic.derived import derived
 
-__all__ = ["Forms", "Infinite", "forms"]
+__all__ = ["Forms", "Infinite", "forms", "of_constant_speed"]
 
 
 Makers = Sequence[partial[Form] | partial[Form | None]]
@@ -91,6 +91,12 @@ def forms(problem: Functional) -> Forms:
     # singular ends are found from numbers, so other parameter values may have other forms
     makers, made = _forms_at(problem, tuple(problem.parameters.values()))
     return Forms(makers, problem, made)
+
+
+def of_constant_speed(problem: Problem) -> Form | None:
+    """The energy of a metric in the person's own coordinates; None for a functional that is no metric's length."""
+    metric = Survey(problem).metric if _simple(problem) and problem.start.fixed and problem.end.fixed else None
+    return None if metric is None else energy_forms(problem, metric, (False, False), {})[0]()
 
 
 def number_of(form: Form) -> int | None:

@@ -49,8 +49,12 @@ TURN = 0.5
 """Size of the motion tried: an angle, or a shift in units of the curve's size."""
 
 
-def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curve: float) -> tuple[Verdict, str] | None:
-    """Why the minimum at ``z`` does not stand alone; None when it does, up to rigid motions.
+Doubt = tuple[Verdict | None, str]
+"""What a minimum is instead, where that is known, and a sentence."""
+
+
+def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curve: float) -> Doubt | None:
+    """Why the minimum at ``z`` does not stand alone, or where it belongs; None when it does, up to rigid motions.
 
     ``step`` is the Newton step from there, ``curve`` the relative error of the
     curve, which the second variation feels squared. Richer spaces are asked for as
@@ -101,7 +105,7 @@ def _rises_throughout(system: RitzSystem, z: np.ndarray) -> bool:
     return all(slope[k] > RISE_LEAST * size or bend[k] <= BEND_LEAST * bend.max() for k in (0, -1))
 
 
-def _unplaced(system: RitzSystem, z: np.ndarray) -> tuple[Verdict, str] | None:
+def _unplaced(system: RitzSystem, z: np.ndarray) -> Doubt | None:
     """Why a curve that is hardly held is not where it belongs; None where it is.
 
     To move it along s changes the functional by the difference of the first integral y' H_y' - H at the two ends.
@@ -116,13 +120,13 @@ def _unplaced(system: RitzSystem, z: np.ndarray) -> tuple[Verdict, str] | None:
     missed = abs(float(last - first)) * (ends[1] - ends[0])
     if missed <= PLACED * system.evaluate(z).scale:
         return None
-    return Verdict.DEGENERATE, (
+    return None, (
         f"the curve is hardly held along the interval, and its place is not found: moved along it the functional may "
         f"change by {missed:.2g}"
     )
 
 
-def _sentence(count: int, lowest: float) -> tuple[Verdict, str]:
+def _sentence(count: int, lowest: float) -> Doubt:
     directions = f"{count} directions" if count > 1 else "a direction"
     return Verdict.DEGENERATE, (
         f"the second variation vanishes in {directions} (least eigenvalue {lowest:.1g} of its leading term): the ends "

@@ -191,9 +191,10 @@ def _contracts(system: RitzSystem, z: np.ndarray, step: Step, at: Evaluation, fo
     falls by is no error of anything. Newton's steps do not shrink there (the theorem of
     Newton and Kantorovich).
     """
-    if system.form.conditions.knots:  # beside what is narrow no step is short beforehand
+    # beside what is narrow no step is short beforehand, and where no compliance is told, many elements are for a reason
+    if system.form.conditions.knots or step.compliance == 0.0:
         return _ends(system, z, at, step)
-    if 0.0 < step.compliance < COMPLIANT or system.size > LARGEST:
+    if step.compliance < COMPLIANT:
         return True
     there, moved = found.there, found.curve / SAFETY
     if moved <= SLIGHT * float(np.abs(found.here.y).max(initial=0.0)):

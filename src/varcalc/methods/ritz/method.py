@@ -484,7 +484,8 @@ class _Climb:
         why = degenerate(self.rungs, found.system, found.z, found.step, found.curve / found.size)
         if why is None:
             return solution
-        return replace(solution, status=Status.REFUSED, verdict=why[0], message=why[1])
+        status = Status.NOT_CONVERGED if why[0] is None else Status.REFUSED
+        return replace(solution, status=status, verdict=why[0], message=why[1])
 
     def verdict(self, error: float, floor: float, value: float, reason: str) -> tuple[Status, str]:
         """The status of an answer and, when it does not stand, the sentence that says why."""
