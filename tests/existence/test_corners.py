@@ -130,3 +130,15 @@ def test_a_relaxed_convex_problem_is_itself():
     found = relaxed(vc.Problem(lambda x, y, v: v**2 + y**2, vc.Fixed(0, 0), vc.Fixed(1, 1)), 64)
     assert found.value == pytest.approx(1 / math.tanh(1), rel=1e-4)
     assert not found.mixed.any()
+
+
+@pytest.mark.parametrize("well", [1 / 256, 1 / 16, 1.0, 50.0])
+@pytest.mark.parametrize("share", [0.6, 0.89, 0.985])
+def test_corners_are_found_in_any_unit_of_the_slope(well, share):
+    """((y'/w)^2 - 1)^2 vanishes for the slopes w and -w, and one corner leads from one to the other."""
+    rise = well * (2 * share - 1)
+    wells = vc.Problem(lambda x, y, dy: ((dy / well) ** 2 - 1) ** 2, vc.Fixed(0, 0.3), vc.Fixed(1, 0.3 + rise))
+    solution = vc.solve(wells)
+    assert abs(solution.value) <= 1e-12
+    slopes = np.abs(solution.dy(np.linspace(0.001, 0.999, 57)))
+    assert np.sort(slopes)[2:-2] == pytest.approx(well, rel=1e-5)

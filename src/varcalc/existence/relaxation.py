@@ -10,6 +10,7 @@ which has two slopes and their shares.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +25,8 @@ from varcalc.problem.problem import Problem
 
 SPREADS = (0.3, 1.0, 3.0)
 """Half distances of the two slopes at the start, in units of the problem's slope."""
+TRIED_SLOPES = np.concatenate([-(2.0 ** np.arange(7, -11, -0.25)), [0.0], 2.0 ** np.arange(-10, 7.25, 0.25)])
+"""Slopes between which a chord is sought below L, in units of the problem's slope, about 0 and about the chord."""
 MIXED = 1e-2
 """Share of the lesser slope from which a piece counts as mixed."""
 PIECE_POINTS = 3
@@ -67,7 +70,7 @@ def applies(problem: Functional) -> bool:
 def relaxed(problem: Problem, pieces: int) -> Relaxed | None:
     """The lowest polygon of the convexified functional that IPOPT reaches from several starts; None when none."""
     program = _RelaxedProgram(problem, pieces)
-    found = [program.solved(spread) for spread in SPREADS]
+    found = [program.solved(start) for start in program.starts()]
     sign = problem.sign
     return min((f for f in found if f is not None), key=lambda f: sign * f.value, default=None)
 
@@ -145,12 +148,39 @@ class _RelaxedProgram:
                     rows.append(function(x, at, slope.T, *self._columns(self.pieces)).T)
                     self._bounded(t.constraint.interval, self.pieces)
 
-    def solved(self, spread: float) -> Relaxed | None:
-        """A minimum from the chord with slopes ``spread`` to either side of it."""
-        count = self.pieces
-        start = self.line[self.free] / self.height
+    def starts(self) -> Iterator[np.ndarray]:
+        """Starts on the chord: between the slopes of L's convex envelope in its middle, and on either side of it."""
         chord = np.diff(self.line) / (float(self.x[1] - self.x[0]) * self.steep)
-        guess = np.concatenate([start, np.full(count, 0.5), chord - spread, chord + spread])
+        if (touched := self._touched(float(chord.mean()))) is not None:
+            low, high = touched
+            share = np.clip((high - chord) / (high - low), 0.0, 1.0)
+            yield self._start(share, np.full(self.pieces, low), np.full(self.pieces, high))
+        for spread in SPREADS:
+            yield self._start(np.full(self.pieces, 0.5), chord - spread, chord + spread)
+
+    def _start(self, share: np.ndarray, steep: np.ndarray, shallow: np.ndarray) -> np.ndarray:
+        return np.concatenate([self.line[self.free] / self.height, share, steep, shallow])
+
+    def _touched(self, slope: float) -> tuple[float, float] | None:
+        """The slopes, in units of their own, at which the chord below L about one touches it; None: L itself does."""
+        middle = self.pieces // 2
+        tried = np.unique(np.concatenate([TRIED_SLOPES, slope + TRIED_SLOPES]))
+        x, y = np.full(len(tried), self.x[middle]), np.full((1, len(tried)), self.line[middle])
+        values = np.asarray(self._values(x[None], y, self.steep * tried[None], *self._columns(len(tried))))[0]
+        tried, values = tried[np.isfinite(values)], values[np.isfinite(values)]
+        hull: list[int] = []
+        for k in range(len(tried)):  # Andrew's monotone chain
+            while len(hull) > 1 and not _turns_up(tried, values, hull[-2], hull[-1], k):
+                hull.pop()
+            hull.append(k)
+        right = int(np.searchsorted(tried[hull], slope, side="right"))
+        if right in (0, len(hull)) or hull[right] - hull[right - 1] == 1:
+            return None
+        return float(tried[hull[right - 1]]), float(tried[hull[right]])
+
+    def solved(self, guess: np.ndarray) -> Relaxed | None:
+        """A minimum from a start."""
+        count, start = self.pieces, self.line[self.free]
         size = abs(float(ca.Function("J", [self._w], [self._objective])(ca.DM(guess))))
         if not np.isfinite(size):
             return None
@@ -177,3 +207,8 @@ class _RelaxedProgram:
         share, one, other = w[inner:].reshape(3, self.pieces)
         sign = self.problem.sign
         return Relaxed(sign * value, self.x, y, np.array([one, other]) * self.steep, np.array([share, 1 - share]))
+
+
+def _turns_up(x: np.ndarray, y: np.ndarray, first: int, middle: int, last: int) -> bool:
+    """Whether the polygon through three points of a graph is convex."""
+    return bool((y[middle] - y[first]) * (x[last] - x[middle]) < (y[last] - y[middle]) * (x[middle] - x[first]))
