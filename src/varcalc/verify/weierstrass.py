@@ -20,7 +20,7 @@ from varcalc.solution import Finding, Solution, Verdict
 from varcalc.verify.along_curve import AlongCurve, complement
 from varcalc.verify.candidate import Candidate
 from varcalc.verify.check import Check
-from varcalc.verify.slopes import ROUND_OFF_EXCESS, SLOPE_TURNS, SlopeFan, places
+from varcalc.verify.slopes import ROUND_OFF_EXCESS, SlopeFan, places, slope_turns
 from varcalc.verify.verification import Excess, excesses
 
 VERIFIED_PLACES = 33
@@ -120,7 +120,8 @@ def _directions(k: int) -> np.ndarray:
 
 def _turned(own: np.ndarray, allowed: np.ndarray) -> np.ndarray:
     """The curve's own slope changed in every direction by steps of many sizes."""
-    steps = SLOPE_TURNS[SLOPE_TURNS > 0][:, None, None] * _directions(allowed.shape[2])
+    turns = slope_turns(own)
+    steps = turns[turns > 0][:, None, None] * _directions(allowed.shape[2])
     unit = np.maximum(1.0, np.abs(own).max(1))[:, None, None]
     return own[:, None] + unit * np.einsum("mak,tk->mta", allowed, steps.reshape(-1, steps.shape[2]))
 
