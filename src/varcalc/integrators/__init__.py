@@ -16,7 +16,7 @@ from varcalc.integrators.dop853 import SMALLEST, Dop853, installed
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.on_demand import STEPS, OnDemand
 from varcalc.integrators.piecewise import Continuous, Piecewise
-from varcalc.integrators.protocol import NONE, OUTCOMES, Engine, Flow, Landing, Outcome, Run
+from varcalc.integrators.protocol import NONE, OUTCOMES, Engine, Flow, Landing, Run, RunOutcome
 from varcalc.integrators.taylor import Taylor
 from varcalc.integrators.threads import spread
 from varcalc.integrators.variational import Variational, variational
@@ -33,9 +33,9 @@ __all__ = [
     "Flow",
     "Landing",
     "OnDemand",
-    "Outcome",
     "Piecewise",
     "Run",
+    "RunOutcome",
     "Taylor",
     "Variational",
     "available",

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.integrators.lowering import lower
-from varcalc.integrators.protocol import OUTCOMES, Landing, Outcome, Run, begun, check_system, checked
+from varcalc.integrators.protocol import OUTCOMES, Landing, Run, RunOutcome, begun, check_system, checked
 from varcalc.integrators.taylor_ensemble import TaylorEnsemble
 from varcalc.integrators.threads import threads_for
 from varcalc.spelling import spelled
@@ -31,8 +31,6 @@ SMALL = 1e-6
 """The same of two runs that differ by what round-off has grown to."""
 SHORT = 0.1
 """Of the mean of steps: a bound below that is none on a step made blindly."""
-SAME = 1e-12
-"""Relative difference of two runs that come to the same."""
 MANY = 64
 """Runs without stops from which on heyoka's batches are worth compiling."""
 
@@ -260,7 +258,7 @@ class TaylorFlow:
             states[: len(result[5])] = result[5]
         end, steps = np.array(integrator.state), int(result[3])
         outcome = self._outcome(result[0], end, steps)
-        if outcome is Outcome.COMPLETED and len(abscissae) == 2:
+        if outcome is RunOutcome.COMPLETED and len(abscissae) == 2:
             states[-1] = end
         time = float(integrator.time)  # not a number after a step that failed
         reached = time if math.isfinite(time) else float(abscissae[0])
@@ -270,13 +268,13 @@ class TaylorFlow:
         """States of a trajectory at ascending or descending abscissae, the first of which is its start."""
         return self._propagate(abscissae, of.state, of.constants, of.longest).states
 
-    def _outcome(self, code: Any, end: np.ndarray, steps: int) -> Outcome:
+    def _outcome(self, code: Any, end: np.ndarray, steps: int) -> RunOutcome:
         known = self.heyoka.taylor_outcome
         if code == known.time_limit and np.all(np.isfinite(end)):
-            return Outcome.COMPLETED
+            return RunOutcome.COMPLETED
         if code == known.step_limit:
-            return Outcome.TOO_MANY_STEPS
-        return Outcome.NOT_FINITE if steps == 0 else Outcome.BLOW_UP
+            return RunOutcome.TOO_MANY_STEPS
+        return RunOutcome.NOT_FINITE if steps == 0 else RunOutcome.BLOW_UP
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from varcalc import integrators
 from varcalc.integrators import Engine, Flow
-from varcalc.integrators.protocol import Outcome, Run
+from varcalc.integrators.protocol import Run, RunOutcome
 from varcalc.mechanics.motion import LOOKED_AT, Checkpoints
 
 FEW_STEPS, MOST_STEPS = 4000, 100_000_000
@@ -48,11 +48,11 @@ def course(flow: Callable[[Engine], Flow], state: np.ndarray, numbers: np.ndarra
     first, end = span
     flying, looked = flow(integrators.for_one(FEW_STEPS, quick=True)), np.linspace(first, end, LOOKED_AT)
     run = flying.trajectory(looked, state, numbers, dense=True)
-    if run.outcome is Outcome.TOO_MANY_STEPS:  # worth code that runs fast
+    if run.outcome is RunOutcome.TOO_MANY_STEPS:  # worth code that runs fast
         flying = flow(integrators.for_one(MOST_STEPS, quick=False))
         run = flying.trajectory(looked, state, numbers)
         run = replace(run, trajectory=Checkpoints(flying, numbers, looked, run.states))
-    if run.trajectory is None or run.outcome is Outcome.NOT_FINITE:
+    if run.trajectory is None or run.outcome is RunOutcome.NOT_FINITE:
         raise ValueError(f"the motion cannot begin: {run.outcome.value}")
     reached, states = end if run.completed else run.reached, run.states
     if reached != end:

@@ -59,7 +59,7 @@ def equilibria(
     """
     s, conditions = lagrange.symbols, _conditions(lagrange, held)
     lasting = _lasting(conditions, s.t)
-    search = _Search(
+    search = _ZeroSearch(
         ca.Function("both", [s.q, s.p], [lasting, ca.densify(ca.jacobian(lasting, s.q))]),
         ca.Function("at_rest", [s.t, s.q, s.p], [conditions]),
         PointEvaluator(ca.Function("conditions", [s.q, s.p], [lasting])),
@@ -73,7 +73,7 @@ Boxes = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass
-class _Search:
+class _ZeroSearch:
     """Zeros of the conditions ``both`` with their slopes, between ``low`` and ``high``."""
 
     both: ca.Function

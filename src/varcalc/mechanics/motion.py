@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.axes import Axis
-from varcalc.integrators.protocol import OUTCOMES, Flow, Outcome
+from varcalc.integrators.protocol import OUTCOMES, Flow, RunOutcome
 from varcalc.problem.conditions import function as check_function
 from varcalc.problem.conditions import reals, text, truth
 from varcalc.showing import Brief, Fact, Plotted, counted, line
@@ -65,7 +65,7 @@ class Motion(Plotted):
     """
 
     span: tuple[float, float]
-    outcome: Outcome
+    outcome: RunOutcome
     error: float
     drift: Mapping[str, float]
     events: tuple[Happening, ...]
@@ -103,7 +103,7 @@ class Motion(Plotted):
     @property
     def completed(self) -> bool:
         """True when it came to its last time, or to an event that ends it."""
-        return self.outcome is Outcome.COMPLETED
+        return self.outcome is RunOutcome.COMPLETED
 
     def _at(self, t: Any) -> tuple[np.ndarray, tuple[int, ...]]:
         times = reals("t", t)
@@ -172,7 +172,7 @@ class Ensemble(Plotted):
     times: np.ndarray
     q: np.ndarray
     v: np.ndarray
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[RunOutcome, ...]
     axes: tuple[Axis, ...] = field(repr=False, default=())
     """Names and units of the time and the coordinates."""
 
@@ -190,7 +190,7 @@ class Ensemble(Plotted):
     @property
     def completed(self) -> np.ndarray:
         """True (m,) for motions that came to the last time."""
-        return np.array([outcome is Outcome.COMPLETED for outcome in self.outcomes])
+        return np.array([outcome is RunOutcome.COMPLETED for outcome in self.outcomes])
 
 
 def carried(
@@ -205,7 +205,7 @@ def carried(
         if len(going) == 0:
             break
         landing = flow.ensemble(out[going, k - 1], constants[going], start=times[k - 1], until=times[k])
-        done = landing.outcomes == OUTCOMES.index(Outcome.COMPLETED)
+        done = landing.outcomes == OUTCOMES.index(RunOutcome.COMPLETED)
         out[going[done], k] = landing.states[done]
         codes[going] = landing.outcomes
         going = going[done]
@@ -230,7 +230,7 @@ def happenings(
             here[None, :], numbers[None, :], start=np.array([t]), until=np.array([span[1]]), leaving=leaving
         )
         here, t = landing.states[0], float(landing.states[0, -1])
-        if OUTCOMES[int(landing.outcomes[0])] is not Outcome.STOPPED:
+        if OUTCOMES[int(landing.outcomes[0])] is not RunOutcome.STOPPED:
             return tuple(found), span[1] if math.isclose(t, span[1]) else t
         number = int(landing.stopped_by[0])
         event, leaving = events[number], (number,)

@@ -38,7 +38,7 @@ SEEN_FORWARD = np.ones(1)
 
 
 @dataclass(frozen=True)
-class Along:
+class AlongGraph:
     """What was evaluated along a graph in the person's own coordinates, in the sense that is minimised, at Q points.
 
     The abscissae ``x`` (Q,), ordinates and slopes (n, Q), L (Q,), its derivatives in the slopes, (n, Q) and (Q, n, n).
@@ -53,7 +53,7 @@ class Along:
 
 
 @dataclass(frozen=True)
-class Samples:
+class SampledExtremal:
     """Where a method evaluated the problem: ascending ``s`` (m,), the user's ``x`` (m,), ordinates, slopes (n, m)."""
 
     s: np.ndarray
@@ -84,11 +84,11 @@ class Extremal:
     """dx/ds at a number of points, where the method has it at hand."""
     coefficients: np.ndarray | None = None
     """Those of the curve in the basis of :class:`varcalc.numerics.mesh.Space`, where it was found so on one element."""
-    along: Along | None = None
+    along: AlongGraph | None = None
     """What was evaluated along the curve last, where the method has it at hand."""
     in_a_row: int = 0
     """How many solutions in a row, up to this one, were each begun from the one before."""
-    samples: Samples | None = None
+    samples: SampledExtremal | None = None
     """Where the problem was evaluated along the curve, where the method has that at hand."""
 
     def __reduce__(self) -> tuple[Any, ...]:

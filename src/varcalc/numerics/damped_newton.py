@@ -29,7 +29,7 @@ LONGER = 4.0
 
 
 @dataclass(frozen=True)
-class Linearised(Generic[P]):
+class LinearisedEquations(Generic[P]):
     """The equations linearised at a point.
 
     ``correction(point)`` is -J^-1 F(point), J being kept; None, or not a
@@ -48,7 +48,7 @@ class Equations(Protocol[P]):
         """The equations at z (M,); None where z is out of the question."""
         ...
 
-    def linearised(self, z: np.ndarray, at: P) -> Linearised[P] | None:
+    def linearised(self, z: np.ndarray, at: P) -> LinearisedEquations[P] | None:
         """The equations linearised at a point already evaluated; None to give up there."""
         ...
 
@@ -124,7 +124,12 @@ def _finished(equations: Equations[P], z: np.ndarray, otherwise: Result[P]) -> R
 
 
 def _search(
-    equations: Equations[P], linearised: Linearised[P], z: np.ndarray, step: np.ndarray, length: float, damping: float
+    equations: Equations[P],
+    linearised: LinearisedEquations[P],
+    z: np.ndarray,
+    step: np.ndarray,
+    length: float,
+    damping: float,
 ) -> _Accepted[P] | None:
     """The damped step that passes the natural monotonicity test: the simplified correction is the smaller one."""
     damping, settled = max(damping, SMALLEST_DAMPING), False

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from varcalc.certificates.certificate import Certificate, Scope
-from varcalc.report.page import Cell, Facts, Folded, Listed, Mark, Part, Section, Table, Text, table
+from varcalc.report.page import Cell, Facts, Folded, Listed, Mark, PageSection, Paragraph, Part, Table, table
 from varcalc.report.page import number_cell as number
 from varcalc.report.words import capital
 from varcalc.showing import Fact
@@ -77,16 +77,16 @@ def _sized(deviation: float) -> Cell:
     return Cell("") if math.isnan(deviation) else Cell(f"{deviation:+.1e}", abs(deviation))
 
 
-def routes_section(comparison: Comparison, level: int) -> Section:
+def routes_section(comparison: Comparison, level: int) -> PageSection:
     """The table of routes, whether they agree, and why some have no answer."""
     reasons = tuple(f"{row.label}: {row.reason}" for row in comparison.rows if row.reason)
     parts: list[Part] = [
         routes_table(comparison),
-        Text(capital(". ".join(line.strip() for line in comparison.conclusion)) + "."),
+        Paragraph(capital(". ".join(line.strip() for line in comparison.conclusion)) + "."),
     ]
     if reasons:
         parts.append(Listed(reasons))
-    return Section("By which routes", tuple(parts), level)
+    return PageSection("By which routes", tuple(parts), level)
 
 
 def checks_table(check: Verification) -> Table:
@@ -129,19 +129,19 @@ def _index(check: Verification) -> str:
     return f"{check.index:.0f}" + (f" ({', '.join(found)})" if found else "")
 
 
-def verdict_section(check: Verification, level: int) -> Section:
+def verdict_section(check: Verification, level: int) -> PageSection:
     """What kind of curve it is, and every statement that holds of it."""
-    parts: list[Part] = [Text(f"Verdict: {check.verdict.value}."), checks_table(check)]
+    parts: list[Part] = [Paragraph(f"Verdict: {check.verdict.value}."), checks_table(check)]
     if check.findings:
         parts.append(Listed(tuple(capital(finding.sentence) for finding in check.findings)))
-    return Section("What kind of curve it is", tuple(parts), level)
+    return PageSection("What kind of curve it is", tuple(parts), level)
 
 
-def certificate_section(certificate: Certificate | None, reason: str, level: int) -> Section:
+def certificate_section(certificate: Certificate | None, reason: str, level: int) -> PageSection:
     """The theorem and how each of its hypotheses was proved; or why there is no proof."""
     heading = "What is proved"
     if certificate is None:
-        return Section(heading, (Text(f"{capital(reason)}."),), level)
+        return PageSection(heading, (Paragraph(f"{capital(reason)}."),), level)
     what = "supremum" if certificate.solution.problem.maximise else "infimum"
     low, high = certificate.enclosure
     theorem = Facts(
@@ -156,7 +156,7 @@ def certificate_section(certificate: Certificate | None, reason: str, level: int
     hypotheses = Folded(
         "The hypotheses, and how each was proved", (Listed(tuple(capital(str(one)) for one in certificate.proved)),)
     )
-    return Section(heading, (theorem, hypotheses), level)
+    return PageSection(heading, (theorem, hypotheses), level)
 
 
 def _scope(certificate: Certificate) -> str:
@@ -168,7 +168,7 @@ def _scope(certificate: Certificate) -> str:
 
 def unseen_section(
     solution: Solution, check: Verification | None, certificate: Certificate | None, more: tuple[str, ...], level: int
-) -> Section:
+) -> PageSection:
     """What was searched, and what was not looked at."""
     found = list(more)
     if not solution.searched:
@@ -181,18 +181,18 @@ def unseen_section(
         found.append(f"the proof does not speak of curves outside its scope: {certificate.scope.value}")
     if certificate is None:
         found.append("the value is an estimate with its claim, and no theorem")
-    parts: list[Part] = [Text(f"Searched: {solution.searched or 'nothing beyond the curve itself'}.")]
+    parts: list[Part] = [Paragraph(f"Searched: {solution.searched or 'nothing beyond the curve itself'}.")]
     parts.append(
-        Listed(tuple(map(capital, found))) if found else Text("Nothing is left open that is usually looked at.")
+        Listed(tuple(map(capital, found))) if found else Paragraph("Nothing is left open that is usually looked at.")
     )
-    return Section("What was not looked at", tuple(parts), level)
+    return PageSection("What was not looked at", tuple(parts), level)
 
 
-def diagnosis_section(diagnosis: Diagnosis, level: int) -> Section:
+def diagnosis_section(diagnosis: Diagnosis, level: int) -> PageSection:
     """Why there is no answer."""
     headline = "nothing could be shown" if diagnosis.verdict is None else diagnosis.verdict.value
     sentences = tuple(capital(finding.sentence) for finding in diagnosis.findings)
-    return Section("Why there is no answer", (Text(f"{capital(headline)}."), Listed(sentences)), level)
+    return PageSection("Why there is no answer", (Paragraph(f"{capital(headline)}."), Listed(sentences)), level)
 
 
 def errors_table(errors: Mapping[str, float]) -> Table:

@@ -11,7 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
 
-from varcalc.report.page import Mark, Page, Section, Text
+from varcalc.report.page import Mark, Page, PageSection, Paragraph
 from varcalc.report.problem_page import Depth, problem_page
 from varcalc.report.rendering import Entry, index_html, page_html
 from varcalc.report.scene_page import scene_page
@@ -40,8 +40,8 @@ def page_of(subject: Subject, depth: Depth = Depth.FULL) -> Page:
 
 
 def _failure(subject: Subject, reason: str, details: str = "") -> Page:
-    parts = [Text(reason), *([Text(details, verbatim=True)] if details else [])]
-    sections = (about_section(subject), Section("What went wrong", tuple(parts)), source_section(subject))
+    parts = [Paragraph(reason), *([Paragraph(details, verbatim=True)] if details else [])]
+    sections = (about_section(subject), PageSection("What went wrong", tuple(parts)), source_section(subject))
     title = subject.line or subject.name
     return Page(subject.name, subject.kind.singular, title, FAILED, reason, Mark.BAD, sections)
 

@@ -20,7 +20,7 @@ from varcalc.problem.functional import Functional
 from varcalc.progress import Interrupted, Progress, telling
 from varcalc.search.collected import as_asked, deflated, degenerate, finer
 from varcalc.search.end_map import EndMap, mappable
-from varcalc.search.lattice import SLOPE_SIZES, Lattice, shootable
+from varcalc.search.lattice import SLOPE_SIZES, StartLattice, shootable
 from varcalc.search.scan import scan
 from varcalc.search.sequence import Extremals
 from varcalc.search.windings import wound
@@ -99,7 +99,7 @@ def extremals(
     with np.errstate(all="ignore"), telling(progress, problem.name) as told:
         try:
             for turn, (number, each) in enumerate(moved):
-                search = _Search(tol, partial(told, turn, len(moved)))
+                search = _ExtremalSearch(tol, partial(told, turn, len(moved)))
                 unfinished = search.found
                 search.run(each)
                 search.leave_out_what_meets_switches()
@@ -117,7 +117,7 @@ def extremals(
 
 def by_slope_alone(problem: Functional, tol: float) -> Extremals | None:
     """What a scan of the initial slope finds, the first part of :func:`extremals`; None where there is none to scan."""
-    search = _Search(tol)
+    search = _ExtremalSearch(tol)
     with np.errstate(all="ignore"):
         form = next((form for form in forms(problem) if form is not None and mappable(form)), None)
         if form is None:
@@ -127,7 +127,7 @@ def by_slope_alone(problem: Functional, tol: float) -> Extremals | None:
 
 
 @dataclass
-class _Search:
+class _ExtremalSearch:
     """The extremals found so far, and what was done to find them."""
 
     tol: float
@@ -191,7 +191,7 @@ class _Search:
         if mappable(form) or not shootable(form):
             return
         self.told("initial slopes in all directions")
-        lattice = Lattice(form)
+        lattice = StartLattice(form)
         before = len(self.found)
         for slope, near, guess in lattice.roots():
             solution = _confirmed(near, guess, lattice.slope, slope, self.tol)

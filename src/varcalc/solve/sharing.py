@@ -17,7 +17,7 @@ from typing import Any
 
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solve.point import SweepPoint
-from varcalc.solve.row import Row, Source, Values
+from varcalc.solve.row import Source, SweepRow, Values
 
 PIECES = 2
 """Chunks for each worker: the second evens out what the first cost."""
@@ -59,9 +59,9 @@ class Job:
 
 
 @lru_cache(maxsize=1)
-def _row(job: Job) -> Row:
+def _row(job: Job) -> SweepRow:
     """What a worker knows of the sweep it last worked on: the problem, and the solutions found so far."""
-    return Row(job.source, job.method, job.tol, job.count)
+    return SweepRow(job.source, job.method, job.tol, job.count)
 
 
 _ONE_AT_A_TIME = threading.Lock()

@@ -23,7 +23,7 @@ from varcalc.showing import Fact, Plotted, counted, line
 from varcalc.solve.grid import Grid, Paired, Place
 from varcalc.solve.identity import identity
 from varcalc.solve.point import BROKEN_POINT, MISSING, Measured, SweepPoint
-from varcalc.solve.row import Row, Source, Values, made_once
+from varcalc.solve.row import Source, SweepRow, Values, made_once
 from varcalc.solve.sharing import MANY, Job, shared
 from varcalc.solve.store import Store, read
 from varcalc.spelling import spelled
@@ -271,7 +271,7 @@ def _solved(
         return
     if executor is None and cores in (None, 1):
         done = 0
-        for group in Row(problem, method, tol, len(points)).groups(points):
+        for group in SweepRow(problem, method, tol, len(points)).groups(points):
             yield list(zip(places[done : done + len(group)], group, strict=True))
             done += len(group)
         return

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.methods.answer import Along
+from varcalc.methods.answer import AlongGraph
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
@@ -148,7 +148,7 @@ def _seen(solution: Solution) -> bool:
         return False
     if not isinstance(problem, Problem) or problem.n != 1 or problem.constraints:
         return False
-    along: Along = extremal.along
+    along: AlongGraph = extremal.along
     points = (along.x, np.atleast_2d(along.y), np.atleast_2d(along.dy))
     with np.errstate(all="ignore"):
         return bool(_unbeaten(problem, points, along.value, along.momenta, along.curvature[:, 0].T).all())

@@ -65,7 +65,7 @@ class Infinite(Exception):
 
 
 @dataclass(frozen=True)
-class Metric:
+class LengthElement:
     """The square of a length element as a function of symbols: ``square(q, dq, unknowns)``, scalar.
 
     ``conformal`` tells that it was written as a factor of the Euclidean one.
@@ -150,7 +150,7 @@ def extent(problem: Functional) -> float:
     return float(known.max(initial=0.0)) or width
 
 
-def riemannian(problem: Problem) -> Metric | None:
+def riemannian(problem: Problem) -> LengthElement | None:
     """The quadratic form L^2 dx^2, or None when L^2 is not quadratic in the slope or L changes its sign.
 
     Where a maximum is asked for, it is -L that must be positive.
@@ -184,7 +184,7 @@ class Survey:
         self._across = values[2 * LOOKS :]
 
     @property
-    def metric(self) -> Metric | None:
+    def metric(self) -> LengthElement | None:
         """The quadratic form L^2 dx^2, if it is one; see :func:`riemannian`."""
         return None if self._fit is None else _metric(self.problem, _is_conformal(self._fit))
 
@@ -216,7 +216,7 @@ def _fitted(values: np.ndarray) -> np.ndarray | None:
     return fit
 
 
-def _metric(problem: Problem, conformal: bool) -> Metric:
+def _metric(problem: Problem, conformal: bool) -> LengthElement:
     """The coefficients of L^2 in powers of the slope, by differentiation at slope zero."""
     s = problem.symbols
 
@@ -229,17 +229,17 @@ def _metric(problem: Problem, conformal: bool) -> Metric:
         a, b, c = ca.substitute([whole, slope, ca.gradient(slope, s.dy)], old, new)
         return a * dq[0] ** 2 + b * dq[0] * dq[1] + 0.5 * c * dq[1] ** 2
 
-    return Metric(square, conformal)
+    return LengthElement(square, conformal)
 
 
-def homogeneous(problem: Functional) -> Metric:
+def homogeneous(problem: Functional) -> LengthElement:
     """The square of a Curve's integrand, which is taken to be the length element of a metric."""
     s = problem.symbols
 
     def square(q: Expression, dq: Expression, unknowns: Expression) -> Expression:
         return ca.substitute([problem.integrand**2], [s.y, s.dy, s.unknowns], [q, dq, unknowns])[0]
 
-    return Metric(square)
+    return LengthElement(square)
 
 
 def _passes_zero(values: np.ndarray) -> bool:

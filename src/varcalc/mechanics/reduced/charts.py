@@ -35,7 +35,7 @@ PLACES = np.array([-2.61, -1.37, -0.73, 0.29, 0.91, 1.83, 2.77])
 
 
 @dataclass(frozen=True)
-class Chart:
+class OpenChart:
     """The coordinates q between ``low`` and ``high``, by a coordinate u in which finite ends are infinitely far.
 
     ``turning`` says that q is an angle, and one turn of it is meant; ``oscillating`` that there is no end of what
@@ -92,7 +92,7 @@ def is_angle(functions: Sequence[Expression], q: Expression) -> bool:
         return bool(np.all(np.isfinite(here)) and np.all(np.abs(here - there) <= PERIODIC * size))
 
 
-def charts(functions: Sequence[Expression], q: Expression, covering: Expression) -> tuple[Chart, ...]:
+def charts(functions: Sequence[Expression], q: Expression, covering: Expression) -> tuple[OpenChart, ...]:
     """The parts of the line on which all ``functions`` of q are numbers, cut at their singularities.
 
     Where ``covering``, the inertia of the coordinates that are gone, vanishes and is the same on both sides, as r² is,
@@ -110,11 +110,13 @@ def charts(functions: Sequence[Expression], q: Expression, covering: Expression)
         cuts += here
     found = np.unique([0.0 if abs(cut) < ROUND_OFF else cut for cut in cuts])
     if angle and len(found) == 0:
-        return (Chart(-np.pi, np.pi, turning=True),)
+        return (OpenChart(-np.pi, np.pi, turning=True),)
     ends = [*found, found[0] + TURN] if angle else [-np.inf, *np.sinh(found), np.inf]
     mirrors = {float(end) for end in ends if np.isfinite(end) and _mirror(covering, q, float(end))}
     endless = _oscillates(functions, q)
-    parts = [Chart(float(a), float(b), oscillating=endless and bool(np.isinf([a, b]).any())) for a, b in pairwise(ends)]
+    parts = [
+        OpenChart(float(a), float(b), oscillating=endless and bool(np.isinf([a, b]).any())) for a, b in pairwise(ends)
+    ]
     return _once([part for part in parts if _defined(functions, q, part)], mirrors)
 
 
@@ -131,9 +133,9 @@ def _mirror(covering: Expression, q: Expression, cut: float) -> bool:
     return bool(np.allclose(above, below, rtol=1e-6) and 0 < above[0] <= 1e-6 * above[-1])
 
 
-def _once(parts: list[Chart], mirrors: set[float]) -> tuple[Chart, ...]:
+def _once(parts: list[OpenChart], mirrors: set[float]) -> tuple[OpenChart, ...]:
     """The parts without those that are the same as one kept, through a mirror; those of positive q are kept first."""
-    kept: list[Chart] = []
+    kept: list[OpenChart] = []
     for part in sorted(parts, key=lambda one: (one.high <= 0, one.low)):
         shared = {end for one in kept for end in (one.low, one.high)}
         if not any(end in shared for end in (part.low, part.high) if end in mirrors):
@@ -141,7 +143,7 @@ def _once(parts: list[Chart], mirrors: set[float]) -> tuple[Chart, ...]:
     return tuple(sorted(kept, key=lambda one: one.low))
 
 
-def _defined(functions: Sequence[Expression], q: Expression, chart: Chart) -> bool:
+def _defined(functions: Sequence[Expression], q: Expression, chart: OpenChart) -> bool:
     u = ca.SX.sym("u")
     whole = ca.Function("whole", [u], [ca.densify(ca.substitute(ca.vertcat(*functions), q, chart.place(u)))])
     return bool(np.any(np.all(np.isfinite(np.array(whole(np.linspace(-3.1, 3.2, 9)[None, :]))), axis=0)))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.integrators.protocol import Outcome
+from varcalc.integrators.protocol import RunOutcome
 from varcalc.mechanics.rigid.rotations import EulerAngles, rotation_matrix
 from varcalc.problem.conditions import reals
 from varcalc.showing import Plotted
@@ -26,7 +26,7 @@ class RigidMotion(Plotted):
     """
 
     span: tuple[float, float]
-    outcome: Outcome
+    outcome: RunOutcome
     error: float
     drift: Mapping[str, float]
     steps: int
@@ -39,7 +39,7 @@ class RigidMotion(Plotted):
     @property
     def completed(self) -> bool:
         """True when it came to its last time."""
-        return self.outcome is Outcome.COMPLETED
+        return self.outcome is RunOutcome.COMPLETED
 
     def _at(self, t: Any) -> tuple[np.ndarray, np.ndarray]:
         times = reals("t", t)

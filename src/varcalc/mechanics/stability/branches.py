@@ -103,7 +103,7 @@ def bifurcation_chart(
     corners = np.append(np.asarray(low, dtype=float), first), np.append(np.asarray(high, dtype=float), last)
     if corners[0].shape != (system.n + 1,) or corners[1].shape != corners[0].shape:
         raise ValueError(f"low and high must be {system.n} numbers each, not {low!r} and {high!r}")
-    walk = _Walk(RestCurve.of(system, name, corners[1] - corners[0]), *corners)
+    walk = _EquilibriumCurve(RestCurve.of(system, name, corners[1] - corners[0]), *corners)
     unresolved, values = 0, first + (last - first) * LOOKS
     for value in values:
         found = system.with_parameters({name: float(value)}).equilibria(low, high)
@@ -120,7 +120,7 @@ def _branch(stations: list[Station]) -> EquilibriumBranch:
     return EquilibriumBranch(z[:, -1], z[:, :-1], np.array([one.stable for one in stations]))
 
 
-class _Walk:
+class _EquilibriumCurve:
     """All branches of a curve of equilibria between the corners ``low`` and ``high`` (n + 1,), the parameter last."""
 
     def __init__(self, curve: RestCurve, low: np.ndarray, high: np.ndarray) -> None:

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from varcalc.mechanics.stability.surface import Surface
+from varcalc.mechanics.stability.surface import PiecewiseSeries
 from varcalc.numerics.roots import EPSILON, bracketed_newton
 
 CORRECTIONS = 6
@@ -54,7 +54,7 @@ class Real:
 
 
 @dataclass(frozen=True)
-class Meeting:
+class KreinCollision:
     """Two multipliers of a symplectic matrix meet on the unit circle, beside 1 and -1."""
 
     def distance(self, matrices: np.ndarray, _unused: np.ndarray, /) -> np.ndarray:
@@ -106,15 +106,15 @@ def passings(n: int, *, conserves: bool) -> list[Passing]:
     both: list[Passing] = [Real(1.0), Real(-1.0)]
     if not conserves:
         return [*both, Conjugate()]
-    return [*both, Meeting()] if n > 1 else both
+    return [*both, KreinCollision()] if n > 1 else both
 
 
 @dataclass(frozen=True)
-class Crossing:
+class PassingRoots:
     """Roots of a ``passing`` in the first parameter: on a ``surface``, and of the exact ``values``."""
 
     passing: Passing
-    surface: Surface
+    surface: PiecewiseSeries
     values: Callable[[np.ndarray, np.ndarray], np.ndarray]
 
     def distance(self, values: np.ndarray) -> np.ndarray:

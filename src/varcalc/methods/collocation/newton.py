@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from varcalc.methods.collocation.system import CollocationSystem, Residual
-from varcalc.numerics.damped_newton import Ending, Linearised, damped_newton
+from varcalc.numerics.damped_newton import Ending, LinearisedEquations, damped_newton
 
 ITERATIONS = 60
 SPARSE_FROM = 160
@@ -211,14 +211,14 @@ class _Conditions:
         residual = self.system.evaluate(z)
         return residual if residual.finite and not (self._guarded and residual.legendre <= 0.0) else None
 
-    def linearised(self, z: np.ndarray, at: Residual) -> Linearised[Residual]:
+    def linearised(self, z: np.ndarray, at: Residual) -> LinearisedEquations[Residual]:
         measured = self._measure
         if measured is None or not self.system.still:
             grown = self.scales.grow(self.system, z)
             if measured is None or grown:
                 self._measure = measured = self._measured()
         solve = factorised(self.system, at, self._weights)
-        return Linearised(lambda point: None if solve is None else -solve(point.rows), measured)
+        return LinearisedEquations(lambda point: None if solve is None else -solve(point.rows), measured)
 
     def _measured(self) -> Callable[[np.ndarray], float]:
         """:func:`measure` with the scales as they are."""

@@ -16,7 +16,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.first_integral.lines import Arc, CurveBatch, Lines, Measured
+from varcalc.methods.first_integral.lines import Arc, CurveBatch, CurveIntegrals, Lines
 from varcalc.numerics.one_coordinate.panels import (
     COARSE,
     QUADRATIC,
@@ -180,7 +180,7 @@ class RisingCurve(SentResampled):
 
     family: Rising
     batch: CurveBatch
-    measured: Measured
+    measured: CurveIntegrals
     ordinates: tuple[float, float]
 
     @cached_property

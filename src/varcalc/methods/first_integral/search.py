@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from varcalc.methods.first_integral.contract import Aim, CurveFamily, Joined, measure_one
-from varcalc.methods.first_integral.lines import Measured
+from varcalc.methods.first_integral.lines import CurveIntegrals
 from varcalc.methods.first_integral.refinement import refined_panels
 from varcalc.numerics.roots import EPSILON, scanned_root
 
@@ -103,7 +103,7 @@ def joined(family: CurveFamily, low: float, high: float, aim: Aim) -> Joined | N
     none, target = np.zeros(0), aim.target
     assert target is not None
 
-    latest: list[tuple[np.ndarray, Measured]] = []
+    latest: list[tuple[np.ndarray, CurveIntegrals]] = []
 
     def miss(parameters: np.ndarray) -> np.ndarray:
         latest[:] = [(parameters, family.lines.measure(family.batch(parameters, np.zeros((0, len(parameters))))))]
@@ -126,7 +126,7 @@ def solved(family: CurveFamily, parameter: float, multipliers: np.ndarray, aim: 
     sizes = np.array([aim.size, *np.maximum(np.abs(aim.levels), TINY)])
     steps = DIFFERENCE * np.array([family.unit, *(np.abs(multipliers) + (multipliers == 0))])
 
-    def miss(columns: np.ndarray) -> tuple[np.ndarray, Measured]:
+    def miss(columns: np.ndarray) -> tuple[np.ndarray, CurveIntegrals]:
         measured = family.lines.measure(family.batch(columns[0], columns[1:]))
         rows = np.vstack([measured.x - aim.target, measured.levels - aim.levels[:, None]])
         return rows / sizes[:, None], measured
@@ -152,13 +152,13 @@ def solved(family: CurveFamily, parameter: float, multipliers: np.ndarray, aim: 
 
 
 def _differences(
-    miss: Callable[[np.ndarray], tuple[np.ndarray, Measured]], unknowns: np.ndarray, steps: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, Measured]:
+    miss: Callable[[np.ndarray], tuple[np.ndarray, CurveIntegrals]], unknowns: np.ndarray, steps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, CurveIntegrals]:
     """The residual and its Jacobian by one-sided differences, on whichever side and scale they are numbers."""
     k = len(unknowns)
     *larger, smallest = SHRINKING
 
-    def at(scale: float) -> tuple[np.ndarray, np.ndarray, Measured]:
+    def at(scale: float) -> tuple[np.ndarray, np.ndarray, CurveIntegrals]:
         h = np.diag(scale * steps)
         rows, measured = miss(np.column_stack([unknowns, unknowns[:, None] + h, unknowns[:, None] - h]))
         forward, backward = rows[:, 1 : k + 1] - rows[:, :1], rows[:, :1] - rows[:, k + 1 :]

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.answer import Along, Extremal, Samples, answer, unsettled, with_ends
+from varcalc.methods.answer import AlongGraph, Extremal, SampledExtremal, answer, unsettled, with_ends
 from varcalc.methods.ritz.degeneracy import degenerate
 from varcalc.methods.ritz.error import CURVE, Estimate, estimate, settled
 from varcalc.methods.ritz.ipopt import Ipopt, optimise
@@ -286,7 +286,7 @@ class Rungs:
         )
         return self.optimise(system, fallback, multipliers) if isinstance(outcome, str) or higher else outcome
 
-    def extremal(self, rung: Rung, speed: np.ndarray | None, along: Along | None) -> Extremal:
+    def extremal(self, rung: Rung, speed: np.ndarray | None, along: AlongGraph | None) -> Extremal:
         """The curve of a rung with its multipliers; those of an energy J^2 become those of J by the chain rule.
 
         ``speed`` is dx/ds at some points where x is not the parameter, ``along`` what was evaluated along the curve.
@@ -459,22 +459,22 @@ class _Climb:
             return None
         return with_ends(found.system.x, found.here.dx, self.form.span)
 
-    def samples(self, found: Estimate) -> Samples | None:
+    def samples(self, found: Estimate) -> SampledExtremal | None:
         """Where the curve was judged, for a graph of first order."""
         if self.form.order > 1:
             return None
         here = found.here
         with np.errstate(divide="ignore", invalid="ignore"):
-            return Samples(found.system.x, here.x, here.y.T, (here.dy / here.dx[:, None]).T)
+            return SampledExtremal(found.system.x, here.x, here.y.T, (here.dy / here.dx[:, None]).T)
 
-    def along(self, found: Estimate) -> Along | None:
+    def along(self, found: Estimate) -> AlongGraph | None:
         """What was evaluated along a smooth graph in the user's own coordinates; None for other curves."""
         system, at, n = found.system, found.at, self.form.n
         if not self.form.plainly_reported or system.extra or system.order > 1 or system.space.elements > 1:
             return None
         top = slice(n, 2 * n)
         y, dy = at.variables[:, :n].T, at.variables[:, top].T
-        return Along(system.x, y, dy, at.integrands[:, 0], at.slopes[:, 0, top].T, at.hessians[:, 0, top, top])
+        return AlongGraph(system.x, y, dy, at.integrands[:, 0], at.slopes[:, 0, top].T, at.hessians[:, 0, top, top])
 
     def alone(self, rung: Rung, found: Estimate) -> Solution:
         """The answer, refused where the minimum is one of a continuum."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from varcalc.methods.shooting.segments import Mismatch, Segments
 from varcalc.methods.shooting.shots import Failure
-from varcalc.numerics.damped_newton import CONVERGED, Ending, Linearised, damped_newton
+from varcalc.numerics.damped_newton import CONVERGED, Ending, LinearisedEquations, damped_newton
 
 LEFT_OPEN, LEFT_BY_LOOK = 1e-6, 1e-3
 """A residual, relative to its row of the Jacobian, that a convergent iteration leaves only in a singular system; that
@@ -79,12 +79,12 @@ class _Matching:
             return None
         return at
 
-    def linearised(self, z: np.ndarray, at: Mismatch) -> Linearised[Mismatch] | None:
+    def linearised(self, z: np.ndarray, at: Mismatch) -> LinearisedEquations[Mismatch] | None:
         self.given_up = self._hopeless(z, at)
         if self.given_up:
             return None
         weights = np.maximum(np.abs(z), self.floor)
-        return Linearised(
+        return LinearisedEquations(
             lambda point: self.segments.solve(at, -point.residual, weights), lambda step: size(step, weights)
         )
 

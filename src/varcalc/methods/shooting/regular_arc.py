@@ -22,7 +22,7 @@ from numpy.polynomial import legendre
 from varcalc.formulation import Sampled
 from varcalc.integrators import Landing
 from varcalc.methods.shooting.flow import EulerLagrangeFlow
-from varcalc.numerics.damped_newton import Ending, Linearised, damped_newton
+from varcalc.numerics.damped_newton import Ending, LinearisedEquations, damped_newton
 from varcalc.numerics.mesh import gauss
 
 STAGES = (6, 9, 12, 16, 20, 24)
@@ -259,7 +259,7 @@ class _Collocated:
         size = matrix.shape[0] * n
         return np.eye(size) + matrix.reshape(size, size)
 
-    def linearised(self, z: np.ndarray, at: _Point) -> Linearised[_Point]:  # noqa: ARG002 - the point holds it all
+    def linearised(self, z: np.ndarray, at: _Point) -> LinearisedEquations[_Point]:  # noqa: ARG002 - the point holds it all
         """Corrections of y'', measured by what they do to y."""
         matrix = self._jacobian(at)
         rows = np.abs(matrix).max(axis=1)
@@ -277,7 +277,7 @@ class _Collocated:
             change = self.step**2 * (self.stages.twice @ step.reshape(-1, len(sizes))) / sizes
             return float(np.sqrt(np.mean(change**2)))
 
-        return Linearised(correction, measure)
+        return LinearisedEquations(correction, measure)
 
     def solved(self, first: np.ndarray, work: Work) -> np.ndarray | None:
         """y'' (s, n) at the points, from a first guess; None where the iteration does not get there."""

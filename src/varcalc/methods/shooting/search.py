@@ -10,7 +10,7 @@ import numpy as np
 
 from varcalc.formulation import Sampled
 from varcalc.formulation.height import height
-from varcalc.integrators import Flow, Outcome
+from varcalc.integrators import Flow, RunOutcome
 from varcalc.methods.ritz.starts import LADDER, bent, scaled_ring
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.shooting.initial_states import (
@@ -264,7 +264,7 @@ class Search:
             return marked
         if result.ending is Termination.GROWTH and result.at is not None:
             return result.at.growth > MOST_GROWTH
-        if result.failure is not None and result.failure.outcome is not Outcome.NOT_FINITE:
+        if result.failure is not None and result.failure.outcome is not RunOutcome.NOT_FINITE:
             marked[list(result.failure.segments)] = True
             return marked & (np.diff(segments.vertices) > SHORTEST)
         return ~marked if result.at is not None and segments.count < 4 * FEWEST else marked
@@ -348,7 +348,7 @@ def _reason(segments: Segments, result: Matched, count: int | None) -> str:
             "the linear system of the segments is singular: the ends may be conjugate to each other, so that no "
             "isolated extremal joins them, or a constraint may not depend on the curve"
         )
-    if result.failure is not None and result.failure.outcome is not Outcome.COMPLETED:
+    if result.failure is not None and result.failure.outcome is not RunOutcome.COMPLETED:
         text = describe(result.failure)
     else:
         text = f"{result.ending.value}, the last correction being {result.correction:.1e} of the unknowns"

@@ -51,7 +51,7 @@ MOST_STEPS = 400
 
 
 @dataclass(frozen=True)
-class Bounds:
+class FanReach:
     """How far the rays of each of n sources are followed.
 
     ``path`` (n,) is the largest optical path and ``far`` (n,) the largest
@@ -67,7 +67,7 @@ class Bounds:
 
 
 @dataclass(frozen=True)
-class Aimed:
+class AimedDirections:
     """Directions that a fan is to hold besides: ``angles`` (m,) of the numbers ``source`` (m,), in any order.
 
     ``looks`` is by how many times more directions it is looked for what bends rays.
@@ -78,7 +78,7 @@ class Aimed:
     looks: int = LOOKS
 
     @classmethod
-    def nowhere(cls) -> Aimed:
+    def nowhere(cls) -> AimedDirections:
         """No directions besides the usual ones."""
         return cls(np.zeros(0, dtype=int), np.zeros(0))
 
@@ -89,8 +89,8 @@ class Fan:
 
     propagator: Propagator
     sources: np.ndarray
-    bounds: Bounds
-    aimed: Aimed = field(default_factory=Aimed.nowhere)
+    bounds: FanReach
+    aimed: AimedDirections = field(default_factory=AimedDirections.nowhere)
     looked_at: int = 0
     ends: Counter[RayStatus] = field(default_factory=Counter)
     entered: int = 0

@@ -65,7 +65,7 @@ class Aims(Rows):
 
 
 @dataclass(frozen=True)
-class Meeting(Rows):
+class ClosestApproach(Rows):
     """Rays (k) with the states (k, 9) in which they come closest to their targets, and how far they are off across."""
 
     aims: Aims
@@ -108,8 +108,8 @@ class _Look(Rows):
         shift = np.maximum(-(self.along + late / momentum) / momentum, -LONGEST_STEP_BACK * aims.sigma)
         return aims.at(aims.angle + turn, aims.sigma + shift, state[:, PATH] + late + shift * momentum**2)
 
-    def meeting(self) -> Meeting:
-        return Meeting(self.aims, self.state, self.miss)
+    def meeting(self) -> ClosestApproach:
+        return ClosestApproach(self.aims, self.state, self.miss)
 
 
 def _look(fan: Fan, aims: Aims) -> _Look:
@@ -131,7 +131,7 @@ def _nearest(fan: Fan, aims: Aims) -> _Look:
     return look
 
 
-def met(fan: Fan, aims: Aims) -> tuple[Meeting, np.ndarray]:
+def met(fan: Fan, aims: Aims) -> tuple[ClosestApproach, np.ndarray]:
     """Those of the ``aims`` that meet their targets, polished to round-off, and the pairs of those that do not."""
     done: list[_Look] = []
     look = best = _look(fan, aims)
@@ -154,7 +154,7 @@ def met(fan: Fan, aims: Aims) -> tuple[Meeting, np.ndarray]:
         look, best, begun, share = look.take(left), best.take(left), begun[left], np.where(there, 1.0, share / 4)[left]
     looks = [*done, best]
     lost = np.concatenate([one.aims.pair[~one.met] for one in looks])
-    return Meeting.joined([one.take(np.flatnonzero(one.met)).meeting() for one in looks]), lost
+    return ClosestApproach.joined([one.take(np.flatnonzero(one.met)).meeting() for one in looks]), lost
 
 
 def _either(first: np.ndarray, one: _Look, other: _Look) -> _Look:
@@ -163,7 +163,7 @@ def _either(first: np.ndarray, one: _Look, other: _Look) -> _Look:
     return _Look.joined([one, other]).take(order)
 
 
-def as_they_are(fan: Fan, aims: Aims, close: float) -> tuple[Meeting, np.ndarray]:
+def as_they_are(fan: Fan, aims: Aims, close: float) -> tuple[ClosestApproach, np.ndarray]:
     """Those of the ``aims`` that meet their targets without a change of direction, and their numbers.
 
     They come as ``close`` as that, relative to the scene, or as the angle allows.
@@ -173,7 +173,7 @@ def as_they_are(fan: Fan, aims: Aims, close: float) -> tuple[Meeting, np.ndarray
     return look.take(there).meeting(), there
 
 
-def flattest(fan: Fan, aims: Aims) -> tuple[Meeting, np.ndarray]:
+def flattest(fan: Fan, aims: Aims) -> tuple[ClosestApproach, np.ndarray]:
     """The rays whose misses are stationary in the angle near the ``aims``, and the second derivatives (k,).
 
     The secant method on the first derivative, which the neighbours tell; half the digits of the angle are all that

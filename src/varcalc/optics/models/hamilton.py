@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc import integrators
-from varcalc.integrators import NONE, OUTCOMES, Flow, Landing, Outcome
+from varcalc.integrators import NONE, OUTCOMES, Flow, Landing, RunOutcome
 from varcalc.optics.media.medium import Expression, Medium, switching
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.equations import force_of, ray_rates, ray_system
@@ -31,12 +31,12 @@ from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Geometry
 from varcalc.symbolic.evaluation import PointEvaluator
 
-STOPPED = OUTCOMES.index(Outcome.STOPPED)
-NOT_FINITE = OUTCOMES.index(Outcome.NOT_FINITE)
-TOO_MANY = OUTCOMES.index(Outcome.TOO_MANY_STEPS)
+STOPPED = OUTCOMES.index(RunOutcome.STOPPED)
+NOT_FINITE = OUTCOMES.index(RunOutcome.NOT_FINITE)
+TOO_MANY = OUTCOMES.index(RunOutcome.TOO_MANY_STEPS)
 STATUS_OF_OUTCOME = np.full(len(OUTCOMES), int(RayStatus.SINGULAR))
 """How rays ended, by the number of the outcome of their integration."""
-STATUS_OF_OUTCOME[[OUTCOMES.index(Outcome.COMPLETED), STOPPED]] = RayStatus.ARRIVED
+STATUS_OF_OUTCOME[[OUTCOMES.index(RunOutcome.COMPLETED), STOPPED]] = RayStatus.ARRIVED
 STATUS_OF_OUTCOME[TOO_MANY] = RayStatus.TOO_MANY_STEPS
 MOST_CROSSINGS = 100_000
 """Heights of the table crossed by one ray."""
@@ -48,7 +48,7 @@ MOMENTUM_BROKEN = 1e-8
 """|p|² and n², which are equal along a ray, differ by so much of n² only where the index is singular."""
 SAME_SIGMA = 1e-14
 """Relative difference of σ and the sum of its parts that is round-off."""
-COMPLETED = OUTCOMES.index(Outcome.COMPLETED)
+COMPLETED = OUTCOMES.index(RunOutcome.COMPLETED)
 SINGULAR = int(RayStatus.SINGULAR)
 _ONE_AT_A_TIME = Lock()
 """Threads that need the same system wait for the one that builds it."""
@@ -274,7 +274,7 @@ class HamiltonRays:
             run = flow.trajectory(
                 np.array([0.0, max(end - start, SHORTEST_RUN * length)]), begin, constants, dense=True
             )
-            if run.outcome is not Outcome.COMPLETED or run.trajectory is None:
+            if run.outcome is not RunOutcome.COMPLETED or run.trajectory is None:
                 raise ArithmeticError(f"a ray could not be followed a second time: {run.outcome.value}")
             trajectories.append(run.trajectory)
 

@@ -16,15 +16,15 @@ import casadi as ca
 import numpy as np
 
 from varcalc import integrators
-from varcalc.integrators import OUTCOMES, Flow, Landing, Outcome
+from varcalc.integrators import OUTCOMES, Flow, Landing, RunOutcome
 from varcalc.optics.media.medium import Expression, Field, Medium
 from varcalc.optics.models.equations import force, ray_rates
 from varcalc.optics.rays.beam import at_surface, packed, unpacked
 from varcalc.optics.surfaces import Geometry, Surface
-from varcalc.symbolic.sides import Piece, Sides
+from varcalc.symbolic.sides import ExpressionOnSide, Sides
 
 STOPPED, NOT_FINITE, TOO_MANY = (
-    OUTCOMES.index(o) for o in (Outcome.STOPPED, Outcome.NOT_FINITE, Outcome.TOO_MANY_STEPS)
+    OUTCOMES.index(o) for o in (RunOutcome.STOPPED, RunOutcome.NOT_FINITE, RunOutcome.TOO_MANY_STEPS)
 )
 MOST_CROSSINGS = 20_000
 """Kinks and jumps that one ray comes to."""
@@ -74,7 +74,7 @@ class EndOfPiece(Surface):
 class Region:
     """One piece of a medium: its n² on arrays, its ends as surfaces, and its rays with the ends as their last stops."""
 
-    piece: Piece
+    piece: ExpressionOnSide
     field: Field
     ends: tuple[Geometry, ...]
     flow: Flow
@@ -143,7 +143,7 @@ class SwitchedFlow:
                 self._regions[key] = self._compiled(self._pieces.piece(key))
             return self._regions[key]
 
-    def _compiled(self, piece: Piece) -> Region:
+    def _compiled(self, piece: ExpressionOnSide) -> Region:
         d, position = self.dimension, self._position
         s, state, numbers = ca.SX.sym("s"), ca.SX.sym("Y", self._size), ca.SX.sym("c", self.constants)
         medium = OnePiece(piece.expression, position)

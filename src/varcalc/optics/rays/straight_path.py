@@ -21,7 +21,7 @@ from varcalc.certificates.balls import Ball, above, below, flint, working
 from varcalc.certificates.certificate import Hypothesis, Means, ProvedInterval, decimals
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, Undecided, jets, without_enclosure
-from varcalc.certificates.stationary import Lagrange
+from varcalc.certificates.stationary import LagrangeFunction
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.rays.fermat import NEAR, by_its_own, stated_index
 from varcalc.optics.surfaces import Surface
@@ -120,7 +120,7 @@ class _Chain:
         results = [_level(surface, position, constants), ca.SX(surface.belongs(position))]
         return _program("level", [position, ca.vertcat(*constants.symbols)], results), constants.balls()
 
-    def lagrange(self, hits: np.ndarray) -> Lagrange:
+    def lagrange(self, hits: np.ndarray) -> LagrangeFunction:
         """The optical path with multipliers of the surfaces' levels, about points (K, d) on these."""
         constants, d, count = _Constants(), self.dimension, len(self.surfaces)
         z, multipliers = ca.SX.sym("z", d * count), ca.SX.sym("lambda", count)
@@ -135,7 +135,9 @@ class _Chain:
         program = _program("path", [ca.vertcat(z, multipliers), ca.vertcat(*constants.symbols)], [path])
         whole = np.vstack([self.ends[0], hits, self.ends[1]])
         length = float(np.linalg.norm(np.diff(whole, axis=0), axis=1).sum())
-        return Lagrange(program, d * count, constants.balls(), np.r_[np.full(d * count, length), np.ones(count)])
+        return LagrangeFunction(
+            program, d * count, constants.balls(), np.r_[np.full(d * count, length), np.ones(count)]
+        )
 
 
 def _program(name: str, arguments: list[Any], results: list[Any]) -> Program:
@@ -207,7 +209,7 @@ def _rows(at: Sequence[Ball], chain: _Chain) -> list[list[Ball]]:
     return [list(at[d * k : d * (k + 1)]) for k in range(len(chain.surfaces))]
 
 
-def _multipliers(lagrange: Lagrange, hits: np.ndarray) -> np.ndarray:
+def _multipliers(lagrange: LagrangeFunction, hits: np.ndarray) -> np.ndarray:
     """The multipliers of the surfaces at points (K, d), in numbers: what is across each of the pull there."""
     z, count = hits.ravel(), lagrange.equations
     zero = [flint().arb(float(v)) for v in z] + [flint().arb(0)] * count

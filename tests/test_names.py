@@ -1,0 +1,42 @@
+"""One name for one thing: what a reader meets twice under one name is the same thing."""
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+import varcalc as vc
+
+PACKAGE = Path(vc.__file__).parent
+
+
+def modules():
+    for path in sorted(PACKAGE.rglob("*.py")):
+        yield str(path.relative_to(PACKAGE)), ast.parse(path.read_text(encoding="utf-8"))
+
+
+def assigned(node):
+    """The names that a statement of a module gives values to."""
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+    return [
+        name.id
+        for t in targets
+        for name in ast.walk(t)
+        if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)
+    ]
+
+
+def test_no_class_name_is_given_twice():
+    places = defaultdict(list)
+    for module, tree in modules():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                places[node.name].append(module)
+    assert {name: where for name, where in places.items() if len(where) > 1} == {}
+
+
+def test_no_module_gives_a_constant_twice():
+    twice = {}
+    for module, tree in modules():
+        names = [name for node in tree.body for name in assigned(node) if name.isupper()]
+        twice |= {(module, name): names.count(name) for name in names if names.count(name) > 1}
+    assert twice == {}
