@@ -40,3 +40,19 @@ def test_no_module_gives_a_constant_twice():
         names = [name for node in tree.body for name in assigned(node) if name.isupper()]
         twice |= {(module, name): names.count(name) for name in names if names.count(name) > 1}
     assert twice == {}
+
+
+ANYWHERE = {
+    "MOST_BOXES", "MOST_PANELS", "MOST_PIECES", "TERMS", "HALVINGS", "ROUNDS", "ITERATIONS", "SAMPLES", "DEGREE",
+    "RULES", "TOGETHER", "FARTHEST", "NOISE", "RESOLVED", "MEETS",
+}  # fmt: skip
+"""What says the same in every module: how many, how far, how much."""
+
+
+def test_constants_are_named_for_what_they_are():
+    values = defaultdict(set)
+    for _, tree in modules():
+        for node in tree.body:
+            for name in filter(str.isupper, assigned(node)):
+                values[name].add(ast.unparse(node))
+    assert {name: found for name, found in values.items() if len(found) > 3 and name not in ANYWHERE} == {}

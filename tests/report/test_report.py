@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from varcalc.charts.themed_svg import DARK, LIGHT, contrast, in_the_dark, readable
 from varcalc.cli import main
 from varcalc.report.formulas import mathml
-from varcalc.report.gallery import LOST, write_pages
+from varcalc.report.gallery import CRASHED, write_pages
 from varcalc.report.page import Mark
 from varcalc.report.pictures import sketch
 from varcalc.report.question import asked_of_problem, asked_of_scene, asked_of_system
@@ -142,7 +142,7 @@ def test_a_process_that_dies_takes_no_other_page_along(tmp_path):
     subjects = subjects_of([str(deadly), "lever"])
     entries = {entry.name: entry for entry in write_pages(subjects, tmp_path, 2)}
     assert entries["deadly"].mark is Mark.BAD
-    assert LOST in (tmp_path / "deadly.html").read_text(encoding="utf-8")
+    assert CRASHED in (tmp_path / "deadly.html").read_text(encoding="utf-8")
     assert entries["lever"].mark is Mark.GOOD
     assert not multiprocessing.active_children()
 

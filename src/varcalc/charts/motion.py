@@ -20,7 +20,7 @@ MOST_NAMES = 6
 """In a line of the legend, and panels of an ensemble."""
 MOST_LINES = 200
 """Motions of an ensemble that are drawn."""
-SAMPLES = 2001
+TIMES_DRAWN = 2001
 
 
 def motion_picture(moved: Moved) -> Figure:
@@ -166,7 +166,7 @@ def _energies(axes: Axes, moved: Moved) -> None:
 
 def rigid_drawing(motion: RigidMotion) -> Drawing:
     """ω along the body's axes, and where its third axis points in space."""
-    times = np.linspace(*motion.span, SAMPLES)
+    times = np.linspace(*motion.span, TIMES_DRAWN)
     turning = [
         Line(times, values, label=rf"$\omega_{number}$")
         for number, values in enumerate(motion.angular_velocity(times), start=1)

@@ -50,7 +50,7 @@ __all__ = [
 ]
 
 
-BEYOND = 1e-18
+BELOW_ROUND_OFF = 1e-18
 """Local tolerance of a series that is cut off far below round-off: two terms more, a quarter more time a step.
 
 A long motion keeps what it keeps even where one coordinate grows large, by whose size heyoka measures errors."""
@@ -98,7 +98,7 @@ def default(steps: int = STEPS, most_steps: int | None = None, taylor: Taylor | 
 
 def for_one(most_steps: int, *, quick: bool) -> Engine:
     """The engine for one motion, whose series are cut off below round-off, compiled ``quick``ly where steps are few."""
-    return Attentive(default(0, most_steps, Taylor(tolerance=BEYOND, quick=quick)))
+    return Attentive(default(0, most_steps, Taylor(tolerance=BELOW_ROUND_OFF, quick=quick)))
 
 
 def for_many(most_steps: int | None = None) -> Engine:

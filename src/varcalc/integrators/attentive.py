@@ -27,11 +27,11 @@ from varcalc.symbolic.variation import LEAST_POWER, LOCAL, SEEN_FROM_AFAR, VARYI
 
 WIDE = 12.0
 """By how many times more than is gentle an argument may go from the middle of where a run has been."""
-LOOKS = 1025
+RUN_PLACES = 1025
 """Places of a run at which it is asked where it has been."""
 MISSED = 1e-6
 """Of the largest rate: by how much the rates of a run may miss the system's."""
-ROOM = 0.1
+RANGE_MARGIN = 0.1
 """By what share of their difference a run may leave the range of two neighbouring places."""
 OFF_CENTRE = 0.5
 """Added to u in arsinh u: what is odd or even in time has a series with gaps, and what looks ahead must have none."""
@@ -135,7 +135,7 @@ class AttentiveFlow:
         """
         if not run.completed:
             return True
-        grid = np.linspace(run.abscissae[0], run.abscissae[-1], LOOKS)
+        grid = np.linspace(run.abscissae[0], run.abscissae[-1], RUN_PLACES)
         states = run.states[np.isin(run.abscissae, grid)]
         if not np.all(np.isfinite(states)):
             return True
@@ -147,7 +147,7 @@ class AttentiveFlow:
 
         def sides(values: np.ndarray) -> list[Between]:
             first, last = values[:-1].T, values[1:].T
-            room = ROOM * np.abs(last - first)
+            room = RANGE_MARGIN * np.abs(last - first)
             ranges = zip(np.minimum(first, last) - room, np.maximum(first, last) + room, strict=True)
             return [Between(box, a, b) for box, a, b in zip(ranges, first, last, strict=True)]
 
@@ -253,7 +253,7 @@ def trajectories(flow: Flow, abscissae: np.ndarray, states: Sequence[np.ndarray]
 def _looked_at(abscissae: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The places of a run at which it is looked at, and which of them are its ``abscissae``."""
     first, last = float(abscissae[0]), float(abscissae[-1])
-    grid = np.union1d(np.linspace(first, last, LOOKS), abscissae)[:: 1 if last > first else -1]
+    grid = np.union1d(np.linspace(first, last, RUN_PLACES), abscissae)[:: 1 if last > first else -1]
     return grid, np.flatnonzero(np.isin(grid, abscissae))
 
 

@@ -12,11 +12,11 @@ import numpy as np
 from varcalc.integrators.one_side import ALONG, ORDERS, OneSided
 from varcalc.integrators.protocol import NONE, OUTCOMES, Landing, RunOutcome
 
-NOTHING = 1e-10
+NO_TERM = 1e-10
 """Of the largest term of an argument's series: a term that is round-off."""
 ON = 16 * float(np.finfo(float).eps)
 """Of what an argument is made of, or of the time: how near to its zero it is on it."""
-SAME = 1e-9
+NO_JUMP = 1e-9
 """Relative difference of what does not jump."""
 AT_ONCE = 6
 """Switches that may turn over in one place."""
@@ -125,7 +125,7 @@ class Crossings:
         if not any(self.system.with_coordinates[k] for k in met):
             return False
         old, new = (self._series(walker, *at)["kept"] for at in (before, (walker.side, walker.counts)))
-        return bool(np.any(np.abs(new - old) > SAME * (np.abs(new) + np.abs(old))))
+        return bool(np.any(np.abs(new - old) > NO_JUMP * (np.abs(new) + np.abs(old))))
 
     def _resolved(
         self, walker: Walker, side: tuple[int, ...], arguments: np.ndarray, on: Sequence[int]
@@ -145,7 +145,7 @@ class Crossings:
             found, live = self._series(walker, there, counts), self.system.piece(there).live
             if all(k not in live or _leads(found, walker, k, one) for k, one in zip(on, choice, strict=True)):
                 ways.append((there, counts, found["rates"]))
-        if ways and all(np.allclose(rates, ways[0][2], rtol=SAME, atol=0.0) for _, _, rates in ways):
+        if ways and all(np.allclose(rates, ways[0][2], rtol=NO_JUMP, atol=0.0) for _, _, rates in ways):
             return ways[0][:2]
         [place] = on if len(on) == 1 else [-1]
         if ways or place < 0 or self.system.sides.places[place].stepped or walker.direction < 0:
@@ -226,4 +226,4 @@ def _leads(found: dict[str, np.ndarray], walker: Walker, place: int, side: int) 
     unit = size / rates if size > 0 and rates > 0 else 1.0
     terms = [found["terms"][k, place] * unit**k / math.factorial(k) for k in range(1, ORDERS + 1)]
     largest = max(map(abs, terms))
-    return next((term * side > 0 for term in terms if abs(term) > NOTHING * largest), True)
+    return next((term * side > 0 for term in terms if abs(term) > NO_TERM * largest), True)

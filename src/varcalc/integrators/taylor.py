@@ -25,13 +25,13 @@ from varcalc.spelling import spelled
 
 BLIND = 2.0
 """By how many times more than all the terms of its series allow a first step may be."""
-SAME = 1e-12
+SAME_RUN = 1e-12
 """Relative difference of two runs that come to the same."""
 SMALL = 1e-6
 """The same of two runs that differ by what round-off has grown to."""
 SHORT = 0.1
 """Of the mean of steps: a bound below that is none on a step made blindly."""
-MANY = 64
+RUNS_FOR_BATCHES = 64
 """Runs without stops from which on heyoka's batches are worth compiling."""
 
 
@@ -147,7 +147,7 @@ class TaylorFlow:
             return self.stops.run(states, constants, start=start, until=until, leaving=leaving)
         landing, ends = begun(states, start, until, stopping=False)
         begin, rows = landing.reached.copy(), np.flatnonzero(landing.reached != ends)
-        if len(states) >= MANY and level <= 0 and longest is None and not dense:
+        if len(states) >= RUNS_FOR_BATCHES and level <= 0 and longest is None and not dense:
             blind = self._in_batches(landing, constants, ends)
             rows = np.flatnonzero((landing.reached != ends) | ~np.all(np.isfinite(landing.states), axis=1) | blind)
         between: list[Any] = [None] * len(states)
@@ -225,7 +225,7 @@ class TaylorFlow:
                 apart = np.nanmax(np.abs(run.states - before.states), initial=0.0)
                 size = np.nanmax(np.abs(run.states))
             # what halving does not make less is round-off
-            if before.outcome is run.outcome and (apart <= SAME * size or last / 2 < apart <= SMALL * size):
+            if before.outcome is run.outcome and (apart <= SAME_RUN * size or last / 2 < apart <= SMALL * size):
                 break
             last = apart
         return run, bound

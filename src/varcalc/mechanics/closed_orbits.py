@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import block_diag, eigh
 
 from varcalc.mechanics.action import Action
-from varcalc.mechanics.monodromy import BESIDE, Floquet, Monodromy
+from varcalc.mechanics.monodromy import OUTSIDE_CIRCLE, Floquet, Monodromy
 from varcalc.mechanics.motion import Motion
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns, TurningFrame, turning_frame
 from varcalc.problem.conditions import reals
@@ -27,11 +27,11 @@ UNLIKE = 1e-9
 """Relative difference of L at two places that are alike by a symmetry."""
 CLOSED, OPEN = 1e-14, 1e-9
 """Of the state: by how much an orbit is off its start that closes but for round-off, and one that does not."""
-NEAR = 0.1
+NEIGHBOURHOOD = 0.1
 """Of the state: what is farther off is not next to it."""
 SHOTS = 8
 """Newton's steps that close an orbit."""
-KEPT = 1e-5
+STAYS_CLOSED = 1e-5
 """Of the largest singular value: directions in which a neighbour stays a closed orbit, which closing leaves alone."""
 SAMPLES, MOST_SAMPLES = 128, 1 << 16
 """Times at which L is summed over a period."""
@@ -102,7 +102,7 @@ class ClosedOrbit(Plotted):
     @property
     def stable(self) -> bool:
         """Whether no motion beside the orbit leaves it exponentially."""
-        return bool(np.abs(self.multipliers).max() <= 1 + BESIDE)
+        return bool(np.abs(self.multipliers).max() <= 1 + OUTSIDE_CIRCLE)
 
 
 @dataclass(frozen=True, repr=False)
@@ -217,8 +217,8 @@ def closed_state(
         best, least = state, float(np.abs(miss).max())
         if least <= CLOSED * size:
             break
-        state = state - kept @ np.linalg.lstsq((by_first - np.eye(len(state))) @ kept, miss, rcond=KEPT)[0]
-    if (away := float(np.abs(best - given).max())) > NEAR * size:
+        state = state - kept @ np.linalg.lstsq((by_first - np.eye(len(state))) @ kept, miss, rcond=STAYS_CLOSED)[0]
+    if (away := float(np.abs(best - given).max())) > NEIGHBOURHOOD * size:
         raise ValueError(f"no closed orbit is next to this motion: the one that was looked for lies {away:.2g} off")
     if not least <= OPEN * size:
         raise ValueError(f"no closed orbit was found next to this motion, which misses its start by {least:.2g}")

@@ -32,7 +32,7 @@ ALONE = 1e-7
 """Of the largest singular value of the slopes: a place at which one is less need not be alone."""
 SLACK = 1e-12
 """For the round-off of what is enclosed."""
-SAME = 1e-7
+ONE_PLACE = 1e-7
 """Of the box: two places so near are one."""
 
 
@@ -96,7 +96,9 @@ class _ZeroSearch:
                 break
             boxes = _halved(*boxes, size)
         boxes = self._unsettled(*boxes, LAST_TRIALS)
-        places = [x for x in self.found if np.all((x >= self.low - SAME * size) & (x <= self.high + SAME * size))]
+        places = [
+            x for x in self.found if np.all((x >= self.low - ONE_PLACE * size) & (x <= self.high + ONE_PLACE * size))
+        ]
         inside = np.array(places).reshape(-1, len(size))
         unresolved = len(boxes[0])
         searched = (
@@ -138,7 +140,9 @@ class _ZeroSearch:
         while tried < min(trials, len(low)):
             place = self._rest((low[tried] + high[tried]) / 2)
             tried += 1
-            if place is None or any(np.all(np.abs(x - place) <= SAME * (self.high - self.low)) for x in self.found):
+            if place is None or any(
+                np.all(np.abs(x - place) <= ONE_PLACE * (self.high - self.low)) for x in self.found
+            ):
                 continue
             if not self._rests(place):
                 continue

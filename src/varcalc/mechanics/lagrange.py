@@ -14,7 +14,7 @@ from varcalc.symbolic.tracing import LAST, Expression, Names, called, check_arit
 
 PLACES = 12
 """Random places at which it is asked whether a matrix has full rank, or an identity holds."""
-SINGULAR = 1e-11
+NO_INERTIA = 1e-11
 """Of the largest singular value of L_vv: one that is less belongs to a direction in which L has no inertia."""
 
 
@@ -125,7 +125,7 @@ class Lagrange:
             if not np.all(np.isfinite(matrix)):
                 continue
             _, sizes, rows = np.linalg.svd(matrix)
-            if sizes[-1] > SINGULAR * max(sizes[0], 1e-300):
+            if sizes[-1] > NO_INERTIA * max(sizes[0], 1e-300):
                 return None
             worst = rows[-1] * np.sign(rows[-1][np.argmax(np.abs(rows[-1]))])
         return worst

@@ -20,7 +20,7 @@ from varcalc.symbolic.evaluation import PointEvaluator
 
 MOST_NAMES = 4
 """Coordinates and events that a print names."""
-LOOKED_AT = 257
+CHECKED_TIMES = 257
 """Times of a motion at which invariants, and the error, are looked at."""
 
 

@@ -20,7 +20,7 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, defined, no_answer
 from varcalc.symbolic.derived import derived
 
-TURNED = 30.0
+TURNED_BACK = 30.0
 """Factor by which a backward speed must exceed the relative error of all speeds to be believed."""
 APPROACH = (2e-2, 2e-3)
 """Relative distances from a singular end between which the growth of the slope is judged."""
@@ -29,7 +29,7 @@ ASTRAY, ASTRAY_SHARE = 2e-2, 30.0
 INVERSION_STEPS = 60
 """Bisections that bring any bracket to round-off."""
 ALIKE_PLACES = 7
-ALIKE = 1e-6
+SAME_PLACE = 1e-6
 """Distance, in units of the curve, up to which two changes of variable send a curve to the same place."""
 
 
@@ -266,7 +266,7 @@ def in_coordinates_of(form: Form, extremal: Extremal) -> Sampled | None:
     arguments[4] = np.repeat(form.problem.parameter_values[:, None], ALIKE_PLACES, axis=1)
     there = lift(form, arguments)
     for k in (0, 1):
-        if not np.abs(there[k] - here[k]).max() <= ALIKE * np.abs(here[k]).max():
+        if not np.abs(there[k] - here[k]).max() <= SAME_PLACE * np.abs(here[k]).max():
             return None
     return lambda s: extremal.evaluate(s, 0)
 
@@ -440,7 +440,7 @@ def speed_error(value: Any, error: Any) -> Any:
     The length lies above the least one by their square. How far a curve is moved at an abscissa says nothing of it
     where the curve is upright, which is where it turns.
     """
-    return 1e-9 + TURNED * np.sqrt(error / np.maximum(np.abs(value), error))
+    return 1e-9 + TURNED_BACK * np.sqrt(error / np.maximum(np.abs(value), error))
 
 
 def unsettled(tol: float) -> float:

@@ -23,7 +23,7 @@ from varcalc.symbolic.switches import Switch
 
 AN_ELEMENT = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, 16) / 16)
 """Places in an element at which the switches are looked at, besides its ends."""
-ROUND_OFF = 1e-11
+ARGUMENT_ROUND_OFF = 1e-11
 """Size of a switch's argument, in units of its own along the curve, that counts as zero."""
 MADE_OUT = 1e-9
 """Distance, relative to the interval, within which a crossing is at a vertex that the mesh was given for it."""
@@ -61,7 +61,7 @@ def crossings(
     curve: Callable[[np.ndarray, int], np.ndarray],
     nodes: np.ndarray,
     unknowns: np.ndarray,
-    small: float = ROUND_OFF,
+    small: float = ARGUMENT_ROUND_OFF,
     units: np.ndarray | None = None,
 ) -> list[Crossing]:
     """All crossings of a curve, seen at points of the elements between ``nodes``, in their order along it.
@@ -95,7 +95,7 @@ def crossings(
 def slopes_of(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """The slopes (n, m) of a line y (n, m) at x (m,), those that are made of rounding taken for zero."""
     slopes = np.gradient(y, x, axis=1)
-    return np.where(np.abs(slopes) * np.ptp(x) <= ROUND_OFF * np.abs(y).max(), 0.0, slopes)
+    return np.where(np.abs(slopes) * np.ptp(x) <= ARGUMENT_ROUND_OFF * np.abs(y).max(), 0.0, slopes)
 
 
 def argument_sizes(problem: Functional, x: np.ndarray, line: Sampled) -> np.ndarray:
@@ -108,7 +108,7 @@ def argument_sizes(problem: Functional, x: np.ndarray, line: Sampled) -> np.ndar
     return np.where(sizes > 0.0, sizes, 1.0)
 
 
-def met_by(solution: Solution, small: float = ROUND_OFF) -> list[Crossing]:
+def met_by(solution: Solution, small: float = ARGUMENT_ROUND_OFF) -> list[Crossing]:
     """The switches that a solution's curve meets."""
     if solution.curve is None or not on_curve(solution.problem):
         return []

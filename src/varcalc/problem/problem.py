@@ -35,7 +35,7 @@ from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import Derivatives, PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
-SAME = 1e-12
+SAME_ABSCISSA = 1e-12
 """Distance of two abscissae that counts as none, relative to the interval."""
 NUDGE = 1e-9
 """Relative step off an end at which the integrand must be a number at least on one side."""
@@ -170,7 +170,7 @@ class Problem(Functional):
     def _check_beside_ends(self, index: int, waypoint: Through) -> None:
         """Refuse a waypoint at the abscissa of a fixed end, where it either says nothing or contradicts the end."""
         for label, end in (("start", self.start), ("end", self.end)):
-            if not end.fixed or abs(waypoint.x - end.x) > SAME * (self.span[1] - self.span[0]):
+            if not end.fixed or abs(waypoint.x - end.x) > SAME_ABSCISSA * (self.span[1] - self.span[0]):
                 continue
             miss = np.nanmax(np.abs(end.values(self.n) - waypoint.values))
             raise ValueError(

@@ -24,7 +24,7 @@ INDEX = "index.html"
 FAILED = "this page could not be made"
 GRACE = 1.0
 """Seconds after an interrupt in which a page that is being written may still be finished."""
-LOST = "the process that made it ended before it was done"
+CRASHED = "the process that made it ended before it was done"
 """What is said where there is no exception: a crash below Python, or no more memory."""
 
 
@@ -101,7 +101,7 @@ def write_pages(subjects: Sequence[Subject], folder: Path, cores: int) -> Iterat
         # a process that dies takes those beside it along: which of them did it shows when each runs alone
         for suspect in suspects:
             alone = next((entry for _, entry in _finished([suspect], write, 1)), None) if len(suspects) > 1 else None
-            yield alone or _write(suspect, folder, _failure(suspect, LOST))
+            yield alone or _write(suspect, folder, _failure(suspect, CRASHED))
 
 
 def _finished(

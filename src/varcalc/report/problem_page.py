@@ -53,9 +53,9 @@ from varcalc.verify.verification import Verification
 
 MEASURED = 15.0
 """Seconds of processor time that a page's measurements take; what they do not come to is named on it."""
-FIRST = 0.4
+TOLERANCE_SHARE = 0.4
 """Of that, for answers at tolerances."""
-SHARE = 3.0
+TIME_SHARE = 3.0
 """By how much more than its equal part of the time that is left a line of convergence may take."""
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 DRAWN = 201
@@ -274,14 +274,14 @@ def _measured(reference: Reference) -> tuple[list[Record], list[str]]:
     began, records, left_out = time.process_time(), list[Record](), list[str]()
     methods = [*methods_for(reference.problem), *(peer.method for peer in peers())]
     for method in methods:
-        if time.process_time() - began > FIRST * MEASURED:
+        if time.process_time() - began > TOLERANCE_SHARE * MEASURED:
             left_out.append(f"{'the ladder' if method is None else type(method).__name__} at the tolerances")
             continue
         records += work_precision([reference], [method], TOLERANCES, repeats=1, seconds=BRIEFLY).records
     dials = [(route, dial) for route in routes(reference.problem) for dial in route.dials]
     for number, (route, dial) in enumerate(dials):
         left = MEASURED - (time.process_time() - began)
-        share = SHARE * left / (len(dials) - number)
+        share = TIME_SHARE * left / (len(dials) - number)
         one = replace(route, dials=(dial,))
         found = convergence(reference, one, repeats=1, within=share).records if left > 0 else ()
         records += found

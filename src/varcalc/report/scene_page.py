@@ -11,7 +11,7 @@ from varcalc.charts import range_picture, rays_picture
 from varcalc.optics.rays.ray import Rays
 from varcalc.optics.rays.sources import PointSource
 from varcalc.optics.results.range_chart import range_chart
-from varcalc.optics.results.study import FLAT, Seen, Study
+from varcalc.optics.results.study import FLAT_SIDES, Seen, Study
 from varcalc.report.evidence import WELL, errors_table
 from varcalc.report.page import (
     Cell,
@@ -75,7 +75,7 @@ def _sketch(seen: Seen) -> str:
     chosen = seen.tracks[:: max(1, len(seen.tracks) // SKETCHED)]
     lines = [track.points[:, [0, -1]].T for track in chosen]
     extent = np.ptp(np.concatenate(lines, axis=1), axis=1) if lines else np.ones(2)
-    return sketch(lines, equal=bool(FLAT <= extent[1] / extent[0] <= 1 / FLAT), alike=True)
+    return sketch(lines, equal=bool(FLAT_SIDES <= extent[1] / extent[0] <= 1 / FLAT_SIDES), alike=True)
 
 
 def _ended(seen: Seen) -> str:

@@ -24,7 +24,7 @@ from varcalc.solve.grid import Grid, Paired, Place
 from varcalc.solve.identity import identity
 from varcalc.solve.point import BROKEN_POINT, MISSING, Measured, SweepPoint
 from varcalc.solve.row import Source, SweepRow, Values, made_once
-from varcalc.solve.sharing import MANY, Job, shared
+from varcalc.solve.sharing import USUAL_WORKERS, Job, shared
 from varcalc.solve.store import Store, read
 from varcalc.spelling import spelled
 from varcalc.tables import known, shown, table
@@ -276,7 +276,7 @@ def _solved(
             done += len(group)
         return
     job = Job.of(problem, method, tol, len(points))
-    for piece, found in shared(job, points, executor, cores or MANY):
+    for piece, found in shared(job, points, executor, cores or USUAL_WORKERS):
         yield list(zip(places[piece], found, strict=True))
 
 

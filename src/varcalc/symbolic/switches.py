@@ -22,7 +22,7 @@ SWITCHING = ONE_SIDED | PAIRED | STEPPED | {ca.OP_COPYSIGN}
 """Operations that are not smooth in what they are done to."""
 CONTINUOUS = {ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}
 """Those whose result does not jump."""
-SAME = 1e-12
+SWITCH_ROUND_OFF = 1e-12
 """Relative difference that is round-off."""
 WORDS = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 
@@ -98,7 +98,9 @@ def alike(a: Expression, b: Expression) -> int:
     points = np.modf(np.outer(np.sqrt([2.0, 3.0, 5.0]), 1.0 + np.arange(len(symbols))))[0]
     pairs = ca.Function("pair", [ca.vertcat(*symbols)], [a, b])
     found = [[float(v) for v in pairs(point)] for point in points]
-    same = (sign for sign in (1, -1) if all(abs(p - sign * q) <= SAME * (abs(p) + abs(q)) for p, q in found))
+    same = (
+        sign for sign in (1, -1) if all(abs(p - sign * q) <= SWITCH_ROUND_OFF * (abs(p) + abs(q)) for p, q in found)
+    )
     return next(same, 0)
 
 

@@ -17,20 +17,20 @@ from varcalc.symbolic.variation import SEEN_FROM_AFAR
 
 LOG_LIMIT = 100.0
 """Of |u| where u is a logarithm: r⁶ is a number still."""
-SEEN = 6.0
+OSCILLATION_RANGE = 6.0
 """The same where W oscillates on and on: coordinates from -200 to 200, or a radius up to 400."""
 LINE_LIMIT = 60.0
 """Of |arsinh q| where singular places are looked for: q up to 6e25."""
 TURN = 2 * np.pi
-ROUND_OFF = 1e-15
+AT_ZERO = 1e-15
 """A singular place so near to 0 is there."""
-ASIDE = 0.3
+TURN_SHIFT = 0.3
 """By how much a turn that is looked at is shifted, so that it does not end at π."""
-BESIDE = 1e-6
+SINGULAR_OFFSET = 1e-6
 """From a singular place: where the two sides of it are compared."""
 PERIODIC = 1e-9
 """Of the size of a function: by how much it may differ a turn farther on, if it is one of an angle."""
-PLACES = np.array([-2.61, -1.37, -0.73, 0.29, 0.91, 1.83, 2.77])
+ANGLES = np.array([-2.61, -1.37, -0.73, 0.29, 0.91, 1.83, 2.77])
 """Angles at which that is asked; no two of them are symmetric."""
 
 
@@ -52,7 +52,7 @@ class OpenChart:
         """How far u goes."""
         if self.turning:
             return self.low, self.high
-        limit = SEEN if self.oscillating else LOG_LIMIT
+        limit = OSCILLATION_RANGE if self.oscillating else LOG_LIMIT
         return -limit, limit
 
     def place(self, u: Expression) -> Expression:
@@ -86,7 +86,7 @@ def is_angle(functions: Sequence[Expression], q: Expression) -> bool:
     whole = ca.Function("whole", [q], [ca.densify(ca.vertcat(*functions))])
     if not _oscillates(functions, q):
         return False
-    here, there = (np.array(whole(PLACES[None, :] + turn)) for turn in (0.0, TURN))
+    here, there = (np.array(whole(ANGLES[None, :] + turn)) for turn in (0.0, TURN))
     size = np.abs(here).max(axis=1, keepdims=True)
     with np.errstate(invalid="ignore"):
         return bool(np.all(np.isfinite(here)) and np.all(np.abs(here - there) <= PERIODIC * size))
@@ -101,14 +101,14 @@ def charts(functions: Sequence[Expression], q: Expression, covering: Expression)
     """
     angle = is_angle(functions, q)
     z = ca.SX.sym("z")
-    span = (-np.pi - ASIDE, np.pi - ASIDE) if angle else (-LINE_LIMIT, LINE_LIMIT)
+    span = (-np.pi - TURN_SHIFT, np.pi - TURN_SHIFT) if angle else (-LINE_LIMIT, LINE_LIMIT)
     cuts: list[float] = []
     for pole in poles([ca.substitute(ca.vertcat(*functions), q, z if angle else ca.sinh(z))], [z]):
         here = places(pole, z, span)
         if here is None:
             raise ValueError("L is singular at more places than can be told apart")
         cuts += here
-    found = np.unique([0.0 if abs(cut) < ROUND_OFF else cut for cut in cuts])
+    found = np.unique([0.0 if abs(cut) < AT_ZERO else cut for cut in cuts])
     if angle and len(found) == 0:
         return (OpenChart(-np.pi, np.pi, turning=True),)
     ends = [*found, found[0] + TURN] if angle else [-np.inf, *np.sinh(found), np.inf]
@@ -128,7 +128,7 @@ def _oscillates(functions: Sequence[Expression], q: Expression) -> bool:
 def _mirror(covering: Expression, q: Expression, cut: float) -> bool:
     """Whether ``covering`` vanishes at the ``cut`` and is the same on both sides."""
     function = ca.Function("covering", [q], [covering])
-    away = np.array([BESIDE, 0.1, 0.37, 0.7])
+    away = np.array([SINGULAR_OFFSET, 0.1, 0.37, 0.7])
     above, below = (np.array(function((cut + way * away)[None, :])).ravel() for way in (1, -1))
     return bool(np.allclose(above, below, rtol=1e-6) and 0 < above[0] <= 1e-6 * above[-1])
 

@@ -29,7 +29,7 @@ TIME, ANGLES = 1, 2
 """The columns of the integrals, after τ, that hold the time and the first of the angles."""
 MOST_BOXES = 4000
 """Places at which a potential that varies fast is looked at."""
-REACH = np.geomspace(1e-12, 1e12, 600)
+DISTANCES = np.geomspace(1e-12, 1e12, 600)
 """Distances along a line at which a potential is looked at to begin with."""
 FARTHEST = 1e12
 PROBES = np.array([0.0, 0.37, -0.41, 1.1, -1.3, 2.9, -3.1, 20.0, -20.0])
@@ -94,7 +94,7 @@ class EffectivePotential(Potential):
     @property
     def reach(self) -> np.ndarray:
         """See :meth:`Potential.reach`."""
-        return REACH[REACH < 2 * LOG_LIMIT]
+        return DISTANCES[DISTANCES < 2 * LOG_LIMIT]
 
     def place(self, u: np.ndarray) -> np.ndarray:
         """q at u."""

@@ -10,7 +10,7 @@ import numpy as np
 from varcalc.mechanics.reduced.charts import OpenChart, charts
 from varcalc.mechanics.reduced.effective import EffectivePotential
 from varcalc.mechanics.reduced.orbits import ReducedOrbit, Regions
-from varcalc.mechanics.reduced.rests import SAME, Rest, rests
+from varcalc.mechanics.reduced.rests import ONE_PLACE, Rest, rests
 from varcalc.mechanics.reduced.routh import OneCoordinate
 from varcalc.spelling import spelled
 from varcalc.symbolic.switches import switches
@@ -91,7 +91,9 @@ class ReducedMotion:
         potential = EffectivePotential(self._one, begun)
         nodes = potential.nodes(begun.low, begun.high, begun.low, begun.high)
         inner = [
-            rest for rest in rests(potential, nodes, self.ignorable) if top + SAME < rest.place < begun.high - SAME
+            rest
+            for rest in rests(potential, nodes, self.ignorable)
+            if top + ONE_PLACE < rest.place < begun.high - ONE_PLACE
         ]
         first = [rest for rest in known if rest.place == top]
         return Regions(potential, nodes, (*first, *inner), self.ignorable)

@@ -27,7 +27,7 @@ from varcalc.symbolic.tracing import LAST, Expression, Names, check_arity, trace
 
 PLACES = 12
 """Random states at which it is asked whether something is kept."""
-KEPT = 1e-11
+CONSERVED = 1e-11
 """Of the terms of its rate: what is kept changes by less at every one of those."""
 CANDIDATES = ("energy", "L_x", "L_y", "L_z", "L_1", "L_2", "L_3")
 """The energy, and components of the angular momentum along fixed axes and along the body's own."""
@@ -187,7 +187,7 @@ class TurningEquations:
         for _ in range(PLACES):
             place = np.append(normalised(rng.normal(size=4)), rng.uniform(-1, 1, 3))
             found = np.array(function(rng.uniform(), place, numbers))
-            kept &= np.abs(found.sum(axis=1)) <= KEPT * np.abs(found).sum(axis=1)
+            kept &= np.abs(found.sum(axis=1)) <= CONSERVED * np.abs(found).sum(axis=1)
         values = ca.vertsplit(column)
         return {name: values[k] for k, name in enumerate(CANDIDATES) if kept[k]}
 

@@ -16,7 +16,7 @@ SPARSE_FROM = 160
 """Unknowns from which a sparse factorisation is faster than a dense one."""
 BANDED_FROM = 48
 """The same for a banded one, where the equations of the interior are all there is."""
-SINGULAR = 1e-14
+NULL_CONDITION = 1e-14
 """Reciprocal condition below which the null directions of a Jacobian are left out of a step."""
 
 Solve = Callable[[np.ndarray], np.ndarray]
@@ -122,7 +122,7 @@ def _solver(matrix: np.ndarray) -> Solve:
 
 
 def _pseudo_inverse(matrix: np.ndarray) -> Solve:
-    inverse = np.linalg.pinv(matrix, rcond=SINGULAR)
+    inverse = np.linalg.pinv(matrix, rcond=NULL_CONDITION)
     return lambda b: inverse @ b
 
 
@@ -135,7 +135,7 @@ def _eliminated(matrix: np.ndarray) -> Solve | None:
     if failed:
         return None
     condition, failed = dgecon(factors, float(np.abs(matrix).sum(1).max()))
-    if failed or condition <= SINGULAR:
+    if failed or condition <= NULL_CONDITION:
         return None
     return lambda b: dgetrs(factors, pivots, b, trans=1)[0]
 

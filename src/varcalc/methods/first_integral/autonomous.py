@@ -21,7 +21,7 @@ from varcalc.numerics.resampled import SentResampled
 
 PROBED_SLOPES = np.array([1e-3, 0.3, -0.3, 1.0, -1.0, 4.0, -4.0])
 """Slopes, in units of the mean one, at which L_vv and the behaviour at the ends are looked at."""
-STEP_ASIDE, STEEP = 1e-3, 0.25
+STEP_ASIDE, SHARE_LEFT = 1e-3, 0.25
 """A step from an end, in units of the size, that leaves no more than such a share of L there: a singularity is near."""
 STATIONARY = 1e-13
 """L_y at an end, relative to its size nearby, below which the constant is an extremal."""
@@ -71,7 +71,7 @@ class Autonomous(Reduction):
         """Whether L falls steeply from an end, as where it is infinite just beyond: distances matter there, not y."""
         around = y + STEP_ASIDE * size * np.array([0.0, 1.0, -1.0])
         values = np.abs(self.integrands.at(np.zeros(3), around, np.zeros(3))[0, 0])
-        return bool(np.nanmin(values) < STEEP * values[0])
+        return bool(np.nanmin(values) < SHARE_LEFT * values[0])
 
     def _inside(self, points: EndOrdinates) -> float | None:
         """An ordinate near the ends at which everything probed is a number."""

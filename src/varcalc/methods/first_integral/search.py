@@ -13,7 +13,7 @@ from varcalc.numerics.roots import EPSILON, scanned_root
 
 ROUGH = 1e-9
 """Relative miss at which a curve counts as found; refinement follows."""
-CLOSE = 1e-9
+LOST_CURVE = 1e-9
 """Relative miss beyond which a refined curve counts as lost."""
 NEWTON_STEPS = 60
 SHORTENED = 0.5 ** np.array([0, 1, 2, 3, 4, 6, 8, 11, 14])
@@ -69,7 +69,7 @@ def _at_edge(family: CurveFamily, sample: np.ndarray, aim: Aim) -> list[Joined]:
         family = family.ruled(panels)
         here = Joined(family, edge, none, measure_one(family, edge, none))
     miss = float(here.measured.x[0]) - target
-    if abs(miss) <= CLOSE * aim.size:
+    if abs(miss) <= LOST_CURVE * aim.size:
         return [here]
     near = sample[:NEAR_EDGE]
     reach = family.lines.measure(family.batch(near, np.zeros((0, len(near))))).x - target
@@ -182,7 +182,7 @@ def refined(found: Joined, aim: Aim) -> Joined | None:
         if aim.target is None:
             again = measure_one(family, found.parameter, found.multipliers)
             return Joined(family, found.parameter, found.multipliers, again)
-        better = solved(family, found.parameter, found.multipliers, aim, CLOSE)
+        better = solved(family, found.parameter, found.multipliers, aim, LOST_CURVE)
         if better is None:
             return None
         found, settled = better, True

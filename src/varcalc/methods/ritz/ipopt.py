@@ -35,9 +35,9 @@ FINISHED = ("Search_Direction_Becomes_Too_Small", "Maximum_Iterations_Exceeded",
 """Ends at which round-off, not the point, may be what stopped IPOPT."""
 STATIONARY = 1e-8
 """Infeasibilities, primal and dual in IPOPT's own scaling, below which such an end is a minimum."""
-BESIDE = 64 * float(np.finfo(float).eps)
+VERTEX_OFFSET = 64 * float(np.finfo(float).eps)
 """Distance from a vertex, relative to the abscissae, at which a condition is asked on either side of it."""
-FLAT = 1e-12
+ORDINATE_ROUND_OFF = 1e-12
 """Relative size of an ordinate or slope that is round-off."""
 
 
@@ -208,7 +208,9 @@ class _Sizes:
         self.variables = ca.vertcat(s.y, s.dy, s.ddy, s.unknowns)
         reach = np.concatenate([np.abs(self.arguments[i]).max(1, initial=0.0) for i in (1, 2, 3, 5)])
         # a straight line along the axis is one but for round-off
-        self.reach = np.where(reach > FLAT * max(reach.max(initial=0.0), np.ptp(self.arguments[0])), reach, 0.0)
+        self.reach = np.where(
+            reach > ORDINATE_ROUND_OFF * max(reach.max(initial=0.0), np.ptp(self.arguments[0])), reach, 0.0
+        )
 
     def of_integrand(self, condition: SideCondition) -> float:
         """The largest change along the curve, or the bound when that is larger; 1 where there is none to go by."""
@@ -294,7 +296,7 @@ class _Pathwise:
                 jumping = corners & of_place  # the slope at a vertex is that of one side only
                 if jumping.any():
                     sides = [self._values(condition, side.kept(corners)) for side in beside]
-                    jumping[corners] = _differ(sides, self.program.w, self.start, FLAT * size)
+                    jumping[corners] = _differ(sides, self.program.w, self.start, ORDINATE_ROUND_OFF * size)
                 # a bound that jumps there is kept on both sides
                 for points, kept in ((vertices, corners & ~jumping), *((side, jumping) for side in beside)):
                     self._append("vertices", condition, points.kept(kept), size, elements)
@@ -320,7 +322,7 @@ class _Pathwise:
 def _beside(vertices: CurvePoints, side: int) -> CurvePoints:
     """The vertices with abscissae just beside them, where what jumps has the value of that side."""
     ends = vertices.system.space.vertices[[0, -1]]
-    return replace(vertices, s=vertices.s + side * BESIDE * float(max(np.abs(ends).max(), np.ptp(ends))))
+    return replace(vertices, s=vertices.s + side * VERTEX_OFFSET * float(max(np.abs(ends).max(), np.ptp(ends))))
 
 
 def _differ(sides: list[Any], w: Any, start: np.ndarray, least: float) -> np.ndarray:

@@ -36,7 +36,7 @@ NOWHERE = (
     "the Lagrangian is not a number on any of the starting curves tried; "
     "check its domain between the ends, or give guess= a curve on which it is one"
 )
-NEAR = 12
+STEPS_FROM_NEARBY = 12
 """Newton steps that lead to a minimum from one nearby."""
 MOST_ITERATIONS = 600
 """Iterations in all after which a solve is given up."""
@@ -50,11 +50,11 @@ TOUCHING_DEGREE = 6
 """The same where the curve may touch a bound: its curvature jumps there, and high degrees do not help."""
 STALLED = 0.05
 """A rung that leaves more than this share of the error does not converge geometrically."""
-SHARE = 0.05
+BISECTED_SHARE = 0.05
 """Elements with more than this share of the largest contribution to the error are bisected."""
 SLOW = 0.4
 """A refinement that leaves more than this share of the error behind is slow."""
-PATIENCE = 8
+SLOW_REFINEMENTS = 8
 """Slow refinements in a row after which a solve is given up."""
 FEW = 2
 """Elements: a refinement of no more is local, on its way into a layer that it must reach before the error falls."""
@@ -350,7 +350,7 @@ class _Climb:
         """The answer next to a known curve, without a climb; None where it is in doubt."""
         rungs = self.rungs
         system = rungs.system(rungs.space(np.array(self.form.span), degree))
-        outcome = minimise(system, coefficients[system.free], np.zeros(0), Newton(NEAR), self.tol)
+        outcome = minimise(system, coefficients[system.free], np.zeros(0), Newton(STEPS_FROM_NEARBY), self.tol)
         if outcome.reason or not outcome.direct:
             return None
         rungs.iterations += outcome.iterations
@@ -398,9 +398,9 @@ class _Climb:
 
     def next_rung(self, rung: Rung, found: Estimate, previous: float) -> Rung | str:
         """Climb the degree while that pays, else bisect where the error is."""
-        local = (found.shares > SHARE * found.shares.max()).sum() <= FEW and rung.system.space.elements > FEW
+        local = (found.shares > BISECTED_SHARE * found.shares.max()).sum() <= FEW and rung.system.space.elements > FEW
         self.slow = 0.0 if found.error < SLOW * previous else self.slow + (LOCAL if local else 1.0)
-        if self.slow >= PATIENCE:
+        if self.slow >= SLOW_REFINEMENTS:
             return "refinement after refinement hardly lowered the error"
         given = max(MOST_UNKNOWNS, MOST_AN_ELEMENT * (1 + len(self.form.conditions.knots)))
         if rung.system.size > (MOST_WORTH_WHILE if found.error < WORTH_WHILE * previous else given):
@@ -427,7 +427,7 @@ class _Climb:
         coarse = self.rungs.space(space.vertices, min(space.degree, self.split_degree))
         kept = np.zeros(coarse.size)
         kept[coarse.numbers] = rung.system.coefficients(rung.z)[space.numbers[:, : coarse.degree + 1]]
-        marked = shares > SHARE * shares.max()
+        marked = shares > BISECTED_SHARE * shares.max()
         finer, coefficients = coarse.split(kept, marked if marked.any() else np.ones_like(marked))
         system = self.rungs.system(finer)
         return system, system.pack(coefficients, rung.system.unknowns(rung.z))

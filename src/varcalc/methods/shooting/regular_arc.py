@@ -29,7 +29,7 @@ STAGES = (6, 9, 12, 16, 20, 24)
 """Numbers of Gauss points, each the start for the next: close to the end only a good start is a good start."""
 COARSEST = 4
 """How many of them level 0 climbs; each level one more."""
-RESOLVED = 1e-6
+ARC_UNRESOLVED = 1e-6
 """Relative change of slope and integrals between the last two numbers of points that calls for a shorter arc."""
 ITERATIONS = 20
 RUNS_PER_ITERATION = 2
@@ -154,7 +154,7 @@ class RegularEnd:
         if last is None or before is None:
             return None
         changes = [(last.near, before.near), (last.integrals, before.integrals)]
-        resolved = all(np.abs(new - old).max() <= RESOLVED * np.abs(new).max() for new, old in changes)
+        resolved = all(np.abs(new - old).max() <= ARC_UNRESOLVED * np.abs(new).max() for new, old in changes)
         return last if resolved else None
 
     def _guess(self, arc: _Collocated) -> np.ndarray:

@@ -32,7 +32,7 @@ PARTS_OF_INTERVAL = 16
 """Parts into which the interval around a parting direction is cut, again and again."""
 MOST_CUTS = 11
 """How often; the last interval is as narrow as round-off."""
-NARROWEST = 4 * float(np.spacing(2 * np.pi))
+LEAST_ANGLE = 4 * float(np.spacing(2 * np.pi))
 """An interval of angles so narrow is not cut."""
 MOST_PARTINGS = 64
 """Parting directions of one source; where there are more, they are left to what looks into cells."""
@@ -182,7 +182,7 @@ class Fan:
         source, angles, entry, course = source[kept], angles[kept], entry[kept], course[kept]
         for _ in range(MOST_CUTS if self._parting else 0):
             parted = np.flatnonzero((course[1:] != course[:-1]) & (source[1:] == source[:-1]))
-            parted = parted[angles[parted + 1] - angles[parted] > NARROWEST]
+            parted = parted[angles[parted + 1] - angles[parted] > LEAST_ANGLE]
             if len(parted) == 0 or len(parted) > MOST_PARTINGS * n:
                 break
             share = np.arange(1, PARTS_OF_INTERVAL) / PARTS_OF_INTERVAL

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from varcalc.optics.arrivals.cells import MOVED, P
-from varcalc.optics.arrivals.fan import AXES_OFF, FIRST_ANGLES, LOOKS, NARROWEST, AimedDirections, Fan, FanReach
+from varcalc.optics.arrivals.fan import AXES_OFF, FIRST_ANGLES, LEAST_ANGLE, LOOKS, AimedDirections, Fan, FanReach
 from varcalc.optics.arrivals.wavefront_construction import PlanePairs, WavefrontConstruction
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.hamilton import HamiltonRays
@@ -209,12 +209,12 @@ def _point(place: np.ndarray) -> str:
 
 def _around(angle: float, half: float, step: float) -> np.ndarray:
     """Directions across what is seen from ``angle`` - ``half`` to + ``half``, parts of which are ``step`` wide."""
-    least = NARROWEST * RAYS_ACROSS
+    least = LEAST_ANGLE * RAYS_ACROSS
     half, step = max(half, least), min(max(step, least), SEEN)
     even = half * np.linspace(-1, 1, int(np.clip(2 * half / step * RAYS_ACROSS, 2 * RAYS_ACROSS, MOST_ACROSS)))
     beyond = step / RAYS_ACROSS * 2.0 ** np.arange(np.ceil(np.log2(SEEN * RAYS_ACROSS / step)))
     found = np.unique(np.concatenate([even, beyond, -beyond]))
-    turned = angle + found[np.append(True, np.diff(found) > NARROWEST)]
+    turned = angle + found[np.append(True, np.diff(found) > LEAST_ANGLE)]
     return AXES_OFF + np.mod(turned - AXES_OFF, 2 * np.pi)
 
 

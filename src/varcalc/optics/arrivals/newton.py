@@ -22,7 +22,7 @@ TOUCHES_CAUSTIC = 4e-14
 """A caustic that comes this close to the point touches it: the ray where it does is polished by no more than that."""
 NEWTON_STEPS = 16
 """Newton's steps."""
-ROUND_OFF = 4 * float(np.finfo(float).eps)
+MISS_ROUND_OFF = 4 * float(np.finfo(float).eps)
 """A miss so small, relative to the scene, is not worth another step."""
 LEAST_GAIN = 0.5
 """A step that does not shorten the miss to this share says that round-off has been reached."""
@@ -147,7 +147,7 @@ def met(fan: Fan, aims: Aims) -> tuple[ClosestApproach, np.ndarray]:
         best = _either(new.distance < best.distance, new, best)
         stuck = there & (new.distance > LEAST_GAIN * look.distance) & (new.met | best.met)
         strayed = np.abs(new.aims.angle - begun) > 2 * width
-        finished = stuck | strayed | (best.distance <= ROUND_OFF * best.aims.size)
+        finished = stuck | strayed | (best.distance <= MISS_ROUND_OFF * best.aims.size)
         done.append(best.take(np.flatnonzero(finished)))
         look = _either(there, new, look)
         left = np.flatnonzero(~finished)
@@ -188,7 +188,7 @@ def flattest(fan: Fan, aims: Aims) -> tuple[ClosestApproach, np.ndarray]:
             turn = -now.spread / slope
         bend = np.where(np.isfinite(slope) & ~done, slope, bend)
         turn = np.clip(np.where(np.isfinite(turn) & ~done, turn, 0.0), -aims.width, aims.width)
-        done |= turn**2 * np.abs(bend) <= ROUND_OFF / 100 * aims.size  # a step more would be led by round-off
+        done |= turn**2 * np.abs(bend) <= MISS_ROUND_OFF / 100 * aims.size  # a step more would be led by round-off
         before, now = now, _look(fan, now.stepped(turn))
         if np.all(done):
             break

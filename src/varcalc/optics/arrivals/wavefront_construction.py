@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.optics.arrivals.cells import PATH, Cells
-from varcalc.optics.arrivals.fan import FIRST_ANGLES, NARROWEST, Fan
+from varcalc.optics.arrivals.fan import FIRST_ANGLES, LEAST_ANGLE, Fan
 from varcalc.optics.arrivals.misses import Misses, Seeds, misses, seeds
 from varcalc.optics.arrivals.newton import MEETS, TOUCHES_CAUSTIC, Aims, ClosestApproach, as_they_are, flattest, met
 from varcalc.optics.rays.beam import Rows
@@ -34,7 +34,7 @@ SAME_CONTINUUM = 1e-6
 """Optical paths of the rays of one continuum agree so well, relative to their size."""
 MEETS_UNAIMED = 1e-11
 """Of the scene: a ray that was aimed nowhere and comes so close to a point, to which a continuum leads, is of one."""
-TOLD_APART = 4 * NARROWEST
+TOLD_APART = 4 * LEAST_ANGLE
 """Neighbouring angles that are cut no more."""
 SAME_RAY = 1e-9
 """Angles, and optical paths relative to their size, that differ by less are of one ray."""

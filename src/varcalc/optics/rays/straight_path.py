@@ -23,7 +23,7 @@ from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, Undecided, jets, without_enclosure
 from varcalc.certificates.stationary import LagrangeFunction
 from varcalc.optics.media.medium import Medium
-from varcalc.optics.rays.fermat import NEAR, by_its_own, stated_index
+from varcalc.optics.rays.fermat import SAME_PATH, by_its_own, stated_index
 from varcalc.optics.surfaces import Surface
 from varcalc.optics.validation import point
 from varcalc.showing import line
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 BITS, TERMS = 160, 2
 """Precision of the balls, and the length of series, of which there are none."""
-NARROWEST = 50
+MOST_HALVINGS = 50
 """How often a part is halved at most where it is proved to meet no surface between its ends."""
 
 ONE = "in boxes about the ray's own points the surfaces have one point each at which the path is stationary"
@@ -184,7 +184,7 @@ def _proof(chain: _Chain, hits: np.ndarray, near: float) -> RayCertificate:
     _prove_clear(chain, levels, points)
     path = lagrange.jet(at, 0).value
     low, high = path.lower(), path.upper()
-    if not abs(float(path.mid()) - near) <= NEAR * near:
+    if not abs(float(path.mid()) - near) <= SAME_PATH * near:
         raise Unproved(f"near the ray a path of {float(path.mid()):.9g} was found, its own is {near:.9g}")
     index = lagrange.falling(at)
     hypotheses = (ONE, SIDES, CLEAR, SIGNS) if index else (ONE, SIDES, CLEAR, CONVEX)
@@ -274,7 +274,7 @@ def _clear(level: tuple[Program, list[Ball]], start: list[Ball], way: list[Ball]
         low, high, depth = waiting.pop()
         if _free(level, start, way, (low, high), (zeros[0] and bool(low == 0), zeros[1] and bool(high == 1))):
             continue
-        if depth == NARROWEST:
+        if depth == MOST_HALVINGS:
             return False
         middle = ((low + high) / 2).mid()
         waiting += [(low, middle, depth + 1), (middle, high, depth + 1)]

@@ -16,7 +16,7 @@ from varcalc.problem.reading import left_sides
 from varcalc.problem.reading.reader import FACTORED, Named, names
 from varcalc.problem.reading.sums import Sum
 from varcalc.problem.reading.writing import LATEX, TEXT, Style, write
-from varcalc.showing import ROOM, Fact, equations, listed
+from varcalc.showing import FACT_WIDTH, Fact, equations, listed
 from varcalc.symbolic.tracing import Expression
 
 MOST_LINES = 3
@@ -246,4 +246,4 @@ def _fact(label: str, words: str, formula: str, otherwise: str = "") -> Fact:
 
 
 def _at_most(words: str, otherwise: str = "") -> str:
-    return words if len(words) <= ROOM else otherwise or words[: ROOM - 4] + " ..."
+    return words if len(words) <= FACT_WIDTH else otherwise or words[: FACT_WIDTH - 4] + " ..."
