@@ -243,17 +243,21 @@ class Fixed(Brief, AnyEnd):
         if len(components("Fixed.dy", self.dy)) != len(values) or is_vector(self.dy) != is_vector(self.y):
             raise ValueError("Fixed.dy must have as many components as Fixed.y")
 
-    def values(self, n: int) -> np.ndarray:  # noqa: ARG002, D102
+    def values(self, n: int) -> np.ndarray:  # noqa: ARG002
+        """The components of ``y``, NaN for those that are None."""
         return _numbers("Fixed.y", self.y)
 
-    def slopes(self, n: int) -> np.ndarray:  # noqa: D102
+    def slopes(self, n: int) -> np.ndarray:
+        """The components of ``dy``, NaN where there are none."""
         return super().slopes(n) if self.dy is None else _numbers("Fixed.dy", self.dy)
 
-    def in_unit(self, unit: float) -> Fixed:  # noqa: D102
+    def in_unit(self, unit: float) -> Fixed:
+        """The same end, its ordinate and slope divided by ``unit``."""
         y, dy = (None if np.isnan(v[0]) else v[0] / unit for v in (self.values(1), self.slopes(1)))
         return Fixed(self.x, y, dy)
 
-    def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: D102
+    def tells(self, label: str) -> tuple[int, bool | None]:
+        """As many functions as ``y`` has components; a number is one."""
         return len(components(f"{label}.y", self.y)), not is_vector(self.y)
 
 
@@ -332,10 +336,12 @@ class At(Brief, AnyEnd):
             raise TypeError(f"At.q must be a sequence of coordinates, not {told(self.q)}")
         components("At.q", self.q)
 
-    def values(self, n: int) -> np.ndarray:  # noqa: ARG002, D102
+    def values(self, n: int) -> np.ndarray:  # noqa: ARG002
+        """The coordinates ``q``, NaN for those that are None."""
         return _numbers("At.q", self.q)
 
-    def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: ARG002, D102
+    def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: ARG002
+        """As many coordinates as ``q`` has."""
         return len(self.q), False
 
 
@@ -358,7 +364,8 @@ class OnSurface(Brief, OfFunction, AnyEnd):
         ):
             raise TypeError("OnSurface.guess must be a point: one number for each coordinate")
 
-    def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: ARG002, D102
+    def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: ARG002
+        """As many coordinates as ``guess`` has."""
         return len(self.guess), False
 
 
@@ -395,7 +402,8 @@ class Isoperimetric(Brief, OfFunction):
         elif levels[1] is not None or levels[2] is not None:
             raise ValueError("Isoperimetric: give either value, or lower and upper, not both")
 
-    def arguments(self, position: list[Any], slopes: list[Any]) -> list[Any]:  # noqa: D102
+    def arguments(self, position: list[Any], slopes: list[Any]) -> list[Any]:
+        """The place and all slopes, as the Lagrangian has them."""
         return [*position, *slopes]
 
     @property
@@ -442,7 +450,8 @@ class Bound(Brief, OfFunction):
         function("Bound.h", self.h)
         _check_between("Bound", _level("Bound.lower", self.lower), _level("Bound.upper", self.upper))
 
-    def arguments(self, position: list[Any], slopes: list[Any]) -> list[Any]:  # noqa: D102
+    def arguments(self, position: list[Any], slopes: list[Any]) -> list[Any]:
+        """The place and the first slope."""
         return [*position, slopes[0]]
 
     @property

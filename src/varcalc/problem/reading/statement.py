@@ -143,13 +143,15 @@ class InText(Writer):
     at_most = "<="
     free = " free"
 
-    def integral(self, integrand: str) -> str:  # noqa: D102
+    def integral(self, integrand: str) -> str:
+        """The functional in words."""
         if not self.graph:
             return f"integral of {integrand} along the curve"
         x, (first, last) = self.problem.abscissa.name, self.limits()
         return f"integral of {integrand} d{x} from {first} to {last}"
 
-    def slides(self, label: str, phi: str) -> str:  # noqa: ARG002, D102
+    def slides(self, label: str, phi: str) -> str:  # noqa: ARG002
+        """The condition of an end that slides, in words."""
         return f"slides where {phi} = 0"
 
 
@@ -160,13 +162,15 @@ class InLatex(Writer):
     at_most = r"\leq"
     free = r"\ \mathrm{free}"
 
-    def integral(self, integrand: str) -> str:  # noqa: D102
+    def integral(self, integrand: str) -> str:
+        """The functional as an integral sign."""
         if not self.graph:
             return rf"\int {integrand} \,dt"
         first, last = self.limits()
         return rf"\int_{{{first}}}^{{{last}}} {integrand} \,d{self.name(self.problem.abscissa.name)}"
 
-    def slides(self, label: str, phi: str) -> str:  # noqa: D102
+    def slides(self, label: str, phi: str) -> str:
+        """The condition of an end that slides, at its end."""
         return rf"\left[ {phi} \right]_\mathrm{{{label}}} = 0"
 
 
