@@ -17,7 +17,7 @@ import numpy as np
 from varcalc.existence.cores import resting
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
 from varcalc.formulation.broken import LENGTH_KEPT
-from varcalc.methods.answer import composite_gauss, lifted
+from varcalc.methods.answer import lifted
 from varcalc.methods.crossings import (
     ARGUMENT_ROUND_OFF,
     Crossing,
@@ -29,6 +29,7 @@ from varcalc.methods.crossings import (
     unmet,
 )
 from varcalc.methods.ritz.method import Ritz
+from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breakable, crowded, singular_inside
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem

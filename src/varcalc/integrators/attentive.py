@@ -38,7 +38,6 @@ OFF_CENTRE = 0.5
 SOFT = 1e-9
 """Below that ln |u| is smooth: a run may go through u = 0 where nothing comes of it."""
 POWERS = {ca.OP_POW, ca.OP_CONSTPOW}
-BY_SIZE = {ca.OP_SQRT, ca.OP_LOG, ca.OP_INV}
 LENGTHS = {ca.OP_HYPOT, ca.OP_ATAN2}
 FROM_EDGES: dict[int, tuple[float, ...]] = {
     ca.OP_LOG1P: (-1.0,), ca.OP_ACOSH: (1.0,), ca.OP_ASIN: (-1.0, 1.0), ca.OP_ACOS: (-1.0, 1.0),

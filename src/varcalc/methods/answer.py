@@ -12,7 +12,7 @@ import numpy as np
 from varcalc.formulation import Form, Sampled
 from varcalc.formulation.singular import forms, number_of
 from varcalc.methods.moved_ends import by_moved_ends
-from varcalc.numerics.mesh import SpaceCurve, gauss
+from varcalc.numerics.mesh import SpaceCurve, composite_gauss
 from varcalc.numerics.resampled import Resampled, SentResampled, resampled
 from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
@@ -163,13 +163,6 @@ def sample(extremal: Extremal, s: np.ndarray) -> list[np.ndarray]:
     ddy = extremal.evaluate(s, 2) if form.symbols.ddy.numel() else np.zeros((0, len(s)))
     numbers = [np.repeat(v[:, None], len(s), axis=1) for v in (form.problem.parameter_values, extremal.unknowns)]
     return [s[None, :], y, dy, ddy, *numbers]
-
-
-def composite_gauss(vertices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and weights of the composite Gauss rule on a mesh, each flat."""
-    nodes, weights = gauss(count)
-    half = 0.5 * np.diff(vertices)[:, None]
-    return (vertices[:-1, None] + half * (1 + nodes)).ravel(), (half * weights).ravel()
 
 
 def end_cost(extremal: Extremal) -> float:

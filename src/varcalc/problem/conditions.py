@@ -18,7 +18,6 @@ from varcalc.showing import Brief
 from varcalc.spelling import spelled
 
 Number = float | int
-Components = Number | Sequence[Number | None] | None
 
 
 @spelled

@@ -152,14 +152,6 @@ def extent(problem: Functional) -> float:
     return float(known.max(initial=0.0)) or width
 
 
-def riemannian(problem: Problem) -> LengthElement | None:
-    """The quadratic form L^2 dx^2, or None when L^2 is not quadratic in the slope or L changes its sign.
-
-    Where a maximum is asked for, it is -L that must be positive.
-    """
-    return Survey(problem).metric
-
-
 class Survey:
     """What L does at the ends of a graph of one function and between them, all looked at in one go.
 
@@ -187,7 +179,10 @@ class Survey:
 
     @property
     def metric(self) -> LengthElement | None:
-        """The quadratic form L^2 dx^2, if it is one; see :func:`riemannian`."""
+        """The quadratic form L^2 dx^2, or None when L^2 is not quadratic in the slope or L changes its sign.
+
+        Where a maximum is asked for, it is -L that must be positive.
+        """
         return None if self._fit is None else _metric(self.problem, _is_conformal(self._fit))
 
     @property
