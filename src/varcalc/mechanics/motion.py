@@ -12,6 +12,7 @@ import numpy as np
 
 from varcalc.axes import Axis
 from varcalc.integrators.protocol import OUTCOMES, Flow, RunOutcome
+from varcalc.mechanics.arguments import times_within
 from varcalc.problem.conditions import function as check_function
 from varcalc.problem.conditions import reals, text, truth
 from varcalc.showing import Brief, Fact, Plotted, counted, line
@@ -106,10 +107,7 @@ class Motion(Plotted):
         return self.outcome is RunOutcome.COMPLETED
 
     def _at(self, t: Any) -> tuple[np.ndarray, tuple[int, ...]]:
-        times = reals("t", t)
-        low, high = min(self.span), max(self.span)
-        if times.size and not (times.min() >= low and times.max() <= high):
-            raise ValueError(f"t must lie between {low:.17g} and {high:.17g}, where the motion is known")
+        times = times_within(t, self.span)
         return self.states(times.ravel()), times.shape
 
     def q(self, t: Any) -> np.ndarray:

@@ -372,6 +372,11 @@ def _level(name: str, value: Any) -> float | None:
     return None if value is None else finite(name, value)
 
 
+def _between(lower: float | None, upper: float | None) -> tuple[float, float]:
+    """The numbers from ``lower`` to ``upper``, infinite where there is no bound."""
+    return -math.inf if lower is None else float(lower), math.inf if upper is None else float(upper)
+
+
 def _check_between(owner: str, lower: float | None, upper: float | None) -> None:
     if lower is None and upper is None:
         raise ValueError(f"{owner} bounds nothing; give lower=, upper= or both")
@@ -413,12 +418,7 @@ class Isoperimetric(Brief, OfFunction):
     @property
     def interval(self) -> tuple[float, float]:
         """Lowest and highest admissible level."""
-        if self.value is not None:
-            return float(self.value), float(self.value)
-        return (
-            -math.inf if self.lower is None else float(self.lower),
-            math.inf if self.upper is None else float(self.upper),
-        )
+        return _between(self.lower, self.upper) if self.value is None else _between(self.value, self.value)
 
 
 @spelled
@@ -456,10 +456,7 @@ class Bound(Brief, OfFunction):
     @property
     def interval(self) -> tuple[float, float]:
         """Lowest and highest admissible value."""
-        return (
-            -math.inf if self.lower is None else float(self.lower),
-            math.inf if self.upper is None else float(self.upper),
-        )
+        return _between(self.lower, self.upper)
 
 
 @spelled

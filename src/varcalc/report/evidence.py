@@ -13,7 +13,7 @@ from varcalc.showing import Fact
 from varcalc.solution import Solution, Verdict
 from varcalc.solve.diagnose import Diagnosis
 from varcalc.study.compare import Comparison
-from varcalc.verify.verification import SHOWN, Verification
+from varcalc.verify.verification import Verification
 
 WELL = 1e-6
 """Off by less than this, what is held against something known stands."""
@@ -97,7 +97,7 @@ def checks_table(check: Verification) -> Table:
         ("Euler-Lagrange", f"residual {check.residual:.1e} of the terms"),
         ("Legendre", f"{least} second derivative in the slope {sign * check.legendre:.6g}"),
         ("Weierstrass", _weierstrass(check)),
-        ("Jacobi", _points(check)),
+        ("Jacobi", check.points_in_words(9)),
         ("Index", _index(check)),
         *((f"First integral: {name}", f"constant to {drift:.1e}") for name, drift in check.invariants.items()),
         ("Functional on this curve", f"{check.bound:.15g}"),
@@ -111,15 +111,6 @@ def _weierstrass(check: Verification) -> str:
     if math.isnan(check.weierstrass):
         return "not tested"
     return f"least excess {float(check.weierstrass):.1e} of its terms"
-
-
-def _points(check: Verification) -> str:
-    count = len(check.conjugate_points)
-    if not count:
-        return "no conjugate point found" if check.routes.get("Jacobi") is not None else "not carried out"
-    shown = ", ".join(f"{x:.9g}" for x in check.conjugate_points[:SHOWN])
-    more = f", and {count - SHOWN} more" if count > SHOWN else ""
-    return f"conjugate or focal at {check.abscissa} = {shown}{more}"
 
 
 def _index(check: Verification) -> str:
@@ -144,26 +135,16 @@ def certificate_section(certificate: Certificate | None, reason: str, level: int
         return PageSection(heading, (Paragraph(f"{capital(reason)}."),), level)
     what = "supremum" if certificate.solution.problem.maximise else "infimum"
     low, high = certificate.enclosure
-    theorem = Facts(
-        (
-            Fact("Lower bound", low),
-            Fact("Upper bound", high),
-            Fact("Of", f"the {what} over {_scope(certificate)}"),
-            Fact("Width", f"{certificate.width:.1g}"),
-            Fact("Whatever is as good lies within", f"{certificate.distance.largest:.1g} of the curve"),
-        )
-    )
+    facts = [
+        Fact("Lower bound", low), Fact("Upper bound", high),
+        Fact("Of", f"the {what} over {certificate.curves}".rstrip(",")), Fact("Width", f"{certificate.width:.1g}"),
+    ]  # fmt: skip
+    if math.isfinite(certificate.distance.largest):
+        facts.append(Fact("Whatever is as good lies within", f"{certificate.distance.largest:.1g} of the curve"))
     hypotheses = Folded(
         "The hypotheses, and how each was proved", (Listed(tuple(capital(str(one)) for one in certificate.proved)),)
     )
-    return PageSection(heading, (theorem, hypotheses), level)
-
-
-def _scope(certificate: Certificate) -> str:
-    if certificate.scope is Scope.ALL:
-        return certificate.scope.value
-    slopes = f" and {certificate.slopes:.3g} of its slope" if certificate.slopes < math.inf else ", of any slope"
-    return f"the curves within {certificate.tube:.3g} of this one{slopes}"
+    return PageSection(heading, (Facts(tuple(facts)), hypotheses), level)
 
 
 def unseen_section(

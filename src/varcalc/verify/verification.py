@@ -117,17 +117,18 @@ class Verification(Shown):
             yield "Weierstrass", "not tested"
         else:
             yield "Weierstrass", f"least excess {float(self.weierstrass):.1e} of its terms"
-        yield "Jacobi", self._points()
+        yield "Jacobi", self.points_in_words(12)
         yield "index", self._index()
         for name, drift in self.invariants.items():
             yield name, f"constant to {drift:.1e}"
         yield "functional", f"{self.bound:.15g} on this curve"
 
-    def _points(self) -> str:
+    def points_in_words(self, digits: int) -> str:
+        """What Jacobi's condition found, the conjugate points with so many digits."""
         count = len(self.conjugate_points)
         if not count:
             return "no conjugate point found" if self.routes.get("Jacobi") is not None else "not carried out"
-        shown = ", ".join(f"{x:.12g}" for x in self.conjugate_points[:SHOWN])
+        shown = ", ".join(f"{x:.{digits}g}" for x in self.conjugate_points[:SHOWN])
         more = f", and {count - SHOWN} more" if count > SHOWN else ""
         return f"conjugate or focal at {self.abscissa} = {shown}{more}"
 

@@ -23,7 +23,8 @@ import numpy as np
 
 from varcalc.integrators import Continuous
 from varcalc.mechanics.rigid.rotations import entries, normalised, quaternion_rate
-from varcalc.symbolic.tracing import LAST, Expression, Names, check_arity, trace
+from varcalc.symbolic.names import with_names
+from varcalc.symbolic.tracing import LAST, Expression, check_arity, trace
 
 PLACES = 12
 """Random states at which it is asked whether something is kept."""
@@ -55,9 +56,7 @@ class BodySymbols:
 
     def arguments(self, *columns: Expression) -> list[Expression]:
         """``columns`` and, where there are parameters, what a person's functions call p."""
-        if not self.names:
-            return list(columns)
-        return [*columns, Names(dict(zip(self.names, ca.vertsplit(self.p), strict=True)))]
+        return with_names(columns, self.names, self.p)
 
     def energy(self, potential: Callable[..., Any] | None) -> Expression:
         """The energy of an orientation that a person's ``potential`` says."""

@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.polynomial import legendre
 
-from varcalc.numerics.mesh import gauss
+from varcalc.numerics.mesh import composite_gauss, gauss
 from varcalc.numerics.roots import bracketed_newton
 
 POINTS = 16
@@ -85,10 +85,7 @@ class Panels:
     @cached_property
     def nodes(self) -> tuple[np.ndarray, np.ndarray]:
         """Gauss points t and weights, each of shape (panels * points,)."""
-        nodes, weights = gauss(self.points)
-        edges = np.array(self.edges)
-        half = 0.5 * np.diff(edges)[:, None]
-        return (edges[:-1, None] + half * (1 + nodes)).ravel(), (half * weights).ravel()
+        return composite_gauss(np.array(self.edges), self.points)
 
     @cached_property
     def distances(self) -> tuple[np.ndarray, np.ndarray]:
