@@ -42,6 +42,8 @@ LOW = 0.1
 """Eigenvalues above that may become no zeros with more waves."""
 VANISHES = 1e-6
 """An eigenvalue that is zero but for what is left of the orbit's error."""
+SLOW = 0.01
+"""Of what an eigenvalue lies above those that are low: one that falls by less as waves are doubled stays above."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -265,7 +267,8 @@ def _signs(motion: Motion, second_variation: PointEvaluator) -> tuple[int, int]:
     while True:
         lowest = _eigenvalues(motion, second_variation, waves)
         near = min(np.count_nonzero(lowest <= LOW) + 1, len(before))
-        if near > 0 and np.abs(lowest[:near] - before[:near]).max() <= VANISHES:
+        slack = VANISHES + SLOW * np.maximum(lowest[:near] - LOW, 0)
+        if near > 0 and np.all(np.abs(lowest[:near] - before[:near]) <= slack):
             return int(np.count_nonzero(lowest < -VANISHES)), int(np.count_nonzero(np.abs(lowest) <= VANISHES))
         if waves >= MOST_WAVES:
             raise ValueError(f"the second variation is not resolved by {waves} waves in a period")
