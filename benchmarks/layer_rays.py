@@ -5,42 +5,22 @@ Run: python benchmarks/layer_rays.py [--media N] [--family NAME]
 
 from __future__ import annotations
 
-import csv
 import sys
 import time
-import zlib
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import click
 import numpy as np
 
 from campaigns.layer_fans import FAMILIES, LONGEST, STEEPEST, Scenery, counted, fan, suspects
+from campaigns.ray_campaign import Tally, campaign
 from varcalc import optics
 
 RECORDS = Path(__file__).parent / "records" / "layer_rays.csv"
 RECEIVERS, STOPS = 40, 8
 """Of one source, at so many distances."""
 RAYS = 15_000
-
-
-@dataclass
-class Tally:
-    """What came of a family: pairs, rays, and pairs where fewer are found than there are, by what was said of them.
-
-    ``more`` counts pairs with rays that the fan did not show, each carried to its point; ``unsure`` those that say that
-    some of the search was left unresolved, whatever they found.
-    """
-
-    family: str
-    pairs: int = 0
-    rays: int = 0
-    missed_in_silence: int = 0
-    missed_and_said: int = 0
-    more: int = 0
-    unsure: int = 0
-    seconds: float = 0.0
 
 
 def asked(scenery: Scenery, rng: np.random.Generator, tally: Tally) -> Iterator[str]:
@@ -87,26 +67,7 @@ def asked(scenery: Scenery, rng: np.random.Generator, tally: Tally) -> Iterator[
 @click.option("--family", "families", multiple=True, type=click.Choice(list(FAMILIES)), help="All when left out.")
 def main(media: int, families: tuple[str, ...]) -> None:
     """Run the campaign, store what came of it, and exit 1 when a ray was missed in silence."""
-    tallies = []
-    for family in families or FAMILIES:
-        tally = Tally(family)
-        for number in range(media):
-            rng = np.random.default_rng([zlib.crc32(family.encode()), number])
-            for line in asked(FAMILIES[family](rng), rng, tally):
-                print(f"  {family} {number} {line}", flush=True)
-        print(
-            f"{family}: {tally.pairs} pairs, {tally.rays} rays: {tally.missed_in_silence} missed in silence, "
-            f"{tally.missed_and_said} missed and said so, {tally.more} with more than the fan shows, {tally.unsure} "
-            f"unsure; {tally.pairs / tally.seconds:.0f} pairs a second",
-            flush=True,
-        )
-        tallies.append(tally)
-    if not families:
-        with RECORDS.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, [f.name for f in fields(Tally)])
-            writer.writeheader()
-            writer.writerows({**asdict(t), "seconds": round(t.seconds, 1)} for t in tallies)
-    sys.exit(any(t.missed_in_silence for t in tallies))
+    sys.exit(campaign(FAMILIES, families, media, asked, RECORDS))
 
 
 if __name__ == "__main__":

@@ -5,17 +5,15 @@ Run: python benchmarks/plane_rays.py [--media N] [--family NAME]
 
 from __future__ import annotations
 
-import csv
 import sys
 import time
-import zlib
-from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import click
 import numpy as np
 
 from campaigns.plane_fans import FAMILIES, SIGMA, Scenery, aimed, fan, met
+from campaigns.ray_campaign import Tally, campaign
 from varcalc import optics
 
 RECORDS = Path(__file__).parent / "records" / "plane_rays.csv"
@@ -25,25 +23,6 @@ ROUGH, SAME = 5e-3, 1e-5
 """Launching angles of one ray agree so well as the net has it, and as it is aimed; optical paths to ten times that."""
 EDGE = 1e-3
 """Of the largest optical path: rays so near to it are on neither side."""
-
-
-@dataclass
-class Tally:
-    """What came of a family: pairs, rays, rays that are missed, by what was said, and pairs left open.
-
-    ``more`` counts rays that the net does not show, each confirmed by the fan's own rule, ``unconfirmed`` those that
-    this could not follow as far; all are carried to their points by the library.
-    """
-
-    family: str
-    pairs: int = 0
-    rays: int = 0
-    missed_in_silence: int = 0
-    missed_and_said: int = 0
-    unconfirmed: int = 0
-    more: int = 0
-    unsure: int = 0
-    seconds: float = 0.0
 
 
 def asked(scenery: Scenery, rng: np.random.Generator, tally: Tally) -> list[str]:
@@ -92,25 +71,11 @@ def _alike(one: tuple[float, float], other: tuple[float, float], close: float) -
 
 
 @click.command()
-@click.option("--media", default=20, show_default=True, help="Media of each family.")
-@click.option("--family", type=click.Choice(list(FAMILIES)), default=None, help="Only this one.")
-def main(media: int, family: str | None) -> None:
-    """Ask, print and store what came of it; exit 1 when a ray was missed in silence."""
-    tallies = []
-    for name in [family] if family else list(FAMILIES):
-        tally = Tally(name)
-        for number in range(media):
-            rng = np.random.default_rng([zlib.crc32(name.encode()), number])
-            for line in asked(FAMILIES[name](rng), rng, tally):
-                print(f"{name} {number} {line}", flush=True)
-        print(tally, flush=True)
-        tallies.append(tally)
-    if family is None:
-        with RECORDS.open("w", newline="") as file:
-            writer = csv.DictWriter(file, [f.name for f in fields(Tally)])
-            writer.writeheader()
-            writer.writerows(asdict(one) | {"seconds": round(one.seconds, 1)} for one in tallies)
-    sys.exit(any(one.missed_in_silence for one in tallies))
+@click.option("--media", default=20, show_default=True, help="Random media of each family, 20 pairs in each.")
+@click.option("--family", "families", multiple=True, type=click.Choice(list(FAMILIES)), help="All when left out.")
+def main(media: int, families: tuple[str, ...]) -> None:
+    """Run the campaign, store what came of it, and exit 1 when a ray was missed in silence."""
+    sys.exit(campaign(FAMILIES, families, media, asked, RECORDS))
 
 
 if __name__ == "__main__":

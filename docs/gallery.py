@@ -49,7 +49,9 @@ def write(app: Sphinx) -> None:
     folder.mkdir(exist_ok=True)
     state = folder / ".state.json"
     known = json.loads(state.read_text(encoding="utf-8")) if state.exists() else {}
-    package = _digest(path.read_bytes() for path in sorted(Path(vc.__path__[0]).rglob("*.*")) if path.is_file())
+    # what Python compiles of them comes and goes
+    files = (path for path in sorted(Path(vc.__path__[0]).rglob("*.*")) if path.parent.name != "__pycache__")
+    package = _digest(path.read_bytes() for path in files if path.is_file())
     digests = {s: _digest([package.encode(), s.source.encode()]) for s in catalogued_subjects()}
     stale = [
         s for s, digest in digests.items() if known.get(s.file, [""])[0] != digest or not _place(folder, s).exists()

@@ -168,6 +168,14 @@ class Geodesic:
         return np.array([self.latitude(sigma), self.longitude(sigma)])
 
 
+def by_latitude(spheroid, start, end):
+    """The shortest way on a spheroid between two ends, longitude as a function of latitude."""
+    return vc.Problem(
+        length_by_latitude, start, end, parameters=spheroid, names=LATITUDE_FIRST, units=("rad", "rad"),
+        surface=on_spheroid,
+    )  # fmt: skip
+
+
 northward = Geodesic.between(EARTH, -0.5, 0.8, 0.7)
 flight = Geodesic.between(EARTH, 0.7, 0.75, 1.8, vertex=True)
 flat = Geodesic.between(FLAT, -0.4, 0.9, 1.0)
@@ -175,15 +183,7 @@ flat = Geodesic.between(FLAT, -0.4, 0.9, 1.0)
 references = (
     vc.Reference(
         name="spheroid",
-        problem=vc.Problem(
-            length_by_latitude,
-            vc.Fixed(-0.5, 0),
-            vc.Fixed(0.8, 0.7),
-            parameters=EARTH,
-            names=LATITUDE_FIRST,
-            units=("rad", "rad"),
-            surface=on_spheroid,
-        ),
+        problem=by_latitude(EARTH, vc.Fixed(-0.5, 0), vc.Fixed(0.8, 0.7)),
         exact=vc.Exact(northward.length, northward.longitude_at_latitude, "elliptic integrals"),
         source=SOURCE,
         statement="A geodesic of the Earth in metres, longitude as a function of latitude.",
@@ -221,15 +221,7 @@ references = (
     ),
     vc.Reference(
         name="spheroid/flat",
-        problem=vc.Problem(
-            length_by_latitude,
-            vc.Fixed(-0.4, 0),
-            vc.Fixed(0.9, 1.0),
-            parameters=FLAT,
-            names=LATITUDE_FIRST,
-            units=("rad", "rad"),
-            surface=on_spheroid,
-        ),
+        problem=by_latitude(FLAT, vc.Fixed(-0.4, 0), vc.Fixed(0.9, 1.0)),
         exact=vc.Exact(flat.length, flat.longitude_at_latitude, "elliptic integrals"),
         source=SOURCE,
         statement="A geodesic of a spheroid of flattening 0.4.",

@@ -22,3 +22,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="meet every transformation of every reference by every method, not only by the ladder and a part by each",
     )
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What takes longest is begun first: begun last, it would keep the other workers waiting."""
+    items.sort(key=lambda item: item.get_closest_marker("longest") is None)

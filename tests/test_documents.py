@@ -100,6 +100,7 @@ def misread_fields(page):
     ]  # fmt: skip
 
 
+@pytest.mark.longest
 def test_pages_are_built_and_read_as_they_were_written():
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", str(DOCS), str(BUILT)]
     built = subprocess.run(command, capture_output=True, text=True, check=False)

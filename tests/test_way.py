@@ -65,10 +65,10 @@ def verified(problem):
 @pytest.mark.parametrize(
     ("name", "prepared", "most"),
     [
-        ("solve, a plain problem", lambda: solved(film()), 41),
-        ("solve, a singular end", lambda: solved(descent()), 39),
+        ("solve, a plain problem", lambda: solved(film()), 39),
+        ("solve, a singular end", lambda: solved(descent()), 37),
         ("verify", lambda: verified(film()), 36),
-        ("rays", rays, 48),
+        ("rays", rays, 47),
     ],
 )
 def test_the_way_is_short(name, prepared, most):

@@ -18,7 +18,7 @@ A function is called as ``progress(done, total, what)``: steps done, their numbe
 what comes next, in words. None shows a bar to whoever is watching, on a terminal or in a notebook, once the call has
 taken a second, and nothing to a script; True shows it at once and anywhere, False never.
 """
-PATIENCE = 1.0
+SECONDS_WITHOUT_BAR = 1.0
 """Seconds for which nobody wants to see a bar."""
 
 
@@ -40,7 +40,7 @@ class Telling:
             )
         self._function = progress if callable(progress) else None
         shown = _watched() if progress is None else progress is True
-        self._from = time.perf_counter() + (0.0 if progress is True else PATIENCE) if shown else float("inf")
+        self._from = time.perf_counter() + (0.0 if progress is True else SECONDS_WITHOUT_BAR) if shown else float("inf")
         self._title = title
         self._bar: _Bar | None = None
 

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 
 LINE = 100
 """Characters of a repr, at most."""
-MANY = 4
+MOST_ENTRIES = 4
 """Entries of a sequence that are written out; of more, only the number is."""
 LONG_TEXT = 40
-ROOM = 150
+FACT_WIDTH = 150
 """Characters of a fact in a print, about."""
 PICTURE_DPI = 60
 """Of the picture in a notebook: a small one."""
@@ -150,7 +150,7 @@ def _number(value: np.generic) -> str:
 
 @brief.register
 def _array(value: np.ndarray) -> str:
-    return brief(value.tolist()) if value.ndim == 1 and value.size <= MANY else f"array{value.shape}"
+    return brief(value.tolist()) if value.ndim == 1 and value.size <= MOST_ENTRIES else f"array{value.shape}"
 
 
 @brief.register
@@ -178,7 +178,7 @@ def _record(thing: Any) -> str:
 
 
 def _many(value: Sequence[Any] | Mapping[Any, Any], left: str, parts: Iterable[str], right: str) -> str:
-    if len(value) <= MANY and len(short := left + ", ".join(parts) + right) <= LONG_TEXT:
+    if len(value) <= MOST_ENTRIES and len(short := left + ", ".join(parts) + right) <= LONG_TEXT:
         return short
     return f"{left}{len(value)} entries{right[-1]}"
 
@@ -215,7 +215,7 @@ def listed(values: Mapping[str, float]) -> str:
     >>> listed({"g": 9.81, "h": 1.0})
     'g = 9.81, h = 1'
     """
-    return shorten(", ".join(f"{name} = {value:.9g}" for name, value in values.items()), ROOM, placeholder=" ...")
+    return shorten(", ".join(f"{name} = {value:.9g}" for name, value in values.items()), FACT_WIDTH, placeholder=" ...")
 
 
 def equations(lines: Sequence[str]) -> str:

@@ -13,7 +13,7 @@ T = TypeVar("T", bound=Callable[..., Any])
 
 SPELLINGS = (("imise", "imize"), ("centre", "center"))
 """What is spelt one way in Britain and another in America, among the names of arguments."""
-ALIKE = 0.6
+LIKENESS = 0.6
 """Likeness of two words (difflib's ratio) from which on one may have been meant by the other."""
 BEGINNING = 3
 """Letters that a name must share with a longer one to be taken for its short form."""
@@ -33,7 +33,7 @@ def near(word: str, known: Iterable[str]) -> str:
         if min(len(name), len(sought)) >= BEGINNING
         and (name.startswith(sought) or name.endswith(sought) or sought.startswith(name))
     ]
-    alike = [sought] if sought in folded else difflib.get_close_matches(sought, folded, 1, ALIKE) or parts
+    alike = [sought] if sought in folded else difflib.get_close_matches(sought, folded, 1, LIKENESS) or parts
     return f"; did you mean {folded[alike[0]]!r}?" if alike else ""
 
 

@@ -11,7 +11,7 @@ import varcalc as vc
 from varcalc.charts import comparison_picture
 from varcalc.charts.colours import COLOURS
 from varcalc.charts.comparison import ROUNDING_LABEL
-from varcalc.charts.lines import ALIGNED, DRAWN_POINTS, Line, distance_to, free_directions
+from varcalc.charts.lines import ALIGNED, DRAWN_POINTS, DrawnCurve, distance_to, free_directions
 from varcalc.charts.panels import FLOOR, LABEL_GAP, apart
 from varcalc.solution import ErrorEstimate, Solution, Status
 from varcalc.study.compare import Comparison, Row
@@ -222,7 +222,9 @@ def test_a_curve_is_drawn_in_its_plane_or_by_components(dimension):
 
 
 def test_distance_does_not_depend_on_the_parametrisation():
-    circle = Line("circle", "0", lambda t: np.array([np.cos(2 * np.pi * t**2), np.sin(2 * np.pi * t**2)]), (0.0, 1.0))
+    circle = DrawnCurve(
+        "circle", "0", lambda t: np.array([np.cos(2 * np.pi * t**2), np.sin(2 * np.pi * t**2)]), (0.0, 1.0)
+    )
     angles = np.linspace(0.1, 6.1, 200)
     outside = (1 + 1e-11) * np.array([np.cos(angles), np.sin(angles)])
     np.testing.assert_allclose(distance_to(circle, outside), 1e-11, rtol=1e-4)

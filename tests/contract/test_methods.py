@@ -224,6 +224,16 @@ def test_another_rung_gives_the_same_answer(reference, answer):
         assert distance <= allowed, f"{one} and {other}"
 
 
+def test_verify_says_of_the_answer_what_solve_says(reference, answer):
+    solution = answer(LADDER, 1e-10)
+    check = vc.verify(solution)
+    assert check.verdict is (vc.Verdict.MAXIMUM if solution.problem.maximise else vc.Verdict.MINIMUM)
+    assert check.index == 0
+    assert len(check.conjugate_points) == 0
+    assert set(check.routes.values()) <= {0, None}
+    assert check.bound == pytest.approx(solution.value, rel=1e-9, abs=1e-9)
+
+
 @pytest.mark.parametrize("label", ROUTES)
 def test_few_claims_are_cautious(label):
     """What the tables leave open is less than what the catalogue as a whole may.

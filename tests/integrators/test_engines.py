@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from varcalc import integrators
-from varcalc.integrators import Dop853, OnDemand, Outcome, Taylor, variational
+from varcalc.integrators import Dop853, OnDemand, RunOutcome, Taylor, variational
 
 pytest.importorskip("heyoka", reason="the Taylor engine is heyoka's")
 
@@ -91,7 +91,7 @@ def test_blow_up_is_told_with_its_place(engine):
     s, state, constants = ca.SX.sym("s"), ca.SX.sym("Y"), ca.SX.sym("c", 0)
     flow = engine.compile(ca.Function("square", [s, state, constants], [state**2]))
     run = flow.trajectory(np.array([0.0, 0.5, 3.0]), np.array([1.0]), np.zeros(0))
-    assert run.outcome in (Outcome.BLOW_UP, Outcome.TOO_MANY_STEPS)
+    assert run.outcome in (RunOutcome.BLOW_UP, RunOutcome.TOO_MANY_STEPS)
     assert run.reached == pytest.approx(1.0, abs=1e-6)
     assert np.isnan(run.states[-1, 0])
     assert run.states[1, 0] == pytest.approx(2.0, rel=1e-11)
@@ -102,7 +102,7 @@ def test_a_start_outside_the_domain_is_told(engine):
     s, state, constants = ca.SX.sym("s"), ca.SX.sym("Y"), ca.SX.sym("c", 0)
     flow = engine.compile(ca.Function("root", [s, state, constants], [ca.sqrt(state - 2)]))
     run = flow.trajectory(np.array([0.0, 1.0]), np.array([1.0]), np.zeros(0))
-    assert run.outcome is Outcome.NOT_FINITE
+    assert run.outcome is RunOutcome.NOT_FINITE
     assert run.reached == 0.0
 
 
@@ -110,7 +110,7 @@ def test_a_start_outside_the_domain_is_told(engine):
 def test_steps_are_bounded(engine):
     few = OnDemand(Dop853(most_steps=3)) if isinstance(engine, OnDemand) else type(engine)(most_steps=3)
     run = few.compile(pendulum()).trajectory(np.array([0.0, 1000.0]), START, np.array([1.0]))
-    assert run.outcome is Outcome.TOO_MANY_STEPS
+    assert run.outcome is RunOutcome.TOO_MANY_STEPS
 
 
 def test_on_demand_goes_over_to_taylor_when_that_pays():

@@ -4,13 +4,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc.integrators import NONE, OUTCOMES, Dop853, OnDemand, Outcome, Taylor
+from varcalc.integrators import NONE, OUTCOMES, Dop853, OnDemand, RunOutcome, Taylor
 
 pytest.importorskip("heyoka", reason="the Taylor engine is heyoka's")
 
 ENGINES = [Taylor(), Dop853(), OnDemand()]
 STOPPED, BLOW_UP, NOT_FINITE, TOO_MANY = (
-    OUTCOMES.index(o) for o in (Outcome.STOPPED, Outcome.BLOW_UP, Outcome.NOT_FINITE, Outcome.TOO_MANY_STEPS)
+    OUTCOMES.index(o)
+    for o in (RunOutcome.STOPPED, RunOutcome.BLOW_UP, RunOutcome.NOT_FINITE, RunOutcome.TOO_MANY_STEPS)
 )
 
 
@@ -106,7 +107,7 @@ def test_an_ensemble_goes_to_abscissae_of_its_own(engine):
     good = np.arange(11) != 4
     np.testing.assert_allclose(landing.states[good, 0], 1 / (1 - until[good]), rtol=1e-10)
     np.testing.assert_array_equal(landing.reached[good], until[good])
-    assert np.all(landing.outcomes[good] == OUTCOMES.index(Outcome.COMPLETED))
+    assert np.all(landing.outcomes[good] == OUTCOMES.index(RunOutcome.COMPLETED))
     assert landing.outcomes[4] in (BLOW_UP, TOO_MANY)
     assert np.isfinite(landing.states[4, 0])
 

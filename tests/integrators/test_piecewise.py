@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc.integrators import Dop853, Outcome, Piecewise, for_one
+from varcalc.integrators import Dop853, Piecewise, RunOutcome, for_one
 from varcalc.symbolic.sides import Sides
 
 ENGINES = [Piecewise(for_one(4000, quick=True)), Piecewise(Dop853())]
@@ -117,7 +117,7 @@ def test_what_depends_on_whole_numbers_only():
 
 def test_where_the_equations_do_not_say_how_to_go_on():
     ridge = ENGINES[0].compile(system(ca.sign(y[0])))
-    assert ridge.trajectory(np.array([0.0, 1.0]), np.zeros(2), np.zeros(1)).outcome is Outcome.UNDECIDED
+    assert ridge.trajectory(np.array([0.0, 1.0]), np.zeros(2), np.zeros(1)).outcome is RunOutcome.UNDECIDED
     assert ridge.trajectory(np.array([0.0, 1.0]), np.array([0.0, -1.0]), np.zeros(1)).states[-1, 0] == -1.5
 
 

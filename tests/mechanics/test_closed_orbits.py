@@ -37,6 +37,9 @@ def test_rest_is_a_closed_orbit_of_any_period_with_the_index_of_its_waves(period
     assert (orbit.index, orbit.nullity) == (index, 0)
     angles = np.sort(np.angle(orbit.multipliers) % (2 * np.pi))
     np.testing.assert_allclose(angles, np.sort([period % (2 * np.pi), -period % (2 * np.pi)]), atol=1e-12)
+
+
+def test_upright_rest_is_a_closed_orbit_of_the_index_zero():
     upright = pendulum.orbit([np.pi], [0.0], 6.5)
     np.testing.assert_allclose(np.abs(upright.multipliers), np.exp([6.5, -6.5]), rtol=1e-9)
     assert not upright.stable

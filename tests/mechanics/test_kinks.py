@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from varcalc import mechanics
-from varcalc.integrators import Outcome
+from varcalc.integrators import RunOutcome
 
 
 def one(potential, **more):
@@ -88,7 +88,7 @@ def test_friction_brings_to_rest():
 def test_a_step_of_the_potential_is_an_impulse_and_ends_the_motion():
     step = one(lambda t, x: ca.if_else(x < 0, 0, 1.0))
     motion = step.motion([-1.0], [2.0], (0.0, 3.0))
-    assert motion.outcome is Outcome.IMPULSE
+    assert motion.outcome is RunOutcome.IMPULSE
     assert motion.span[1] == pytest.approx(0.5, rel=1e-14)
 
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from varcalc import mechanics
-from varcalc.integrators.protocol import Outcome
+from varcalc.integrators.protocol import RunOutcome
 from varcalc.study.experiments import experiment_catalogue, load_experiment
 
 PENDULUM = mechanics.System(lambda t, q, v: v[0] ** 2 / 2 + ca.cos(q[0]), ("theta",))
@@ -145,7 +145,7 @@ def test_an_ensemble_goes_as_its_motions_do_and_says_which_ended():
     falling = mechanics.System(lambda t, q, v: v[0] ** 2 / 2 + 1 / q[0], ("r",))
     some = falling.ensemble([[1.0], [1.0]], [[0.0], [2.0]], [0.0, 0.5, 3.0])
     assert some.completed.tolist() == [False, True]
-    assert some.outcomes[0] is not Outcome.COMPLETED
+    assert some.outcomes[0] is not RunOutcome.COMPLETED
     assert np.isfinite(some.q[0, 0, 1])
     assert np.isnan(some.q[0, 0, 2])
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from varcalc import mechanics
-from varcalc.integrators import Outcome
+from varcalc.integrators import RunOutcome
 
 oscillators = mechanics.System(lambda t, q, v: ca.sumsqr(v) / 2 - (q[0] ** 2 + 2 * q[1] ** 2) / 2, ("x", "y"))
 RISING = mechanics.Event(lambda t, q, v: q[0], "x = 0", direction=1)
@@ -24,7 +24,7 @@ def test_a_section_of_two_oscillators():
     turned = np.sqrt(2) * (exact - 1.0)
     y = q0[:, 1:] * np.cos(turned) + v0[:, 1:] / np.sqrt(2) * np.sin(turned)
     np.testing.assert_allclose(found.q[:, 1], y, atol=1e-12)
-    assert found.outcomes == (Outcome.STOPPED,) * 3
+    assert found.outcomes == (RunOutcome.STOPPED,) * 3
 
 
 def test_motions_that_do_not_come_there_and_one_that_begins_there():
@@ -33,7 +33,7 @@ def test_motions_that_do_not_come_there_and_one_that_begins_there():
     np.testing.assert_array_equal(found.counts, [0, 1, 0])  # the start itself does not count
     assert found.times[1, 0] == pytest.approx(np.pi, abs=1e-13)
     assert np.all(np.isnan(found.q[0]))
-    assert found.outcomes == (Outcome.COMPLETED,) * 3
+    assert found.outcomes == (RunOutcome.COMPLETED,) * 3
 
 
 def test_many_motions_pass_when_one_of_them_does():

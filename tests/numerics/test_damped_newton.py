@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from varcalc.numerics.damped_newton import Ending, Linearised, damped_newton
+from varcalc.numerics.damped_newton import Ending, LinearisedEquations, damped_newton
 
 
 @dataclass
@@ -33,7 +33,7 @@ class Scaled:
             except np.linalg.LinAlgError:
                 return None
 
-        return Linearised(correction, lambda step: float(np.linalg.norm(step)))
+        return LinearisedEquations(correction, lambda step: float(np.linalg.norm(step)))
 
 
 def run(function, derivative, z, matrix=None, iterations=60, **options):

@@ -8,14 +8,17 @@ import subprocess
 import sys
 import time
 
+import casadi as ca
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import varcalc as vc
 from varcalc.charts.themed_svg import DARK, LIGHT, contrast, in_the_dark, readable
 from varcalc.cli import main
+from varcalc.report.evidence import certificate_section
 from varcalc.report.formulas import mathml
-from varcalc.report.gallery import LOST, write_pages
+from varcalc.report.gallery import CRASHED, write_pages
 from varcalc.report.page import Mark
 from varcalc.report.pictures import sketch
 from varcalc.report.question import asked_of_problem, asked_of_scene, asked_of_system
@@ -142,7 +145,7 @@ def test_a_process_that_dies_takes_no_other_page_along(tmp_path):
     subjects = subjects_of([str(deadly), "lever"])
     entries = {entry.name: entry for entry in write_pages(subjects, tmp_path, 2)}
     assert entries["deadly"].mark is Mark.BAD
-    assert LOST in (tmp_path / "deadly.html").read_text(encoding="utf-8")
+    assert CRASHED in (tmp_path / "deadly.html").read_text(encoding="utf-8")
     assert entries["lever"].mark is Mark.GOOD
     assert not multiprocessing.active_children()
 
@@ -190,3 +193,16 @@ def test_the_command_refuses(arguments, said):
     result = CliRunner().invoke(main, ["report", *arguments])
     assert result.exit_code == 2
     assert said in result.output
+
+
+def test_the_page_states_the_theorem_with_all_that_limits_it():
+    def length(_x, _y, dy):
+        return ca.sqrt(1 + dy**2)
+
+    level = vc.Isoperimetric(length, 1.2)
+    dido = vc.Problem(lambda x, y, dy: y, vc.Fixed(0, 0), vc.Fixed(1, 0), [level], maximise=True)
+    certificate = vc.certify(vc.solve(dido))
+    [theorem, _] = certificate_section(certificate, "", 2).parts
+    [over] = [fact.text for fact in theorem.facts if fact.label == "Of"]
+    assert certificate.integrals
+    assert all(f"{width:.3g} of its integral up to any x" in over for width in certificate.integrals)

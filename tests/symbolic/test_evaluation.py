@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc.symbolic.evaluation import COLUMN, MANY, MOST_POINTS, TOGETHER, PointEvaluator
+from varcalc.symbolic.evaluation import COLUMN, MOST_POINTS, POINTS_FOR_NUMPY, TOGETHER, PointEvaluator
 from varcalc.symbolic.instructions import UNARY
 
 X, Y, P = ca.SX.sym("x"), ca.SX.sym("y", 2), ca.SX.sym("p")
@@ -22,7 +22,7 @@ EXPRESSIONS = {
 }
 
 
-@pytest.mark.parametrize("count", [1, 3, TOGETHER, TOGETHER + 5, MANY, COLUMN + 17])
+@pytest.mark.parametrize("count", [1, 3, TOGETHER, TOGETHER + 5, POINTS_FOR_NUMPY, COLUMN + 17])
 @pytest.mark.parametrize("name", EXPRESSIONS)
 def test_any_number_of_points_gives_what_casadi_does(name, count):
     function = ca.Function("f", [X, Y, P], [ca.densify(EXPRESSIONS[name])])
@@ -32,7 +32,9 @@ def test_any_number_of_points_gives_what_casadi_does(name, count):
         [np.asarray(function(*point)).ravel() for point in zip(x, y, np.tile(p, (count, 1)), strict=True)]
     )
     evaluate = PointEvaluator(function)
-    for _ in range(2 + MOST_POINTS // count if count >= MANY else 2):  # before the instructions are read, and after
+    for _ in range(
+        2 + MOST_POINTS // count if count >= POINTS_FOR_NUMPY else 2
+    ):  # before the instructions are read, and after
         found = evaluate(count, x, y, p)
     np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-15)
 

@@ -12,6 +12,7 @@ import varcalc as vc
 from varcalc.formulation.singular import forms
 from varcalc.verify import slopes as trial
 from varcalc.verify.slopes import vouched
+from varcalc.verify.verification import SLOPE_TURNS
 
 
 def graph(lagrangian, n=1):
@@ -29,8 +30,8 @@ def judged(problem):
     ("lagrangian", "slopes"),
     [
         (lambda x, y, v: (2 + ca.sin(y)) * v**2 + x * v, [1]),
-        (lambda x, y, v: ca.sqrt(1 + v**2), [len(trial.SLOPE_TURNS)]),
-        (lambda x, y, v: v**4 - v**2, [len(trial.SLOPE_TURNS)]),
+        (lambda x, y, v: ca.sqrt(1 + v**2), [len(SLOPE_TURNS)]),
+        (lambda x, y, v: v**4 - v**2, [len(SLOPE_TURNS)]),
     ],
 )
 def test_where_l_is_quadratic_in_the_slope_its_own_tells_of_all(monkeypatch, lagrangian, slopes):
@@ -51,8 +52,8 @@ def test_where_l_is_quadratic_in_the_slope_its_own_tells_of_all(monkeypatch, lag
     [
         (lambda x, y, v: ca.sqrt(1 + v**2), 3),  # the root of a positive quadratic form
         (lambda x, y, v: (2 + ca.sin(y)) * ca.sqrt(2 + v + v**2), 3),
-        (lambda x, y, v: ca.sqrt(1 + v**2) + v**2, 2 + len(trial.SLOPE_TURNS)),
-        (lambda x, y, v: ca.sqrt(1 + v**2) - 5, 2 + len(trial.SLOPE_TURNS)),  # convex, but not positive
+        (lambda x, y, v: ca.sqrt(1 + v**2) + v**2, 2 + len(SLOPE_TURNS)),
+        (lambda x, y, v: ca.sqrt(1 + v**2) - 5, 2 + len(SLOPE_TURNS)),  # convex, but not positive
     ],
 )
 def test_what_was_evaluated_along_the_curve_is_enough(monkeypatch, lagrangian, slopes):

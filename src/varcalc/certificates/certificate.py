@@ -121,16 +121,18 @@ class Certificate(ProvedInterval):
 
     def _headline(self) -> str:
         what = "supremum" if self.solution.problem.maximise else "infimum"
-        return f"Theorem: the {what} of {self.solution.problem.name} over {self._curves()} lies between two numbers."
+        return f"Theorem: the {what} of {self.solution.problem.name} over {self.curves} lies between two numbers."
 
     def __str__(self) -> str:
         what = "supremum" if self.solution.problem.maximise else "infimum"
         near = f"{self.distance.largest:.1g} of the curve ({self.distance.mean:.1g} in root mean square)"
         # an eigenfunction's negative is as good as itself
         more = f"Whatever is as good lies within {near}." if self.distance.largest < math.inf else ""
-        return self._theorem(f"{what} of {self.solution.problem.name} over {self._curves()}", more)
+        return self._theorem(f"{what} of {self.solution.problem.name} over {self.curves}", more)
 
-    def _curves(self) -> str:
+    @property
+    def curves(self) -> str:
+        """The curves of the scope, in words."""
         if self.scope is Scope.ALL:
             return self.scope.value
         slopes = f" and {self.slopes:.3g} of its slope" if self.slopes < math.inf else ", of any slope"

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from varcalc.certificates.ends import bears, end_bends, fits, prove_ends
-from varcalc.certificates.field import Field, field, parted, turned_dynamics
+from varcalc.certificates.field import JacobiFields, field, parted, turned_dynamics
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.tube import Prover, Tube, slopes
@@ -68,7 +68,7 @@ def proved_tube(setting: Setting) -> Prover:
     raise Unproved(reason or "the inequality holds in no tube, however narrow")
 
 
-def _field(setting: Setting) -> tuple[float, float, Field | None]:
+def _field(setting: Setting) -> tuple[float, float, JacobiFields | None]:
     """kappa, mu and the field, with kappa as great as the field allows; no field where H is convex enough."""
     m = setting.statement.states
     hessians = np.concatenate(setting.scaled)
@@ -94,10 +94,10 @@ def _field(setting: Setting) -> tuple[float, float, Field | None]:
 
 def _greatest(
     setting: Setting, stiffness: float, bends: tuple[np.ndarray, np.ndarray]
-) -> tuple[float, float, Field] | None:
+) -> tuple[float, float, JacobiFields] | None:
     """The field of the greatest kappa that is even enough."""
     m, scales = setting.statement.states, np.concatenate(setting.sizes)
-    fields: list[tuple[float, float, Field]] = []
+    fields: list[tuple[float, float, JacobiFields]] = []
     for share in KAPPAS:
         kappa, mu = share * stiffness, min(0.1 * share, 0.25) * stiffness
         lowered = MARGIN * np.r_[np.full(m, kappa), np.full(len(scales) - m, mu)] / scales**2
@@ -112,7 +112,7 @@ def _greatest(
     return next(f for f in fields if f[2].evenness >= enough)
 
 
-def _tube(setting: Setting, found: Field | None, kappa: float, mu: float, delta: float) -> Tube:
+def _tube(setting: Setting, found: JacobiFields | None, kappa: float, mu: float, delta: float) -> Tube:
     """The tube of half-width ``delta``, with bounds that the curve's own second derivatives suggest."""
     stated, (states, controls) = setting.statement, setting.sizes
     m = stated.states

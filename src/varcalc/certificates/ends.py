@@ -13,7 +13,7 @@ from varcalc.certificates.balls import Ball, flint
 from varcalc.certificates.certificate import Hypothesis, Means
 from varcalc.certificates.cost import Cost
 from varcalc.certificates.curve import Samples, end_values
-from varcalc.certificates.field import Field
+from varcalc.certificates.field import JacobiFields
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, Undecided
 from varcalc.certificates.statement import Statement
@@ -86,7 +86,7 @@ def prove_ends(prover: Prover) -> list[Hypothesis]:
     return [Hypothesis("the terms of the ends that are free or slide are not negative", Means.BALLS)]
 
 
-def bears(stated: Statement, joints: np.ndarray, field: Field) -> bool:
+def bears(stated: Statement, joints: np.ndarray, field: JacobiFields) -> bool:
     """Whether a field leaves the terms of the ends positive, in numbers."""
     cost = stated.cost
     jet = None if cost is None else cost.jet(*end_values(stated, joints), 2)

@@ -19,7 +19,7 @@ from varcalc.certificates.statement import Statement
 
 
 @dataclass(frozen=True)
-class Field:
+class JacobiFields:
     """U and M at the nodes of each piece: (pieces, N + 1, m, m); shared where pieces meet.
 
     ``evenness`` is the least singular value of U over the greatest anywhere: small where a conjugate point is near.
@@ -49,7 +49,7 @@ def turned_dynamics(statement: Statement, samples: Samples) -> tuple[np.ndarray,
 
 def field(
     statement: Statement, samples: Sequence[Samples], lowered: np.ndarray, bends: tuple[np.ndarray, np.ndarray]
-) -> Field | None:
+) -> JacobiFields | None:
     """A field of Jacobi's equation with the diagonal ``lowered`` (m + n,); None where there is none to be seen.
 
     ``bends`` (m, m) are the second derivatives of what the start and the end cost.
@@ -66,7 +66,7 @@ def field(
         parts.append(part)
     U, M = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     singular = np.linalg.svd(U, compute_uv=False)
-    return Field(U, M, float(singular.min() / singular.max()))
+    return JacobiFields(U, M, float(singular.min() / singular.max()))
 
 
 def parted(statement: Statement, samples: Sequence[Samples]) -> list[int]:

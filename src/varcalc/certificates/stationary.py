@@ -31,7 +31,7 @@ STIFFNESSES = (3.0, 30.0, 300.0)
 
 
 @dataclass(frozen=True)
-class Lagrange:
+class LagrangeFunction:
     """l(z, lambda; parameters), one number, of ``count`` unknowns z, with the equations' multipliers last.
 
     ``scales`` are the sizes of all variables, by which boxes are measured.

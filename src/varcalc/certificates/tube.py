@@ -19,7 +19,7 @@ import numpy as np
 
 from varcalc.certificates.balls import Around, Ball, Box, Series, enclosed, flint, polynomial
 from varcalc.certificates.curve import Piece
-from varcalc.certificates.field import Field, dynamics
+from varcalc.certificates.field import JacobiFields, dynamics
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Undecided
 from varcalc.certificates.statement import Statement
@@ -75,7 +75,7 @@ class Slopes:
         return (around.series(around.box.local(self.U[0][0])) if len(M) == 1 else 1), M
 
 
-def slopes(field: Field | None, count: int, states: int, parted: Sequence[int] = ()) -> list[Slopes]:
+def slopes(field: JacobiFields | None, count: int, states: int, parted: Sequence[int] = ()) -> list[Slopes]:
     """Q of each piece, continuous but for where ``parted`` pieces begin."""
     if field is None:
         return [Slopes.none(states)] * count

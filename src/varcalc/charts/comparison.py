@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from varcalc.charts.colours import EXACT_COLOUR, INK, colours_of
 from varcalc.charts.lines import (
     ALIGNED,
-    Line,
+    DrawnCurve,
     aligned,
     distance_along,
     envelope,
@@ -85,7 +85,7 @@ def comparison_picture(
     return figure
 
 
-def _lines(comparison: Comparison) -> tuple[list[Line], Line | None]:
+def _lines(comparison: Comparison) -> tuple[list[DrawnCurve], DrawnCurve | None]:
     """The curves of the routes that answered, and the exact one if there is one."""
     n = comparison.problem.n
     colours = colours_of(comparison.rows)
@@ -94,19 +94,19 @@ def _lines(comparison: Comparison) -> tuple[list[Line], Line | None]:
         return routes, None
     span = routes[0].span if routes else comparison.problem.span
     closed = is_closed(comparison.problem)
-    return routes, Line("closed form", EXACT_COLOUR, shaped(comparison.exact.y, n), span, closed)
+    return routes, DrawnCurve("closed form", EXACT_COLOUR, shaped(comparison.exact.y, n), span, closed)
 
 
-def _route(row: Row, colour: str, n: int) -> Line:
+def _route(row: Row, colour: str, n: int) -> DrawnCurve:
     solution = row.solution
     if solution is None:
         raise ValueError(f"{row.label} holds no solution, so it has no curve")
     if isinstance(solution.problem, Curve):
-        return Line(row.label, colour, shaped(solution.q, n), (0.0, 1.0), is_closed(solution.problem))
-    return Line(row.label, colour, shaped(solution.y, n), solution.interval)
+        return DrawnCurve(row.label, colour, shaped(solution.q, n), (0.0, 1.0), is_closed(solution.problem))
+    return DrawnCurve(row.label, colour, shaped(solution.y, n), solution.interval)
 
 
-def _most_certain(comparison: Comparison, routes: Sequence[Line]) -> Line:
+def _most_certain(comparison: Comparison, routes: Sequence[DrawnCurve]) -> DrawnCurve:
     claims = [row.solution.error.curve for row in comparison.rows if row.ok and row.solution is not None]
     return routes[int(np.argmin(claims))]
 
@@ -126,7 +126,7 @@ def _panels(count: int, in_plane: bool, with_differences: bool) -> tuple[Figure,
 
 
 def _draw_curves(
-    panels: Sequence[Axes], routes: Sequence[Line], exact: Line | None, problem: Functional, in_plane: bool
+    panels: Sequence[Axes], routes: Sequence[DrawnCurve], exact: DrawnCurve | None, problem: Functional, in_plane: bool
 ) -> None:
     """The closed form as a wide band; upon it the routes in stripes that alternate where they coincide."""
     if exact is not None:
@@ -159,7 +159,11 @@ def _draw_legend(figure: Figure, panel: Axes, note: str, beneath: bool) -> None:
 
 
 def _draw_line(
-    panels: Sequence[Axes], line: Line, in_plane: bool, width: float, style: str | tuple[float, tuple[float, float]]
+    panels: Sequence[Axes],
+    line: DrawnCurve,
+    in_plane: bool,
+    width: float,
+    style: str | tuple[float, tuple[float, float]],
 ) -> None:
     s = line.samples()
     points = line.at(s)
@@ -177,7 +181,7 @@ def _stripe(index: int, count: int) -> str | tuple[float, tuple[float, float]]:
     return (count - index) * STRIPE, (STRIPE, (count - 1) * STRIPE)
 
 
-def _draw_differences(panel: Axes, routes: Sequence[Line], reference: Line, along: bool) -> None:
+def _draw_differences(panel: Axes, routes: Sequence[DrawnCurve], reference: DrawnCurve, along: bool) -> None:
     scale = float(np.nanmax(np.abs(reference.at(reference.samples())))) or 1.0
     levels = []
     for i, line in enumerate(routes):

@@ -22,9 +22,9 @@ NET_LINES = 25
 """Lines of a net in each direction of a surface."""
 SECTIONS, SECTION_POINTS = 13, 81
 """Planes in each direction that cut a surface given by an equation, and places along each side of one."""
-BEYOND = 0.4
+SURFACE_MARGIN = 0.4
 """Of the extent of a curve: by how much its surface is drawn beyond it."""
-SAME = 1e-9
+CLOSED_TURN = 1e-9
 """Of the size of a surface: points that are so near are one, where an angle has made a turn."""
 TURN = 2 * np.pi
 STRAIGHT = 1e-3
@@ -137,8 +137,8 @@ def _net(problem: Functional, places: Sequence[np.ndarray]) -> Net:
     for k, (a, b) in enumerate(zip(low, high, strict=True)):
         turned = middle + TURN * (np.arange(len(middle)) == k)[:, None]
         away = np.abs(problem.on_surface(turned) - problem.on_surface(middle)).max()
-        room = BEYOND * (b - a or 1.0)
-        ranges.append(((a + b - TURN) / 2, (a + b + TURN) / 2) if away <= SAME * size else (a - room, b + room))
+        room = SURFACE_MARGIN * (b - a or 1.0)
+        ranges.append(((a + b - TURN) / 2, (a + b + TURN) / 2) if away <= CLOSED_TURN * size else (a - room, b + room))
     first, second = (np.linspace(a, b, 4 * NET_LINES) for a, b in ranges)
     few = [np.linspace(a, b, NET_LINES) for a, b in ranges]
     lines = [np.vstack([np.full_like(second, value), second]) for value in few[0]]
@@ -151,7 +151,7 @@ def _sections(problem: Functional, curves: Sequence[np.ndarray]) -> list[Net]:
     held = [t.expression for t in problem.traced if isinstance(t.constraint, Holonomic)]
     every = np.concatenate(curves, axis=1)
     middle = (every.min(axis=1) + every.max(axis=1)) / 2
-    half = (0.5 + BEYOND) * float(np.ptp(every, axis=1).max() or 1.0)
+    half = (0.5 + SURFACE_MARGIN) * float(np.ptp(every, axis=1).max() or 1.0)
     return [Net(list(_cuts(problem, phi, middle, half))) for phi in held]
 
 

@@ -20,7 +20,7 @@ MOST_TICKS = 5
 MERIDIANS = 13
 """Of the sphere that an orbit lies on."""
 FAINT: dict[str, Any] = {"color": "0.75", "linewidth": 0.5}
-ELEVATIONS, ASIDE = (-40.0, 60.0), 15.0
+ELEVATIONS, FROM_THE_SIDE = (-40.0, 60.0), 15.0
 """Between which, in degrees, things in space are looked at, and by how much from the side."""
 
 
@@ -65,7 +65,10 @@ def _in_space(axes: Any, panel: Panel) -> None:
     if panel.towards is not None:
         x, y, z = panel.towards
         up = float(np.degrees(np.arctan2(z, np.hypot(x, y))))
-        axes.view_init(elev=float(np.clip(up, *ELEVATIONS)) + ASIDE, azim=float(np.degrees(np.arctan2(y, x))) + ASIDE)
+        axes.view_init(
+            elev=float(np.clip(up, *ELEVATIONS)) + FROM_THE_SIDE,
+            azim=float(np.degrees(np.arctan2(y, x))) + FROM_THE_SIDE,
+        )
     _fill(axes, panel)
     axes.set_zlabel(panel.z)
     axes.locator_params(nbins=MOST_TICKS)

@@ -29,7 +29,7 @@ Points = np.ndarray
 
 
 @dataclass(frozen=True)
-class Line:
+class DrawnCurve:
     """A curve to draw: ``at`` maps parameters of shape (m,) within ``span`` to points of shape (n, m)."""
 
     label: str
@@ -49,7 +49,7 @@ def shaped(curve: Callable[[np.ndarray], object], n: int) -> Callable[[np.ndarra
     return lambda s: np.broadcast_to(np.asarray(curve(s), dtype=float), (n, s.size))
 
 
-def distance_along(line: Line, reference: Line, along: bool) -> tuple[np.ndarray, np.ndarray]:
+def distance_along(line: DrawnCurve, reference: DrawnCurve, along: bool) -> tuple[np.ndarray, np.ndarray]:
     """Places on ``line`` and their distances from ``reference``.
 
     Graphs are compared at equal abscissae, over what both cover. Curves that
@@ -63,12 +63,12 @@ def distance_along(line: Line, reference: Line, along: bool) -> tuple[np.ndarray
     return s, np.linalg.norm(line.at(s) - reference.at(s), axis=0)
 
 
-def distance_to(reference: Line, points: Points) -> np.ndarray:
+def distance_to(reference: DrawnCurve, points: Points) -> np.ndarray:
     """The distance of each point, shape (n, m), from the curve ``reference``."""
     return np.linalg.norm(points - reference.at(nearest(reference, points)), axis=0)
 
 
-def nearest(reference: Line, points: Points) -> np.ndarray:
+def nearest(reference: DrawnCurve, points: Points) -> np.ndarray:
     """Where on ``reference`` the foot of each point (n, m) lies.
 
     From the nearest sample, Newton's iteration moves along the curve until the
@@ -112,7 +112,7 @@ def free_directions(problem: Functional) -> np.ndarray:
     return np.array(ca.DM(by_place.sparsity(), 1)).any(axis=0) == 0
 
 
-def aligned(line: Line, reference: Line, free: np.ndarray) -> Line:
+def aligned(line: DrawnCurve, reference: DrawnCurve, free: np.ndarray) -> DrawnCurve:
     """A closed curve with its middle moved onto that of another along ``free``, beginning where that one begins."""
     once = np.arange(DRAWN_POINTS) / DRAWN_POINTS
     move = np.where(free, reference.at(once).mean(axis=1) - line.at(once).mean(axis=1), 0.0)[:, None]

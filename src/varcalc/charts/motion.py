@@ -9,16 +9,18 @@ from matplotlib.figure import Figure
 
 from varcalc.axes import Axis, numbered
 from varcalc.charts.colours import OTHER_COLOURS
+from varcalc.mechanics import RigidMotion
 from varcalc.mechanics.closed_orbits import ClosedOrbit
 from varcalc.mechanics.experiment import LOOKED_AT, Flights, Moved, Section
 from varcalc.mechanics.motion import Ensemble, Motion
-from varcalc.study.drawing import Drawing, Line, Panel
+from varcalc.study.drawing import Drawing, Line, Panel, Points
 
 LEVELS = 14
 MOST_NAMES = 6
 """In a line of the legend, and panels of an ensemble."""
 MOST_LINES = 200
 """Motions of an ensemble that are drawn."""
+TIMES_DRAWN = 2001
 
 
 def motion_picture(moved: Moved) -> Figure:
@@ -160,3 +162,16 @@ def _energies(axes: Axes, moved: Moved) -> None:
                 portrait.q, portrait.v, portrait.energy, levels=sorted(portrait.separatrices), colors=OTHER_COLOURS[1],
                 linewidths=1.2, linestyles="dashed",
             )  # fmt: skip
+
+
+def rigid_drawing(motion: RigidMotion) -> Drawing:
+    """ω along the body's axes, and where its third axis points in space."""
+    times = np.linspace(*motion.span, TIMES_DRAWN)
+    turning = [
+        Line(times, values, label=rf"$\omega_{number}$")
+        for number, values in enumerate(motion.angular_velocity(times), start=1)
+    ]
+    axis = motion.rotation(times)[:, 2]
+    course = Panel(turning, "t", "angular velocity")
+    pointing = Panel([Line(*axis), Points(*axis[:, :1])], "x", "y", "z", title="the third axis", sphere=True)
+    return Drawing("", lambda: [[course, pointing]])

@@ -11,9 +11,14 @@ from matplotlib.figure import Figure
 from varcalc.charts.comparison import comparison_picture
 from varcalc.charts.curves import branch_drawing, extremals_drawing, solution_drawing, sweep_drawing
 from varcalc.charts.drawing import drawing_picture
-from varcalc.charts.motion import closed_orbit_picture, ensemble_drawing, motion_of_picture, motion_picture
+from varcalc.charts.motion import (
+    closed_orbit_picture,
+    ensemble_drawing,
+    motion_of_picture,
+    motion_picture,
+    rigid_drawing,
+)
 from varcalc.charts.rays import bundle_picture, found_rays_picture, range_picture, ray_picture, rays_picture
-from varcalc.charts.rigid import rigid_drawing
 from varcalc.charts.scattering import scattering_drawing
 from varcalc.charts.spread import work_precision_picture
 from varcalc.charts.stability import stability_drawing

@@ -17,7 +17,7 @@ from varcalc.optics.propagation.bundle import Bundle
 from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.rays.ray import Ray, Rays
 from varcalc.optics.results.range_chart import RangeChart
-from varcalc.optics.results.study import FLAT, Background, Seen, Track, background
+from varcalc.optics.results.study import FLAT_SIDES, Background, Seen, Track, background
 from varcalc.optics.results.wavefronts import Wavefront
 
 RAY, LOST, FRONT, CAUSTIC, ARRIVAL = "#0072b2", "#999999", "#009e73", "#d55e00", "#7a5195"
@@ -116,7 +116,7 @@ def _axes(points: np.ndarray) -> tuple[Axis, ...]:
 def _picture(view: View) -> Figure:
     behind = view.behind
     extent = float(np.ptp(behind.up)) / float(np.ptp(behind.across))
-    equal = FLAT <= extent <= 1 / FLAT
+    equal = FLAT_SIDES <= extent <= 1 / FLAT_SIDES
     height = SIZE * min(max(extent, 0.45), 1.2) if equal else 0.6 * SIZE
     figure = Figure(figsize=(SIZE + 1.2, height + 1.4), layout="constrained", facecolor="white")
     panel = figure.subplots()

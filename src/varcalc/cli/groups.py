@@ -11,7 +11,7 @@ from varcalc.progress import Interrupted
 from varcalc.spelling import near
 
 T = TypeVar("T")
-STOPPED = 130
+EXIT_AFTER_INTERRUPT = 130
 """Exit status after Ctrl-C, as shells have it: 128 and the number of the signal."""
 
 
@@ -34,7 +34,7 @@ class Commands(click.Group):
             return super().invoke(ctx)
         except KeyboardInterrupt:
             click.echo("stopped", err=True)
-            raise SystemExit(STOPPED) from None
+            raise SystemExit(EXIT_AFTER_INTERRUPT) from None
 
 
 def kept(call: Callable[[], T]) -> tuple[T, bool]:
@@ -51,6 +51,6 @@ def end(*, stopped: bool, failed: bool, status: int = 1) -> None:
     """End the command with the status of what became of it."""
     if stopped:
         click.echo("stopped; what was finished by then is above", err=True)
-        raise SystemExit(STOPPED)
+        raise SystemExit(EXIT_AFTER_INTERRUPT)
     if failed:
         raise SystemExit(status)

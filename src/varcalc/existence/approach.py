@@ -37,7 +37,7 @@ CLEAR_SHARE = 0.5
 
 
 @dataclass(frozen=True)
-class Approach:
+class MinimisingSequence:
     """Minima over polygons: on ``elements`` pieces their ``values`` (person's sign), steepest slopes and where."""
 
     elements: np.ndarray
@@ -72,7 +72,7 @@ class Approach:
         return Finding(Verdict.NOT_ATTAINED, sentence, numbers)
 
 
-def approached(problem: Functional) -> Approach | None:
+def approached(problem: Functional) -> MinimisingSequence | None:
     """Minima over polygons on finer and finer meshes; None where a mesh has none.
 
     Only graphs of first order without constraints are looked at.
@@ -92,7 +92,7 @@ def approached(problem: Functional) -> Approach | None:
         rows.append((elements, form.sign * rung.value, slopes.max()))
         where = float(middles[np.argmax(slopes)])
     elements, values, steepest = np.array(rows).T
-    return Approach(elements.astype(int), values, steepest, where, problem.maximise)
+    return MinimisingSequence(elements.astype(int), values, steepest, where, problem.maximise)
 
 
 def _slopes(rung: Rung) -> tuple[np.ndarray, np.ndarray]:
@@ -124,7 +124,7 @@ class Gap:
         return Finding(Verdict.GAP, sentence, {"value": self.value})
 
 
-def gap(problem: Functional, approach: Approach) -> Gap | None:
+def gap(problem: Functional, approach: MinimisingSequence) -> Gap | None:
     """A curve with an infinite slope at an end that is clearly better than the limit of all polygons."""
     if not between_two_points(problem):
         return None

@@ -16,7 +16,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from varcalc.numerics.mesh import gauss
+from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breaks
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -330,9 +330,7 @@ def _graded(grades: int, points: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights on [0, 1] of Gauss rules on panels that are halved ``grades`` times toward both ends."""
     toward = 0.5 ** np.arange(grades + 1, 0, -1)
     edges = np.concatenate([[0.0], toward, 1.0 - toward[-2::-1], [1.0]]) if grades else np.array([0.0, 1.0])
-    half = 0.5 * np.diff(edges)[:, None]
-    nodes, weights = gauss(points)
-    return (edges[:-1, None] + half * (1 + nodes)).ravel(), (half * weights).ravel()
+    return composite_gauss(edges, points)
 
 
 def with_rival(solution: Solution) -> Solution:

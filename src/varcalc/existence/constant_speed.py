@@ -26,7 +26,7 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution
 from varcalc.symbolic.derived import Cache
 
-ROUGH = Ritz(degree=4, starts=1)
+GRADED = Ritz(degree=4, starts=1)
 HALVINGS = 26
 """Halvings toward either end by which the first mesh is graded: what is steep is so beside the ends."""
 CUT = Ritz(degree=8, starts=1)
@@ -34,7 +34,7 @@ ROUGHLY = 1e-4
 """Error of the value with which the mesh is cut for the first time."""
 ROUNDS = 12
 """Meshes that are cut."""
-PLACES = 16
+PLACES_AN_ELEMENT = 16
 """Places of an element at which it is seen on which side of a kink a curve is."""
 CLOSE = 1e-3
 """Distance of a vertex from a cut, relative to that from the nearer end, within which it gives way."""
@@ -88,7 +88,7 @@ def at_constant_speed(problem: Functional, method: Ritz, tol: float) -> Solution
     started = time.perf_counter()
     graded = 0.5 ** np.arange(1, HALVINGS)
     first, last = form.span
-    rough = _on_mesh(ROUGH, form, first + (last - first) * np.union1d(graded, 1 - graded), ROUGHLY, None)
+    rough = _on_mesh(GRADED, form, first + (last - first) * np.union1d(graded, 1 - graded), ROUGHLY, None)
     if rough.extremal is None or not len(met := _met(problem, rough.extremal)):
         return None
     before, cuts, spent = _Round(rough, np.zeros(0), met), met, rough.stats.iterations
@@ -146,7 +146,7 @@ def _met(problem: Problem, extremal: Extremal) -> np.ndarray:
         return np.asarray(function(*sample(extremal, at)))
 
     vertices = extremal.vertices
-    at = np.unique(vertices[:-1, None] + np.diff(vertices)[:, None] * np.linspace(0, 1, PLACES))
+    at = np.unique(vertices[:-1, None] + np.diff(vertices)[:, None] * np.linspace(0, 1, PLACES_AN_ELEMENT))
     found: list[float] = []
     for k, row in enumerate(values(at)):
         for i in np.flatnonzero(row[1:] * row[:-1] < 0.0):

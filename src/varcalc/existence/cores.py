@@ -15,9 +15,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import formulate
-from varcalc.methods.answer import composite_gauss
 from varcalc.methods.crossings import Crossing
 from varcalc.methods.ritz.method import Ritz
+from varcalc.numerics.mesh import composite_gauss
 from varcalc.numerics.resampled import resampled
 from varcalc.problem.breaks import switches_of
 from varcalc.problem.conditions import Bound

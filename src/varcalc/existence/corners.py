@@ -33,7 +33,7 @@ ABOVE_CHORD = 1e-6
 """Relative height above the chord that makes two slopes belong to a corner."""
 SLOPES_LOOKED_AT = np.concatenate([-(2.0 ** np.arange(6, -13, -0.5)), [0.0], 2.0 ** np.arange(-12, 6.5, 0.5)])
 """Slopes at which convexity is looked at: in units of 1 and of the chord's slope, about 0 and about the latter."""
-ROUND_OFF = 1e-13
+VALUE_ROUND_OFF = 1e-13
 """Of a value of L, relatively."""
 SURE = 10.0
 """Factor of the relaxed value's own error by which a curve must miss it for the infimum not to be attained."""
@@ -81,7 +81,7 @@ def convex(problem: Problem) -> bool:
     rows = rows[np.isfinite(rows).all(1)]  # the chord may go through a pole
     steps = np.diff(slopes)
     rates = np.diff(rows, axis=1) / steps
-    noise = ROUND_OFF * (np.abs(rows[:, 1:]) + np.abs(rows[:, :-1])) / steps
+    noise = VALUE_ROUND_OFF * (np.abs(rows[:, 1:]) + np.abs(rows[:, :-1])) / steps
     return not bool((np.diff(rates, axis=1) < -(noise[:, 1:] + noise[:, :-1])).any())
 
 

@@ -18,11 +18,10 @@ import casadi as ca
 import numpy as np
 
 from varcalc.existence.broken_curve import with_rival
-from varcalc.existence.landscape import across_the_landscape
-from varcalc.existence.polygons import FAR, NEAR, PIECES, Lattice, PolygonLattice, Valley
+from varcalc.existence.polygons import FAR, NEAR, PIECES, Lattice, PolygonLattice, Valley, across_the_landscape
 from varcalc.formulation import Sampled
-from varcalc.methods.answer import composite_gauss
 from varcalc.methods.ritz.method import Ritz
+from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem

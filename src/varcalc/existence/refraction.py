@@ -16,10 +16,11 @@ import numpy as np
 
 from varcalc.existence.cores import resting
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
-from varcalc.formulation.broken import SHORTEST
-from varcalc.methods.answer import composite_gauss, lifted
-from varcalc.methods.crossings import ROUND_OFF, Crossing, crossings, met_by, on_curve, sentence, unmet
+from varcalc.formulation.broken import LENGTH_KEPT
+from varcalc.methods.answer import lifted
+from varcalc.methods.crossings import ARGUMENT_ROUND_OFF, Crossing, crossings, met_by, on_curve, sentence, unmet
 from varcalc.methods.ritz.method import Ritz
+from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breakable, crowded, singular_inside
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -75,7 +76,7 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     tried = False
     last: list[Crossing] | None = None
     for followed in FOLLOWED:
-        small = max(followed * width, ROUND_OFF)
+        small = max(followed * width, ARGUMENT_ROUND_OFF)
         found = crossings(problem, curve, nodes, problem.unknown_guesses, small, np.array(sizes))
         found = [c for c in found if not _repels(problem, curve, c)]
         if last is not None and _alike(problem, found, last):  # what they led to is known
@@ -117,7 +118,7 @@ def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: li
             continue
         curve = solution.curve
         rides = any(c.until is not None for c in found)
-        found = met_by(solution, FOLLOWED_TO if rides else ROUND_OFF)
+        found = met_by(solution, FOLLOWED_TO if rides else ARGUMENT_ROUND_OFF)
         if not _as_held(problem, solution):
             return None
         if not unmet(problem, found, _corners(solution)):
@@ -132,7 +133,7 @@ def _lasting(solution: Solution, found: list[Crossing]) -> list[Crossing]:
         return found
     begun = np.sort([*extremal.form.conditions.knots, *solution.problem.span])
     share = np.diff(np.sort(_corners(solution))) / np.diff(begun)
-    middles = 0.5 * (begun[1:] + begun[:-1])[share <= VANISHED * SHORTEST]
+    middles = 0.5 * (begun[1:] + begun[:-1])[share <= VANISHED * LENGTH_KEPT]
     return [c for c in found if c.until is None or not np.any((middles > c.x) & (middles < c.until))]
 
 
@@ -243,7 +244,9 @@ def _points(problem: Problem, line: Sampled) -> Points:
     x = np.linspace(*problem.span, SAMPLES)
     y = line(x)
     slopes = np.gradient(y, x, axis=1)
-    slopes = np.where(np.abs(slopes) * np.ptp(x) <= ROUND_OFF * np.abs(y).max(), 0.0, slopes)  # made of round-off
+    slopes = np.where(
+        np.abs(slopes) * np.ptp(x) <= ARGUMENT_ROUND_OFF * np.abs(y).max(), 0.0, slopes
+    )  # made of round-off
     numbers = [[np.array(v) for v in values] for values in (problem.parameter_values, problem.unknown_guesses)]
     return [[x], list(y), list(slopes), [], *numbers]
 

@@ -36,7 +36,7 @@ from varcalc.problem.problem import Problem
 from varcalc.symbolic.switches import held
 from varcalc.symbolic.tracing import Expression
 
-SHORTEST = 1e-2
+LENGTH_KEPT = 1e-2
 """Share of its first length that a piece must keep where IPOPT moves its ends."""
 
 
@@ -109,7 +109,7 @@ def broken_form(
             replace(bounds[c.index], lower=c.level, upper=c.level, where=(c.start, c.end)) for c in contacts
         )
     elif pathwise or rides:  # the interior-point method is kept from turning a piece inside out
-        pathwise += (SideCondition(speed, SHORTEST, math.inf, -1),)
+        pathwise += (SideCondition(speed, LENGTH_KEPT, math.inf, -1),)
     pathwise += tuple(SideCondition(unheld(r.surface, False), 0.0, 0.0, -1, (r.start, r.end)) for r in rides)
     pathwise += tuple(
         SideCondition(unheld(r.surface, False), *((0.0, math.inf) if side > 0 else (-math.inf, 0.0)), -1, piece)

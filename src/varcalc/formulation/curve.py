@@ -27,11 +27,11 @@ from varcalc.problem.problem import Curve
 from varcalc.symbolic.derived import Cache, derived
 from varcalc.symbolic.tracing import Expression
 
-SAMPLES = 64
+BASELINE_POINTS = 64
 """Points at which expressions are sampled along a baseline."""
 POWER_STEPS = 3
 """Steps in which the radius of a ring is found; one does for a true power."""
-FLAT = 1e-3
+NO_POWER = 1e-3
 """Exponents below this are no power."""
 
 
@@ -98,13 +98,13 @@ def _price(problem: Curve, baseline: Sampled, length: float) -> float:
 
 
 def _along(problem: Curve, expressions: list[Expression], curve: Sampled) -> np.ndarray:
-    """Values of expressions of the problem at ``SAMPLES`` points along a curve, shape (expressions, points)."""
-    s = (np.arange(SAMPLES) + 0.5) / SAMPLES
-    step = 0.5 / SAMPLES
+    """Values of expressions of the problem at ``BASELINE_POINTS`` points along a curve, shape (expressions, points)."""
+    s = (np.arange(BASELINE_POINTS) + 0.5) / BASELINE_POINTS
+    step = 0.5 / BASELINE_POINTS
     slope = (curve(s + step) - curve(s - step)) / (2 * step)
     symbols = problem.symbols
     function = ca.Function("along", [symbols.y, symbols.dy, symbols.parameters, symbols.unknowns], expressions)
-    numbers = [np.tile(v[:, None], (1, SAMPLES)) for v in (problem.parameter_values, problem.unknown_guesses)]
+    numbers = [np.tile(v[:, None], (1, BASELINE_POINTS)) for v in (problem.parameter_values, problem.unknown_guesses)]
     results = function(curve(s), slope, *numbers)
     return np.vstack([np.asarray(r) for r in (results if isinstance(results, tuple) else (results,))])
 
@@ -128,7 +128,7 @@ def _radius(problem: Curve) -> float:
             float(_along(problem, [expression], _ring(problem.n, r)).mean()) / level for r in (radius, 2 * radius)
         )
         power = math.log2(twice / here) if here > 0.0 and twice > 0.0 else 0.0
-        if not abs(power) > FLAT:
+        if not abs(power) > NO_POWER:
             return 1.0
         radius *= here ** (-1.0 / power)
     return radius if math.isfinite(radius) and radius > 0.0 else 1.0

@@ -127,7 +127,8 @@ def fixed_values(problem: Problem) -> list[np.ndarray]:
 class GraphNumbers:
     """A graph in the user's own variables."""
 
-    def on(self, problem: Problem, s: np.ndarray) -> AtPoints:  # noqa: D102
+    def on(self, problem: Problem, s: np.ndarray) -> AtPoints:
+        """The numbers at ``s`` (m,)."""
         return _GraphAtPoints(problem, s)
 
 

@@ -16,9 +16,9 @@ OCTAVES = 3
 DOUBLINGS = OCTAVES * np.arange(-13, 14)
 """Heights at which bends are measured, in units of the ends' distance: so many times doubled, or halved."""
 POINTS = 4
-TURNED = 0.4
+POWER_CHANGED = 0.4
 """Change of the power of the height with which an integral grows, by which it has left its first one."""
-SEEN = 1e-9
+BEND_SEEN = 1e-9
 """Part of what is summed that a bend has to change before the growth of the sum is more than rounding."""
 WITHIN = 100.0
 """Ratio of the ends' distance and the height that the functional feels, either way, to which one unit serves both."""
@@ -68,7 +68,7 @@ def _felt(form: Form, extent: float) -> tuple[float, float] | None:
         integrals, sums = (np.einsum("q,aqi->ia", weights, v) for v in (values, np.abs(values)))
         for row, summed in zip(integrals, sums, strict=True):
             for side in (slice(1, len(heights) + 1), slice(len(heights) + 1, None)):
-                noise = SEEN * (summed[side] + np.nan_to_num(summed[0], posinf=0.0))
+                noise = BEND_SEEN * (summed[side] + np.nan_to_num(summed[0], posinf=0.0))
                 found += _turns(row[side], float(row[0]), noise)
     return (float(heights[min(found), 0]), float(heights[max(found), 0])) if found else None
 
@@ -86,8 +86,8 @@ def _turns(grown: np.ndarray, flat: float, noise: np.ndarray) -> list[int]:
     ends = np.flatnonzero(~known[first:])
     last = first + int(ends[0]) if len(ends) else len(change)
     powers = np.diff(np.log2(np.abs(change[first:last]))) / OCTAVES
-    left = np.flatnonzero(np.abs(powers - powers[0]) > TURNED) if len(powers) else []
-    short = np.flatnonzero(np.abs(powers - powers[-1]) > TURNED) if len(powers) else []
+    left = np.flatnonzero(np.abs(powers - powers[0]) > POWER_CHANGED) if len(powers) else []
+    short = np.flatnonzero(np.abs(powers - powers[-1]) > POWER_CHANGED) if len(powers) else []
     turns = [first + int(left[0]), first + int(short[-1])] if len(left) and len(short) else []
     return [*turns, last - 1] if len(ends) else turns
 

@@ -16,7 +16,7 @@ from varcalc.integrators.dop853 import SMALLEST, Dop853, installed
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.on_demand import STEPS, OnDemand
 from varcalc.integrators.piecewise import Continuous, Piecewise
-from varcalc.integrators.protocol import NONE, OUTCOMES, Engine, Flow, Landing, Outcome, Run
+from varcalc.integrators.protocol import NONE, OUTCOMES, Engine, Flow, Landing, Run, RunOutcome
 from varcalc.integrators.taylor import Taylor
 from varcalc.integrators.threads import spread
 from varcalc.integrators.variational import Variational, variational
@@ -33,9 +33,9 @@ __all__ = [
     "Flow",
     "Landing",
     "OnDemand",
-    "Outcome",
     "Piecewise",
     "Run",
+    "RunOutcome",
     "Taylor",
     "Variational",
     "available",
@@ -50,7 +50,7 @@ __all__ = [
 ]
 
 
-BEYOND = 1e-18
+BELOW_ROUND_OFF = 1e-18
 """Local tolerance of a series that is cut off far below round-off: two terms more, a quarter more time a step.
 
 A long motion keeps what it keeps even where one coordinate grows large, by whose size heyoka measures errors."""
@@ -98,7 +98,7 @@ def default(steps: int = STEPS, most_steps: int | None = None, taylor: Taylor | 
 
 def for_one(most_steps: int, *, quick: bool) -> Engine:
     """The engine for one motion, whose series are cut off below round-off, compiled ``quick``ly where steps are few."""
-    return Attentive(default(0, most_steps, Taylor(tolerance=BEYOND, quick=quick)))
+    return Attentive(default(0, most_steps, Taylor(tolerance=BELOW_ROUND_OFF, quick=quick)))
 
 
 def for_many(most_steps: int | None = None) -> Engine:

@@ -17,21 +17,34 @@ from functools import cached_property, partial
 import casadi as ca
 import numpy as np
 
-from varcalc.integrators.companions import RULES, with_companions
 from varcalc.integrators.lowering import CannotLower, scalar_function
-from varcalc.integrators.protocol import Engine, Flow, Landing, Outcome, Run
+from varcalc.integrators.protocol import Engine, Flow, Landing, Run, RunOutcome
 from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.symbolic.variation import Between, excess, gentle
+from varcalc.symbolic.instructions import interpret
+from varcalc.symbolic.tracing import Expression
+from varcalc.symbolic.variation import LEAST_POWER, LOCAL, SEEN_FROM_AFAR, VARYING, Between, excess, gentle
 
 WIDE = 12.0
 """By how many times more than is gentle an argument may go from the middle of where a run has been."""
-LOOKS = 1025
+RUN_PLACES = 1025
 """Places of a run at which it is asked where it has been."""
 MISSED = 1e-6
 """Of the largest rate: by how much the rates of a run may miss the system's."""
-ROOM = 0.1
+RANGE_MARGIN = 0.1
 """By what share of their difference a run may leave the range of two neighbouring places."""
+OFF_CENTRE = 0.5
+"""Added to u in arsinh u: what is odd or even in time has a series with gaps, and what looks ahead must have none."""
+SOFT = 1e-9
+"""Below that ln |u| is smooth: a run may go through u = 0 where nothing comes of it."""
+POWERS = {ca.OP_POW, ca.OP_CONSTPOW}
+LENGTHS = {ca.OP_HYPOT, ca.OP_ATAN2}
+FROM_EDGES: dict[int, tuple[float, ...]] = {
+    ca.OP_LOG1P: (-1.0,), ca.OP_ACOSH: (1.0,), ca.OP_ASIN: (-1.0, 1.0), ca.OP_ACOS: (-1.0, 1.0),
+              ca.OP_ATANH: (-1.0, 1.0)}  # fmt: skip
+"""Where the domain of an operation ends."""
+RULES = {operation: rule for operation, rule in VARYING.items() if operation not in SEEN_FROM_AFAR}
+"""How far arguments may go unseen, by operation; sines are seen from everywhere."""
 
 
 @spelled
@@ -121,7 +134,7 @@ class AttentiveFlow:
         """
         if not run.completed:
             return True
-        grid = np.linspace(run.abscissae[0], run.abscissae[-1], LOOKS)
+        grid = np.linspace(run.abscissae[0], run.abscissae[-1], RUN_PLACES)
         states = run.states[np.isin(run.abscissae, grid)]
         if not np.all(np.isfinite(states)):
             return True
@@ -133,7 +146,7 @@ class AttentiveFlow:
 
         def sides(values: np.ndarray) -> list[Between]:
             first, last = values[:-1].T, values[1:].T
-            room = ROOM * np.abs(last - first)
+            room = RANGE_MARGIN * np.abs(last - first)
             ranges = zip(np.minimum(first, last) - room, np.maximum(first, last) + room, strict=True)
             return [Between(box, a, b) for box, a, b in zip(ranges, first, last, strict=True)]
 
@@ -171,7 +184,7 @@ class AttentiveFlow:
         if not self._unseen_along(run, constants):
             return run
         more = watched()
-        if more.outcome is Outcome.NOT_FINITE:
+        if more.outcome is RunOutcome.NOT_FINITE:
             return run
         inner = more.trajectory
         kept = None if inner is None else _Shortened(inner, self._size)
@@ -239,7 +252,7 @@ def trajectories(flow: Flow, abscissae: np.ndarray, states: Sequence[np.ndarray]
 def _looked_at(abscissae: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The places of a run at which it is looked at, and which of them are its ``abscissae``."""
     first, last = float(abscissae[0]), float(abscissae[-1])
-    grid = np.union1d(np.linspace(first, last, LOOKS), abscissae)[:: 1 if last > first else -1]
+    grid = np.union1d(np.linspace(first, last, RUN_PLACES), abscissae)[:: 1 if last > first else -1]
     return grid, np.flatnonzero(np.isin(grid, abscissae))
 
 
@@ -263,3 +276,51 @@ class _Shortened:
 
     def __call__(self, times: np.ndarray) -> np.ndarray:
         return self.trajectory(times)[:, : self.size]
+
+
+def with_companions(system: ca.Function) -> ca.Function:
+    """``(s, Y (N,), c) -> dY/ds`` with k states more: arsinh u, or ln |u| where u matters by factors.
+
+    Their series end where the operation on u begins to matter. They begin at zero: only their rates count.
+    """
+    s, state, constants = (ca.SX.sym(name, system.numel_in(k)) for k, name in enumerate("sYc"))
+    rates = ca.densify(system(s, state, constants))
+    logarithms: list[Expression] = []
+    arguments: list[Expression] = []
+
+    def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+        for found, kept in zip(_watched(operation, operands), (arguments, logarithms), strict=True):
+            for u in found:
+                moves = ca.depends_on(u, ca.vertcat(s, state))
+                if moves and not any(ca.is_equal(u, known, 8) for known in kept):
+                    kept.append(u)
+        return ca.SX.unary(operation, *operands) if len(operands) == 1 else ca.SX.binary(operation, *operands)
+
+    interpret(system, [ca.vertsplit(s), ca.vertsplit(state), ca.vertsplit(constants)], ca.SX, applied)
+
+    def rate(u: Expression) -> Expression:
+        return ca.jtimes(u, state, rates) + ca.jacobian(u, s)
+
+    by_size = [u * rate(u) / (u**2 + SOFT**2) for u in logarithms]
+    on_own_scale = [rate(u) / ca.sqrt(1 + (u + OFF_CENTRE) ** 2) for u in arguments]
+    count = len(by_size) + len(on_own_scale)
+    longer = ca.SX.sym("Z", state.numel() + count)
+    all_rates = ca.substitute(ca.vertcat(rates, *by_size, *on_own_scale), state, longer[: state.numel()])
+    return ca.Function("with_companions", [s, longer, constants], [ca.densify(all_rates)], {"cse": True})
+
+
+def _watched(operation: int, operands: Sequence[Expression]) -> tuple[list[Expression], list[Expression]]:
+    """The arguments of an operation that matter by their value, and those that matter by their size."""
+    a, b = operands[0], operands[-1]
+    if operation not in RULES:
+        return [], []
+    if operation in POWERS:
+        whole = b.is_constant() and float(b).is_integer() and 0 <= float(b) < LEAST_POWER
+        return ([] if b.is_constant() else [b]), ([] if whole else [a])
+    if operation in LENGTHS:
+        return [], [a**2 + b**2]
+    if operation in FROM_EDGES:
+        return [], [a - edge for edge in FROM_EDGES[operation]]
+    if operation == ca.OP_DIV:
+        return [], [b]
+    return ([a], []) if operation in LOCAL else ([], [a])

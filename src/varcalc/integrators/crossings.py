@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from varcalc.integrators.one_side import ALONG, ORDERS, OneSided
-from varcalc.integrators.protocol import NONE, OUTCOMES, Landing, Outcome
+from varcalc.integrators.protocol import NONE, OUTCOMES, Landing, RunOutcome
 
-NOTHING = 1e-10
+NO_TERM = 1e-10
 """Of the largest term of an argument's series: a term that is round-off."""
 ON = 16 * float(np.finfo(float).eps)
 """Of what an argument is made of, or of the time: how near to its zero it is on it."""
-SAME = 1e-9
+NO_JUMP = 1e-9
 """Relative difference of what does not jump."""
 AT_ONCE = 6
 """Switches that may turn over in one place."""
@@ -39,7 +39,7 @@ class Walker:
     gone: float = 0.0
     steps: int = 0
     pieces: int = 0
-    outcome: Outcome | None = None
+    outcome: RunOutcome | None = None
     stopped_by: int = NONE
 
     @property
@@ -47,7 +47,7 @@ class Walker:
         """The constants with the counts of what is stepped."""
         return np.concatenate([self.constants, self.counts])
 
-    def ended(self, outcome: Outcome, stopped_by: int = NONE) -> None:
+    def ended(self, outcome: RunOutcome, stopped_by: int = NONE) -> None:
         """Go no farther."""
         self.outcome, self.stopped_by = outcome, stopped_by
 
@@ -83,7 +83,7 @@ class Crossings:
         side, counts = self._settled(walker, side, self._counted(np.nan_to_num(arguments), {}))
         live = self.system.piece(side).live - self.system.piece(side).still
         if not np.all(np.isfinite(arguments[sorted(live)])):
-            walker.ended(Outcome.NOT_FINITE if walker.pieces == 0 else Outcome.BLOW_UP)
+            walker.ended(RunOutcome.NOT_FINITE if walker.pieces == 0 else RunOutcome.BLOW_UP)
             return
         arguments = np.nan_to_num(arguments)  # of branches that are not meant here
         here = self._series(walker, side, counts)
@@ -94,12 +94,12 @@ class Crossings:
         on = sorted({*met, *(live & set(np.flatnonzero(near).tolist()))})
         found = (side, counts) if not on else self._resolved(walker, side, arguments, on)
         if found is None:
-            walker.ended(Outcome.UNDECIDED)
+            walker.ended(RunOutcome.UNDECIDED)
             return
         before = walker.side, walker.counts
         walker.side, walker.counts = found
         if met and self._jumps(walker, before, met):
-            walker.ended(Outcome.IMPULSE)
+            walker.ended(RunOutcome.IMPULSE)
         walker.leaving += tuple(self.system.leaving(walker.side, on, arguments, walker.counts))
         walker.pieces += 1
 
@@ -125,7 +125,7 @@ class Crossings:
         if not any(self.system.with_coordinates[k] for k in met):
             return False
         old, new = (self._series(walker, *at)["kept"] for at in (before, (walker.side, walker.counts)))
-        return bool(np.any(np.abs(new - old) > SAME * (np.abs(new) + np.abs(old))))
+        return bool(np.any(np.abs(new - old) > NO_JUMP * (np.abs(new) + np.abs(old))))
 
     def _resolved(
         self, walker: Walker, side: tuple[int, ...], arguments: np.ndarray, on: Sequence[int]
@@ -145,7 +145,7 @@ class Crossings:
             found, live = self._series(walker, there, counts), self.system.piece(there).live
             if all(k not in live or _leads(found, walker, k, one) for k, one in zip(on, choice, strict=True)):
                 ways.append((there, counts, found["rates"]))
-        if ways and all(np.allclose(rates, ways[0][2], rtol=SAME, atol=0.0) for _, _, rates in ways):
+        if ways and all(np.allclose(rates, ways[0][2], rtol=NO_JUMP, atol=0.0) for _, _, rates in ways):
             return ways[0][:2]
         [place] = on if len(on) == 1 else [-1]
         if ways or place < 0 or self.system.sides.places[place].stepped or walker.direction < 0:
@@ -180,20 +180,20 @@ class Crossings:
         walker.state[-1] = begun_at + walker.direction * gone
         walker.steps += int(landing.steps[row])
         walker.gone, walker.left = walker.gone + gone, walker.left - gone
-        if outcome is not Outcome.STOPPED:
-            walker.ended(outcome if outcome is not Outcome.NOT_FINITE or walker.pieces == 1 else Outcome.BLOW_UP)
+        if outcome is not RunOutcome.STOPPED:
+            walker.ended(outcome if outcome is not RunOutcome.NOT_FINITE or walker.pieces == 1 else RunOutcome.BLOW_UP)
             return
         stop, old = int(landing.stopped_by[row]), walker.leaving
         walker.leaving = ()
         if stop < self.system.stops:
-            walker.ended(Outcome.STOPPED, stop)
+            walker.ended(RunOutcome.STOPPED, stop)
             return
         place = self.system.ends(walker.side)[stop - self.system.stops]
         reached = self._met_with(walker, old if gone == 0.0 else ())
         if reached != NONE:
-            walker.ended(Outcome.STOPPED, reached)
+            walker.ended(RunOutcome.STOPPED, reached)
         elif walker.pieces >= MOST_PIECES:
-            walker.ended(Outcome.TOO_MANY_STEPS)
+            walker.ended(RunOutcome.TOO_MANY_STEPS)
         else:
             self.set_out(walker, (place,))
 
@@ -215,7 +215,7 @@ class Crossings:
         for one in found:
             self.set_out(one)
             if one.outcome is None and one.left == 0.0:
-                one.ended(Outcome.COMPLETED)
+                one.ended(RunOutcome.COMPLETED)
         return found
 
 
@@ -226,4 +226,4 @@ def _leads(found: dict[str, np.ndarray], walker: Walker, place: int, side: int) 
     unit = size / rates if size > 0 and rates > 0 else 1.0
     terms = [found["terms"][k, place] * unit**k / math.factorial(k) for k in range(1, ORDERS + 1)]
     largest = max(map(abs, terms))
-    return next((term * side > 0 for term in terms if abs(term) > NOTHING * largest), True)
+    return next((term * side > 0 for term in terms if abs(term) > NO_TERM * largest), True)

@@ -138,7 +138,7 @@ class Dop853Flow:
             rows = np.arange(first, min(first + TOGETHER, len(states)))
             _Runs(self, landing, constants, until, bounds, rows, tolerance, leaving, kept).go()
         if kept is not None:
-            landing.dense = [Pieces.of(kept, row) for row in range(len(states))]
+            landing.dense = [DenseOutput.of(kept, row) for row in range(len(states))]
         return landing
 
 
@@ -367,13 +367,13 @@ class _Runs:
 
 
 @dataclass(frozen=True)
-class Pieces:
+class DenseOutput:
     """The dense output of one run: its ``steps`` (K,), one after the other."""
 
     steps: Interpolant
 
     @classmethod
-    def of(cls, kept: Sequence[tuple[np.ndarray, Interpolant]], row: int) -> Pieces | None:
+    def of(cls, kept: Sequence[tuple[np.ndarray, Interpolant]], row: int) -> DenseOutput | None:
         """The steps of one run among all that were ``kept`` with their rows; None where there was none."""
         own = [step[np.flatnonzero(rows == row)] for rows, step in kept if row in rows]
         return cls(Interpolant.joined(own)) if own else None

@@ -11,7 +11,7 @@ import numpy as np
 
 from varcalc.integrators.protocol import Engine, Flow
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.symbolic.sides import Side, Sides
+from varcalc.symbolic.sides import FunctionOnSide, Sides
 from varcalc.symbolic.tracing import Expression
 
 ALONG = 2
@@ -21,7 +21,7 @@ ORDERS = 3
 
 
 @dataclass(frozen=True)
-class Piece:
+class SystemOnSide:
     """The system on one side: ``free``, and to its ends as ``stopping`` where the time is a state, the last one.
 
     ``series`` gives, of such a state and constants, the arguments of all switches, their derivatives along the rates,
@@ -47,7 +47,7 @@ class OneSided:
     engine: Engine
     sides: Sides
     held: int
-    _pieces: dict[tuple[int, ...], Piece] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _pieces: dict[tuple[int, ...], SystemOnSide] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def stops(self) -> int:
@@ -60,13 +60,13 @@ class OneSided:
         some = self.sides.symbols[1][: self.held]
         return tuple(self.held > 0 and bool(ca.depends_on(p.argument, some)) for p in self.sides.places)
 
-    def piece(self, side: tuple[int, ...]) -> Piece:
+    def piece(self, side: tuple[int, ...]) -> SystemOnSide:
         """The system on a side, compiled when it is first entered."""
         if side not in self._pieces:
             self._pieces[side] = self._made(side)
         return self._pieces[side]
 
-    def _made(self, side: tuple[int, ...]) -> Piece:
+    def _made(self, side: tuple[int, ...]) -> SystemOnSide:
         s, state, constants = self.sides.symbols
         numbers = ca.vertcat(constants, self.sides.counts)
         written, live, still = self._parts(side)
@@ -81,7 +81,7 @@ class OneSided:
             terms.append(ca.jtimes(terms[-1], every, all_rates))
         size = ca.mtimes(ca.fabs(ca.jacobian(arguments, every)), ca.fabs(every))
         found = [*terms, size, stops, ca.jtimes(stops, every, all_rates), kept, all_rates]
-        return Piece(
+        return SystemOnSide(
             self.engine.compile(ca.Function("free", [s, state, numbers], [parts(s, state, numbers)[0]])),
             self.engine.compile(
                 ca.Function("piece", given, [ca.densify(all_rates)]),
@@ -109,7 +109,7 @@ class OneSided:
         levels = ca.vertcat(self._levels(side, above), -up, down)
         return [rates, *above.results[1:], above.arguments, levels], above.live | below.live, above.still
 
-    def _levels(self, side: tuple[int, ...], one: Side) -> Expression:
+    def _levels(self, side: tuple[int, ...], one: FunctionOnSide) -> Expression:
         """Positive on the side: of what is stepped, above the whole number below and below the one above."""
         levels = []
         for k in sorted(one.live - one.still):

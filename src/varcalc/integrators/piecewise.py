@@ -20,7 +20,7 @@ import numpy as np
 from varcalc.integrators.crossings import Crossings
 from varcalc.integrators.lowering import CannotLower, scalar_function
 from varcalc.integrators.one_side import OneSided
-from varcalc.integrators.protocol import OUTCOMES, Engine, Flow, Landing, Outcome, Run, begun
+from varcalc.integrators.protocol import OUTCOMES, Engine, Flow, Landing, Run, RunOutcome, begun
 from varcalc.symbolic.instructions import program
 from varcalc.symbolic.sides import Sides
 from varcalc.symbolic.switches import SWITCHING
@@ -113,9 +113,9 @@ class PiecewiseFlow:
             self._crossings.step(going, level)
         for k, one in enumerate(walkers):
             landing.states[k], landing.reached[k] = one.state[:-1], one.state[-1]
-            landing.outcomes[k] = OUTCOMES.index(one.outcome or Outcome.COMPLETED)
+            landing.outcomes[k] = OUTCOMES.index(one.outcome or RunOutcome.COMPLETED)
             landing.stopped_by[k], landing.steps[k] = one.stopped_by, one.steps
-            if one.outcome is Outcome.COMPLETED:
+            if one.outcome is RunOutcome.COMPLETED:
                 landing.reached[k] = ends[k]
         if dense:
             landing.dense = [
@@ -124,12 +124,14 @@ class PiecewiseFlow:
             ]
         return landing
 
-    def _between(self, state: np.ndarray, constants: np.ndarray, start: float, end: float) -> Pieces | None:
+    def _between(
+        self, state: np.ndarray, constants: np.ndarray, start: float, end: float
+    ) -> PiecewiseTrajectory | None:
         """The states between the start of a run and its end; stops do not count."""
         if start == end:
             return None
         run = self.trajectory(np.array([start, end]), state, constants, dense=True)
-        return run.trajectory if isinstance(run.trajectory, Pieces) else None
+        return run.trajectory if isinstance(run.trajectory, PiecewiseTrajectory) else None
 
     def trajectory(
         self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0,
@@ -147,7 +149,7 @@ class PiecewiseFlow:
         while walker.outcome is None:
             here, piece, numbers = walker.state.copy(), self.system.piece(walker.side), walker.numbers
             self._crossings.step([walker], level)
-            end = last if walker.outcome is Outcome.COMPLETED else float(walker.state[-1])
+            end = last if walker.outcome is RunOutcome.COMPLETED else float(walker.state[-1])
             if end == here[-1]:
                 continue
             inside = np.flatnonzero((walker.direction * (abscissae - here[-1]) > 0) & (abscissae != end)
@@ -159,12 +161,12 @@ class PiecewiseFlow:
                 between.append((float(here[-1]), run.trajectory))
             if not run.completed:
                 walker.state[-1] = run.reached
-                walker.ended(run.outcome if run.outcome is not Outcome.NOT_FINITE else Outcome.BLOW_UP)
+                walker.ended(run.outcome if run.outcome is not RunOutcome.NOT_FINITE else RunOutcome.BLOW_UP)
                 break
             walker.state[:-1] = run.states[-1]
-        outcome = walker.outcome or Outcome.COMPLETED
-        reached = last if outcome is Outcome.COMPLETED else float(walker.state[-1])
-        known = Pieces(tuple(between), walker.direction) if between else None
+        outcome = walker.outcome or RunOutcome.COMPLETED
+        reached = last if outcome is RunOutcome.COMPLETED else float(walker.state[-1])
+        known = PiecewiseTrajectory(tuple(between), walker.direction) if between else None
         return Run(np.asarray(abscissae), states, outcome, reached if reached != begin else begin, steps, known)
 
     @cached_property
@@ -177,7 +179,7 @@ class PiecewiseFlow:
 
 
 @dataclass(frozen=True)
-class Pieces:
+class PiecewiseTrajectory:
     """States between the abscissae of a run: of each piece, where it begins and its own trajectory."""
 
     between: tuple[tuple[float, Callable[[np.ndarray], np.ndarray]], ...]

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 
-class Outcome(Enum):
+class RunOutcome(Enum):
     """How an integration ended; each member carries its meaning."""
 
     COMPLETED = "the last abscissa was reached"
@@ -43,7 +43,7 @@ class Run:
 
     abscissae: np.ndarray
     states: np.ndarray
-    outcome: Outcome
+    outcome: RunOutcome
     reached: float
     steps: int
     trajectory: Callable[[np.ndarray], np.ndarray] | None = None
@@ -51,14 +51,20 @@ class Run:
     @property
     def completed(self) -> bool:
         """True when every abscissa was reached."""
-        return self.outcome is Outcome.COMPLETED
+        return self.outcome is RunOutcome.COMPLETED
 
 
-OUTCOMES = tuple(Outcome)
+OUTCOMES = tuple(RunOutcome)
 """What the small integers of :attr:`Landing.outcomes` stand for."""
 COMPLETED, STOPPED, NOT_FINITE, BLOW_UP, TOO_MANY_STEPS = (
     OUTCOMES.index(o)
-    for o in (Outcome.COMPLETED, Outcome.STOPPED, Outcome.NOT_FINITE, Outcome.BLOW_UP, Outcome.TOO_MANY_STEPS)
+    for o in (
+        RunOutcome.COMPLETED,
+        RunOutcome.STOPPED,
+        RunOutcome.NOT_FINITE,
+        RunOutcome.BLOW_UP,
+        RunOutcome.TOO_MANY_STEPS,
+    )
 )
 NONE = -1
 """In place of the number of a stopping function: none of them."""

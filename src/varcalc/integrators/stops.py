@@ -11,7 +11,7 @@ import numpy as np
 from varcalc.integrators.protocol import check_system
 from varcalc.symbolic.evaluation import PointEvaluator
 
-SAMPLES = 12
+STEP_PLACES = 12
 """Places along a step where the stopping functions are looked at."""
 ROUNDS = 60
 """Newton's steps and bisections that bring any bracket to round-off."""
@@ -95,9 +95,9 @@ class Stops:
 
         ``signs`` (m, k) are those before it.
         """
-        m, parts = len(signs), np.arange(1, SAMPLES + 1) / SAMPLES
+        m, parts = len(signs), np.arange(1, STEP_PLACES + 1) / STEP_PLACES
         states = np.concatenate([step(np.full(m, part)) for part in parts])
-        levels = self._levels(len(states), states, np.tile(constants, (SAMPLES, 1))).reshape(SAMPLES, m, -1)
+        levels = self._levels(len(states), states, np.tile(constants, (STEP_PLACES, 1))).reshape(STEP_PLACES, m, -1)
         crossed = levels * signs < 0
         place = crossed.any(axis=2).argmax(axis=0)
         rows, stops = np.nonzero(crossed[place, np.arange(m)])
@@ -113,7 +113,7 @@ class Stops:
         self, step: Interpolant, constants: np.ndarray, sign: np.ndarray, stops: np.ndarray, place: np.ndarray
     ) -> np.ndarray:
         """The zero of one function of each row between two samples, by Newton's iteration kept inside the bracket."""
-        low, high = place / SAMPLES, (place + 1) / SAMPLES
+        low, high = place / STEP_PLACES, (place + 1) / STEP_PLACES
         at, rows = (low + high) / 2, np.arange(len(place))
         for _ in range(ROUNDS):
             level, slope, _ = self(step(at), constants)

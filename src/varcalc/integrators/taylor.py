@@ -18,22 +18,20 @@ import casadi as ca
 import numpy as np
 
 from varcalc.integrators.lowering import lower
-from varcalc.integrators.protocol import OUTCOMES, Landing, Outcome, Run, begun, check_system, checked
+from varcalc.integrators.protocol import OUTCOMES, Landing, Run, RunOutcome, begun, check_system, checked
 from varcalc.integrators.taylor_ensemble import TaylorEnsemble
 from varcalc.integrators.threads import threads_for
 from varcalc.spelling import spelled
 
 BLIND = 2.0
 """By how many times more than all the terms of its series allow a first step may be."""
-SAME = 1e-12
+SAME_RUN = 1e-12
 """Relative difference of two runs that come to the same."""
 SMALL = 1e-6
 """The same of two runs that differ by what round-off has grown to."""
 SHORT = 0.1
 """Of the mean of steps: a bound below that is none on a step made blindly."""
-SAME = 1e-12
-"""Relative difference of two runs that come to the same."""
-MANY = 64
+RUNS_FOR_BATCHES = 64
 """Runs without stops from which on heyoka's batches are worth compiling."""
 
 
@@ -149,7 +147,7 @@ class TaylorFlow:
             return self.stops.run(states, constants, start=start, until=until, leaving=leaving)
         landing, ends = begun(states, start, until, stopping=False)
         begin, rows = landing.reached.copy(), np.flatnonzero(landing.reached != ends)
-        if len(states) >= MANY and level <= 0 and longest is None and not dense:
+        if len(states) >= RUNS_FOR_BATCHES and level <= 0 and longest is None and not dense:
             blind = self._in_batches(landing, constants, ends)
             rows = np.flatnonzero((landing.reached != ends) | ~np.all(np.isfinite(landing.states), axis=1) | blind)
         between: list[Any] = [None] * len(states)
@@ -227,7 +225,7 @@ class TaylorFlow:
                 apart = np.nanmax(np.abs(run.states - before.states), initial=0.0)
                 size = np.nanmax(np.abs(run.states))
             # what halving does not make less is round-off
-            if before.outcome is run.outcome and (apart <= SAME * size or last / 2 < apart <= SMALL * size):
+            if before.outcome is run.outcome and (apart <= SAME_RUN * size or last / 2 < apart <= SMALL * size):
                 break
             last = apart
         return run, bound
@@ -260,7 +258,7 @@ class TaylorFlow:
             states[: len(result[5])] = result[5]
         end, steps = np.array(integrator.state), int(result[3])
         outcome = self._outcome(result[0], end, steps)
-        if outcome is Outcome.COMPLETED and len(abscissae) == 2:
+        if outcome is RunOutcome.COMPLETED and len(abscissae) == 2:
             states[-1] = end
         time = float(integrator.time)  # not a number after a step that failed
         reached = time if math.isfinite(time) else float(abscissae[0])
@@ -270,13 +268,13 @@ class TaylorFlow:
         """States of a trajectory at ascending or descending abscissae, the first of which is its start."""
         return self._propagate(abscissae, of.state, of.constants, of.longest).states
 
-    def _outcome(self, code: Any, end: np.ndarray, steps: int) -> Outcome:
+    def _outcome(self, code: Any, end: np.ndarray, steps: int) -> RunOutcome:
         known = self.heyoka.taylor_outcome
         if code == known.time_limit and np.all(np.isfinite(end)):
-            return Outcome.COMPLETED
+            return RunOutcome.COMPLETED
         if code == known.step_limit:
-            return Outcome.TOO_MANY_STEPS
-        return Outcome.NOT_FINITE if steps == 0 else Outcome.BLOW_UP
+            return RunOutcome.TOO_MANY_STEPS
+        return RunOutcome.NOT_FINITE if steps == 0 else RunOutcome.BLOW_UP
 
 
 @dataclass(frozen=True)

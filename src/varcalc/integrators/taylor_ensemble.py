@@ -20,7 +20,7 @@ from varcalc.integrators.taylor_step import ARRIVED, LOST, MET, TaylorStep
 
 TOGETHER = 4096
 """Runs that take their steps together: enough to make up for the call, and few enough to stay near the processor."""
-PATIENCE = 16
+ENDED_SHARE = 16
 """A run that has ended is taken out when one in so many has: until then it ends again, the same way."""
 USUAL = 20
 """Steps that a run is expected to take."""
@@ -130,7 +130,7 @@ class TaylorEnsemble:
             over = pool.codes >= LOST
             if taken >= self.most_steps:
                 over |= taken - pool.since >= self.most_steps
-            if np.count_nonzero(over) * PATIENCE >= pool.count:
+            if np.count_nonzero(over) * ENDED_SHARE >= pool.count:
                 ended.append(pool.exchanged(over, taken))
         return tuple(np.concatenate(parts, axis=-1) for parts in zip(*ended, strict=True))
 

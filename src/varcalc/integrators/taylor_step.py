@@ -29,7 +29,7 @@ WENT, SHORTER, LOST, ARRIVED, MET = range(5)
 it ended at stop 0.
 
 MET + k says that it ended at stop k. A traveller that has ended stays where it is, and ends again."""
-SHARE = 1 / 2
+SERIES_SHARE = 1 / 2
 """Of the tolerance: by so much of the step's own length may the series miss its end."""
 SHRUNK = (1.0, 0.25)
 """The lengths, as parts of the longest step possible, of which the first is taken that the stops allow."""
@@ -43,7 +43,7 @@ GRAZE = 1e-9
 """A stop that leaves no more of a step than this touches the solution, and is passed over."""
 ROUNDS = 4
 """Newton's steps, kept inside a bracket, to the zero of a stopping function."""
-CLOSE = 1e-6
+LAST_CORRECTION = 1e-6
 """The last of them, as a part of the step: one more, on the function itself, leads to round-off."""
 
 
@@ -66,7 +66,7 @@ class TaylorStep:
         time, bound, until, leaving = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("e"), ca.SX.sym("l", len(levels))
         # what stands on a stop is asked for its next zero: its own is divided out
         ahead = [ca.if_else(leaving[j], ca.vertcat(level[1:], 0), level) for j, level in enumerate(levels)]
-        free, graze = _free_step(solution, time, until - time, self.tolerance * SHARE)
+        free, graze = _free_step(solution, time, until - time, self.tolerance * SERIES_SHARE)
         length, certain = _allowed(ahead, ca.fmin(bound, free), graze)
         length = ca.fmin(length, until - time)
         crossed = [_crossed(level, length) for level in ahead]
@@ -76,7 +76,7 @@ class TaylorStep:
         met = ca.logic_and(going, number >= 0)
         taken = ca.if_else(met, zero, length)
         end = ca.vertcat(*(_polynomial(series, taken) for series in solution))
-        end, shift = _settled(system, stops, end, constants, ca.if_else(met, number, -1), CLOSE * length)
+        end, shift = _settled(system, stops, end, constants, ca.if_else(met, number, -1), LAST_CORRECTION * length)
         lost = ca.logic_not(ca.logic_and(ca.norm_1(end) < np.inf, ca.logic_or(met, time + length > time)))
         there = ca.if_else(time + length >= until, ARRIVED, WENT)
         code = ca.if_else(lost, LOST, ca.if_else(met, MET + number, ca.if_else(going, there, SHORTER)))
@@ -212,7 +212,7 @@ def _zero(
         inside = ca.logic_and(newton >= low, newton <= high)
         better = ca.if_else(inside, newton, (low + high) / 2)
         step, at = better - at, better
-    return number, at, ca.logic_or(number < 0, ca.fabs(step) <= CLOSE * h)
+    return number, at, ca.logic_or(number < 0, ca.fabs(step) <= LAST_CORRECTION * h)
 
 
 def _settled(

@@ -55,3 +55,12 @@ def ascending_times(times: Any) -> np.ndarray:
     if when.ndim != 1 or len(when) < 2 or not np.all(np.diff(when) > 0):
         raise ValueError(f"times must be two or more, ascending, not {told(times)}")
     return when
+
+
+def times_within(t: Any, span: tuple[float, float]) -> np.ndarray:
+    """Times of any shape; ValueError for those at which a motion over ``span`` is not known."""
+    times = reals("t", t)
+    low, high = min(span), max(span)
+    if times.size and not (times.min() >= low and times.max() <= high):
+        raise ValueError(f"t must lie between {low:.17g} and {high:.17g}, where the motion is known")
+    return times

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import block_diag, eigh
 
 from varcalc.mechanics.action import Action
-from varcalc.mechanics.monodromy import BESIDE, Floquet, Monodromy
+from varcalc.mechanics.monodromy import OUTSIDE_CIRCLE, Floquet, Monodromy
 from varcalc.mechanics.motion import Motion
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns, TurningFrame, turning_frame
 from varcalc.problem.conditions import reals
@@ -27,11 +27,11 @@ UNLIKE = 1e-9
 """Relative difference of L at two places that are alike by a symmetry."""
 CLOSED, OPEN = 1e-14, 1e-9
 """Of the state: by how much an orbit is off its start that closes but for round-off, and one that does not."""
-NEAR = 0.1
+NEIGHBOURHOOD = 0.1
 """Of the state: what is farther off is not next to it."""
 SHOTS = 8
 """Newton's steps that close an orbit."""
-KEPT = 1e-5
+STAYS_CLOSED = 1e-5
 """Of the largest singular value: directions in which a neighbour stays a closed orbit, which closing leaves alone."""
 SAMPLES, MOST_SAMPLES = 128, 1 << 16
 """Times at which L is summed over a period."""
@@ -42,6 +42,8 @@ LOW = 0.1
 """Eigenvalues above that may become no zeros with more waves."""
 VANISHES = 1e-6
 """An eigenvalue that is zero but for what is left of the orbit's error."""
+SLOW = 0.01
+"""Of what an eigenvalue lies above those that are low: one that falls by less as waves are doubled stays above."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -102,7 +104,7 @@ class ClosedOrbit(Plotted):
     @property
     def stable(self) -> bool:
         """Whether no motion beside the orbit leaves it exponentially."""
-        return bool(np.abs(self.multipliers).max() <= 1 + BESIDE)
+        return bool(np.abs(self.multipliers).max() <= 1 + OUTSIDE_CIRCLE)
 
 
 @dataclass(frozen=True, repr=False)
@@ -217,8 +219,8 @@ def closed_state(
         best, least = state, float(np.abs(miss).max())
         if least <= CLOSED * size:
             break
-        state = state - kept @ np.linalg.lstsq((by_first - np.eye(len(state))) @ kept, miss, rcond=KEPT)[0]
-    if (away := float(np.abs(best - given).max())) > NEAR * size:
+        state = state - kept @ np.linalg.lstsq((by_first - np.eye(len(state))) @ kept, miss, rcond=STAYS_CLOSED)[0]
+    if (away := float(np.abs(best - given).max())) > NEIGHBOURHOOD * size:
         raise ValueError(f"no closed orbit is next to this motion: the one that was looked for lies {away:.2g} off")
     if not least <= OPEN * size:
         raise ValueError(f"no closed orbit was found next to this motion, which misses its start by {least:.2g}")
@@ -265,7 +267,8 @@ def _signs(motion: Motion, second_variation: PointEvaluator) -> tuple[int, int]:
     while True:
         lowest = _eigenvalues(motion, second_variation, waves)
         near = min(np.count_nonzero(lowest <= LOW) + 1, len(before))
-        if near > 0 and np.abs(lowest[:near] - before[:near]).max() <= VANISHES:
+        slack = VANISHES + SLOW * np.maximum(lowest[:near] - LOW, 0)
+        if near > 0 and np.all(np.abs(lowest[:near] - before[:near]) <= slack):
             return int(np.count_nonzero(lowest < -VANISHES)), int(np.count_nonzero(np.abs(lowest) <= VANISHES))
         if waves >= MOST_WAVES:
             raise ValueError(f"the second variation is not resolved by {waves} waves in a period")

@@ -23,7 +23,7 @@ from varcalc.problem.conditions import Holonomic, reals, sequence
 from varcalc.problem.conditions import text as text_of
 from varcalc.problem.functional import named
 from varcalc.problem.reading import equation_latex, equation_text, latex, text
-from varcalc.showing import ROOM, Fact, Shown, brief, counted, equations, line, listed
+from varcalc.showing import FACT_WIDTH, Fact, Shown, brief, counted, equations, line, listed
 from varcalc.spelling import check_names, spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.switches import Switch, switches
@@ -86,7 +86,7 @@ class Declared(Shown):
         return f"{self.name}: a {told}" if self.name else f"A {told}"
 
     def _facts(self) -> Iterator[Fact]:
-        yield Fact("coordinates", shorten(", ".join(map(str, self.axes[1:])), ROOM, placeholder=" ..."))
+        yield Fact("coordinates", shorten(", ".join(map(str, self.axes[1:])), FACT_WIDTH, placeholder=" ..."))
         if self.parameters:
             yield Fact("parameters", listed(self.parameters))
         if self.constraints:
@@ -97,7 +97,7 @@ class Declared(Shown):
         balance = list(zip(self.equations().splitlines(), self.equations_latex().splitlines(), strict=True))
         shown = balance if len(balance) <= MOST_NAMES else balance[: MOST_NAMES - 1]
         for number, (told, formula) in enumerate(shown):
-            short = told if len(told) <= ROOM else f"{told[: ROOM - 4]} ..."
+            short = told if len(told) <= FACT_WIDTH else f"{told[: FACT_WIDTH - 4]} ..."
             yield Fact("" if number else "motion", short, formula if len(formula) <= LONGEST_LATEX else "")
         if len(shown) < len(balance):
             yield Fact("", f"and {len(balance) - len(shown)} more: equations() writes them")

@@ -32,7 +32,7 @@ ALONE = 1e-7
 """Of the largest singular value of the slopes: a place at which one is less need not be alone."""
 SLACK = 1e-12
 """For the round-off of what is enclosed."""
-SAME = 1e-7
+ONE_PLACE = 1e-7
 """Of the box: two places so near are one."""
 
 
@@ -59,7 +59,7 @@ def equilibria(
     """
     s, conditions = lagrange.symbols, _conditions(lagrange, held)
     lasting = _lasting(conditions, s.t)
-    search = _Search(
+    search = _ZeroSearch(
         ca.Function("both", [s.q, s.p], [lasting, ca.densify(ca.jacobian(lasting, s.q))]),
         ca.Function("at_rest", [s.t, s.q, s.p], [conditions]),
         PointEvaluator(ca.Function("conditions", [s.q, s.p], [lasting])),
@@ -73,7 +73,7 @@ Boxes = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass
-class _Search:
+class _ZeroSearch:
     """Zeros of the conditions ``both`` with their slopes, between ``low`` and ``high``."""
 
     both: ca.Function
@@ -96,7 +96,9 @@ class _Search:
                 break
             boxes = _halved(*boxes, size)
         boxes = self._unsettled(*boxes, LAST_TRIALS)
-        places = [x for x in self.found if np.all((x >= self.low - SAME * size) & (x <= self.high + SAME * size))]
+        places = [
+            x for x in self.found if np.all((x >= self.low - ONE_PLACE * size) & (x <= self.high + ONE_PLACE * size))
+        ]
         inside = np.array(places).reshape(-1, len(size))
         unresolved = len(boxes[0])
         searched = (
@@ -138,7 +140,9 @@ class _Search:
         while tried < min(trials, len(low)):
             place = self._rest((low[tried] + high[tried]) / 2)
             tried += 1
-            if place is None or any(np.all(np.abs(x - place) <= SAME * (self.high - self.low)) for x in self.found):
+            if place is None or any(
+                np.all(np.abs(x - place) <= ONE_PLACE * (self.high - self.low)) for x in self.found
+            ):
                 continue
             if not self._rests(place):
                 continue

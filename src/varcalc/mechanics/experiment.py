@@ -17,10 +17,10 @@ from varcalc.spelling import spelled
 
 LOOKED_AT = 1001
 """Times at which a motion is held against what is known of it, and drawn."""
-BEYOND = 1.2
+PORTRAIT_MARGIN = 1.2
 """By how much a phase portrait goes beyond its motion, in units of that."""
 GRID = 201
-ALIKE = 1e-4
+SAME_CREST = 1e-4
 """Of the range of energies at rest: crests that differ by less are of one height."""
 
 
@@ -129,7 +129,7 @@ class Moved(Plotted):
         crests = np.sort(
             top - (after - before) ** 2 / (8 * (before - 2 * top + after))
         )  # of the parabolas through them
-        apart = np.diff(crests, prepend=-np.inf) > ALIKE * np.ptp(rest)
+        apart = np.diff(crests, prepend=-np.inf) > SAME_CREST * np.ptp(rest)
         return Portrait(q_line, v_line, energy, tuple(crests[apart].tolist()))
 
     @cached_property
@@ -173,7 +173,7 @@ class Moved(Plotted):
 
 def _widened(values: np.ndarray) -> np.ndarray:
     low, high = float(values.min()), float(values.max())
-    room = BEYOND * max(high - low, 1e-3)
+    room = PORTRAIT_MARGIN * max(high - low, 1e-3)
     return np.linspace(low - room, high + room, GRID)
 
 

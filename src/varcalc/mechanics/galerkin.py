@@ -27,7 +27,7 @@ NEWTON = 12
 """Steps for one step in time."""
 LAST = 1e-16
 """A step of Newton's, of the size of the coordinates, after which nothing is left: earlier ends cost momenta digits."""
-APART = 1e-8
+MISSED_MOMENTUM = 1e-8
 """What the equations of a step may leave, of the momenta."""
 CHUNK = 1000
 """Steps in one call."""
@@ -157,7 +157,9 @@ class GalerkinSteps:
             chain = self._step.mapaccum("steps", len(begins))
             after, along, missed = chain(state, begins[None, :], h, ca.repmat(ca.DM(numbers), 1, len(begins)))
             columns = np.array(after)
-            wrong = ~(np.array(missed).ravel() <= APART * max(1e-300, float(np.abs(columns[n : 2 * n]).max())))
+            wrong = ~(
+                np.array(missed).ravel() <= MISSED_MOMENTUM * max(1e-300, float(np.abs(columns[n : 2 * n]).max()))
+            )
             if np.any(wrong):
                 raise ValueError(f"a step from t = {begins[np.argmax(wrong)]:.6g} has no solution: take more steps")
             states += list(columns[: 2 * n].T)

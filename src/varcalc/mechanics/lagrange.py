@@ -10,11 +10,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.tracing import LAST, Expression, Names, called, check_arity, trace
+from varcalc.symbolic.names import with_names
+from varcalc.symbolic.tracing import LAST, Expression, called, check_arity, trace
 
 PLACES = 12
 """Random places at which it is asked whether a matrix has full rank, or an identity holds."""
-SINGULAR = 1e-11
+NO_INERTIA = 1e-11
 """Of the largest singular value of L_vv: one that is less belongs to a direction in which L has no inertia."""
 
 
@@ -41,9 +42,7 @@ class StateSymbols:
 
     def arguments(self, *columns: Expression) -> list[Expression]:
         """``columns`` and, where there are parameters, what a person's functions call p."""
-        if not self.names:
-            return list(columns)
-        return [*columns, Names(dict(zip(self.names, ca.vertsplit(self.p), strict=True)))]
+        return with_names(columns, self.names, self.p)
 
     def traced(self, name: str, function: Callable[..., Any], *columns: Expression) -> Expression:
         """The scalar that a person's ``function`` makes of the columns, and p."""
@@ -125,7 +124,7 @@ class Lagrange:
             if not np.all(np.isfinite(matrix)):
                 continue
             _, sizes, rows = np.linalg.svd(matrix)
-            if sizes[-1] > SINGULAR * max(sizes[0], 1e-300):
+            if sizes[-1] > NO_INERTIA * max(sizes[0], 1e-300):
                 return None
             worst = rows[-1] * np.sign(rows[-1][np.argmax(np.abs(rows[-1]))])
         return worst

@@ -22,7 +22,7 @@ AT_REST = 1e-8
 """Of the length over which the stiffness changes: how far off an equilibrium may be said to be."""
 MOST_MODES = 6
 """Modes that a print tells."""
-ROUND_OFF = 1e-12
+FORCE_ROUND_OFF = 1e-12
 """Of all forces: what is twisting or resistance by rounding."""
 UNLIKE = 1e-9
 """Relative difference of equations at times that are alike."""
@@ -147,7 +147,7 @@ class Linearised(Shown):
             return False
         stiffness, resistance = self._own_units
         twist = np.abs(stiffness - stiffness.T).max(initial=0.0)
-        return bool(max(twist, np.abs(resistance).max(initial=0.0)) <= ROUND_OFF)
+        return bool(max(twist, np.abs(resistance).max(initial=0.0)) <= FORCE_ROUND_OFF)
 
     @cached_property
     def _holds(self) -> bool:
@@ -155,7 +155,7 @@ class Linearised(Shown):
         if self._own_units is None:
             return False
         stiffness, resistance = self._own_units
-        symmetric = np.abs(stiffness - stiffness.T).max(initial=0.0) <= ROUND_OFF
+        symmetric = np.abs(stiffness - stiffness.T).max(initial=0.0) <= FORCE_ROUND_OFF
         firm = _least(stiffness) > self._round_off * np.abs(np.linalg.eigvalsh((stiffness + stiffness.T) / 2)).max()
         return bool(symmetric and firm and _least(resistance) >= -NOISE * np.abs(resistance).max(initial=0.0))
 

@@ -16,9 +16,9 @@ from varcalc.showing import Shown
 
 SYMPLECTIC = 1e-8
 """Of what is multiplied: how far a matrix that keeps the symplectic form may be off it."""
-TOGETHER = 1e-6
+ONE_SIGNATURE = 1e-6
 """Multipliers so near to each other have one signature between them."""
-BESIDE = 1e-5
+OUTSIDE_CIRCLE = 1e-5
 """How far a multiplier may lie outside the unit circle for being rounded, where several are the same."""
 DEFINITE = 1e-8
 """Of the form: what is less has no sign."""
@@ -78,9 +78,9 @@ class Floquet(Shown):
         if not self.symplectic:
             return signs
         values, vectors = self.multipliers, self._spectrum.vectors
-        left = np.flatnonzero(np.abs(np.abs(values) - 1) <= np.maximum(self._spectrum.noise, TOGETHER))
+        left = np.flatnonzero(np.abs(np.abs(values) - 1) <= np.maximum(self._spectrum.noise, ONE_SIGNATURE))
         while len(left):
-            near = np.abs(values[left] - values[left[0]]) <= TOGETHER
+            near = np.abs(values[left] - values[left[0]]) <= ONE_SIGNATURE
             group, left = left[near], left[~near]
             on_them = -1j * vectors[:, group].conj().T @ self.form @ vectors[:, group]
             kinds = np.linalg.eigvalsh((on_them + on_them.conj().T) / 2)
@@ -97,7 +97,7 @@ class Floquet(Shown):
         a closed orbit of a system that does not know the time always has such a pair, being one of a family, and
         :attr:`ClosedOrbit.stable` leaves that out.
         """
-        sizes, noise = np.abs(self.multipliers), np.minimum(self._spectrum.noise, BESIDE)
+        sizes, noise = np.abs(self.multipliers), np.minimum(self._spectrum.noise, OUTSIDE_CIRCLE)
         on_circle = np.abs(sizes - 1) <= noise
         return bool(np.all(sizes <= 1 + noise) and np.all(self._spectrum.alone[on_circle]))
 

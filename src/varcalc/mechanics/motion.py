@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from varcalc.axes import Axis
-from varcalc.integrators.protocol import OUTCOMES, Flow, Outcome
+from varcalc.integrators.protocol import OUTCOMES, Flow, RunOutcome
+from varcalc.mechanics.arguments import times_within
 from varcalc.problem.conditions import function as check_function
 from varcalc.problem.conditions import reals, text, truth
 from varcalc.showing import Brief, Fact, Plotted, counted, line
@@ -20,7 +21,7 @@ from varcalc.symbolic.evaluation import PointEvaluator
 
 MOST_NAMES = 4
 """Coordinates and events that a print names."""
-LOOKED_AT = 257
+CHECKED_TIMES = 257
 """Times of a motion at which invariants, and the error, are looked at."""
 
 
@@ -65,7 +66,7 @@ class Motion(Plotted):
     """
 
     span: tuple[float, float]
-    outcome: Outcome
+    outcome: RunOutcome
     error: float
     drift: Mapping[str, float]
     events: tuple[Happening, ...]
@@ -103,13 +104,10 @@ class Motion(Plotted):
     @property
     def completed(self) -> bool:
         """True when it came to its last time, or to an event that ends it."""
-        return self.outcome is Outcome.COMPLETED
+        return self.outcome is RunOutcome.COMPLETED
 
     def _at(self, t: Any) -> tuple[np.ndarray, tuple[int, ...]]:
-        times = reals("t", t)
-        low, high = min(self.span), max(self.span)
-        if times.size and not (times.min() >= low and times.max() <= high):
-            raise ValueError(f"t must lie between {low:.17g} and {high:.17g}, where the motion is known")
+        times = times_within(t, self.span)
         return self.states(times.ravel()), times.shape
 
     def q(self, t: Any) -> np.ndarray:
@@ -172,7 +170,7 @@ class Ensemble(Plotted):
     times: np.ndarray
     q: np.ndarray
     v: np.ndarray
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[RunOutcome, ...]
     axes: tuple[Axis, ...] = field(repr=False, default=())
     """Names and units of the time and the coordinates."""
 
@@ -190,7 +188,7 @@ class Ensemble(Plotted):
     @property
     def completed(self) -> np.ndarray:
         """True (m,) for motions that came to the last time."""
-        return np.array([outcome is Outcome.COMPLETED for outcome in self.outcomes])
+        return np.array([outcome is RunOutcome.COMPLETED for outcome in self.outcomes])
 
 
 def carried(
@@ -205,7 +203,7 @@ def carried(
         if len(going) == 0:
             break
         landing = flow.ensemble(out[going, k - 1], constants[going], start=times[k - 1], until=times[k])
-        done = landing.outcomes == OUTCOMES.index(Outcome.COMPLETED)
+        done = landing.outcomes == OUTCOMES.index(RunOutcome.COMPLETED)
         out[going[done], k] = landing.states[done]
         codes[going] = landing.outcomes
         going = going[done]
@@ -230,7 +228,7 @@ def happenings(
             here[None, :], numbers[None, :], start=np.array([t]), until=np.array([span[1]]), leaving=leaving
         )
         here, t = landing.states[0], float(landing.states[0, -1])
-        if OUTCOMES[int(landing.outcomes[0])] is not Outcome.STOPPED:
+        if OUTCOMES[int(landing.outcomes[0])] is not RunOutcome.STOPPED:
             return tuple(found), span[1] if math.isclose(t, span[1]) else t
         number = int(landing.stopped_by[0])
         event, leaving = events[number], (number,)

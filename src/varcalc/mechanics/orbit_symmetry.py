@@ -22,7 +22,7 @@ from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
-SAME = 1e-9
+SAME_ENTRIES = 1e-9
 """By how much entries of matrices that are the same may differ."""
 MOST_ELEMENTS = 10_000
 """Of a group of symmetries."""
@@ -62,7 +62,7 @@ def _square(name: str, matrix: Any) -> np.ndarray:
 
 def _check_power(name: str, matrix: np.ndarray, power: int) -> None:
     off = np.abs(np.linalg.matrix_power(matrix, power) - np.eye(len(matrix))).max()
-    if off > SAME:
+    if off > SAME_ENTRIES:
         raise ValueError(f"{name}.matrix, {power} times, must be the identity; it misses it by {off:.2g}")
 
 
@@ -148,7 +148,7 @@ def _metric(generators: Sequence[np.ndarray]) -> np.ndarray:
     for one in group:
         for generator in generators:
             new = one @ generator
-            if not any(np.abs(new - known).max() < SAME for known in group):
+            if not any(np.abs(new - known).max() < SAME_ENTRIES for known in group):
                 group.append(new)
         if len(group) > MOST_ELEMENTS:
             raise ValueError("the symmetries make no finite group")
@@ -158,7 +158,7 @@ def _metric(generators: Sequence[np.ndarray]) -> np.ndarray:
 def _eigenspaces(symmetric: np.ndarray) -> list[tuple[float, np.ndarray]]:
     """The eigenvalues of a symmetric matrix with bases (n, k) of their spaces, those that agree as one."""
     values, vectors = np.linalg.eigh((symmetric + symmetric.T) / 2)
-    starts = np.flatnonzero(np.diff(values, prepend=-np.inf) > SAME)
+    starts = np.flatnonzero(np.diff(values, prepend=-np.inf) > SAME_ENTRIES)
     return [(float(values[a]), vectors[:, a:b]) for a, b in zip(starts, [*starts[1:], len(values)], strict=True)]
 
 
@@ -168,7 +168,7 @@ def _turned(turn: np.ndarray) -> tuple[np.ndarray, tuple[tuple[int, int, float],
     planes: list[tuple[int, int, float]] = []
     for value, basis in _eigenspaces(turn + turn.T):
         cosine = np.clip(value / 2, -1, 1)
-        if 1 - cosine < SAME:
+        if 1 - cosine < SAME_ENTRIES:
             columns += list(basis.T)
             continue
         left = basis
@@ -176,12 +176,12 @@ def _turned(turn: np.ndarray) -> tuple[np.ndarray, tuple[tuple[int, int, float],
             one = left[:, 0]
             across = turn @ one - cosine * one
             sine = np.linalg.norm(across)
-            if sine < SAME and left.shape[1] == 1:
+            if sine < SAME_ENTRIES and left.shape[1] == 1:
                 raise ValueError(
                     "Repeats.matrix reverses an odd number of directions, so that no frame turns into it; give its "
                     "square with half the times"
                 )
-            other, angle = (across / sine, np.arctan2(sine, cosine)) if sine >= SAME else (left[:, 1], np.pi)
+            other, angle = (across / sine, np.arctan2(sine, cosine)) if sine >= SAME_ENTRIES else (left[:, 1], np.pi)
             planes.append((len(columns), len(columns) + 1, float(angle)))
             columns += [one, other]
             left = _without(left, np.column_stack([one, other]))
@@ -207,7 +207,7 @@ def _between_reflections(
         own = basis.T @ start @ basis
         for kept, vectors in _eigenspaces(own):
             inside = basis @ vectors
-            if 1 - abs(cosine) < SAME:  # kept or reversed by both, or by one
+            if 1 - abs(cosine) < SAME_ENTRIES:  # kept or reversed by both, or by one
                 columns += list(inside.T)
                 free += [(kept > 0, (kept > 0) == (cosine > 0))] * inside.shape[1]
             elif kept > 0:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.integrators.protocol import COMPLETED, OUTCOMES, STOPPED, Flow, Outcome
+from varcalc.integrators.protocol import COMPLETED, OUTCOMES, STOPPED, Flow, RunOutcome
 from varcalc.showing import Shown
 from varcalc.symbolic.evaluation import PointEvaluator
 
@@ -22,7 +22,7 @@ class Passages(Shown):
     times: np.ndarray
     q: np.ndarray
     v: np.ndarray
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[RunOutcome, ...]
 
     @property
     def counts(self) -> np.ndarray:

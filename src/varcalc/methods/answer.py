@@ -12,7 +12,7 @@ import numpy as np
 from varcalc.formulation import Form, Sampled
 from varcalc.formulation.singular import forms, number_of
 from varcalc.methods.moved_ends import by_moved_ends
-from varcalc.numerics.mesh import SpaceCurve, gauss
+from varcalc.numerics.mesh import SpaceCurve, composite_gauss
 from varcalc.numerics.resampled import Resampled, SentResampled, resampled
 from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
@@ -20,7 +20,7 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, defined, no_answer
 from varcalc.symbolic.derived import derived
 
-TURNED = 30.0
+TURNED_BACK = 30.0
 """Factor by which a backward speed must exceed the relative error of all speeds to be believed."""
 APPROACH = (2e-2, 2e-3)
 """Relative distances from a singular end between which the growth of the slope is judged."""
@@ -29,7 +29,7 @@ ASTRAY, ASTRAY_SHARE = 2e-2, 30.0
 INVERSION_STEPS = 60
 """Bisections that bring any bracket to round-off."""
 ALIKE_PLACES = 7
-ALIKE = 1e-6
+SAME_PLACE = 1e-6
 """Distance, in units of the curve, up to which two changes of variable send a curve to the same place."""
 
 
@@ -38,7 +38,7 @@ SEEN_FORWARD = np.ones(1)
 
 
 @dataclass(frozen=True)
-class Along:
+class AlongGraph:
     """What was evaluated along a graph in the person's own coordinates, in the sense that is minimised, at Q points.
 
     The abscissae ``x`` (Q,), ordinates and slopes (n, Q), L (Q,), its derivatives in the slopes, (n, Q) and (Q, n, n).
@@ -53,7 +53,7 @@ class Along:
 
 
 @dataclass(frozen=True)
-class Samples:
+class SampledExtremal:
     """Where a method evaluated the problem: ascending ``s`` (m,), the user's ``x`` (m,), ordinates, slopes (n, m)."""
 
     s: np.ndarray
@@ -84,11 +84,11 @@ class Extremal:
     """dx/ds at a number of points, where the method has it at hand."""
     coefficients: np.ndarray | None = None
     """Those of the curve in the basis of :class:`varcalc.numerics.mesh.Space`, where it was found so on one element."""
-    along: Along | None = None
+    along: AlongGraph | None = None
     """What was evaluated along the curve last, where the method has it at hand."""
     in_a_row: int = 0
     """How many solutions in a row, up to this one, were each begun from the one before."""
-    samples: Samples | None = None
+    samples: SampledExtremal | None = None
     """Where the problem was evaluated along the curve, where the method has that at hand."""
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -163,13 +163,6 @@ def sample(extremal: Extremal, s: np.ndarray) -> list[np.ndarray]:
     ddy = extremal.evaluate(s, 2) if form.symbols.ddy.numel() else np.zeros((0, len(s)))
     numbers = [np.repeat(v[:, None], len(s), axis=1) for v in (form.problem.parameter_values, extremal.unknowns)]
     return [s[None, :], y, dy, ddy, *numbers]
-
-
-def composite_gauss(vertices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and weights of the composite Gauss rule on a mesh, each flat."""
-    nodes, weights = gauss(count)
-    half = 0.5 * np.diff(vertices)[:, None]
-    return (vertices[:-1, None] + half * (1 + nodes)).ravel(), (half * weights).ravel()
 
 
 def end_cost(extremal: Extremal) -> float:
@@ -266,7 +259,7 @@ def in_coordinates_of(form: Form, extremal: Extremal) -> Sampled | None:
     arguments[4] = np.repeat(form.problem.parameter_values[:, None], ALIKE_PLACES, axis=1)
     there = lift(form, arguments)
     for k in (0, 1):
-        if not np.abs(there[k] - here[k]).max() <= ALIKE * np.abs(here[k]).max():
+        if not np.abs(there[k] - here[k]).max() <= SAME_PLACE * np.abs(here[k]).max():
             return None
     return lambda s: extremal.evaluate(s, 0)
 
@@ -440,7 +433,7 @@ def speed_error(value: Any, error: Any) -> Any:
     The length lies above the least one by their square. How far a curve is moved at an abscissa says nothing of it
     where the curve is upright, which is where it turns.
     """
-    return 1e-9 + TURNED * np.sqrt(error / np.maximum(np.abs(value), error))
+    return 1e-9 + TURNED_BACK * np.sqrt(error / np.maximum(np.abs(value), error))
 
 
 def unsettled(tol: float) -> float:

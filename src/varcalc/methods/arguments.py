@@ -17,7 +17,7 @@ Guess = Callable[[Any], Any] | Solution | None
 """A curve to start from: a function of the abscissa, or an earlier Solution."""
 GUESS_PLACES = 16
 """Abscissae at which a guess is looked at before it is used."""
-SAME = 1e-9
+SAME_ABSCISSA = 1e-9
 """Distance of two abscissae that counts as none, relative to the interval."""
 
 
@@ -83,7 +83,7 @@ def _check_kin(problem: Functional, guess: Solution) -> None:
     sliding = any((*problem.slides, *other.slides))
     sliding = sliding or problem.templates is other.templates  # parameters have moved the ends
     width = problem.span[1] - problem.span[0]
-    if not sliding and max(abs(a - b) for a, b in zip(problem.span, other.span, strict=True)) > SAME * width:
+    if not sliding and max(abs(a - b) for a, b in zip(problem.span, other.span, strict=True)) > SAME_ABSCISSA * width:
         raise ValueError(
             f"guess is a Solution from {other.span[0]} to {other.span[1]} and the problem goes from "
             f"{problem.span[0]} to {problem.span[1]}; give a function of x that covers it"

@@ -22,7 +22,7 @@ from varcalc.symbolic.switches import Switch
 
 AN_ELEMENT = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, 16) / 16)
 """Places in an element at which the switches are looked at, besides its ends."""
-ROUND_OFF = 1e-11
+ARGUMENT_ROUND_OFF = 1e-11
 """Size of a switch's argument, in units of its own along the curve, that counts as zero."""
 MADE_OUT = 1e-9
 """Distance, relative to the interval, within which a crossing is at a vertex that the mesh was given for it."""
@@ -60,7 +60,7 @@ def crossings(
     curve: Callable[[np.ndarray, int], np.ndarray],
     nodes: np.ndarray,
     unknowns: np.ndarray,
-    small: float = ROUND_OFF,
+    small: float = ARGUMENT_ROUND_OFF,
     units: np.ndarray | None = None,
 ) -> list[Crossing]:
     """All crossings of a curve, seen at points of the elements between ``nodes``, in their order along it.
@@ -91,7 +91,7 @@ def crossings(
     return sorted(found, key=lambda c: c.x)
 
 
-def met_by(solution: Solution, small: float = ROUND_OFF) -> list[Crossing]:
+def met_by(solution: Solution, small: float = ARGUMENT_ROUND_OFF) -> list[Crossing]:
     """The switches that a solution's curve meets."""
     if solution.curve is None or not on_curve(solution.problem):
         return []

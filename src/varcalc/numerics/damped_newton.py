@@ -19,7 +19,7 @@ P = TypeVar("P")
 
 CONVERGED = 1e-9
 """Relative correction after which one more step leaves only round-off."""
-NOISE = 1e-6
+NOISY_CORRECTION = 1e-6
 """A correction below this that no longer shrinks is round-off, or an integrator's noise, not the iteration's."""
 CONTRACTION = 0.3
 """A small correction that shrank by less than this factor is noise."""
@@ -29,7 +29,7 @@ LONGER = 4.0
 
 
 @dataclass(frozen=True)
-class Linearised(Generic[P]):
+class LinearisedEquations(Generic[P]):
     """The equations linearised at a point.
 
     ``correction(point)`` is -J^-1 F(point), J being kept; None, or not a
@@ -48,7 +48,7 @@ class Equations(Protocol[P]):
         """The equations at z (M,); None where z is out of the question."""
         ...
 
-    def linearised(self, z: np.ndarray, at: P) -> Linearised[P] | None:
+    def linearised(self, z: np.ndarray, at: P) -> LinearisedEquations[P] | None:
         """The equations linearised at a point already evaluated; None to give up there."""
         ...
 
@@ -102,14 +102,14 @@ def damped_newton(
         before, length = length, math.inf if step is None else measure(step)
         if step is None or not math.isfinite(length):
             return Result(z, at, Ending.SINGULAR, before, iteration)
-        if length <= converged or (length <= NOISE and length > CONTRACTION * before):
+        if length <= converged or (length <= NOISY_CORRECTION and length > CONTRACTION * before):
             return _finished(equations, z + step, Result(z, at, Ending.CONVERGED, length, iteration))
         if last is not None:
             change = measure(last - step)
             damping = min(1.0, damping * before * measure(last) / max(change * length, 1e-300))
         accepted = _search(equations, linearised, z, step, length, damping)
         if accepted is None:
-            ending = Ending.CONVERGED if length <= NOISE else Ending.DAMPED_OUT
+            ending = Ending.CONVERGED if length <= NOISY_CORRECTION else Ending.DAMPED_OUT
             return Result(z, at, ending, length, iteration)
         damping, z, at, last = accepted.damping, accepted.z, accepted.at, accepted.following
         if damping == 1.0 and measure(last) <= converged:
@@ -124,7 +124,12 @@ def _finished(equations: Equations[P], z: np.ndarray, otherwise: Result[P]) -> R
 
 
 def _search(
-    equations: Equations[P], linearised: Linearised[P], z: np.ndarray, step: np.ndarray, length: float, damping: float
+    equations: Equations[P],
+    linearised: LinearisedEquations[P],
+    z: np.ndarray,
+    step: np.ndarray,
+    length: float,
+    damping: float,
 ) -> _Accepted[P] | None:
     """The damped step that passes the natural monotonicity test: the simplified correction is the smaller one."""
     damping, settled = max(damping, SMALLEST_DAMPING), False
@@ -140,7 +145,7 @@ def _search(
         curvature = linearised.measure(following - (1.0 - damping) * step)
         ideal = 0.5 * length * damping**2 / max(curvature, 1e-300)
         after = linearised.measure(following)
-        if not after < (1.0 - 0.25 * damping) * length and not after <= NOISE:
+        if not after < (1.0 - 0.25 * damping) * length and not after <= NOISY_CORRECTION:
             damping, settled = min(ideal, 0.5 * damping) if math.isfinite(ideal) else 0.5 * damping, True
             continue
         if not settled and min(1.0, ideal) >= LONGER * damping:

@@ -34,10 +34,7 @@ def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
     So beyond ``FEW_POINTS`` one Newton step and the weights are taken in extended precision, where the machine has it.
     """
     if count <= FEW_POINTS:
-        points, weights = legendre.leggauss(count)
-        points.setflags(write=False)
-        weights.setflags(write=False)
-        return points, weights
+        return _unwritable(*legendre.leggauss(count))
     nodes, rates = legendre.leggauss(count)[0].astype(np.longdouble), np.zeros(0)
     for _ in range(2):
         before, here = np.ones_like(nodes), nodes
@@ -47,7 +44,11 @@ def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
         rates = 2 / ((1 - nodes**2) * slope**2)
         nodes = nodes - here / slope
     # exactly symmetric, so that what is symmetric stays so
-    points, weights = ((nodes - nodes[::-1]) / 2).astype(float), ((rates + rates[::-1]) / 2).astype(float)
+    return _unwritable(((nodes - nodes[::-1]) / 2).astype(float), ((rates + rates[::-1]) / 2).astype(float))
+
+
+def _unwritable(points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The arrays of a rule, which many share."""
     points.setflags(write=False)
     weights.setflags(write=False)
     return points, weights
@@ -140,6 +141,13 @@ def interpolation(smoothness: int, degree: int) -> np.ndarray:
     table = basis(smoothness, degree, lobatto(degree), 0)[0]
     table.setflags(write=False)
     return table
+
+
+def composite_gauss(vertices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights of the composite Gauss rule on a mesh, each flat."""
+    nodes, weights = gauss(count)
+    half = 0.5 * np.diff(vertices)[:, None]
+    return (vertices[:-1, None] + half * (1 + nodes)).ravel(), (half * weights).ravel()
 
 
 @lru_cache(maxsize=256)
@@ -253,9 +261,8 @@ class Space:
 
     def quadrature(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Abscissae and weights of the composite Gauss rule, each of shape (elements, count)."""
-        nodes, weights = gauss(count)
-        half = 0.5 * self.widths[:, None]
-        return self.vertices[:-1, None] + half * (1 + nodes), half * weights
+        x, weights = composite_gauss(self.vertices, count)
+        return x.reshape(-1, count), weights.reshape(-1, count)
 
     def at_quadrature(self, coefficients: np.ndarray, count: int, derivatives: int) -> list[np.ndarray]:
         """The functions and their derivatives at the Gauss points, each (.., elements, count, n)."""

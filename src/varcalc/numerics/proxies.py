@@ -38,7 +38,7 @@ BISECTIONS = 40
 """To begin with, on the series."""
 BESIDE = 0.1
 """Of a part: how far beside it a zero may turn out to be."""
-CLOSE, ROUND_OFF, NOISY = 1e-15, 1e-16, 0.25
+CLOSE, SUM_ROUND_OFF, NOISY = 1e-15, 1e-16, 0.25
 """Of a panel, of what is summed, and of the noise of that: a zero is not told more closely."""
 IS_ZERO = 1e-9
 """Of what is summed: what is left of a combination at its zero, beside noise."""
@@ -324,7 +324,7 @@ class _Isolation:
             return sign * self._true(row, at), sign * _summed(self.rate[row], at[:, None])[:, 0]
 
         around = self._place(row, start)
-        flat = (ROUND_OFF + NOISY * self._noise(row, around)) * self.size[row]
+        flat = (SUM_ROUND_OFF + NOISY * self._noise(row, around)) * self.size[row]
         # a series with few digits may put a zero on the wrong side of where its panel was parted
         room = BESIDE * (parts.high - parts.low)
         low, high = np.maximum(parts.low - room, -1.0), np.minimum(parts.high + room, 1.0)

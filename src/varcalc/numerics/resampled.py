@@ -22,7 +22,7 @@ RESOLVED = 4e-15
 COARSER = 1.3
 """Factor by which a distance is allowed for each time a piece was halved: a function that is no better known than that
 gains nothing by smaller pieces, and next to an infinite slope nothing else is left."""
-MOST = 256
+MOST_PIECES = 256
 """Pieces at one time that are halved no further: there the function is noise."""
 SMALLEST = 1e-14
 """Width of a piece that is not halved, relative to the whole."""
@@ -105,7 +105,7 @@ def polynomials(function: Callable[[np.ndarray], np.ndarray], edges: np.ndarray)
         with np.errstate(invalid="ignore"):
             room = RESOLVED * COARSER**halving * np.maximum(size, np.abs(values).max(2, keepdims=True))
             good = np.all(np.abs(guessed - between) <= room, axis=(1, 2)) & np.isfinite(values).all((1, 2))
-        good |= (len(left) > MOST) | (right - left <= SMALLEST * (edges[-1] - edges[0]))
+        good |= (len(left) > MOST_PIECES) | (right - left <= SMALLEST * (edges[-1] - edges[0]))
         known += [(a, v) for a, v in zip(left[good], values[good], strict=True)]
         middle = 0.5 * (left + right)[~good]
         left, right = np.concatenate([left[~good], middle]), np.concatenate([middle, right[~good]])

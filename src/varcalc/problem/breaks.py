@@ -17,7 +17,7 @@ from varcalc.symbolic.places import FINEST, places
 from varcalc.symbolic.switches import SWITCHING, Switch, switches
 from varcalc.symbolic.tracing import Expression
 
-BESIDE, GROWN = (1e-4, 1e-8), 1.5
+BREAK_OFFSETS, GROWN = (1e-4, 1e-8), 1.5
 """Distances from a break, in units of the interval, and the ratio of what is found at both that is no limit."""
 
 
@@ -95,7 +95,7 @@ def singular_inside(problem: Problem) -> float | None:
     if problem.n > 1 or problem.order > 1 or not len(places):
         return None
     width = problem.span[1] - problem.span[0]
-    sides = np.concatenate([places + side * near * width for near in BESIDE for side in (-1.0, 1.0)])
+    sides = np.concatenate([places + side * near * width for near in BREAK_OFFSETS for side in (-1.0, 1.0)])
     y = np.interp(sides, problem.span, np.nan_to_num([e.values(1)[0] for e in (problem.start, problem.end)]))
     slopes = np.array([-1.0, 0.0, 1.0])
     values = problem.integrand_values(

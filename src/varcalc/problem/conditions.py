@@ -18,7 +18,6 @@ from varcalc.showing import Brief
 from varcalc.spelling import spelled
 
 Number = float | int
-Components = Number | Sequence[Number | None] | None
 
 
 @spelled
@@ -243,17 +242,21 @@ class Fixed(Brief, AnyEnd):
         if len(components("Fixed.dy", self.dy)) != len(values) or is_vector(self.dy) != is_vector(self.y):
             raise ValueError("Fixed.dy must have as many components as Fixed.y")
 
-    def values(self, n: int) -> np.ndarray:  # noqa: ARG002, D102
+    def values(self, n: int) -> np.ndarray:  # noqa: ARG002
+        """The components of ``y``, NaN for those that are None."""
         return _numbers("Fixed.y", self.y)
 
-    def slopes(self, n: int) -> np.ndarray:  # noqa: D102
+    def slopes(self, n: int) -> np.ndarray:
+        """The components of ``dy``, NaN where there are none."""
         return super().slopes(n) if self.dy is None else _numbers("Fixed.dy", self.dy)
 
-    def in_unit(self, unit: float) -> Fixed:  # noqa: D102
+    def in_unit(self, unit: float) -> Fixed:
+        """The same end, its ordinate and slope divided by ``unit``."""
         y, dy = (None if np.isnan(v[0]) else v[0] / unit for v in (self.values(1), self.slopes(1)))
         return Fixed(self.x, y, dy)
 
-    def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: D102
+    def tells(self, label: str) -> tuple[int, bool | None]:
+        """As many functions as ``y`` has components; a number is one."""
         return len(components(f"{label}.y", self.y)), not is_vector(self.y)
 
 
@@ -332,10 +335,12 @@ class At(Brief, AnyEnd):
             raise TypeError(f"At.q must be a sequence of coordinates, not {told(self.q)}")
         components("At.q", self.q)
 
-    def values(self, n: int) -> np.ndarray:  # noqa: ARG002, D102
+    def values(self, n: int) -> np.ndarray:  # noqa: ARG002
+        """The coordinates ``q``, NaN for those that are None."""
         return _numbers("At.q", self.q)
 
-    def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: ARG002, D102
+    def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: ARG002
+        """As many coordinates as ``q`` has."""
         return len(self.q), False
 
 
@@ -358,12 +363,18 @@ class OnSurface(Brief, OfFunction, AnyEnd):
         ):
             raise TypeError("OnSurface.guess must be a point: one number for each coordinate")
 
-    def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: ARG002, D102
+    def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: ARG002
+        """As many coordinates as ``guess`` has."""
         return len(self.guess), False
 
 
 def _level(name: str, value: Any) -> float | None:
     return None if value is None else finite(name, value)
+
+
+def _between(lower: float | None, upper: float | None) -> tuple[float, float]:
+    """The numbers from ``lower`` to ``upper``, infinite where there is no bound."""
+    return -math.inf if lower is None else float(lower), math.inf if upper is None else float(upper)
 
 
 def _check_between(owner: str, lower: float | None, upper: float | None) -> None:
@@ -395,7 +406,8 @@ class Isoperimetric(Brief, OfFunction):
         elif levels[1] is not None or levels[2] is not None:
             raise ValueError("Isoperimetric: give either value, or lower and upper, not both")
 
-    def arguments(self, position: list[Any], slopes: list[Any]) -> list[Any]:  # noqa: D102
+    def arguments(self, position: list[Any], slopes: list[Any]) -> list[Any]:
+        """The place and all slopes, as the Lagrangian has them."""
         return [*position, *slopes]
 
     @property
@@ -406,12 +418,7 @@ class Isoperimetric(Brief, OfFunction):
     @property
     def interval(self) -> tuple[float, float]:
         """Lowest and highest admissible level."""
-        if self.value is not None:
-            return float(self.value), float(self.value)
-        return (
-            -math.inf if self.lower is None else float(self.lower),
-            math.inf if self.upper is None else float(self.upper),
-        )
+        return _between(self.lower, self.upper) if self.value is None else _between(self.value, self.value)
 
 
 @spelled
@@ -442,16 +449,14 @@ class Bound(Brief, OfFunction):
         function("Bound.h", self.h)
         _check_between("Bound", _level("Bound.lower", self.lower), _level("Bound.upper", self.upper))
 
-    def arguments(self, position: list[Any], slopes: list[Any]) -> list[Any]:  # noqa: D102
+    def arguments(self, position: list[Any], slopes: list[Any]) -> list[Any]:
+        """The place and the first slope."""
         return [*position, slopes[0]]
 
     @property
     def interval(self) -> tuple[float, float]:
         """Lowest and highest admissible value."""
-        return (
-            -math.inf if self.lower is None else float(self.lower),
-            math.inf if self.upper is None else float(self.upper),
-        )
+        return _between(self.lower, self.upper)
 
 
 @spelled

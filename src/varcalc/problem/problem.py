@@ -35,7 +35,7 @@ from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import Derivatives, PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
-SAME = 1e-12
+SAME_ABSCISSA = 1e-12
 """Distance of two abscissae that counts as none, relative to the interval."""
 NUDGE = 1e-9
 """Relative step off an end at which the integrand must be a number at least on one side."""
@@ -126,7 +126,8 @@ class Problem(Functional):
         self._check_domain()
         self.check_places()
 
-    def position(self, x: Expression, y: Expression) -> list[Expression]:  # noqa: D102
+    def position(self, x: Expression, y: Expression) -> list[Expression]:
+        """The abscissa and the ordinates."""
         return [x, y]
 
     def _named_axes(self, names: Sequence[str], units: Sequence[str]) -> tuple[Axis, tuple[Axis, ...]]:
@@ -136,13 +137,15 @@ class Problem(Functional):
     def _options(self) -> dict[str, Any]:
         return {"order": self.order, "breakpoints": self.breakpoints}
 
-    def placed_ends(self) -> tuple[Any, Any]:  # noqa: D102
+    def placed_ends(self) -> tuple[Any, Any]:
+        """The ends, and with them the interval and the breakpoints within it."""
         start, end = super().placed_ends()
         self.span: tuple[float, float] = span_of(start, end)
         self.breakpoints = inside("breakpoints", self.breakpoints, self.span, start, end)
         return start, end
 
-    def check_ends(self) -> None:  # noqa: D102
+    def check_ends(self) -> None:
+        """Raise ValueError where what is given inside the interval no longer lies there."""
         for i, c in enumerate(self.constraints):
             if isinstance(c, Through):
                 self._check_beside_ends(i, c)
@@ -170,7 +173,7 @@ class Problem(Functional):
     def _check_beside_ends(self, index: int, waypoint: Through) -> None:
         """Refuse a waypoint at the abscissa of a fixed end, where it either says nothing or contradicts the end."""
         for label, end in (("start", self.start), ("end", self.end)):
-            if not end.fixed or abs(waypoint.x - end.x) > SAME * (self.span[1] - self.span[0]):
+            if not end.fixed or abs(waypoint.x - end.x) > SAME_ABSCISSA * (self.span[1] - self.span[0]):
                 continue
             miss = np.nanmax(np.abs(end.values(self.n) - waypoint.values))
             raise ValueError(
@@ -178,7 +181,8 @@ class Problem(Functional):
                 + (f" and misses it by {miss:.6g}; move one of the two" if miss else "; leave it out, or fix it there")
             )
 
-    def check_places(self) -> None:  # noqa: D102
+    def check_places(self) -> None:
+        """Raise ValueError where a fixed end or a waypoint violates a constraint."""
         if not self.traced:
             return
         ends = [(label, e, e.values(self.n)) for label, e in (("start", self.start), ("end", self.end)) if e.fixed]
@@ -316,10 +320,11 @@ class Curve(Functional):
                 self._check_homogeneous(f"constraints[{i}].g", t.expression)
         self.check_places()
 
-    def check_ends(self) -> None:  # noqa: D102
-        pass  # a point anywhere may be the end of a Curve
+    def check_ends(self) -> None:
+        """A point anywhere may be the end of a Curve."""
 
-    def position(self, x: Expression, y: Expression) -> list[Expression]:  # noqa: ARG002, D102
+    def position(self, x: Expression, y: Expression) -> list[Expression]:  # noqa: ARG002
+        """The point alone: the parameter is no part of a place."""
         return [y]
 
     def _named_axes(self, names: Sequence[str], units: Sequence[str]) -> tuple[Axis, tuple[Axis, ...]]:
@@ -337,7 +342,8 @@ class Curve(Functional):
         kind = self.symbols.kind
         return [kind.sym("q0", self.n), kind.sym("q1", self.n)]
 
-    def check_places(self) -> None:  # noqa: D102
+    def check_places(self) -> None:
+        """Raise ValueError where an end violates a constraint."""
         check_places(
             self,
             [

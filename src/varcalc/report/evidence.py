@@ -6,14 +6,14 @@ import math
 from collections.abc import Iterator, Mapping
 
 from varcalc.certificates.certificate import Certificate, Scope
-from varcalc.report.page import Cell, Facts, Folded, Listed, Mark, Part, Section, Table, Text, table
+from varcalc.report.page import Cell, Facts, Folded, Listed, Mark, PageSection, Paragraph, Part, Table, table
 from varcalc.report.page import number_cell as number
 from varcalc.report.words import capital
 from varcalc.showing import Fact
 from varcalc.solution import Solution, Verdict
 from varcalc.solve.diagnose import Diagnosis
 from varcalc.study.compare import Comparison
-from varcalc.verify.verification import SHOWN, Verification
+from varcalc.verify.verification import Verification
 
 WELL = 1e-6
 """Off by less than this, what is held against something known stands."""
@@ -77,16 +77,16 @@ def _sized(deviation: float) -> Cell:
     return Cell("") if math.isnan(deviation) else Cell(f"{deviation:+.1e}", abs(deviation))
 
 
-def routes_section(comparison: Comparison, level: int) -> Section:
+def routes_section(comparison: Comparison, level: int) -> PageSection:
     """The table of routes, whether they agree, and why some have no answer."""
     reasons = tuple(f"{row.label}: {row.reason}" for row in comparison.rows if row.reason)
     parts: list[Part] = [
         routes_table(comparison),
-        Text(capital(". ".join(line.strip() for line in comparison.conclusion)) + "."),
+        Paragraph(capital(". ".join(line.strip() for line in comparison.conclusion)) + "."),
     ]
     if reasons:
         parts.append(Listed(reasons))
-    return Section("By which routes", tuple(parts), level)
+    return PageSection("By which routes", tuple(parts), level)
 
 
 def checks_table(check: Verification) -> Table:
@@ -97,7 +97,7 @@ def checks_table(check: Verification) -> Table:
         ("Euler-Lagrange", f"residual {check.residual:.1e} of the terms"),
         ("Legendre", f"{least} second derivative in the slope {sign * check.legendre:.6g}"),
         ("Weierstrass", _weierstrass(check)),
-        ("Jacobi", _points(check)),
+        ("Jacobi", check.points_in_words(9)),
         ("Index", _index(check)),
         *((f"First integral: {name}", f"constant to {drift:.1e}") for name, drift in check.invariants.items()),
         ("Functional on this curve", f"{check.bound:.15g}"),
@@ -113,15 +113,6 @@ def _weierstrass(check: Verification) -> str:
     return f"least excess {float(check.weierstrass):.1e} of its terms"
 
 
-def _points(check: Verification) -> str:
-    count = len(check.conjugate_points)
-    if not count:
-        return "no conjugate point found" if check.routes.get("Jacobi") is not None else "not carried out"
-    shown = ", ".join(f"{x:.9g}" for x in check.conjugate_points[:SHOWN])
-    more = f", and {count - SHOWN} more" if count > SHOWN else ""
-    return f"conjugate or focal at {check.abscissa} = {shown}{more}"
-
-
 def _index(check: Verification) -> str:
     if not math.isfinite(check.index):
         return "infinite" if math.isinf(check.index) else "unknown"
@@ -129,46 +120,36 @@ def _index(check: Verification) -> str:
     return f"{check.index:.0f}" + (f" ({', '.join(found)})" if found else "")
 
 
-def verdict_section(check: Verification, level: int) -> Section:
+def verdict_section(check: Verification, level: int) -> PageSection:
     """What kind of curve it is, and every statement that holds of it."""
-    parts: list[Part] = [Text(f"Verdict: {check.verdict.value}."), checks_table(check)]
+    parts: list[Part] = [Paragraph(f"Verdict: {check.verdict.value}."), checks_table(check)]
     if check.findings:
         parts.append(Listed(tuple(capital(finding.sentence) for finding in check.findings)))
-    return Section("What kind of curve it is", tuple(parts), level)
+    return PageSection("What kind of curve it is", tuple(parts), level)
 
 
-def certificate_section(certificate: Certificate | None, reason: str, level: int) -> Section:
+def certificate_section(certificate: Certificate | None, reason: str, level: int) -> PageSection:
     """The theorem and how each of its hypotheses was proved; or why there is no proof."""
     heading = "What is proved"
     if certificate is None:
-        return Section(heading, (Text(f"{capital(reason)}."),), level)
+        return PageSection(heading, (Paragraph(f"{capital(reason)}."),), level)
     what = "supremum" if certificate.solution.problem.maximise else "infimum"
     low, high = certificate.enclosure
-    theorem = Facts(
-        (
-            Fact("Lower bound", low),
-            Fact("Upper bound", high),
-            Fact("Of", f"the {what} over {_scope(certificate)}"),
-            Fact("Width", f"{certificate.width:.1g}"),
-            Fact("Whatever is as good lies within", f"{certificate.distance.largest:.1g} of the curve"),
-        )
-    )
+    facts = [
+        Fact("Lower bound", low), Fact("Upper bound", high),
+        Fact("Of", f"the {what} over {certificate.curves}".rstrip(",")), Fact("Width", f"{certificate.width:.1g}"),
+    ]  # fmt: skip
+    if math.isfinite(certificate.distance.largest):
+        facts.append(Fact("Whatever is as good lies within", f"{certificate.distance.largest:.1g} of the curve"))
     hypotheses = Folded(
         "The hypotheses, and how each was proved", (Listed(tuple(capital(str(one)) for one in certificate.proved)),)
     )
-    return Section(heading, (theorem, hypotheses), level)
-
-
-def _scope(certificate: Certificate) -> str:
-    if certificate.scope is Scope.ALL:
-        return certificate.scope.value
-    slopes = f" and {certificate.slopes:.3g} of its slope" if certificate.slopes < math.inf else ", of any slope"
-    return f"the curves within {certificate.tube:.3g} of this one{slopes}"
+    return PageSection(heading, (Facts(tuple(facts)), hypotheses), level)
 
 
 def unseen_section(
     solution: Solution, check: Verification | None, certificate: Certificate | None, more: tuple[str, ...], level: int
-) -> Section:
+) -> PageSection:
     """What was searched, and what was not looked at."""
     found = list(more)
     if not solution.searched:
@@ -181,18 +162,18 @@ def unseen_section(
         found.append(f"the proof does not speak of curves outside its scope: {certificate.scope.value}")
     if certificate is None:
         found.append("the value is an estimate with its claim, and no theorem")
-    parts: list[Part] = [Text(f"Searched: {solution.searched or 'nothing beyond the curve itself'}.")]
+    parts: list[Part] = [Paragraph(f"Searched: {solution.searched or 'nothing beyond the curve itself'}.")]
     parts.append(
-        Listed(tuple(map(capital, found))) if found else Text("Nothing is left open that is usually looked at.")
+        Listed(tuple(map(capital, found))) if found else Paragraph("Nothing is left open that is usually looked at.")
     )
-    return Section("What was not looked at", tuple(parts), level)
+    return PageSection("What was not looked at", tuple(parts), level)
 
 
-def diagnosis_section(diagnosis: Diagnosis, level: int) -> Section:
+def diagnosis_section(diagnosis: Diagnosis, level: int) -> PageSection:
     """Why there is no answer."""
     headline = "nothing could be shown" if diagnosis.verdict is None else diagnosis.verdict.value
     sentences = tuple(capital(finding.sentence) for finding in diagnosis.findings)
-    return Section("Why there is no answer", (Text(f"{capital(headline)}."), Listed(sentences)), level)
+    return PageSection("Why there is no answer", (Paragraph(f"{capital(headline)}."), Listed(sentences)), level)
 
 
 def errors_table(errors: Mapping[str, float]) -> Table:

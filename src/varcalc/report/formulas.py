@@ -13,7 +13,7 @@ DERIVATIVE = re.compile(r"((?:\\mathrm\{[^{}]*\}|\\[A-Za-z]+|[A-Za-z])(?:_\{[^{}
 PRIMES = " ′″‴⁗"
 LOW_BRACKETS = re.compile(r"\\left\(((?:[^(){}\\^_]|\\(?!left|right|frac|sqrt|int)[A-Za-z]+)*)\\right\)")
 """Parentheses around what is as high as a line: they need not grow."""
-BESIDE = re.compile(r"(?<=[\w})] )\\(?=(?:arc)?(?:sin|cos|tan)h?\b|ln\b|exp\b|operatorname\b)")
+AFTER_FACTOR = re.compile(r"(?<=[\w})] )\\(?=(?:arc)?(?:sin|cos|tan)h?\b|ln\b|exp\b|operatorname\b)")
 """Where a function follows a factor."""
 SIGN = re.compile(r"(<mo[^>]*>(?:\(|=|&#x00028;|&#x0003D;|,|&#x0002C;)</mo>)<mo>(-|−|&#x02212;|&#x0002D;)</mo>")
 """A minus that is a sign."""
@@ -32,6 +32,6 @@ def mathml(latex: str, *, display: bool = True) -> str:
     from latex2mathml.converter import convert
 
     latex = DERIVATIVE.sub(lambda found: rf"{{{found[1]} {PRIMES[len(found[2])]}}}", latex)
-    latex = BESIDE.sub(r"\\, \\", LOW_BRACKETS.sub(r"(\1)", latex))
+    latex = AFTER_FACTOR.sub(r"\\, \\", LOW_BRACKETS.sub(r"(\1)", latex))
     found = convert(latex, display="block" if display else "inline")
     return SIGN.sub(r'\1<mo form="prefix">\2</mo>', found)

@@ -11,7 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
 
-from varcalc.report.page import Mark, Page, Section, Text
+from varcalc.report.page import Mark, Page, PageSection, Paragraph
 from varcalc.report.problem_page import Depth, problem_page
 from varcalc.report.rendering import Entry, index_html, page_html
 from varcalc.report.scene_page import scene_page
@@ -24,7 +24,7 @@ INDEX = "index.html"
 FAILED = "this page could not be made"
 GRACE = 1.0
 """Seconds after an interrupt in which a page that is being written may still be finished."""
-LOST = "the process that made it ended before it was done"
+CRASHED = "the process that made it ended before it was done"
 """What is said where there is no exception: a crash below Python, or no more memory."""
 
 
@@ -40,8 +40,8 @@ def page_of(subject: Subject, depth: Depth = Depth.FULL) -> Page:
 
 
 def _failure(subject: Subject, reason: str, details: str = "") -> Page:
-    parts = [Text(reason), *([Text(details, verbatim=True)] if details else [])]
-    sections = (about_section(subject), Section("What went wrong", tuple(parts)), source_section(subject))
+    parts = [Paragraph(reason), *([Paragraph(details, verbatim=True)] if details else [])]
+    sections = (about_section(subject), PageSection("What went wrong", tuple(parts)), source_section(subject))
     title = subject.line or subject.name
     return Page(subject.name, subject.kind.singular, title, FAILED, reason, Mark.BAD, sections)
 
@@ -101,7 +101,7 @@ def write_pages(subjects: Sequence[Subject], folder: Path, cores: int) -> Iterat
         # a process that dies takes those beside it along: which of them did it shows when each runs alone
         for suspect in suspects:
             alone = next((entry for _, entry in _finished([suspect], write, 1)), None) if len(suspects) > 1 else None
-            yield alone or _write(suspect, folder, _failure(suspect, LOST))
+            yield alone or _write(suspect, folder, _failure(suspect, CRASHED))
 
 
 def _finished(

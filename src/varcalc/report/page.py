@@ -26,7 +26,7 @@ class Formula:
 
 
 @dataclass(frozen=True)
-class Text:
+class Paragraph:
     """A paragraph; ``verbatim`` keeps its lines as they are."""
 
     text: str
@@ -95,11 +95,11 @@ class Folded:
     parts: tuple[Part, ...]
 
 
-Part = Text | Formula | Facts | Listed | Table | Pictures | Folded
+Part = Paragraph | Formula | Facts | Listed | Table | Pictures | Folded
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """A section of a page; the ``level`` of its heading is 2, or 3 within one."""
 
     heading: str
@@ -126,7 +126,7 @@ class Page:
     answer: str
     known: str
     mark: Mark
-    sections: tuple[Section, ...]
+    sections: tuple[PageSection, ...]
     sketch: str = ""
     value: float | None = None
     error: float | None = None

@@ -28,12 +28,12 @@ from varcalc.report.page import (
     Listed,
     Mark,
     Page,
+    PageSection,
+    Paragraph,
     Part,
     Picture,
     Pictures,
-    Section,
     Table,
-    Text,
     number_cell,
     table,
 )
@@ -53,9 +53,9 @@ from varcalc.verify.verification import Verification
 
 MEASURED = 15.0
 """Seconds of processor time that a page's measurements take; what they do not come to is named on it."""
-FIRST = 0.4
+TOLERANCE_SHARE = 0.4
 """Of that, for answers at tolerances."""
-SHARE = 3.0
+TIME_SHARE = 3.0
 """By how much more than its equal part of the time that is left a line of convergence may take."""
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 DRAWN = 201
@@ -124,7 +124,7 @@ def problem_page(subject: Subject, depth: Depth) -> Page:
         sections += [_measured_section(first.reference), *_other_cases(first, references[1:])]
     elif len(references) > 1:
         named = tuple(f"{r.name}: {r.statement}" for r in references[1:])
-        sections.append(Section("Its other cases", (Listed(named),)))
+        sections.append(PageSection("Its other cases", (Listed(named),)))
     solved = first.solution.status.ok
     return Page(
         subject.name, subject.kind.singular, subject.line or first.reference.name, first.answer, first.known,
@@ -134,14 +134,14 @@ def problem_page(subject: Subject, depth: Depth) -> Page:
     )  # fmt: skip
 
 
-def _other_cases(first: Case, references: Sequence[Reference]) -> list[Section]:
+def _other_cases(first: Case, references: Sequence[Reference]) -> list[PageSection]:
     """All cases in one table, and each of the others by itself."""
     if not references:
         return []
     others = [_looked_at(reference) for reference in references]
-    sections = [Section("Its other cases", (_cases_table([first, *others]),))]
+    sections = [PageSection("Its other cases", (_cases_table([first, *others]),))]
     for case in others:
-        sections.append(Section(case.reference.name, (Text(case.reference.statement),), level=3))
+        sections.append(PageSection(case.reference.name, (Paragraph(case.reference.statement),), level=3))
         sections += _case_sections(case, level=4)
     return sections
 
@@ -161,8 +161,8 @@ def _looked_at(reference: Reference) -> Case:
         return Case(reference, comparison, check, None, str(reason).rstrip("."))
 
 
-def _case_sections(case: Case, level: int) -> list[Section]:
-    question = Section("The question", (Facts(tuple(asked_of_problem(case.reference.problem))),), level)
+def _case_sections(case: Case, level: int) -> list[PageSection]:
+    question = PageSection("The question", (Facts(tuple(asked_of_problem(case.reference.problem))),), level)
     if not case.solution.status.ok:
         diagnosis = diagnose(case.reference.problem)
         return [question, diagnosis_section(diagnosis, level), routes_section(case.comparison, level)]
@@ -173,7 +173,7 @@ def _case_sections(case: Case, level: int) -> list[Section]:
     more = () if case.reference.exact is not None else ("no closed form was given to hold the answer against",)
     return [
         question,
-        Section("The answer", tuple(parts), level),
+        PageSection("The answer", tuple(parts), level),
         routes_section(case.comparison, level),
         *([] if case.check is None else [verdict_section(case.check, level)]),
         certificate_section(case.certificate, case.unproved, level),
@@ -237,12 +237,12 @@ def _sketch(case: Case) -> str:
     return sketch([np.stack([at, row]) for row in y], downward=case.reference.downward)
 
 
-def _measured_section(reference: Reference) -> Section:
+def _measured_section(reference: Reference) -> PageSection:
     """How the error falls as each option turns, what answers cost, and what claims are worth."""
     heading = "Speed against accuracy"
     if reference.exact is None:
-        return Section(
-            heading, (Text("Not measured: without a closed form the errors of coarse answers are unknown."),)
+        return PageSection(
+            heading, (Paragraph("Not measured: without a closed form the errors of coarse answers are unknown."),)
         )
     records, left_out = _measured(reference)
     title = reference.name
@@ -265,8 +265,8 @@ def _measured_section(reference: Reference) -> Section:
             continue
     parts: list[Part] = [Pictures(tuple(pictures)), Folded("Every measurement", (_records_table(records),))]
     if left_out:
-        parts.append(Text(f"Not measured, for want of time: {'; '.join(left_out)}."))
-    return Section(heading, tuple(parts))
+        parts.append(Paragraph(f"Not measured, for want of time: {'; '.join(left_out)}."))
+    return PageSection(heading, tuple(parts))
 
 
 def _measured(reference: Reference) -> tuple[list[Record], list[str]]:
@@ -274,14 +274,14 @@ def _measured(reference: Reference) -> tuple[list[Record], list[str]]:
     began, records, left_out = time.process_time(), list[Record](), list[str]()
     methods = [*methods_for(reference.problem), *(peer.method for peer in peers())]
     for method in methods:
-        if time.process_time() - began > FIRST * MEASURED:
+        if time.process_time() - began > TOLERANCE_SHARE * MEASURED:
             left_out.append(f"{'the ladder' if method is None else type(method).__name__} at the tolerances")
             continue
         records += work_precision([reference], [method], TOLERANCES, repeats=1, seconds=BRIEFLY).records
     dials = [(route, dial) for route in routes(reference.problem) for dial in route.dials]
     for number, (route, dial) in enumerate(dials):
         left = MEASURED - (time.process_time() - began)
-        share = SHARE * left / (len(dials) - number)
+        share = TIME_SHARE * left / (len(dials) - number)
         one = replace(route, dials=(dial,))
         found = convergence(reference, one, repeats=1, within=share).records if left > 0 else ()
         records += found

@@ -11,7 +11,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from varcalc.report.formulas import mathml
-from varcalc.report.page import Cell, Mark, Page, Picture, Section, number_cell, table
+from varcalc.report.page import Cell, Mark, Page, PageSection, Picture, number_cell, table
 from varcalc.report.subjects import Kind
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def index_html(entries: Sequence[Entry], title: str, summary: str) -> str:
     return _written("index.html", title, (), groups=groups, glance=glance, summary=summary)
 
 
-def sections_html(sections: Iterable[Section]) -> str:
+def sections_html(sections: Iterable[PageSection]) -> str:
     """Sections alone, for a page of something else: with :func:`style` and :func:`script` there."""
     macro: Any = _environment().get_template("parts.html").module
     return f'<div class="vc">{"".join(str(macro.section(one)) for one in sections)}</div>'

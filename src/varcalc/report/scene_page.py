@@ -11,9 +11,21 @@ from varcalc.charts import range_picture, rays_picture
 from varcalc.optics.rays.ray import Rays
 from varcalc.optics.rays.sources import PointSource
 from varcalc.optics.results.range_chart import range_chart
-from varcalc.optics.results.study import FLAT, Seen, Study
+from varcalc.optics.results.study import FLAT_SIDES, Seen, Study
 from varcalc.report.evidence import WELL, errors_table
-from varcalc.report.page import Cell, Facts, Listed, Mark, Page, Part, Pictures, Section, Text, number_cell, table
+from varcalc.report.page import (
+    Cell,
+    Facts,
+    Listed,
+    Mark,
+    Page,
+    PageSection,
+    Paragraph,
+    Part,
+    Pictures,
+    number_cell,
+    table,
+)
 from varcalc.report.pictures import picture, sketch
 from varcalc.report.question import asked_of_scene
 from varcalc.report.subjects import Subject
@@ -38,10 +50,10 @@ def scene_page(subject: Subject) -> Page:
     answer = _ended(seen) if arrivals is None else _arrived(arrivals, study)
     sections = [
         about_section(subject),
-        Section("The question", (Facts(tuple(asked_of_scene(study))),)),
-        Section("The answer", (Facts(tuple(_answered(seen, answer))), *_pictures(seen))),
+        PageSection("The question", (Facts(tuple(asked_of_scene(study))),)),
+        PageSection("The answer", (Facts(tuple(_answered(seen, answer))), *_pictures(seen))),
         *([] if arrivals is None else [_arrivals_section(arrivals)]),
-        *([Section("How well it is known", (errors_table(seen.errors),))] if seen.errors else []),
+        *([PageSection("How well it is known", (errors_table(seen.errors),))] if seen.errors else []),
         _unseen_section(seen),
         source_section(subject),
     ]
@@ -63,7 +75,7 @@ def _sketch(seen: Seen) -> str:
     chosen = seen.tracks[:: max(1, len(seen.tracks) // SKETCHED)]
     lines = [track.points[:, [0, -1]].T for track in chosen]
     extent = np.ptp(np.concatenate(lines, axis=1), axis=1) if lines else np.ones(2)
-    return sketch(lines, equal=bool(FLAT <= extent[1] / extent[0] <= 1 / FLAT), alike=True)
+    return sketch(lines, equal=bool(FLAT_SIDES <= extent[1] / extent[0] <= 1 / FLAT_SIDES), alike=True)
 
 
 def _ended(seen: Seen) -> str:
@@ -94,7 +106,7 @@ def _pictures(seen: Seen) -> list[Part]:
     try:
         figure = rays_picture(seen)
     except ValueError as reason:
-        return [Text(f"No picture: {reason}.")]
+        return [Paragraph(f"No picture: {reason}.")]
     alt = "The rays over the index of their medium, with wavefronts, conjugate points and the rays to the receiver."
     drawn = [picture(figure, alt, f"{study.title}: the rays")]
     if study.receiver is not None and isinstance(study.source, PointSource) and study.source.dimension == 2:
@@ -107,7 +119,7 @@ def _pictures(seen: Seen) -> list[Part]:
     return [Pictures(tuple(drawn))]
 
 
-def _arrivals_section(arrivals: Rays) -> Section:
+def _arrivals_section(arrivals: Rays) -> PageSection:
     columns = (
         ("optical path", True), ("error", True), ("caustics passed", True), ("spreading", True), ("model", False),
         ("direction", False),
@@ -121,15 +133,15 @@ def _arrivals_section(arrivals: Rays) -> Section:
         for ray in arrivals
     ]  # fmt: skip
     if not rows:
-        return Section("Every ray to the receiver", (Text(f"None: {arrivals.reason}."),))
-    return Section("Every ray to the receiver", (table("Shortest optical path first", columns, rows),))
+        return PageSection("Every ray to the receiver", (Paragraph(f"None: {arrivals.reason}."),))
+    return PageSection("Every ray to the receiver", (table("Shortest optical path first", columns, rows),))
 
 
-def _unseen_section(seen: Seen) -> Section:
+def _unseen_section(seen: Seen) -> PageSection:
     found = [f"rays beyond an optical path of {seen.study.optical_path:g}", "directions between those that were traced"]
     if seen.arrivals is None:
         found.append("rays to a receiver: the study names none")
     searched = "" if seen.arrivals is None else f"Searched: {seen.arrivals.searched}."
-    return Section(
-        "What was not looked at", (*([Text(searched)] if searched else []), Listed(tuple(map(capital, found))))
+    return PageSection(
+        "What was not looked at", (*([Paragraph(searched)] if searched else []), Listed(tuple(map(capital, found))))
     )

@@ -18,8 +18,8 @@ from varcalc.report.page import (
     Listed,
     Mark,
     Page,
+    PageSection,
     Pictures,
-    Section,
     Table,
     number_cell,
     table,
@@ -61,7 +61,7 @@ def _answer(moved: Moved | None, errors: Mapping[str, float]) -> str:
     return course if moved.completed else f"{course}: {moved.motion.outcome.value}"
 
 
-def _sections(moved: Moved) -> list[Section]:
+def _sections(moved: Moved) -> list[PageSection]:
     motion, experiment = moved.motion, moved.experiment
     begun = ", ".join(f"{n} = {x:.9g}" for n, x in zip(moved.names, experiment.q0, strict=True))
     rates = ", ".join(f"{n}' = {x:.9g}" for n, x in zip(moved.names, experiment.v0, strict=True))
@@ -75,15 +75,15 @@ def _sections(moved: Moved) -> list[Section]:
         *(Fact(f"Kept: {name}", f"to {drift:.1g}") for name, drift in motion.drift.items()),
     ]  # fmt: skip
     return [
-        Section("The question", (Facts(tuple(asked)),)),
-        Section("The answer", (Facts(tuple(facts)), _pictures(moved), *_events(moved))),
-        Section("How well it is known", (errors_table(moved.errors),)),
+        PageSection("The question", (Facts(tuple(asked)),)),
+        PageSection("The answer", (Facts(tuple(facts)), _pictures(moved), *_events(moved))),
+        PageSection("How well it is known", (errors_table(moved.errors),)),
         _unseen(moved),
     ]
 
 
-def _examined(done: Examined) -> Section:
-    return Section("How well it is known", (errors_table(done.errors),))
+def _examined(done: Examined) -> PageSection:
+    return PageSection("How well it is known", (errors_table(done.errors),))
 
 
 def _pictures(moved: Moved) -> Pictures:
@@ -107,13 +107,13 @@ def _events(moved: Moved) -> list[Table]:
     return [table(f"Events{more}", (("t", True), ("event", False), ("coordinates", False)), rows)]
 
 
-def _unseen(moved: Moved) -> Section:
+def _unseen(moved: Moved) -> PageSection:
     found = ["times after the end of the span, and other beginnings"]
     if moved.experiment.exact is None:
         found.append("no closed form is known of this motion: it was held against the checks above only")
     if not moved.motion.drift:
         found.append("no invariant is known that the motion must keep")
-    return Section("What was not looked at", (Listed(tuple(map(capital, found))),))
+    return PageSection("What was not looked at", (Listed(tuple(map(capital, found))),))
 
 
 def _sketch(moved: Moved) -> str:

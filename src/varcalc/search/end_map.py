@@ -20,7 +20,7 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.formulation.height import height
-from varcalc.integrators import Flow, Outcome, Run, Variational, compiled, for_many, trajectories, variational
+from varcalc.integrators import Flow, Run, RunOutcome, Variational, compiled, for_many, trajectories, variational
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 
 STATIONS = 9
@@ -49,7 +49,7 @@ class TrialTrajectory:
     slope: float
     side: float
     flat: float
-    outcome: Outcome
+    outcome: RunOutcome
     steps: int
 
     @property

@@ -20,7 +20,7 @@ from varcalc.problem.functional import Functional
 from varcalc.progress import Interrupted, Progress, telling
 from varcalc.search.collected import as_asked, deflated, degenerate, finer
 from varcalc.search.end_map import EndMap, mappable
-from varcalc.search.lattice import SLOPE_SIZES, Lattice, shootable
+from varcalc.search.lattice import SLOPE_SIZES, StartLattice, shootable
 from varcalc.search.scan import scan
 from varcalc.search.sequence import Extremals
 from varcalc.search.windings import wound
@@ -89,35 +89,32 @@ def extremals(
     [(0, 2.236067977), (-1, 4.398372014), (1, 8.3433302)]
     """
     check_arguments(problem, None, tol)
-    solutions: list[Solution] = []
-    numbers: list[Any] = []
-    words: list[str] = []
-    complete = True
     moved = list(wound(problem, period, windings))
-    unfinished: list[Solution] = []
+    searches: list[_ExtremalSearch] = []
     # trajectories leave the Lagrangian's domain; what is no number is left out
     with np.errstate(all="ignore"), telling(progress, problem.name) as told:
         try:
-            for turn, (number, each) in enumerate(moved):
-                search = _Search(tol, partial(told, turn, len(moved)))
-                unfinished = search.found
-                search.run(each)
-                search.leave_out_what_meets_switches()
-                solutions += search.found
-                numbers += [number] * len(search.found)
-                said = "; ".join(search.words)
-                words.append(said if period is None else f"winding {number}: {said}")
-                complete &= search.complete
-                unfinished = []
+            for number, each in moved:
+                winding = None if period is None else number
+                searches.append(_ExtremalSearch(tol, partial(told, len(searches), len(moved)), winding))
+                searches[-1].run(each)
         except KeyboardInterrupt as stop:
-            known = Extremals(solutions + unfinished, ". ".join([*words, "stopped before its end"]), (), False)
-            raise Interrupted(known) from stop
-    return Extremals(solutions, ". ".join(words), numbers, complete)
+            raise Interrupted(_together(searches, ["stopped before its end"])) from stop
+    return _together(searches, [])
+
+
+def _together(searches: Sequence[_ExtremalSearch], remarks: list[str]) -> Extremals:
+    """What the searches of all windings have found, complete where there is nothing to remark."""
+    said = [(search.winding, "; ".join(search.words)) for search in searches if search.words]
+    words = [told if winding is None else f"winding {winding}: {told}" for winding, told in said]
+    found = [(solution, search.winding or 0) for search in searches for solution in search.found]
+    complete = not remarks and all(search.complete for search in searches)
+    return Extremals([s for s, _ in found], ". ".join([*words, *remarks]), [w for _, w in found], complete)
 
 
 def by_slope_alone(problem: Functional, tol: float) -> Extremals | None:
     """What a scan of the initial slope finds, the first part of :func:`extremals`; None where there is none to scan."""
-    search = _Search(tol)
+    search = _ExtremalSearch(tol)
     with np.errstate(all="ignore"):
         form = next((form for form in forms(problem) if form is not None and mappable(form)), None)
         if form is None:
@@ -127,11 +124,12 @@ def by_slope_alone(problem: Functional, tol: float) -> Extremals | None:
 
 
 @dataclass
-class _Search:
+class _ExtremalSearch:
     """The extremals found so far, and what was done to find them."""
 
     tol: float
     told: Callable[[str], Any] = lambda _: None
+    winding: Any = None
 
     def __post_init__(self) -> None:
         self.found: list[Solution] = []
@@ -139,7 +137,7 @@ class _Search:
         self.complete = False
         """Whether a scan of one number covers all there is, and resolved it."""
 
-    def leave_out_what_meets_switches(self) -> None:
+    def _leave_out_what_meets_switches(self) -> None:
         """Drop curves that go through a kink or a jump: the equations they were found by do not hold there."""
         smooth = [s for s in self.found if not met_by(s)]
         if len(smooth) < len(self.found):
@@ -149,6 +147,11 @@ class _Search:
             self.found, self.complete = smooth, False
 
     def run(self, problem: Functional) -> None:
+        """Search a problem, and leave out the curves for which its equations do not hold."""
+        self._search_forms(problem)
+        self._leave_out_what_meets_switches()
+
+    def _search_forms(self, problem: Functional) -> None:
         """Search the forms of a problem in turn until one gives extremals."""
         try:
             candidates = [form for form in forms(problem) if form is not None]
@@ -191,7 +194,7 @@ class _Search:
         if mappable(form) or not shootable(form):
             return
         self.told("initial slopes in all directions")
-        lattice = Lattice(form)
+        lattice = StartLattice(form)
         before = len(self.found)
         for slope, near, guess in lattice.roots():
             solution = _confirmed(near, guess, lattice.slope, slope, self.tol)

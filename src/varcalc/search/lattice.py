@@ -51,7 +51,7 @@ def shootable(form: Form) -> bool:
 
 
 @dataclass(frozen=True)
-class Lattice:
+class StartLattice:
     """The starts for one ``shootable`` form and the roots they lead to."""
 
     form: Form

@@ -18,7 +18,7 @@ from itertools import groupby, pairwise
 
 import numpy as np
 
-from varcalc.integrators import Outcome
+from varcalc.integrators import RunOutcome
 from varcalc.problem.functional import Functional
 from varcalc.search.end_map import STEPS_PER_TRAJECTORY, EndMap, TrialTrajectory
 from varcalc.symbolic.derived import derived
@@ -62,7 +62,7 @@ class Scanned:
     low: float
     high: float
     shots: int
-    lost: list[tuple[float, float, Outcome]]
+    lost: list[tuple[float, float, RunOutcome]]
     unresolved: int
     continuum: float | None
 
@@ -237,7 +237,7 @@ def _root(
     return best
 
 
-def _gaps(shots: list[TrialTrajectory], inside: list[float], unit: float) -> list[tuple[float, float, Outcome]]:
+def _gaps(shots: list[TrialTrajectory], inside: list[float], unit: float) -> list[tuple[float, float, RunOutcome]]:
     """Intervals of slopes in which trajectories do not arrive, with the reason of the first.
 
     Lost trajectories no farther apart than CLUSTER_WIDTH count as one interval, unless one of ``inside`` is between.

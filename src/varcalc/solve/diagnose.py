@@ -15,7 +15,7 @@ from varcalc.spelling import spelled
 from varcalc.verify.verification import first_held
 
 if TYPE_CHECKING:
-    from varcalc.solve.examination import Examination
+    from varcalc.solve.examination import ProblemExamination
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -76,9 +76,10 @@ def diagnose(problem: Functional, *, progress: Progress = None) -> Diagnosis:
     (<Verdict.NOT_ATTAINED: 'the infimum is not attained'>, 0.0)
     """
     check_arguments(problem, None, 1.0)
-    from varcalc.solve.examination import Examination  # with every check and the search: more than most people need
+    # with every check and the search: more than most people need
+    from varcalc.solve.examination import ProblemExamination
 
-    examination = Examination(problem)
+    examination = ProblemExamination(problem)
     findings: list[Finding] = []
     with telling(progress, problem.name) as told:
         try:
@@ -90,7 +91,7 @@ def diagnose(problem: Functional, *, progress: Progress = None) -> Diagnosis:
     return _diagnosis(examination, findings)
 
 
-def _diagnosis(examination: Examination, findings: Sequence[Finding]) -> Diagnosis:
+def _diagnosis(examination: ProblemExamination, findings: Sequence[Finding]) -> Diagnosis:
     """What an examination has found."""
     relaxed = examination.evidence.get("relaxed")
     value = None if relaxed is None else relaxed.value

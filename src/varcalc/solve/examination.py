@@ -21,7 +21,7 @@ HOPELESS = {Verdict.INFEASIBLE, Verdict.SINGULAR}
 """Verdicts that leave nothing to search for."""
 
 
-class Examination:
+class ProblemExamination:
     """The checks of one problem, in an order in which the cheap ones may spare the others."""
 
     def __init__(self, problem: Functional) -> None:

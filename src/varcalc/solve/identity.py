@@ -17,7 +17,7 @@ from varcalc.problem.functional import Functional
 
 PLACES = 6
 """Places at which functions are evaluated."""
-SAME = 1e-9
+SAME_NUMBER = 1e-9
 """Relative difference of two numbers up to which they are one: releases of CasADi round differently."""
 
 
@@ -52,7 +52,7 @@ def same(one: Any, other: Any) -> bool:
     if isinstance(one, list) and isinstance(other, list):
         return len(one) == len(other) and all(map(same, one, other))
     if isinstance(one, float) and isinstance(other, float | int):
-        return math.isclose(one, other, rel_tol=SAME, abs_tol=SAME * SAME)
+        return math.isclose(one, other, rel_tol=SAME_NUMBER, abs_tol=SAME_NUMBER * SAME_NUMBER)
     return one == other
 
 

@@ -293,7 +293,7 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
                 failure = solution
     assert failure is not None
     hopeless = all(form is not None and form.refused for form in candidates)
-    return failure if hopeless else explained(problem, failure)
+    return explained(problem, failure) if problem.constraints and not hopeless else failure
 
 
 def _in_form(way: Method, form: Form, tol: float, start: Sampled | None) -> Solution:
@@ -338,7 +338,8 @@ def _standing(method: Method, form: Form, solution: Solution, tol: float) -> Sol
         from varcalc.existence.standing import off_saddle  # with half of verify
 
         solution = off_saddle(method, form, solution, tol)
-    if solution.status is Status.ROUND_OFF:  # at an extreme level no multiplier exists, and digits are lost
+    # at an extreme level no multiplier exists, and digits are lost
+    if solution.status is Status.ROUND_OFF and solution.problem.constraints:
         solution = explained(solution.problem, solution)
     return solution
 

@@ -53,7 +53,7 @@ class _Found:
     solution: Callable[[], Solution] | None = None
 
 
-class Row:
+class SweepRow:
     """The points of a sweep that are solved in one process; ``expected`` is how many there are in all."""
 
     def __init__(self, source: Source, method: Any, tol: float, expected: int) -> None:

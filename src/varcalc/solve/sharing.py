@@ -17,15 +17,15 @@ from typing import Any
 
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solve.point import SweepPoint
-from varcalc.solve.row import Row, Source, Values
+from varcalc.solve.row import Source, SweepRow, Values
 
-PIECES = 2
+CHUNKS_A_WORKER = 2
 """Chunks for each worker: the second evens out what the first cost."""
-LARGEST = 4096
+LARGEST_CHUNK = 4096
 """Points of a chunk at most: what is sent at once, and lost with a worker."""
 REPORT = 2.0
 """Seconds after which a worker reports what it has, be its chunk done or not; what is left is shared anew."""
-MANY = 16
+USUAL_WORKERS = 16
 """Workers that an executor is taken to have when nobody says how many."""
 DIED = "the process that solved this point died each time it was tried; there may be too little memory for it"
 
@@ -59,9 +59,9 @@ class Job:
 
 
 @lru_cache(maxsize=1)
-def _row(job: Job) -> Row:
+def _row(job: Job) -> SweepRow:
     """What a worker knows of the sweep it last worked on: the problem, and the solutions found so far."""
-    return Row(job.source, job.method, job.tol, job.count)
+    return SweepRow(job.source, job.method, job.tol, job.count)
 
 
 _ONE_AT_A_TIME = threading.Lock()
@@ -98,7 +98,7 @@ class _Sharing:
     """The chunks of a sweep that wait, those that run, and those during which a worker died."""
 
     def __init__(self, job: Job, points: list[Values], executor: Executor | None, cores: int) -> None:
-        size = max(1, min(LARGEST, -(-len(points) // (PIECES * cores))))
+        size = max(1, min(LARGEST_CHUNK, -(-len(points) // (CHUNKS_A_WORKER * cores))))
         self.job, self.points, self.given, self.cores = job, points, executor, cores
         self.waiting = deque(range(k, min(k + size, len(points))) for k in range(0, len(points), size))
         self.suspects: deque[range] = deque()

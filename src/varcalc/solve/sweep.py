@@ -23,8 +23,8 @@ from varcalc.showing import Fact, Plotted, counted, line
 from varcalc.solve.grid import Grid, Paired, Place
 from varcalc.solve.identity import identity
 from varcalc.solve.point import BROKEN_POINT, MISSING, Measured, SweepPoint
-from varcalc.solve.row import Row, Source, Values, made_once
-from varcalc.solve.sharing import MANY, Job, shared
+from varcalc.solve.row import Source, SweepRow, Values, made_once
+from varcalc.solve.sharing import USUAL_WORKERS, Job, shared
 from varcalc.solve.store import Store, read
 from varcalc.spelling import spelled
 from varcalc.tables import known, shown, table
@@ -65,7 +65,7 @@ class Sweep(Plotted):
         """
         header, found, notes, _ = read(Path(store))
         grid = Grid({name: tuple(values) for name, values in header["grid"].items()}, header["paired"])
-        return _gathered(grid, found, header["units"], _about(header), notes)
+        return _gathered(grid, found, header, notes)
 
     def __repr__(self) -> str:
         answered = len(self.points) - len(self.failures)
@@ -220,40 +220,45 @@ def sweep(
     [1.0, 1.313035, 2.074629]
     """
     wanted = Grid.of(grid)
+    _check_solves(problem, method, tol)
+    _check_workers(cores, executor)
+    # the problem is looked at closely where it is to be told from another
+    known = {"name": _name(problem)} if store is None else _identity(problem, wanted)
+    header = {
+        "grid": wanted.document(), "paired": wanted.paired, "units": _checked_units(units, wanted),
+        "method": label(method), "tol": float(tol), "problem": known,
+    }  # fmt: skip
+    with nullcontext() if store is None else Store(store, header) as kept, telling(progress, "sweep") as told:
+        points = {} if kept is None else kept.known
+        missing = [at for at in wanted.places() if at not in points]
+        try:
+            for found in _solved(problem, wanted, missing, method, tol, cores, executor):
+                points.update(found)
+                if kept is not None:
+                    kept.add(found)
+                told(len(points), wanted.count)
+        except KeyboardInterrupt as stop:
+            raise Interrupted(_gathered(wanted, points, header, () if kept is None else kept.notes)) from stop
+        return _gathered(wanted, points, header, () if kept is None else kept.notes)
+
+
+def _check_solves(problem: Any, method: Any, tol: Any) -> None:
+    """Raise TypeError or ValueError for what cannot be solved point by point."""
     checked_method(0, method)
     check_tolerance(tol)
-    if cores is not None and (not isinstance(cores, int) or isinstance(cores, bool) or cores < 1):
-        raise ValueError(f"cores must be a whole number from 1 on, not {cores!r}")
     if not (isinstance(problem, Problem | Curve) or callable(problem)):
         raise TypeError(f"problem must be a Problem, a Curve or a function that makes one, not {problem!r}")
+
+
+def _check_workers(cores: int | None, executor: Executor | None) -> None:
+    """Raise ValueError or TypeError for workers that there cannot be."""
+    if cores is not None and (not isinstance(cores, int) or isinstance(cores, bool) or cores < 1):
+        raise ValueError(f"cores must be a whole number from 1 on, not {cores!r}")
     if executor is not None and not isinstance(executor, Executor):
         raise TypeError(
             f"executor must be a concurrent.futures.Executor, not {executor!r}; of a Dask client give "
             "client.get_executor()"
         )
-    header = {
-        "grid": wanted.document(), "paired": wanted.paired, "units": _checked_units(units, wanted),
-        "method": label(method), "tol": float(tol),
-        # the problem is looked at closely where it is to be told from another
-        "problem": {"name": _name(problem)} if store is None else _identity(problem, wanted),
-    }  # fmt: skip
-    with nullcontext() if store is None else Store(store, header) as kept, telling(progress, "sweep") as told:
-        known_points = {} if kept is None else kept.known
-        missing = [at for at in wanted.places() if at not in known_points]
-
-        def gathered() -> Sweep:
-            notes = () if kept is None else kept.notes
-            return _gathered(wanted, known_points, header["units"], _about(header), notes)
-
-        try:
-            for found in _solved(problem, wanted, missing, method, tol, cores, executor):
-                known_points.update(found)
-                if kept is not None:
-                    kept.add(found)
-                told(len(known_points), wanted.count)
-        except KeyboardInterrupt as stop:
-            raise Interrupted(gathered()) from stop
-        return gathered()
 
 
 def _solved(
@@ -271,12 +276,12 @@ def _solved(
         return
     if executor is None and cores in (None, 1):
         done = 0
-        for group in Row(problem, method, tol, len(points)).groups(points):
+        for group in SweepRow(problem, method, tol, len(points)).groups(points):
             yield list(zip(places[done : done + len(group)], group, strict=True))
             done += len(group)
         return
     job = Job.of(problem, method, tol, len(points))
-    for piece, found in shared(job, points, executor, cores or MANY):
+    for piece, found in shared(job, points, executor, cores or USUAL_WORKERS):
         yield list(zip(places[piece], found, strict=True))
 
 
@@ -313,16 +318,8 @@ def _checked_units(units: Mapping[str, str] | None, grid: Grid) -> dict[str, str
     return given
 
 
-def _about(header: Mapping[str, Any]) -> dict[str, str]:
-    return {"problem": header["problem"]["name"], "method": header["method"], "tol": str(header["tol"])}
-
-
 def _gathered(
-    grid: Grid,
-    found: Mapping[Place, SweepPoint],
-    units: Mapping[str, str],
-    about: Mapping[str, str],
-    notes: tuple[str, ...],
+    grid: Grid, found: Mapping[Place, SweepPoint], header: Mapping[str, Any], notes: tuple[str, ...]
 ) -> Sweep:
     """The points in the order of the grid; those that are not known yet are missing."""
     places = sorted(grid.places())
@@ -330,4 +327,5 @@ def _gathered(
         found.get(at) or SweepPoint(tuple(values.values()), MISSING, None, None, message="not solved yet")
         for at, values in zip(places, grid.points(places), strict=True)
     ]
-    return Sweep(grid.axes, tuple(points), grid.paired, units, about, notes)
+    about = {"problem": header["problem"]["name"], "method": header["method"], "tol": str(header["tol"])}
+    return Sweep(grid.axes, tuple(points), grid.paired, header["units"], about, notes)

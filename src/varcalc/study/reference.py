@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 PROBLEMS_PACKAGE = "varcalc.problems"
 """The package the reference problems are installed as."""
 
-LOOKED_AT = 3
+TRIED_PLACES = 3
 """Places at which a person's closed form is tried out before anything is solved."""
 
 
@@ -206,15 +206,15 @@ def _try_out(reference: Reference, path: Path) -> None:
     exact, problem = reference.exact, reference.problem
     if exact is None or exact.y is None:
         return
-    at = np.linspace(*problem.span, LOOKED_AT + 2)[1:-1]
+    at = np.linspace(*problem.span, TRIED_PLACES + 2)[1:-1]
     try:
         values = np.asarray(exact.y(at), dtype=float)
     except BROKEN as error:
         raise failed(path, f"exact.y of {reference.name!r}", error) from error
-    wanted = [(problem.n, LOOKED_AT), *([(LOOKED_AT,), ()] if problem.n == 1 else [])]
+    wanted = [(problem.n, TRIED_PLACES), *([(TRIED_PLACES,), ()] if problem.n == 1 else [])]
     if values.shape not in wanted:
         raise ProblemFileError(
-            f"exact.y of {reference.name!r} in {path} must return an array of shape {wanted[0]} for {LOOKED_AT} "
+            f"exact.y of {reference.name!r} in {path} must return an array of shape {wanted[0]} for {TRIED_PLACES} "
             f"abscissae, not {values.shape}"
         )
 

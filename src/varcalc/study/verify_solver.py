@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 COMPARED = 33
 """Places at which a curve is held against the closed form."""
-ROUND_OFF = 8 * np.finfo(float).eps
+UNCLAIMED = 8 * np.finfo(float).eps
 """Relative error that no claim in double precision need cover."""
 
 
@@ -191,7 +191,7 @@ def judged(solver: Solver, reference: Reference, tolerance: float = 1e-6, digits
     except (*BROKEN, NotImplementedError) as error:
         return SolverRow(reference.name, Outcome.REFUSED, message=f"{type(error).__name__}: {error}")
     claim = None if answer.error is None else float(answer.error)
-    outcome = _outcome(off, apart, claim, tolerance, size_of(exact.value), round_off=0.0 if digits else ROUND_OFF)
+    outcome = _outcome(off, apart, claim, tolerance, size_of(exact.value), round_off=0.0 if digits else UNCLAIMED)
     return SolverRow(reference.name, outcome, float(answer.value), off, apart, claim, answer.message)
 
 

@@ -37,7 +37,7 @@ from varcalc.symbolic.quadratics import (
 
 LONGEST = 300
 """Instructions beyond which a function is not looked into: bounds and signs are asked for down the whole of it."""
-NOTHING = Polynomial(0.0, {}, {})
+ZERO_POLYNOMIAL = Polynomial(0.0, {}, {})
 
 
 def _never() -> bool:
@@ -73,7 +73,7 @@ class Shape:
     number where the base is not negative alone if ``sided``; it is the logarithm of ``inside``, the size of ``sized``.
     """
 
-    part: Polynomial = NOTHING
+    part: Polynomial = ZERO_POLYNOMIAL
     part_convex: bool = True
     part_concave: bool = True
     rest_convex: bool = True

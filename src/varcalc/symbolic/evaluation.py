@@ -25,9 +25,9 @@ FREE = 4000
 """Instructions, times points, that take less time than what comes with every call."""
 ROOMY = 4
 """By how many times more points than asked for may be evaluated: cheaper than memory for every number of them."""
-KEPT = 4
+KEPT_SIZES = 4
 """Numbers of points for which memory is kept."""
-MANY = 128
+POINTS_FOR_NUMPY = 128
 """Points from which on NumPy is faster than CasADi, whatever the function."""
 POINTS_AN_INSTRUCTION, MOST_POINTS = 20, 3000
 """After so many points it has paid to read an instruction; and to read a function, however long it is."""
@@ -78,7 +78,7 @@ class PointEvaluator:
         results = self._blank((count, self.width))
         if count == 0:
             return results
-        if count >= MANY and self._read(count):
+        if count >= POINTS_FOR_NUMPY and self._read(count):
             self._by_columns(arguments, results)
             return results
         with self._busy:
@@ -143,7 +143,7 @@ class PointEvaluator:
         size, most = max(count, self._usual), max(ROOMY * count, self._usual)
         fit = [known for known in self._rooms if count <= known <= most]
         if not fit:
-            if len(self._rooms) == KEPT:
+            if len(self._rooms) == KEPT_SIZES:
                 del self._rooms[next(iter(self._rooms))]
             self._rooms[size] = _Room(self.function, size, self._places)
         return self._rooms[min(fit, default=size)]

@@ -17,7 +17,7 @@ import numpy as np
 
 T = TypeVar("T")
 
-KEPT = 256
+KEPT_FUNCTIONS = 256
 """Functions whose instructions are kept."""
 
 NAMES = {code: name.removeprefix("OP_").lower() for name, code in vars(ca).items() if name.startswith("OP_")}
@@ -68,7 +68,7 @@ def interpret(
     return program(function).run(arguments, constant, apply)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=KEPT_FUNCTIONS)
 def program(function: ca.Function) -> Program:
     """The instructions of a function, kept: CasADi hands them out one call at a time, in the time they take to run."""
     return Program(function)

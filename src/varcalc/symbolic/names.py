@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NoReturn
+
+import casadi as ca
 
 from varcalc.spelling import listed, near
 
@@ -61,3 +64,8 @@ class Names:
     __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _no_number
     __pow__ = __rpow__ = __matmul__ = __rmatmul__ = __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = _no_number
     __neg__ = __pos__ = __abs__ = __float__ = __int__ = __lt__ = __le__ = __gt__ = __ge__ = __array__ = _no_number
+
+
+def with_names(columns: Sequence[Any], names: Sequence[str], values: ca.SX | ca.MX) -> list[Any]:
+    """``columns`` and, where there are any ``names``, the ``p`` that holds the ``values`` under them."""
+    return [*columns, Names(dict(zip(names, ca.vertsplit(values), strict=True)))] if names else list(columns)

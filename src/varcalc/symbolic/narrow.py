@@ -21,7 +21,7 @@ COARSEST, FINEST = 3, 30
 """How often the square is halved to begin with, and at most."""
 MOST_BOXES, SOME_BOXES = 2048, 256
 """Boxes of one size that are quartered; and how many of them still are, evenly among all, where there are more."""
-NOTHING = 50.0
+LOG_OF_NOTHING = 50.0
 """Logarithm of what is divided by where what is left is nothing."""
 
 
@@ -38,8 +38,8 @@ def _up_to(largest: float, rule: Callable[..., np.ndarray]) -> Callable[..., np.
 
 RULES: Rules = {
     **{operation: rule for operation, rule in VARYING.items() if operation not in SEEN_FROM_AFAR},
-    **{operation: _up_to(NOTHING, VARYING[operation]) for operation in (ca.OP_COSH, ca.OP_SINH)},
-    **{operation: _up_to(math.exp(NOTHING), VARYING[operation]) for operation in (ca.OP_INV, ca.OP_DIV)},
+    **{operation: _up_to(LOG_OF_NOTHING, VARYING[operation]) for operation in (ca.OP_COSH, ca.OP_SINH)},
+    **{operation: _up_to(math.exp(LOG_OF_NOTHING), VARYING[operation]) for operation in (ca.OP_INV, ca.OP_DIV)},
 }
 """What varies as narrowly everywhere hides nowhere, and what is nothing is not narrow."""
 QUARTERS = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])

@@ -56,7 +56,7 @@ def _factors(operation: int, operands: Sequence[_Factored], written: Expression)
 
 def _singular(operation: int, operands: Sequence[_Factored]) -> tuple[Expression, ...]:
     """What the result is singular at the zeros of."""
-    rule = SINGULAR.get(operation)
+    rule = SINGULAR_AT_ZEROS.get(operation)
     if rule is not None:
         return rule(operands)
     return operands[0].factors if _power(operation) and not _whole(operands) else ()
@@ -76,7 +76,7 @@ def _whole(operands: Sequence[_Factored]) -> bool:
     return not _falls(operands) and float(operands[1].written).is_integer()
 
 
-SINGULAR: dict[int, Callable[[Sequence[_Factored]], tuple[Expression, ...]]] = {
+SINGULAR_AT_ZEROS: dict[int, Callable[[Sequence[_Factored]], tuple[Expression, ...]]] = {
     ca.OP_INV: lambda o: o[0].factors,
     ca.OP_DIV: lambda o: o[1].factors,
     ca.OP_LOG: lambda o: o[0].factors,

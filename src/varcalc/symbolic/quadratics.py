@@ -18,9 +18,9 @@ import numpy as np
 from varcalc.symbolic.instructions import BINARY, UNARY
 from varcalc.symbolic.intervals import EVERYTHING, Interval, applied
 
-PIECES = 16
+INTERVAL_PIECES = 16
 """Pieces of the interval on which a coefficient is enclosed."""
-SHARES = np.arange(PIECES + 1) / PIECES
+SHARES = np.arange(INTERVAL_PIECES + 1) / INTERVAL_PIECES
 
 DEFINED = {
     ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_TWICE, ca.OP_SQ, ca.OP_EXP, ca.OP_SIN, ca.OP_COS,
@@ -48,9 +48,9 @@ ROUNDED = 16.0 * np.finfo(float).eps
 """Relative error that no operation of the table exceeds, NumPy's and SciPy's functions among them."""
 TINY, HUGE = 1e-150, 1e150
 """Sizes beyond which products and powers may leave the range of doubles."""
-FAR = 1e7
+LARGEST_ANGLE = 1e7
 """Size of an angle up to which a sine between two ends is within round-off of one where its crest may be missed."""
-STEEP = 1e12
+NEAR_POLE = 1e12
 """A tangent that large is too near to a pole for its argument to be trusted."""
 
 
@@ -138,7 +138,7 @@ def outward(operation: int, operands: Sequence[Interval]) -> Interval:
         bool(np.any(np.isfinite(size) & (size != 0.0) & ((size < TINY) | (size > HUGE)))) for size in sizes
     ):
         return EVERYTHING
-    if operation == ca.OP_TAN and not bool(np.all(np.maximum(np.abs(low), np.abs(high)) < STEEP)):
+    if operation == ca.OP_TAN and not bool(np.all(np.maximum(np.abs(low), np.abs(high)) < NEAR_POLE)):
         return EVERYTHING
     if operation in (ca.OP_SIN, ca.OP_COS):
         low, high = _oscillating(UNARY[operation], operands[0], low, high)
@@ -149,7 +149,7 @@ def _oscillating(of: Callable[[Any], Any], argument: Interval, low: np.ndarray, 
     """A sine or cosine by its values at the ends, which ``low`` and ``high`` are those of a shifted argument."""
     with np.errstate(all="ignore"):
         first, last = (of(end) for end in argument)
-    near = np.maximum(*map(np.abs, argument)) < FAR
+    near = np.maximum(*map(np.abs, argument)) < LARGEST_ANGLE
     down, up = near & (low > -1.0), near & (high < 1.0)
     return np.where(down, np.minimum(first, last), -1.0), np.where(up, np.maximum(first, last), 1.0)
 

@@ -21,7 +21,7 @@ from varcalc.symbolic.tracing import Expression
 
 
 @dataclass(frozen=True)
-class Place:
+class SwitchingArgument:
     """One argument that switches, as an expression of the function's own symbols."""
 
     argument: Expression
@@ -29,7 +29,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Side:
+class FunctionOnSide:
     """The ``results`` of a function on one side, with the ``arguments`` of all places, and which of these are ``live``.
 
     The others are of branches that are not meant on this side, where they need not be numbers. Those that are ``still``
@@ -43,7 +43,7 @@ class Side:
 
 
 @dataclass(frozen=True)
-class Piece:
+class ExpressionOnSide:
     """What an ``expression`` is on one side of each of its switches, whole numbers put in.
 
     ``ends`` vanish where the piece does; ``beyond`` holds for each of them the place that is crossed and the new side.
@@ -90,19 +90,19 @@ class Sides:
         return list(self.own) or [ca.SX.sym(f.name_in(k), f.numel_in(k)) for k in range(f.n_in())]
 
     @cached_property
-    def _read(self) -> tuple[tuple[Place, ...], ca.Function, tuple[tuple[int, int] | None, ...]]:
+    def _read(self) -> tuple[tuple[SwitchingArgument, ...], ca.Function, tuple[tuple[int, int] | None, ...]]:
         """The places; the function with their arguments as one result more; and its uses of them, in order.
 
         A use is the place at which an operation switches, with its orientation there.
         """
-        places: list[Place] = []
+        places: list[SwitchingArgument] = []
         written, _ = self._interpreted(self.function, places)
         own = [ca.vertcat(*column) for column in written]
         whole = ca.Function("whole", self.symbols, [*own, ca.vertcat(*(p.argument for p in places))])
         return tuple(places), whole, self._interpreted(whole, places)[1]
 
     def _interpreted(
-        self, function: ca.Function, places: list[Place]
+        self, function: ca.Function, places: list[SwitchingArgument]
     ) -> tuple[list[list[Expression]], tuple[tuple[int, int] | None, ...]]:
         uses: list[tuple[int, int] | None] = []
         along = ca.vertcat(*(self.symbols[k] for k in self.moving))
@@ -117,7 +117,7 @@ class Sides:
         return interpret(function, [s.nonzeros() for s in self.symbols], ca.SX, applied), tuple(uses)
 
     @property
-    def places(self) -> tuple[Place, ...]:
+    def places(self) -> tuple[SwitchingArgument, ...]:
         """What switches, in the order in which it is computed."""
         return self._read[0]
 
@@ -143,7 +143,7 @@ class Sides:
         values = np.nan_to_num(self._values(len(points), points), nan=1.0)
         return np.where([p.stepped for p in self.places], np.floor(values), np.sign(values)).astype(int)
 
-    def piece(self, numbers: Sequence[int]) -> Piece:
+    def piece(self, numbers: Sequence[int]) -> ExpressionOnSide:
         """The one result of the function on sides that :meth:`at` tells, and where that ends, of its own symbols."""
         below = [int(numbers[k]) for k in self.stepped]
         one = self.on([0 if p.stepped else int(n) or 1 for p, n in zip(self.places, numbers, strict=True)], below)
@@ -155,9 +155,9 @@ class Sides:
                 ends += [(argument - side, (k, side - 1)), (argument - (side + 1), (k, side + 1))]
             else:
                 ends.append((argument, (k, -side)))
-        return Piece(one.results[0], tuple(end for end, _ in ends), tuple(other for _, other in ends))
+        return ExpressionOnSide(one.results[0], tuple(end for end, _ in ends), tuple(other for _, other in ends))
 
-    def on(self, side: Sequence[int], below: Sequence[int] | None = None) -> Side:
+    def on(self, side: Sequence[int], below: Sequence[int] | None = None) -> FunctionOnSide:
         """The function on one ``side``, of the symbols and counts, or with the whole numbers ``below`` put in."""
         _, whole, uses = self._read
         counts = (
@@ -183,7 +183,7 @@ class Sides:
         live = frozenset[int]().union(*(part.of for column in found[:-1] for part in column))
         along = ca.vertcat(*(self.symbols[k] for k in self.moving))
         still = frozenset(k for k in range(len(self)) if not ca.depends_on(places[k], along))
-        return Side(results, places, live, still)
+        return FunctionOnSide(results, places, live, still)
 
     @property
     def stepped(self) -> tuple[int, ...]:
@@ -203,13 +203,13 @@ def _plain(operation: int, operands: Sequence[Expression]) -> Expression:
     return ca.SX.unary(operation, *operands) if len(operands) == 1 else ca.SX.binary(operation, *operands)
 
 
-def _placed(places: list[Place], argument: Expression, stepped: bool) -> tuple[int, int]:
+def _placed(places: list[SwitchingArgument], argument: Expression, stepped: bool) -> tuple[int, int]:
     """The number of the place at which ``argument`` switches, and 1 or -1 as it has the place's sign or the other."""
     for k, known in enumerate(places):
         same = alike(known.argument, argument) if known.stepped == stepped else 0
         if same == 1 or (same == -1 and not stepped):
             return k, same
-    places.append(Place(argument, stepped))
+    places.append(SwitchingArgument(argument, stepped))
     return len(places) - 1, 1
 
 

@@ -23,7 +23,7 @@ SWITCHING = ONE_SIDED | PAIRED | STEPPED | {ca.OP_COPYSIGN}
 CONTINUOUS = {ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}
 """Those whose result does not jump."""
 SUMS = {ca.OP_ADD, ca.OP_SUB}
-SAME = 1e-12
+SWITCH_ROUND_OFF = 1e-12
 """Relative difference that is round-off."""
 WORDS = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 
@@ -99,7 +99,9 @@ def alike(a: Expression, b: Expression) -> int:
     points = np.modf(np.outer(np.sqrt([2.0, 3.0, 5.0]), 1.0 + np.arange(len(symbols))))[0]
     pairs = ca.Function("pair", [ca.vertcat(*symbols)], [a, b])
     found = [[float(v) for v in pairs(point)] for point in points]
-    same = (sign for sign in (1, -1) if all(abs(p - sign * q) <= SAME * (abs(p) + abs(q)) for p, q in found))
+    same = (
+        sign for sign in (1, -1) if all(abs(p - sign * q) <= SWITCH_ROUND_OFF * (abs(p) + abs(q)) for p, q in found)
+    )
     return next(same, 0)
 
 
@@ -166,7 +168,7 @@ class _Sized:
         largest, terms = (
             float(np.abs(v[np.isfinite(v)]).max(initial=0.0)) for v in map(np.atleast_1d, (self.values, self.terms))
         )
-        return (largest if largest > SAME * terms else terms) or 1.0
+        return (largest if largest > SWITCH_ROUND_OFF * terms else terms) or 1.0
 
 
 def _measured(operation: int, operands: Sequence[_Sized]) -> _Sized:

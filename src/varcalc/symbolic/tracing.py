@@ -21,7 +21,7 @@ Expression = Any
 
 LAST = "p comes last, and only when there are parameters or unknowns"
 """What most often makes a function's arguments too many or too few."""
-SLOPES = ("d{}", "{}p", "{}dot", "{}_dot", "{}prime", "{}_prime")
+SLOPE_NAMES = ("d{}", "{}p", "{}dot", "{}_dot", "{}prime", "{}_prime")
 """What the derivative of an argument is called, after it."""
 
 
@@ -146,7 +146,7 @@ def check_order(name: str, function: Callable[..., Any], order: Sequence[str]) -
     first = given[: len(order)]
     mixed = first != tuple(order) and sorted(first) == sorted(order)
     if not mixed and "dy" in order:
-        pairs = [(k, given.index(s)) for k, a in enumerate(given) for f in SLOPES if (s := f.format(a)) in given]
+        pairs = [(k, given.index(s)) for k, a in enumerate(given) for f in SLOPE_NAMES if (s := f.format(a)) in given]
         mixed = any(k == 0 or after != k + 1 for k, after in pairs)
     if mixed:
         raise ValueError(

@@ -28,7 +28,7 @@ FACTOR = 4.0
 VANISHED, OVERFLOW = -50.0, 710.0
 """Exponents below which what is left of an exponential is nothing, whatever it is multiplied by, and above which it is
 no number."""
-FLAT = 20.0
+FLAT_BEYOND = 20.0
 """Size of an argument beyond which tanh and erf are 1 to round-off."""
 NARROWEST = 1e-12
 """Width of a box, relative to where it lies, that is not looked into."""
@@ -138,7 +138,7 @@ def _exponent(a: Between) -> np.ndarray:
 
 
 def _step(a: Between) -> np.ndarray:
-    return np.fmax(_beyond(_within(a, -FLAT, FLAT)), _through(a.range))
+    return np.fmax(_beyond(_within(a, -FLAT_BEYOND, FLAT_BEYOND)), _through(a.range))
 
 
 def _phase(a: Between) -> np.ndarray:

@@ -22,8 +22,8 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled, SideCondition
-from varcalc.methods.answer import Extremal, composite_gauss, lifted, sample
-from varcalc.numerics.mesh import gauss
+from varcalc.methods.answer import Extremal, lifted, sample
+from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.functional import Symbols
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.problem import Problem
@@ -222,9 +222,7 @@ def complement(rows: np.ndarray) -> np.ndarray:
 
 def inner_points(points: AlongCurve, count: int) -> np.ndarray:
     """``count`` Gauss points inside each element."""
-    nodes = gauss(count)[0]
-    half = 0.5 * np.diff(points.vertices)[:, None]
-    return (points.vertices[:-1, None] + half * (1 + nodes)).ravel()
+    return composite_gauss(points.vertices, count)[0]
 
 
 def at_limit(values: np.ndarray, conditions: Sequence[SideCondition], near: float) -> np.ndarray:

@@ -63,9 +63,9 @@ class Canonical:
     allowed: Callable[[np.ndarray], np.ndarray | None]
 
     @cached_property
-    def panels(self) -> list[Panel]:
+    def panels(self) -> list[LegendreSeries]:
         """The fundamental matrix of each panel, the panels bisected until they resolve it."""
-        done: list[Panel] = []
+        done: list[LegendreSeries] = []
         waiting = np.stack([self.vertices[:-1], self.vertices[1:]], axis=1)
         before = np.full(len(waiting), np.inf)
         for depth in range(PANEL_BISECTIONS + 1):
@@ -76,7 +76,7 @@ class Canonical:
                 raise Unresolved("the accessory equation is not a number somewhere along the curve")
             noise = (tail <= LARGEST_NOISE) & (tail > STALLED * before)
             good = (tail <= RESOLVED_TAIL) | noise | (depth == PANEL_BISECTIONS)
-            done += [Panel(a, b, c) for (a, b), c, ok in zip(waiting, fields, good, strict=True) if ok]
+            done += [LegendreSeries(a, b, c) for (a, b), c, ok in zip(waiting, fields, good, strict=True) if ok]
             waiting, before = waiting[~good], np.tile(tail[~good], 2)
             if not len(waiting):
                 break
@@ -103,7 +103,7 @@ class Canonical:
 
 
 @dataclass(frozen=True)
-class Panel:
+class LegendreSeries:
     """A matrix function on [left, right] by its Legendre coefficients (FIELD_DEGREE + 1, rows, columns)."""
 
     left: float
@@ -184,14 +184,14 @@ class CarriedPlane:
 
     def __init__(self, system: Canonical, plane: np.ndarray) -> None:
         self.system = system
-        self.frames: list[Panel] = []
+        self.frames: list[LegendreSeries] = []
         frame = np.linalg.qr(plane)[0]
         for panel in system.panels:
-            self.frames.append(Panel(panel.left, panel.right, panel.coefficients @ frame))
+            self.frames.append(LegendreSeries(panel.left, panel.right, panel.coefficients @ frame))
             frame = np.linalg.qr(panel(panel.right) @ frame)[0]
         self.last = frame
 
-    def angle(self, panel: Panel, s: float, starting: bool = False) -> Angle:
+    def angle(self, panel: LegendreSeries, s: float, starting: bool = False) -> Angle:
         """W at s on a panel; ``starting`` takes angles that round-off put just below 2 pi for zero."""
         N = self.system.N
         frame = panel(s)
@@ -238,7 +238,7 @@ class CarriedPlane:
         panel, reach = self.frames[-1], FOCAL_AT_END * (b - a)
         return self._between(panel, self.angle(panel, b - reach), self.angle(panel, b + reach), 0)
 
-    def _between(self, panel: Panel, left: Angle, right: Angle, depth: int) -> list[float]:
+    def _between(self, panel: LegendreSeries, left: Angle, right: Angle, depth: int) -> list[float]:
         turn = left.turn(right)
         if np.abs(turn).max(initial=0.0) > LARGEST_TURN:
             return self._halved(panel, left, right, depth)
@@ -250,14 +250,14 @@ class CarriedPlane:
             return self._halved(panel, left, right, depth)
         return [self._located(panel, left, right, j) for j in range(1, count + 1)]
 
-    def _halved(self, panel: Panel, left: Angle, right: Angle, depth: int) -> list[float]:
+    def _halved(self, panel: LegendreSeries, left: Angle, right: Angle, depth: int) -> list[float]:
         if depth > DEEPEST_BRACKET:
             raise Unresolved(f"the Jacobi fields turn too fast near {left.s:.6g}")
         starting = panel is self.frames[0] or bool((left.angles < ZERO_ANGLE).any())
         middle = self.angle(panel, 0.5 * (left.s + right.s), starting)
         return self._between(panel, left, middle, depth + 1) + self._between(panel, middle, right, depth + 1)
 
-    def _located(self, panel: Panel, left: Angle, right: Angle, j: int) -> float:
+    def _located(self, panel: LegendreSeries, left: Angle, right: Angle, j: int) -> float:
         """The j-th passage in a bracket across which no eigenvalue turns by more than BRACKET_TURN."""
         from scipy.optimize import brentq
 

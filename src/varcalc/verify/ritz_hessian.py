@@ -25,7 +25,7 @@ from varcalc.verify.check import Check
 from varcalc.verify.legendre import LegendreCondition
 from varcalc.verify.verification import NULL, Index
 
-APART = 1e3
+EIGENVALUE_GAP = 1e3
 """Factor by which the other eigenvalues must exceed those that are zero."""
 MODES = 240
 """Coefficients of the Ritz space on which the Hessian's signs are counted."""
@@ -86,7 +86,7 @@ def index_by_ritz(extremal: Extremal) -> Index:
     size = max(1.0, float(np.abs(np.median(values)))) if len(values) else 1.0
     null = np.abs(values) <= NULL * size
     # towards a singular end eigenvalues may pile up at zero: only what stands apart from the rest is a null direction
-    apart = not (~null).any() or float(np.abs(values[~null]).min()) > APART * NULL * size
+    apart = not (~null).any() or float(np.abs(values[~null]).min()) > EIGENVALUE_GAP * NULL * size
     return Index(int((values[~null] < 0).sum()), int(null.sum()) if apart else 0, "")
 
 

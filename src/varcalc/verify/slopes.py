@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.methods.answer import Along
+from varcalc.methods.answer import AlongGraph
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
@@ -19,12 +19,8 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.verify.verification import excesses
+from varcalc.verify.verification import excesses, slope_turns
 
-SLOPE_TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 25), [0.0], np.geomspace(1e-2, 1e2, 25)])
-"""Slopes tried, in units of the larger of 1 and the extremal's own."""
-SMALL = 0.1
-"""Size of all slopes of a curve below which others are tried in its units as well."""
 TELLING_TURNS = np.array([-20.0, 0.3, 4.0])
 """The same, by which it is seen that the square of a Lagrangian is quadratic in the slope."""
 ROUND_OFF_EXCESS = 1e-9
@@ -97,12 +93,6 @@ def convinced(problem: Problem, x: np.ndarray, y: np.ndarray, slopes: np.ndarray
     return np.all(good.reshape(count, places), axis=1)
 
 
-def slope_turns(slopes: np.ndarray) -> np.ndarray:
-    """The steps to other slopes than those of a curve, which they are in units of where it has none of size 1."""
-    own = float(np.abs(slopes).max(initial=0.0))
-    return np.union1d(SLOPE_TURNS, own * SLOPE_TURNS) if 0.0 < own < SMALL else SLOPE_TURNS
-
-
 def _unbeaten(
     problem: Problem, points: tuple[np.ndarray, ...], own: np.ndarray, slope: np.ndarray, curvature: np.ndarray
 ) -> np.ndarray:
@@ -157,7 +147,7 @@ def _seen(solution: Solution) -> bool:
         return False
     if not isinstance(problem, Problem) or problem.n != 1 or problem.constraints:
         return False
-    along: Along = extremal.along
+    along: AlongGraph = extremal.along
     points = (along.x, np.atleast_2d(along.y), np.atleast_2d(along.dy))
     with np.errstate(all="ignore"):
         return bool(_unbeaten(problem, points, along.value, along.momenta, along.curvature[:, 0].T).all())

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.answer import composite_gauss, functional_value, sample
+from varcalc.methods.answer import functional_value, sample
+from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.conditions import Isoperimetric
 from varcalc.solution import Finding
 from varcalc.verify.candidate import Candidate

@@ -15,8 +15,10 @@ from varcalc.tables import labelled
 
 SHOWN = 8
 """Conjugate points printed before the rest are only counted."""
-
-
+SLOPE_TURNS = np.concatenate([-np.geomspace(1e-2, 1e2, 25), [0.0], np.geomspace(1e-2, 1e2, 25)])
+"""Slopes tried, in units of the larger of 1 and the extremal's own."""
+SMALL = 0.1
+"""Size of all slopes of a curve below which others are tried in its units as well."""
 NULL = 1e-7
 """Relative size of an eigenvalue that is zero: that of a conjugate point this near to the end."""
 
@@ -40,6 +42,12 @@ class Excess(float):
 
     def __reduce__(self) -> tuple[type[Excess], tuple[float, float, np.ndarray, np.ndarray]]:
         return Excess, (float(self), self.at, self.slope, self.own)
+
+
+def slope_turns(slopes: np.ndarray) -> np.ndarray:
+    """The steps to other slopes than those of a curve, which they are in units of where it has none of size 1."""
+    own = float(np.abs(slopes).max(initial=0.0))
+    return np.union1d(SLOPE_TURNS, own * SLOPE_TURNS) if 0.0 < own < SMALL else SLOPE_TURNS
 
 
 def excesses(own: np.ndarray, linear: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -117,17 +125,18 @@ class Verification(Shown):
             yield "Weierstrass", "not tested"
         else:
             yield "Weierstrass", f"least excess {float(self.weierstrass):.1e} of its terms"
-        yield "Jacobi", self._points()
+        yield "Jacobi", self.points_in_words(12)
         yield "index", self._index()
         for name, drift in self.invariants.items():
             yield name, f"constant to {drift:.1e}"
         yield "functional", f"{self.bound:.15g} on this curve"
 
-    def _points(self) -> str:
+    def points_in_words(self, digits: int) -> str:
+        """What Jacobi's condition found, the conjugate points with so many digits."""
         count = len(self.conjugate_points)
         if not count:
             return "no conjugate point found" if self.routes.get("Jacobi") is not None else "not carried out"
-        shown = ", ".join(f"{x:.12g}" for x in self.conjugate_points[:SHOWN])
+        shown = ", ".join(f"{x:.{digits}g}" for x in self.conjugate_points[:SHOWN])
         more = f", and {count - SHOWN} more" if count > SHOWN else ""
         return f"conjugate or focal at {self.abscissa} = {shown}{more}"
 

@@ -20,8 +20,8 @@ from varcalc.solution import Finding, Solution, Verdict
 from varcalc.verify.along_curve import AlongCurve, complement
 from varcalc.verify.candidate import Candidate
 from varcalc.verify.check import Check
-from varcalc.verify.slopes import ROUND_OFF_EXCESS, SlopeFan, places, slope_turns
-from varcalc.verify.verification import Excess, excesses
+from varcalc.verify.slopes import ROUND_OFF_EXCESS, SlopeFan, places
+from varcalc.verify.verification import Excess, excesses, slope_turns
 
 VERIFIED_PLACES = 33
 """Points of a curve at which slopes are tried for a verification."""

@@ -13,11 +13,11 @@ from scipy.special import beta
 import varcalc as vc
 from varcalc.formulation.singular import Infinite, forms
 from varcalc.formulation.singular.detection import (
+    Survey,
     almost_singular_ends,
     blowup,
     blowup_beyond,
     rational,
-    riemannian,
     singular_ends,
 )
 from varcalc.problems._curves import Cycloid
@@ -72,7 +72,7 @@ def assert_solved(problem: vc.Problem | vc.Curve, exact: float) -> vc.Solution:
 
 
 def test_the_metric_of_a_descent_is_conformal() -> None:
-    metric = riemannian(vc.Problem(quickest, vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    metric = Survey(vc.Problem(quickest, vc.Fixed(0, 0), vc.Fixed(1, 1))).metric
     assert metric is not None
     q, dq = ca.SX.sym("q", 2), ca.SX.sym("dq", 2)
     square = ca.Function("square", [q, dq], [metric.square(q, dq, ca.SX(0, 1))])
@@ -86,7 +86,7 @@ def test_a_riemannian_metric_that_is_not_conformal() -> None:
     def length(x: Any, y: Any, dy: Any) -> Any:
         return ca.sqrt(2 + 0.6 * dy + (1 + y**2) * dy**2)
 
-    metric = riemannian(vc.Problem(length, vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    metric = Survey(vc.Problem(length, vc.Fixed(0, 0), vc.Fixed(1, 1))).metric
     assert metric is not None
     q, dq = ca.SX.sym("q", 2), ca.SX.sym("dq", 2)
     square = ca.Function("square", [q, dq], [metric.square(q, dq, ca.SX(0, 1))])
@@ -105,7 +105,7 @@ def test_a_riemannian_metric_that_is_not_conformal() -> None:
 )
 def test_what_is_no_metric(lagrangian: Callable[..., Any]) -> None:
     problem = vc.Problem(lagrangian, vc.Fixed(0, -1), vc.Fixed(1, 1))
-    assert riemannian(problem) is None
+    assert Survey(problem).metric is None
     assert not any(form is not None and form.coordinates.energetic for form in forms(problem))
 
 
@@ -319,7 +319,7 @@ def braked_descent(weight: float) -> float:
 @pytest.mark.parametrize("weight", [0.3, 0.1])
 def test_a_singular_lagrangian_that_is_no_metric(weight: float) -> None:
     problem = vc.Problem(lambda x, y, dy: quickest(x, y, dy) + weight * dy**2, vc.Fixed(0, 0), vc.Fixed(1, 1))
-    assert riemannian(problem) is None
+    assert Survey(problem).metric is None
     assert_solved(problem, braked_descent(weight))
 
 

@@ -7,7 +7,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from varcalc.integrators.protocol import Outcome
+from varcalc.integrators.protocol import RunOutcome
 from varcalc.mechanics import EulerAngles, Inertia, RigidBody, TopKind, rotation_matrix
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
@@ -214,7 +214,7 @@ def test_a_motion_that_cannot_go_on_says_so():
     blowing = RigidBody([1.0, 1.0, 1.0], torque=lambda t, R, omega: omega * ca.sumsqr(omega))
     motion = blowing.motion(UPRIGHT, [1.0, 0, 0], (0, 3.0))  # ω² = 1/(1 - 2 t)
     assert not motion.completed
-    assert motion.outcome is not Outcome.COMPLETED
+    assert motion.outcome is not RunOutcome.COMPLETED
     assert motion.span[1] == pytest.approx(0.5, abs=1e-2)
     with pytest.raises(ValueError, match="t must lie between"):
         motion.energy(1.0)

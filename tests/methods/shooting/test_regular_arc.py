@@ -80,7 +80,7 @@ def test_the_slope_at_the_anchor_is_that_of_the_cycloid(end, constants, anchor):
 
 def test_the_error_falls_geometrically(end, constants, monkeypatch):
     point, slope = cycloid(0.6)
-    monkeypatch.setattr(regular_arc, "RESOLVED", math.inf)
+    monkeypatch.setattr(regular_arc, "ARC_UNRESOLVED", math.inf)
     errors = []
     for last in (5, 7, 9):
         monkeypatch.setattr(regular_arc, "STAGES", (3, last))

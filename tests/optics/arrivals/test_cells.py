@@ -6,7 +6,7 @@ import pytest
 
 from varcalc import optics
 from varcalc.optics.arrivals.cells import P, R
-from varcalc.optics.arrivals.fan import Bounds, Fan
+from varcalc.optics.arrivals.fan import Fan, FanReach
 from varcalc.optics.propagation.sequential import Propagator
 
 PARABOLIC = optics.Stratified(lambda y: ca.sqrt(1 - 2 * y))
@@ -14,7 +14,7 @@ PARABOLIC = optics.Stratified(lambda y: ca.sqrt(1 - 2 * y))
 
 def fan(medium, source=(0.0, 0.0), middle=(0.4, 0.2), surfaces=()):
     propagator = Propagator((medium,) * (len(surfaces) + 1), surfaces, None, 2)
-    bounds = Bounds(np.array([4.0]), np.array([4.0]), np.array([middle]), np.array([0.3]), np.array([0.5]))
+    bounds = FanReach(np.array([4.0]), np.array([4.0]), np.array([middle]), np.array([0.3]), np.array([0.5]))
     return Fan(propagator, np.array([source]), bounds)
 
 
@@ -68,7 +68,7 @@ def test_the_ends_of_cells_are_nearly_wavefronts():
 def test_a_direction_that_parts_rays_is_closed_in_on():
     surface = optics.Plane((0.0, 0.0), (0.0, 1.0))
     propagator = Propagator((optics.Uniform(1.5), optics.Uniform(1.0)), (surface,), None, 2)
-    bounds = Bounds(np.array([20.0]), np.array([20.0]), np.array([[1.0, -1.0]]), np.array([0.1]), np.array([1.0]))
+    bounds = FanReach(np.array([20.0]), np.array([20.0]), np.array([[1.0, -1.0]]), np.array([0.1]), np.array([1.0]))
     cells = Fan(propagator, np.array([[0.0, 1.0]]), bounds).cells()
     critical = 1.5 * np.pi + np.arcsin(1 / 1.5)
     assert np.min(np.abs(np.mod(cells.angle, 2 * np.pi) - critical)) < 1e-13

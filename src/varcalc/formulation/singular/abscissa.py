@@ -33,9 +33,9 @@ MEASURED = 1e-4
 """Accuracy with which an exponent is measured."""
 SMOOTH = 6
 """Power of t that a curve grows with next to an end where no whole power of t is all of it."""
-STEEPEST = 40
+LARGEST_POWER = 40
 """Largest power of t in x: a step of a twentieth in t leaves numbers that can still be squared."""
-SAME = 1e-3
+SAME_MOMENTUM = 1e-3
 """Slopes by which it is seen that the momentum is the same at both distances, and its relative change that is none:
 the least power that counts, a twelfth, changes it by a third."""
 
@@ -98,7 +98,7 @@ def regular(problem: Problem) -> bool:
     momenta = problem.integrand_derivatives(x, y[None], np.tile(FEW_SLOPES, 4)[None]).gradient[:, 2]
     far, near = momenta.reshape(2, 2, count).swapaxes(0, 1)
     with np.errstate(invalid="ignore"):  # infinite ones are not the same
-        return bool((np.abs(near - far) <= SAME * np.minimum(np.abs(near), np.abs(far))).all())
+        return bool((np.abs(near - far) <= SAME_MOMENTUM * np.minimum(np.abs(near), np.abs(far))).all())
 
 
 def powers_at_ends(problem: Problem) -> list[tuple[int, int]]:
@@ -130,5 +130,5 @@ def whole_powers(exponent: float) -> tuple[int, int]:
     fraction = Fraction(exponent).limit_denominator(2 * LARGEST_DENOMINATOR)
     if abs(exponent - fraction) <= MEASURED and 0 < fraction.numerator <= 2 * LARGEST_DENOMINATOR:
         return fraction.denominator, fraction.numerator
-    b = min(math.ceil(SMOOTH / exponent), STEEPEST)
+    b = min(math.ceil(SMOOTH / exponent), LARGEST_POWER)
     return b, max(1, math.floor(b * exponent + MEASURED))

@@ -18,15 +18,15 @@ from varcalc.formulation.curve import positive_along
 from varcalc.formulation.singular.detection import (
     A_FRACTION,
     ACROSS,
-    ASIDE,
     ASLANT,
     FIT,
     POWERS,
     PROBE,
+    PROBED_SLOPES,
     QUADRATIC,
     RING,
-    SLOPES,
-    STEEP,
+    SHARE_LEFT,
+    STEP_ASIDE,
     SURVEY,
     Blowup,
     end_points,
@@ -41,7 +41,7 @@ from varcalc.symbolic.tracing import Expression
 
 AROUND = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 """Steps to an end and to either side of it along the axes."""
-TURNED = 1e-6
+SAME_NORMAL = 1e-6
 """Difference of two unit normals that is none."""
 PARALLEL = 1e-4
 """By how much normals around an end may differ where a line goes through it."""
@@ -90,16 +90,16 @@ def energetic_at(problem: Curve, values: np.ndarray) -> np.ndarray:
         sign = problem.sign
         across = sign * _many(problem, places, directions, values)
         found = ~(np.isfinite(across) & (across <= 0)).any(1) & np.isfinite(across).any(1) & (size > 0)
-        slopes = np.ones((len(SLOPES), problem.n))
-        slopes[:, 1:] = SLOPES[:, None]
+        slopes = np.ones((len(PROBED_SLOPES), problem.n))
+        slopes[:, 1:] = PROBED_SLOPES[:, None]
         here = _many(problem, np.repeat(points, len(slopes), axis=1), np.tile(slopes, (2, 1)), values)
         found &= np.isfinite(here).all(1)
         if problem.n == 2:
-            around = points[:, :, None] + ASIDE * size[:, None, None, None] * AROUND
+            around = points[:, :, None] + STEP_ASIDE * size[:, None, None, None] * AROUND
             near = np.abs(_many(problem, around.reshape(len(values), -1, 2), slopes[1:2], values))
             near = near.reshape(len(values), 2, -1)
             least = np.where(np.isnan(near), np.inf, near).min(2)
-            found &= ~(least < STEEP * near[:, :, 0]).any(1)
+            found &= ~(least < SHARE_LEFT * near[:, :, 0]).any(1)
     return found
 
 
@@ -197,16 +197,16 @@ class _Measurement:
 
     def _infinite(self, end: int) -> Expression:
         """Whether L is infinite or no number at an end, for any slope tried."""
-        place = self._around(end, self.kind(0), np.zeros((1 + self.n, len(SLOPES))))
-        return ca.logic_not(_all(_finite(self._evaluated(self.lagrangian, *place, ca.DM(SLOPES).T))))
+        place = self._around(end, self.kind(0), np.zeros((1 + self.n, len(PROBED_SLOPES))))
+        return ca.logic_not(_all(_finite(self._evaluated(self.lagrangian, *place, ca.DM(PROBED_SLOPES).T))))
 
     def _steep(self, end: int) -> Expression:
         """Whether L falls so steeply from an end that it may be infinite just beyond, of one function."""
         offsets = np.array([[0.0, 1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0, -1.0]])
-        place = self._around(end, ASIDE * self.extent, offsets)
-        values = ca.fabs(self._evaluated(self.lagrangian, *place, ca.DM(np.full((1, 5), SLOPES[1]))))
+        place = self._around(end, STEP_ASIDE * self.extent, offsets)
+        values = ca.fabs(self._evaluated(self.lagrangian, *place, ca.DM(np.full((1, 5), PROBED_SLOPES[1]))))
         here = values[0]
-        return ca.logic_and(_finite(here), _any(values < STEEP * here))
+        return ca.logic_and(_finite(here), _any(values < SHARE_LEFT * here))
 
     def _line(self, end: int, line: Blowup) -> list[Expression]:
         """Whether L falls from an end as from the known line through it."""
@@ -225,7 +225,7 @@ class _Measurement:
         normals = -slopes / ca.repmat(length, 2, 1)
         along = ca.fabs(ca.mtimes(ca.DM(line.normal).T, normals)) >= 1 - PARALLEL
         first = ca.logic_and(usable, ca.cumsum(usable.T).T == 1)
-        turned = ca.fabs(normals - ca.repmat(ca.DM(line.normal), 1, ring)) > TURNED
+        turned = ca.fabs(normals - ca.repmat(ca.DM(line.normal), 1, ring)) > SAME_NORMAL
         power = 0.5 * ca.log(near / far) / np.log(PROBE[0] / PROBE[1])
         # a power that is no fraction was measured, and may be another one there
         a_fraction = float(rational(line.power + A_FRACTION / 2) == line.power)
@@ -243,7 +243,7 @@ class _Measurement:
         y = points[1, :] + self.extent * ca.DM(SURVEY[1]).T
         values = self._evaluated(self.lagrangian, points[0, :], y, ca.DM(SURVEY[2]).T)
         values = -values if self.problem.maximise else values
-        fans, slopes = (SURVEY.shape[1] - len(ACROSS)) // len(SLOPES), len(SLOPES)
+        fans, slopes = (SURVEY.shape[1] - len(ACROSS)) // len(PROBED_SLOPES), len(PROBED_SLOPES)
         across, sampled = values[fans * slopes :], ca.reshape(values[: fans * slopes], slopes, fans)
         usable = ca.sum1(ca.logic_and(_finite(sampled), sampled > 0)) == slopes
         squares = ca.if_else(ca.repmat(usable, slopes, 1), sampled**2, 1)

@@ -19,8 +19,8 @@ from varcalc.symbolic.tracing import Expression
 
 PROBE = (1e-7, 1e-9)
 """Distances from a singular end, relative to the size of the problem, between which powers are measured."""
-SLOPES = np.array([0.0, 0.7, -1.3, 2.9, -5.1])
-POWERS = SLOPES[:, None] ** np.arange(3)
+PROBED_SLOPES = np.array([0.0, 0.7, -1.3, 2.9, -5.1])
+POWERS = PROBED_SLOPES[:, None] ** np.arange(3)
 FIT = np.linalg.pinv(POWERS)
 RING = np.array([[math.cos(a), math.sin(a)] for a in np.linspace(0.1, 0.1 + 2 * math.pi, 16, endpoint=False)]).T
 ASLANT = np.array([0.7, -1.3])
@@ -35,7 +35,7 @@ def _survey() -> np.ndarray:
     The last entries cross the problem in the middle, at slope zero.
     """
     places = [(share, offset) for share in (0.13, 0.37, 0.61, 0.89) for offset in (0.0, 0.21, -0.21, 1.1, -1.1)]
-    fans = [(*place, slope) for place in places for slope in SLOPES]
+    fans = [(*place, slope) for place in places for slope in PROBED_SLOPES]
     return np.array([*fans, *((0.5, offset, 0.0) for offset in ACROSS)]).T
 
 
@@ -45,13 +45,13 @@ QUADRATIC = 1e-9
 LARGEST_DENOMINATOR = 6
 A_FRACTION = 2e-3
 """Distance from a fraction of small denominator within which a measured power is that fraction."""
-ASIDE, STEEP = 0.05, 0.5
+STEP_ASIDE, SHARE_LEFT = 0.05, 0.5
 """A step from an end, in units of the problem's size, that leaves less than this share of L: a singularity is near."""
 LOOKS = 10
 """Times L is looked at next to an end: at it with five slopes, and about it with one."""
 AROUND = (
-    np.tile(np.vstack([np.zeros((5, 2)), ASIDE * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])]), (2, 1)),
-    np.concatenate([np.tile(np.concatenate([SLOPES, np.full(5, SLOPES[1])]), 2), SURVEY[2]])[None],
+    np.tile(np.vstack([np.zeros((5, 2)), STEP_ASIDE * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])]), (2, 1)),
+    np.concatenate([np.tile(np.concatenate([PROBED_SLOPES, np.full(5, PROBED_SLOPES[1])]), 2), SURVEY[2]])[None],
 )
 """Offsets from the two ends in units of the problem's size, and the slopes there and across the problem."""
 GROWN = 1.2
@@ -65,7 +65,7 @@ class Infinite(Exception):
 
 
 @dataclass(frozen=True)
-class Metric:
+class LengthElement:
     """The square of a length element as a function of symbols: ``square(q, dq, unknowns)``, scalar.
 
     ``conformal`` tells that it was written as a factor of the Euclidean one.
@@ -108,8 +108,8 @@ def _values(problem: Functional, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
 def singular_ends(problem: Functional) -> tuple[bool, bool]:
     """Whether the integrand is infinite or no number at each end, along the chord or any slope tried."""
     points = end_points(problem)
-    count = len(SLOPES)
-    directions = np.tile(np.vstack([np.ones(count), *[SLOPES] * (len(points[0]) - 1)]), 2)
+    count = len(PROBED_SLOPES)
+    directions = np.tile(np.vstack([np.ones(count), *[PROBED_SLOPES] * (len(points[0]) - 1)]), 2)
     finite = np.isfinite(_values(problem, np.repeat(np.array(points).T, count, axis=1), directions))
     start, end = (
         not (np.isnan(point).any() or part.all())
@@ -131,13 +131,15 @@ def grows(problem: Functional, at_start: bool) -> bool:
 
 def almost_singular_ends(problem: Functional) -> tuple[bool, bool]:
     """Whether L is finite at each end but falls so steeply from it that it may be infinite just beyond."""
-    points, step = end_points(problem), ASIDE * extent(problem)
+    points, step = end_points(problem), STEP_ASIDE * extent(problem)
     offsets = step * np.array([[0.0, 1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0, -1.0]])
     count = offsets.shape[1]
     around = np.hstack([point[:, None] + offsets for point in points])
-    directions = np.repeat([[1.0], [SLOPES[1]]], 2 * count, axis=1)
+    directions = np.repeat([[1.0], [PROBED_SLOPES[1]]], 2 * count, axis=1)
     values = np.abs(_values(problem, around, directions)).reshape(2, count)
-    start, end = (bool(np.isfinite(row[0]) and np.nanmin(row, initial=math.inf) < STEEP * row[0]) for row in values)
+    start, end = (
+        bool(np.isfinite(row[0]) and np.nanmin(row, initial=math.inf) < SHARE_LEFT * row[0]) for row in values
+    )
     return start, end
 
 
@@ -148,14 +150,6 @@ def extent(problem: Functional) -> float:
     known = known[np.isfinite(known)]
     width = problem.span[1] - problem.span[0]
     return float(known.max(initial=0.0)) or width
-
-
-def riemannian(problem: Problem) -> Metric | None:
-    """The quadratic form L^2 dx^2, or None when L^2 is not quadratic in the slope or L changes its sign.
-
-    Where a maximum is asked for, it is -L that must be positive.
-    """
-    return Survey(problem).metric
 
 
 class Survey:
@@ -175,17 +169,20 @@ class Survey:
         values = problem.integrand_values(places[:, 0], places[:, 1:].T, AROUND[1])
         ends = values[: 2 * LOOKS].reshape(2, -1)
         known = ~np.isnan(points).any(1)
-        at, aside = ends[:, : len(SLOPES)], np.abs(ends[:, len(SLOPES) :])
+        at, aside = ends[:, : len(PROBED_SLOPES)], np.abs(ends[:, len(PROBED_SLOPES) :])
         infinite = np.logical_and(known, np.logical_not(np.all(np.isfinite(at), axis=1))).tolist()
         self.singular: tuple[bool, bool] = (infinite[0], infinite[1])
         least = np.fmin.reduce(aside, axis=1)
-        steep = np.isfinite(aside[:, 0]) & (least < STEEP * aside[:, 0])
+        steep = np.isfinite(aside[:, 0]) & (least < SHARE_LEFT * aside[:, 0])
         self.beyond = bool(steep[0]), bool(steep[1])
         self._across = values[2 * LOOKS :]
 
     @property
-    def metric(self) -> Metric | None:
-        """The quadratic form L^2 dx^2, if it is one; see :func:`riemannian`."""
+    def metric(self) -> LengthElement | None:
+        """The quadratic form L^2 dx^2, or None when L^2 is not quadratic in the slope or L changes its sign.
+
+        Where a maximum is asked for, it is -L that must be positive.
+        """
         return None if self._fit is None else _metric(self.problem, _is_conformal(self._fit))
 
     @property
@@ -204,7 +201,7 @@ class Survey:
 
 def _fitted(values: np.ndarray) -> np.ndarray | None:
     """The metrics a + b v + c v^2 (3, m) whose length L has these ``values`` at SURVEY; None where there is none."""
-    sampled = values[: -len(ACROSS)].reshape(-1, len(SLOPES))
+    sampled = values[: -len(ACROSS)].reshape(-1, len(PROBED_SLOPES))
     with np.errstate(over="ignore"):
         squares = sampled**2
     squares = squares[np.isfinite(squares).all(1) & (sampled > 0).all(1)]
@@ -216,7 +213,7 @@ def _fitted(values: np.ndarray) -> np.ndarray | None:
     return fit
 
 
-def _metric(problem: Problem, conformal: bool) -> Metric:
+def _metric(problem: Problem, conformal: bool) -> LengthElement:
     """The coefficients of L^2 in powers of the slope, by differentiation at slope zero."""
     s = problem.symbols
 
@@ -229,17 +226,17 @@ def _metric(problem: Problem, conformal: bool) -> Metric:
         a, b, c = ca.substitute([whole, slope, ca.gradient(slope, s.dy)], old, new)
         return a * dq[0] ** 2 + b * dq[0] * dq[1] + 0.5 * c * dq[1] ** 2
 
-    return Metric(square, conformal)
+    return LengthElement(square, conformal)
 
 
-def homogeneous(problem: Functional) -> Metric:
+def homogeneous(problem: Functional) -> LengthElement:
     """The square of a Curve's integrand, which is taken to be the length element of a metric."""
     s = problem.symbols
 
     def square(q: Expression, dq: Expression, unknowns: Expression) -> Expression:
         return ca.substitute([problem.integrand**2], [s.y, s.dy, s.unknowns], [q, dq, unknowns])[0]
 
-    return Metric(square)
+    return LengthElement(square)
 
 
 def _passes_zero(values: np.ndarray) -> bool:

@@ -45,7 +45,7 @@ from varcalc.formulation.singular.chart import (
     with_factors,
 )
 from varcalc.formulation.singular.conformal import ConformalNumbers
-from varcalc.formulation.singular.detection import Blowup, Metric, end_points, extent
+from varcalc.formulation.singular.detection import Blowup, LengthElement, end_points, extent
 from varcalc.formulation.singular.offsets import gathered
 from varcalc.problem.functional import Functional, Symbols
 from varcalc.problem.problem import Problem
@@ -57,7 +57,7 @@ UNIT = np.array([[0.0, 1.0]])
 
 
 def energy_forms(
-    problem: Functional, metric: Metric, singular: tuple[bool, bool], blowups: dict[bool, Blowup | None]
+    problem: Functional, metric: LengthElement, singular: tuple[bool, bool], blowups: dict[bool, Blowup | None]
 ) -> list[partial[Form]]:
     """Makers of the energy of the metric: with the ends' powers as factors, and in coordinates that carry them.
 
@@ -96,7 +96,7 @@ class Energy:
     """
 
     problem: Functional
-    metric: Metric
+    metric: LengthElement
     chart: Chart
     singular: tuple[bool, bool]
     graded: tuple[bool, bool]

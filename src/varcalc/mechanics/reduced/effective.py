@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.mechanics.reduced.charts import LOG_LIMIT, Chart
+from varcalc.mechanics.reduced.charts import LOG_LIMIT, OpenChart
 from varcalc.mechanics.reduced.routh import OneCoordinate
 from varcalc.numerics.one_coordinate.motions import MotionPoint
 from varcalc.numerics.one_coordinate.potential import Potential
@@ -29,7 +29,7 @@ TIME, ANGLES = 1, 2
 """The columns of the integrals, after τ, that hold the time and the first of the angles."""
 MOST_BOXES = 4000
 """Places at which a potential that varies fast is looked at."""
-REACH = np.geomspace(1e-12, 1e12, 600)
+DISTANCES = np.geomspace(1e-12, 1e12, 600)
 """Distances along a line at which a potential is looked at to begin with."""
 FARTHEST = 1e12
 PROBES = np.array([0.0, 0.37, -0.41, 1.1, -1.3, 2.9, -3.1, 20.0, -20.0])
@@ -44,12 +44,12 @@ class EffectivePotential(Potential):
     """g = -2 W of u in one ``chart``; ``averaged`` are integrated over the time beside the angles."""
 
     one: OneCoordinate
-    chart: Chart
+    chart: OpenChart
     averaged: tuple[Averaged, ...] = ()
-    _parts: _Traced = field(init=False, repr=False, compare=False)
+    _parts: _TracedPotential = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_parts", _Traced.of(self.one, self.chart))
+        object.__setattr__(self, "_parts", _TracedPotential.of(self.one, self.chart))
 
     def averaging(self, function: Averaged) -> EffectivePotential:
         """The same with a ``function`` that is integrated over the time."""
@@ -94,7 +94,7 @@ class EffectivePotential(Potential):
     @property
     def reach(self) -> np.ndarray:
         """See :meth:`Potential.reach`."""
-        return REACH[REACH < 2 * LOG_LIMIT]
+        return DISTANCES[DISTANCES < 2 * LOG_LIMIT]
 
     def place(self, u: np.ndarray) -> np.ndarray:
         """q at u."""
@@ -102,7 +102,7 @@ class EffectivePotential(Potential):
 
 
 @dataclass(frozen=True)
-class _Traced:
+class _TracedPotential:
     """Functions of u: g and its slope, their changes, and dt/dτ, dq/du, q and the rates of the angles."""
 
     function: ca.Function
@@ -112,7 +112,7 @@ class _Traced:
     limits: tuple[float, float]
 
     @classmethod
-    def of(cls, one: OneCoordinate, chart: Chart) -> _Traced:
+    def of(cls, one: OneCoordinate, chart: OpenChart) -> _TracedPotential:
         u = ca.SX.sym("u")
         place = ca.SX(chart.place(u))
         potential, inertia, steady, carried = (

@@ -7,10 +7,10 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from varcalc.mechanics.reduced.charts import Chart, charts
+from varcalc.mechanics.reduced.charts import OpenChart, charts
 from varcalc.mechanics.reduced.effective import EffectivePotential
 from varcalc.mechanics.reduced.orbits import ReducedOrbit, Regions
-from varcalc.mechanics.reduced.rests import SAME, Rest, rests
+from varcalc.mechanics.reduced.rests import ONE_PLACE, Rest, rests
 from varcalc.mechanics.reduced.routh import OneCoordinate
 from varcalc.spelling import spelled
 from varcalc.symbolic.switches import switches
@@ -74,12 +74,12 @@ class ReducedMotion:
         found = charts(functions, one.q, one.covering)
         return tuple(self._of_angle(chart) if chart.turning else self._between(chart) for chart in found)
 
-    def _between(self, chart: Chart) -> Regions:
+    def _between(self, chart: OpenChart) -> Regions:
         potential = EffectivePotential(self._one, chart)
         nodes = potential.nodes(0.0, 0.0, *chart.limits)
         return Regions(potential, nodes, rests(potential, nodes, self.ignorable), self.ignorable)
 
-    def _of_angle(self, chart: Chart) -> Regions:
+    def _of_angle(self, chart: OpenChart) -> Regions:
         """A turn that begins where W is largest, so that each well lies in it whole."""
         whole = EffectivePotential(self._one, chart)
         wide = whole.nodes(chart.low, chart.high, chart.low - np.pi, chart.high + np.pi)
@@ -87,11 +87,13 @@ class ReducedMotion:
         known = rests(whole, wide, self.ignorable)
         top = float(wide.u[inside][np.argmin(wide.g[inside])])
         top = min((rest.place for rest in known), key=lambda place: abs(place - top), default=top)
-        begun = Chart(top, top + 2 * np.pi, turning=True)
+        begun = OpenChart(top, top + 2 * np.pi, turning=True)
         potential = EffectivePotential(self._one, begun)
         nodes = potential.nodes(begun.low, begun.high, begun.low, begun.high)
         inner = [
-            rest for rest in rests(potential, nodes, self.ignorable) if top + SAME < rest.place < begun.high - SAME
+            rest
+            for rest in rests(potential, nodes, self.ignorable)
+            if top + ONE_PLACE < rest.place < begun.high - ONE_PLACE
         ]
         first = [rest for rest in known if rest.place == top]
         return Regions(potential, nodes, (*first, *inner), self.ignorable)

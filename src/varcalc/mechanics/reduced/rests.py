@@ -13,9 +13,9 @@ from varcalc.mechanics.reduced.routh import OneCoordinate
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.showing import Shown
 
-LEVEL, BESIDE = 1e-9, 1e-2
+LEVEL, NO_CURVATURE = 1e-9, 1e-2
 """Of the curvature of W beside a place, of its size: less is a curvature of 0 there."""
-SAME = 1e-9
+ONE_PLACE = 1e-9
 """Of a coordinate: two places so near are one."""
 
 
@@ -62,8 +62,8 @@ def rests(potential: EffectivePotential, nodes: PotentialNodes, names: tuple[str
     stops = potential.place(potential.stops)
     found: list[Rest] = []
     for place in places:
-        kink = len(stops) and np.min(np.abs(stops - place)) <= SAME * max(1.0, abs(place))
-        if not kink and not (found and abs(found[-1].place - place) <= SAME * max(abs(place), SAME)):
+        kink = len(stops) and np.min(np.abs(stops - place)) <= ONE_PLACE * max(1.0, abs(place))
+        if not kink and not (found and abs(found[-1].place - place) <= ONE_PLACE * max(abs(place), ONE_PLACE)):
             found.append(_rest(potential.one, float(place), names))
     return tuple(found)
 
@@ -75,7 +75,7 @@ def _rest(one: OneCoordinate, place: float, names: tuple[str, ...]) -> Rest:
         np.array(p, dtype=float).ravel() for p in ca.Function("rest", [one.q], parts)(place)
     )
     squared = float(bent[0] / inertia[0])
-    around = place + BESIDE * (abs(place) or 1.0) * np.array([[-1.0, 1.0]])
+    around = place + NO_CURVATURE * (abs(place) or 1.0) * np.array([[-1.0, 1.0]])
     size = np.abs(np.array(ca.Function("bent", [one.q], [parts[1]])(around))).max()
     rate = np.sqrt(abs(squared)) if abs(float(bent[0])) > LEVEL * size else 0.0
     steep = np.array(ca.Function("slope", [one.q], [slope])(around)).ravel()

@@ -23,11 +23,12 @@ import numpy as np
 
 from varcalc.integrators import Continuous
 from varcalc.mechanics.rigid.rotations import entries, normalised, quaternion_rate
-from varcalc.symbolic.tracing import LAST, Expression, Names, check_arity, trace
+from varcalc.symbolic.names import with_names
+from varcalc.symbolic.tracing import LAST, Expression, check_arity, trace
 
 PLACES = 12
 """Random states at which it is asked whether something is kept."""
-KEPT = 1e-11
+CONSERVED = 1e-11
 """Of the terms of its rate: what is kept changes by less at every one of those."""
 CANDIDATES = ("energy", "L_x", "L_y", "L_z", "L_1", "L_2", "L_3")
 """The energy, and components of the angular momentum along fixed axes and along the body's own."""
@@ -55,9 +56,7 @@ class BodySymbols:
 
     def arguments(self, *columns: Expression) -> list[Expression]:
         """``columns`` and, where there are parameters, what a person's functions call p."""
-        if not self.names:
-            return list(columns)
-        return [*columns, Names(dict(zip(self.names, ca.vertsplit(self.p), strict=True)))]
+        return with_names(columns, self.names, self.p)
 
     def energy(self, potential: Callable[..., Any] | None) -> Expression:
         """The energy of an orientation that a person's ``potential`` says."""
@@ -187,7 +186,7 @@ class TurningEquations:
         for _ in range(PLACES):
             place = np.append(normalised(rng.normal(size=4)), rng.uniform(-1, 1, 3))
             found = np.array(function(rng.uniform(), place, numbers))
-            kept &= np.abs(found.sum(axis=1)) <= KEPT * np.abs(found).sum(axis=1)
+            kept &= np.abs(found.sum(axis=1)) <= CONSERVED * np.abs(found).sum(axis=1)
         values = ca.vertsplit(column)
         return {name: values[k] for k, name in enumerate(CANDIDATES) if kept[k]}
 

@@ -11,7 +11,7 @@ import numpy as np
 from varcalc.mechanics.rigid.inertia import Principal, TopKind
 from varcalc.showing import Shown
 
-SAME = 16 * float(np.finfo(float).eps)
+SQUARE_ROUND_OFF = 16 * float(np.finfo(float).eps)
 """Of two squares: by how much they differ that differ by round-off."""
 
 
@@ -88,10 +88,10 @@ def polhode(principal: Principal, angular_velocity: np.ndarray) -> Polhode:
     over = middle * (middle - low) * squares[1] + high * (high - low) * squares[2]  # L² - 2 E I1
     under = low * (high - low) * squares[0] + middle * (high - middle) * squares[1]  # 2 E I3 - L²
     beside = sorted(principal.moments * squares)[:2]
-    if principal.kind is TopKind.SPHERICAL or max(beside) <= SAME**2 * (principal.moments @ squares):
+    if principal.kind is TopKind.SPHERICAL or max(beside) <= SQUARE_ROUND_OFF**2 * (principal.moments @ squares):
         return Polhode(PolhodeKind.STEADY, 0.0, 0.0)
     apart = about_high - about_low
-    if abs(apart) <= SAME * (about_high + about_low):
+    if abs(apart) <= SQUARE_ROUND_OFF * (about_high + about_low):
         return Polhode(PolhodeKind.SEPARATRIX, 1.0, math.inf)
     outer, square, other = (high - middle, over, under) if apart > 0 else (middle - low, under, over)
     inner = middle - low if apart > 0 else high - middle
@@ -127,7 +127,7 @@ def steady_rotations(principal: Principal) -> tuple[SteadyRotation, ...]:
     for k in range(3):
         others = np.delete(moments, k)
         apart = moments[k] - others
-        apart[np.abs(apart) <= SAME * moments[-1]] = 0.0
+        apart[np.abs(apart) <= SQUARE_ROUND_OFF * moments[-1]] = 0.0
         squared = float(np.prod(apart / others))
         stable = squared > 0 or not np.any(apart)
         found.append(SteadyRotation(principal.axes[:, k], float(moments[k]), stable, abs(squared) ** 0.5))

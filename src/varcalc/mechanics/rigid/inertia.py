@@ -14,7 +14,7 @@ from varcalc.problem.conditions import reals
 from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
-ALIKE = 1e-12
+SAME_MOMENT = 1e-12
 """Of the largest principal moment: moments that differ by less are one."""
 
 
@@ -38,7 +38,7 @@ class Principal(Shown):
     def kind(self) -> TopKind:
         """What kind of top that is; moments that differ by round-off are equal."""
         low, middle, high = self.moments
-        alike = ALIKE * high
+        alike = SAME_MOMENT * high
         if low <= alike:
             return TopKind.LINEAR
         equal = int(middle - low <= alike) + int(high - middle <= alike)
@@ -233,7 +233,7 @@ def principal(tensor: Any) -> Principal:
     """
     t = reals("tensor", tensor)
     size = np.abs(t).max(initial=0.0)
-    if t.shape != (3, 3) or not np.isfinite(size) or not np.abs(t - t.T).max() <= ALIKE * size:
+    if t.shape != (3, 3) or not np.isfinite(size) or not np.abs(t - t.T).max() <= SAME_MOMENT * size:
         raise ValueError(f"tensor must be a symmetric matrix (3, 3) of finite numbers, not {tensor!r}")
     diagonal = np.diag(t)
     if np.array_equal(t, np.diag(diagonal)):  # its own axes, to the last digit
@@ -241,13 +241,16 @@ def principal(tensor: Any) -> Principal:
         moments, axes = diagonal[order], np.eye(3)[:, order]
     else:
         moments, axes = np.linalg.eigh((t + t.T) / 2)
-    if moments[0] < -ALIKE * size or moments[2] > (moments[0] + moments[1]) * (1 + ALIKE) + ALIKE * size:
+    if (
+        moments[0] < -SAME_MOMENT * size
+        or moments[2] > (moments[0] + moments[1]) * (1 + SAME_MOMENT) + SAME_MOMENT * size
+    ):
         raise ValueError(
             f"the principal moments {moments.tolist()} are of no body: none is negative, and none is more than the "
             "other two together"
         )
     axes = axes * np.array([1.0, 1.0, np.sign(np.linalg.det(axes))])
-    return Principal(np.where(moments <= ALIKE * size, 0.0, moments), axes)
+    return Principal(np.where(moments <= SAME_MOMENT * size, 0.0, moments), axes)
 
 
 def _spread(masses: np.ndarray, r: np.ndarray) -> np.ndarray:

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.integrators.protocol import Outcome
+from varcalc.integrators.protocol import RunOutcome
+from varcalc.mechanics.arguments import times_within
 from varcalc.mechanics.rigid.rotations import EulerAngles, rotation_matrix
-from varcalc.problem.conditions import reals
 from varcalc.showing import Plotted
 from varcalc.symbolic.evaluation import PointEvaluator
 
@@ -26,7 +26,7 @@ class RigidMotion(Plotted):
     """
 
     span: tuple[float, float]
-    outcome: Outcome
+    outcome: RunOutcome
     error: float
     drift: Mapping[str, float]
     steps: int
@@ -39,13 +39,10 @@ class RigidMotion(Plotted):
     @property
     def completed(self) -> bool:
         """True when it came to its last time."""
-        return self.outcome is Outcome.COMPLETED
+        return self.outcome is RunOutcome.COMPLETED
 
     def _at(self, t: Any) -> tuple[np.ndarray, np.ndarray]:
-        times = reals("t", t)
-        low, high = self.span
-        if times.size and not (times.min() >= low and times.max() <= high):
-            raise ValueError(f"t must lie between {low:.17g} and {high:.17g}, where the motion is known")
+        times = times_within(t, self.span)
         return times, with_unit_quaternions(self.states(times.ravel()))
 
     def orientation(self, t: Any) -> np.ndarray:

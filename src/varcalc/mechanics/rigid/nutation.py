@@ -15,13 +15,13 @@ from varcalc.numerics.one_coordinate.quadrature import integrals
 from varcalc.numerics.roots import EPSILON, bracketed_newton
 from varcalc.showing import Shown
 
-BEYOND = 1.0
+UPRIGHT_MARGIN = 1.0
 """How far beyond upright and upside down the cubic is looked at, so that a root there lies inside."""
-LOOKED_AT = 33
+HALF_PERIOD_PLACES = 33
 """Places of half a period at which rates are looked at for their size."""
 HALVINGS = 500
 """Of a panel, next to a pole."""
-CLOSE = 1e-12
+LAST_DIGITS = 1e-12
 """Of a root: a step that is longer is no correction of its last digits."""
 NEXT_TO = 0.1
 """Of the way of cos θ: what comes nearer to a pole is measured from there."""
@@ -70,7 +70,7 @@ def nutation(start: TopStart, momenta: tuple[float, float], energy: float) -> Nu
     if start.w == 0 and b == 0:
         return _steady(start, c, momenta, energy)
     potential, at, squared = start.about_start, np.zeros(1), np.array([start.w**2])
-    nodes = potential.nodes(0.0, 0.0, -start.below - BEYOND, start.above + BEYOND)
+    nodes = potential.nodes(0.0, 0.0, -start.below - UPRIGHT_MARGIN, start.above + UPRIGHT_MARGIN)
     free = np.full(1, np.inf)
     found = (bounds(potential, nodes, at, squared, -squared, free, sign) for sign in (-1, 1))
     low, high = (MotionBounds(_polished(potential, one.x, start.w**2), one.turning) for one in found)
@@ -95,7 +95,7 @@ def _polished(potential: TopCubic, x: np.ndarray, constant: float) -> np.ndarray
     value, slope = potential.at(x)
     with np.errstate(all="ignore"):
         step = (value + constant) / slope
-    return np.where(np.abs(step) <= CLOSE * np.abs(x), x - step, x)
+    return np.where(np.abs(step) <= LAST_DIGITS * np.abs(x), x - step, x)
 
 
 def _next_to_pole(start: TopStart, across: float) -> tuple[float, np.ndarray]:
@@ -134,7 +134,7 @@ def _half_period(way: CoordinateMotion) -> np.ndarray:
 
     They are resolved to the digits that the rates have where they are largest, next to a pole.
     """
-    rates = way.integrands(np.linspace(0.0, way.period / 2, LOOKED_AT)[None])[1]
+    rates = way.integrands(np.linspace(0.0, way.period / 2, HALF_PERIOD_PLACES)[None])[1]
     known = np.abs(rates[:, 0]).mean(axis=1) * way.period / 2
     half = integrals(way, np.zeros(1), np.full(1, way.period / 2), known[None], HALVINGS)[0, :3]
     if not np.all(np.isfinite(half)):

@@ -17,6 +17,7 @@ from varcalc.mechanics.rigid.nutation import Nutation, nutation
 from varcalc.mechanics.rigid.rotations import EulerAngles, entries
 from varcalc.mechanics.rigid.top_cubic import TopStart
 from varcalc.mechanics.system import System
+from varcalc.numerics.roots import quadratic
 from varcalc.problem.conditions import reals
 from varcalc.showing import Shown
 from varcalc.spelling import spelled
@@ -140,11 +141,5 @@ class Top(Shown):
         bend, spin, weight = self.I1 * math.cos(theta), self.I3 * omega3, self.Mgh
         if abs(bend) <= ALIGNED**1.25 * self.I1:
             return (weight / spin,) if spin else ()
-        square = spin**2 - 4 * bend * weight
-        if square < 0:
-            return ()
-        larger = (spin + math.copysign(math.sqrt(square), spin)) / 2
-        if larger == 0:
-            return (0.0,)
-        rates = {weight / larger, larger / bend}
-        return tuple(sorted(rates, key=abs))
+        rates = quadratic(*np.array([weight, -spin, bend]))
+        return tuple(sorted({float(rate) for rate in rates if np.isfinite(rate)}, key=abs))

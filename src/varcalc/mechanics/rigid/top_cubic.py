@@ -23,7 +23,7 @@ import numpy as np
 from varcalc.numerics.one_coordinate.motions import MotionPoint
 from varcalc.numerics.one_coordinate.potential import Potential, PotentialValues
 
-SAME = 32 * float(np.finfo(float).eps)
+LOST_TERM = 32 * float(np.finfo(float).eps)
 """Of the terms of a sum: one that is less is round-off."""
 UPRIGHT = float(np.finfo(float).eps) ** 2
 """Of 1 - |cos θ|: a tilt that is round-off."""
@@ -70,7 +70,7 @@ class TopStart:
         """Of x, x² and x³ in (dx/dt)²; round-off of the first is zero."""
         terms = -self.above * self.below * self.A, -2 * self.u * self.k, 2 * self.a * self.beta
         first = math.fsum(terms)
-        first = 0.0 if abs(first) <= SAME * sum(map(abs, terms)) else first
+        first = 0.0 if abs(first) <= LOST_TERM * sum(map(abs, terms)) else first
         return first, 2 * self.u * self.A - self.k - self.beta**2, self.A
 
     def at_pole(self, pole: int) -> float:
@@ -168,4 +168,4 @@ class TopCubic(Potential):
 def total(first: float, second: float) -> float:
     """The sum, without round-off where that is all there is."""
     found = first + second
-    return 0.0 if abs(found) <= SAME * (abs(first) + abs(second)) else found
+    return 0.0 if abs(found) <= LOST_TERM * (abs(first) + abs(second)) else found

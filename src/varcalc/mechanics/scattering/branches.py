@@ -13,15 +13,15 @@ from varcalc.showing import Shown
 
 DEEPEST = 34.0
 """Of |ln|: e^-34 is the round-off of what is next to an end."""
-APART = 64 * float(np.finfo(float).eps)
+UNDECIDED_IMPACT = 64 * float(np.finfo(float).eps)
 """Of an impact parameter: nearer to one at which the angle diverges or jumps round-off decides on which side it is."""
-FARTHEST = 1e-12
+LEAST_DEFLECTION = 1e-12
 """Radians: impact parameters at which an orbit is deflected by less are not looked at."""
 FIRST, ROUNDS = 64, 10
 """Places that are looked at in each interval to begin with, and times they are halved."""
 BENT = 3e-3
 """Of its change, or of a radian: how well a cubic must foretell the angle in the middle of two places."""
-FLAT = 1e-13
+SAME_ANGLE = 1e-13
 """Radians: angles that differ by no more are the same."""
 QUADRATIC = 1e-9
 """A Newton step below this is the last: convergence is quadratic."""
@@ -91,7 +91,7 @@ class Branches:
         """Where the angle has one of the ``targets`` (k,): number of the target, b and dχ/db, all (n,)."""
         low, high = np.sort(self.angle, axis=1).T
         first, last = np.searchsorted(targets, low), np.searchsorted(targets, high)
-        count = np.where(high - low > FLAT, last - first, 0)
+        count = np.where(high - low > SAME_ANGLE, last - first, 0)
         cell = np.repeat(np.arange(len(count)), count)
         number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
         wanted, rising = targets[number], self.angle[cell, 1] > self.angle[cell, 0]
@@ -168,7 +168,7 @@ class _Sampled:
                 else (-DEEPEST, 2 * DEEPEST)
             )
         one = cls._at(deflecting, interval, np.linspace(*ends, FIRST + 1))
-        if len(one.z) < 2 or np.abs(one.angle).max() <= FLAT:
+        if len(one.z) < 2 or np.abs(one.angle).max() <= SAME_ANGLE:
             return None
         one = one.within()
         for _ in range(ROUNDS):
@@ -184,7 +184,7 @@ class _Sampled:
     @classmethod
     def _at(cls, deflecting: Deflecting, interval: Interval, z: np.ndarray) -> _Sampled:
         impact, rate = interval.impact(z)
-        room = APART * impact
+        room = UNDECIDED_IMPACT * impact
         inside = (impact - interval.low > (room if interval.low > 0 else 0.0)) & (interval.high - impact > room)
         found = deflecting(impact[inside])
         good = np.isfinite(found.angle) & np.isfinite(found.slope)
@@ -192,7 +192,7 @@ class _Sampled:
 
     def within(self) -> _Sampled:
         """Without the far end, where next to nothing is deflected."""
-        felt = np.flatnonzero(np.abs(self.angle) > FARTHEST)
+        felt = np.flatnonzero(np.abs(self.angle) > LEAST_DEFLECTION)
         stop = felt[-1] + 2 if np.isinf(self.interval.high) else len(self.z)
         return _Sampled(self.deflecting, self.interval, self.z[:stop], self.angle[:stop], self.slope[:stop])
 
@@ -225,7 +225,7 @@ class _Sampled:
     def _stands_out(self, k: int, angle: float) -> bool:
         """Whether an extremum in cell ``k`` is more than the round-off of the angles beside it."""
         beside = self.angle[[k, k + 1]]
-        return bool(np.max(np.abs(beside - angle)) > FLAT * np.max(np.abs(beside)))
+        return bool(np.max(np.abs(beside - angle)) > SAME_ANGLE * np.max(np.abs(beside)))
 
     def _slope(self, z: np.ndarray) -> np.ndarray:
         impact, rate = self.interval.impact(z)

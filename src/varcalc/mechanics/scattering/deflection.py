@@ -15,12 +15,12 @@ from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.numerics.roots import bracketed_newton
 from varcalc.showing import Brief, Shown
 
-ROUND_OFF = float(np.finfo(float).eps)
+EPSILON = float(np.finfo(float).eps)
 NEXT_TO_ORBITING = 1e-8
 """Of the impact parameter at which an orbit goes round: nearer, round-off takes more than the logarithm leaves out."""
-SAME = 8 * ROUND_OFF
+SAME_AS_ORBITING = 8 * EPSILON
 """Of the square of an impact parameter: one that is so near to an orbiting one goes round for ever."""
-BESIDE = 1 - 1e-6
+INSIDE_RADIUS = 1 - 1e-6
 """Of the least radius at which a potential is a number."""
 FEWER = 4.0
 """By how many times more than round-off what is all but at rest is off."""
@@ -105,12 +105,12 @@ class Approach:
         passed = radii > inner[:, None]
         with np.errstate(all="ignore"):
             left = np.min(np.where(passed, np.abs(least / squared - 1), np.inf), axis=1, initial=1.0)
-            return np.maximum(AGREED, FEWER * ROUND_OFF / left)
+            return np.maximum(AGREED, FEWER * EPSILON / left)
 
     @cached_property
     def inmost(self) -> ScatteringOutcome:
         """What becomes of orbits that do not turn back in the piece about the centre."""
-        inside = np.array(BESIDE * np.exp(-self.nodes.u[-1]))
+        inside = np.array(INSIDE_RADIUS * np.exp(-self.nodes.u[-1]))
         with np.errstate(all="ignore"):
             lost = bool(np.isnan(self.piece.values(inside)[0]))
         return ScatteringOutcome.UNDEFINED if lost else ScatteringOutcome.CAPTURED
@@ -134,7 +134,7 @@ class Approach:
 
         with np.errstate(all="ignore"):
             start = far + (near - far) * np.clip((above - squared) / (above - below), 0.0, 1.0)
-            r, _ = bracketed_newton(left, far, near, start, relative=2 * ROUND_OFF, flat=2 * ROUND_OFF * squared)
+            r, _ = bracketed_newton(left, far, near, start, relative=2 * EPSILON, flat=2 * EPSILON * squared)
         return np.where(number < len(nodes.u), r, np.nan)
 
 
@@ -215,7 +215,7 @@ class Inwards:
         angle, slope = 2 * total.bent + (np.pi - 2 * total.free), -2 * total.by_impact
         outcomes[(outcomes == ScatteringOutcome.DEFLECTED) & ~np.isfinite(angle)] = ScatteringOutcome.UNRESOLVED
         for orbiting in self.round:
-            outcomes[np.abs(self.impact**2 / orbiting.impact**2 - 1) <= SAME] = ScatteringOutcome.ORBITING
+            outcomes[np.abs(self.impact**2 / orbiting.impact**2 - 1) <= SAME_AS_ORBITING] = ScatteringOutcome.ORBITING
         through = (self.impact == 0) & (outcomes == ScatteringOutcome.CAPTURED) & self._open
         angle[through], slope[through], outcomes[through] = 0.0, np.nan, ScatteringOutcome.DEFLECTED
         lost = outcomes != ScatteringOutcome.DEFLECTED

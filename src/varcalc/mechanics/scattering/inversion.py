@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from varcalc.mechanics.scattering.arguments import positive
-from varcalc.numerics.mesh import gauss
+from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.conditions import reals
 from varcalc.spelling import spelled
 
-NODES, WEIGHTS = gauss(16)
+GAUSS_POINTS = 16
 FARTHEST = 80.0
 """Of ln(2b/w): beyond it next to nothing is left of an angle that falls off as 1/b."""
 FIRST, ROUNDS = 10, 7
@@ -72,7 +72,6 @@ def firsov(deflection: Callable[[np.ndarray], np.ndarray], energy: float, w: Any
 def _exponent(deflection: Callable[[np.ndarray], np.ndarray], w: np.ndarray, panels: int) -> np.ndarray:
     """ln(r/w) (m,) by so many panels of Gauss's rule."""
     edges = FARTHEST * np.linspace(0.0, 1.0, panels + 1) ** 2  # narrow where the orbit comes close
-    half = np.diff(edges)[:, None] / 2
-    t = (edges[:-1, None] + half * (1 + NODES)).ravel()
+    t, weights = composite_gauss(edges, GAUSS_POINTS)
     angles = deflection((w[:, None] * np.cosh(t)).ravel()).reshape(len(w), len(t))
-    return angles @ (half * WEIGHTS).ravel() / np.pi
+    return angles @ weights / np.pi

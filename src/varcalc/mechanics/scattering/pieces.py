@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.numerics.one_coordinate.potential import FAR, PLACES, Potential
+from varcalc.numerics.one_coordinate.potential import NOT_FOLLOWED, PLACES, Potential
 from varcalc.symbolic.differences import carry, displaced
 from varcalc.symbolic.evaluation import Columns, PointEvaluator
 from varcalc.symbolic.intervals import enclosures
@@ -24,17 +24,17 @@ LOG_RADIUS_LIMIT = 300.0
 """Of |ln r|: beyond it r² is no number."""
 MOST_BOXES = 2000
 """Places at which a potential that varies fast is looked at."""
-APART = 0.1
+DIGITS_KEPT = 0.1
 """Of a radius: farther from it differences of a potential have their digits."""
 NEGLIGIBLE = 1e-15
 """Of the energy: a potential that is less is nothing to what an integral has to resolve."""
 SPREAD = np.array([1e-3, 1.0])
 """Of that: to where."""
-SILENT, NOTHING = 1e120, 1e-60
+SILENT, NO_ENERGY = 1e120, 1e-60
 """How far away a potential is asked whether it is a number still, and of the energy what is nothing there."""
-ROOM, QUIET = 2, 1e-5
+SAFE_DECADES, QUIET = 2, 1e-5
 """Powers of ten of the radius before that, at which nothing is lost yet; of that, the inner end of a leg all beyond."""
-BESIDE = 1e-10
+AROUND_EDGE = 1e-10
 """Of an edge: how far on either side of it its place is looked for to round-off."""
 
 
@@ -94,7 +94,7 @@ class RadialPiece:
 
         Where a whole column of x is no small part of the base, the changes are differences, which cost less.
         """
-        far = np.all(x > APART * base, axis=0)
+        far = np.all(x > DIGITS_KEPT * base, axis=0)
         if not np.any(far):
             return _shaped(self._changes(base, x), np.shape(x))
         found = [np.empty(np.shape(x)) for _ in range(4)]
@@ -146,8 +146,8 @@ class PieceOfEnergy:
             first = len(r) - int(np.argmax(known[::-1]))
             if np.isfinite(self.piece.outer) or first == len(r):
                 return np.inf
-            last = float(r[max(first - ROOM, 0)])
-            return last if np.abs(self.piece.values(np.array(last))[0]) <= NOTHING * self.energy else np.inf
+            last = float(r[max(first - SAFE_DECADES, 0)])
+            return last if np.abs(self.piece.values(np.array(last))[0]) <= NO_ENERGY * self.energy else np.inf
 
     def values(self, r: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
         """F and r F' at ``r``, in its shape."""
@@ -211,7 +211,7 @@ class RadialGain(Potential):
     @property
     def reach(self) -> np.ndarray:
         """Multiples of one: u is a logarithm."""
-        reach = np.geomspace(1e-8, FAR, PLACES)
+        reach = np.geomspace(1e-8, NOT_FOLLOWED, PLACES)
         return reach[reach < LOG_RADIUS_LIMIT]
 
 
@@ -257,7 +257,7 @@ def _exact(switch: Switch, r: Expression, radius: float) -> float:
     from scipy.optimize import brentq
 
     argument = ca.Function("argument", [r], [switch.argument])
-    low, high = radius * (1 - BESIDE), radius * (1 + BESIDE)
+    low, high = radius * (1 - AROUND_EDGE), radius * (1 + AROUND_EDGE)
     if float(argument(low)) * float(argument(high)) >= 0:
         return radius
     return float(brentq(lambda x: float(argument(x)), low, high, xtol=1e-300, rtol=1e-15))

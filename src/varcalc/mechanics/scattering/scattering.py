@@ -27,11 +27,11 @@ from varcalc.spelling import spelled
 
 VANISHED = 1e-12
 """Of the energy: what may be left of a potential far away."""
-SAME = 1e-14
+ONE_IMPACT = 1e-14
 """Of an impact parameter: two critical ones that are so near are one."""
 HEAD_ON = 1e-8
 """Radians: an orbit that is deflected by π whether or not it is a little aside is no glory."""
-LARGEST = 1e100
+LARGEST_IMPACT = 1e100
 """Impact parameters beyond it have no square to speak of."""
 
 
@@ -108,8 +108,8 @@ class Scattering(Plotted):
         Raises ValueError for an impact parameter that is negative or no number.
         """
         b = reals("impact", impact)
-        if not np.all((b >= 0) & (b <= LARGEST)):
-            raise ValueError(f"impact must be numbers from 0 to {LARGEST:g}, not {impact!r}")
+        if not np.all((b >= 0) & (b <= LARGEST_IMPACT)):
+            raise ValueError(f"impact must be numbers from 0 to {LARGEST_IMPACT:g}, not {impact!r}")
         found = Inwards(self._approaches, self.orbiting, b.ravel()).followed()
         arrays = found.angle, found.slope, found.closest, found.outcomes
         return Deflections(b, *(array.reshape(b.shape)[()] for array in arrays))
@@ -200,7 +200,7 @@ class Scattering(Plotted):
                 if 0 < share < np.inf:
                     found.append(float(edge * np.sqrt(share)))
         found = np.sort(found).tolist()
-        return [b for a, b in pairwise([0.0, *found]) if b - a > SAME * b]
+        return [b for a, b in pairwise([0.0, *found]) if b - a > ONE_IMPACT * b]
 
     @cached_property
     def _branches(self) -> Branches:

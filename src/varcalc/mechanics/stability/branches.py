@@ -14,16 +14,16 @@ from varcalc.mechanics.system import System
 from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
-LOOKS = np.array([0.0, 0.1719, 0.3931, 0.6142, 0.8353, 1.0])
+PARAMETER_SHARES = np.array([0.0, 0.1719, 0.3931, 0.6142, 0.8353, 1.0])
 """Shares of the range of the parameter at which all equilibria are searched for: no likely places of bifurcations."""
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.01, 0.05, 1e-7
 """Of the box: lengths of a step."""
 LEAST_COSINE = 0.95
 """Of the angle between successive tangents."""
 MOST_STATIONS = 2000
-SAME = 1e-6
+ONE_PLACE = 1e-6
 """Of the box: places so near are one."""
-BESIDE = 1e-3
+BRANCH_OFFSET = 1e-3
 """Of the box: how far from where branches meet another is looked for."""
 
 
@@ -103,8 +103,8 @@ def bifurcation_chart(
     corners = np.append(np.asarray(low, dtype=float), first), np.append(np.asarray(high, dtype=float), last)
     if corners[0].shape != (system.n + 1,) or corners[1].shape != corners[0].shape:
         raise ValueError(f"low and high must be {system.n} numbers each, not {low!r} and {high!r}")
-    walk = _Walk(RestCurve.of(system, name, corners[1] - corners[0]), *corners)
-    unresolved, values = 0, first + (last - first) * LOOKS
+    walk = _EquilibriumCurve(RestCurve.of(system, name, corners[1] - corners[0]), *corners)
+    unresolved, values = 0, first + (last - first) * PARAMETER_SHARES
     for value in values:
         found = system.with_parameters({name: float(value)}).equilibria(low, high)
         unresolved += found.unresolved
@@ -120,7 +120,7 @@ def _branch(stations: list[Station]) -> EquilibriumBranch:
     return EquilibriumBranch(z[:, -1], z[:, :-1], np.array([one.stable for one in stations]))
 
 
-class _Walk:
+class _EquilibriumCurve:
     """All branches of a curve of equilibria between the corners ``low`` and ``high`` (n + 1,), the parameter last."""
 
     def __init__(self, curve: RestCurve, low: np.ndarray, high: np.ndarray) -> None:
@@ -143,7 +143,7 @@ class _Walk:
                 waiting += self._between(before, after)
 
     def _inside(self, z: np.ndarray) -> bool:
-        room = SAME * (self.high - self.low)
+        room = ONE_PLACE * (self.high - self.low)
         return bool(np.all((z >= self.low - room) & (z <= self.high + room)))
 
     def _known(self, z: np.ndarray) -> bool:
@@ -157,7 +157,7 @@ class _Walk:
                 length = float(one.tangent @ ((z - one.z) / self.curve.size))
                 if abs(length) <= 2 * LONGEST_STEP:
                     met = self.curve.step(one, length)
-                    if met is not None and np.abs((met.z - z) / self.curve.size).max() <= SAME:
+                    if met is not None and np.abs((met.z - z) / self.curve.size).max() <= ONE_PLACE:
                         return True
         return False
 
@@ -202,10 +202,10 @@ class _Walk:
         z, error = found
         leaving, kind = [], BifurcationKind.TRANSCRITICAL
         for tangent in self.curve.other_tangents(z, before.tangent):
-            if abs(tangent[-1]) < abs(np.linalg.norm(tangent[:-1])) * BESIDE:
+            if abs(tangent[-1]) < abs(np.linalg.norm(tangent[:-1])) * BRANCH_OFFSET:
                 kind = BifurcationKind.PITCHFORK
-            leaving += [z + sign * BESIDE * tangent * self.curve.size for sign in (1, -1)]
-        if abs(before.tangent[-1]) < BESIDE**0.5 and before.tangent[-1] * after.tangent[-1] < 0:
+            leaving += [z + sign * BRANCH_OFFSET * tangent * self.curve.size for sign in (1, -1)]
+        if abs(before.tangent[-1]) < BRANCH_OFFSET**0.5 and before.tangent[-1] * after.tangent[-1] < 0:
             kind = BifurcationKind.PITCHFORK  # met along the branch that turns
         self._note(kind, z, error)
         corrected = (self.curve.beside(guess, z) for guess in leaving)
@@ -214,7 +214,7 @@ class _Walk:
     def _note(self, kind: BifurcationKind, z: np.ndarray, error: float) -> None:
         """Keep a bifurcation that is not known yet."""
         for one in self.bifurcations:
-            if np.abs((np.append(one.place, one.parameter) - z) / self.curve.size).max() <= SAME:
+            if np.abs((np.append(one.place, one.parameter) - z) / self.curve.size).max() <= ONE_PLACE:
                 if one.kind is BifurcationKind.TRANSCRITICAL and kind is BifurcationKind.PITCHFORK:
                     self.bifurcations[self.bifurcations.index(one)] = replace(one, kind=kind)
                 return

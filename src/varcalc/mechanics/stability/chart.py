@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.mechanics.stability.crossing import Crossing, passings
-from varcalc.mechanics.stability.surface import Surface
+from varcalc.mechanics.stability.crossing import PassingRoots, passings
+from varcalc.mechanics.stability.surface import PiecewiseSeries
 from varcalc.mechanics.system import System
 from varcalc.showing import Plotted, Shown
 from varcalc.spelling import spelled
@@ -100,9 +100,9 @@ class MonodromySurface:
         return np.hstack([matrices.reshape(len(first), -1), logarithms[:, None]])
 
     @cached_property
-    def surface(self) -> Surface:
+    def surface(self) -> PiecewiseSeries:
         """The series."""
-        return Surface.of(self.values, self.low, self.high)
+        return PiecewiseSeries.of(self.values, self.low, self.high)
 
     def check(self) -> None:
         """Refuse a place that does not stand still, and periods that are none, somewhere on the chart."""
@@ -131,7 +131,7 @@ class MonodromySurface:
         values, found = self.surface.on_grid(first, second)[0], []
         conserves = self.system.lagrange.forces.is_zero()
         for passing in passings(self.system.n, conserves=conserves):
-            crossing = Crossing(passing, self.surface, self.values)
+            crossing = PassingRoots(passing, self.surface, self.values)
             at, rows = crossing.on_series(values, first, second)
             at, errors, multipliers = crossing.exact(at, second[rows])
             met = (at >= first[0]) & (at <= first[-1]) & np.isfinite(multipliers)

@@ -9,18 +9,18 @@ from typing import Protocol
 
 import numpy as np
 
-from varcalc.mechanics.stability.surface import Surface
+from varcalc.mechanics.stability.surface import PiecewiseSeries
 from varcalc.numerics.roots import EPSILON, bracketed_newton
 
 CORRECTIONS = 6
 """Newton's steps by which a root is brought to the exact multipliers."""
 SECTIONS = 48
 """Golden ones, by which the series is followed to where it is least."""
-BESIDE = 1e-5
+SLOPE_STEP = 1e-5
 """Of the range of the parameter: over what a slope is measured."""
 SAFE = 16.0
 """By how many times round-off may be larger than it is taken for."""
-NEAR = 1e-4
+MEETING_DISTANCE = 1e-4
 """How far from each other, and from the circle, multipliers are that meet there, by the root of what rounds them."""
 
 
@@ -54,7 +54,7 @@ class Real:
 
 
 @dataclass(frozen=True)
-class Meeting:
+class KreinCollision:
     """Two multipliers of a symplectic matrix meet on the unit circle, beside 1 and -1."""
 
     def distance(self, matrices: np.ndarray, _unused: np.ndarray, /) -> np.ndarray:
@@ -71,13 +71,13 @@ class Meeting:
     def multipliers(self, matrices: np.ndarray) -> np.ndarray:
         """Where the two nearest are on the circle, their mean (m,)."""
         values = np.linalg.eigvals(matrices)
-        values = np.where(values.imag > NEAR, values, np.nan)
+        values = np.where(values.imag > MEETING_DISTANCE, values, np.nan)
         pairs = np.array(list(combinations(range(values.shape[1]), 2)))
         one, other = values[:, pairs[:, 0]], values[:, pairs[:, 1]]
         apart = np.nan_to_num(np.abs(one - other), nan=np.inf)
         rows, nearest = np.arange(len(values)), np.argmin(apart, axis=1)
         mean = ((one + other) / 2)[rows, nearest]
-        met = (apart[rows, nearest] <= NEAR) & (np.abs(np.abs(mean) - 1) <= NEAR)
+        met = (apart[rows, nearest] <= MEETING_DISTANCE) & (np.abs(np.abs(mean) - 1) <= MEETING_DISTANCE)
         return np.where(met, mean, np.nan)
 
 
@@ -96,9 +96,9 @@ class Conjugate:
     def multipliers(self, matrices: np.ndarray) -> np.ndarray:
         """The one above the real axis and nearest to the circle (m,)."""
         values = np.linalg.eigvals(matrices)
-        off = np.where(values.imag > NEAR, np.abs(np.abs(values) - 1), np.inf)
+        off = np.where(values.imag > MEETING_DISTANCE, np.abs(np.abs(values) - 1), np.inf)
         rows, nearest = np.arange(len(values)), np.argmin(off, axis=1)
-        return np.where(off[rows, nearest] <= NEAR, values[rows, nearest], np.nan)
+        return np.where(off[rows, nearest] <= MEETING_DISTANCE, values[rows, nearest], np.nan)
 
 
 def passings(n: int, *, conserves: bool) -> list[Passing]:
@@ -106,15 +106,15 @@ def passings(n: int, *, conserves: bool) -> list[Passing]:
     both: list[Passing] = [Real(1.0), Real(-1.0)]
     if not conserves:
         return [*both, Conjugate()]
-    return [*both, Meeting()] if n > 1 else both
+    return [*both, KreinCollision()] if n > 1 else both
 
 
 @dataclass(frozen=True)
-class Crossing:
+class PassingRoots:
     """Roots of a ``passing`` in the first parameter: on a ``surface``, and of the exact ``values``."""
 
     passing: Passing
-    surface: Surface
+    surface: PiecewiseSeries
     values: Callable[[np.ndarray, np.ndarray], np.ndarray]
 
     def distance(self, values: np.ndarray) -> np.ndarray:
@@ -157,7 +157,7 @@ class Crossing:
     def _slope(self, at: np.ndarray, second: np.ndarray) -> np.ndarray:
         """The slope on the series, by the series' own slopes and a difference across the entries."""
         values, rates = self.surface.at(at, second), self.surface.slopes(at, second)
-        step = BESIDE * (1 + np.abs(values).max(axis=1)) / np.maximum(np.abs(rates).max(axis=1), 1e-300)
+        step = SLOPE_STEP * (1 + np.abs(values).max(axis=1)) / np.maximum(np.abs(rates).max(axis=1), 1e-300)
         ahead, behind = (self.distance(values + sign * step[:, None] * rates) for sign in (1, -1))
         return (ahead - behind) / (2 * step)
 

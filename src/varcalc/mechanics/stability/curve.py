@@ -18,7 +18,7 @@ EDGE_STEPS = 32
 """Halvings of a step that leaves the box, or at the end of which another stability begins."""
 SECOND = 1e-3
 """Of the box: how far along the second null vector the curvature of the conditions is measured."""
-FAR = 0.1
+ANOTHER_BIFURCATION = 0.1
 """Of the box: a bifurcation farther than this from the stations about it is another one."""
 
 
@@ -163,7 +163,7 @@ class RestCurve:
                 break
         if not np.abs(change).max() <= CONVERGED**0.5:
             return None
-        if np.abs((z - start)[: self._n + 1] / self.size).max() > FAR:
+        if np.abs((z - start)[: self._n + 1] / self.size).max() > ANOTHER_BIFURCATION:
             return None
         error = (abs(change[self._n]) + 8 * np.finfo(float).eps) * float(self.size[-1])
         return z[: self._n + 1], float(error + 4 * np.finfo(float).eps * abs(z[self._n]))

@@ -14,7 +14,7 @@ from varcalc.problem.conditions import reals
 from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
-FIRST, LAST = 256, 1 << 22
+FIRST_PLACES, MOST_PLACES = 256, 1 << 22
 """Places of the sum that stands for the integral over all frequencies."""
 SETTLED = 1e-13
 """Of the largest absorption: by how much twice as many places may change the integral."""
@@ -87,11 +87,11 @@ class Response(Shown):
         places. Raises ValueError where they do not settle: with poles on the real axis, or all but on it.
         """
         scale = self.about.rate
-        target, before, count = 2 * np.arctan(omega / scale), None, FIRST
+        target, before, count = 2 * np.arctan(omega / scale), None, FIRST_PLACES
         sharp = "the response is too sharp for the integral: a pole lies on the real axis, or all but on it"
         if np.any(np.imag(self.poles) == 0):
             raise ValueError(sharp)
-        while count * len(self.about.mass) ** 2 <= LAST:
+        while count * len(self.about.mass) ** 2 <= MOST_PLACES:
             angle = target + (2 * np.arange(count) + 1) * np.pi / count
             absorbed = np.imag(self(scale * np.tan(angle / 2)))
             # dw/(w - ω) = (cot((θ - θ0)/2) + tan(θ/2)) dθ/2, of which the second is the same for all ω

@@ -25,7 +25,7 @@ Values = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Panel:
+class SeriesPatch:
     """Series ``coefficients`` (N, M, F) between the corners ``low`` and ``high`` (2,), off by ``error`` (F,)."""
 
     low: np.ndarray
@@ -42,14 +42,14 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Surface:
+class PiecewiseSeries:
     """Functions on a rectangle, by ``panels`` that cover it; ``resolved`` tells whether all series came to an end."""
 
-    panels: tuple[Panel, ...]
+    panels: tuple[SeriesPatch, ...]
     resolved: bool
 
     @classmethod
-    def of(cls, values: Values, low: np.ndarray, high: np.ndarray) -> Surface:
+    def of(cls, values: Values, low: np.ndarray, high: np.ndarray) -> PiecewiseSeries:
         """That of functions between the corners ``low`` and ``high`` (2,); one side may be no longer than a point."""
         waiting, kept, resolved = [(low, high)], [], True
         while waiting:
@@ -104,7 +104,7 @@ class Surface:
         return found
 
 
-def _panel(values: Values, low: np.ndarray, high: np.ndarray) -> tuple[Panel, np.ndarray]:
+def _panel(values: Values, low: np.ndarray, high: np.ndarray) -> tuple[SeriesPatch, np.ndarray]:
     """The series between two corners, and the last coefficients in either parameter (2, F)."""
     counts = [DEGREE + 1 if b > a else 1 for a, b in zip(low, high, strict=True)]
     nodes, to_series = zip(*(_nodes(count) for count in counts), strict=True)
@@ -118,7 +118,7 @@ def _panel(values: Values, low: np.ndarray, high: np.ndarray) -> tuple[Panel, np
     ]
     tails = np.array(ends)
     floor = np.finfo(float).eps * np.abs(sampled).max(axis=(0, 1))
-    return Panel(low, high, coefficients, TAIL * (tails.sum(axis=0) + floor)), tails
+    return SeriesPatch(low, high, coefficients, TAIL * (tails.sum(axis=0) + floor)), tails
 
 
 def _nodes(count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,7 @@ from varcalc.methods.collocation.stationarity import Stationarity
 from varcalc.numerics.mesh import Space
 from varcalc.symbolic.evaluation import PointEvaluator
 
-BESIDE = 4.0 * np.finfo(float).eps
+KNOT_OFFSET = 4.0 * np.finfo(float).eps
 """Relative distance from a knot at which its two sides are evaluated."""
 
 Triplets = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -35,7 +35,7 @@ class BoundaryValues:
     ends: tuple[np.ndarray, np.ndarray] | None
 
 
-NOTHING = BoundaryValues(np.zeros((0, 0)), None)
+NO_BOUNDARY = BoundaryValues(np.zeros((0, 0)), None)
 """What there is to know where no row belongs to an end or a knot."""
 
 
@@ -89,7 +89,7 @@ class Boundary:
 
     def _corner(self, vertex: int) -> None:
         """Momenta agree on both sides of a knot, but for what a waypoint prescribes there."""
-        m, n, reach = self.space.smoothness, self.form.n, BESIDE * max(map(abs, self.form.span))
+        m, n, reach = self.space.smoothness, self.form.n, KNOT_OFFSET * max(map(abs, self.form.span))
         x = float(self.space.vertices[vertex])
         left, right = self.space.numbers[vertex - 1, m : 2 * m], self.space.numbers[vertex, :m]
         self._at += [(x - reach, left), (x + reach, right)]
@@ -119,7 +119,7 @@ class Boundary:
     ) -> BoundaryValues:
         """Momenta and end terms for a curve, its unknown numbers and its multipliers."""
         if not self.count and self.conditions.ends is None:
-            return NOTHING
+            return NO_BOUNDARY
         momentum = self._output
         if self.conditions.momentum is not None:
             values = coefficients[self.numbers] * self._scale[None, :, None]

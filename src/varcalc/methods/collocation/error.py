@@ -28,7 +28,7 @@ CONTRACTION = 0.1
 """Largest ratio of successive corrections that counts as evidence; one quarter is where roots merge."""
 NEGLIGIBLE = 1e-10
 """Relative correction below which the ratio says nothing but round-off."""
-SETTLED = 1e-14
+CORRECTION_SETTLED = 1e-14
 """Relative size of the next simplified correction that leaves a root as good as any."""
 UNMET = 1e-6
 """Share of the residual that the correction of a singular system may leave."""
@@ -109,7 +109,7 @@ class Assessment:
     def settled(self) -> bool:
         """True when the corrected curve is a root of the richer space already."""
         following = self.correction.following
-        return following * following <= SETTLED * self.correction.length
+        return following * following <= CORRECTION_SETTLED * self.correction.length
 
     @property
     def indicators(self) -> np.ndarray:

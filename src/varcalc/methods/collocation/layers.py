@@ -18,7 +18,7 @@ from varcalc.methods.collocation.system import CollocationSystem, Residual
 STIFF = 24.0
 """Widths of a layer in the interval from which one polynomial is not enough."""
 LAYERED_DEGREE = 18
-REACH = np.array([8.0, 20.0, 42.0])
+LAYER_WIDTHS = np.array([8.0, 20.0, 42.0])
 """Widths of a layer at which elements end: polynomials of that degree leave less than round-off of it."""
 FURTHEST = 0.4
 """Part of the interval that is given to the layer at one end."""
@@ -34,7 +34,10 @@ def layered_vertices(system: CollocationSystem, residual: Residual) -> np.ndarra
     rates = growth_rates(system, residual) * (b - a)
     if not math.isfinite(float(rates.sum())):
         return None
-    depths = [REACH[FURTHEST * rate >= REACH] / rate if rate >= STIFF else REACH[:0] for rate in rates[[0, -1]]]
+    depths = [
+        LAYER_WIDTHS[FURTHEST * rate >= LAYER_WIDTHS] / rate if rate >= STIFF else LAYER_WIDTHS[:0]
+        for rate in rates[[0, -1]]
+    ]
     inner = np.concatenate([depths[0], 1.0 - depths[1][::-1]])
     return np.concatenate([[a], a + (b - a) * inner, [b]]) if len(inner) else None
 

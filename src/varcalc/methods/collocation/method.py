@@ -40,7 +40,7 @@ KEPT_DEGREE = {1: 10, 2: 12}
 """Degree of a mesh that is kept, when none is given."""
 FIRST_MESHES = (4, 12)
 """Numbers of elements on which roots are sought when none is found on one polynomial."""
-TOGETHER = 0.1
+FIRST_DISTANCE = 0.1
 """Part of their distance at which a continuation in the ends begins."""
 
 
@@ -232,11 +232,11 @@ class _RootSearch:
         if not np.any(form.ends.start[0] != form.ends.end[0]):
             return []
         path = ends_path(form)
-        near = path(TOGETHER)
+        near = path(FIRST_DISTANCE)
         space = collocation_space(near, first_vertices(form, self.method.elements), FIRST_DEGREES[form.order][1])
         system = CollocationSystem(near, space)
         start = self.refinement.newton(system, first_unknowns(system, near.start.curve))
-        level = self.refinement.continued(start, lambda part: path(TOGETHER + part * (1.0 - TOGETHER)))
+        level = self.refinement.continued(start, lambda part: path(FIRST_DISTANCE + part * (1.0 - FIRST_DISTANCE)))
         return [] if level is None else [level]
 
     # reporting

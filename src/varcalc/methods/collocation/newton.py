@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from varcalc.methods.collocation.system import CollocationSystem, Residual
-from varcalc.numerics.damped_newton import Ending, Linearised, damped_newton
+from varcalc.numerics.damped_newton import Ending, LinearisedEquations, damped_newton
 
 ITERATIONS = 60
 SPARSE_FROM = 160
 """Unknowns from which a sparse factorisation is faster than a dense one."""
 BANDED_FROM = 48
 """The same for a banded one, where the equations of the interior are all there is."""
-SINGULAR = 1e-14
+NULL_CONDITION = 1e-14
 """Reciprocal condition below which the null directions of a Jacobian are left out of a step."""
 
 Solve = Callable[[np.ndarray], np.ndarray]
@@ -122,7 +122,7 @@ def _solver(matrix: np.ndarray) -> Solve:
 
 
 def _pseudo_inverse(matrix: np.ndarray) -> Solve:
-    inverse = np.linalg.pinv(matrix, rcond=SINGULAR)
+    inverse = np.linalg.pinv(matrix, rcond=NULL_CONDITION)
     return lambda b: inverse @ b
 
 
@@ -135,7 +135,7 @@ def _eliminated(matrix: np.ndarray) -> Solve | None:
     if failed:
         return None
     condition, failed = dgecon(factors, float(np.abs(matrix).sum(1).max()))
-    if failed or condition <= SINGULAR:
+    if failed or condition <= NULL_CONDITION:
         return None
     return lambda b: dgetrs(factors, pivots, b, trans=1)[0]
 
@@ -211,14 +211,14 @@ class _Conditions:
         residual = self.system.evaluate(z)
         return residual if residual.finite and not (self._guarded and residual.legendre <= 0.0) else None
 
-    def linearised(self, z: np.ndarray, at: Residual) -> Linearised[Residual]:
+    def linearised(self, z: np.ndarray, at: Residual) -> LinearisedEquations[Residual]:
         measured = self._measure
         if measured is None or not self.system.still:
             grown = self.scales.grow(self.system, z)
             if measured is None or grown:
                 self._measure = measured = self._measured()
         solve = factorised(self.system, at, self._weights)
-        return Linearised(lambda point: None if solve is None else -solve(point.rows), measured)
+        return LinearisedEquations(lambda point: None if solve is None else -solve(point.rows), measured)
 
     def _measured(self) -> Callable[[np.ndarray], float]:
         """:func:`measure` with the scales as they are."""

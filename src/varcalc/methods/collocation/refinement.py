@@ -19,15 +19,15 @@ from varcalc.solution import ErrorEstimate, Solution, Stats, Status
 
 HIGHEST_DEGREE = {1: 40, 2: 30}
 """Degree beyond which elements are bisected instead, by the order of the functional."""
-BEYOND = 1.5
+RICHER_FACTOR = 1.5
 """Factor by which the space of the error estimate may exceed that degree."""
-SHARE = 0.02
+BISECTED_SHARE = 0.02
 """Elements with more than this share of the largest contribution to the error are bisected."""
 MOST_UNKNOWNS = 6000
 MOST_ON_THE_WAY = 1000
 """The same for the stations of a continuation: where one needs more, the path leads to no extremal."""
 ROUNDS = 60
-PATIENCE = 2
+PATIENT_REFINEMENTS = 2
 """Refinements after which a curve that does not settle, though the value does, is given up."""
 SLOW = 0.8
 """A refinement that leaves more than this share of the error behind is slow."""
@@ -37,7 +37,7 @@ FEW, LOCAL = 2, 0.25
 """A refinement of so few elements is on its way into a layer, before the error falls; what it counts if it is slow."""
 STALLED = 0.3
 """An error that falls by less than this factor in two successive refinements has met round-off."""
-NOISE = 1e-11
+STALLED_BY_ROUND_OFF = 1e-11
 """Relative error of the value below which a stall is round-off rather than a failure to converge."""
 HIDDEN = "round-off hides whether its root stands for an extremal: a fold may be near"
 ON_THE_WAY = 1e-4
@@ -71,7 +71,7 @@ class Improved:
     def rounded(self) -> bool:
         """True when all that is left of the error is round-off."""
         a = self.assessment
-        return a.trusted and a.value_error <= max(2.0 * a.value_floor, NOISE * abs(a.value))
+        return a.trusted and a.value_error <= max(2.0 * a.value_floor, STALLED_BY_ROUND_OFF * abs(a.value))
 
 
 @dataclass
@@ -135,7 +135,7 @@ class Refinement:
             if met and not (self.adaptive and self._astray(root, assessment, tol)):
                 return Improved(root, assessment, Status.SOLVED)
             adrift = adrift + 1 if met else 0
-            if adrift > PATIENCE:
+            if adrift > PATIENT_REFINEMENTS:
                 self.adrift = (
                     f"the value settles near {root.system.form.sign * assessment.value:.6g}, but the curve does not"
                 )
@@ -147,7 +147,7 @@ class Refinement:
                 best = Improved(root, assessment, Status.ROUND_OFF)
             if stalls >= 2 or error <= 2.0 * assessment.value_floor:
                 # finer meshes would only show more of it
-                hopeless = stalls >= 2 and error <= NOISE * abs(assessment.value)
+                hopeless = stalls >= 2 and error <= STALLED_BY_ROUND_OFF * abs(assessment.value)
                 if best.rounded:
                     return best
                 if hopeless:
@@ -168,7 +168,7 @@ class Refinement:
     def _bisected(self, level: Root, assessment: Assessment, most: int) -> Root | None:
         """The root on the mesh whose elements with the largest errors are halved."""
         space, form = level.system.space, level.system.form
-        marked = assessment.indicators >= SHARE * assessment.indicators.max()
+        marked = assessment.indicators >= BISECTED_SHARE * assessment.indicators.max()
         middles = 0.5 * (space.vertices[1:] + space.vertices[:-1])
         vertices = np.sort(np.concatenate([space.vertices, middles[marked]]))
         system = CollocationSystem(form, collocation_space(form, vertices, space.degree))
@@ -206,7 +206,7 @@ class Refinement:
 def _pace(assessment: Assessment) -> float:
     """What a slow refinement counts."""
     indicators = assessment.indicators
-    marked = int((indicators >= SHARE * indicators.max()).sum())
+    marked = int((indicators >= BISECTED_SHARE * indicators.max()).sum())
     return LOCAL if marked <= FEW < len(indicators) else 1.0
 
 
@@ -223,7 +223,7 @@ def _pays(history: History, tol: float, level: Root, assessment: Assessment) -> 
 
 def climbs(history: History, target: float, elements: int, following: int, highest: int) -> bool:
     """True when the degree at which the error would meet the target is within reach."""
-    if following > BEYOND * highest:
+    if following > RICHER_FACTOR * highest:
         return False
     if len(history) < 2:
         return elements <= 2 and following <= highest

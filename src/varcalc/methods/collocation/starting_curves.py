@@ -22,7 +22,7 @@ SCAN = np.geomspace(0.01, 30.0, 36)
 """Heights scanned for a prescribed integral, in units of the curve's own size."""
 GENTLE = 0.3
 """Part of the height at which a curve is still easily made stationary."""
-SAMPLES = 129
+BASELINE_SAMPLES = 129
 
 FITTED = 1e-4
 """Part of a guess's extent that may be left out by the polynomials which stand for it."""
@@ -56,7 +56,7 @@ def starting_curves(form: Form) -> Iterator[StartingCurve]:
 
 def function_sizes(form: Form) -> np.ndarray:
     """The largest absolute value of each function on the baseline, the problem's size for those that are zero; (n,)."""
-    values = np.abs(form.start.curve(np.linspace(*form.span, SAMPLES)))
+    values = np.abs(form.start.curve(np.linspace(*form.span, BASELINE_SAMPLES)))
     sizes = np.where(np.isfinite(values), values, 0.0).max(1)
     return sizes if sizes.min() > 0.0 else np.where(sizes > 0.0, sizes, height(form))
 
@@ -130,13 +130,15 @@ def _integral(form: Form) -> Callable[[Sampled], float]:
     """How far the first prescribed integral of a curve is from its level, to a few digits."""
     condition = form.conditions.integrals[0]
     function = ca.Function("g", form.symbols.all, [condition.expression])
-    s = np.linspace(*form.span, SAMPLES)
-    numbers = [np.repeat(v[:, None], SAMPLES, axis=1) for v in (form.problem.parameter_values, form.start.unknowns)]
+    s = np.linspace(*form.span, BASELINE_SAMPLES)
+    numbers = [
+        np.repeat(v[:, None], BASELINE_SAMPLES, axis=1) for v in (form.problem.parameter_values, form.start.unknowns)
+    ]
 
     def miss(curve: Sampled) -> float:
         y = curve(s)
         dy = np.gradient(y, s, axis=1, edge_order=2)
-        ddy = np.gradient(dy, s, axis=1, edge_order=2) if form.order == 2 else np.zeros((0, SAMPLES))
+        ddy = np.gradient(dy, s, axis=1, edge_order=2) if form.order == 2 else np.zeros((0, BASELINE_SAMPLES))
         result: Any = function(s[None, :], y, dy, ddy, *numbers)
         values = np.asarray(result).ravel()
         return float(np.sum((values[1:] + values[:-1]) * np.diff(s))) / 2 - condition.lower

@@ -22,7 +22,7 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.methods.answer import Extremal
-from varcalc.methods.collocation.boundary import NOTHING, Boundary, BoundaryValues, Triplets
+from varcalc.methods.collocation.boundary import NO_BOUNDARY, Boundary, BoundaryValues, Triplets
 from varcalc.methods.collocation.scheme import numbered, one_element, scheme_on
 from varcalc.methods.collocation.stationarity import stationarity
 from varcalc.methods.ritz.system import Places
@@ -234,7 +234,7 @@ class CollocationSystem:
         pointwise = out[:, 1 : 1 + self._row_count]
         if self.plain:
             rows = pointwise.ravel() if self.places is None else pointwise.reshape(len(z), -1)
-            return Residual(self, rows, out, NOTHING)
+            return Residual(self, rows, out, NO_BOUNDARY)
         with np.errstate(invalid="ignore", over="ignore"):
             integrals = self.flat_weights @ pointwise[:, n + c.paths :]
         beside = self.boundary.evaluate(state.coefficients, state.unknowns, state.levels, state.ends)

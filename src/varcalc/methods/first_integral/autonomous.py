@@ -4,22 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from varcalc.methods.first_integral.answers import ROUND_OFF, ConstantCurve, EndValues, Evaluate, Reduced, Unsuitable
 from varcalc.methods.first_integral.contract import Aim, Joined
-from varcalc.methods.first_integral.curves import OrbitCurve
 from varcalc.methods.first_integral.energy import EnergyLines
-from varcalc.methods.first_integral.families import Orbits, Points, families
+from varcalc.methods.first_integral.families import EndOrdinates, Orbits, families
 from varcalc.methods.first_integral.isoperimetric import LevelStart
-from varcalc.methods.first_integral.lines import CurveBatch
+from varcalc.methods.first_integral.lines import CurveBatch, CurveIntegrals
 from varcalc.methods.first_integral.reduction import Reduction
 from varcalc.methods.first_integral.search import joining, solved
+from varcalc.numerics.one_coordinate.panels import Cumulative, distance
+from varcalc.numerics.resampled import SentResampled
 
 PROBED_SLOPES = np.array([1e-3, 0.3, -0.3, 1.0, -1.0, 4.0, -4.0])
 """Slopes, in units of the mean one, at which L_vv and the behaviour at the ends are looked at."""
-STEP_ASIDE, STEEP = 1e-3, 0.25
+STEP_ASIDE, SHARE_LEFT = 1e-3, 0.25
 """A step from an end, in units of the size, that leaves no more than such a share of L there: a singularity is near."""
 STATIONARY = 1e-13
 """L_y at an end, relative to its size nearby, below which the constant is an extremal."""
@@ -59,9 +61,9 @@ class Autonomous(Reduction):
         slope = PROBED_SLOPES * self.integrands.scale
         return self.integrands.at(np.zeros_like(slope), np.full_like(slope, y), slope)
 
-    def _points(self, ends: EndValues) -> Points:
+    def _points(self, ends: EndValues) -> EndOrdinates:
         known = [y for y in (ends.y0, ends.y1) if y is not None]
-        points = Points(ends.y0, ends.y1, ends.width)
+        points = EndOrdinates(ends.y0, ends.y1, ends.width)
         singular = tuple(y for y in known if not self._regular(y) or self._almost_singular(y, points.size))
         return replace(points, singular=singular)
 
@@ -69,9 +71,9 @@ class Autonomous(Reduction):
         """Whether L falls steeply from an end, as where it is infinite just beyond: distances matter there, not y."""
         around = y + STEP_ASIDE * size * np.array([0.0, 1.0, -1.0])
         values = np.abs(self.integrands.at(np.zeros(3), around, np.zeros(3))[0, 0])
-        return bool(np.nanmin(values) < STEEP * values[0])
+        return bool(np.nanmin(values) < SHARE_LEFT * values[0])
 
-    def _inside(self, points: Points) -> float | None:
+    def _inside(self, points: EndOrdinates) -> float | None:
         """An ordinate near the ends at which everything probed is a number."""
         middle = 0.5 * (points.known[0] + points.known[-1])
         steps = points.size * np.array([0.0, 0.25, -0.25, 0.03, -0.03, 1e-3, -1e-3])
@@ -155,3 +157,47 @@ class Autonomous(Reduction):
         """The curve by inversion of x(y)."""
         assert isinstance(found.family, Orbits)
         return OrbitCurve(found.family.lines, batch, found.measured, ends.x0, ends.x1)
+
+
+@dataclass(frozen=True)
+class OrbitCurve(SentResampled):
+    """y(x) where x(y) is known on monotone legs: inverted in the variable of each leg's rule."""
+
+    lines: EnergyLines
+    batch: CurveBatch
+    measured: CurveIntegrals
+    start: float
+    end: float
+
+    @cached_property
+    def _cumulative(self) -> Cumulative:
+        return Cumulative([leg.panels for leg in self.batch.legs], [d[0] for d in self.measured.dx])
+
+    @cached_property
+    def _anchors(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Abscissa of each leg's anchor, sign of the way from it, and the abscissae between legs."""
+        covered = self._cumulative.totals()
+        between = self.start + np.concatenate([[0.0], np.cumsum(covered)])
+        between[-1] = self.end
+        away = np.array([leg.away for leg in self.batch.legs])
+        return np.where(away, between[:-1], between[1:]), np.where(away, 1.0, -1.0), between
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """Abscissae of the panels' edges."""
+        at, sign, _ = self._anchors
+        edges = [np.array(leg.panels.edges) for leg in self.batch.legs]
+        x = [at[k] + sign[k] * self._cumulative.at(np.full(len(e), k), e) for k, e in enumerate(edges)]
+        return np.unique(np.clip(np.concatenate([[self.start], *x, [self.end]]), self.start, self.end))
+
+    def __call__(self, x: np.ndarray, derivative: int) -> np.ndarray:
+        """y (derivative 0) or y' (1) at abscissae x (m,); shape (1, m)."""
+        at, sign, between = self._anchors
+        leg = np.clip(np.searchsorted(between, x, side="right") - 1, 0, len(at) - 1)
+        t = self._cumulative.inverse(leg, np.maximum(sign[leg] * (x - at[leg]), 0.0))
+        out = np.empty(len(x))
+        for k in np.unique(leg):
+            mask, this = leg == k, self.batch.legs[k]
+            delta = this.length[0] * distance(this.panels.kind, t[mask])[0]
+            out[mask] = self.lines.slope(this, delta, self.batch) if derivative else this.anchor[0] + delta
+        return out[None, :]

@@ -7,7 +7,7 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
-from varcalc.methods.first_integral.lines import CurveBatch, Lines, Measured
+from varcalc.methods.first_integral.lines import CurveBatch, CurveIntegrals, Lines
 from varcalc.numerics.one_coordinate.panels import Panels
 
 
@@ -53,7 +53,7 @@ class Joined:
     family: CurveFamily
     parameter: float
     multipliers: np.ndarray
-    measured: Measured
+    measured: CurveIntegrals
 
     @property
     def batch(self) -> CurveBatch:
@@ -61,6 +61,6 @@ class Joined:
         return self.family.batch(np.array([self.parameter]), self.multipliers[:, None])
 
 
-def measure_one(family: CurveFamily, parameter: float, multipliers: np.ndarray) -> Measured:
+def measure_one(family: CurveFamily, parameter: float, multipliers: np.ndarray) -> CurveIntegrals:
     """What the curve of one parameter integrates to."""
     return family.lines.measure(family.batch(np.array([parameter]), multipliers[:, None]))

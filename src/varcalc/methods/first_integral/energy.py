@@ -27,7 +27,7 @@ from varcalc.numerics.roots import bracketed_newton
 from varcalc.symbolic.differences import carry, displaced, fixed
 from varcalc.symbolic.evaluation import Columns, PointEvaluator
 
-STEEPEST = 640.0
+LARGEST_LOG_SLOPE = 640.0
 """Largest logarithm of a slope: beyond it exp overflows in intermediate results."""
 CONVEXITY_PROBES = np.array([-6.0, -2.0, 0.0, 2.0])
 """Logarithms of slopes at which L_vv > 0 is checked; only the first must lie in the domain of L."""
@@ -175,9 +175,9 @@ class EnergyLines(Lines[AnchorFunctions]):
             return np.where(beyond, -np.inf, -miss), np.where(known, -rate, np.nan)
 
         start = np.where(np.isfinite(goal) & (wanted > 0), 0.0, np.nan)
-        ends = np.full(start.shape, -STEEPEST), np.full(start.shape, STEEPEST)
+        ends = np.full(start.shape, -LARGEST_LOG_SLOPE), np.full(start.shape, LARGEST_LOG_SLOPE)
         theta, moved = bracketed_newton(short, *ends, start, absolute=QUADRATIC)
-        return np.where((moved <= QUADRATIC) & (np.abs(theta) <= 0.99 * STEEPEST), theta, np.nan)
+        return np.where((moved <= QUADRATIC) & (np.abs(theta) <= 0.99 * LARGEST_LOG_SLOPE), theta, np.nan)
 
 
 def _direction(log_slope: np.ndarray, sign: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

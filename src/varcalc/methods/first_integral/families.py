@@ -29,7 +29,7 @@ SLOPE_GRID = np.array(
 
 
 @dataclass(frozen=True)
-class Points:
+class EndOrdinates:
     """The two ends: ordinates (None where free), the abscissa between them, and where L is infinite."""
 
     y0: float | None
@@ -60,7 +60,7 @@ class Orbits:
     """
 
     lines: EnergyLines
-    points: Points
+    points: EndOrdinates
     side: int
     reference: float = 0.0
     panels: tuple[Panels, ...] = ()
@@ -121,7 +121,7 @@ class Orbits:
         return Arc(full, length, direction, away, reference, WHOLE)
 
 
-def families(energy: EnergyLines, points: Points, multipliers: np.ndarray) -> list[tuple[Orbits, np.ndarray]]:
+def families(energy: EnergyLines, points: EndOrdinates, multipliers: np.ndarray) -> list[tuple[Orbits, np.ndarray]]:
     """The families that may join two points, each with a sample of its parameter, once for each interval of it."""
     found: list[tuple[Orbits, np.ndarray]] = []
     if points.y0 is not None and points.y1 is not None and points.y0 != points.y1:
@@ -134,7 +134,7 @@ def families(energy: EnergyLines, points: Points, multipliers: np.ndarray) -> li
     return found
 
 
-def _least_between(energy: EnergyLines, points: Points, multipliers: np.ndarray) -> float | None:
+def _least_between(energy: EnergyLines, points: EndOrdinates, multipliers: np.ndarray) -> float | None:
     """Where between the ends P(y, 0) is least: there the slope is least on every monotone curve."""
     low, high = sorted(points.known)
     at = low + (high - low) * (0.5 - 0.5 * np.cos(np.linspace(0, np.pi, 65)))
@@ -150,7 +150,9 @@ def _least_between(energy: EnergyLines, points: Points, multipliers: np.ndarray)
     return least(lambda y: energy.rest(y, multipliers), float(at[k - 1]), float(at[k + 1]))
 
 
-def turning_ordinates(energy: EnergyLines, points: Points, side: int, multipliers: np.ndarray) -> list[np.ndarray]:
+def turning_ordinates(
+    energy: EnergyLines, points: EndOrdinates, side: int, multipliers: np.ndarray
+) -> list[np.ndarray]:
     """Where a curve can turn: for each interval of such ordinates, a sample clustered at its edges.
 
     P(y_t, 0) must lie below P(y, 0) everywhere on the curve.

@@ -15,7 +15,7 @@ from varcalc.methods.first_integral.lines import Arc, Lines
 from varcalc.numerics.one_coordinate.panels import distance
 from varcalc.symbolic.variation import NARROWEST, VARYING, Between, excess, gentle
 
-BEYOND = 0.1
+SLOPE_MARGIN = 0.1
 """By what share of their difference, or of its power, slopes may leave the range of those at two points."""
 
 
@@ -85,7 +85,7 @@ def _excess(lines: Lines[Any], points: np.ndarray, samples: np.ndarray) -> np.nd
 def _widened(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A range of slopes with some room; one that does not come to zero does not with the room."""
     with np.errstate(all="ignore"):
-        room = BEYOND * (high - low)
-        below = np.where(low > 0, np.maximum(low - room, low * (low / high) ** BEYOND), low - room)
-        above = np.where(high < 0, np.minimum(high + room, high * (high / low) ** BEYOND), high + room)
+        room = SLOPE_MARGIN * (high - low)
+        below = np.where(low > 0, np.maximum(low - room, low * (low / high) ** SLOPE_MARGIN), low - room)
+        above = np.where(high < 0, np.minimum(high + room, high * (high / low) ** SLOPE_MARGIN), high + room)
     return below, above

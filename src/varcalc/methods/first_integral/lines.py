@@ -54,7 +54,7 @@ class CurveBatch:
 
 
 @dataclass(frozen=True)
-class Measured:
+class CurveIntegrals:
     """What a batch integrates to, one entry a curve (NaN where the slope has no solution).
 
     ``x`` is what is covered of the other variable, ``action`` the functional less constant * x, ``levels`` the
@@ -69,11 +69,13 @@ class Measured:
     dl: list[np.ndarray]
     fields: list[np.ndarray]
 
-    def take(self, k: int) -> Measured:
+    def take(self, k: int) -> CurveIntegrals:
         """What curve ``k`` integrates to."""
         one = slice(k, k + 1)
         dx, dl = ([d[one] for d in part] for part in (self.dx, self.dl))
-        return Measured(self.x[one], self.action[one], self.levels[:, one], dx, dl, [f[:, one] for f in self.fields])
+        return CurveIntegrals(
+            self.x[one], self.action[one], self.levels[:, one], dx, dl, [f[:, one] for f in self.fields]
+        )
 
 
 class Lines(ABC, Generic[F]):
@@ -118,7 +120,7 @@ class Lines(ABC, Generic[F]):
     def slope(self, leg: Arc, delta: np.ndarray, batch: CurveBatch) -> np.ndarray:
         """y' (m,) of a batch of one at distances ``delta`` (m,) from a leg's anchor."""
 
-    def measure(self, batch: CurveBatch) -> Measured:
+    def measure(self, batch: CurveBatch) -> CurveIntegrals:
         """Slopes and integrals along every curve of a batch."""
         count = len(batch.legs)
         dx, dl, fields = ([np.zeros(0)] * count for _ in range(3))
@@ -141,4 +143,4 @@ class Lines(ABC, Generic[F]):
         total = np.sum([d.sum(axis=1) for d in dl], axis=0)
         n = len(self.integrands.levels)
         levels = np.sum([f[1 : 1 + n].sum(axis=2) for f in fields], axis=0)
-        return Measured(x, total - batch.constant * x, levels, dx, dl, fields)
+        return CurveIntegrals(x, total - batch.constant * x, levels, dx, dl, fields)

@@ -16,7 +16,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.first_integral.lines import Arc, CurveBatch, Lines, Measured
+from varcalc.methods.first_integral.lines import Arc, CurveBatch, CurveIntegrals, Lines
 from varcalc.numerics.one_coordinate.panels import (
     COARSE,
     QUADRATIC,
@@ -31,9 +31,9 @@ from varcalc.numerics.roots import bracketed_newton, least
 from varcalc.symbolic.differences import carry, displaced, fixed
 from varcalc.symbolic.evaluation import Columns, PointEvaluator
 
-STEEPEST = 36.0
+LARGEST_ASINH_SLOPE = 36.0
 """Largest asinh of a slope in units of the mean one: there L_y' has reached its limit to round-off, if it has one."""
-SLOPE_GRID = STEEPEST * np.linspace(-1, 1, 25) ** 3
+SLOPE_GRID = LARGEST_ASINH_SLOPE * np.linspace(-1, 1, 25) ** 3
 """asinh of slopes at which curves are tried."""
 PROBE = 0.37
 
@@ -93,10 +93,10 @@ class Momentum(Lines[tuple[Columns, Columns]]):
             momentum, rate = solve(anchor, delta, *_direction(z), lam)
             return wanted - momentum, np.where(np.isfinite(rate), -rate, np.nan)
 
-        ends = np.full(delta.shape, -1.1 * STEEPEST), np.full(delta.shape, 1.1 * STEEPEST)
+        ends = np.full(delta.shape, -1.1 * LARGEST_ASINH_SLOPE), np.full(delta.shape, 1.1 * LARGEST_ASINH_SLOPE)
         with np.errstate(all="ignore"):
             z, moved = bracketed_newton(short, *ends, np.zeros(delta.shape), absolute=QUADRATIC)
-            z[(np.abs(z) > STEEPEST) | ~(moved <= QUADRATIC)] = np.nan
+            z[(np.abs(z) > LARGEST_ASINH_SLOPE) | ~(moved <= QUADRATIC)] = np.nan
         return z, value(anchor, delta, *_direction(z), lam)
 
 
@@ -164,7 +164,7 @@ def rising(momentum: Momentum, points: Abscissae, upward: bool, multipliers: np.
     sign = 1.0 if upward else -1.0
 
     def limit(x: np.ndarray) -> np.ndarray:
-        values = sign * momentum.momentum(x, np.full(x.shape, sign * STEEPEST), multipliers)
+        values = sign * momentum.momentum(x, np.full(x.shape, sign * LARGEST_ASINH_SLOPE), multipliers)
         return np.nan_to_num(np.broadcast_to(values, x.shape), nan=np.inf)
 
     values = limit(at)
@@ -180,7 +180,7 @@ class RisingCurve(SentResampled):
 
     family: Rising
     batch: CurveBatch
-    measured: Measured
+    measured: CurveIntegrals
     ordinates: tuple[float, float]
 
     @cached_property

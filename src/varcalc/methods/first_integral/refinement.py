@@ -8,7 +8,7 @@ import numpy as np
 
 from varcalc.methods.first_integral.contract import Joined, measure_one
 from varcalc.methods.first_integral.hidden import hiding
-from varcalc.methods.first_integral.lines import Measured
+from varcalc.methods.first_integral.lines import CurveIntegrals
 from varcalc.numerics.one_coordinate.panels import GRADED, DistanceMap, Panels, tails
 from varcalc.numerics.roots import EPSILON
 
@@ -55,7 +55,7 @@ def _ruled(joined: Joined, panels: Sequence[Panels]) -> Joined:
     return Joined(family, joined.parameter, joined.multipliers, measured)
 
 
-def _total(measured: Measured) -> float:
+def _total(measured: CurveIntegrals) -> float:
     """The relative quadrature error that the coefficients of the integrands tell."""
     return sum(float(e.sum()) for e in _leg_errors(measured))
 
@@ -82,7 +82,7 @@ def _toward_ends(panels: Sequence[Panels]) -> tuple[Panels, ...]:
     )
 
 
-def _changes(before: Measured, after: Measured) -> tuple[float, float]:
+def _changes(before: CurveIntegrals, after: CurveIntegrals) -> tuple[float, float]:
     """The differences between two rules, of each leg's reach and functional, relative to the whole of each."""
     pairs = ((before.dx, after.dx), (before.dl, after.dl))
     reach, value = (
@@ -92,7 +92,7 @@ def _changes(before: Measured, after: Measured) -> tuple[float, float]:
     return reach, value
 
 
-def _sizes(measured: Measured) -> tuple[float, float]:
+def _sizes(measured: CurveIntegrals) -> tuple[float, float]:
     """The integrals of the absolute values of the reach's and the functional's integrand."""
     reach, value = (max(sum(float(np.abs(d).sum()) for d in part), 1e-300) for part in (measured.dx, measured.dl))
     return reach, value
@@ -129,7 +129,7 @@ def _seeing(joined: Joined) -> Joined:
     return joined
 
 
-def _leg_errors(measured: Measured) -> list[np.ndarray]:
+def _leg_errors(measured: CurveIntegrals) -> list[np.ndarray]:
     """The larger relative quadrature error, of the reach and of the functional, of each panel of each leg."""
     x, value = _sizes(measured)
     return [np.maximum(tails(dx[0]) / x, tails(dl[0]) / value) for dx, dl in zip(measured.dx, measured.dl, strict=True)]
@@ -141,12 +141,12 @@ def _improved(panels: Panels, marked: np.ndarray) -> Panels:
     return panels.split(marked) if marked.any() else panels
 
 
-def quadrature_errors(measured: Measured) -> tuple[float, float]:
+def quadrature_errors(measured: CurveIntegrals) -> tuple[float, float]:
     """Estimated absolute quadrature errors of the abscissa covered and of the Lagrangian function's integral."""
     return tuple(sum(float(tails(d[0]).sum()) for d in part) for part in (measured.dx, measured.dl))  # type: ignore[return-value]
 
 
-def truncation(panels: Sequence[Panels], measured: Measured) -> tuple[float, float]:
+def truncation(panels: Sequence[Panels], measured: CurveIntegrals) -> tuple[float, float]:
     """What the exponential map leaves out next to its ends, from the power found at its first two nodes."""
     out = [0.0, 0.0]
     for rule, parts in zip(panels, zip(measured.dx, measured.dl, strict=True), strict=True):

@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 
 from varcalc.methods.first_integral.contract import Aim, CurveFamily, Joined, measure_one
-from varcalc.methods.first_integral.lines import Measured
+from varcalc.methods.first_integral.lines import CurveIntegrals
 from varcalc.methods.first_integral.refinement import refined_panels
 from varcalc.numerics.roots import EPSILON, scanned_root
 
 ROUGH = 1e-9
 """Relative miss at which a curve counts as found; refinement follows."""
-CLOSE = 1e-9
+LOST_CURVE = 1e-9
 """Relative miss beyond which a refined curve counts as lost."""
 NEWTON_STEPS = 60
 SHORTENED = 0.5 ** np.array([0, 1, 2, 3, 4, 6, 8, 11, 14])
@@ -69,7 +69,7 @@ def _at_edge(family: CurveFamily, sample: np.ndarray, aim: Aim) -> list[Joined]:
         family = family.ruled(panels)
         here = Joined(family, edge, none, measure_one(family, edge, none))
     miss = float(here.measured.x[0]) - target
-    if abs(miss) <= CLOSE * aim.size:
+    if abs(miss) <= LOST_CURVE * aim.size:
         return [here]
     near = sample[:NEAR_EDGE]
     reach = family.lines.measure(family.batch(near, np.zeros((0, len(near))))).x - target
@@ -103,7 +103,7 @@ def joined(family: CurveFamily, low: float, high: float, aim: Aim) -> Joined | N
     none, target = np.zeros(0), aim.target
     assert target is not None
 
-    latest: list[tuple[np.ndarray, Measured]] = []
+    latest: list[tuple[np.ndarray, CurveIntegrals]] = []
 
     def miss(parameters: np.ndarray) -> np.ndarray:
         latest[:] = [(parameters, family.lines.measure(family.batch(parameters, np.zeros((0, len(parameters))))))]
@@ -126,7 +126,7 @@ def solved(family: CurveFamily, parameter: float, multipliers: np.ndarray, aim: 
     sizes = np.array([aim.size, *np.maximum(np.abs(aim.levels), TINY)])
     steps = DIFFERENCE * np.array([family.unit, *(np.abs(multipliers) + (multipliers == 0))])
 
-    def miss(columns: np.ndarray) -> tuple[np.ndarray, Measured]:
+    def miss(columns: np.ndarray) -> tuple[np.ndarray, CurveIntegrals]:
         measured = family.lines.measure(family.batch(columns[0], columns[1:]))
         rows = np.vstack([measured.x - aim.target, measured.levels - aim.levels[:, None]])
         return rows / sizes[:, None], measured
@@ -152,13 +152,13 @@ def solved(family: CurveFamily, parameter: float, multipliers: np.ndarray, aim: 
 
 
 def _differences(
-    miss: Callable[[np.ndarray], tuple[np.ndarray, Measured]], unknowns: np.ndarray, steps: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, Measured]:
+    miss: Callable[[np.ndarray], tuple[np.ndarray, CurveIntegrals]], unknowns: np.ndarray, steps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, CurveIntegrals]:
     """The residual and its Jacobian by one-sided differences, on whichever side and scale they are numbers."""
     k = len(unknowns)
     *larger, smallest = SHRINKING
 
-    def at(scale: float) -> tuple[np.ndarray, np.ndarray, Measured]:
+    def at(scale: float) -> tuple[np.ndarray, np.ndarray, CurveIntegrals]:
         h = np.diag(scale * steps)
         rows, measured = miss(np.column_stack([unknowns, unknowns[:, None] + h, unknowns[:, None] - h]))
         forward, backward = rows[:, 1 : k + 1] - rows[:, :1], rows[:, :1] - rows[:, k + 1 :]
@@ -182,7 +182,7 @@ def refined(found: Joined, aim: Aim) -> Joined | None:
         if aim.target is None:
             again = measure_one(family, found.parameter, found.multipliers)
             return Joined(family, found.parameter, found.multipliers, again)
-        better = solved(family, found.parameter, found.multipliers, aim, CLOSE)
+        better = solved(family, found.parameter, found.multipliers, aim, LOST_CURVE)
         if better is None:
             return None
         found, settled = better, True

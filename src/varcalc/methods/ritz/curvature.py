@@ -23,7 +23,7 @@ Shares = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Points:
+class CurvePoints:
     """Points of a curve: their ``s`` (count,), and ``matrix`` times unknowns plus ``constant`` (count * k,).
 
     The rows are the k variables (y, y'[, y''], unknown numbers) of one point after the other.
@@ -35,7 +35,7 @@ class Points:
     constant: np.ndarray
 
     @classmethod
-    def of(cls, system: RitzSystem, scale: np.ndarray, nodes: np.ndarray | None = None) -> Points:
+    def of(cls, system: RitzSystem, scale: np.ndarray, nodes: np.ndarray | None = None) -> CurvePoints:
         """The Gauss points, or ``nodes`` of the reference element, of every element; unknowns are in ``scale``."""
         space, order = system.space, system.order
         if nodes is None:
@@ -45,7 +45,7 @@ class Points:
         s = (space.vertices[:-1, None] + 0.5 * space.widths[:, None] * (1 + nodes)).ravel()
         return cls(system, s, *_placement(system, table, scale))
 
-    def kept(self, mask: np.ndarray) -> Points:
+    def kept(self, mask: np.ndarray) -> CurvePoints:
         """Those of a ``mask`` (count,)."""
         if mask.all():
             return self
@@ -80,13 +80,13 @@ class Curvature:
     w: Any
     terms: list[_Term] = field(default_factory=list)
 
-    def at_points(self, points: Points, expressions: Sequence[Any], shares: Shares) -> None:
+    def at_points(self, points: CurvePoints, expressions: Sequence[Any], shares: Shares) -> None:
         """Add ``expressions`` in the form's symbols at ``points``; values are numbered point by point."""
         s = points.system.form.symbols
         variables = [v for v in (s.y, *s.slopes, s.unknowns) if v.numel()]
         self._add(expressions, s.all, variables, points.arguments(self.w), points.matrix, shares)
 
-    def at_ends(self, ends: Ends, shares: Shares) -> None:
+    def at_ends(self, ends: EndPlaces, shares: Shares) -> None:
         """Add the cost of the ends and their equations."""
         equations, symbols = ends.joint.equations, ends.symbols
         expressions = [ends.joint.cost, *(ca.vertsplit(equations) if equations.numel() else [])]
@@ -127,7 +127,7 @@ class Curvature:
         )  # fmt: skip
 
 
-class Ends:
+class EndPlaces:
     """The values at the vertices that the ends' cost and equations are about, and the unknown numbers."""
 
     def __init__(self, system: RitzSystem, scale: np.ndarray) -> None:

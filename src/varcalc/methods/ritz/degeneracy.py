@@ -35,9 +35,9 @@ RISE_NOISE, RISE_LEAST, BEND_LEAST = 1e-6, 1e-5, 1e-4
 """Slope below zero, relative to the largest, that is made of rounding, and slope and bend at an end that are none."""
 PLACED = 1e-10
 """Change of the functional, relative to what is summed, that a curve in its place may still make by being moved."""
-SETTLED = 0.9
+EIGENVALUE_KEPT = 0.9
 """Share of an eigenvalue that a richer space leaves when it is resolved."""
-LARGEST = 800
+MOST_UNKNOWNS = 800
 """Unknowns up to which eigenvalues are computed."""
 IN_SPAN = 1e-3
 """Part of a zero mode, in the norm of the leading term, that rigid motions may leave over."""
@@ -63,7 +63,7 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
     threshold = min(max(ZERO, curve**2), LOOSEST)
     previous, z = math.inf, z + step.change
     following: Step | None = step
-    while following is not None and system.size <= LARGEST:
+    while following is not None and system.size <= MOST_UNKNOWNS:
         eigenvalues, modes = _soft_modes(system, z, following.multipliers)
         lowest = eigenvalues.min(initial=math.inf)
         if lowest < -threshold:
@@ -73,7 +73,7 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
             if _rises_throughout(system, z):
                 return _unplaced(system, z)
             return None if _are_rigid_motions(system, z, zero) else _sentence(zero.shape[1], lowest)
-        if not lowest < SETTLED * previous:
+        if not lowest < EIGENVALUE_KEPT * previous:
             break
         previous = lowest
         system, z = rungs.prolonged(system, z)

@@ -35,7 +35,7 @@ SAFETY = 1.5
 """The correction leaves out what lies beyond the richer space."""
 CURVE = 3e-2
 """Relative error of the curve, in units of the square root of the value's tolerance, that ends the climb."""
-ROUND_OFF = 4e-16
+VALUE_ROUND_OFF = 4e-16
 """Round-off of the value relative to the sum of the absolute contributions."""
 SOFT = 1e-2
 """Decrease of the functional, by the size of the step in the metric, that tells of a soft mode."""
@@ -43,7 +43,7 @@ SOFT_MODE = 1e-3
 """Eigenvalues of the second variation, in units of its leading term, that a richer space may lower to zero."""
 COMPLIANT, SUSPECT = 1e2, 1e3
 """Compliances of a step below which it does not go along a soft mode, and no mode is soft; 0 where it is not told."""
-LARGEST = 800
+MOST_UNKNOWNS = 800
 """Unknowns up to which the metric is computed."""
 UNMOVED = 1e-7
 """Step of a curve, relative in the metric, that may be made of round-off along a soft mode."""
@@ -53,7 +53,7 @@ CONTRACTION = 0.1
 """Largest ratio of successive Newton steps that counts as evidence of a minimum."""
 LAST_STEPS, NOTHING_LEFT = 8, 1e-15
 """Steps looked at where L has narrow features, and decrement, relative to what is summed, that is round-off."""
-RESOLVED = 1e-14
+PANEL_MISS = 1e-14
 """Share of the integral of the absolute value that one panel may miss; samples carry round-off of a tenth of it."""
 MOST_ROUNDS = 40
 """Bisections that bring a panel with a kink inside to round-off."""
@@ -89,7 +89,7 @@ class NewtonEstimate:
     @property
     def floor(self) -> Any:
         """The round-off that summing leaves in the value."""
-        return ROUND_OFF * self.scale
+        return VALUE_ROUND_OFF * self.scale
 
 
 def correction(
@@ -323,7 +323,7 @@ def shortfall(
     nodes, weights = gauss(samples.shape[1])
     found = 0.0
     for _ in range(MOST_ROUNDS):
-        poor = missed(samples) * half > RESOLVED * scale
+        poor = missed(samples) * half > PANEL_MISS * scale
         if not poor.any() or poor.sum() > MOST_PANELS:
             break
         found -= float(half[poor] @ (samples[poor] @ weights))

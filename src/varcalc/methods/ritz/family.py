@@ -19,7 +19,7 @@ from varcalc.formulation import Form
 from varcalc.methods.answer import SEEN_FORWARD, Extremal, answer, speed_error, unsettled, with_ends
 from varcalc.methods.ritz.error import (
     CURVE,
-    RESOLVED,
+    PANEL_MISS,
     SOFT,
     SOFT_MODE,
     UNMOVED,
@@ -36,9 +36,9 @@ from varcalc.numerics.stacked import positive, solutions
 from varcalc.problem.breaks import on_curve
 from varcalc.solution import ErrorEstimate, Solution, Stats
 
-BEYOND = 1.5
+ONE_ELEMENT_SHARE = 1.5
 """Share of the highest degree beyond which no answer is looked for on one element."""
-ROUNDED = 1e-15
+STEP_ROUND_OFF = 1e-15
 """Step of a curve, relative in the metric, that the round-off of L's derivatives makes: slopes in units of L's own."""
 
 
@@ -236,8 +236,8 @@ def _judged(
     good &= (size <= UNMOVED**2 * at.scale) | (steps.decrement >= SOFT * size)
     largest = np.maximum(np.abs(at.variables[:, :, :n]).max((1, 2)), 1e-300)
     last = here.space.degree == DEGREES[form.order][-2]
-    short = _short_of(found, largest, tol, size <= ROUNDED**2 * at.scale, last=last)
-    unresolved = missed(found.integrand) * 0.5 * there.lengths > RESOLVED * found.scale
+    short = _short_of(found, largest, tol, size <= STEP_ROUND_OFF**2 * at.scale, last=last)
+    unresolved = missed(found.integrand) * 0.5 * there.lengths > PANEL_MISS * found.scale
     enough = (short <= 1) & ~unresolved
     stands = good & enough & _forwards(there, found)
     kept = rows[stands]
@@ -291,7 +291,7 @@ def _promising(poorer: int, there: RitzSystem, onward: np.ndarray, short: float)
     if not 0.0 < then < first:
         return degree, onward
     needed = poorer + (degree - poorer) * np.log(max(short, 1.0)) / np.log(first / then)
-    if needed > BEYOND * ladder[-1]:
+    if needed > ONE_ELEMENT_SHARE * ladder[-1]:
         return None
     following = min((d for d in ladder if d >= max(needed, degree)), default=degree)
     return following, _continued(there.form, onward, degree, following)

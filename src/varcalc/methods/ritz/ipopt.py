@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import SideCondition
-from varcalc.methods.ritz.curvature import Curvature, Ends, Points, block_diagonal
+from varcalc.methods.ritz.curvature import Curvature, CurvePoints, EndPlaces, block_diagonal
 from varcalc.methods.ritz.integrands import integrands, pointwise
 from varcalc.methods.ritz.newton import Descent
 from varcalc.methods.ritz.system import RitzSystem
@@ -35,9 +35,9 @@ FINISHED = ("Search_Direction_Becomes_Too_Small", "Maximum_Iterations_Exceeded",
 """Ends at which round-off, not the point, may be what stopped IPOPT."""
 STATIONARY = 1e-8
 """Infeasibilities, primal and dual in IPOPT's own scaling, below which such an end is a minimum."""
-BESIDE = 64 * float(np.finfo(float).eps)
+VERTEX_OFFSET = 64 * float(np.finfo(float).eps)
 """Distance from a vertex, relative to the abscissae, at which a condition is asked on either side of it."""
-FLAT = 1e-12
+ORDINATE_ROUND_OFF = 1e-12
 """Relative size of an ordinate or slope that is round-off."""
 
 
@@ -208,7 +208,9 @@ class _Sizes:
         self.variables = ca.vertcat(s.y, s.dy, s.ddy, s.unknowns)
         reach = np.concatenate([np.abs(self.arguments[i]).max(1, initial=0.0) for i in (1, 2, 3, 5)])
         # a straight line along the axis is one but for round-off
-        self.reach = np.where(reach > FLAT * max(reach.max(initial=0.0), np.ptp(self.arguments[0])), reach, 0.0)
+        self.reach = np.where(
+            reach > ORDINATE_ROUND_OFF * max(reach.max(initial=0.0), np.ptp(self.arguments[0])), reach, 0.0
+        )
 
     def of_integrand(self, condition: SideCondition) -> float:
         """The largest change along the curve, or the bound when that is larger; 1 where there is none to go by."""
@@ -227,7 +229,7 @@ def program_of(system: RitzSystem, z: np.ndarray, scale: np.ndarray, size: float
     """The program of a minimum near ``z``, unknowns in ``scale`` and the functional in ``size``, and Lobatto nodes."""
     form = system.form
     w = ca.MX.sym("w", system.size)
-    at_gauss = Points.of(system, scale)
+    at_gauss = CurvePoints.of(system, scale)
     integrals = [form.integrand, *(c.expression for c in form.conditions.integrals)]
     function = ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*integrals))])
     mapped = function.map(len(system.weights))
@@ -250,7 +252,7 @@ def program_of(system: RitzSystem, z: np.ndarray, scale: np.ndarray, size: float
 
 
 def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray, start: np.ndarray, size: float) -> None:
-    ends = Ends(system, scale)
+    ends = EndPlaces(system, scale)
     function = ca.Function("ends", ends.symbols, [ends.joint.cost, ends.joint.equations])
     cost, equations = function(*ends.arguments(program.w))
     program.objective += cost / size
@@ -273,7 +275,7 @@ class _Pathwise:
     program: _Program
     scale: np.ndarray
     nodes: np.ndarray
-    at_gauss: Points
+    at_gauss: CurvePoints
     sizes: _Sizes
     start: np.ndarray
 
@@ -281,8 +283,8 @@ class _Pathwise:
         """Append the rows of every condition to the program."""
         # a straight element has no nodes of its own, and the first vertex of each but the first is interior
         inside = self.nodes[1:-1]
-        inner = Points.of(self.system, self.scale, inside) if len(inside) else None
-        vertices = Points.of(self.system, self.scale, self.nodes[:1])
+        inner = CurvePoints.of(self.system, self.scale, inside) if len(inside) else None
+        vertices = CurvePoints.of(self.system, self.scale, self.nodes[:1])
         for condition in self.system.form.conditions.pathwise:
             size = self.sizes.of_integrand(condition)
             elements, corners = _asked(self.system, condition)
@@ -294,7 +296,7 @@ class _Pathwise:
                 jumping = corners & of_place  # the slope at a vertex is that of one side only
                 if jumping.any():
                     sides = [self._values(condition, side.kept(corners)) for side in beside]
-                    jumping[corners] = _differ(sides, self.program.w, self.start, FLAT * size)
+                    jumping[corners] = _differ(sides, self.program.w, self.start, ORDINATE_ROUND_OFF * size)
                 # a bound that jumps there is kept on both sides
                 for points, kept in ((vertices, corners & ~jumping), *((side, jumping) for side in beside)):
                     self._append("vertices", condition, points.kept(kept), size, elements)
@@ -302,11 +304,13 @@ class _Pathwise:
                 kept = np.repeat(elements, self.system.count)
                 self._append("gauss", condition, self.at_gauss.kept(kept), size, elements)
 
-    def _values(self, condition: SideCondition, points: Points) -> Any:
+    def _values(self, condition: SideCondition, points: CurvePoints) -> Any:
         function = ca.Function("pathwise", self.system.form.symbols.all, [ca.densify(condition.expression)])
         return function.map(len(points.s))(*points.arguments(self.program.w))
 
-    def _append(self, kind: str, condition: SideCondition, points: Points, size: float, elements: np.ndarray) -> None:
+    def _append(
+        self, kind: str, condition: SideCondition, points: CurvePoints, size: float, elements: np.ndarray
+    ) -> None:
         if not len(points.s):
             return
         rows, first = np.arange(len(points.s)), 1 + self.program.count
@@ -315,10 +319,10 @@ class _Pathwise:
         self.program.curvature.at_points(points, [condition.expression], shares)
 
 
-def _beside(vertices: Points, side: int) -> Points:
+def _beside(vertices: CurvePoints, side: int) -> CurvePoints:
     """The vertices with abscissae just beside them, where what jumps has the value of that side."""
     ends = vertices.system.space.vertices[[0, -1]]
-    return replace(vertices, s=vertices.s + side * BESIDE * float(max(np.abs(ends).max(), np.ptp(ends))))
+    return replace(vertices, s=vertices.s + side * VERTEX_OFFSET * float(max(np.abs(ends).max(), np.ptp(ends))))
 
 
 def _differ(sides: list[Any], w: Any, start: np.ndarray, least: float) -> np.ndarray:
@@ -407,7 +411,7 @@ class Summed:
 
 def summed_up(system: RitzSystem, scale: np.ndarray, size: float) -> Summed:
     """The functional of ``system`` in units of ``size``, its unknowns in units of ``scale`` (unknowns,)."""
-    w, points = ca.MX.sym("w", system.size), Points.of(system, scale)
+    w, points = ca.MX.sym("w", system.size), CurvePoints.of(system, scale)
     count, whole = len(points.s), points.matrix
     k = whole.shape[0] // count
     arguments, weights = points.arguments(w), ca.diag(ca.DM(system.weights / size))

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.methods.answer import Along, Extremal, Samples, answer, unsettled, with_ends
+from varcalc.methods.answer import AlongGraph, Extremal, SampledExtremal, answer, unsettled, with_ends
 from varcalc.methods.ritz.degeneracy import degenerate
 from varcalc.methods.ritz.error import CURVE, Estimate, estimate, settled
 from varcalc.methods.ritz.ipopt import Ipopt, optimise
@@ -36,7 +36,7 @@ NOWHERE = (
     "the Lagrangian is not a number on any of the starting curves tried; "
     "check its domain between the ends, or give guess= a curve on which it is one"
 )
-NEAR = 12
+STEPS_FROM_NEARBY = 12
 """Newton steps that lead to a minimum from one nearby."""
 MOST_ITERATIONS = 600
 """Iterations in all after which a solve is given up."""
@@ -50,11 +50,11 @@ TOUCHING_DEGREE = 6
 """The same where the curve may touch a bound: its curvature jumps there, and high degrees do not help."""
 STALLED = 0.05
 """A rung that leaves more than this share of the error does not converge geometrically."""
-SHARE = 0.05
+BISECTED_SHARE = 0.05
 """Elements with more than this share of the largest contribution to the error are bisected."""
 SLOW = 0.4
 """A refinement that leaves more than this share of the error behind is slow."""
-PATIENCE = 8
+SLOW_REFINEMENTS = 8
 """Slow refinements in a row after which a solve is given up."""
 FEW = 2
 """Elements: a refinement of no more is local, on its way into a layer that it must reach before the error falls."""
@@ -286,7 +286,7 @@ class Rungs:
         )
         return self.optimise(system, fallback, multipliers) if isinstance(outcome, str) or higher else outcome
 
-    def extremal(self, rung: Rung, speed: np.ndarray | None, along: Along | None) -> Extremal:
+    def extremal(self, rung: Rung, speed: np.ndarray | None, along: AlongGraph | None) -> Extremal:
         """The curve of a rung with its multipliers; those of an energy J^2 become those of J by the chain rule.
 
         ``speed`` is dx/ds at some points where x is not the parameter, ``along`` what was evaluated along the curve.
@@ -350,7 +350,7 @@ class _Climb:
         """The answer next to a known curve, without a climb; None where it is in doubt."""
         rungs = self.rungs
         system = rungs.system(rungs.space(np.array(self.form.span), degree))
-        outcome = minimise(system, coefficients[system.free], np.zeros(0), Newton(NEAR), self.tol)
+        outcome = minimise(system, coefficients[system.free], np.zeros(0), Newton(STEPS_FROM_NEARBY), self.tol)
         if outcome.reason or not outcome.direct:
             return None
         rungs.iterations += outcome.iterations
@@ -398,9 +398,9 @@ class _Climb:
 
     def next_rung(self, rung: Rung, found: Estimate, previous: float) -> Rung | str:
         """Climb the degree while that pays, else bisect where the error is."""
-        local = (found.shares > SHARE * found.shares.max()).sum() <= FEW and rung.system.space.elements > FEW
+        local = (found.shares > BISECTED_SHARE * found.shares.max()).sum() <= FEW and rung.system.space.elements > FEW
         self.slow = 0.0 if found.error < SLOW * previous else self.slow + (LOCAL if local else 1.0)
-        if self.slow >= PATIENCE:
+        if self.slow >= SLOW_REFINEMENTS:
             return "refinement after refinement hardly lowered the error"
         given = max(MOST_UNKNOWNS, MOST_AN_ELEMENT * (1 + len(self.form.conditions.knots)))
         if rung.system.size > (MOST_WORTH_WHILE if found.error < WORTH_WHILE * previous else given):
@@ -427,7 +427,7 @@ class _Climb:
         coarse = self.rungs.space(space.vertices, min(space.degree, self.split_degree))
         kept = np.zeros(coarse.size)
         kept[coarse.numbers] = rung.system.coefficients(rung.z)[space.numbers[:, : coarse.degree + 1]]
-        marked = shares > SHARE * shares.max()
+        marked = shares > BISECTED_SHARE * shares.max()
         finer, coefficients = coarse.split(kept, marked if marked.any() else np.ones_like(marked))
         system = self.rungs.system(finer)
         return system, system.pack(coefficients, rung.system.unknowns(rung.z))
@@ -459,22 +459,22 @@ class _Climb:
             return None
         return with_ends(found.system.x, found.here.dx, self.form.span)
 
-    def samples(self, found: Estimate) -> Samples | None:
+    def samples(self, found: Estimate) -> SampledExtremal | None:
         """Where the curve was judged, for a graph of first order."""
         if self.form.order > 1:
             return None
         here = found.here
         with np.errstate(divide="ignore", invalid="ignore"):
-            return Samples(found.system.x, here.x, here.y.T, (here.dy / here.dx[:, None]).T)
+            return SampledExtremal(found.system.x, here.x, here.y.T, (here.dy / here.dx[:, None]).T)
 
-    def along(self, found: Estimate) -> Along | None:
+    def along(self, found: Estimate) -> AlongGraph | None:
         """What was evaluated along a smooth graph in the user's own coordinates; None for other curves."""
         system, at, n = found.system, found.at, self.form.n
         if not self.form.plainly_reported or system.extra or system.order > 1 or system.space.elements > 1:
             return None
         top = slice(n, 2 * n)
         y, dy = at.variables[:, :n].T, at.variables[:, top].T
-        return Along(system.x, y, dy, at.integrands[:, 0], at.slopes[:, 0, top].T, at.hessians[:, 0, top, top])
+        return AlongGraph(system.x, y, dy, at.integrands[:, 0], at.slopes[:, 0, top].T, at.hessians[:, 0, top, top])
 
     def alone(self, rung: Rung, found: Estimate) -> Solution:
         """The answer, refused where the minimum is one of a continuum."""

@@ -34,7 +34,7 @@ ENOUGH = 1e-2
 """Share of the tolerance by which the quadratic model may be wrong about the last step: its decrement to the 3/2."""
 QUICK = 1e-2
 """Share of the decrement before that tells of quadratic convergence: next to a fold an eighth is left each time."""
-CRAWLING, RESOLVED = 0.5, 1e-14
+CRAWLING, NO_DECREMENT = 0.5, 1e-14
 """Share of the decrement before, and relative decrement beyond round-off, that tell of steps that do not shrink.
 
 They go along a bent valley, where what each gains says nothing of what is left."""
@@ -76,7 +76,7 @@ DEPENDENT = 1e-13
 """Share of the largest gradient of a condition by which another has to differ from it."""
 MANY_ITERATIONS, HALVINGS = 20, 6
 """Newton steps, and halvings of one, after which one value of many is left to a solve of its own."""
-SINGULAR = 1e8
+COMPLIANT = 1e8
 """Compliance from which a positive matrix may be so by round-off alone, unless the leading term vanishes somewhere."""
 
 
@@ -257,7 +257,7 @@ def _dense_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
     if not model.null.independent:
         return None
     solved, shift = _solved(model.reduced, model.slope), 0.0
-    if solved is None or (solved[1] > SINGULAR and at.legendre > 0.0):
+    if solved is None or (solved[1] > COMPLIANT and at.legendre > 0.0):
         metric = system.metric(at)
         measured = model.null.reduced(metric)
         if solved is not None and positive((model.reduced - ROUND_OFF * measured)[None])[0]:
@@ -358,7 +358,7 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
         decrement = _decrement(system, at, step, largest)
         late = iteration > EXPECTED
         quick = decrement <= min(last, QUICK * before)
-        crawls = decrement > max(CRAWLING * before, RESOLVED) and before > 0.0
+        crawls = decrement > max(CRAWLING * before, NO_DECREMENT) and before > 0.0
         if quick or (decrement <= CONVERGED and not crawls) or (late and _is_round_off(system, at, step, decrement)):
             return _ended(system, z, at, step, iteration, direct=direct)
         following = _search(system, z, at, step, guarded)

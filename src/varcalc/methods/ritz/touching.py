@@ -27,20 +27,20 @@ from varcalc.solution import Solution
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import PointEvaluator
 
-SAMPLES = 2001
+CONTACT_SAMPLES = 2001
 AN_ELEMENT = 64
 """Abscissae an element at which contacts are looked for, where that is closer."""
 TOUCHING = 1e-4
 """Distance from a bound, in units of its range along the curve, at which a coarse curve touches it."""
 ROUGH = 1e-2
 """The same at most, where the curve's own error is larger."""
-SHORTEST = 8
+LEAST_SAMPLES = 8
 """Samples that a stretch of contact must hold: less is a point."""
 GAP = 40
 """Samples between two stretches of contact that are one."""
 HELD = 1e-9
 """Relative amount by which a bound may be missed on a free piece."""
-MOST = 6
+MOST_CONTACTS = 6
 
 
 def touchable(form: Form) -> bool:
@@ -73,8 +73,10 @@ class Touching:
         if solution.curve is None:
             return False
         # as closely as the bound is seen, in units of its contacts too
-        close = [np.linspace(c.start - (c.end - c.start), c.end + (c.end - c.start), SAMPLES) for c in self.contacts]
-        x = np.clip(np.concatenate([np.linspace(*self.plain.span, SAMPLES), *close]), *self.plain.span)
+        close = [
+            np.linspace(c.start - (c.end - c.start), c.end + (c.end - c.start), CONTACT_SAMPLES) for c in self.contacts
+        ]
+        x = np.clip(np.concatenate([np.linspace(*self.plain.span, CONTACT_SAMPLES), *close]), *self.plain.span)
         curve = solution.curve
         for condition in self.plain.conditions.pathwise:
             values = _along(self.plain, condition, lambda x: curve(x, 0), x)
@@ -120,7 +122,7 @@ def touching(form: Form, coarse: Solution) -> Touching | None:
     curve, vertices = coarse.curve, coarse.x
     # a mesh that was marked is fine where the bound is narrow
     within = (vertices[:-1, None] + np.diff(vertices)[:, None] * (np.arange(AN_ELEMENT) / AN_ELEMENT)).ravel()
-    x = np.union1d(np.linspace(*form.span, SAMPLES), within)
+    x = np.union1d(np.linspace(*form.span, CONTACT_SAMPLES), within)
     contacts: list[Contact] = []
     for condition in form.conditions.pathwise:
         values = _along(form, condition, lambda x: curve(x, 0), x)
@@ -131,7 +133,7 @@ def touching(form: Form, coarse: Solution) -> Touching | None:
                 contacts += [Contact(condition.index, level, *ends) for ends in _stretches(x, near)]
     contacts.sort(key=lambda c: c.start)
     apart = all(a.end < b.start for a, b in pairwise(contacts))
-    if not (0 < len(contacts) <= MOST and apart):
+    if not (0 < len(contacts) <= MOST_CONTACTS and apart):
         return None
     marks = [m for c in contacts for m in (c.start, c.end) if form.span[0] < m < form.span[1]]
     if not marks:
@@ -145,7 +147,7 @@ def _stretches(x: np.ndarray, near: np.ndarray) -> list[tuple[float, float]]:
     inner = edges[1:-1].reshape(-1, 2)
     gaps = inner[inner[:, 1] - inner[:, 0] > GAP]
     pairs = np.concatenate([edges[:1], gaps.ravel(), edges[-1:]]).reshape(-1, 2)
-    return [(float(x[i]), float(x[j - 1])) for i, j in pairs if j - i >= SHORTEST]
+    return [(float(x[i]), float(x[j - 1])) for i, j in pairs if j - i >= LEAST_SAMPLES]
 
 
 def _along(

@@ -17,13 +17,17 @@ from varcalc.formulation.height import height
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.numerics.mesh import gauss
 
-SAMPLES = 9
+SEGMENT_POINTS = 9
 """Points of a segment at which the starting curve is sampled."""
 DEGREE = 5
 """Degree of the polynomial through them."""
 DERIVATIVE = np.pad(np.array([legendre.legder(row) for row in np.eye(DEGREE + 1)]), ((0, 0), (0, 1)))
 """From Legendre coefficients (.., DEGREE + 1) to those of the derivative."""
-FITTED = gauss(SAMPLES)[1][:, None] * legendre.legvander(gauss(SAMPLES)[0], DEGREE) * (np.arange(DEGREE + 1) + 0.5)
+FITTED = (
+    gauss(SEGMENT_POINTS)[1][:, None]
+    * legendre.legvander(gauss(SEGMENT_POINTS)[0], DEGREE)
+    * (np.arange(DEGREE + 1) + 0.5)
+)
 """From values at the samples to Legendre coefficients, which are orthogonal under the Gauss rule: least squares."""
 
 
@@ -49,8 +53,8 @@ def scales(equations: EulerLagrangeFlow, curve: Sampled) -> Scales:
 def derivatives(curve: Sampled, left: np.ndarray, right: np.ndarray, at: np.ndarray, count: int) -> list[np.ndarray]:
     """A curve and its derivatives up to ``count`` at ``at`` (m,), each (n, m), by fits in [left, right] (m,)."""
     middle, half = 0.5 * (left + right), 0.5 * (right - left)
-    nodes = gauss(SAMPLES)[0]
-    values = curve((middle[:, None] + half[:, None] * nodes).ravel()).reshape(-1, len(at), SAMPLES)
+    nodes = gauss(SEGMENT_POINTS)[0]
+    values = curve((middle[:, None] + half[:, None] * nodes).ravel()).reshape(-1, len(at), SEGMENT_POINTS)
     coefficients = values @ FITTED
     values_at = legendre.legvander((at - middle) / half, DEGREE)
     out = []

@@ -30,13 +30,13 @@ from varcalc.showing import Brief
 from varcalc.solution import Solution, Stats, Status, no_answer
 from varcalc.spelling import spelled
 
-SLOPES = (0.1, -0.1, 1.0, -1.0, 10.0, -10.0)
+END_SLOPES = (0.1, -0.1, 1.0, -1.0, 10.0, -10.0)
 """Slopes with which the integrand is looked at in an end."""
 MOST_STEPS = 1000
 """Steps after which a segment is too long, or runs into a singularity: it is cut."""
 COSTLY = 4.0
 """Digits lost in a segment that are worth a word about the number of segments."""
-ROUND_OFF = 1e-12
+BEST_POSSIBLE = 1e-12
 """Relative error of the value that counts as the best double precision allows."""
 ROUND_OFF_PER_CONDITION = 1e-14
 """The same for an ill-conditioned extremal, for each unit of its condition number ..."""
@@ -100,7 +100,9 @@ class Shooting(Brief):
         if not relative <= tol:
             costly = self.segments is not None and finished.growth > 10**COSTLY
             limit = (
-                ROUND_OFF if costly else max(ROUND_OFF, min(ROUND_OFF_PER_CONDITION * finished.condition, ILL_POSED))
+                BEST_POSSIBLE
+                if costly
+                else max(BEST_POSSIBLE, min(ROUND_OFF_PER_CONDITION * finished.condition, ILL_POSED))
             )
             status = Status.ROUND_OFF if relative <= limit else Status.NOT_CONVERGED
             message = _imprecise(finished, relative, tol, self.segments)
@@ -147,11 +149,11 @@ def _infinite_end(form: Form) -> bool:
             if singular and np.isnan(fixed[0]).any():
                 return True
             continue
-        slopes = [np.nan_to_num(fixed[1]) if form.order == 2 else np.zeros(form.n) for _ in SLOPES]
+        slopes = [np.nan_to_num(fixed[1]) if form.order == 2 else np.zeros(form.n) for _ in END_SLOPES]
         values = [
             float(integrand(s, fixed[0], slope + v, np.zeros(form.symbols.ddy.numel()) + v,
                             form.problem.parameter_values, form.start.unknowns))
-            for slope, v in zip(slopes, SLOPES, strict=True)
+            for slope, v in zip(slopes, END_SLOPES, strict=True)
         ]  # fmt: skip
         if not np.isfinite(values).any():
             return True
@@ -169,7 +171,7 @@ def _imprecise(finished: Finished, relative: float, tol: float, segments: int | 
             f"{says}: errors grow by 1e{digits:.1f} across a segment, which costs {digits:.1f} of the 16 digits; "
             "use Shooting() with segments chosen by the growth, or Collocation()"
         )
-    if relative <= ROUND_OFF:
+    if relative <= BEST_POSSIBLE:
         return f"{says}; double precision allows no better"
     return (
         f"{says}; the extremal is ill-conditioned (condition number {finished.condition:.1e}): "

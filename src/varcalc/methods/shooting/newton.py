@@ -12,15 +12,15 @@ import numpy as np
 
 from varcalc.methods.shooting.segments import Mismatch, Segments
 from varcalc.methods.shooting.shots import Failure
-from varcalc.numerics.damped_newton import CONVERGED, Ending, Linearised, damped_newton
+from varcalc.numerics.damped_newton import CONVERGED, Ending, LinearisedEquations, damped_newton
 
 LEFT_OPEN, LEFT_BY_LOOK = 1e-6, 1e-3
 """A residual, relative to its row of the Jacobian, that a convergent iteration leaves only in a singular system; that
 of a look."""
 ITERATIONS = 40
-FAR = 1e10
+RUN_AWAY = 1e10
 """Scaled states beyond which an iteration has run away."""
-LOST = 1e6
+DIGITS_LOST = 1e6
 """Growth across a segment that leaves a residual for want of digits."""
 LOOK = -1
 """The level of integrations that tell where an extremal is, and not yet what it is."""
@@ -79,12 +79,12 @@ class _Matching:
             return None
         return at
 
-    def linearised(self, z: np.ndarray, at: Mismatch) -> Linearised[Mismatch] | None:
+    def linearised(self, z: np.ndarray, at: Mismatch) -> LinearisedEquations[Mismatch] | None:
         self.given_up = self._hopeless(z, at)
         if self.given_up:
             return None
         weights = np.maximum(np.abs(z), self.floor)
-        return Linearised(
+        return LinearisedEquations(
             lambda point: self.segments.solve(at, -point.residual, weights), lambda step: size(step, weights)
         )
 
@@ -92,7 +92,7 @@ class _Matching:
         """Why there is no point in going on from z, if so."""
         if at.growth.max() > self.most_growth:
             return Termination.GROWTH
-        if np.abs(self.segments.parts(z)[0]).max() > FAR:
+        if np.abs(self.segments.parts(z)[0]).max() > RUN_AWAY:
             return Termination.RUNAWAY
         return Termination.TOO_MANY if self.segments.work.total >= self.most_work else None
 
@@ -122,7 +122,7 @@ def iterate(
     result = damped_newton(matching, x, at, ITERATIONS, LOOKED if level == LOOK else CONVERGED)
     ending = matching.given_up or TERMINATIONS[result.ending]
     allowed = LEFT_BY_LOOK if level == LOOK else LEFT_OPEN
-    lost = result.at.growth.max() > LOST
+    lost = result.at.growth.max() > DIGITS_LOST
     if ending is Termination.CONVERGED and not (lost or segments.left_open(result.at, result.z) < allowed):
         ending = Termination.SINGULAR
     return Matched(result.z, result.at, ending, result.correction, result.iterations, matching.failure)

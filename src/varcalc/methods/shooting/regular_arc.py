@@ -22,14 +22,14 @@ from numpy.polynomial import legendre
 from varcalc.formulation import Sampled
 from varcalc.integrators import Landing
 from varcalc.methods.shooting.flow import EulerLagrangeFlow
-from varcalc.numerics.damped_newton import Ending, Linearised, damped_newton
+from varcalc.numerics.damped_newton import Ending, LinearisedEquations, damped_newton
 from varcalc.numerics.mesh import gauss
 
 STAGES = (6, 9, 12, 16, 20, 24)
 """Numbers of Gauss points, each the start for the next: close to the end only a good start is a good start."""
 COARSEST = 4
 """How many of them level 0 climbs; each level one more."""
-RESOLVED = 1e-6
+ARC_UNRESOLVED = 1e-6
 """Relative change of slope and integrals between the last two numbers of points that calls for a shorter arc."""
 ITERATIONS = 20
 RUNS_PER_ITERATION = 2
@@ -154,7 +154,7 @@ class RegularEnd:
         if last is None or before is None:
             return None
         changes = [(last.near, before.near), (last.integrals, before.integrals)]
-        resolved = all(np.abs(new - old).max() <= RESOLVED * np.abs(new).max() for new, old in changes)
+        resolved = all(np.abs(new - old).max() <= ARC_UNRESOLVED * np.abs(new).max() for new, old in changes)
         return last if resolved else None
 
     def _guess(self, arc: _Collocated) -> np.ndarray:
@@ -259,7 +259,7 @@ class _Collocated:
         size = matrix.shape[0] * n
         return np.eye(size) + matrix.reshape(size, size)
 
-    def linearised(self, z: np.ndarray, at: _Point) -> Linearised[_Point]:  # noqa: ARG002 - the point holds it all
+    def linearised(self, z: np.ndarray, at: _Point) -> LinearisedEquations[_Point]:  # noqa: ARG002 - the point holds it all
         """Corrections of y'', measured by what they do to y."""
         matrix = self._jacobian(at)
         rows = np.abs(matrix).max(axis=1)
@@ -277,7 +277,7 @@ class _Collocated:
             change = self.step**2 * (self.stages.twice @ step.reshape(-1, len(sizes))) / sizes
             return float(np.sqrt(np.mean(change**2)))
 
-        return Linearised(correction, measure)
+        return LinearisedEquations(correction, measure)
 
     def solved(self, first: np.ndarray, work: Work) -> np.ndarray | None:
         """y'' (s, n) at the points, from a first guess; None where the iteration does not get there."""

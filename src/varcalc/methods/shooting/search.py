@@ -10,7 +10,7 @@ import numpy as np
 
 from varcalc.formulation import Sampled
 from varcalc.formulation.height import height
-from varcalc.integrators import Flow, Outcome
+from varcalc.integrators import Flow, RunOutcome
 from varcalc.methods.ritz.starts import LADDER, bent, scaled_ring
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.shooting.initial_states import (
@@ -32,7 +32,7 @@ MOST_GROWTH = math.exp(10.0)
 """Growth of errors across a segment beyond which it is cut in two."""
 PLANNED = 6.0
 """Logarithm of the growth planned for a segment: less than is allowed, since the plan is made on a guess."""
-FEWEST, MOST, MOST_NONLINEAR = 4, 20000, 2000
+FEWEST_SEGMENTS, MOST_SEGMENTS, MOST_NONLINEAR = 4, 20000, 2000
 """Segments planned at least and at most; a nonlinear problem's plan rests on a guess and is not worth more."""
 BUDGET, PER_SEGMENT = 2500, 24
 """Work, in runs of the flow, spent on one start: the larger of the first, and the second for each planned segment."""
@@ -42,15 +42,15 @@ ALL_FAIL = 64
 """Segments beyond which a start is given up when every one of them fails."""
 SHORTEST = 1e-6
 """Part of the interval below which a segment that cannot be crossed is not cut any more."""
-STEEP = 4
+MANY_SEGMENTS = 4
 """A start that needs so many times the segments of a flat one is tried after it."""
 FIRST_AMPLITUDES = (0.3, -0.3)
 """Bent starts that are tried even where the straight one led somewhere: the lower extremal may lie elsewhere."""
 OTHER_AMPLITUDES = (1.0, -1.0, 3.0, -3.0, 0.1, -0.1, 10.0, -10.0)
 """Bent starts that are tried where none has led anywhere yet."""
-SAMPLES = 65
+GROWTH_POINTS = 65
 """Points at which the growth along a starting curve is looked at."""
-SINGULAR = 1e12
+LARGEST_CONDITION = 1e12
 """Condition number beyond which a linear system is called singular."""
 UNSURE = 1e5
 """Condition number beyond which a look does not tell whether there is an extremal."""
@@ -146,8 +146,8 @@ class Search:
         if form.conditions.integrals:
             yield from ((True, self._start(curve)) for curve in self._meeting_level())
         scale, straight = height(form), self._start(form.start.curve)
-        steep = self.count is None and straight.planned > STEEP * FEWEST
-        steep = steep and straight.planned > STEEP * min(start.planned for start in self._flat())
+        steep = self.count is None and straight.planned > MANY_SEGMENTS * FEWEST_SEGMENTS
+        steep = steep and straight.planned > MANY_SEGMENTS * min(start.planned for start in self._flat())
         if steep:
             yield from ((False, start) for start in self._flat())
         yield not steep, straight
@@ -179,13 +179,13 @@ class Search:
         if self.count is not None:
             least = max(self.count, sum(form.coordinates.singular))  # a regular arc leads to one end
             return np.unique([*np.linspace(0, 1, least + 1), *marks])
-        t = np.linspace(0, 1, SAMPLES)
+        t = np.linspace(0, 1, GROWTH_POINTS)
         rate = growth_rate(self.equations, units, curve, lam, t)
         for singular, inward in zip(form.coordinates.singular, (t, 1 - t), strict=True):
             if singular:  # the plan is for a regular arc, along which errors do not grow
-                rate[inward < 1 / FEWEST] = 0.0
-        most = MOST if self.equations.linear else MOST_NONLINEAR
-        return partition(rate, t, marks, PLANNED, FEWEST, most)
+                rate[inward < 1 / FEWEST_SEGMENTS] = 0.0
+        most = MOST_SEGMENTS if self.equations.linear else MOST_NONLINEAR
+        return partition(rate, t, marks, PLANNED, FEWEST_SEGMENTS, most)
 
     def _meeting_level(self) -> Iterator[Sampled]:
         """The baseline bent, or blown up, until the first isoperimetric condition holds; each way."""
@@ -209,7 +209,7 @@ class Search:
     def _level(self, curve: Sampled) -> float:
         """The first isoperimetric integral along a curve, roughly; NaN where it is not a number."""
         form = self.equations.form
-        s = np.linspace(*form.span, 2 * SAMPLES - 1)
+        s = np.linspace(*form.span, 2 * GROWTH_POINTS - 1)
         middle, width = 0.5 * (s[1:] + s[:-1]), np.diff(s)
         values = curve(s)
         tower = [curve(middle), np.diff(values, axis=1) / width]
@@ -228,7 +228,7 @@ class Search:
             return NoneFound("too many segments", 0)
         budget = budget or max(BUDGET, PER_SEGMENT * segments.count)
         iterations, begun = 0, self.work.total
-        exact = self.count is not None or self.equations.linear or start.planned > FEWEST
+        exact = self.count is not None or self.equations.linear or start.planned > FEWEST_SEGMENTS
         level = 0 if exact else LOOK
         while True:
             floor = self._floor(segments, x)
@@ -264,10 +264,10 @@ class Search:
             return marked
         if result.ending is Termination.GROWTH and result.at is not None:
             return result.at.growth > MOST_GROWTH
-        if result.failure is not None and result.failure.outcome is not Outcome.NOT_FINITE:
+        if result.failure is not None and result.failure.outcome is not RunOutcome.NOT_FINITE:
             marked[list(result.failure.segments)] = True
             return marked & (np.diff(segments.vertices) > SHORTEST)
-        return ~marked if result.at is not None and segments.count < 4 * FEWEST else marked
+        return ~marked if result.at is not None and segments.count < 4 * FEWEST_SEGMENTS else marked
 
     def _cut(
         self, segments: Segments, result: Matched, marked: np.ndarray, start: ShootingStart
@@ -343,12 +343,14 @@ class Search:
 
 def _reason(segments: Segments, result: Matched, count: int | None) -> str:
     """Why an iteration ended without an extremal, and what to do about it."""
-    if result.ending is Termination.SINGULAR or (result.at is not None and result.at.jacobian.condition > SINGULAR):
+    if result.ending is Termination.SINGULAR or (
+        result.at is not None and result.at.jacobian.condition > LARGEST_CONDITION
+    ):
         return (
             "the linear system of the segments is singular: the ends may be conjugate to each other, so that no "
             "isolated extremal joins them, or a constraint may not depend on the curve"
         )
-    if result.failure is not None and result.failure.outcome is not Outcome.COMPLETED:
+    if result.failure is not None and result.failure.outcome is not RunOutcome.COMPLETED:
         text = describe(result.failure)
     else:
         text = f"{result.ending.value}, the last correction being {result.correction:.1e} of the unknowns"

@@ -17,7 +17,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from varcalc.integrators import Flow, Outcome
+from varcalc.integrators import Flow, RunOutcome
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.methods.shooting.linear_systems import RANK, ROUGH_RANK, Jacobian
 from varcalc.methods.shooting.regular_arc import RegularEnd, Work
@@ -149,7 +149,7 @@ class Segments:
         first = int(np.argmax(~np.isfinite(residual))) // self.dimension
         a, b = self.equations.form.span
         here = a + (b - a) * float(self.vertices[min(first + 1, self.count)])
-        return Failure((min(first, self.count - 1),), here, Outcome.NOT_FINITE)
+        return Failure((min(first, self.count - 1),), here, RunOutcome.NOT_FINITE)
 
     def _match(self, shots: Shots, x: np.ndarray) -> tuple[np.ndarray, ...]:
         """The rows (N - 1, D) of the inner vertices, and their derivatives as a Jacobian takes them.

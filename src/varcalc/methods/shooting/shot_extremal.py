@@ -19,15 +19,15 @@ from varcalc.solution import ErrorEstimate
 
 SHRINKING = 0.5
 """Newton's steps shrink by less than this next to a zero (Kantorovich), and never next to a fold without one."""
-NOISE = 256 * float(np.finfo(float).eps)
+MISMATCH_ROUND_OFF = 256 * float(np.finfo(float).eps)
 """Relative size of a mismatch in the next evaluation that rounding alone explains."""
 LEFT_OPEN = 1e-13
 """A mismatch, relative to its row of the Jacobian, that rounding does not explain where errors do not grow."""
 CORRECTIONS = 30
 """Newton's steps on the fine integration, at most: next to a fold each does no more than halve the distance."""
-SETTLED = 1e-8
+LAST_STEP = 1e-8
 """A relative step whose square is round-off: no other is needed."""
-ROUND_OFF = 4 * float(np.finfo(float).eps)
+INTEGRAL_ROUND_OFF = 4 * float(np.finfo(float).eps)
 """Relative error of a sum of running integrals, and of a state, that rounding alone explains."""
 
 
@@ -131,7 +131,7 @@ def corrected(segments: Segments, x: np.ndarray, floor: np.ndarray) -> Corrected
             return Corrected(x, at, math.inf)
         x, last = x + step, size(step, np.maximum(np.abs(x), floor))
         at = segments.evaluate(x, level=1, taken=0)
-        if isinstance(at, Mismatch) and last <= SETTLED and segments.left_open(at, x) <= _explained(at):
+        if isinstance(at, Mismatch) and last <= LAST_STEP and segments.left_open(at, x) <= _explained(at):
             break
     return at if isinstance(at, Failure) else Corrected(x, at, last)
 
@@ -150,7 +150,7 @@ def _matches(segments: Segments, found: Corrected, floor: np.ndarray) -> bool:
         return False
     weights = np.maximum(np.abs(found.x), floor)
     step = segments.solve(found.at, -found.at.residual, weights)
-    noise = segments.shaken(found.at, found.x, weights, NOISE)
+    noise = segments.shaken(found.at, found.x, weights, MISMATCH_ROUND_OFF)
     if step is None or noise is None:
         return False
     return size(step, weights) <= max(SHRINKING * found.step, min(size(noise, weights), SHRINKING))
@@ -218,7 +218,7 @@ def _rounding(segments: Segments, x: np.ndarray, at: Mismatch, value: float) -> 
     parts = float(np.abs(at.shots.right[:, D] - at.shots.left[:, D]).sum())
     lambdas = segments.parts(x)[2]
     levels = np.abs(at.totals * units)[1 : 1 + len(lambdas)]
-    return ROUND_OFF * (max(abs(value), parts * float(units[0])) + float(np.abs(lambdas) @ levels))
+    return INTEGRAL_ROUND_OFF * (max(abs(value), parts * float(units[0])) + float(np.abs(lambdas) @ levels))
 
 
 def _curve_error(segments: Segments, at: Mismatch, reference: Shots) -> float:
@@ -228,4 +228,4 @@ def _curve_error(segments: Segments, at: Mismatch, reference: Shots) -> float:
     jumps = _jumps(segments, at)[:, :n]
     left = float(np.max(jumps * units)) if jumps.size else 0.0
     left = max(left, float(np.max(_end_misses(segments, at)[0] * units)))
-    return float(np.abs(better - own).max()) + left + ROUND_OFF * float(np.abs(better).max())
+    return float(np.abs(better - own).max()) + left + INTEGRAL_ROUND_OFF * float(np.abs(better).max())

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.integrators import OUTCOMES, Flow, Landing, Outcome
+from varcalc.integrators import OUTCOMES, Flow, Landing, RunOutcome
 from varcalc.integrators.protocol import COMPLETED
 from varcalc.methods.shooting.flow import EulerLagrangeFlow
 from varcalc.methods.shooting.regular_arc import Passage, RegularEnd, Work
@@ -21,7 +21,7 @@ class Failure:
 
     segments: tuple[int, ...]
     s: float
-    outcome: Outcome
+    outcome: RunOutcome
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ class Paths:
         assert end is not None
         passage = end.passage(anchor, self.states[i, :n], self.constants[i], max(self.level, 0), self.work)
         a, b = self.equations.form.span
-        return passage or Failure((i,), a + (b - a) * anchor, Outcome.UNRESOLVED)
+        return passage or Failure((i,), a + (b - a) * anchor, RunOutcome.UNRESOLVED)
 
     def _along_arc(self, i: int, passage: Passage, shots: Shots) -> None:
         """Put the regular arc of segment i among the ``shots``.

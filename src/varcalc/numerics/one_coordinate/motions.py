@@ -19,7 +19,7 @@ from varcalc.numerics.one_coordinate.potential import NodesOutwards, Potential, 
 
 DOUBTFUL = 1e-10
 """Of g: what is left of it at a node, where that is less, is told from its change."""
-ROUNDED = 64 * float(np.finfo(float).eps)
+HEIGHT_ROUND_OFF = 64 * float(np.finfo(float).eps)
 """Of a height: by how much more a turning point is not off."""
 KNOWN = 1e-2
 """Of the change of g over a height: what is left of it has so many digits more than the height."""
@@ -298,7 +298,7 @@ def _turn(potential: Potential, u0: np.ndarray, w0: np.ndarray, x: np.ndarray) -
     size, slope = np.maximum(np.abs(x), np.abs(turn)), potential.at(turn)[1]
     with np.errstate(all="ignore"):
         left = (w0**2 + potential(u0, x).gain) / slope
-    known = (np.abs(left) <= ROUNDED * size) & (w0**2 <= KNOWN * np.abs(slope) * size)
+    known = (np.abs(left) <= HEIGHT_ROUND_OFF * size) & (w0**2 <= KNOWN * np.abs(slope) * size)
     return turn, (u0 - turn) + x - np.where(known, left, 0.0)
 
 

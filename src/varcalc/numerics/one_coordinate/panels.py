@@ -20,12 +20,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.polynomial import legendre
 
-from varcalc.numerics.mesh import gauss
+from varcalc.numerics.mesh import composite_gauss, gauss
 from varcalc.numerics.roots import bracketed_newton
 
 POINTS = 16
 """Gauss points a panel; with bisection the cheapest order for full double precision, within a factor of 1.3."""
-REACH = 6.45
+EXPONENTIAL_REACH = 6.45
 """T of the exponential map: the distance falls to exp(1 - exp(T)) = 1e-274 of the length."""
 QUADRATIC = 1e-8
 """A Newton step below this is the last: convergence is quadratic."""
@@ -42,9 +42,9 @@ def distance(kind: DistanceMap, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The distance from the anchor in units of the leg's length, and its derivative by t."""
     if kind is DistanceMap.SQUARE:
         return t * t, 2 * t
-    grown = np.exp(REACH * (1 - t))
+    grown = np.exp(EXPONENTIAL_REACH * (1 - t))
     share = np.exp(1 - grown)
-    return share, share * grown * REACH
+    return share, share * grown * EXPONENTIAL_REACH
 
 
 def inverse_distance(kind: DistanceMap, share: np.ndarray) -> np.ndarray:
@@ -52,7 +52,7 @@ def inverse_distance(kind: DistanceMap, share: np.ndarray) -> np.ndarray:
     if kind is DistanceMap.SQUARE:
         return np.sqrt(share)
     with np.errstate(divide="ignore"):
-        return np.clip(1 - np.log(1 - np.log(share)) / REACH, 0.0, 1.0)
+        return np.clip(1 - np.log(1 - np.log(share)) / EXPONENTIAL_REACH, 0.0, 1.0)
 
 
 @lru_cache(maxsize=8)
@@ -85,10 +85,7 @@ class Panels:
     @cached_property
     def nodes(self) -> tuple[np.ndarray, np.ndarray]:
         """Gauss points t and weights, each of shape (panels * points,)."""
-        nodes, weights = gauss(self.points)
-        edges = np.array(self.edges)
-        half = 0.5 * np.diff(edges)[:, None]
-        return (edges[:-1, None] + half * (1 + nodes)).ravel(), (half * weights).ravel()
+        return composite_gauss(np.array(self.edges), self.points)
 
     @cached_property
     def distances(self) -> tuple[np.ndarray, np.ndarray]:

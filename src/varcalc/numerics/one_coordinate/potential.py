@@ -14,7 +14,7 @@ from varcalc.numerics.roots import EPSILON, bracketed_newton, edges
 if TYPE_CHECKING:
     from varcalc.numerics.one_coordinate.motions import MotionPoint
 
-FAR = 1e6
+NOT_FOLLOWED = 1e6
 """Motions that have come so many times farther than the problem is large are not followed."""
 PLACES = 240
 """Places on either side at which g is looked at to begin with, in geometric progression."""
@@ -182,7 +182,7 @@ class Potential(ABC):
         if self.reach is not None:
             return np.tile(self.reach, (len(first), 1))
         size = np.max([np.abs(first), np.abs(last), last - first], axis=0)
-        return np.where(size > 0, size, 1.0)[:, None] * np.geomspace(1e-8, FAR, PLACES)
+        return np.where(size > 0, size, 1.0)[:, None] * np.geomspace(1e-8, NOT_FOLLOWED, PLACES)
 
     def nodes(
         self, first: np.ndarray | float, last: np.ndarray | float, low: np.ndarray | float, high: np.ndarray | float

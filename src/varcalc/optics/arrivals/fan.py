@@ -32,7 +32,7 @@ PARTS_OF_INTERVAL = 16
 """Parts into which the interval around a parting direction is cut, again and again."""
 MOST_CUTS = 11
 """How often; the last interval is as narrow as round-off."""
-NARROWEST = 4 * float(np.spacing(2 * np.pi))
+LEAST_ANGLE = 4 * float(np.spacing(2 * np.pi))
 """An interval of angles so narrow is not cut."""
 MOST_PARTINGS = 64
 """Parting directions of one source; where there are more, they are left to what looks into cells."""
@@ -51,7 +51,7 @@ MOST_STEPS = 400
 
 
 @dataclass(frozen=True)
-class Bounds:
+class FanReach:
     """How far the rays of each of n sources are followed.
 
     ``path`` (n,) is the largest optical path and ``far`` (n,) the largest
@@ -67,7 +67,7 @@ class Bounds:
 
 
 @dataclass(frozen=True)
-class Aimed:
+class AimedDirections:
     """Directions that a fan is to hold besides: ``angles`` (m,) of the numbers ``source`` (m,), in any order.
 
     ``looks`` is by how many times more directions it is looked for what bends rays.
@@ -78,7 +78,7 @@ class Aimed:
     looks: int = LOOKS
 
     @classmethod
-    def nowhere(cls) -> Aimed:
+    def nowhere(cls) -> AimedDirections:
         """No directions besides the usual ones."""
         return cls(np.zeros(0, dtype=int), np.zeros(0))
 
@@ -89,8 +89,8 @@ class Fan:
 
     propagator: Propagator
     sources: np.ndarray
-    bounds: Bounds
-    aimed: Aimed = field(default_factory=Aimed.nowhere)
+    bounds: FanReach
+    aimed: AimedDirections = field(default_factory=AimedDirections.nowhere)
     looked_at: int = 0
     ends: Counter[RayStatus] = field(default_factory=Counter)
     entered: int = 0
@@ -182,7 +182,7 @@ class Fan:
         source, angles, entry, course = source[kept], angles[kept], entry[kept], course[kept]
         for _ in range(MOST_CUTS if self._parting else 0):
             parted = np.flatnonzero((course[1:] != course[:-1]) & (source[1:] == source[:-1]))
-            parted = parted[angles[parted + 1] - angles[parted] > NARROWEST]
+            parted = parted[angles[parted + 1] - angles[parted] > LEAST_ANGLE]
             if len(parted) == 0 or len(parted) > MOST_PARTINGS * n:
                 break
             share = np.arange(1, PARTS_OF_INTERVAL) / PARTS_OF_INTERVAL

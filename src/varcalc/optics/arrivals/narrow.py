@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from varcalc.optics.arrivals.cells import MOVED, P
-from varcalc.optics.arrivals.fan import AXES_OFF, FIRST_ANGLES, LOOKS, NARROWEST, Aimed, Bounds, Fan
+from varcalc.optics.arrivals.fan import AXES_OFF, FIRST_ANGLES, LEAST_ANGLE, LOOKS, AimedDirections, Fan, FanReach
 from varcalc.optics.arrivals.wavefront_construction import PlanePairs, WavefrontConstruction
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.hamilton import HamiltonRays
@@ -70,14 +70,14 @@ class NarrowSearch:
     propagator: Propagator
     _read: dict[tuple[int, int, int], NarrowPlaces] = field(default_factory=dict, init=False, repr=False)
 
-    def aimed(self, sources: np.ndarray, bounds: Bounds) -> tuple[Aimed, np.ndarray, str]:
+    def aimed(self, sources: np.ndarray, bounds: FanReach) -> tuple[AimedDirections, np.ndarray, str]:
         """The directions of the ``sources`` (n, 2) to be looked at, how much (n,) is given up, and what is said.
 
         Rays are followed as far as ``bounds`` say.
         """
         places = NarrowPlaces.none() if self._squared is None else self._places(self._squared, bounds)
         if len(places.width) == 0:
-            return Aimed.nowhere(), np.zeros(len(sources), dtype=int), ""
+            return AimedDirections.nowhere(), np.zeros(len(sources), dtype=int), ""
         return _Aiming(self.propagator, sources, bounds, places).run()
 
     @cached_property
@@ -92,7 +92,7 @@ class NarrowSearch:
         except (TypeError, NotImplementedError):  # an index that is no expression of SX symbols cannot be read
             return None
 
-    def _places(self, function: ca.Function, bounds: Bounds) -> NarrowPlaces:
+    def _places(self, function: ca.Function, bounds: FanReach) -> NarrowPlaces:
         """What is narrow where rays may come: in a square around all that is read once for scenes of about one size."""
         far = np.minimum(bounds.far, FARTHEST * bounds.size)[:, None]
         low, high = (bounds.middle - far).min(axis=0), (bounds.middle + far).max(axis=0)
@@ -125,16 +125,16 @@ class _Aiming:
 
     propagator: Propagator
     sources: np.ndarray
-    bounds: Bounds
+    bounds: FanReach
     places: NarrowPlaces
 
-    def run(self) -> tuple[Aimed, np.ndarray, str]:
+    def run(self) -> tuple[AimedDirections, np.ndarray, str]:
         """See :meth:`NarrowSearch.aimed`."""
         seen = [self._seen(number) for number in range(len(self.sources))]
         spots = Spots.joined([one.spots for one in seen])
         given_up = np.array([one.left for one in seen])
         source = np.repeat(np.arange(len(seen)), [len(one.spots) for one in seen])
-        aimed = Aimed(np.zeros(0, dtype=int), np.zeros(0), max(one.looks for one in seen))
+        aimed = AimedDirections(np.zeros(0, dtype=int), np.zeros(0), max(one.looks for one in seen))
         said = ""
         if len(source):
             said += f", something narrow near {_point(spots.middle[0])} aimed at"
@@ -169,7 +169,7 @@ class _Aiming:
         columns = np.array(spots[:MOST_SPOTS]).reshape(-1, 4)
         return _Seen(Spots(columns[:, :2], columns[:, 2], columns[:, 3]), looks, left, along)
 
-    def _met(self, source: np.ndarray, spots: Spots, aimed: Aimed) -> tuple[Aimed, np.ndarray]:
+    def _met(self, source: np.ndarray, spots: Spots, aimed: AimedDirections) -> tuple[AimedDirections, np.ndarray]:
         """Directions to ``spots`` (k,), each of one source, also through each other; the sources that have more."""
         bounds = self._widened(source, spots)
         distance = np.linalg.norm(spots.middle - self.sources[source], axis=1)
@@ -195,7 +195,7 @@ class _Aiming:
             aimed = replace(aimed, source=np.append(aimed.source, of), angles=np.concatenate([aimed.angles, *around]))
         return aimed, lost
 
-    def _widened(self, source: np.ndarray, spots: Spots) -> Bounds:
+    def _widened(self, source: np.ndarray, spots: Spots) -> FanReach:
         """The bounds of rays that are to come to the spots."""
         away = np.linalg.norm(spots.middle - self.bounds.middle[source], axis=1)
         reach = self.bounds.reach.copy()
@@ -209,12 +209,12 @@ def _point(place: np.ndarray) -> str:
 
 def _around(angle: float, half: float, step: float) -> np.ndarray:
     """Directions across what is seen from ``angle`` - ``half`` to + ``half``, parts of which are ``step`` wide."""
-    least = NARROWEST * RAYS_ACROSS
+    least = LEAST_ANGLE * RAYS_ACROSS
     half, step = max(half, least), min(max(step, least), SEEN)
     even = half * np.linspace(-1, 1, int(np.clip(2 * half / step * RAYS_ACROSS, 2 * RAYS_ACROSS, MOST_ACROSS)))
     beyond = step / RAYS_ACROSS * 2.0 ** np.arange(np.ceil(np.log2(SEEN * RAYS_ACROSS / step)))
     found = np.unique(np.concatenate([even, beyond, -beyond]))
-    turned = angle + found[np.append(True, np.diff(found) > NARROWEST)]
+    turned = angle + found[np.append(True, np.diff(found) > LEAST_ANGLE)]
     return AXES_OFF + np.mod(turned - AXES_OFF, 2 * np.pi)
 
 

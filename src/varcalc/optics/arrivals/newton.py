@@ -22,7 +22,7 @@ TOUCHES_CAUSTIC = 4e-14
 """A caustic that comes this close to the point touches it: the ray where it does is polished by no more than that."""
 NEWTON_STEPS = 16
 """Newton's steps."""
-ROUND_OFF = 4 * float(np.finfo(float).eps)
+MISS_ROUND_OFF = 4 * float(np.finfo(float).eps)
 """A miss so small, relative to the scene, is not worth another step."""
 LEAST_GAIN = 0.5
 """A step that does not shorten the miss to this share says that round-off has been reached."""
@@ -65,7 +65,7 @@ class Aims(Rows):
 
 
 @dataclass(frozen=True)
-class Meeting(Rows):
+class ClosestApproach(Rows):
     """Rays (k) with the states (k, 9) in which they come closest to their targets, and how far they are off across."""
 
     aims: Aims
@@ -108,8 +108,8 @@ class _Look(Rows):
         shift = np.maximum(-(self.along + late / momentum) / momentum, -LONGEST_STEP_BACK * aims.sigma)
         return aims.at(aims.angle + turn, aims.sigma + shift, state[:, PATH] + late + shift * momentum**2)
 
-    def meeting(self) -> Meeting:
-        return Meeting(self.aims, self.state, self.miss)
+    def meeting(self) -> ClosestApproach:
+        return ClosestApproach(self.aims, self.state, self.miss)
 
 
 def _look(fan: Fan, aims: Aims) -> _Look:
@@ -131,7 +131,7 @@ def _nearest(fan: Fan, aims: Aims) -> _Look:
     return look
 
 
-def met(fan: Fan, aims: Aims) -> tuple[Meeting, np.ndarray]:
+def met(fan: Fan, aims: Aims) -> tuple[ClosestApproach, np.ndarray]:
     """Those of the ``aims`` that meet their targets, polished to round-off, and the pairs of those that do not."""
     done: list[_Look] = []
     look = best = _look(fan, aims)
@@ -147,14 +147,14 @@ def met(fan: Fan, aims: Aims) -> tuple[Meeting, np.ndarray]:
         best = _either(new.distance < best.distance, new, best)
         stuck = there & (new.distance > LEAST_GAIN * look.distance) & (new.met | best.met)
         strayed = np.abs(new.aims.angle - begun) > 2 * width
-        finished = stuck | strayed | (best.distance <= ROUND_OFF * best.aims.size)
+        finished = stuck | strayed | (best.distance <= MISS_ROUND_OFF * best.aims.size)
         done.append(best.take(np.flatnonzero(finished)))
         look = _either(there, new, look)
         left = np.flatnonzero(~finished)
         look, best, begun, share = look.take(left), best.take(left), begun[left], np.where(there, 1.0, share / 4)[left]
     looks = [*done, best]
     lost = np.concatenate([one.aims.pair[~one.met] for one in looks])
-    return Meeting.joined([one.take(np.flatnonzero(one.met)).meeting() for one in looks]), lost
+    return ClosestApproach.joined([one.take(np.flatnonzero(one.met)).meeting() for one in looks]), lost
 
 
 def _either(first: np.ndarray, one: _Look, other: _Look) -> _Look:
@@ -163,7 +163,7 @@ def _either(first: np.ndarray, one: _Look, other: _Look) -> _Look:
     return _Look.joined([one, other]).take(order)
 
 
-def as_they_are(fan: Fan, aims: Aims, close: float) -> tuple[Meeting, np.ndarray]:
+def as_they_are(fan: Fan, aims: Aims, close: float) -> tuple[ClosestApproach, np.ndarray]:
     """Those of the ``aims`` that meet their targets without a change of direction, and their numbers.
 
     They come as ``close`` as that, relative to the scene, or as the angle allows.
@@ -173,7 +173,7 @@ def as_they_are(fan: Fan, aims: Aims, close: float) -> tuple[Meeting, np.ndarray
     return look.take(there).meeting(), there
 
 
-def flattest(fan: Fan, aims: Aims) -> tuple[Meeting, np.ndarray]:
+def flattest(fan: Fan, aims: Aims) -> tuple[ClosestApproach, np.ndarray]:
     """The rays whose misses are stationary in the angle near the ``aims``, and the second derivatives (k,).
 
     The secant method on the first derivative, which the neighbours tell; half the digits of the angle are all that
@@ -188,7 +188,7 @@ def flattest(fan: Fan, aims: Aims) -> tuple[Meeting, np.ndarray]:
             turn = -now.spread / slope
         bend = np.where(np.isfinite(slope) & ~done, slope, bend)
         turn = np.clip(np.where(np.isfinite(turn) & ~done, turn, 0.0), -aims.width, aims.width)
-        done |= turn**2 * np.abs(bend) <= ROUND_OFF / 100 * aims.size  # a step more would be led by round-off
+        done |= turn**2 * np.abs(bend) <= MISS_ROUND_OFF / 100 * aims.size  # a step more would be led by round-off
         before, now = now, _look(fan, now.stepped(turn))
         if np.all(done):
             break

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.optics.arrivals.fan import Bounds, Fan
+from varcalc.optics.arrivals.fan import Fan, FanReach
 from varcalc.optics.arrivals.narrow import NarrowSearch
 from varcalc.optics.arrivals.space import DIRECTIONS, Approaches, search
 from varcalc.optics.arrivals.wavefront_construction import Arrivals, PlanePairs, WavefrontConstruction
@@ -187,7 +187,7 @@ class TwoPoint:
 
 def _bounds(
     source: np.ndarray, targets: np.ndarray, within: np.ndarray, far: np.ndarray, distance: np.ndarray
-) -> Bounds:
+) -> FanReach:
     """How far the rays of each source are followed for all of its targets (k, 2)."""
     n = int(source.max()) + 1
 
@@ -199,7 +199,7 @@ def _bounds(
     middle = (gathered(np.minimum, targets, np.inf) + gathered(np.maximum, targets, -np.inf)) / 2
     reach = gathered(np.maximum, np.linalg.norm(targets - middle[source], axis=1), 0.0)
     size = np.maximum(reach, gathered(np.minimum, distance, np.inf))
-    return Bounds(gathered(np.maximum, within, 0.0), gathered(np.maximum, far, 0.0) + reach, middle, reach, size)
+    return FanReach(gathered(np.maximum, within, 0.0), gathered(np.maximum, far, 0.0) + reach, middle, reach, size)
 
 
 def _told(

@@ -17,8 +17,9 @@ from itertools import islice
 import casadi as ca
 import numpy as np
 
+from varcalc.integrators.protocol import STOPPED
 from varcalc.optics.media.medium import Expression
-from varcalc.optics.models.hamilton import STOPPED, RayFlow, compile_rays, runs
+from varcalc.optics.models.hamilton import RayFlow, compile_rays, runs
 from varcalc.optics.models.straight import StraightRays
 from varcalc.optics.propagation.sequential import Propagator
 from varcalc.optics.rays.beam import NOTHING, Beam, RayStatus, frames, launched, moved_on, packed, unpacked

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from varcalc.optics.arrivals.cells import PATH, Cells
-from varcalc.optics.arrivals.fan import FIRST_ANGLES, NARROWEST, Fan
+from varcalc.optics.arrivals.fan import FIRST_ANGLES, LEAST_ANGLE, Fan
 from varcalc.optics.arrivals.misses import Misses, Seeds, misses, seeds
-from varcalc.optics.arrivals.newton import MEETS, TOUCHES_CAUSTIC, Aims, Meeting, as_they_are, flattest, met
+from varcalc.optics.arrivals.newton import MEETS, TOUCHES_CAUSTIC, Aims, ClosestApproach, as_they_are, flattest, met
 from varcalc.optics.rays.beam import Rows
 
 MOST_HALVINGS = 24
@@ -34,7 +34,7 @@ SAME_CONTINUUM = 1e-6
 """Optical paths of the rays of one continuum agree so well, relative to their size."""
 MEETS_UNAIMED = 1e-11
 """Of the scene: a ray that was aimed nowhere and comes so close to a point, to which a continuum leads, is of one."""
-TOLD_APART = 4 * NARROWEST
+TOLD_APART = 4 * LEAST_ANGLE
 """Neighbouring angles that are cut no more."""
 SAME_RAY = 1e-9
 """Angles, and optical paths relative to their size, that differ by less are of one ray."""
@@ -61,7 +61,7 @@ class Arrivals:
     given up.
     """
 
-    meeting: Meeting
+    meeting: ClosestApproach
     touching: np.ndarray
     continuum: np.ndarray
     unresolved: np.ndarray
@@ -76,7 +76,7 @@ class WavefrontConstruction:
 
     def __post_init__(self) -> None:
         self.continuum = np.zeros(len(self.pairs), dtype=bool)
-        self.flat: list[Meeting] = []
+        self.flat: list[ClosestApproach] = []
         self.unresolved = np.zeros(len(self.pairs), dtype=int)
         self.crossings: list[Aims] = []
         self.folds: list[Aims] = []
@@ -91,7 +91,7 @@ class WavefrontConstruction:
             cells, cell, pair = self._round(cells, cell, pair)
         continua = self._continua()
         parts = [(continua, np.ones(len(continua.miss), dtype=bool)), *self._polished(continua)]
-        meeting, touching = Meeting.joined([found for found, _ in parts]), np.concatenate([t for _, t in parts])
+        meeting, touching = ClosestApproach.joined([found for found, _ in parts]), np.concatenate([t for _, t in parts])
         return self._told(meeting, touching, len(continua.miss))
 
     def _first(self, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
@@ -192,9 +192,9 @@ class WavefrontConstruction:
         self.continuum = self._many(met.aims.pair)
         self.flat = [met.take(np.flatnonzero(self.continuum[met.aims.pair]))]
 
-    def _continua(self) -> Meeting:
+    def _continua(self) -> ClosestApproach:
         """One ray of each continuum: all of its rays have the same optical path, since it is stationary."""
-        met = Meeting.joined(self.flat)
+        met = ClosestApproach.joined(self.flat)
         met = met.take(np.lexsort((met.state[:, PATH], met.aims.pair)))
         path = met.state[:, PATH]
         other = (np.diff(met.aims.pair) > 0) | (np.diff(path) > SAME_CONTINUUM * path[1:])
@@ -221,7 +221,7 @@ class WavefrontConstruction:
             self.flat.append(met)
         return belongs
 
-    def _polished(self, continua: Meeting) -> list[tuple[Meeting, np.ndarray]]:
+    def _polished(self, continua: ClosestApproach) -> list[tuple[ClosestApproach, np.ndarray]]:
         """The rays that meet their points, from all seeds, but for those of the ``continua``."""
         if not self.crossings:
             return []
@@ -238,7 +238,7 @@ class WavefrontConstruction:
         touching, meeting = _beside_continua(touching, continua), _beside_continua(meeting, continua)
         return [(touching, np.ones(len(touching.miss), dtype=bool)), (meeting, np.zeros(len(meeting.miss), dtype=bool))]
 
-    def _told(self, meeting: Meeting, touching: np.ndarray, continua: int) -> Arrivals:
+    def _told(self, meeting: ClosestApproach, touching: np.ndarray, continua: int) -> Arrivals:
         """What was found, none twice, each pair's by optical path; the first stand for so many ``continua``."""
         aims = meeting.aims
         path = meeting.state[:, PATH]
@@ -267,7 +267,7 @@ def _ranges(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count) + first[which], which
 
 
-def _beside(flat: Meeting, turn: np.ndarray) -> Aims:
+def _beside(flat: ClosestApproach, turn: np.ndarray) -> Aims:
     """Aims at the angles ``turn`` (k,) away from the extrema of their misses."""
     aims, state = flat.aims, flat.state
     momentum = np.sum(state[:, 2:4] ** 2, axis=1)
@@ -276,7 +276,7 @@ def _beside(flat: Meeting, turn: np.ndarray) -> Aims:
     return Aims(aims.source, aims.pair, aims.target, aims.angle + turn, sigma, state[:, PATH], np.abs(turn), aims.size)
 
 
-def _beside_continua(meeting: Meeting, continua: Meeting) -> Meeting:
+def _beside_continua(meeting: ClosestApproach, continua: ClosestApproach) -> ClosestApproach:
     """The rays of ``meeting`` that are of none of the ``continua``."""
     other = np.ones(len(meeting.miss), dtype=bool)
     for pair, path in zip(continua.aims.pair, continua.state[:, PATH], strict=True):

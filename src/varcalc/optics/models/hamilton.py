@@ -19,7 +19,8 @@ import casadi as ca
 import numpy as np
 
 from varcalc import integrators
-from varcalc.integrators import NONE, OUTCOMES, Flow, Landing, Outcome
+from varcalc.integrators import NONE, OUTCOMES, Flow, Landing, RunOutcome
+from varcalc.integrators.protocol import COMPLETED, NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression, Medium, switching
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.equations import force_of, ray_rates, ray_system
@@ -31,13 +32,10 @@ from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Geometry
 from varcalc.symbolic.evaluation import PointEvaluator
 
-STOPPED = OUTCOMES.index(Outcome.STOPPED)
-NOT_FINITE = OUTCOMES.index(Outcome.NOT_FINITE)
-TOO_MANY = OUTCOMES.index(Outcome.TOO_MANY_STEPS)
 STATUS_OF_OUTCOME = np.full(len(OUTCOMES), int(RayStatus.SINGULAR))
 """How rays ended, by the number of the outcome of their integration."""
-STATUS_OF_OUTCOME[[OUTCOMES.index(Outcome.COMPLETED), STOPPED]] = RayStatus.ARRIVED
-STATUS_OF_OUTCOME[TOO_MANY] = RayStatus.TOO_MANY_STEPS
+STATUS_OF_OUTCOME[[COMPLETED, STOPPED]] = RayStatus.ARRIVED
+STATUS_OF_OUTCOME[TOO_MANY_STEPS] = RayStatus.TOO_MANY_STEPS
 MOST_CROSSINGS = 100_000
 """Heights of the table crossed by one ray."""
 SHORTEST_RUN = 1e-13
@@ -48,7 +46,6 @@ MOMENTUM_BROKEN = 1e-8
 """|p|² and n², which are equal along a ray, differ by so much of n² only where the index is singular."""
 SAME_SIGMA = 1e-14
 """Relative difference of σ and the sum of its parts that is round-off."""
-COMPLETED = OUTCOMES.index(Outcome.COMPLETED)
 SINGULAR = int(RayStatus.SINGULAR)
 _ONE_AT_A_TIME = Lock()
 """Threads that need the same system wait for the one that builds it."""
@@ -94,7 +91,7 @@ class LayeredFlow:
 
     def ensemble(self, states: np.ndarray, constants: np.ndarray, *, leaving: tuple[int, ...] = ()) -> Landing:
         """See :meth:`varcalc.integrators.protocol.Flow.ensemble`."""
-        ends = Landing.at(states, outcome=TOO_MANY)
+        ends = Landing.at(states, outcome=TOO_MANY_STEPS)
         for _ in self._rounds(ends, constants, leaving):
             pass
         return ends
@@ -274,7 +271,7 @@ class HamiltonRays:
             run = flow.trajectory(
                 np.array([0.0, max(end - start, SHORTEST_RUN * length)]), begin, constants, dense=True
             )
-            if run.outcome is not Outcome.COMPLETED or run.trajectory is None:
+            if run.outcome is not RunOutcome.COMPLETED or run.trajectory is None:
                 raise ArithmeticError(f"a ray could not be followed a second time: {run.outcome.value}")
             trajectories.append(run.trajectory)
 

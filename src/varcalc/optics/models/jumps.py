@@ -18,7 +18,7 @@ LOG_RADIUS_LIMIT = 330.0
 """Of |ln(r/r₀)|: beyond it r² is no number."""
 FARTHEST = 1e8
 """Heights at which an index is asked for."""
-BESIDE, SAME = 1e-9, 1e-11
+SIDE_OFFSET, INDEX_ROUND_OFF = 1e-9, 1e-11
 """Of a place: how far beside it its sides are told; and of n², what is round-off."""
 
 
@@ -56,9 +56,9 @@ def _jumps(medium: Stratified | Radial) -> bool:
         return True
     pieces = Sides.of(ca.SX(g), u)
     for place in found:
-        sides = pieces.at(place + BESIDE * max(1.0, abs(place)) * np.array([[-1.0], [1.0]]))
+        sides = pieces.at(place + SIDE_OFFSET * max(1.0, abs(place)) * np.array([[-1.0], [1.0]]))
         both = [PointEvaluator(ca.Function("g", [u], [pieces.piece(side).expression])) for side in sides]
         below, above = (float(one(1, np.array([[place]]))[0, 0]) for one in both)
-        if not abs(above - below) <= SAME * abs(below):
+        if not abs(above - below) <= INDEX_ROUND_OFF * abs(below):
             return True
     return False

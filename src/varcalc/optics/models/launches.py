@@ -17,7 +17,7 @@ from itertools import takewhile
 import numpy as np
 
 from varcalc.numerics.proxies import Proxies, zeros
-from varcalc.optics.models.passages import BESIDE, COUNT, LAYERS, RayPassages, Spread
+from varcalc.optics.models.passages import BREAK_OFFSET, COUNT, LAYERS, RayPassages, Spread
 from varcalc.optics.models.reduction import RayPotential
 
 MOST_WINDINGS = 64
@@ -296,7 +296,7 @@ def _resting(spread: Spread, aims: Distances) -> np.ndarray:
     inside = (at + way >= 0) & (at + way <= 2.0 * (spread.passages.count[pair] - 1))
     rows = np.flatnonzero(inside & ~spread.passages.mild[pair, (at / 2).astype(int)])
     pair, at, way = pair[rows], at[rows], way[rows]
-    here = spread(pair, at + np.sign(way) * BESIDE)
+    here = spread(pair, at + np.sign(way) * BREAK_OFFSET)
     growing = here[:, :LAYERS] - spread(pair, at + way)[:, :LAYERS] > GROWN * spread.distance[pair, None]
     slow = np.sqrt(spread.passages.g)[pair] * np.cos(spread.angles(pair, at))
     for row in np.flatnonzero(growing.any(axis=1)):

@@ -45,7 +45,7 @@ class Parabolas(Model):
 
 
 @dataclass(frozen=True)
-class Piece:
+class ParabolicArc:
     """One ray in one layer: where it begins in σ, the ray there, and dp/dσ upwards."""
 
     start: float
@@ -69,7 +69,7 @@ class ParabolicRays:
 
     def leg(self, beam: Beam, path: float) -> Leg:
         """See :meth:`varcalc.optics.models.model.Carrier.leg`."""
-        pieces: list[Piece] = []
+        pieces: list[ParabolicArc] = []
         free = replace(self, surfaces=())
         free._carried(beam, np.array([path]), NOTHING, pieces)  # noqa: SLF001  itself, without surfaces
         last = pieces[-1]
@@ -97,7 +97,9 @@ class ParabolicRays:
             there.put(ahead, arrival.beam.known(arrival.status == RayStatus.ARRIVED))
         return there, grown
 
-    def _carried(self, beam: Beam, limit: np.ndarray, leaving: int, pieces: list[Piece]) -> tuple[Arrival, np.ndarray]:
+    def _carried(
+        self, beam: Beam, limit: np.ndarray, leaving: int, pieces: list[ParabolicArc]
+    ) -> tuple[Arrival, np.ndarray]:
         """Carry the rays layer by layer, and add to ``pieces`` what the first ray goes through; σ (m,) at the ends."""
         m = len(beam)
         beam, travelled = beam.take(np.arange(m)), np.zeros(m)
@@ -110,7 +112,7 @@ class ParabolicRays:
                 break
             here, pull = beam.take(alive), self.table.coefficients[layer[alive], 1] / 2
             if alive[0] == 0:
-                pieces.append(Piece(float(travelled[0]), here.take(np.zeros(1, dtype=int)), pull[:1]))
+                pieces.append(ParabolicArc(float(travelled[0]), here.take(np.zeros(1, dtype=int)), pull[:1]))
             ends = np.stack([
                 *self._to_heights(here, pull, layer[alive], knot[alive]),
                 self._to_path(here, pull, limit[alive]),

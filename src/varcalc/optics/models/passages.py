@@ -36,11 +36,11 @@ LEAST_SHARE, MOST_SHARE = 1e-14, 1e-2
 """The same in units of half the way to the next one, at least and at most."""
 TOGETHER = 2048
 """Angles whose passages are integrated together; bounds the memory."""
-ROUGH_PLACES, ROOM = 240, 2.0
+ROUGH_PLACES, HEIGHT_MARGIN = 240, 2.0
 """Heights at which the index is summed to say how high rays come, and by what factor that may be wrong."""
 FARTHEST_LOG = 300.0
 """Of the logarithm of a radius."""
-BESIDE = 1e-9
+BREAK_OFFSET = 1e-9
 """Of the unknown, that much beside a break the passages are those of its side."""
 LAYERS, COUNT = 3, 6
 """RayPassages S, U and D: how far they come along the layers, and together with their optical paths."""
@@ -290,7 +290,7 @@ def _farthest(profile: RayPotential, edge: np.ndarray, way: int, within: np.ndar
     g = profile.at(edge[:, None] + way * away)[0]
     with np.errstate(all="ignore"):
         paths = np.cumsum(np.sqrt(np.fmin(g[:, 1:], g[:, :-1])) * np.diff(away), axis=1)
-    enough = paths > ROOM * within[:, None]
+    enough = paths > HEIGHT_MARGIN * within[:, None]
     number = 1 + np.argmax(enough, axis=1)
     return np.where(enough.any(axis=1), edge + way * away[np.arange(len(edge)), number], way * np.inf)
 
@@ -363,7 +363,7 @@ class Spread:
 
     def inside(self, at: np.ndarray, way: int) -> np.ndarray:
         """Next to a break, where ``at`` (P,) are breaks."""
-        return np.where(at % 2 == 0, at + way * BESIDE, at)
+        return np.where(at % 2 == 0, at + way * BREAK_OFFSET, at)
 
     def beyond(self, family: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Which passages (P, 6) are longer than is asked for, in either way; S is part of every ray."""

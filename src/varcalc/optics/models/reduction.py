@@ -24,7 +24,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.numerics.one_coordinate.motions import MotionPoint
-from varcalc.numerics.one_coordinate.potential import FAR, PLACES, Potential
+from varcalc.numerics.one_coordinate.potential import NOT_FOLLOWED, PLACES, Potential
 from varcalc.numerics.one_coordinate.quadrature import BY_C, TAU
 from varcalc.optics.media.medium import Expression, Medium, Radial
 from varcalc.optics.models.jumps import LOG_RADIUS_LIMIT, switched
@@ -85,7 +85,7 @@ class Profile(RayPotential):
 
     def _switched(self, g: Expression, u: Expression) -> np.ndarray:
         """Where g has kinks or jumps; none where there are too many to be placed."""
-        far = LOG_RADIUS_LIMIT if self.about_centre else FAR * max(1.0, abs(self.probe))
+        far = LOG_RADIUS_LIMIT if self.about_centre else NOT_FOLLOWED * max(1.0, abs(self.probe))
         found = switched(g, u, far)
         return np.zeros(0) if found is None else found
 
@@ -102,7 +102,7 @@ class Profile(RayPotential):
     @cached_property
     def _gentle(self) -> np.ndarray:
         u = ca.SX.sym("u")
-        reach = LOG_RADIUS_LIMIT if self.about_centre else FAR * abs(self.unit)
+        reach = LOG_RADIUS_LIMIT if self.about_centre else NOT_FOLLOWED * abs(self.unit)
         edges = self.probe + reach * np.array([-1.0, 0.0, 1.0])
         return gentle_boxes(ca.Function("g", [u], [self._squared(u)]), edges, MOST_BOXES)[1:-1]
 
@@ -150,7 +150,7 @@ class Profile(RayPotential):
     @property
     def reach(self) -> np.ndarray | None:
         """Multiples of one about a centre, where u is a logarithm."""
-        reach = np.geomspace(1e-8, FAR, PLACES)
+        reach = np.geomspace(1e-8, NOT_FOLLOWED, PLACES)
         return reach[reach < LOG_RADIUS_LIMIT] if self.about_centre else None
 
 

@@ -16,16 +16,14 @@ import casadi as ca
 import numpy as np
 
 from varcalc import integrators
-from varcalc.integrators import OUTCOMES, Flow, Landing, Outcome
+from varcalc.integrators import Flow, Landing
+from varcalc.integrators.protocol import NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression, Field, Medium
 from varcalc.optics.models.equations import force, ray_rates
 from varcalc.optics.rays.beam import at_surface, packed, unpacked
 from varcalc.optics.surfaces import Geometry, Surface
-from varcalc.symbolic.sides import Piece, Sides
+from varcalc.symbolic.sides import ExpressionOnSide, Sides
 
-STOPPED, NOT_FINITE, TOO_MANY = (
-    OUTCOMES.index(o) for o in (Outcome.STOPPED, Outcome.NOT_FINITE, Outcome.TOO_MANY_STEPS)
-)
 MOST_CROSSINGS = 20_000
 """Kinks and jumps that one ray comes to."""
 AHEAD = 1e-12
@@ -74,7 +72,7 @@ class EndOfPiece(Surface):
 class Region:
     """One piece of a medium: its n² on arrays, its ends as surfaces, and its rays with the ends as their last stops."""
 
-    piece: Piece
+    piece: ExpressionOnSide
     field: Field
     ends: tuple[Geometry, ...]
     flow: Flow
@@ -121,7 +119,7 @@ class SwitchedFlow:
         leaving: tuple[int, ...] = (), crossed: np.ndarray | None = None,
     ) -> tuple[Landing, np.ndarray]:  # fmt: skip
         """The same, and what runs have come through (m,) after what they had ``crossed``: see :class:`Beam`."""
-        ends = Landing.at(states, outcome=TOO_MANY)
+        ends = Landing.at(states, outcome=TOO_MANY_STEPS)
         way = np.zeros(len(states)) if crossed is None else np.array(crossed)
         for _ in self._rounds(ends, constants, until, leaving, way):
             pass
@@ -143,7 +141,7 @@ class SwitchedFlow:
                 self._regions[key] = self._compiled(self._pieces.piece(key))
             return self._regions[key]
 
-    def _compiled(self, piece: Piece) -> Region:
+    def _compiled(self, piece: ExpressionOnSide) -> Region:
         d, position = self.dimension, self._position
         s, state, numbers = ca.SX.sym("s"), ca.SX.sym("Y", self._size), ca.SX.sym("c", self.constants)
         medium = OnePiece(piece.expression, position)
@@ -191,7 +189,7 @@ class SwitchedFlow:
             alive = alive[ends.outcomes[alive] != NOT_FINITE]
             if len(alive) == 0:
                 return
-            ends.outcomes[alive] = TOO_MANY
+            ends.outcomes[alive] = TOO_MANY_STEPS
 
     def _ahead(self, states: np.ndarray) -> np.ndarray:
         """Places (m, d) a little ahead of rays."""

@@ -19,7 +19,7 @@ from varcalc.problem.problem import Curve
 from varcalc.solution import Status, VariationalError
 from varcalc.solve.ladder import solve
 
-NEAR = 1e-6
+SAME_PATH = 1e-6
 """Relative difference of the optical paths of a ray and of the extremal that it is polished to."""
 
 
@@ -59,7 +59,7 @@ def certified_path(medium: Medium, leg: Leg, end: Sequence[float] | None) -> Cer
 
     problem = fermat(medium, beam.position[0].tolist(), beam.position[-1].tolist() if end is None else end)
     solution = solve(problem, Collocation(), guess=guess)
-    if not abs(solution.value - path) <= NEAR * path:
+    if not abs(solution.value - path) <= SAME_PATH * path:
         reason = f"no certificate: near the ray a path of {solution.value:.9g} was found, its own is {path:.9g}"
         raise VariationalError(replace(solution, status=Status.REFUSED, message=reason))
     return certify(solution)

@@ -21,9 +21,9 @@ from varcalc.certificates.balls import Ball, above, below, flint, working
 from varcalc.certificates.certificate import Hypothesis, Means, ProvedInterval, decimals
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, Undecided, jets, without_enclosure
-from varcalc.certificates.stationary import Lagrange
+from varcalc.certificates.stationary import LagrangeFunction
 from varcalc.optics.media.medium import Medium
-from varcalc.optics.rays.fermat import NEAR, by_its_own, stated_index
+from varcalc.optics.rays.fermat import SAME_PATH, by_its_own, stated_index
 from varcalc.optics.surfaces import Surface
 from varcalc.optics.validation import point
 from varcalc.showing import line
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 BITS, TERMS = 160, 2
 """Precision of the balls, and the length of series, of which there are none."""
-NARROWEST = 50
+MOST_HALVINGS = 50
 """How often a part is halved at most where it is proved to meet no surface between its ends."""
 
 ONE = "in boxes about the ray's own points the surfaces have one point each at which the path is stationary"
@@ -120,7 +120,7 @@ class _Chain:
         results = [_level(surface, position, constants), ca.SX(surface.belongs(position))]
         return _program("level", [position, ca.vertcat(*constants.symbols)], results), constants.balls()
 
-    def lagrange(self, hits: np.ndarray) -> Lagrange:
+    def lagrange(self, hits: np.ndarray) -> LagrangeFunction:
         """The optical path with multipliers of the surfaces' levels, about points (K, d) on these."""
         constants, d, count = _Constants(), self.dimension, len(self.surfaces)
         z, multipliers = ca.SX.sym("z", d * count), ca.SX.sym("lambda", count)
@@ -135,7 +135,9 @@ class _Chain:
         program = _program("path", [ca.vertcat(z, multipliers), ca.vertcat(*constants.symbols)], [path])
         whole = np.vstack([self.ends[0], hits, self.ends[1]])
         length = float(np.linalg.norm(np.diff(whole, axis=0), axis=1).sum())
-        return Lagrange(program, d * count, constants.balls(), np.r_[np.full(d * count, length), np.ones(count)])
+        return LagrangeFunction(
+            program, d * count, constants.balls(), np.r_[np.full(d * count, length), np.ones(count)]
+        )
 
 
 def _program(name: str, arguments: list[Any], results: list[Any]) -> Program:
@@ -182,7 +184,7 @@ def _proof(chain: _Chain, hits: np.ndarray, near: float) -> RayCertificate:
     _prove_clear(chain, levels, points)
     path = lagrange.jet(at, 0).value
     low, high = path.lower(), path.upper()
-    if not abs(float(path.mid()) - near) <= NEAR * near:
+    if not abs(float(path.mid()) - near) <= SAME_PATH * near:
         raise Unproved(f"near the ray a path of {float(path.mid()):.9g} was found, its own is {near:.9g}")
     index = lagrange.falling(at)
     hypotheses = (ONE, SIDES, CLEAR, SIGNS) if index else (ONE, SIDES, CLEAR, CONVEX)
@@ -207,7 +209,7 @@ def _rows(at: Sequence[Ball], chain: _Chain) -> list[list[Ball]]:
     return [list(at[d * k : d * (k + 1)]) for k in range(len(chain.surfaces))]
 
 
-def _multipliers(lagrange: Lagrange, hits: np.ndarray) -> np.ndarray:
+def _multipliers(lagrange: LagrangeFunction, hits: np.ndarray) -> np.ndarray:
     """The multipliers of the surfaces at points (K, d), in numbers: what is across each of the pull there."""
     z, count = hits.ravel(), lagrange.equations
     zero = [flint().arb(float(v)) for v in z] + [flint().arb(0)] * count
@@ -272,7 +274,7 @@ def _clear(level: tuple[Program, list[Ball]], start: list[Ball], way: list[Ball]
         low, high, depth = waiting.pop()
         if _free(level, start, way, (low, high), (zeros[0] and bool(low == 0), zeros[1] and bool(high == 1))):
             continue
-        if depth == NARROWEST:
+        if depth == MOST_HALVINGS:
             return False
         middle = ((low + high) / 2).mid()
         waiting += [(low, middle, depth + 1), (middle, high, depth + 1)]

@@ -34,7 +34,7 @@ BACKGROUND_POINTS = 160
 """Points of each side of the picture at which index and surfaces are looked at."""
 MARGIN = 0.06
 """Of the extent of what is drawn, left free around it."""
-FLAT = 0.15
+FLAT_SIDES = 0.15
 """Ratio of the sides below which each has a margin, and a scale, of its own."""
 FRONT_RAYS = 8
 """Rays of a wavefront for each ray of the study that is drawn."""
@@ -238,7 +238,7 @@ def background(media: Sequence[Medium], surfaces: Sequence[Surface], drawn: np.n
     d = drawn.shape[1]
     low, high = drawn.min(0)[[0, -1]], drawn.max(0)[[0, -1]]
     extent = np.maximum(high - low, 1e-3 * float((high - low).max()) or 1.0)
-    room = MARGIN * np.where(extent.min() < FLAT * extent.max(), extent, extent.max())
+    room = MARGIN * np.where(extent.min() < FLAT_SIDES * extent.max(), extent, extent.max())
     across, up = (np.linspace(a, b, BACKGROUND_POINTS) for a, b in zip(low - room, high + room, strict=True))
     plane = np.zeros((len(up), len(across), d))
     plane[:] = np.median(drawn, axis=0)

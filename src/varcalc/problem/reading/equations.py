@@ -8,7 +8,7 @@ from functools import reduce
 from typing import Any
 
 from varcalc.problem.reading.sums import (
-    CLOSE,
+    SAME_NUMBER,
     ZERO,
     Atom,
     Monomial,
@@ -117,7 +117,7 @@ def _normalised(total: Sum) -> Sum:
     smallest = min(abs(c) for _, c in terms)
     ratios = [Fraction(c / smallest).limit_denominator(LARGEST_DENOMINATOR) for _, c in terms]
     scale = 1.0 / terms[0][1]
-    if all(abs(float(r) * smallest - c) <= CLOSE * abs(c) for r, (_, c) in zip(ratios, terms, strict=True)):
+    if all(abs(float(r) * smallest - c) <= SAME_NUMBER * abs(c) for r, (_, c) in zip(ratios, terms, strict=True)):
         common = math.lcm(*(r.denominator for r in ratios))
         whole = [int(r * common) for r in ratios]
         measure = math.gcd(*whole)

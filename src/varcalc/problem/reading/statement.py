@@ -16,7 +16,7 @@ from varcalc.problem.reading import left_sides
 from varcalc.problem.reading.reader import FACTORED, Named, names
 from varcalc.problem.reading.sums import Sum
 from varcalc.problem.reading.writing import LATEX, TEXT, Style, write
-from varcalc.showing import ROOM, Fact, equations, listed
+from varcalc.showing import FACT_WIDTH, Fact, equations, listed
 from varcalc.symbolic.tracing import Expression
 
 MOST_LINES = 3
@@ -143,13 +143,15 @@ class InText(Writer):
     at_most = "<="
     free = " free"
 
-    def integral(self, integrand: str) -> str:  # noqa: D102
+    def integral(self, integrand: str) -> str:
+        """The functional in words."""
         if not self.graph:
             return f"integral of {integrand} along the curve"
         x, (first, last) = self.problem.abscissa.name, self.limits()
         return f"integral of {integrand} d{x} from {first} to {last}"
 
-    def slides(self, label: str, phi: str) -> str:  # noqa: ARG002, D102
+    def slides(self, label: str, phi: str) -> str:  # noqa: ARG002
+        """The condition of an end that slides, in words."""
         return f"slides where {phi} = 0"
 
 
@@ -160,13 +162,15 @@ class InLatex(Writer):
     at_most = r"\leq"
     free = r"\ \mathrm{free}"
 
-    def integral(self, integrand: str) -> str:  # noqa: D102
+    def integral(self, integrand: str) -> str:
+        """The functional as an integral sign."""
         if not self.graph:
             return rf"\int {integrand} \,dt"
         first, last = self.limits()
         return rf"\int_{{{first}}}^{{{last}}} {integrand} \,d{self.name(self.problem.abscissa.name)}"
 
-    def slides(self, label: str, phi: str) -> str:  # noqa: D102
+    def slides(self, label: str, phi: str) -> str:
+        """The condition of an end that slides, at its end."""
         return rf"\left[ {phi} \right]_\mathrm{{{label}}} = 0"
 
 
@@ -246,4 +250,4 @@ def _fact(label: str, words: str, formula: str, otherwise: str = "") -> Fact:
 
 
 def _at_most(words: str, otherwise: str = "") -> str:
-    return words if len(words) <= ROOM else otherwise or words[: ROOM - 4] + " ..."
+    return words if len(words) <= FACT_WIDTH else otherwise or words[: FACT_WIDTH - 4] + " ..."

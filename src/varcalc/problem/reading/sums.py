@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-CLOSE = 1e-12
+SAME_NUMBER = 1e-12
 """Relative distance within which numbers are the same."""
 
 Monomial = tuple[tuple["Atom", Fraction], ...]
@@ -120,7 +120,7 @@ def add(a: Sum, b: Sum, sign: float = 1.0) -> Sum:
         before = terms.get(m, 0.0)
         total = before + sign * c
         # what is left of two equal coefficients is rounding
-        terms[m] = 0.0 if abs(total) <= CLOSE * abs(before) else total
+        terms[m] = 0.0 if abs(total) <= SAME_NUMBER * abs(before) else total
     return Sum.of(terms)
 
 

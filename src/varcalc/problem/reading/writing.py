@@ -9,7 +9,7 @@ from fractions import Fraction
 from typing import Any
 
 from varcalc.axes import latex_name
-from varcalc.problem.reading.sums import CLOSE, Atom, Monomial, Sum, monomial, times
+from varcalc.problem.reading.sums import SAME_NUMBER, Atom, Monomial, Sum, monomial, times
 
 LARGEST_DENOMINATOR = 720
 
@@ -108,7 +108,7 @@ LATEX = Style(
 
 def _fraction(value: float) -> Fraction | None:
     nice = Fraction(value).limit_denominator(LARGEST_DENOMINATOR)
-    return nice if nice and abs(float(nice) - value) <= CLOSE * abs(value) else None
+    return nice if nice and abs(float(nice) - value) <= SAME_NUMBER * abs(value) else None
 
 
 def write(total: Sum, style: Style) -> str:
