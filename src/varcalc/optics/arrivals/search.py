@@ -328,8 +328,8 @@ class PairSearch:
 
             return carry
 
-        # a table is stepped from height to height as it is
-        careful = None if isinstance(self.compiled.media[0], Tabulated) else carried_by(Invariants())
+        # a table is stepped from height to height as it is, and other gradients keep no invariant
+        careful = carried_by(Invariants()) if isinstance(self.compiled.media[0], Stratified | Radial) else None
         return known.rays(ends.sources, ends.targets, ends.within, carried_by(None), careful)
 
     def _with_planes(self, a: np.ndarray, b: np.ndarray, within: np.ndarray) -> PointPairs:

@@ -10,7 +10,7 @@ import numpy as np
 from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.optics.rays.ray import Ray
 
-CARRIED_WELL, MEETS = 1e-11, 1e-6
+CARRIED_WELL, MEETS = 1e-12, 1e-6
 """Of the distance of two points: a ray that misses the second by more is carried again, or was none."""
 TOLD = 1e-10
 """Noise of a ray's angle beyond which carrying it more carefully gains nothing."""
