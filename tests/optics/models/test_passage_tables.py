@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from varcalc import optics
 from varcalc.optics.models.passage_tables import PassageTables, TabledPassages
@@ -87,3 +88,24 @@ def test_a_kinked_index_has_no_tables():
     got = read.at(np.zeros(3, dtype=int), np.array([0.1, 0.5, 1.2]), np.ones((3, 6)))
     np.testing.assert_array_equal(got, read.passages.at(np.zeros(3, dtype=int), np.array([0.1, 0.5, 1.2])))
     assert not read.tables.made
+
+
+@pytest.mark.parametrize("height", [0.0, 0.25, 0.3])
+@pytest.mark.parametrize("width", [1e-3, 1e-5])
+def test_a_thin_step_on_the_edge_of_a_panel_is_seen(height, width):
+    """Rays through a smooth step are refracted as by a plane, but for its width, wherever in a table it stands."""
+    rng = np.random.default_rng(6)
+    scene = optics.Scene(optics.Stratified(lambda y: 1.5 + 0.1 * ca.tanh((y - height) / width)))
+    below = np.column_stack([np.zeros(12), rng.uniform(-0.5, height - 0.1, 12)])
+    above = np.column_stack([rng.uniform(0.2, 2.0, 12), rng.uniform(height + 0.1, 0.6, 12)])
+    for a, b, rays in zip(below, above, scene.arrivals(below, above), strict=True):
+        (ray,) = rays
+        assert rays.unresolved == 0
+
+        def snell(x, a=a, b=b):
+            first, last = (x - a[0]) / np.hypot(x - a[0], a[1] - height), (b[0] - x) / np.hypot(b[0] - x, b[1] - height)
+            return 1.4 * first - 1.6 * last
+
+        x = brentq(snell, a[0], b[0], xtol=1e-14)
+        sharp = 1.4 * np.hypot(x - a[0], a[1] - height) + 1.6 * np.hypot(b[0] - x, b[1] - height)
+        assert abs(ray.optical_path - sharp) < width

@@ -33,8 +33,8 @@ ENDS_MET = 0.3
 """How well the ends of motions are to be met, in units of how well integrals are."""
 DIGITS = 1e-15
 """Of an integral: what round-off makes of it."""
-CHECKED = np.array([-0.613, 0.287])
-"""Where motions between are looked at, in a panel from -1 to 1."""
+CHECKED = np.array([-1.0, -0.613, 0.287, 1.0])
+"""Where other motions are looked at, in a panel from -1 to 1."""
 TOGETHER = 64
 """Panels integrated over together; bounds the memory."""
 
@@ -44,6 +44,9 @@ _INTEGRATED = np.array([chebyshev.chebint(row, lbnd=-1.0) for row in np.eye(DEGR
 _DERIVED = np.pad(chebyshev.chebder(np.eye(DEGREE + 2), axis=1), ((0, 0), (0, 1))).T
 """From Chebyshev polynomials to their derivatives."""
 _AT_COLUMNS = np.append(_POINTS, CHECKED)
+_ASCENDING = np.argsort(_AT_COLUMNS)
+_IN_PANEL = np.concatenate([[1.0], _POINTS, [-1.0]])
+"""Where integrands are looked at, and at the ends what they are integrated over."""
 _AT_CHECKED = chebyshev.chebvander(CHECKED, DEGREE)
 COUNT = len(_AT_COLUMNS)
 """Motions of a leaf."""
@@ -90,7 +93,9 @@ def leaves(slopes: Slopes, low: np.ndarray, high: np.ndarray) -> list[tuple[Leaf
         part = slice(k * COUNT, (k + 1) * COUNT)
         if own is not None:
             start = way.start[part][DEGREE // 2] / most[part][DEGREE // 2]
-            out[number] = _leaf((float(low[number]), float(high[number])), own, most[part], ends[part], start)
+            leaf, off = _leaf((float(low[number]), float(high[number])), own, most[part], ends[part], start)
+            turns = (slopes.reference + ends[part][_ASCENDING]).T
+            out[number] = leaf, off if np.all(_seen(way.gentle, turns)) else np.inf
     return out
 
 
@@ -189,15 +194,19 @@ def _integrands(
 ) -> tuple[np.ndarray, np.ndarray]:
     """What is integrated on panels (n,) of leaves, (COLUMNS, n, COUNT, DEGREE + 1); whether points tell all (n,)."""
     parts, seen = [], []
-    share = left[:, None] + width * (1 + _POINTS) / 2
+    share = left[:, None] + width * (1 + _IN_PANEL) / 2
     for first in range(0, len(leaf), TOGETHER):
         some = slice(first, first + TOGETHER)
         rows = (leaf[some, None] * COUNT + np.arange(COUNT)).ravel()
         places, values = way.take(rows).integrands(most[rows, None] * np.repeat(share[some], COUNT, axis=0))
-        parts.append(values[:COLUMNS].reshape(COLUMNS, -1, COUNT, DEGREE + 1))
-        passed = np.searchsorted(way.gentle, places.reshape(-1, COUNT, DEGREE + 1))
-        seen.append(np.all(np.abs(np.diff(passed, axis=2)) <= 1, axis=(1, 2)))
+        parts.append(values[:COLUMNS, :, 1:-1].reshape(COLUMNS, -1, COUNT, DEGREE + 1))
+        seen.append(_seen(way.gentle, places).reshape(-1, COUNT).all(axis=1))
     return np.concatenate(parts, axis=1), np.concatenate(seen)
+
+
+def _seen(gentle: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """True (m,) where no two neighbours of ``places`` (m, k) have several of the ``gentle`` ones between them."""
+    return np.all(np.abs(np.diff(np.searchsorted(gentle, places), axis=1)) <= 1, axis=1)
 
 
 def grouped(numbers: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:

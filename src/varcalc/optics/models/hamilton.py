@@ -48,8 +48,6 @@ MOMENTUM_BROKEN = 1e-8
 """|p|² and n², which are equal along a ray, differ by so much of n² only where the index is singular."""
 SAME_SIGMA = 1e-14
 """Relative difference of σ and the sum of its parts that is round-off."""
-MANY = 64
-"""Rays carried together for which it pays to compile a system that goes by the optical path."""
 COMPLETED = OUTCOMES.index(Outcome.COMPLETED)
 SINGULAR = int(RayStatus.SINGULAR)
 _ONE_AT_A_TIME = Lock()
@@ -237,7 +235,7 @@ class HamiltonRays:
             never = self._behind(beam, leaving != NOTHING)
             status[never] = RayStatus.MISSED
             left = np.flatnonzero(~never)
-        if limited and len(left) >= MANY and not self.surfaces and not self._pieced:
+        if limited and len(left) and not self.surfaces and not self._pieced:
             left = left[~self._by_path(states, limit, left, beam.deviations)]
         if len(left):  # otherwise nothing need be compiled
             flow = self.stopped_flow(beam.deviations, limited)
