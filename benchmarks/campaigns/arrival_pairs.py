@@ -7,7 +7,8 @@ elementary integral says. There X is tabulated over the launching angle, its
 extrema are refined, and every stretch between two of them is searched for
 the receiver: all zeros, by exhaustion. A third lies in Maxwell's fish-eye,
 where rays are the great circles of a sphere, gone round either way and any
-number of times.
+number of times. A fourth lies between two mirrors, where rays are straight to
+images of the source, and graze the mirrors when it is far.
 """
 
 from __future__ import annotations
@@ -60,6 +61,22 @@ def fish_eye_pair(rng: np.random.Generator) -> Drawn:
     angle = float(np.arctan2(np.linalg.norm(np.cross(first, last)), first @ last))
     paths = sorted(arc + 2 * np.pi * k for k in range(TURNS) for arc in (angle, 2 * np.pi - angle))
     return Drawn((float(a[0]), float(a[1])), (float(b[0]), float(b[1])), tuple(paths), float("inf"))
+
+
+MOST_REFLECTIONS = 8
+"""Of rays between two mirrors, one unit apart."""
+
+
+def guide_pair(rng: np.random.Generator) -> tuple[optics.Scene, Drawn]:
+    """Two points between mirrors at y = 0 and y = -1, up to 300 apart, a number of reflections, and the one ray."""
+    sides = [optics.Plane((0, 0), (0, 1), mirror=True), optics.Plane((0, -1), (0, 1), mirror=True)]
+    first, last, away = -rng.uniform(0.01, 0.99), -rng.uniform(0.01, 0.99), 10 ** rng.uniform(-2, 2.5)
+    begin, count = int(rng.integers(2)), int(rng.integers(1, MOST_REFLECTIONS + 1))
+    image, met = first, [(begin + k) % 2 for k in range(count)]
+    for side in met:
+        image = -2 * side - image
+    scene = optics.Scene([optics.Uniform(1.0)] * (count + 1), [sides[side] for side in met])
+    return scene, Drawn((0.0, first), (away, last), (float(np.hypot(away, image - last)),), float("inf"))
 
 
 def _direction(rng: np.random.Generator) -> np.ndarray:

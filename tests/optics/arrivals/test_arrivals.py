@@ -39,6 +39,39 @@ def test_receivers_at_the_same_height_share_what_is_found_and_none_is_answered_o
     same(alone, scene.arrivals(source, receivers, within=8.0))
 
 
+def test_every_arc_between_points_of_a_fish_eye_with_no_end_in_common():
+    """Rays are great circles of a sphere, either way round (Luneburg, "Mathematical Theory of Optics", sect. 28).
+
+    Those past its pole go far out, where the spreading has fewer digits.
+    """
+    a, b = drawn((-1.2, -1.2), (1.2, 1.2), 60, 5), drawn((-1.2, -1.2), (1.2, 1.2), 60, 6)
+    first, last = (
+        np.column_stack([2 * p, np.sum(p**2, axis=1) - 1]) / (1 + np.sum(p**2, axis=1))[:, None] for p in (a, b)
+    )
+    arc = 2 * np.arcsin(np.linalg.norm(first - last, axis=1) / 2)
+    for number, rays in enumerate(FISH_EYE[0].arrivals(a, b, within=2 * np.pi)):
+        paths = np.array([arc[number], 2 * np.pi - arc[number]])
+        np.testing.assert_allclose([ray.optical_path for ray in rays], paths, rtol=1e-12)
+        assert [ray.index for ray in rays] == [0, 1]
+        index_at_end = 2 / (1 + b[number] @ b[number])
+        np.testing.assert_allclose([ray.spreading for ray in rays], np.sin(arc[number]) / index_at_end, rtol=1e-7)
+        assert rays.unresolved == 0
+
+
+@pytest.mark.parametrize(
+    "channel", [CHANNEL[0], optics.Scene(optics.Stratified(lambda y: 1 + 1e-4 * ca.exp(-(y**2) / 1e6)))]
+)
+def test_pairs_with_no_end_in_common_are_answered_as_each_is_alone(channel):
+    """What all pairs share is made anew, whatever was asked before and however much of it."""
+    sources, receivers = drawn((0.0, -2500.0), (1e3, -200.0), 40, 1), drawn((2e4, -2500.0), (6e4, -200.0), 40, 2)
+    together = channel.arrivals(sources, receivers)
+    alone = [channel.rays(*pair) for pair in zip(sources[:4], receivers[:4], strict=True)]
+    fresh = optics.Scene(channel.media[0])
+    same(alone, together)
+    same([fresh.rays(*pair) for pair in zip(sources[:4], receivers[:4], strict=True)], together)
+    same(channel.arrivals(sources[30:], receivers[30:]), together[30:])
+
+
 def same(alone, together):
     for one, other in zip(alone, together, strict=False):
         assert (one.unresolved, other.unresolved) == (0, 0)

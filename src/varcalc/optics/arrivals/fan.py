@@ -303,14 +303,16 @@ class Fan:
         first = first[self._may_matter(rays, first)]
         pairs = np.stack([first, first + 1], axis=1)
         state = np.stack([rays.start[pairs], rays.end[pairs]], axis=2)
-        source = rays.source[rays.rows[first]]
+        source, before = rays.source[rays.rows[first]], rays.before[pairs]
+        delay = self._delay(source, state)
+        delay[:, :, 0][before == 0] = 0.0  # the last surface is no front: σ begins there, however rays come in
         return Cells(
             source,
             rays.angles[rays.rows[pairs]],
-            np.stack([rays.before[pairs], rays.after[pairs]], axis=2),
+            np.stack([before, rays.after[pairs]], axis=2),
             state,
             self._pull(state),
-            self._delay(source, state),
+            delay,
             np.full(len(first), np.inf),
             np.full(len(first), np.inf),
             np.zeros(len(first), dtype=int),
@@ -326,7 +328,9 @@ class Fan:
         across = width[:, None] * np.abs(p[..., 0] * moved[..., 1] - p[..., 1] * moved[..., 0])
         across /= np.linalg.norm(p, axis=2)
         along = np.linalg.norm(corners[:, 2:, R] - corners[:, :2, R], axis=2)
-        size = across.max(axis=1) + along.max(axis=1)
+        # rays that come in at grazing incidence do so far from each other, along the surface
+        apart = np.linalg.norm(corners[:, 1::2, R] - corners[:, ::2, R], axis=2)
+        size = np.maximum(across.max(axis=1), apart.max(axis=1)) + along.max(axis=1)
         far = away.min(axis=1) > self.bounds.reach[source] + CELL_REACH * size
         return ~far  # also where a corner is missing
 

@@ -11,12 +11,13 @@ import numpy as np
 
 from varcalc.optics.arrivals.fan import Fan, FanReach
 from varcalc.optics.arrivals.narrow import NarrowSearch
-from varcalc.optics.arrivals.space import DIRECTIONS, Approaches, search
+from varcalc.optics.arrivals.space import DIRECTIONS, Approaches, approaching, search
 from varcalc.optics.arrivals.wavefront_construction import Arrivals, PlanePairs, WavefrontConstruction
 from varcalc.optics.media.medium import Medium, Radial, Stratified
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.aimed import Carry
 from varcalc.optics.models.constant_pull import ConstantPull
+from varcalc.optics.models.hamilton import RayFlow
 from varcalc.optics.models.invariants import Invariants
 from varcalc.optics.models.jumps import jumping
 from varcalc.optics.models.model import Builder, Model, Question, checked_model
@@ -75,6 +76,11 @@ class TwoPoint:
     def narrow(self) -> NarrowSearch:
         """What is narrow in the last medium."""
         return NarrowSearch(self.planar)
+
+    @cached_property
+    def _approaching(self) -> RayFlow:
+        """What takes rays in space to where they come closest to a point, whichever it is."""
+        return approaching(self.full)
 
     def found(self, pairs: PointPairs) -> list[Rays]:
         """All rays of each pair, in the planes that hold them or over the sphere of directions."""
@@ -174,7 +180,7 @@ class TwoPoint:
         """All rays from ``a`` to ``b`` (3,) that a net of directions leads to."""
         distance = float(np.linalg.norm(b - a))
         far = max(within / float(self._largest_index(one)[0]), 2 * distance)
-        fan = Approaches(self.full, a, b, within, far)
+        fan = Approaches(self.full, lambda: self._approaching, a, b, within, far)
         found = search(fan.minima, b, distance)
         every = np.zeros(len(found.paths), dtype=int)
         built = self.built(one.take(every), found.directions, found.paths, every > 0)
@@ -328,8 +334,8 @@ class PairSearch:
 
             return carry
 
-        # a table is stepped from height to height as it is
-        careful = None if isinstance(self.compiled.media[0], Tabulated) else carried_by(Invariants())
+        # a table is stepped from height to height as it is, and other gradients keep no invariant
+        careful = carried_by(Invariants()) if isinstance(self.compiled.media[0], Stratified | Radial) else None
         return known.rays(ends.sources, ends.targets, ends.within, carried_by(None), careful)
 
     def _with_planes(self, a: np.ndarray, b: np.ndarray, within: np.ndarray) -> PointPairs:

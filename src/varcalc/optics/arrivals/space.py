@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import islice
 
 import casadi as ca
@@ -58,10 +57,12 @@ class SphereSearch:
 class Approaches:
     """Where rays of ``source`` (d,) come closest to ``target`` (d,); remembers what became of the others.
 
-    They are followed to the optical path ``within`` and the distance ``far`` from the target.
+    They are followed to the optical path ``within`` and the distance ``far`` from the target, where the last medium is
+    graded by the ``flow`` that :func:`approaching` compiles, the same for all targets.
     """
 
     propagator: Propagator
+    flow: Callable[[], RayFlow]
     source: np.ndarray
     target: np.ndarray
     within: float
@@ -104,7 +105,7 @@ class Approaches:
         constants = np.tile([*self.target, self.within, self.far], (len(beam), 1))
         waiting = {leaving: np.flatnonzero(beam.optical_path < self.within)}
         found: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros(0, dtype=int), states[:0])]
-        for rows, landing in islice(runs(self._flow, surfaces, states, constants, waiting), MOST_APPROACHES):
+        for rows, landing in islice(runs(self.flow(), surfaces, states, constants, waiting), MOST_APPROACHES):
             nearest = rows[(landing.outcomes == STOPPED) & (landing.stopped_by == least)]
             if len(nearest):
                 minimum = nearest[self._grows(states[nearest])]
@@ -118,18 +119,18 @@ class Approaches:
         _, gradient, _ = self.propagator.fields[-1](states[:, :d])
         return np.sum(states[:, d : 2 * d] ** 2 + gradient / 2 * (states[:, :d] - self.target), axis=1) > 0
 
-    @cached_property
-    def _flow(self) -> RayFlow:
-        """The ray system of the last medium with all neighbours; constants are the target and the two limits."""
-        propagator, d = self.propagator, self.propagator.dimension
 
-        def stops(state: Expression, constants: Expression) -> Expression:
-            levels = [surface.surface.level(state[:d]) for surface in propagator.geometries]
-            offset = state[:d] - constants[:d]
-            away = (ca.sumsqr(offset) / constants[d + 1] ** 2 - 1) / 2
-            return ca.vertcat(*levels, ca.dot(state[d : 2 * d], offset), state[2 * d] - constants[d], away)
+def approaching(propagator: Propagator) -> RayFlow:
+    """The ray system of the last medium with all neighbours; constants are the target and the two limits."""
+    d = propagator.dimension
 
-        return compile_rays(propagator.media[-1], d, d - 1, stops, d + 2)
+    def stops(state: Expression, constants: Expression) -> Expression:
+        levels = [surface.surface.level(state[:d]) for surface in propagator.geometries]
+        offset = state[:d] - constants[:d]
+        away = (ca.sumsqr(offset) / constants[d + 1] ** 2 - 1) / 2
+        return ca.vertcat(*levels, ca.dot(state[d : 2 * d], offset), state[2 * d] - constants[d], away)
+
+    return compile_rays(propagator.media[-1], d, d - 1, stops, d + 2)
 
 
 def search(minima: Minima, target: np.ndarray, size: float) -> SphereSearch:

@@ -10,12 +10,14 @@ import numpy as np
 from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.optics.rays.ray import Ray
 
-CARRIED_WELL, MEETS = 1e-11, 1e-6
+CARRIED_WELL, MEETS = 1e-12, 1e-6
 """Of the distance of two points: a ray that misses the second by more is carried again, or was none."""
 TOLD = 1e-10
 """Noise of a ray's angle beyond which carrying it more carefully gains nothing."""
 ERROR_MARGIN = 4.0
 """By how many times the difference of two optical paths either may be off."""
+READ = 1e-14
+"""Of an optical path: what the passages that it is made of, read from tables, may be off."""
 PANELS = 32
 """Panels whose errors, each within that to which they are integrated, may add up in an optical path."""
 
@@ -72,6 +74,6 @@ class Aimed:
             if ray is not None and off <= MEETS:
                 # two routes to one number, in one stroke and along the ray; what went astray did so along it as well
                 apart = ERROR_MARGIN * abs(ray.optical_path - self.paths[k])
-                error = max(ray.error, floor[k], apart, off * self.paths[k])
+                error = max(ray.error, floor[k], apart, max(off, READ) * self.paths[k])
                 out[self.question[k]].append(replace(ray, error=float(error)))
         return [sorted(rays, key=lambda ray: ray.optical_path) for rays in out]

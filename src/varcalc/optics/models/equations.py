@@ -63,13 +63,15 @@ def force_of(medium: Medium, position: Expression, constants: Expression) -> For
     return force(medium.squared_index(position), position) if known is None else force_through(*known, position)
 
 
-def ray_system(medium: Medium, dimension: int, neighbours: int) -> ca.Function:
+def ray_system(medium: Medium, dimension: int, neighbours: int, *, by_path: bool = False) -> ca.Function:
     """Hamilton's ray equations with ``neighbours`` deviations, as the engines take a system.
 
     The state is r, p, S, then δr and δp of each neighbour. There are no
-    constants, but for those of one layer where the medium is a table.
+    constants, but for those of one layer where the medium is a table. The abscissa is σ, or the optical path, whose
+    rate by σ is n²; deviations are those at the same σ.
     """
     s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * dimension + 1 + 2 * dimension * neighbours)
     constants = ca.SX.sym("c", 6 if isinstance(medium, Tabulated) else 0)
     here = force_of(medium, state[:dimension], constants)
-    return ca.Function("rays", [s, state, constants], [ray_rates(here, state, dimension)])
+    rates = ray_rates(here, state, dimension)
+    return ca.Function("rays", [s, state, constants], [ca.cse(rates * (1 / here.squared)) if by_path else rates])

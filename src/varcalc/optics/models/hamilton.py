@@ -49,6 +49,8 @@ SAME_SIGMA = 1e-14
 SINGULAR = int(RayStatus.SINGULAR)
 _ONE_AT_A_TIME = Lock()
 """Threads that need the same system wait for the one that builds it."""
+_ONE_RUN = Lock()
+"""heyoka's integrators hold states: a run by the optical path takes all cores itself."""
 
 
 def compile_rays(
@@ -211,6 +213,7 @@ class HamiltonRays:
     surfaces: Sequence[Geometry]
     _stopped_flows: dict[tuple[int, bool], RayFlow] = field(default_factory=dict, repr=False)
     _timed_flows: dict[int, Flow | SwitchedFlow] = field(default_factory=dict, repr=False)
+    _path_flows: dict[int, Flow] = field(default_factory=dict, repr=False)
 
     name = "Hamilton's ray equations"
 
@@ -229,11 +232,38 @@ class HamiltonRays:
             never = self._behind(beam, leaving != NOTHING)
             status[never] = RayStatus.MISSED
             left = np.flatnonzero(~never)
+        if limited and len(left) and not self.surfaces and not self._pieced:
+            left = left[~self._by_path(states, limit, left, beam.deviations)]
         if len(left):  # otherwise nothing need be compiled
             flow = self.stopped_flow(beam.deviations, limited)
             for rows, landing in runs(flow, self.surfaces, states, constants, {leaving: left}):
                 struck[rows], status[rows] = self._told(landing, limited)
         return Arrival(unpacked(states, self.dimension), struck, np.where(self._sound(states), status, SINGULAR))
+
+    def _by_path(self, states: np.ndarray, limit: np.ndarray, rows: np.ndarray, neighbours: int) -> np.ndarray:
+        """Carry ``rows`` of the states, in place, to optical paths ``limit`` (m,); which of them have come there.
+
+        With the optical path for the abscissa there is no stop to be found. Where the index all but vanishes rays take
+        for ever in it: those are left as they were.
+        """
+        d = self.dimension
+        with _ONE_AT_A_TIME:
+            if neighbours not in self._path_flows:
+                system = ray_system(self.medium, d, neighbours, by_path=True)
+                self._path_flows[neighbours] = integrators.for_many().compile(system)
+            flow = self._path_flows[neighbours]
+        none, start = np.zeros((len(rows), 0)), states[rows, 2 * d]
+        with _ONE_RUN:
+            landing = flow.ensemble(states[rows], none, start=start, until=limit[rows])
+        there = (landing.outcomes == COMPLETED) & np.all(np.isfinite(landing.states), axis=1)
+        states[rows[there]] = landing.states[there]
+        states[rows[there], 2 * d] = limit[rows[there]]
+        return there
+
+    @cached_property
+    def _pieced(self) -> bool:
+        """Whether rays are carried piece by piece, from one height of a table or kink of the index to the next."""
+        return isinstance(self.medium, Tabulated) or switching(self.medium, self.dimension)
 
     @cached_property
     def _steady(self) -> bool:
@@ -336,7 +366,7 @@ class HamiltonRays:
             return self._timed_flows[neighbours]
 
     def _timed(self, neighbours: int) -> Flow | SwitchedFlow:
-        if not isinstance(self.medium, Tabulated) and switching(self.medium, self.dimension):
+        if not isinstance(self.medium, Tabulated) and self._pieced:
             return SwitchedFlow(self.medium, self.dimension, neighbours, lambda state, constants: ca.SX(0, 1), 0)
         return integrators.for_many().compile(ray_system(self.medium, self.dimension, neighbours))
 

@@ -17,8 +17,10 @@ from itertools import takewhile
 import numpy as np
 
 from varcalc.numerics.proxies import Proxies, zeros
-from varcalc.optics.models.passages import BREAK_OFFSET, COUNT, LAYERS, RayPassages, Spread
+from varcalc.optics.models.passage_tables import PassageTables, TabledPassages
+from varcalc.optics.models.passages import COUNT, LAYERS, RayPassages
 from varcalc.optics.models.reduction import RayPotential
+from varcalc.optics.models.spread import BREAK_OFFSET, Spread
 
 MOST_WINDINGS = 64
 """Times about a centre, either way; rays that go round more often are not looked for."""
@@ -89,18 +91,20 @@ class Distances:
 
     @classmethod
     def of(
-        cls, passages: RayPassages, pair: np.ndarray, distance: np.ndarray, within: np.ndarray, longest: np.ndarray
+        cls, tabled: TabledPassages, pair: np.ndarray, distance: np.ndarray, within: np.ndarray, longest: np.ndarray
     ) -> Distances:
         """From one point to another; about a centre both ways round, and with windings.
 
         There are as many of these as rays of optical paths up to ``longest`` (p,) may come round.
         """
         question = np.arange(len(pair))
-        if not passages.profile.about_centre:
+        if not tabled.passages.profile.about_centre:
             return cls(distance, pair, within, np.ones(len(pair)), question)
-        pairs = np.arange(len(passages.start))
+        pairs = np.arange(len(tabled.passages.start))
         some = np.linspace(1e-3, np.pi / 2 - 1e-3, SOME_ANGLES)
-        asked = passages.at(np.repeat(pairs, SOME_ANGLES), np.tile(some, len(pairs)))
+        every = np.repeat(pairs, SOME_ANGLES)
+        scale = np.repeat(np.stack([np.full(len(pairs), np.pi), longest], axis=1)[every], LAYERS, axis=1)
+        asked = tabled.at(every, np.tile(some, len(pairs)), scale)
         with np.errstate(all="ignore"):
             round_ = (asked[:, :LAYERS] / asked[:, LAYERS:]).reshape(len(pairs), -1)
             farthest = (longest * np.nanmax(round_, axis=1, initial=0.0))[pair]
@@ -194,7 +198,12 @@ def _counted(start: np.ndarray, count: np.ndarray) -> np.ndarray:
 
 
 def launches(
-    profile: RayPotential, ends: np.ndarray, pair: np.ndarray, distance: np.ndarray, within: np.ndarray
+    profile: RayPotential,
+    tables: PassageTables,
+    ends: np.ndarray,
+    pair: np.ndarray,
+    distance: np.ndarray,
+    within: np.ndarray,
 ) -> list[Launches]:
     """The rays between q pairs of points that come ``distance`` (q,) far, about a centre either way round.
 
@@ -204,9 +213,10 @@ def launches(
     """
     longest = rounded_up(_greatest(pair, within, np.zeros(len(ends))))
     passages, swapped = RayPassages.between(profile, ends, longest)
-    aims = Distances.of(passages, pair, distance, within, longest)
+    tabled = TabledPassages(passages, tables)
+    aims = Distances.of(tabled, pair, distance, within, longest)
     farthest = rounded_up(_greatest(aims.pair, aims.distance, np.abs(ends[:, 1] - ends[:, 0])))
-    spread = Spread(passages, farthest, longest)
+    spread = Spread(tabled, farthest, longest)
     series = spread.series()
     touch = TOUCHES_FOLD * farthest[aims.pair]
     families = Families.possible(series, aims)
@@ -218,7 +228,7 @@ def launches(
     angles = [whole[0], spread.angles(aims.pair[which.aim], found.at), np.full(len(upright), np.pi / 2)]
     names = np.concatenate([whole[1], which.name, upright])
     touching = np.concatenate([np.ones(len(whole[0]), bool), found.touching, np.zeros(len(upright), bool)])
-    rays = _launched(passages, np.concatenate(angles), names, aims, touching, swapped)
+    rays = _launched(tabled, np.concatenate(angles), names, aims, touching, swapped)
     root = np.sqrt(passages.g)[aims.pair]
     for n in np.flatnonzero(passages.stays_level(aims.pair, aims.distance)):
         path = float(root[n] * aims.distance[n])
@@ -330,7 +340,7 @@ def _left_over(
 
 
 def _launched(
-    passages: RayPassages,
+    tabled: TabledPassages,
     angles: np.ndarray,
     names: np.ndarray,
     aims: Distances,
@@ -341,9 +351,11 @@ def _launched(
     if len(angles) == 0:
         return []
     beyond, behind, m, aim = names.T
-    pair = aims.pair[aim]
+    passages, pair = tabled.passages, aims.pair[aim]
     weights = Families(aim, beyond, behind, m, aim).weights[:, :LAYERS]
-    there = passages.at(pair, angles)[:, LAYERS:]
+    least = np.sqrt(passages.g)[pair] * np.cos(angles) * aims.distance[aim]  # of the optical path
+    scale = np.repeat(np.column_stack([np.full(len(least), np.inf), least]), LAYERS, axis=1)
+    there = tabled.at(pair, angles, scale)[:, LAYERS:]
     path = np.where(weights > 0, weights * there, 0.0).sum(axis=1)
     root, way = np.sqrt(passages.g)[pair], passages.way[pair]
     c, w = root * np.cos(angles), root * np.sin(angles)

@@ -1,4 +1,4 @@
-"""How far rays of layers and centres come between two heights: three passages, and series that stand for them.
+"""How far rays of layers and centres come between two heights: three passages.
 
 S goes from the start to the end, U from there to where a ray turns back beyond, D from the start to where it turns
 behind. They are functions of the angle at the end with the smaller g: seen from there the other is never a turning
@@ -15,7 +15,6 @@ import numpy as np
 from varcalc.numerics.one_coordinate.motions import CoordinateMotion, NoTurn, OneTurn, TwoTurns, bounds, ways
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import AGREED, TAU, integrals
-from varcalc.numerics.proxies import Proxies, proxies
 from varcalc.optics.models.reduction import PATH, RayPotential
 
 AIMED, BESIDE_CENTRE = 1e-6, np.array([1e-5, 2e-5, 3e-5])
@@ -30,18 +29,12 @@ STAYS_LEVEL = 1e-15
 """Of g: where it changes by less over the distance, a ray that starts level stays so."""
 EPSILON = 2 * float(np.finfo(float).eps)
 """Round-off of g and of angles, relatively."""
-NEAREST = 1e-10
-"""How close to an angle at which rays come to rest is looked, in units of what is known of it to round-off."""
-LEAST_SHARE, MOST_SHARE = 1e-14, 1e-2
-"""The same in units of half the way to the next one, at least and at most."""
 TOGETHER = 2048
 """Angles whose passages are integrated together; bounds the memory."""
 ROUGH_PLACES, HEIGHT_MARGIN = 240, 2.0
 """Heights at which the index is summed to say how high rays come, and by what factor that may be wrong."""
 FARTHEST_LOG = 300.0
 """Of the logarithm of a radius."""
-BREAK_OFFSET = 1e-9
-"""Of the unknown, that much beside a break the passages are those of its side."""
 LAYERS, COUNT = 3, 6
 """RayPassages S, U and D: how far they come along the layers, and together with their optical paths."""
 
@@ -314,76 +307,3 @@ def _through_three(values: np.ndarray, beside: np.ndarray) -> np.ndarray:
         (beside - a) * (beside - b) / ((c - a) * (c - b)),
     ]
     return np.einsum("ms,msf->mf", np.stack(shares, axis=1), values)
-
-
-@dataclass(frozen=True)
-class Spread:
-    """The passages as functions of one unknown: of every interval between ``breaks`` two halves, one unit long each.
-
-    At 0, 2, 4, .. are the breaks, at 1, 3, .. the middles between them. The passages are those that may be part of a
-    ray of the optical path ``within`` (p,) that comes ``distance`` (p,) far.
-    """
-
-    passages: RayPassages
-    distance: np.ndarray
-    within: np.ndarray
-
-    def angles(self, pair: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """The angles of pairs (m,) at the unknown (m,), crowded towards breaks but for level and upright rays."""
-        breaks, count = self.passages.breaks, self.passages.count[pair]
-        interval = np.clip(np.floor(at / 2).astype(int), 0, count - 2)
-        low = breaks[pair, interval]
-        half = (breaks[pair, interval + 1] - low) / 2
-        upper = at > 2 * interval + 1  # of the two breaks the nearer one, and how far from it: 1 in the middle
-        number, away = interval + upper, np.where(upper, 2 * (interval + 1) - at, at - 2 * interval)
-        known = np.where(number == count - 1, EPSILON, self.passages.rounded[pair, number])
-        mild = self.passages.mild[pair, number]
-        offset = half * np.where(mild, 2 * np.sin(np.pi / 4 * away) ** 2, _share(known, half, away))
-        return np.where(away >= 1, low + half, np.where(upper, breaks[pair, number] - offset, low + offset))
-
-    def noise(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """See :meth:`RayPassages.noise`."""
-        return self.passages.noise(family, self.angles(family, at))
-
-    def __call__(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """The passages (m, 6); what is not known but longer than is asked for is so long at least."""
-        angles = self.angles(family, at)
-        values = self.passages.at(family, angles)
-        rows = np.flatnonzero(np.isneginf(values).any(axis=1))
-        if len(rows):
-            least = self.passages.at_least(family[rows], angles[rows])
-            asked = self.scale(family[rows])
-            asked[:, [0, LAYERS]] = -np.inf
-            values[rows] = np.where(np.isneginf(values[rows]) & (least > asked), least, values[rows])
-        return values
-
-    def scale(self, family: np.ndarray) -> np.ndarray:
-        """The distances and the optical paths that are asked for."""
-        return np.repeat(np.stack([self.distance, self.within], axis=1)[family], LAYERS, axis=1)
-
-    def inside(self, at: np.ndarray, way: int) -> np.ndarray:
-        """Next to a break, where ``at`` (P,) are breaks."""
-        return np.where(at % 2 == 0, at + way * BREAK_OFFSET, at)
-
-    def beyond(self, family: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Which passages (P, 6) are longer than is asked for, in either way; S is part of every ray."""
-        known = np.isfinite(values)
-        least = np.where(known.any(axis=1), np.min(values, axis=1, initial=np.inf, where=known), -np.inf)
-        longer = (least[:, :LAYERS] > self.distance[family, None]) | (least[:, LAYERS:] > self.within[family, None])
-        return np.tile(longer | longer[:, :1], 2)
-
-    def series(self) -> Proxies:
-        """Series that stand for them, to begin with four in each interval."""
-        panels = 4 * (self.passages.count - 1)
-        family = np.repeat(np.arange(len(panels)), panels)
-        low = (np.arange(len(family)) - np.repeat(np.cumsum(panels) - panels, panels)) / 2
-        return proxies(self, family, low, low + 0.5)
-
-
-def _share(known: np.ndarray, half: np.ndarray, away: np.ndarray) -> np.ndarray:
-    """How far from a break, in halves of an interval, what is ``away`` from it is: doubly exponential.
-
-    The angle of the break is ``known`` so well.
-    """
-    least = np.clip(NEAREST / EPSILON * known / half, LEAST_SHARE, MOST_SHARE)
-    return np.exp(1 - np.exp(np.log(1 - np.log(least)) * (1 - away)))

@@ -10,6 +10,7 @@ from varcalc.optics.media.medium import Medium, Radial
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.aimed import Aimed, Carry
 from varcalc.optics.models.launches import Launch, Launches, launches, rounded_up
+from varcalc.optics.models.passage_tables import PassageTables
 from varcalc.optics.models.reduction import Profile, RayPotential
 from varcalc.optics.models.tables import TableProfile
 from varcalc.optics.rays.beam import frames
@@ -17,7 +18,7 @@ from varcalc.optics.rays.ray import Ray, Rays
 
 UPRIGHT = 1e-13
 """Of the distance of two points: what they lie apart along layers is none."""
-TOGETHER = 64
+TOGETHER = 512
 """Questions asked together; bounds the memory."""
 ACROSS = 1000
 """Heights at which it is asked whether there is an index all the way."""
@@ -28,7 +29,7 @@ class RangeFunction:
     """All rays between points in one medium of layers or about a centre, without surfaces; what is compiled is kept."""
 
     medium: Medium
-    _profiles: dict[float, RayPotential] = field(default_factory=dict, init=False, repr=False)
+    _profiles: dict[float, tuple[RayPotential, PassageTables]] = field(default_factory=dict, init=False, repr=False)
 
     def applies(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """True (q,) for points (q, d) that are not the centre, about which all turns."""
@@ -60,28 +61,28 @@ class RangeFunction:
 
     def _launches(self, unit: float, frames_: Frames, within: np.ndarray) -> list[Launches]:
         """Questions about the same two heights, of about the same size, share what stands for their rays."""
-        profile = self._profile(unit, float(frames_.heights[0, 0]))
+        profile, tables = self._profile(unit, float(frames_.heights[0, 0]))
         sizes = np.column_stack([frames_.heights, rounded_up(frames_.distance), rounded_up(within)])
         pairs, pair = np.unique(sizes, axis=0, return_inverse=True)
         pair = pair.ravel()
         with np.errstate(invalid="ignore"):  # passages that do not exist, or are not known, are no numbers
             lowest, highest = pairs[:, :2].min(), pairs[:, :2].max()
             if np.all(profile.sound(np.linspace(lowest, highest, ACROSS))):
-                return launches(profile, pairs[:, :2], pair, frames_.distance, within)
+                return launches(profile, tables, pairs[:, :2], pair, frames_.distance, within)
             # where there is no index rays end, whoever is asked about
             first = np.zeros(1, dtype=int)
             alone = (
-                launches(profile, pairs[[k], :2], first, frames_.distance[[q]], within[[q]])
+                launches(profile, tables, pairs[[k], :2], first, frames_.distance[[q]], within[[q]])
                 for q, k in enumerate(pair)
             )  # fmt: skip
             return [own for one in alone for own in one]
 
-    def _profile(self, unit: float, probe: float) -> RayPotential:
-        """g, with a unit of length near the radii of the points, for a centre."""
+    def _profile(self, unit: float, probe: float) -> tuple[RayPotential, PassageTables]:
+        """g, with a unit of length near the radii of the points, for a centre; and its tables."""
         if unit not in self._profiles:
             medium = self.medium
             known = TableProfile(medium) if isinstance(medium, Tabulated) else Profile(medium, unit, probe)
-            self._profiles[unit] = known
+            self._profiles[unit] = known, PassageTables()
         return self._profiles[unit]
 
 

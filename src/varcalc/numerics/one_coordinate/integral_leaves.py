@@ -1,0 +1,217 @@
+"""Series for integrals along motions that turn back on the same slopes, on a panel of the logarithm of C.
+
+On some motions the integrals are Chebyshev series in the share of the parameter, on panels that are halved until these
+are resolved; their coefficients are Chebyshev series in the logarithm. Motions between tell what they are off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion
+from varcalc.numerics.one_coordinate.slopes import SameSlopes
+
+DEGREE = 15
+"""Of the series in either direction."""
+COLUMNS = 2
+"""Integrals that are tabled: τ and the first weight's."""
+MOST_OPEN = 24
+"""Panels along motions that are not resolved: with more integrands have too few digits."""
+SHARE_HALVINGS = 20
+"""Of panels along motions."""
+TOLD = 1e-13
+"""Of a panel's largest integrand: the last coefficients of a series along motions."""
+NOISE = 1e-10
+"""What these may be that get no less."""
+LESS = 8.0
+"""By how many times those get less when a panel is halved, at least, unless they are round-off."""
+ENDS_MET = 0.3
+"""How well the ends of motions are to be met, in units of how well integrals are."""
+DIGITS = 1e-15
+"""Of an integral: what round-off makes of it."""
+CHECKED = np.array([-1.0, -0.613, 0.287, 1.0])
+"""Where other motions are looked at, in a panel from -1 to 1."""
+TOGETHER = 64
+"""Panels integrated over together; bounds the memory."""
+
+_POINTS = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
+_TO_SERIES = np.linalg.inv(chebyshev.chebvander(_POINTS, DEGREE))
+_INTEGRATED = np.array([chebyshev.chebint(row, lbnd=-1.0) for row in np.eye(DEGREE + 1)]).T
+_DERIVED = np.pad(chebyshev.chebder(np.eye(DEGREE + 2), axis=1), ((0, 0), (0, 1))).T
+"""From Chebyshev polynomials to their derivatives."""
+_AT_COLUMNS = np.append(_POINTS, CHECKED)
+_ASCENDING = np.argsort(_AT_COLUMNS)
+_IN_PANEL = np.concatenate([[1.0], _POINTS, [-1.0]])
+"""Where integrands are looked at, and at the ends what they are integrated over."""
+_AT_CHECKED = chebyshev.chebvander(CHECKED, DEGREE)
+COUNT = len(_AT_COLUMNS)
+"""Motions of a leaf."""
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A panel of the logarithm from ``low`` to ``high``: ``edges`` (n + 1,) of the shares, and series on n panels.
+
+    ``series`` (n, DEGREE + 1, (DEGREE + 2) * COLUMNS) are those in the logarithm of those in the share of the integrals
+    from about the reference, ``off`` (n, COLUMNS) what these may be off. ``ends`` (DEGREE + 1, 2) are series of the
+    ends from the reference, ``most`` (DEGREE + 1,) that of the largest parameter.
+    """
+
+    low: float
+    high: float
+    edges: np.ndarray
+    series: np.ndarray
+    ends: np.ndarray
+    most: np.ndarray
+    off: np.ndarray
+
+
+def leaves(slopes: SameSlopes, low: np.ndarray, high: np.ndarray) -> list[tuple[Leaf, float] | None]:
+    """The panels of the logarithm from ``low`` to ``high`` (l,), and what each is off, of the whole.
+
+    None where integrals are not resolved.
+    """
+    out: list[tuple[Leaf, float] | None] = [None] * len(low)
+    logarithm = (low + high)[:, None] / 2 + (high - low)[:, None] / 2 * _AT_COLUMNS
+    with np.errstate(all="ignore"):
+        found = slopes.motions(logarithm.ravel())
+        if found is None:
+            return out
+        rows, way, most, ends = found
+        count = np.bincount(rows // COUNT, minlength=len(low))
+        whole = np.flatnonzero(count[rows // COUNT] == COUNT)
+        if len(whole) == 0:
+            return out
+        way, most, ends = way.take(whole), most[whole], ends[whole]
+        numbers = rows[whole][::COUNT] // COUNT
+        sums = _along(way, most, slopes.rounded(low[numbers]))
+    for k, (number, own) in enumerate(zip(numbers, sums, strict=True)):
+        part = slice(k * COUNT, (k + 1) * COUNT)
+        if own is not None:
+            start = way.start[part][DEGREE // 2] / most[part][DEGREE // 2]
+            leaf, off = _leaf((float(low[number]), float(high[number])), own, most[part], ends[part], start)
+            turns = (slopes.reference + ends[part][_ASCENDING]).T
+            out[number] = leaf, off if np.all(_seen(way.gentle, turns)) else np.inf
+    return out
+
+
+def _leaf(
+    panel: tuple[float, float], along: AlongMotions, most: np.ndarray, ends: np.ndarray, start: float
+) -> tuple[Leaf, float]:
+    """The series of COUNT motions, and what they are off, of the whole; ``start`` is the share of the reference."""
+    edges, values, off = along.edges, along.series, along.off
+    whole = values.sum(axis=(1, 2))
+    zero = np.clip(np.searchsorted(edges, start) - 1, 0, len(edges) - 2)
+    before, gone = np.cumsum(values.sum(axis=2), axis=1), np.cumsum(off, axis=0)
+    off = off + np.abs(gone - gone[zero])
+    values[:, 1:, 0] += before[:, :-1]
+    values[:, :, 0] -= before[:, zero][:, None]
+    known = np.where(np.isfinite(ends).all(axis=0), ends, 0.0)
+    told = DEGREE + 1
+    apart, ends_apart, most_apart = (
+        np.abs(np.tensordot(_AT_CHECKED @ _TO_SERIES, column[:told], 1) - column[told:])
+        for column in (values, known, most)
+    )
+    off = off + apart.sum(axis=2).max(axis=0)
+    span = np.where(np.isfinite(ends).all(), known[:, 1] - known[:, 0], np.abs(known).sum(axis=1)).max()
+    worst = max((off / whole.min(axis=0)).max(), ends_apart.max() / (ENDS_MET * span), (most_apart / most[told:]).max())
+    series = np.tensordot(_TO_SERIES, values[:told], 1).transpose(1, 0, 2, 3).reshape(len(edges) - 1, told, -1)
+    return Leaf(*panel, edges, series, _TO_SERIES @ known[:told], _TO_SERIES @ most[:told], off), float(worst)
+
+
+def read(leaf: Leaf, in_logarithm: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The integrals (m, COLUMNS) up to shares (m,), their derivatives by these, and what they may be off."""
+    panel = np.clip(np.searchsorted(leaf.edges, share, side="right") - 1, 0, len(leaf.edges) - 2)
+    width = leaf.edges[panel + 1] - leaf.edges[panel]
+    local = 2 * (share - leaf.edges[panel]) / width - 1
+    in_share = chebyshev.chebvander(local, DEGREE + 1)
+    values, rates = np.empty((len(share), COLUMNS)), np.empty((len(share), COLUMNS))
+    for number, rows in grouped(panel):
+        series = (in_logarithm[rows] @ leaf.series[number]).reshape(len(rows), DEGREE + 2, COLUMNS)
+        values[rows] = np.einsum("mj,mjf->mf", in_share[rows], series)
+        rates[rows] = np.einsum("mj,mjf->mf", in_share[rows] @ _DERIVED, series)
+    return values, rates * (2 / width)[:, None], leaf.off[panel] + DIGITS * np.abs(values)
+
+
+@dataclass(frozen=True)
+class AlongMotions:
+    """Series (COUNT, n, DEGREE + 2, COLUMNS) of integrals along motions from the ``edges`` (n + 1,) of shares on.
+
+    ``off`` (n, COLUMNS) is what they are off at the ends of the panels.
+    """
+
+    edges: np.ndarray
+    series: np.ndarray
+    off: np.ndarray
+
+
+def _along(way: CoordinateMotion, most: np.ndarray, agreed: np.ndarray) -> list[AlongMotions | None]:
+    """The integrals along l times COUNT motions, those of each leaf on panels of its own; None where not resolved.
+
+    What is round-off of integrands may be as much as ``agreed`` (l,).
+    """
+    leaf, left, width = np.repeat(np.arange(len(agreed)), 4), np.tile(np.arange(4) / 4, len(agreed)), 0.25
+    before = np.full(len(leaf), np.inf)
+    lost = np.zeros(len(agreed), dtype=bool)
+    done: list[list[tuple[float, np.ndarray, np.ndarray]]] = [[] for _ in agreed]
+    for _ in range(SHARE_HALVINGS):
+        values, seen = _integrands(way, most, leaf, left, width)
+        own = np.tensordot(values, _TO_SERIES, (3, 1))  # (COLUMNS, n, COUNT, DEGREE + 1)
+        tail = np.abs(own[..., -2:]).max(axis=3)
+        left_over = (tail / np.abs(values).max(axis=3)).max(axis=(0, 2))
+        # what does not get less is round-off
+        noise = (left_over <= np.maximum(agreed[leaf], NOISE)) & (left_over > before / LESS)
+        fine = ((left_over <= TOLD) | noise) & seen
+        step = width / 2 * most.reshape(-1, COUNT)[leaf]
+        sums = np.moveaxis((own * step[..., None]) @ _INTEGRATED.T, 0, -1)
+        off = (tail * step).max(axis=2).T / DEGREE**2
+        for k in np.flatnonzero(fine):
+            done[leaf[k]].append((float(left[k]), sums[k], off[k]))
+        lost[leaf[~np.all(np.isfinite(values), axis=(0, 2, 3))]] = True
+        lost |= np.bincount(leaf[~fine], minlength=len(lost)) > MOST_OPEN
+        again, width = np.flatnonzero(~fine & ~lost[leaf]), width / 2
+        if len(again) == 0:
+            break
+        leaf, left, before = (
+            np.tile(leaf[again], 2), np.append(left[again], left[again] + width), np.tile(left_over[again], 2)
+        )  # fmt: skip
+    else:
+        lost[leaf] = True
+    return [None if gone else _joined(own) for gone, own in zip(lost, done, strict=True)]
+
+
+def _joined(panels: list[tuple[float, np.ndarray, np.ndarray]]) -> AlongMotions:
+    left, series, off = zip(*sorted(panels, key=lambda panel: panel[0]), strict=True)
+    return AlongMotions(np.append(left, 1.0), np.stack(series, axis=1), np.stack(off))
+
+
+def _integrands(
+    way: CoordinateMotion, most: np.ndarray, leaf: np.ndarray, left: np.ndarray, width: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """What is integrated on panels (n,) of leaves, (COLUMNS, n, COUNT, DEGREE + 1); whether points tell all (n,)."""
+    parts, seen = [], []
+    share = left[:, None] + width * (1 + _IN_PANEL) / 2
+    for first in range(0, len(leaf), TOGETHER):
+        some = slice(first, first + TOGETHER)
+        rows = (leaf[some, None] * COUNT + np.arange(COUNT)).ravel()
+        places, values = way.take(rows).integrands(most[rows, None] * np.repeat(share[some], COUNT, axis=0))
+        parts.append(values[:COLUMNS, :, 1:-1].reshape(COLUMNS, -1, COUNT, DEGREE + 1))
+        seen.append(_seen(way.gentle, places).reshape(-1, COUNT).all(axis=1))
+    return np.concatenate(parts, axis=1), np.concatenate(seen)
+
+
+def _seen(gentle: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """True (m,) where no two neighbours of ``places`` (m, k) have several of the ``gentle`` ones between them."""
+    return np.all(np.abs(np.diff(np.searchsorted(gentle, places), axis=1)) <= 1, axis=1)
+
+
+def grouped(numbers: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Each of the ``numbers`` (m,) with its rows."""
+    order = np.argsort(numbers, kind="stable")
+    each, first = np.unique(numbers[order], return_index=True)
+    for k, number in enumerate(each):
+        yield int(number), order[first[k] : first[k + 1] if k + 1 < len(first) else None]

@@ -1,0 +1,177 @@
+"""The passages of rays between many pairs of heights in one medium, from tables that all of them share.
+
+The tables belong to the medium; what belongs to a pair is where its heights lie on the motions. What the tables do not
+tell, next to where rays come to rest, is integrated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from varcalc.numerics.one_coordinate.integral_leaves import COLUMNS
+from varcalc.numerics.one_coordinate.integral_tables import SlopesTable
+from varcalc.numerics.one_coordinate.motions import OneTurn, TwoTurns
+from varcalc.numerics.one_coordinate.quadrature import AGREED
+from varcalc.numerics.one_coordinate.slopes import SameSlopes
+from varcalc.optics.models.passages import COUNT, LAYERS, RayPassages
+
+MOST_TURNS = 32
+"""Turns of g, with more of which no table is made."""
+MOST_TABLES = 16
+"""Kept of a medium."""
+AS_WELL = 4.0
+"""By how many times what is read may be farther off than panels of integrals that agree."""
+ROOM = 8
+"""Parts of the heights that are asked about to which their range is rounded outwards."""
+
+
+@dataclass
+class PassageTables:
+    """The tables of one medium."""
+
+    made: dict[tuple[float, ...], SlopesTable] = field(default_factory=dict)
+
+    def table(self, slopes: SameSlopes) -> SlopesTable:
+        """That of some slopes, which are known by where they are."""
+        u, ends = slopes.nodes.u, [slopes.below, slopes.above]
+        where = [float(u[k]) if k >= 0 else np.inf for k in ends]
+        box = [side if k < 0 else np.inf for k, side in zip(ends, slopes.box, strict=True)]
+        key = (*where, *box, slopes.ceiling, slopes.reference)
+        if key not in self.made:
+            if len(self.made) >= MOST_TABLES:
+                self.made.clear()
+            self.made[key] = SlopesTable(slopes)
+        return self.made[key]
+
+
+@dataclass(frozen=True)
+class TabledPassages:
+    """The passages of rays, read from tables."""
+
+    passages: RayPassages
+    tables: PassageTables
+
+    @cached_property
+    def applies(self) -> bool:
+        """Whether there are tables: g is smooth and does not turn often."""
+        finite = bool(np.all(np.isfinite(self.passages.nodes.g)))
+        return finite and len(self.passages.profile.stops) == 0 and len(self._turns) <= MOST_TURNS
+
+    @cached_property
+    def _turns(self) -> np.ndarray:
+        """The nodes at which g turns, and the first and the last."""
+        return np.union1d(0, self.passages.nodes.upwards.turns)
+
+    @cached_property
+    def _levels(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The turns and the edges of the box (t + 2,), g there, and its gain from the starts (p, t + 2)."""
+        start, u = self.passages.start[:, None], np.append(self.passages.nodes.u[self._turns], self._box)
+        return u, self.passages.profile.at(u)[0], self.passages.profile(start, u - start).gain
+
+    @cached_property
+    def _box(self) -> tuple[float, float]:
+        """A range of all the heights, which those of nearly the same have in common."""
+        ends = np.append(self.passages.start, self.passages.end)
+        low, high = ends.min(), ends.max()
+        size = high - low if high > low else max(abs(high), 1.0) / ROOM
+        step = 2.0 ** np.ceil(np.log2(size)) / ROOM
+        u = self.passages.nodes.u
+        return max(np.floor(low / step) * step, u[0]), min(np.ceil(high / step) * step, u[-1])
+
+    def at(self, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """See :meth:`RayPassages.at`: read from tables where these know as much, beside a ``scale`` (m, COUNT)."""
+        out, told = np.full((len(angles), COUNT), np.nan), np.zeros(len(angles), dtype=bool)
+        if self.applies:
+            self._tabled(pair, angles, scale, out, told)
+        if not np.all(told):
+            out[~told] = self.passages.at(pair[~told], angles[~told])
+        return out
+
+    def _tabled(
+        self, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray, out: np.ndarray, told: np.ndarray
+    ) -> None:
+        """Write down what the tables tell, and of which rows (m,)."""
+        g, agreed = self.passages.g[pair], np.maximum(self.passages.noise(pair, angles), AGREED)
+        c, squared = np.sqrt(g) * np.cos(angles), g * np.sin(angles) ** 2
+        u, levels, deeper = self._levels
+        here, t = self.passages.start[pair, None], len(self._turns)
+        left = np.where((c**2 < g / 2)[:, None], levels - c[:, None] ** 2, deeper[pair] + squared[:, None])
+        stopped = left[:, :t] <= 0
+        above, below = stopped & (u[:t] > here), stopped & (u[:t] < here)
+        upper = np.where(above.any(axis=1), np.argmax(above, axis=1), -1)
+        lower = np.where(below.any(axis=1), t - 1 - np.argmax(below[:, ::-1], axis=1), -1)
+        for key in np.unique((lower + 1) * (t + 1) + upper + 1):
+            low, high = int(key) // (t + 1) - 1, int(key) % (t + 1) - 1
+            rows = np.flatnonzero((lower == low) & (upper == high))
+            own = pair[rows], c[rows], squared[rows], left[rows], scale[rows], agreed[rows]
+            self._read(low, high, rows, own, out, told)
+
+    def _slopes(self, low: int, high: int) -> tuple[SameSlopes, int, int]:
+        """The slopes between two turns, and the levels that are their floor (-1 for none) and their ceiling."""
+        nodes, turns, box, (u, g, _) = self.passages.nodes, self._turns, self._box, self._levels
+        t = len(turns)
+        inner = list(range(low + 1, high if high >= 0 else t))
+        sides = ([t] if low < 0 else []) + ([t + 1] if high < 0 else [])
+        inside = [k for k in inner if (low >= 0 or u[k] > box[0]) and (high >= 0 or u[k] < box[1])]
+        ends = [k for k in (low, high) if k >= 0]
+        floor = max(ends, key=lambda k: g[k]) if ends else -1
+        highest = max(inside + sides, key=lambda k: g[k])
+        # between two turns by which motions turn back g rises to one maximum, or has minima between several
+        others = [k for k in inner if k in (0, t - 1) or g[k] <= min(g[k - 1], g[k + 1])] + sides
+        ceiling = min(others, key=lambda k: g[k]) if others else highest
+        node = [int(turns[k]) if k >= 0 else -1 for k in (low, high)]
+        lowest, reference = (float(u[floor]), float(u[highest])) if ends else (None, box[0])
+        slopes = SameSlopes(self.passages.profile, nodes, node[0], node[1], lowest, float(u[ceiling]), reference, box)
+        return slopes, floor, ceiling
+
+    def _read(
+        self, low: int, high: int, rows: np.ndarray, own: tuple[np.ndarray, ...], out: np.ndarray, told: np.ndarray
+    ) -> None:
+        """Write down the passages of ``rows``, which turn back before the turns ``low`` and ``high``."""
+        pair, c, squared, left, scale, agreed = own
+        slopes, floor, ceiling = self._slopes(low, high)
+        table = self.tables.table(slopes)
+        fall = left[:, ceiling]
+        rise = -left[:, floor] if floor >= 0 else slopes.between - fall
+        with np.errstate(all="ignore"):
+            logarithm = np.log(rise / fall)
+        u = self.passages.nodes.u
+        start, end = self.passages.start[pair], self.passages.end[pair]
+        reaches = (slopes.below < 0) | (end > u[slopes.below])
+        reaches &= (slopes.above < 0) | (end < u[slopes.above])
+        leaf = table.leaf(logarithm)
+        known = np.flatnonzero((leaf >= 0) & np.isfinite(logarithm) & reaches)
+        x = np.stack([start, end], axis=1)[known] - slopes.reference
+        last = np.sqrt(self.passages.higher[pair] + squared)
+        speed = np.stack([np.sqrt(squared), last], axis=1)[known]
+        values, off = table.at(leaf[known], logarithm[known], x, speed)
+        values[..., 0] *= c[known, None]
+        off[..., 0] *= c[known, None]
+        up = self.passages.way[pair[known]] > 0
+        passages, rough = (_assembled(slopes, part, up, way) for part, way in ((values, -1.0), (off, 1.0)))
+        least = np.fmax(scale[known], np.nan_to_num(np.abs(passages)))
+        fine = ~np.any(rough > AS_WELL * agreed[known, None] * least, axis=1)
+        out[rows[known]] = passages
+        told[rows[known]] = fine
+
+
+def _assembled(slopes: SameSlopes, values: np.ndarray, up: np.ndarray, minus: float) -> np.ndarray:
+    """S, U and D with their optical paths (m, 6) from the integrals (m, 4, COLUMNS) to start, end, and both ends.
+
+    ``minus`` is -1.0, but 1.0 to add up what these are off.
+    """
+    first, last = values[:, 2], values[:, 3]
+    none = np.full_like(first, np.nan)
+    parts = [np.abs(values[:, 1] + minus * values[:, 0])]
+    for place, higher in ((values[:, 1], up), (values[:, 0], ~up)):
+        if slopes.kind is TwoTurns:
+            under, over = place + minus * first, last + minus * place
+        elif slopes.kind is OneTurn:
+            under, over = (place + minus * first, none) if slopes.sign > 0 else (none, place + minus * first)
+        else:
+            under = over = none
+        parts.append(np.where(higher[:, None], over, under))
+    return np.stack(parts, axis=2).reshape(len(first), COLUMNS * LAYERS)

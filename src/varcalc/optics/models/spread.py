@@ -1,0 +1,96 @@
+"""The passages of rays as functions of one unknown, and series that stand for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from varcalc.numerics.proxies import Proxies, proxies
+from varcalc.optics.models.passage_tables import TabledPassages
+from varcalc.optics.models.passages import EPSILON, LAYERS, RayPassages
+
+NEAREST = 1e-10
+"""How close to an angle at which rays come to rest is looked, in units of what is known of it to round-off."""
+LEAST_SHARE, MOST_SHARE = 1e-14, 1e-2
+"""The same in units of half the way to the next one, at least and at most."""
+BREAK_OFFSET = 1e-9
+"""Of the unknown, that much beside a break the passages are those of its side."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """The passages as functions of one unknown: of every interval between ``breaks`` two halves, one unit long each.
+
+    At 0, 2, 4, .. are the breaks, at 1, 3, .. the middles between them. The passages are those that may be part of a
+    ray of the optical path ``within`` (p,) that comes ``distance`` (p,) far.
+    """
+
+    tabled: TabledPassages
+    distance: np.ndarray
+    within: np.ndarray
+
+    @property
+    def passages(self) -> RayPassages:
+        """The passages."""
+        return self.tabled.passages
+
+    def angles(self, pair: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """The angles of pairs (m,) at the unknown (m,), crowded towards breaks but for level and upright rays."""
+        breaks, count = self.passages.breaks, self.passages.count[pair]
+        interval = np.clip(np.floor(at / 2).astype(int), 0, count - 2)
+        low = breaks[pair, interval]
+        half = (breaks[pair, interval + 1] - low) / 2
+        upper = at > 2 * interval + 1  # of the two breaks the nearer one, and how far from it: 1 in the middle
+        number, away = interval + upper, np.where(upper, 2 * (interval + 1) - at, at - 2 * interval)
+        known = np.where(number == count - 1, EPSILON, self.passages.rounded[pair, number])
+        mild = self.passages.mild[pair, number]
+        offset = half * np.where(mild, 2 * np.sin(np.pi / 4 * away) ** 2, _share(known, half, away))
+        return np.where(away >= 1, low + half, np.where(upper, breaks[pair, number] - offset, low + offset))
+
+    def noise(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """See :meth:`RayPassages.noise`."""
+        return self.passages.noise(family, self.angles(family, at))
+
+    def __call__(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """The passages (m, 6); what is not known but longer than is asked for is so long at least."""
+        angles = self.angles(family, at)
+        values = self.tabled.at(family, angles, self.scale(family))
+        rows = np.flatnonzero(np.isneginf(values).any(axis=1))
+        if len(rows):
+            least = self.passages.at_least(family[rows], angles[rows])
+            asked = self.scale(family[rows])
+            asked[:, [0, LAYERS]] = -np.inf
+            values[rows] = np.where(np.isneginf(values[rows]) & (least > asked), least, values[rows])
+        return values
+
+    def scale(self, family: np.ndarray) -> np.ndarray:
+        """The distances and the optical paths that are asked for."""
+        return np.repeat(np.stack([self.distance, self.within], axis=1)[family], LAYERS, axis=1)
+
+    def inside(self, at: np.ndarray, way: int) -> np.ndarray:
+        """Next to a break, where ``at`` (P,) are breaks."""
+        return np.where(at % 2 == 0, at + way * BREAK_OFFSET, at)
+
+    def beyond(self, family: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Which passages (P, 6) are longer than is asked for, in either way; S is part of every ray."""
+        known = np.isfinite(values)
+        least = np.where(known.any(axis=1), np.min(values, axis=1, initial=np.inf, where=known), -np.inf)
+        longer = (least[:, :LAYERS] > self.distance[family, None]) | (least[:, LAYERS:] > self.within[family, None])
+        return np.tile(longer | longer[:, :1], 2)
+
+    def series(self) -> Proxies:
+        """Series that stand for them, to begin with four in each interval."""
+        panels = 4 * (self.passages.count - 1)
+        family = np.repeat(np.arange(len(panels)), panels)
+        low = (np.arange(len(family)) - np.repeat(np.cumsum(panels) - panels, panels)) / 2
+        return proxies(self, family, low, low + 0.5)
+
+
+def _share(known: np.ndarray, half: np.ndarray, away: np.ndarray) -> np.ndarray:
+    """How far from a break, in halves of an interval, what is ``away`` from it is: doubly exponential.
+
+    The angle of the break is ``known`` so well.
+    """
+    least = np.clip(NEAREST / EPSILON * known / half, LEAST_SHARE, MOST_SHARE)
+    return np.exp(1 - np.exp(np.log(1 - np.log(least)) * (1 - away)))
