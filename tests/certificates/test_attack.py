@@ -177,6 +177,22 @@ def test_a_constant_before_a_length_is_squared_exactly(factor):
     assert high - low < 1e-20 * exact
 
 
+@pytest.mark.parametrize(
+    "beside",
+    [
+        lambda v: 1e-11 * ca.sin(v) ** 2,
+        lambda v: 1e-14 * v**2 / (1 + v**2),
+        lambda v: 1e4 * ca.exp(-(((v - 0.777) / 1e-3) ** 2)),
+    ],
+)
+def test_what_is_a_length_at_the_points_looked_at_alone_is_none(beside):
+    """The metric of a singular end is read from L's operations: seen at points, these would pass for the cycloid's."""
+    problem = vc.Problem(lambda x, y, v: ca.sqrt((1 + v**2) / y) * (1 + beside(v)), vc.Fixed(0, 0), vc.Fixed(1, 1))
+    solution = vc.solve(problem)
+    with pytest.raises(vc.VariationalError, match="not proved to be the root of a quadratic form"):
+        vc.certify(solution)
+
+
 def test_a_brachistochrone_whose_time_has_a_factor():
     problem = vc.Problem(lambda x, y, v: 0.1 * ca.sqrt((1 + v**2) / y), vc.Fixed(0, 0), vc.Fixed(1, 1))
     low, high = bounds(vc.certify(vc.solve(problem)))
