@@ -126,10 +126,13 @@ class Bounds:
     def prove_signs(self) -> None:
         """Prove that no multiplier has the wrong sign."""
         found = flint()
-        for side, powers in zip(self.touched, self.multipliers, strict=True):
+        pieces = zip(self._edges[:-1], self._edges[1:], self.touched, self.multipliers, strict=True)
+        for a, b, side, powers in pieces:
             if side is not None and powers is not None:
                 poly = found.arb_poly([found.arb(-side.sign * float(c)) for c in powers])
-                if not _positive(poly, found.arb(-1), found.arb(1)):
+                # the piece's own variable, whose numbers are rounded, may leave [-1, 1] a little
+                low, high = ((2 * found.arb(x) - (a + b)) / (b - a) for x in (a, b))
+                if not _positive(poly, low.lower(), high.upper()):
                     raise Unproved("the multiplier of a bound is not proved to have its sign")
 
     def above(self, setting: Setting) -> Ball:

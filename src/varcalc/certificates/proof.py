@@ -24,9 +24,11 @@ from varcalc.certificates.regular import Regular, check_forward, regular
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement, statement
 from varcalc.certificates.tube import Prover, Tube
+from varcalc.formulation.singular import forms, number_of
 from varcalc.methods.collocation.method import Collocation
 from varcalc.problem.conditions import Bound, Isoperimetric, whole
 from varcalc.problem.convexity import proved_jointly_convex
+from varcalc.problem.exact import exactly
 from varcalc.solution import Solution, Status, VariationalError
 from varcalc.solve.ladder import solve
 from varcalc.spelling import spelled
@@ -45,6 +47,7 @@ VALUE_TOLERANCE = 1e-19
 COORDINATES = "the end where L is infinite is regular in alpha and z, by which the tube and the distances are meant"
 FORWARD = "the curve y0 is a graph: its abscissa grows"
 FORTH = "a curve that runs back is no shorter than a graph: the abscissa does not occur in the metric"
+EXPRESSION = "L is CasADi's expression, in which products of the numbers of a function may be rounded"
 RAYLEIGH = "L and the prescribed integrand are homogeneous of second degree: what is proved near y0 holds of all curves"
 SIGNS = "the multipliers of the bounds have their signs, so that L with them is no more than L within the bounds"
 WITHIN = "the curve of the upper bound lies within all bounds"
@@ -100,10 +103,12 @@ def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
         raise VariationalError(solution)
     try:
         with working(BITS, TERMS):
-            found = _proof(solution)
+            exact, told = _exact(solution)
+            found = _proof(exact)
     except (Unproved, Undecided) as unproved:
         raise _refusal(solution, str(unproved)) from None
-    certificate = replace(found, seconds=time.perf_counter() - began)
+    seconds = time.perf_counter() - began
+    certificate = replace(found, solution=solution, proved=(*found.proved, *told), seconds=seconds)
     if digits is not None and not certificate.width <= 10.0**-digits * max(map(abs, (found.lower, found.upper))):
         raise _refusal(solution, f"the interval is {certificate.width:.1g} wide, too much for {digits} digits")
     return certificate
@@ -111,6 +116,19 @@ def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
 
 def _refusal(solution: Solution, reason: str) -> VariationalError:
     return VariationalError(replace(solution, status=Status.REFUSED, message=f"no certificate: {reason}"))
+
+
+def _exact(solution: Solution) -> tuple[Solution, tuple[Hypothesis, ...]]:
+    """The solution with the problem as its functions were written; where these are lost, what is proved instead."""
+    problem, extremal = exactly(solution.problem), solution.extremal
+    if problem is None:
+        return solution, (Hypothesis(EXPRESSION, Means.CONSTRUCTION),)
+    if problem is solution.problem:
+        return solution, ()
+    number = None if extremal is None else number_of(extremal.form)
+    if extremal is not None:
+        extremal = None if number is None else replace(extremal, form=forms(problem)[number])
+    return replace(solution, problem=problem, extremal=extremal), ()
 
 
 def _proof(solution: Solution) -> Certificate:
