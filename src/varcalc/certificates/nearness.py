@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.certificates.balls import Around, Ball, above, flint, largest
+from varcalc.certificates.balls import Around, Ball, Poly, above, flint, largest
 from varcalc.certificates.certificate import Distance
+from varcalc.certificates.curve import Piece
 from varcalc.certificates.field import dynamics
 from varcalc.certificates.integrals import Unproved, total, worst
 from varcalc.certificates.jets import head
@@ -85,3 +87,26 @@ def nearness(setting: Setting, tube: Tube, excess: Ball) -> Nearness:
     if not pointwise.upper() < tube.delta:
         raise Unproved(f"curves of the same value are only known to lie within {float(pointwise):.1g}, beyond the tube")
     return Nearness(square, slope, pointwise)
+
+
+def stays(setting: Setting, tube: Tube, curve: Sequence[Piece], *, slopes: bool) -> bool:
+    """Whether a curve on parts of a setting's pieces is proved to lie in the tube, with ``slopes`` its slope too."""
+    found, k = flint(), 0
+    for piece in curve:
+        while not piece.centre < setting.pieces[k].centre + setting.pieces[k].half:
+            k += 1
+        own = setting.pieces[k]
+        place = found.arb_poly([(piece.centre - own.centre) / own.half, piece.half / own.half])
+        for i, (given, middle) in enumerate(zip(piece.functions, own.functions, strict=True)):
+            apart = given - middle(place)
+            near = _most(apart) < tube.delta * float(tube.sizes[0][i])
+            if not near or (
+                slopes and not _most(apart.derivative()) / piece.half < tube.rho[k] * float(tube.sizes[1][i])
+            ):
+                return False
+    return True
+
+
+def _most(poly: Poly) -> Ball:
+    """What the size of a polynomial stays below on [-1, 1]."""
+    return sum((abs(c).upper() for c in poly.coeffs()), flint().arb(0))

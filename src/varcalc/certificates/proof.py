@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,12 +14,13 @@ from varcalc.certificates.bounds import Bounds, bounds
 from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
 from varcalc.certificates.choice import proved_tube
 from varcalc.certificates.convexity import convex_in_slope
-from varcalc.certificates.curve import end_values, joint_states, pieces, sampled, state_sizes
+from varcalc.certificates.curve import Piece, end_values, joint_states, pieces, sampled, state_sizes
 from varcalc.certificates.ends import prove_ends, tied
 from varcalc.certificates.integrals import Unproved, along_curve, total
 from varcalc.certificates.jets import Undecided, without_enclosure
+from varcalc.certificates.kinks import Kinked, kinks
 from varcalc.certificates.levels import allowed_for, meeting
-from varcalc.certificates.nearness import Nearness, nearness
+from varcalc.certificates.nearness import Nearness, nearness, stays
 from varcalc.certificates.rayleigh import lowest_of_all
 from varcalc.certificates.regular import Regular, check_forward, regular
 from varcalc.certificates.setting import Setting
@@ -29,6 +31,7 @@ from varcalc.methods.collocation.method import Collocation
 from varcalc.problem.conditions import Bound, Isoperimetric, whole
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.exact import exactly
+from varcalc.problem.problem import Problem
 from varcalc.solution import Solution, Status, VariationalError
 from varcalc.solve.ladder import solve
 from varcalc.spelling import spelled
@@ -49,6 +52,7 @@ FORWARD = "the curve y0 is a graph: its abscissa grows"
 FORTH = "a curve that runs back is no shorter than a graph: the abscissa does not occur in the metric"
 EXPRESSION = "L is CasADi's expression, in which products of the numbers of a function may be rounded"
 RAYLEIGH = "L and the prescribed integrand are homogeneous of second degree: what is proved near y0 holds of all curves"
+SUBGRADIENTS = "sigma e, sigma(x) between -1 and 1, is in place of each |e| of L, so that it is nowhere more than L"
 SIGNS = "the multipliers of the bounds have their signs, so that L with them is no more than L within the bounds"
 WITHIN = "the curve of the upper bound lies within all bounds"
 SHARES = "an abscissa that slides is a number, and distances are meant at equal shares of the interval"
@@ -135,6 +139,13 @@ def _proof(solution: Solution) -> Certificate:
     """The certificate of a solution's curve, polished, in coordinates in which it is regular."""
     if any(isinstance(c, Bound) for c in solution.problem.constraints):
         return _within_bounds(solution)
+    kinked = kinks(solution)
+    if kinked is not None:
+        try:
+            return _over_kinks(solution, kinked)
+        except Unproved:
+            if kinked.met:
+                raise
     along = _polished(solution)
     found = regular(along)
     if found is not None:
@@ -158,6 +169,18 @@ def _within_bounds(solution: Solution) -> Certificate:
     found = _bounded(solution, _setting(solution, along), held)[2]
     told = (Hypothesis(SIGNS, Means.BALLS), Hypothesis(WITHIN, Means.BALLS))
     return replace(found, proved=(*found.proved, *told))
+
+
+def _over_kinks(solution: Solution, kinked: Kinked) -> Certificate:
+    """The certificate of a curve of a Lagrangian with convex kinks, by that of a smooth one that lies below it."""
+    assert isinstance(solution.problem, Problem)
+    kinked.prove()
+    try:
+        smooth = solve(kinked.lower(solution.problem), Collocation(), guess=kinked.guess)
+    except VariationalError as error:
+        raise Unproved(f"the problem without its kinks is not solved: {error}") from None
+    found = _bounded(smooth, _setting(smooth, _polished(smooth)), kinked)[2]
+    return replace(found, proved=(*found.proved, Hypothesis(SUBGRADIENTS, Means.BALLS)))
 
 
 def _polished(solution: Solution) -> AlongCurve:
@@ -195,7 +218,9 @@ def certified(solution: Solution, along: AlongCurve) -> Certificate:
     return _bounded(solution, _setting(solution, along))[2]
 
 
-def _bounded(solution: Solution, setting: Setting, held: Bounds | None = None) -> tuple[Ball, Ball, Certificate]:
+def _bounded(
+    solution: Solution, setting: Setting, held: Bounds | Kinked | None = None
+) -> tuple[Ball, Ball, Certificate]:
     """The two numbers as balls, and the certificate; ``held`` are the bounds along the curve."""
     prover = proved_tube(setting)
     setting = replace(setting, along=allowed_for(setting, prover))
@@ -203,10 +228,14 @@ def _bounded(solution: Solution, setting: Setting, held: Bounds | None = None) -
     drop = total(setting.along, prover.tube.kappa, prover.tube.mu)
     value = setting.along.value + _end_cost(setting) - _levels(setting.statement)
     high = (value + _correction(setting)).upper()
+    curve: Sequence[Piece] = ()
     if held is not None:
-        high = (held.above(setting) + _end_cost(setting)).upper()
+        value_above, curve = held.above(setting)
+        high = (value_above + _end_cost(setting)).upper()
     near = nearness(setting, prover.tube, largest([high - value]))
     scope, hypotheses = _scope(setting, prover, near, solution)
+    if scope is not Scope.ALL and not stays(setting, prover.tube, curve, slopes=scope is Scope.WEAK):
+        raise Unproved("the curve of the upper bound is not proved to lie in the tube")
     low = (value - drop).lower()
     lowest = lowest_of_all(setting, prover.tube, drop) if held is None and scope is not Scope.ALL else None
     if lowest is not None:
