@@ -16,10 +16,11 @@ import numpy as np
 from varcalc.certificates.balls import Around, Ball, Poly, Series, above, flint, integral
 from varcalc.certificates.curve import end_values
 from varcalc.certificates.integrals import Along, Unproved
-from varcalc.certificates.jets import Jet, Undecided, head
+from varcalc.certificates.jets import Jet, Undecided, head, jets
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement
 from varcalc.certificates.tube import Prover
+from varcalc.symbolic.instructions import Program
 
 TERMS = 14
 """Order of the Taylor forms of integrals."""
@@ -172,15 +173,32 @@ class Meeting:
 
     def _at(self, k: int, around: Around, moved: list[tuple[Ball, list[Series]]], order: int) -> list[Jet]:
         """H and what is integrated to levels, along the moved curve."""
-        piece, bare = self.setting.pieces[k], self.statement.bare
-        states, controls = piece.lifted(around)
-        row = [*states, *controls]
+        x, states, controls = self._moved(k, around, moved)
+        own = self.statement.jet(x, states, controls, order, self.setting.pieces[k].switches)
+        return [own, *self.statement.level_jets(x, states, controls, order)]
+
+    def _moved(
+        self, k: int, around: Around, moved: list[tuple[Ball, list[Series]]]
+    ) -> tuple[Series, list[Series], list[Series]]:
+        """The abscissa, the states and the controls of the moved curve."""
+        states, controls = self.setting.pieces[k].lifted(around)
+        row, bare = [*states, *controls], self.statement.bare
         for bump, (e, shapes) in zip(self.bumps, moved, strict=False):
             for place, shape in zip(self._places(bump), shapes, strict=True):
                 row[place] = row[place] + e * shape
-        x = around.abscissa()
-        own = self.statement.jet(x, row[:bare], row[bare:], order, piece.switches)
-        return [own, *self.statement.level_jets(x, row[:bare], row[bare:], order)]
+        return around.abscissa(), row[:bare], row[bare:]
+
+    def integrals(self, program: Program) -> list[Ball]:
+        """The integrals of what a function of the form's symbols gives, along the curve that meets all exactly."""
+        room = self._steps()[0] if self.bumps else []
+
+        def series(k: int, around: Around) -> list[Series]:
+            moved = [(e, bump.series(around)) for e, bump in zip(room, self.bumps, strict=True)]
+            x, states, controls = self._moved(k, around, moved)
+            arguments = self.statement.arguments(Jet(x), [Jet(s) for s in states], [Jet(s) for s in controls])
+            return [jet.value for jet in jets(program, arguments[:-2], 0)[0]]
+
+        return self._integrated(series)
 
     def _integrated(self, series: Callable[[int, Around], list[Series]]) -> list[Ball]:
         """Integrals over all boxes."""

@@ -96,6 +96,10 @@ def stays(setting: Setting, tube: Tube, curve: Sequence[Piece], *, slopes: bool)
         while not piece.centre < setting.pieces[k].centre + setting.pieces[k].half:
             k += 1
         own = setting.pieces[k]
+        if not (
+            own.centre - own.half <= piece.centre - piece.half and piece.centre + piece.half <= own.centre + own.half
+        ):
+            return False
         place = found.arb_poly([(piece.centre - own.centre) / own.half, piece.half / own.half])
         for i, (given, middle) in enumerate(zip(piece.functions, own.functions, strict=True)):
             apart = given - middle(place)

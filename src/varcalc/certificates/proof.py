@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from varcalc.certificates.choice import proved_tube
 from varcalc.certificates.convexity import convex_in_slope
 from varcalc.certificates.curve import Piece, end_values, joint_states, pieces, sampled, state_sizes
 from varcalc.certificates.ends import prove_ends, tied
+from varcalc.certificates.inequalities import Inequalities, inequalities
 from varcalc.certificates.integrals import Unproved, along_curve, total
 from varcalc.certificates.jets import Undecided, without_enclosure
 from varcalc.certificates.kinks import Kinked, kinks
@@ -53,6 +55,7 @@ FORTH = "a curve that runs back is no shorter than a graph: the abscissa does no
 EXPRESSION = "L is CasADi's expression, in which products of the numbers of a function may be rounded"
 RAYLEIGH = "L and the prescribed integrand are homogeneous of second degree: what is proved near y0 holds of all curves"
 SUBGRADIENTS = "sigma e, sigma(x) between -1 and 1, is in place of each |e| of L, so that it is nowhere more than L"
+MULTIPLIERS = "the multipliers of the levels have their signs, so that L with them is no more than L where these hold"
 SIGNS = "the multipliers of the bounds have their signs, so that L with them is no more than L within the bounds"
 WITHIN = "the curve of the upper bound lies within all bounds"
 SHARES = "an abscissa that slides is a number, and distances are meant at equal shares of the interval"
@@ -150,6 +153,8 @@ def _proof(solution: Solution) -> Certificate:
     found = regular(along)
     if found is not None:
         return _of_length(solution, found)
+    if any(isinstance(c, Isoperimetric) and not c.equality for c in solution.problem.constraints):
+        return _under_inequalities(solution, along)
     reason = _out_of_reach(along)
     if reason:
         raise Unproved(reason)
@@ -171,14 +176,30 @@ def _within_bounds(solution: Solution) -> Certificate:
     return replace(found, proved=(*found.proved, *told))
 
 
+def _under_inequalities(solution: Solution, along: AlongCurve) -> Certificate:
+    """The certificate of a curve under levels that are inequalities, by that of L + lambda g without them."""
+    problem, reason = solution.problem, _out_of_reach(along)
+    if reason or not isinstance(problem, Problem):
+        raise Unproved(reason or "levels of a Curve that are inequalities are not covered")
+    held = inequalities(problem, _setting(solution, along))
+    free = _solved_nearby(held.lower(), solution.y)
+    found = _bounded(free, _setting(free, _polished(free)), held)[2]
+    return replace(found, proved=(*found.proved, Hypothesis(MULTIPLIERS, Means.BALLS)))
+
+
+def _solved_nearby(problem: Problem, guess: Callable[..., Any]) -> Solution:
+    """The extremal of a problem that stands for another, near that one's curve."""
+    try:
+        return solve(problem, Collocation(), guess=guess)
+    except VariationalError as error:
+        raise Unproved(f"the problem by which this one is bounded is not solved: {error}") from None
+
+
 def _over_kinks(solution: Solution, kinked: Kinked) -> Certificate:
     """The certificate of a curve of a Lagrangian with convex kinks, by that of a smooth one that lies below it."""
     assert isinstance(solution.problem, Problem)
     kinked.prove()
-    try:
-        smooth = solve(kinked.lower(solution.problem), Collocation(), guess=kinked.guess)
-    except VariationalError as error:
-        raise Unproved(f"the problem without its kinks is not solved: {error}") from None
+    smooth = _solved_nearby(kinked.lower(solution.problem), kinked.guess)
     found = _bounded(smooth, _setting(smooth, _polished(smooth)), kinked)[2]
     return replace(found, proved=(*found.proved, Hypothesis(SUBGRADIENTS, Means.BALLS)))
 
@@ -192,10 +213,7 @@ def _polished(solution: Solution) -> AlongCurve:
 
 def _of_length(solution: Solution, found: Regular) -> Certificate:
     """The certificate of a singular length, by that of the energy of its regular problem."""
-    try:
-        energy = solve(found.problem, Collocation(), guess=found.guess)
-    except VariationalError as error:
-        raise Unproved(f"the regular problem is not solved: {error}") from None
+    energy = _solved_nearby(found.problem, found.guess)
     setting = _setting(energy, _polished(energy))
     if found.abscissa_is_z:
         check_forward(setting)
@@ -219,7 +237,7 @@ def certified(solution: Solution, along: AlongCurve) -> Certificate:
 
 
 def _bounded(
-    solution: Solution, setting: Setting, held: Bounds | Kinked | None = None
+    solution: Solution, setting: Setting, held: Bounds | Kinked | Inequalities | None = None
 ) -> tuple[Ball, Ball, Certificate]:
     """The two numbers as balls, and the certificate; ``held`` are the bounds along the curve."""
     prover = proved_tube(setting)
@@ -240,6 +258,8 @@ def _bounded(
     lowest = lowest_of_all(setting, prover.tube, drop) if held is None and scope is not Scope.ALL else None
     if lowest is not None:
         low, scope, hypotheses = lowest, Scope.ALL, [Hypothesis(RAYLEIGH, Means.CONSTRUCTION)]
+    if isinstance(held, Inequalities):
+        low, high = (low - held.shift).lower(), (high - held.shift).upper()
     if setting.statement.along.form.coordinates.energetic:
         low, high = _length(setting.statement, solution, low, high)
     if solution.problem.maximise:
@@ -299,9 +319,6 @@ def _out_of_reach(along: AlongCurve) -> str:
         and (form.coordinates.energetic or not any(form.problem.slides)),
         "closed curves in space are not covered": form.coordinates.gauged and form.ends.periodic,
         "conditions all along the curve are not covered": bool(along.paths),
-        "levels that are inequalities are not covered": any(
-            isinstance(c, Isoperimetric) and not c.equality for c in form.problem.constraints
-        ),
         "ends that slide are not covered of Lagrangians of second order": form.ends.equations > 0 and form.order == 2,
         "periodic ends that cost something are not covered": form.ends.joint is not None and form.ends.periodic,
         "curves that are broken where L is not smooth are not covered": form.broken_at_switches,
