@@ -151,3 +151,14 @@ def test_a_kink_that_is_not_convex_is_not_taken_for_one(lagrangian):
     solution = vc.solve(vc.Problem(lagrangian, vc.Fixed(-1, -1), vc.Fixed(1, 2)))
     with pytest.raises(vc.VariationalError, match="no certificate: what a kink is multiplied by"):
         vc.certify(solution)
+
+
+def test_a_curve_outside_the_tube_bounds_nothing_in_it():
+    """Of the curve of the upper bound it is proved that it lies where the theorem speaks of."""
+    solution = solved(lambda x, y, v: v**2 / 2 + ca.fabs(y) - ca.cos(y) / 3, (0, -1), (1, 2))
+
+    def far(x, k):
+        return solution.curve(x, k) + 0.5 * np.pi**k * np.sin(np.pi * x + k * np.pi / 2)
+
+    with pytest.raises(vc.VariationalError, match="no certificate"):
+        vc.certify(replace(solution, curve=far, extremal=None))

@@ -19,6 +19,7 @@ from varcalc.certificates.balls import Around, Ball, Poly, differentiation, encl
 from varcalc.certificates.curve import DEGREE, Piece
 from varcalc.certificates.integrals import Unproved, along_curve
 from varcalc.certificates.jets import Jet, Undecided, jets, without_enclosure
+from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement, statement
 from varcalc.symbolic.instructions import Program
@@ -135,15 +136,15 @@ class Bounds:
                 if not positive(poly, low.lower(), high.upper()):
                     raise Unproved("the multiplier of a bound is not proved to have its sign")
 
-    def above(self, setting: Setting) -> tuple[Ball, list[Piece]]:
-        """The value of a curve near that of a setting, proved to lie within the bounds, and it; Unproved if none is."""
+    def above(self, setting: Setting) -> Attained:
+        """A curve near that of a setting that is proved to lie within the bounds; Unproved if none is."""
         stated, tolerance = statement(self.plain()), 1e-19 * (float(abs(setting.along.value).upper()) or 1.0)
         size = float(setting.sizes[0][0])
         lift = 2.0**-50 * size
         for _ in range(LIFTS):
             pieces = [self._lifted(piece, setting, stated, lift) for piece in setting.pieces]
             if all(self._within(stated, piece) for piece in pieces):
-                return along_curve(stated, pieces, setting.sizes, tolerance).value, pieces
+                return Attained(along_curve(stated, pieces, setting.sizes, tolerance).value, pieces)
             lift *= 4.0
         raise Unproved("no curve near the one that was found is proved to lie within its bounds")
 

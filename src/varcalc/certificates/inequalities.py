@@ -15,9 +15,9 @@ from functools import cached_property
 import casadi as ca
 
 from varcalc.certificates.balls import Ball, flint
-from varcalc.certificates.curve import Piece
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.levels import meeting
+from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
 from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import rebuilt
@@ -81,10 +81,9 @@ class Inequalities:
         assert isinstance(found, Problem)
         return found
 
-    def above(self, setting: Setting) -> tuple[Ball, list[Piece]]:  # noqa: ARG002  what others ask of theirs
-        """The value of a curve that meets all levels, with :attr:`shift`, and that curve."""
+    def above(self, setting: Setting) -> Attained:  # noqa: ARG002  what others ask of theirs
+        """A curve that meets all levels, its value with :attr:`shift`."""
         met = meeting(self.setting)
-        correction = met.correction() if self._active else flint().arb(0)
         numbers = {c.index for c in self.setting.statement.along.form.conditions.integrals}
         idle = [(k, t) for k, t in self._levels() if k not in numbers]
         if idle:
@@ -94,7 +93,11 @@ class Inequalities:
                 low, high = self._interval(k)
                 if not (value >= low and value <= high):
                     raise Unproved("the curve of the upper bound is not proved to satisfy a level")
-        return self.setting.along.value + correction, list(self.setting.pieces)
+        value, pieces, bare = self.setting.along.value, self.setting.pieces, self.setting.statement.bare
+        if not self._active:
+            return Attained(value, pieces)
+        moved = met.moved()
+        return Attained(value + met.correction(), pieces, [*moved[:bare], *moved[bare + len(self._active) :]])
 
     def _levels(self) -> list[tuple[int, Expression]]:
         """The numbers of the constraints that are levels, and what they integrate."""

@@ -25,6 +25,7 @@ from varcalc.certificates.curve import DEGREE, Piece, joint_states, pieces, samp
 from varcalc.certificates.degree import degrees
 from varcalc.certificates.integrals import Unproved, along_curve
 from varcalc.certificates.jets import Jet, Undecided, head, jets
+from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement, statement
 from varcalc.formulation.graph import graph_form
@@ -197,15 +198,15 @@ class Kinked:
                     if not positive(poly, low.lower(), high.upper()):
                         raise Unproved("what takes the place of a kink is not proved to be a subgradient of it")
 
-    def above(self, setting: Setting) -> tuple[Ball, list[Piece]]:
-        """The value of L along a curve near the solution's, and that curve; ``setting`` is that of :meth:`lower`."""
+    def above(self, setting: Setting) -> Attained:
+        """A curve near the solution's, with the value of L; ``setting`` is that of :meth:`lower`."""
         vertices = np.array([float(s.x[0]) for s in setting.samples] + [self.edges[-1]])
         own = statement(replace(setting.statement.along, evaluate=self.along.evaluate, vertices=vertices))
         samples = sampled(own)
         built = pieces(own, samples, joint_states(own, samples))
         tolerance = 1e-19 * (float(abs(setting.along.value).upper()) or 1.0)
         value = along_curve(own, built, setting.sizes, tolerance).value
-        return value + sum((self._excess(own, piece) for piece in built), flint().arb(0)), built
+        return Attained(value + sum((self._excess(own, piece) for piece in built), flint().arb(0)), built)
 
     @cached_property
     def _program(self) -> Program:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.certificates.balls import Around, Ball, Poly, above, flint, largest
+from varcalc.certificates.balls import Around, Ball, above, flint, largest, most
 from varcalc.certificates.certificate import Distance
 from varcalc.certificates.curve import Piece
 from varcalc.certificates.field import dynamics
@@ -89,28 +89,49 @@ def nearness(setting: Setting, tube: Tube, excess: Ball) -> Nearness:
     return Nearness(square, slope, pointwise)
 
 
-def stays(setting: Setting, tube: Tube, curve: Sequence[Piece], *, slopes: bool) -> bool:
-    """Whether a curve on parts of a setting's pieces is proved to lie in the tube, with ``slopes`` its slope too."""
-    found, k = flint(), 0
-    for piece in curve:
-        while not piece.centre < setting.pieces[k].centre + setting.pieces[k].half:
-            k += 1
-        own = setting.pieces[k]
-        if not (
-            own.centre - own.half <= piece.centre - piece.half and piece.centre + piece.half <= own.centre + own.half
-        ):
-            return False
-        place = found.arb_poly([(piece.centre - own.centre) / own.half, piece.half / own.half])
-        for i, (given, middle) in enumerate(zip(piece.functions, own.functions, strict=True)):
-            apart = given - middle(place)
-            near = _most(apart) < tube.delta * float(tube.sizes[0][i])
-            if not near or (
-                slopes and not _most(apart.derivative()) / piece.half < tube.rho[k] * float(tube.sizes[1][i])
-            ):
+@dataclass(frozen=True)
+class Attained:
+    """A value that is attained: by a curve of which ``pieces`` and how far it is ``moved`` from these are known.
+
+    ``moved`` has an entry for each state and, after them, each control; none where the pieces are the curve.
+    """
+
+    value: Ball
+    pieces: Sequence[Piece]
+    moved: Sequence[Ball] = ()
+
+    def stays(self, setting: Setting, tube: Tube, *, slopes: bool) -> bool:
+        """Whether the curve is proved to lie in the tube of a setting, with ``slopes`` its controls too."""
+        stated, k = setting.statement, 0
+        n, order, m = stated.n, stated.order, stated.states
+        moved = self.moved or [flint().arb(0)] * (m + n)
+        widths = [*(tube.delta * tube.sizes[0]).tolist(), *(min(tube.rho) * tube.sizes[1]).tolist()]
+        kept = range(m + n if slopes else m)
+        for piece in self.pieces if self.pieces is not setting.pieces else ():
+            while not piece.centre < setting.pieces[k].centre + setting.pieces[k].half:
+                k += 1
+            rows = _apart(piece, setting.pieces[k])
+            if rows is None:
                 return False
-    return True
+            for i, row in enumerate(rows):
+                places = [*(i + d * n for d in range(order)), m + i] if i < n else [n * (order - 1) + i]
+                if not all(far + moved[p] < widths[p] for p, far in zip(places, row, strict=True) if p in kept):
+                    return False
+        return all(moved[place] < widths[place] for place in kept)
 
 
-def _most(poly: Poly) -> Ball:
-    """What the size of a polynomial stays below on [-1, 1]."""
-    return sum((abs(c).upper() for c in poly.coeffs()), flint().arb(0))
+def _apart(piece: Piece, other: Piece) -> list[list[Ball]] | None:
+    """How far functions, with their derivatives, and numbers are from those of a piece around; None if it is not."""
+    if not (
+        other.centre - other.half <= piece.centre - piece.half
+        and piece.centre + piece.half <= other.centre + other.half
+    ):
+        return None
+    place = flint().arb_poly([(piece.centre - other.centre) / other.half, piece.half / other.half])
+    rows = []
+    for given, middle in zip(piece.functions, other.functions, strict=True):
+        polys = [given - middle(place)]
+        for _ in range(piece.order):
+            polys.append(polys[-1].derivative() * (1 / piece.half))
+        rows.append(list(map(most, polys)))
+    return rows + [[most(a - b)] for a, b in zip(piece.numbers, other.numbers, strict=True)]

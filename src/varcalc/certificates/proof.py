@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -15,14 +15,14 @@ from varcalc.certificates.bounds import Bounds, bounds
 from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
 from varcalc.certificates.choice import proved_tube
 from varcalc.certificates.convexity import convex_in_slope
-from varcalc.certificates.curve import Piece, end_values, joint_states, pieces, sampled, state_sizes
+from varcalc.certificates.curve import end_values, joint_states, pieces, sampled, state_sizes
 from varcalc.certificates.ends import prove_ends, tied
 from varcalc.certificates.inequalities import Inequalities, inequalities
 from varcalc.certificates.integrals import Unproved, along_curve, total
 from varcalc.certificates.jets import Undecided, without_enclosure
 from varcalc.certificates.kinks import Kinked, kinks
 from varcalc.certificates.levels import allowed_for, meeting
-from varcalc.certificates.nearness import Nearness, nearness, stays
+from varcalc.certificates.nearness import Attained, Nearness, nearness
 from varcalc.certificates.rayleigh import lowest_of_all
 from varcalc.certificates.regular import Regular, check_forward, regular
 from varcalc.certificates.setting import Setting
@@ -245,14 +245,11 @@ def _bounded(
     end_terms = prove_ends(prover)
     drop = total(setting.along, prover.tube.kappa, prover.tube.mu)
     value = setting.along.value + _end_cost(setting) - _levels(setting.statement)
-    high = (value + _correction(setting)).upper()
-    curve: Sequence[Piece] = ()
-    if held is not None:
-        value_above, curve = held.above(setting)
-        high = (value_above + _end_cost(setting)).upper()
+    attained = _attained(setting, value) if held is None else held.above(setting)
+    high = (attained.value if held is None else attained.value + _end_cost(setting)).upper()
     near = nearness(setting, prover.tube, largest([high - value]))
     scope, hypotheses = _scope(setting, prover, near, solution)
-    if scope is not Scope.ALL and not stays(setting, prover.tube, curve, slopes=scope is Scope.WEAK):
+    if scope is not Scope.ALL and not attained.stays(setting, prover.tube, slopes=scope is Scope.WEAK):
         raise Unproved("the curve of the upper bound is not proved to lie in the tube")
     low = (value - drop).lower()
     lowest = lowest_of_all(setting, prover.tube, drop) if held is None and scope is not Scope.ALL else None
@@ -341,10 +338,12 @@ def _length(stated: Statement, solution: Solution, low: Ball, high: Ball) -> tup
     return (stated.factor * low).sqrt().lower(), (stated.factor * high).sqrt().upper()
 
 
-def _correction(setting: Setting) -> Ball:
-    """What the value changes by from the curve to one near it that meets the prescribed integrals exactly."""
-    prescribed = setting.statement.levels or setting.statement.along.form.ends.equations
-    return meeting(setting).correction() if prescribed else flint().arb(0)
+def _attained(setting: Setting, value: Ball) -> Attained:
+    """The curve of a setting, of that ``value``, or one near it that meets what is prescribed exactly."""
+    if not (setting.statement.levels or setting.statement.along.form.ends.equations):
+        return Attained(value, setting.pieces)
+    met = meeting(setting)
+    return Attained(value + met.correction(), setting.pieces, met.moved())
 
 
 def _end_cost(setting: Setting) -> Ball:
