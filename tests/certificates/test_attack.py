@@ -183,6 +183,7 @@ FOLDED = {
     "a product": (lambda x, y, v: 0.1 * (0.3 * v**2), lambda m: m(0.1) * m(0.3)),
     "a product behind a power": (lambda x, y, v: 0.1 * (0.3 * ca.fabs(2 + v) ** 2.0), lambda m: 9 * m(0.1) * m(0.3)),
     "a sum that is 1": (lambda x, y, v: 0.7 * v**2 + 0.3 * v**2, lambda m: m(0.7) + m(0.3)),
+    "a function of a number": (lambda x, y, v: ca.sinh(0 * x + 0.5) * v**2, lambda m: mpmath.sinh(m(0.5))),
     "quotients": (lambda x, y, v: (v**2 / 0.3) / (1 / 0.3), lambda m: 1 / m(0.3) / m(1 / 0.3)),
 }
 

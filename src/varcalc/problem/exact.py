@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
 import casadi as ca
 
@@ -21,6 +21,8 @@ from varcalc.symbolic.tracing import Expression, TracedFunction, as_written
 
 STAYING = frozenset({0.0, 0.25, 0.5, 1.0, 2.0, 4.0})
 """Sizes of numbers that stay: products and quotients of these are exact, and no sum of two is rounded."""
+EXACT = frozenset({ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_TWICE, ca.OP_SQ, ca.OP_ASSIGN})
+"""Operations that make a number of numbers that stay without rounding; of others, as sqrt(2), no number is made."""
 POWERS = frozenset({ca.OP_POW, ca.OP_CONSTPOW})
 
 
@@ -110,30 +112,30 @@ class _Numbers:
         if not traced.names:
             return traced  # ends slide on it: it is called without parameters
         symbols = _symbols(traced.function)
-        entries: list[list[Entry]] = [[(e, None) for e in ca.vertsplit(s)] if s.numel() else [] for s in symbols]
-        found = Program(traced.function).run(entries, lambda value: (ca.SX(value), value), self._applied)
+        entries = [ca.vertsplit(s) if s.numel() else [] for s in symbols]
+        found = Program(traced.function).run(entries, ca.SX, self._applied)
         results = [ca.vertcat(*map(self._named, row)) for row in found]
         numbers = ca.vertcat(ca.SX(0, 1), *self._symbols.values())
         function = ca.Function("traced", [*symbols, numbers], results)
         return TracedFunction(function, (*traced.names, tuple(self.values)), traced.__name__)
 
-    def _applied(self, operation: int, operands: Sequence[Entry]) -> Entry:
-        entries = [self._named(operand) for operand in operands[:1]]
+    def _applied(self, operation: int, operands: Sequence[Expression]) -> Expression:
         # exponents tell what a power is
-        entries += [operand[0] if operation in POWERS else self._named(operand) for operand in operands[1:]]
-        return (ca.SX.unary if arity(operation) == 1 else ca.SX.binary)(operation, *entries), None
+        entries = [e if k and operation in POWERS else self._named(e) for k, e in enumerate(operands)]
+        if operation not in EXACT and all(e.is_constant() for e in entries):
+            entries = [self._symbol(float(e)) for e in entries]
+        return (ca.SX.unary if arity(operation) == 1 else ca.SX.binary)(operation, *entries)
 
-    def _named(self, entry: Entry) -> Expression:
-        expression, value = entry
-        if value is None or abs(value) in STAYING or not math.isfinite(value):
-            return expression
+    def _named(self, entry: Expression) -> Expression:
+        """What stands for an expression: a parameter where it is a number that does not stay."""
+        if not entry.is_constant() or abs(float(entry)) in STAYING or not math.isfinite(float(entry)):
+            return entry
+        return self._symbol(float(entry))
+
+    def _symbol(self, value: float) -> Expression:
         if value not in self._symbols:
             name = f"number_{len(self.values)}"
             while name in self._taken:
                 name += "_"
             self.values[name], self._symbols[value] = value, ca.SX.sym(name)
         return self._symbols[value]
-
-
-Entry: TypeAlias = tuple[Expression, float | None]
-"""An expression; of a number its value too."""
