@@ -207,6 +207,9 @@ def test_numbers_are_not_put_together_in_levels_costs_and_where_ends_slide():
         vc.Problem(
             lambda x, y, v: v**2, vc.Fixed(0, 1), vc.Free(1), end_cost=lambda a, b, x, y: 0.1 * (0.3 * y**2)
         ): three / (1 + three),
+        vc.Problem(
+            lambda x, y, v: v**2, vc.Fixed(0, 1), vc.Free(0.1), end_cost=lambda a, b, x, y: x * x * x * y**2
+        ): mpmath.mpf(0.1) ** 3 / (1 + mpmath.mpf(0.1) ** 4),
         vc.Problem(lambda x, y, v: ca.sqrt(1 + v**2), vc.Fixed(0, 0), line): percent / mpmath.hypot(three, percent),
     }
     for problem, exact in found.items():

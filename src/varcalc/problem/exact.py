@@ -15,6 +15,7 @@ import casadi as ca
 
 from varcalc.problem.conditions import OfFunction
 from varcalc.problem.functional import Functional, rebuilt
+from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.instructions import Program, arity
 from varcalc.symbolic.tracing import Expression, TracedFunction, as_written
@@ -43,7 +44,8 @@ def exactly(problem: Functional) -> Functional | None:
 def _exactly(problem: Functional) -> Functional | None:
     if problem.symbols.kind is not ca.SX:
         return problem
-    if any(isinstance(function, TracedFunction) for function in _given(problem)):
+    moved = problem.end_cost is not None and problem.end_parameters
+    if moved or any(isinstance(function, TracedFunction) for function in _given(problem)):
         return None
     with as_written():
         anew = problem.retraced()
@@ -51,14 +53,35 @@ def _exactly(problem: Functional) -> Functional | None:
     if not all(_alike(*pair) for pair in zip(_traced(problem), written, strict=True)):
         return None
     numbers = _Numbers({*problem.parameters, *problem.unknowns})
+    fixed = [None] * 2 if problem.end_cost is None else _abscissae(problem, numbers)
     for traced in written:
         numbers.named(traced)  # so that all numbers are known when the first function is stated
     if not (numbers.values or any(problem.slides)):
         return problem
     (lagrangian, *_, constraints), options = anew.sent(numbers.named)
     ends = [end.stated(_unfolded(end.function)) if isinstance(end, OfFunction) else end for end in problem.templates]
+    options["end_cost"] = options["end_cost"] and _at(fixed, options["end_cost"])
     options["parameters"] = problem.parameters | numbers.values
     return rebuilt(type(problem), (lagrangian, *ends, constraints), options)
+
+
+def _abscissae(problem: Functional, numbers: _Numbers) -> list[str | None]:
+    """The names of the parameters for the abscissae of a graph's ends; None for one that slides."""
+    if not isinstance(problem, Problem):
+        return [None, None]
+    return [None if slides else numbers.name(x) for x, slides in zip(problem.span, problem.slides, strict=True)]
+
+
+def _at(fixed: Sequence[str | None], cost: Callable[..., Any]) -> Callable[..., Any]:
+    """What ends cost, at abscissae that are parameters: as numbers they would be put together with others."""
+    if not any(fixed):
+        return cost
+
+    def end_cost(x0: Any, y0: Any, x1: Any, y1: Any, p: Any) -> Any:
+        a, b = (x if name is None else getattr(p, name) for x, name in zip((x0, x1), fixed, strict=True))
+        return cost(a, y0, b, y1, p)
+
+    return end_cost
 
 
 def _given(problem: Functional) -> list[Callable[..., Any] | None]:
@@ -131,6 +154,10 @@ class _Numbers:
         if not entry.is_constant() or abs(float(entry)) in STAYING or not math.isfinite(float(entry)):
             return entry
         return self._symbol(float(entry))
+
+    def name(self, value: float) -> str:
+        """The name of the parameter that stands for a number."""
+        return self._symbol(value).name()
 
     def _symbol(self, value: float) -> Expression:
         if value not in self._symbols:
