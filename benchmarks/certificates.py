@@ -9,9 +9,9 @@ Convex: quadratics with a closed form, and functionals of which a polynomial Y i
 G a random sum of convex terms and P a polynomial. Not convex: actions of oscillators up to a conjugate point (and
 beyond, where nothing may be proved), and G with a potential that bends down, by less than Poincaré's inequality
 allows, so that Y is a minimum. The truth is taken in 40 digits at the doubles of the problem, by Gauss's quadrature
-of the traced instructions in mpmath, which shares with the proof but the reading of these. Lines are added to
-``records/certificates.csv``; a run goes on where the last one stopped. Then soap films are followed to their fold and
-an oscillator to its conjugate point, and the chart is drawn.
+of the instructions as they are written in mpmath, which shares with the proof but the reading of these. Lines are
+added to ``records/certificates.csv``; a run goes on where the last one stopped. Then soap films are followed to their
+fold and an oscillator to its conjugate point, and the chart is drawn.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ import numpy as np
 
 import varcalc as vc
 from varcalc.symbolic.instructions import Program
+from varcalc.symbolic.tracing import as_written
 
 DIGITS = 40
 NODES = 64
@@ -154,7 +155,8 @@ def made(random: np.random.Generator, *, convex: bool) -> tuple[vc.Problem, Any]
         by_y, by_v = slopes(polynomial(Y, x), polynomial(Y, x, 1))
         return G(y, v) - by_y * y - by_v * v + polynomial(P, x) * v + polynomial(P, x, 1) * y
 
-    traced = Program(ca.Function("L", symbols := [ca.SX.sym(n) for n in "xyv"], [lagrangian(*symbols)]))
+    with as_written():
+        traced = Program(ca.Function("L", symbols := [ca.SX.sym(n) for n in "xyv"], [lagrangian(*symbols)]))
 
     def rate(x: Any) -> Any:
         return traced.run([[x], [polynomial(Y, x)], [polynomial(Y, x, 1)]], mpmath.mpf, measured)[0][0]
@@ -238,6 +240,32 @@ def eigenvalue(random: np.random.Generator) -> tuple[vc.Problem, Any]:
     return vc.Problem(energy, vc.Fixed(0, 0), vc.Fixed(1, 0), [norm], parameters=parameters), mpmath.pi**2 + c
 
 
+def kinked(random: np.random.Generator) -> tuple[vc.Problem, Any]:
+    """A flat top under k |v|, or a dead core under k |y| between heights h: parabolas, and a line where L has a kink.
+
+    int v^2/2 + k |v| - f y between zeros is -f^2 c^3/3, c = (T - 2 k/f)/2; int v^2/2 + k |y| is 2 k^2 c^3/3,
+    c = sqrt(2 h/k).
+    """
+    k, f, h = (float(v) for v in random.uniform([0.1, 1.0, 0.1], [2.0, 20.0, 2.0]))
+    K, F, H = map(mpmath.mpf, (k, f, h))
+    if random.random() < 0.5:
+        T = 2 * k / f * float(random.uniform(1.2, 6.0))
+        value = -(F**2) * ((mpmath.mpf(T) - 2 * K / F) / 2) ** 3 / 3
+        return vc.Problem(lambda x, y, v: v**2 / 2 + k * ca.fabs(v) - f * y, vc.Fixed(0, 0), vc.Fixed(T, 0)), value
+    T = 2 * float(np.sqrt(2 * h / k)) * float(random.uniform(1.1, 3.0))
+    value = 2 * K**2 * mpmath.sqrt(2 * H / K) ** 3 / 3
+    return vc.Problem(lambda x, y, v: v**2 / 2 + k * ca.fabs(y), vc.Fixed(0, h), vc.Fixed(T, h)), value
+
+
+def unequal(random: np.random.Generator) -> tuple[vc.Problem, Any]:
+    """int v^2/2 over [0, T] between zeros with an area of c at least, at most, or beside what is asked: 6 c^2/T^3."""
+    T, c, way = float(random.uniform(0.3, 3.0)), float(random.uniform(0.05, 2.0)), int(random.integers(0, 3))
+    limits = [{"lower": c}, {"upper": -c}, {"lower": -c, "upper": 2 * c}][way]
+    level = vc.Isoperimetric(lambda x, y, v: y, **limits)
+    value = 6 * mpmath.mpf(c) ** 2 / mpmath.mpf(T) ** 3 if way < 2 else mpmath.mpf(0)
+    return vc.Problem(lambda x, y, v: v**2 / 2, vc.Fixed(0, 0), vc.Fixed(T, 0), [level]), value
+
+
 FAMILIES: dict[str, Callable[[np.random.Generator], tuple[vc.Problem, Any]]] = {
     "quadratic": quadratic,
     "convex": lambda random: made(random, convex=True),
@@ -248,6 +276,8 @@ FAMILIES: dict[str, Callable[[np.random.Generator], tuple[vc.Problem, Any]]] = {
     "waypoint": waypoint,
     "ceiling": ceiling,
     "eigenvalue": eigenvalue,
+    "kinked": kinked,
+    "unequal": unequal,
 }
 """The families by name; of the first two all are convex."""
 MORE = 100

@@ -219,6 +219,11 @@ def integral(centred: Series, whole: Series, order: int) -> tuple[Ball, Ball]:
     return total, coefficient(whole, order) * found.arb(0, 1) * 2 / (order + 1)
 
 
+def most(poly: Poly) -> Ball:
+    """What the size of a polynomial stays below on [-1, 1]."""
+    return sum((abs(c).upper() for c in poly.coeffs()), flint().arb(0))
+
+
 def largest(balls: Sequence[Ball]) -> Ball:
     """A number that none of the balls exceeds."""
     found = flint()

@@ -19,6 +19,7 @@ from varcalc.certificates.balls import Around, Ball, Poly, differentiation, encl
 from varcalc.certificates.curve import DEGREE, Piece
 from varcalc.certificates.integrals import Unproved, along_curve
 from varcalc.certificates.jets import Jet, Undecided, jets, without_enclosure
+from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement, statement
 from varcalc.symbolic.instructions import Program
@@ -126,21 +127,24 @@ class Bounds:
     def prove_signs(self) -> None:
         """Prove that no multiplier has the wrong sign."""
         found = flint()
-        for side, powers in zip(self.touched, self.multipliers, strict=True):
+        pieces = zip(self._edges[:-1], self._edges[1:], self.touched, self.multipliers, strict=True)
+        for a, b, side, powers in pieces:
             if side is not None and powers is not None:
                 poly = found.arb_poly([found.arb(-side.sign * float(c)) for c in powers])
-                if not _positive(poly, found.arb(-1), found.arb(1)):
+                # the piece's own variable, whose numbers are rounded, may leave [-1, 1] a little
+                low, high = ((2 * found.arb(x) - (a + b)) / (b - a) for x in (a, b))
+                if not positive(poly, low.lower(), high.upper()):
                     raise Unproved("the multiplier of a bound is not proved to have its sign")
 
-    def above(self, setting: Setting) -> Ball:
-        """The value of a curve near that of a setting that is proved to lie within the bounds; Unproved if none is."""
+    def above(self, setting: Setting) -> Attained:
+        """A curve near that of a setting that is proved to lie within the bounds; Unproved if none is."""
         stated, tolerance = statement(self.plain()), 1e-19 * (float(abs(setting.along.value).upper()) or 1.0)
         size = float(setting.sizes[0][0])
         lift = 2.0**-50 * size
         for _ in range(LIFTS):
             pieces = [self._lifted(piece, setting, stated, lift) for piece in setting.pieces]
             if all(self._within(stated, piece) for piece in pieces):
-                return along_curve(stated, pieces, setting.sizes, tolerance).value
+                return Attained(along_curve(stated, pieces, setting.sizes, tolerance).value, pieces)
             lift *= 4.0
         raise Unproved("no curve near the one that was found is proved to lie within its bounds")
 
@@ -204,14 +208,14 @@ class Bounds:
         return [flint().arb_series([0], around.terms) + jet.value for jet in jets(self._program, arguments[:-1], 0)[0]]
 
 
-def _positive(poly: Poly, low: Ball, high: Ball, depth: int = 0) -> bool:
+def positive(poly: Poly, low: Ball, high: Ball, depth: int = 0) -> bool:
     """Whether a polynomial is proved positive between two numbers."""
     middle = (low + high) / 2
     if poly(flint().arb(middle.mid(), (high - low) / 2)) > 0:
         return True
     if depth == NARROWEST or not poly(middle) > 0:
         return False
-    return _positive(poly, low, middle, depth + 1) and _positive(poly, middle, high, depth + 1)
+    return positive(poly, low, middle, depth + 1) and positive(poly, middle, high, depth + 1)
 
 
 def bounds(along: AlongCurve) -> Bounds:

@@ -95,7 +95,7 @@ class Cost:
             [Jet(found.arb(float(v))) for v in values]
             for values in (self.form.problem.parameter_values, self.multipliers, self.weights)
         ]
-        variables = [Jet(v, {i: found.arb(1)}) for i, v in enumerate([*start, *end, *numbers])]
+        variables = [Jet(v, {i: found.arb(1)} if order else None) for i, v in enumerate([*start, *end, *numbers])]
         n = self.form.n
         return jets(program, [variables[:n], variables[n : 2 * n], variables[2 * n :], *rest], order)[0]
 

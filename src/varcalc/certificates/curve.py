@@ -301,7 +301,7 @@ def state_sizes(samples: Sequence[Samples], statement: Statement) -> np.ndarray:
     length = float(samples[-1].x[-1] - samples[0].x[0])
     rows = np.hstack([s.states for s in samples])
     spread = max(float(np.ptp(rows[:n], axis=1).max()), 1e-3 * float(np.abs(rows[:n]).max()))
-    unit = spread or length
+    unit = spread if spread**2 > np.finfo(float).tiny else length  # H in that unit would be zero
     sizes = [unit / length**k for k in range(order) for _ in range(n)]
     sizes += [max(abs(float(c)), 1e-3) for c in statement.along.numbers]
     if statement.levels:

@@ -7,8 +7,9 @@ derivatives of H lowered a little, such a Q gives Hilbert's invariant integral r
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -54,7 +55,12 @@ def field(
 
     ``bends`` (m, m) are the second derivatives of what the start and the end cost.
     """
-    start, end = _boundary(statement, bends)
+    # in a unit of H in which U and M are of one size: equations of 1 and 1e-18 would be solved to few digits
+    stiffness = max(float(np.abs(s.hessian[:, -statement.n :, -statement.n :]).max()) for s in samples)
+    unit = 2.0 ** round(math.log2(stiffness)) if 0.0 < stiffness < math.inf else 1.0
+    samples = [replace(s, hessian=s.hessian / unit) for s in samples]
+    lowered = lowered / unit
+    start, end = _boundary(statement, (bends[0] / unit, bends[1] / unit))
     held = np.hstack([np.eye(statement.states), np.zeros((statement.states, statement.states))])
     cuts = [0, *parted(statement, samples), len(samples)]
     parts = []
@@ -66,7 +72,7 @@ def field(
         parts.append(part)
     U, M = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     singular = np.linalg.svd(U, compute_uv=False)
-    return JacobiFields(U, M, float(singular.min() / singular.max()))
+    return JacobiFields(U, unit * M, float(singular.min() / singular.max()))
 
 
 def parted(statement: Statement, samples: Sequence[Samples]) -> list[int]:

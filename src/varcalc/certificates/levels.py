@@ -13,13 +13,14 @@ from functools import cached_property
 
 import numpy as np
 
-from varcalc.certificates.balls import Around, Ball, Poly, Series, above, flint, integral
+from varcalc.certificates.balls import Around, Ball, Poly, Series, above, flint, integral, most
 from varcalc.certificates.curve import end_values
 from varcalc.certificates.integrals import Along, Unproved
-from varcalc.certificates.jets import Jet, Undecided, head
+from varcalc.certificates.jets import Jet, Undecided, head, jets
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement
 from varcalc.certificates.tube import Prover
+from varcalc.symbolic.instructions import Program
 
 TERMS = 14
 """Order of the Taylor forms of integrals."""
@@ -67,6 +68,12 @@ class Bump:
             polys.append(polys[-1].derivative())
         return polys
 
+    def sizes(self) -> list[Ball]:
+        """What the bump and its derivatives stay below."""
+        a, b = (flint().arb(v) for v in self.span)
+        along = flint().arb_poly([(a + b) / 2, (b - a) / 2])
+        return [most(poly(along)) for poly in self._polynomials]
+
     def series(self, around: Around) -> list[Series]:
         """The bump and its derivatives as series."""
         along = flint().arb_poly([around.box.x, around.box.unit])
@@ -87,13 +94,31 @@ class Meeting:
 
     def correction(self) -> Ball:
         """What the value changes by from the curve to one near it that meets all exactly; Unproved if none does."""
-        steps, slopes = self._steps()
+        steps, slopes = self._steps
         return sum((step * slope for step, slope in zip(steps, slopes[0], strict=True)), flint().arb(0))
 
     def reach(self) -> float:
         """How much of each bump is added at most."""
-        return max(above(abs(step)) for step in self._steps()[0])
+        return max(above(abs(step)) for step in self._steps[0])
 
+    def moved(self) -> list[Ball]:
+        """How far at most each state, with what is integrated to levels, and each control is moved at any x."""
+        stated, found = self.statement, flint()
+        bare, room = stated.bare, self._steps[0]
+        far = [found.arb(0)] * (bare + stated.n)
+        for step, bump in zip(room, self.bumps, strict=True):
+            for place, size in zip(self._places(bump), bump.sizes(), strict=True):
+                far[place] += (abs(step) * size).upper()
+        grown = [abs(miss).upper() for miss in self.missed()]
+        for k, box in self.setting.along.boxes if stated.levels else ():
+            around = Around(box, 1, whole=True)
+            moved = [(e, bump.series(around)) for e, bump in zip(room, self.bumps, strict=True)]
+            for j, jet in enumerate(self._at(k, around, moved, 1)[1:]):
+                rate = sum((abs(head(jet.first.get(i, 0) * w + found.arb(0))) for i, w in enumerate(far)), found.arb(0))
+                grown[j] = (grown[j] + 2 * box.unit * rate).upper()
+        return [*far[:bare], *grown, *far[bare:]]
+
+    @cached_property
     def _steps(self) -> tuple[list[Ball], list[list[Ball]]]:
         """What is added of each bump, and :meth:`_slopes` for that."""
         found = flint()
@@ -172,15 +197,32 @@ class Meeting:
 
     def _at(self, k: int, around: Around, moved: list[tuple[Ball, list[Series]]], order: int) -> list[Jet]:
         """H and what is integrated to levels, along the moved curve."""
-        piece, bare = self.setting.pieces[k], self.statement.bare
-        states, controls = piece.lifted(around)
-        row = [*states, *controls]
+        x, states, controls = self._moved(k, around, moved)
+        own = self.statement.jet(x, states, controls, order, self.setting.pieces[k].switches)
+        return [own, *self.statement.level_jets(x, states, controls, order)]
+
+    def _moved(
+        self, k: int, around: Around, moved: list[tuple[Ball, list[Series]]]
+    ) -> tuple[Series, list[Series], list[Series]]:
+        """The abscissa, the states and the controls of the moved curve."""
+        states, controls = self.setting.pieces[k].lifted(around)
+        row, bare = [*states, *controls], self.statement.bare
         for bump, (e, shapes) in zip(self.bumps, moved, strict=False):
             for place, shape in zip(self._places(bump), shapes, strict=True):
                 row[place] = row[place] + e * shape
-        x = around.abscissa()
-        own = self.statement.jet(x, row[:bare], row[bare:], order, piece.switches)
-        return [own, *self.statement.level_jets(x, row[:bare], row[bare:], order)]
+        return around.abscissa(), row[:bare], row[bare:]
+
+    def integrals(self, program: Program) -> list[Ball]:
+        """The integrals of what a function of the form's symbols gives, along the curve that meets all exactly."""
+        room = self._steps[0] if self.bumps else []
+
+        def series(k: int, around: Around) -> list[Series]:
+            moved = [(e, bump.series(around)) for e, bump in zip(room, self.bumps, strict=True)]
+            x, states, controls = self._moved(k, around, moved)
+            arguments = self.statement.arguments(Jet(x), [Jet(s) for s in states], [Jet(s) for s in controls])
+            return [jet.value for jet in jets(program, arguments[:-2], 0)[0]]
+
+        return self._integrated(series)
 
     def _integrated(self, series: Callable[[int, Around], list[Series]]) -> list[Ball]:
         """Integrals over all boxes."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.certificates.balls import Around, Ball, above, flint, largest
+from varcalc.certificates.balls import Around, Ball, above, flint, largest, most
 from varcalc.certificates.certificate import Distance
+from varcalc.certificates.curve import Piece
 from varcalc.certificates.field import dynamics
 from varcalc.certificates.integrals import Unproved, total, worst
 from varcalc.certificates.jets import head
@@ -85,3 +87,51 @@ def nearness(setting: Setting, tube: Tube, excess: Ball) -> Nearness:
     if not pointwise.upper() < tube.delta:
         raise Unproved(f"curves of the same value are only known to lie within {float(pointwise):.1g}, beyond the tube")
     return Nearness(square, slope, pointwise)
+
+
+@dataclass(frozen=True)
+class Attained:
+    """A value that is attained: by a curve of which ``pieces`` and how far it is ``moved`` from these are known.
+
+    ``moved`` has an entry for each state and, after them, each control; none where the pieces are the curve.
+    """
+
+    value: Ball
+    pieces: Sequence[Piece]
+    moved: Sequence[Ball] = ()
+
+    def stays(self, setting: Setting, tube: Tube, *, slopes: bool) -> bool:
+        """Whether the curve is proved to lie in the tube of a setting, with ``slopes`` its controls too."""
+        stated, k = setting.statement, 0
+        n, order, m = stated.n, stated.order, stated.states
+        moved = self.moved or [flint().arb(0)] * (m + n)
+        widths = [*(tube.delta * tube.sizes[0]).tolist(), *(min(tube.rho) * tube.sizes[1]).tolist()]
+        kept = range(m + n if slopes else m)
+        for piece in self.pieces if self.pieces is not setting.pieces else ():
+            while not piece.centre < setting.pieces[k].centre + setting.pieces[k].half:
+                k += 1
+            rows = _apart(piece, setting.pieces[k])
+            if rows is None:
+                return False
+            for i, row in enumerate(rows):
+                places = [*(i + d * n for d in range(order)), m + i] if i < n else [n * (order - 1) + i]
+                if not all(far + moved[p] < widths[p] for p, far in zip(places, row, strict=True) if p in kept):
+                    return False
+        return all(moved[place] < widths[place] for place in kept)
+
+
+def _apart(piece: Piece, other: Piece) -> list[list[Ball]] | None:
+    """How far functions, with their derivatives, and numbers are from those of a piece around; None if it is not."""
+    if not (
+        other.centre - other.half <= piece.centre - piece.half
+        and piece.centre + piece.half <= other.centre + other.half
+    ):
+        return None
+    place = flint().arb_poly([(piece.centre - other.centre) / other.half, piece.half / other.half])
+    rows = []
+    for given, middle in zip(piece.functions, other.functions, strict=True):
+        polys = [given - middle(place)]
+        for _ in range(piece.order):
+            polys.append(polys[-1].derivative() * (1 / piece.half))
+        rows.append(list(map(most, polys)))
+    return rows + [[most(a - b)] for a, b in zip(piece.numbers, other.numbers, strict=True)]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -15,18 +17,23 @@ from varcalc.certificates.choice import proved_tube
 from varcalc.certificates.convexity import convex_in_slope
 from varcalc.certificates.curve import end_values, joint_states, pieces, sampled, state_sizes
 from varcalc.certificates.ends import prove_ends, tied
+from varcalc.certificates.inequalities import Inequalities, inequalities
 from varcalc.certificates.integrals import Unproved, along_curve, total
 from varcalc.certificates.jets import Undecided, without_enclosure
+from varcalc.certificates.kinks import Kinked, kinks
 from varcalc.certificates.levels import allowed_for, meeting
-from varcalc.certificates.nearness import Nearness, nearness
+from varcalc.certificates.nearness import Attained, Nearness, nearness
 from varcalc.certificates.rayleigh import lowest_of_all
 from varcalc.certificates.regular import Regular, check_forward, regular
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement, statement
 from varcalc.certificates.tube import Prover, Tube
+from varcalc.formulation.singular import forms, number_of
 from varcalc.methods.collocation.method import Collocation
 from varcalc.problem.conditions import Bound, Isoperimetric, whole
 from varcalc.problem.convexity import proved_jointly_convex
+from varcalc.problem.exact import exactly
+from varcalc.problem.problem import Problem
 from varcalc.solution import Solution, Status, VariationalError
 from varcalc.solve.ladder import solve
 from varcalc.spelling import spelled
@@ -45,7 +52,10 @@ VALUE_TOLERANCE = 1e-19
 COORDINATES = "the end where L is infinite is regular in alpha and z, by which the tube and the distances are meant"
 FORWARD = "the curve y0 is a graph: its abscissa grows"
 FORTH = "a curve that runs back is no shorter than a graph: the abscissa does not occur in the metric"
+EXPRESSION = "L is CasADi's expression, in which products of the numbers of a function may be rounded"
 RAYLEIGH = "L and the prescribed integrand are homogeneous of second degree: what is proved near y0 holds of all curves"
+SUBGRADIENTS = "sigma e, sigma(x) between -1 and 1, is in place of each |e| of L, so that it is nowhere more than L"
+MULTIPLIERS = "the multipliers of the levels have their signs, so that L with them is no more than L where these hold"
 SIGNS = "the multipliers of the bounds have their signs, so that L with them is no more than L within the bounds"
 WITHIN = "the curve of the upper bound lies within all bounds"
 SHARES = "an abscissa that slides is a number, and distances are meant at equal shares of the interval"
@@ -100,10 +110,12 @@ def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
         raise VariationalError(solution)
     try:
         with working(BITS, TERMS):
-            found = _proof(solution)
+            exact, told = _exact(solution)
+            found = _proof(exact)
     except (Unproved, Undecided) as unproved:
         raise _refusal(solution, str(unproved)) from None
-    certificate = replace(found, seconds=time.perf_counter() - began)
+    seconds = time.perf_counter() - began
+    certificate = replace(found, solution=solution, proved=(*found.proved, *told), seconds=seconds)
     if digits is not None and not certificate.width <= 10.0**-digits * max(map(abs, (found.lower, found.upper))):
         raise _refusal(solution, f"the interval is {certificate.width:.1g} wide, too much for {digits} digits")
     return certificate
@@ -113,14 +125,36 @@ def _refusal(solution: Solution, reason: str) -> VariationalError:
     return VariationalError(replace(solution, status=Status.REFUSED, message=f"no certificate: {reason}"))
 
 
+def _exact(solution: Solution) -> tuple[Solution, tuple[Hypothesis, ...]]:
+    """The solution with the problem as its functions were written; where these are lost, what is proved instead."""
+    problem, extremal = exactly(solution.problem), solution.extremal
+    if problem is None:
+        return solution, (Hypothesis(EXPRESSION, Means.CONSTRUCTION),)
+    if problem is solution.problem:
+        return solution, ()
+    number = None if extremal is None else number_of(extremal.form)
+    if extremal is not None:
+        extremal = None if number is None else replace(extremal, form=forms(problem)[number])
+    return replace(solution, problem=problem, extremal=extremal), ()
+
+
 def _proof(solution: Solution) -> Certificate:
     """The certificate of a solution's curve, polished, in coordinates in which it is regular."""
     if any(isinstance(c, Bound) for c in solution.problem.constraints):
         return _within_bounds(solution)
+    kinked = kinks(solution)
+    if kinked is not None:
+        try:
+            return _over_kinks(solution, kinked)
+        except Unproved:
+            if kinked.met:
+                raise
     along = _polished(solution)
     found = regular(along)
     if found is not None:
         return _of_length(solution, found)
+    if any(isinstance(c, Isoperimetric) and not c.equality for c in solution.problem.constraints):
+        return _under_inequalities(solution, along)
     reason = _out_of_reach(along)
     if reason:
         raise Unproved(reason)
@@ -142,6 +176,34 @@ def _within_bounds(solution: Solution) -> Certificate:
     return replace(found, proved=(*found.proved, *told))
 
 
+def _under_inequalities(solution: Solution, along: AlongCurve) -> Certificate:
+    """The certificate of a curve under levels that are inequalities, by that of L + lambda g without them."""
+    problem, reason = solution.problem, _out_of_reach(along)
+    if reason or not isinstance(problem, Problem):
+        raise Unproved(reason or "levels of a Curve that are inequalities are not covered")
+    held = inequalities(problem, _setting(solution, along))
+    free = _solved_nearby(held.lower(), solution.y)
+    found = _bounded(free, _setting(free, _polished(free)), held)[2]
+    return replace(found, proved=(*found.proved, Hypothesis(MULTIPLIERS, Means.BALLS)))
+
+
+def _solved_nearby(problem: Problem, guess: Callable[..., Any]) -> Solution:
+    """The extremal of a problem that stands for another, near that one's curve."""
+    try:
+        return solve(problem, Collocation(), guess=guess)
+    except VariationalError as error:
+        raise Unproved(f"the problem by which this one is bounded is not solved: {error}") from None
+
+
+def _over_kinks(solution: Solution, kinked: Kinked) -> Certificate:
+    """The certificate of a curve of a Lagrangian with convex kinks, by that of a smooth one that lies below it."""
+    assert isinstance(solution.problem, Problem)
+    kinked.prove()
+    smooth = _solved_nearby(kinked.lower(solution.problem), kinked.guess)
+    found = _bounded(smooth, _setting(smooth, _polished(smooth)), kinked)[2]
+    return replace(found, proved=(*found.proved, Hypothesis(SUBGRADIENTS, Means.BALLS)))
+
+
 def _polished(solution: Solution) -> AlongCurve:
     found = candidate(solution)
     if found.along_best is None:
@@ -151,10 +213,7 @@ def _polished(solution: Solution) -> AlongCurve:
 
 def _of_length(solution: Solution, found: Regular) -> Certificate:
     """The certificate of a singular length, by that of the energy of its regular problem."""
-    try:
-        energy = solve(found.problem, Collocation(), guess=found.guess)
-    except VariationalError as error:
-        raise Unproved(f"the regular problem is not solved: {error}") from None
+    energy = _solved_nearby(found.problem, found.guess)
     setting = _setting(energy, _polished(energy))
     if found.abscissa_is_z:
         check_forward(setting)
@@ -177,22 +236,27 @@ def certified(solution: Solution, along: AlongCurve) -> Certificate:
     return _bounded(solution, _setting(solution, along))[2]
 
 
-def _bounded(solution: Solution, setting: Setting, held: Bounds | None = None) -> tuple[Ball, Ball, Certificate]:
+def _bounded(
+    solution: Solution, setting: Setting, held: Bounds | Kinked | Inequalities | None = None
+) -> tuple[Ball, Ball, Certificate]:
     """The two numbers as balls, and the certificate; ``held`` are the bounds along the curve."""
     prover = proved_tube(setting)
     setting = replace(setting, along=allowed_for(setting, prover))
     end_terms = prove_ends(prover)
     drop = total(setting.along, prover.tube.kappa, prover.tube.mu)
     value = setting.along.value + _end_cost(setting) - _levels(setting.statement)
-    high = (value + _correction(setting)).upper()
-    if held is not None:
-        high = (held.above(setting) + _end_cost(setting)).upper()
+    attained = _attained(setting, value) if held is None else held.above(setting)
+    high = (attained.value if held is None else attained.value + _end_cost(setting)).upper()
     near = nearness(setting, prover.tube, largest([high - value]))
     scope, hypotheses = _scope(setting, prover, near, solution)
+    if scope is not Scope.ALL and not attained.stays(setting, prover.tube, slopes=scope is Scope.WEAK):
+        raise Unproved("the curve of the upper bound is not proved to lie in the tube")
     low = (value - drop).lower()
     lowest = lowest_of_all(setting, prover.tube, drop) if held is None and scope is not Scope.ALL else None
     if lowest is not None:
         low, scope, hypotheses = lowest, Scope.ALL, [Hypothesis(RAYLEIGH, Means.CONSTRUCTION)]
+    if isinstance(held, Inequalities):
+        low, high = (low - held.shift).lower(), (high - held.shift).upper()
     if setting.statement.along.form.coordinates.energetic:
         low, high = _length(setting.statement, solution, low, high)
     if solution.problem.maximise:
@@ -252,9 +316,6 @@ def _out_of_reach(along: AlongCurve) -> str:
         and (form.coordinates.energetic or not any(form.problem.slides)),
         "closed curves in space are not covered": form.coordinates.gauged and form.ends.periodic,
         "conditions all along the curve are not covered": bool(along.paths),
-        "levels that are inequalities are not covered": any(
-            isinstance(c, Isoperimetric) and not c.equality for c in form.problem.constraints
-        ),
         "ends that slide are not covered of Lagrangians of second order": form.ends.equations > 0 and form.order == 2,
         "periodic ends that cost something are not covered": form.ends.joint is not None and form.ends.periodic,
         "curves that are broken where L is not smooth are not covered": form.broken_at_switches,
@@ -277,10 +338,12 @@ def _length(stated: Statement, solution: Solution, low: Ball, high: Ball) -> tup
     return (stated.factor * low).sqrt().lower(), (stated.factor * high).sqrt().upper()
 
 
-def _correction(setting: Setting) -> Ball:
-    """What the value changes by from the curve to one near it that meets the prescribed integrals exactly."""
-    prescribed = setting.statement.levels or setting.statement.along.form.ends.equations
-    return meeting(setting).correction() if prescribed else flint().arb(0)
+def _attained(setting: Setting, value: Ball) -> Attained:
+    """The curve of a setting, of that ``value``, or one near it that meets what is prescribed exactly."""
+    if not (setting.statement.levels or setting.statement.along.form.ends.equations):
+        return Attained(value, setting.pieces)
+    met = meeting(setting)
+    return Attained(value + met.correction(), setting.pieces, met.moved())
 
 
 def _end_cost(setting: Setting) -> Ball:

@@ -16,13 +16,14 @@ import casadi as ca
 import numpy as np
 
 from varcalc.certificates.balls import Around, flint
+from varcalc.certificates.degree import degrees
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, jets
 from varcalc.certificates.levels import meeting
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import squared
 from varcalc.problem.conditions import Fixed, Isoperimetric
-from varcalc.problem.problem import Problem
+from varcalc.problem.problem import Curve, Problem
 from varcalc.symbolic.instructions import Program
 from varcalc.verify.along_curve import AlongCurve
 
@@ -147,7 +148,7 @@ def regular(along: AlongCurve) -> Regular | None:
     plain = not (along.integrals or along.paths or len(along.numbers) or form.ends.joint or form.held)
     if not (plain and form.coordinates.energetic and form.stated.is_lifted and along.n == 2 and along.order == 1):
         return None
-    factor, H = squared(form.functional)
+    factor, H = _square(along)
     block = ca.hessian(H, s.dy)[0]
     cyclic = [i for i in (0, 1) if not ca.depends_on(H, s.y[i])]
     ends = [np.asarray(given, dtype=float)[0] for given in (form.ends.start, form.ends.end)]
@@ -174,6 +175,25 @@ def regular(along: AlongCurve) -> Regular | None:
 
     assert form.lifted is not None
     return Regular(_stated(along, metric, ends), guess, ca.depends_on(form.lifted[0], s.y[1 - i]), factor * common)
+
+
+def _square(along: AlongCurve) -> tuple[Fraction, Any]:
+    """A factor, and over it the square of the speed in the form's coordinates, from the user's own L.
+
+    The form's integrand will not do: that L is a length was seen at points. Unproved where its operations do not say.
+    """
+    problem, s, lifted = along.form.problem, along.form.problem.symbols, along.form.lifted
+    assert lifted is not None
+    x, y, dx, dy = lifted
+    factor, H = squared(problem.integrand)
+    slopes = [[symbol is s.dy] * int(symbol.numel()) for symbol in s.all]
+    if not degrees(ca.Function("H", s.all, [H]), slopes)[0][0] <= 2.0:
+        raise Unproved("L is not proved to be the root of a quadratic form in the velocities")
+    by_slope = ca.gradient(H, s.dy)
+    if isinstance(problem, Curve):
+        return factor, ca.substitute([H], [s.y, s.dy], [y, dy])[0]
+    parts = ca.substitute([H, by_slope, ca.gradient(by_slope, s.dy) / 2], [s.x, s.y, s.dy], [x, y, s.kind(0)])
+    return factor, parts[0] * dx**2 + parts[1] * dx * dy + parts[2] * dy**2
 
 
 def _in_own_unit(

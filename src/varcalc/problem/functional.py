@@ -338,10 +338,22 @@ class Functional(Shown):
     def __reduce__(self) -> tuple[Any, ...]:
         if self.original is not None:
             return _at_values, (self.original, self.parameters)
+        return rebuilt, (type(self), *self.sent(_as_it_is))
+
+    def sent(self, put: Callable[[TracedFunction], Callable[..., Any]]) -> tuple[tuple[Any, ...], dict[str, Any]]:
+        """What makes this problem anew, positional and by name; for each function what ``put`` makes of what it gave.
+
+        A function that an end slides on is called without parameters, and has no :attr:`TracedFunction.names`.
+        """
         s, position = self.symbols, self.position(self.symbols.x, self.symbols.y)
-        traced = iter(self.traced)
+
+        def traced(expression: Expression, arguments: list[Expression], called: str = "") -> Callable[..., Any]:
+            function = ca.Function("traced", [*arguments, s.parameters, s.unknowns], [expression])
+            return put(TracedFunction(function, (tuple(self.parameters), tuple(self.unknowns)), called))
+
+        rest = iter(self.traced)
         constraints = [
-            c.stated(self._as_traced(next(traced).expression, c.arguments(position, s.slopes), name_of(c.function)))
+            c.stated(traced(next(rest).expression, c.arguments(position, s.slopes), name_of(c.function)))
             if isinstance(c, OfFunction)
             else c
             for c in self.constraints
@@ -349,29 +361,31 @@ class Functional(Shown):
         cost = None
         if self.end_cost_expression is not None:
             ends, value = self.end_cost_expression
-            cost = self._as_traced(value, ends)
-        lagrangian = self._as_traced(self.integrand, [*position, *s.slopes])
-        statement = (lagrangian, *map(self._sent_end, self.templates), constraints)
-        surface = self._as_traced(ca.vertcat(*self.surface_expressions), position) if self.surface else None
+            cost = traced(value, ends)
+        lagrangian = traced(self.integrand, [*position, *s.slopes])
+        statement = (lagrangian, *(self._sent_end(end, put) for end in self.templates), constraints)
+        surface = traced(ca.vertcat(*self.surface_expressions), position) if self.surface else None
         options = {
             "parameters": self.parameters, "unknowns": self.unknowns, "end_cost": cost,
             "maximise": self.maximise, "name": self.name, "surface": surface,
             "names": [axis.name for axis in self.axes], "units": [axis.unit for axis in self.axes],
         }  # fmt: skip
-        return _rebuilt, (type(self), statement, options | self._options())
+        return statement, options | self._options()
 
-    def _as_traced(self, expression: Expression, arguments: list[Expression], called: str = "") -> TracedFunction:
-        s = self.symbols
-        function = ca.Function("traced", [*arguments, s.parameters, s.unknowns], [expression])
-        return TracedFunction(function, (tuple(self.parameters), tuple(self.unknowns)), called)
-
-    def _sent_end(self, end: Any) -> Any:
+    def _sent_end(self, end: Any, put: Callable[[TracedFunction], Callable[..., Any]]) -> Any:
         """An end whose function, if it has one, is what it gave."""
         if not isinstance(end, OfFunction):
             return end
         phi = trace("phi", end.function, self.handed(self.symbols.x, self.symbols.y), self.symbols.kind)
         function = ca.Function("traced", self.position(self.symbols.x, self.symbols.y), [phi])
-        return end.stated(TracedFunction(function, (), name_of(end.function)))
+        return end.stated(put(TracedFunction(function, (), name_of(end.function))))
+
+    def retraced(self) -> Self:
+        """A copy whose functions have been called again, with a cache of its own."""
+        other = copy.copy(self)
+        other.cache, other.original = Cache(), None
+        other._trace(self.symbols.kind)  # noqa: SLF001  of the same class
+        return other
 
     def on_surface(self, q: np.ndarray) -> np.ndarray:
         """The points in space (3, m) of places q (number of arguments of ``surface``, m): x and y, or a Curve's q.
@@ -430,7 +444,12 @@ def check_functional(problem: Any) -> None:
         raise TypeError(f"problem must be a Problem or a Curve, not {what}{remedy}")
 
 
-def _rebuilt(cls: type[Functional], statement: tuple[Any, ...], options: dict[str, Any]) -> Functional:
+def _as_it_is(function: TracedFunction) -> TracedFunction:
+    return function
+
+
+def rebuilt(cls: type[Functional], statement: tuple[Any, ...], options: dict[str, Any]) -> Functional:
+    """A problem from what :meth:`Functional.sent` gave."""
     return cls(*statement, **options)
 
 

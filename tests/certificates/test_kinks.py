@@ -1,0 +1,164 @@
+"""Lagrangians with convex kinks, held against closed forms in 60 digits."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+
+import varcalc as vc
+from varcalc.certificates import Scope
+from varcalc.certificates.balls import working
+from varcalc.certificates.integrals import Unproved
+from varcalc.certificates.kinks import kinks
+from varcalc.certificates.proof import BITS, TERMS
+
+
+@pytest.fixture(autouse=True)
+def _sixty_digits():
+    with mpmath.workdps(60):
+        yield
+
+
+def bounds(certificate):
+    return [mpmath.mpf(f.numerator) / f.denominator for f in map(Fraction, certificate.enclosure)]
+
+
+def solved(lagrangian, start, end, **options):
+    return vc.solve(vc.Problem(lagrangian, vc.Fixed(*start), vc.Fixed(*end), **options))
+
+
+def flat_top(k, f, length):
+    """int v^2/2 + k |v| - f y between zeros: parabolas, and between them a flat top 2 k/f long."""
+    k, f, length = map(mpmath.mpf, (k, f, length))
+    side = (length - 2 * k / f) / 2
+    return -(f**2) * side**3 / 3
+
+
+def dead_core(k, h, length):
+    """int v^2/2 + k |y| between heights h, further apart than the parabolas that end at y = 0."""
+    k, h, length = map(mpmath.mpf, (k, h, length))
+    side = mpmath.sqrt(2 * h / k)
+    assert length > 2 * side
+    return 2 * k**2 * side**3 / 3
+
+
+def crossing():
+    """int v^2/2 + |y| from (0, -1) to (1, 2): y'' is the sign of y."""
+
+    def missed(a, c):
+        return [-1 + a * c - c**2 / 2, (a - c) * (1 - c) + (1 - c) ** 2 / 2 - 2]
+
+    a, c = mpmath.findroot(missed, (3.0, 0.34))
+    left = mpmath.quad(lambda x: (a - x) ** 2 / 2 - (-1 + a * x - x**2 / 2), [0, c])
+    return left + mpmath.quad(lambda x: (a - 2 * c + x) ** 2 / 2 + (a - c) * (x - c) + (x - c) ** 2 / 2, [c, 1])
+
+
+CASES = {
+    "a flat top": (lambda x, y, v: v**2 / 2 + ca.fabs(v) - 12 * y, (0, 0), (1, 0), lambda: flat_top(1, 12, 1)),
+    "a dead core": (lambda x, y, v: v**2 / 2 + ca.fabs(y), (0, 1), (4, 1), lambda: dead_core(1, 1, 4)),
+    "numbers": (
+        lambda x, y, v: v**2 / 2 + 0.1 * (7 * ca.fabs(y)), (0, 0.3), (4, 0.3),
+        lambda: dead_core(mpmath.mpf(0.1) * 7, 0.3, 4),
+    ),
+    "the greater of two": (
+        lambda x, y, v: v**2 + ca.fmax(y, 0.5), (0, 1), (4, 1), lambda: 2 + 2 * mpmath.sqrt(2) / 3
+    ),
+    "a kink that is crossed": (lambda x, y, v: v**2 / 2 + ca.fabs(y), (0, -1), (1, 2), crossing),
+    "a kink beside the curve": (
+        lambda x, y, v: v**2 / 2 + ca.fabs(y), (0, 1), (1, 1), lambda: mpmath.mpf(23) / 24
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("lagrangian", "start", "end", "exact"), CASES.values(), ids=CASES)
+def test_a_convex_kink_is_certified_among_all_curves(lagrangian, start, end, exact):
+    certificate = vc.certify(solved(lagrangian, start, end))
+    low, high = bounds(certificate)
+    assert low <= exact() <= high
+    assert certificate.scope is Scope.ALL
+    assert certificate.width < 2e-12
+
+
+def test_a_maximum():
+    problem = vc.Problem(
+        lambda x, y, v: -(v**2) / 2 - ca.fabs(y), vc.Fixed(0, 1), vc.Fixed(4, 1), maximise=True
+    )  # fmt: skip
+    low, high = bounds(vc.certify(vc.solve(problem)))
+    assert low <= -dead_core(1, 1, 4) <= high
+
+
+def test_a_potential_that_is_not_convex_is_certified_in_a_tube():
+    """A kink that is crossed beside -cos(y)/3, in a tube that holds the curve of the upper bound."""
+    solution = solved(lambda x, y, v: v**2 / 2 + ca.fabs(y) - ca.cos(y) / 3, (0, -1), (1, 2))
+    certificate = vc.certify(solution)
+    assert certificate.scope is Scope.TUBE
+    assert certificate.lower - solution.error.value <= solution.value <= certificate.upper + solution.error.value
+
+
+@pytest.mark.parametrize("power", [2, 4, 6, 9])
+@pytest.mark.parametrize("name", ["a flat top", "a dead core", "a kink that is crossed"])
+def test_a_wrong_curve_widens_the_interval_or_is_refused(name, power):
+    lagrangian, start, end, exact = CASES[name]
+    solution = solved(lagrangian, start, end)
+    given = solution.curve
+    w = 3 * np.pi / (end[0] - start[0])
+
+    def wrong(x, k):
+        return given(x, k) + 10.0**-power * w**k * np.sin(w * x + k * np.pi / 2)
+
+    try:
+        low, high = bounds(vc.certify(replace(solution, curve=wrong, extremal=None)))
+    except vc.VariationalError:
+        return
+    assert low <= exact() <= high
+
+
+@pytest.mark.parametrize("shift", [-0.05, -1e-3, 1e-3, 0.05])
+def test_places_where_the_curve_meets_its_kink_that_are_wrong(shift):
+    """The signs of wrong pieces are still subgradients: the interval widens."""
+    solution = solved(lambda x, y, v: v**2 / 2 + ca.fabs(y), (0, 1), (4, 1))
+    moved = solution.x + shift * np.sin(np.pi * solution.x / 4)
+    try:
+        low, high = bounds(vc.certify(replace(solution, x=moved, extremal=None)))
+    except vc.VariationalError:
+        return
+    assert low <= dead_core(1, 1, 4) <= high
+
+
+@pytest.mark.parametrize("factor", [1.001, -1.5, 1e3])
+def test_what_is_no_subgradient_is_refused(factor):
+    kinked = kinks(solved(lambda x, y, v: v**2 / 2 + ca.fabs(v) - 12 * y, (0, 0), (1, 0)))
+    assert kinked is not None
+    wrong = [[factor * c if len(c) > 1 else c for c in row] for row in kinked.subgradients]
+    kinked.__dict__["subgradients"] = wrong
+    with working(BITS, TERMS), pytest.raises(Unproved, match="subgradient"):
+        kinked.prove()
+
+
+@pytest.mark.parametrize(
+    "lagrangian",
+    [
+        lambda x, y, v: v**2 / 2 - 0.3 * ca.fabs(y),
+        lambda x, y, v: v**2 / 2 + x * ca.fabs(y),
+        lambda x, y, v: v**2 / 2 + ca.fmin(y, 2 * y),
+    ],
+)
+def test_a_kink_that_is_not_convex_is_not_taken_for_one(lagrangian):
+    """Through y = 0 from x = -1 on: nothing is proved where the kink is turned over."""
+    solution = vc.solve(vc.Problem(lagrangian, vc.Fixed(-1, -1), vc.Fixed(1, 2)))
+    with pytest.raises(vc.VariationalError, match="no certificate: what a kink is multiplied by"):
+        vc.certify(solution)
+
+
+def test_a_curve_outside_the_tube_bounds_nothing_in_it():
+    """Of the curve of the upper bound it is proved that it lies where the theorem speaks of."""
+    solution = solved(lambda x, y, v: v**2 / 2 + ca.fabs(y) - ca.cos(y) / 3, (0, -1), (1, 2))
+
+    def far(x, k):
+        return solution.curve(x, k) + 0.5 * np.pi**k * np.sin(np.pi * x + k * np.pi / 2)
+
+    with pytest.raises(vc.VariationalError, match="no certificate"):
+        vc.certify(replace(solution, curve=far, extremal=None))
