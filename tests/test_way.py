@@ -68,7 +68,7 @@ def verified(problem):
         ("solve, a plain problem", lambda: solved(film()), 39),
         ("solve, a singular end", lambda: solved(descent()), 37),
         ("verify", lambda: verified(film()), 36),
-        ("rays", rays, 47),
+        ("rays", rays, 49),
     ],
 )
 def test_the_way_is_short(name, prepared, most):
