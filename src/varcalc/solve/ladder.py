@@ -41,11 +41,12 @@ from varcalc.solution import (
 from varcalc.solve.warm_start import resolved
 from varcalc.spelling import spelled
 from varcalc.symbolic.derived import Cache
-from varcalc.verify.between import Unseen, balanced, unseen
+from varcalc.verify.between import Unseen, as_stated, balanced, unseen
 from varcalc.verify.slopes import vouched
 
 FINER_DEGREE = 8
 """Degree at most with which a finer mesh is begun."""
+NO_LENGTH = "the functional is not the length of a metric that it is taken for"
 MOST_ELEMENTS = 1000
 """Elements on which an extremal is held: one that needs more is singular somewhere."""
 CLOSER_MESHES = 6
@@ -302,6 +303,8 @@ def _in_form(way: Method, form: Form, tol: float, start: Sampled | None) -> Solu
         solution = _worth_something(way.solve(form, tol=tol, guess=start))
     if solution.status.ok:
         solution = _seen_between(way, form, solution, tol)
+    if solution.status.ok and not as_stated(solution):
+        solution = replace(solution, status=Status.NOT_CONVERGED, message=NO_LENGTH)
     return _standing(way, form, solution, tol)
 
 
@@ -358,11 +361,12 @@ def _seen_between(method: Method, form: Form, solution: Solution, tol: float) ->
         again = _on_finer_mesh(method, form, solution, missed, tol)
         if not again.status.ok and not isinstance(method, Ritz) and balanced(solution, missed):
             return solution
-        if again.extremal is None and form.coordinates.energetic and solution.status.ok:
+        lasting = all(as_stated(s, missed) for s in (solution, again) if s.status.ok)
+        if lasting and again.extremal is None and form.coordinates.energetic and solution.status.ok:
             return solution  # coordinates made for what roots and reciprocals do beside an end see it themselves
-        if again.extremal is None:
-            message = f"{missed.sentence}, and on a mesh that can there was no answer: {again.message}"
-            return replace(solution, status=Status.NOT_CONVERGED, message=message)
+        if not lasting or again.extremal is None:
+            why = NO_LENGTH if not lasting else f"on a mesh that can there was no answer: {again.message}"
+            return replace(solution, status=Status.NOT_CONVERGED, message=f"{missed.sentence}, and {why}")
         if _agree(solution, again):
             return solution  # nothing was there after all, and the first mesh has more digits
         solution, form = again, again.extremal.form

@@ -12,10 +12,14 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.answer import Extremal, functional_value, lifted
+from varcalc.methods.answer import Extremal, functional, functional_value, lifted, sample
+from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import bounds, integrals
 from varcalc.problem.conditions import Bound
+from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
+from varcalc.symbolic.derived import derived
+from varcalc.symbolic.instructions import instructions
 from varcalc.symbolic.variation import LOCAL, VARYING, Between, Rules, excess, gentle
 from varcalc.verify.along_curve import along_curve
 from varcalc.verify.candidate import undivided
@@ -39,6 +43,13 @@ SUM_POINTS = 24
 """Gauss points between marks."""
 BELIED, SAME_SUM = 10.0, 1e-9
 """By how many times its claimed error, and a relative difference, two sums of a functional may differ."""
+SAME_LENGTH, BESIDE_LINE = 1e-6, 0.05
+"""Relative difference of a length and L's integral that is none, and the share of s left out at either end: beside
+a line where L is infinite L itself has few digits."""
+ALGEBRAIC = {
+    ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG,
+    ca.OP_POW, ca.OP_CONSTPOW, ca.OP_SQ, ca.OP_SQRT, ca.OP_TWICE, ca.OP_INV,
+}  # fmt: skip
 BALANCED = 1e-6
 """Residual of the Euler-Lagrange equation, relative to its terms, of a curve that solves it."""
 WITHIN_BOX = 16
@@ -74,6 +85,34 @@ def unseen(solution: Solution) -> Unseen | None:
     if not solution.status.ok:
         return _in_integrals(extremal, LOCAL, everywhere=True)
     return _in_integrals(extremal, VARYING, everywhere=False) or _beyond_bounds(extremal)
+
+
+def as_stated(solution: Solution, missed: Unseen | None = None) -> bool:
+    """Whether the person's own L has the value that a metric's length has, summed where a mesh sees what was missed.
+
+    That L is the length of a metric is seen from a few slopes, and it need not be one for others. Where nothing was
+    missed, sums, products, powers and roots are what they look like at those.
+    """
+    extremal, problem = solution.extremal, solution.problem
+    if extremal is None or not extremal.form.coordinates.energetic or not isinstance(problem, Problem):
+        return True
+    if missed is None and (problem.symbols.kind is not ca.SX or _algebraic(problem)):
+        return True
+    edges = extremal.vertices if missed is None else np.union1d(extremal.vertices, missed.marks)
+    s, weights = composite_gauss(edges, SUM_POINTS)
+    first, last = extremal.form.span
+    inner = np.minimum(s - first, last - s) > BESIDE_LINE * (last - first)
+    s, weights = s[inner], weights[inner]
+    x, y, dx, dy = lifted(extremal, s)
+    length = np.asarray(functional(extremal.form)(*sample(extremal, s))).ravel()
+    with np.errstate(all="ignore"):
+        apart = problem.sign * problem.integrand_values(x, y, dy / dx) * dx - length
+    return not float(weights @ np.abs(apart)) > SAME_LENGTH * float(weights @ np.abs(length))
+
+
+@derived
+def _algebraic(problem: Problem) -> bool:
+    return {i.operation for i in instructions(integrals(problem))} <= ALGEBRAIC
 
 
 def balanced(solution: Solution, missed: Unseen) -> bool:
