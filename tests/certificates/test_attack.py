@@ -240,7 +240,7 @@ def test_where_the_function_is_lost_the_theorem_says_of_what_it_is():
     [
         lambda v: 1e-11 * ca.sin(v) ** 2,
         lambda v: 1e-14 * v**2 / (1 + v**2),
-        lambda v: 1e4 * ca.exp(-(((v - 0.777) / 1e-3) ** 2)),
+        lambda v: 1e-8 * ca.exp(-(((v - 0.777) / 1e-3) ** 2)),
     ],
 )
 def test_what_is_a_length_at_the_points_looked_at_alone_is_none(beside):
