@@ -59,3 +59,15 @@ def test_a_film_above_a_floor_that_it_cannot_span_is_refused_and_not_broken_off(
     film = vc.Problem(lambda x, y, dy: ca.fmax(y, 1e-6) * ca.sqrt(1 + dy**2), vc.Fixed(-0.8, 1), vc.Fixed(0.8, 1))
     solution = vc.solve(film, throw=False)
     assert not solution.status.ok or solution.value == pytest.approx(1.0, abs=1e-5)
+
+
+@pytest.mark.parametrize("floor", [1e-3, 1e-6, 1e-8, 1e-10])
+def test_a_line_in_the_floor_is_not_called_the_least(floor):
+    """From (0, 0) to (2, 0) the line costs 2/sqrt(floor); arches are cycloids of diameter 2/pi, but for the floor."""
+    solution = vc.solve(floored(floor, 2, 0), throw=False)
+    assert not solution.status.ok or solution.local or solution.value < 5.02
+
+
+def test_a_mesh_that_is_asked_for_is_kept():
+    solution = vc.solve(floored(1e-4, 2.0, 1.0), vc.Ritz(elements=8, degree=4, refine=False), throw=False)
+    assert (solution.stats.elements, solution.stats.degree) == (8, 4)

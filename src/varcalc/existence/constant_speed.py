@@ -26,10 +26,9 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution
 from varcalc.symbolic.derived import Cache
 
-GRADED = Ritz(degree=4, starts=1)
 HALVINGS = 26
 """Halvings toward either end by which the first mesh is graded: what is steep is so beside the ends."""
-CUT = Ritz(degree=8, starts=1)
+ROUGH_DEGREE, CUT_DEGREE = 4, 8
 ROUGHLY = 1e-4
 """Error of the value with which the mesh is cut for the first time."""
 ROUNDS = 12
@@ -80,20 +79,26 @@ class _Round:
         return self.cuts - miss * (self.cuts - before.cuts) / np.where(miss == known, np.inf, miss - known)
 
 
-def at_constant_speed(problem: Functional, method: Ritz, tol: float) -> Solution | None:
-    """The minimum of a metric whose curve meets kinks in the place, each at a vertex; None where none is found."""
-    form = of_constant_speed(problem) if isinstance(problem, Problem) and _kinks_in_place(problem) else None
+def at_constant_speed(problem: Functional, method: Ritz, tol: float, guess: Sampled | None) -> Solution | None:
+    """The minimum of a metric whose curve meets kinks in the place, each at a vertex; None where none is found.
+
+    None too where a mesh of the person's own is to be kept. ``guess`` is a graph.
+    """
+    own = method.refine and method.degree is None
+    form = of_constant_speed(problem) if isinstance(problem, Problem) and own and _kinks_in_place(problem) else None
     if form is None or not isinstance(problem, Problem):
         return None
     started = time.perf_counter()
     graded = 0.5 ** np.arange(1, HALVINGS)
     first, last = form.span
-    rough = _on_mesh(GRADED, form, first + (last - first) * np.union1d(graded, 1 - graded), ROUGHLY, None)
+    vertices = first + (last - first) * np.union1d(graded, 1 - graded)
+    start = None if guess is None else form.coordinates.pull(guess)
+    rough = _on_mesh(_of_degree(method, ROUGH_DEGREE), form, vertices, ROUGHLY, start)
     if rough.extremal is None or not len(met := _met(problem, rough.extremal)):
         return None
     before, cuts, spent = _Round(rough, np.zeros(0), met), met, rough.stats.iterations
     for _ in range(ROUNDS):
-        solution = _on_cut_mesh(form, before, cuts, tol)
+        solution = _on_cut_mesh(_of_degree(method, CUT_DEGREE), form, before, cuts, tol)
         if solution.extremal is None or not len(met := _met(problem, solution.extremal)):
             return None
         found = _Round(solution, cuts, met)
@@ -110,7 +115,11 @@ def at_constant_speed(problem: Functional, method: Ritz, tol: float) -> Solution
     return None
 
 
-def _on_cut_mesh(form: Form, before: _Round, cuts: np.ndarray, tol: float) -> Solution:
+def _of_degree(method: Ritz, degree: int) -> Ritz:
+    return replace(method, elements=1, degree=degree, starts=1)
+
+
+def _on_cut_mesh(method: Ritz, form: Form, before: _Round, cuts: np.ndarray, tol: float) -> Solution:
     """The answer on the mesh of a solution, with vertices at ``cuts`` instead of at those before."""
     start = before.solution.extremal
     assert start is not None
@@ -118,7 +127,7 @@ def _on_cut_mesh(form: Form, before: _Round, cuts: np.ndarray, tol: float) -> So
     a, b = form.span
     apart = np.abs(kept[:, None] - cuts).min(1, initial=np.inf)
     kept = kept[apart > CLOSE * np.minimum(cuts - a, b - cuts).min()]
-    return _on_mesh(CUT, form, np.union1d(kept, cuts), tol, lambda s: start.evaluate(s, 0))
+    return _on_mesh(method, form, np.union1d(kept, cuts), tol, lambda s: start.evaluate(s, 0))
 
 
 def _on_mesh(method: Ritz, form: Form, vertices: np.ndarray, tol: float, guess: Sampled | None) -> Solution:

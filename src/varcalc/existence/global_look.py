@@ -37,8 +37,8 @@ LOWER = 1e-9
 """Relative difference of two values that is one."""
 SURELY_LOWER = 1e-3
 """The same for a polygon's value, of which no error is known."""
-POLYGON_RULES = (16, 24)
-"""Gauss points a piece of two rules by which a polygon's value is told."""
+POLYGON_RULES, RULES_APART = (16, 24), 10.0
+"""Gauss points a piece of two rules by which a polygon's value is told, and how often their difference is its error."""
 
 ROUGH, EXACT = Ritz(elements=8, degree=3, refine=False, starts=1), Ritz(starts=1)
 """The direct method, to see whether a valley may be lower, and to its bottom."""
@@ -85,7 +85,8 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
     for _ in range(DESCENTS):
         with np.errstate(all="ignore"):
             lattice: Lattice | None = PolygonLattice(problem, partial(_ordinates, best))
-            valleys = list(islice(filter(lattice.apart, lattice.valleys()), FOLLOWED))
+            worth = partial(_worth_following, best, lattice)
+            valleys = list(islice(filter(worth, lattice.valleys()), FOLLOWED))
         reach = lattice.reach
         lower = _lower(best, lattice, valleys, (ROUGH, EXACT), polish)
         number += len(valleys)
@@ -100,6 +101,18 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
             return _told(best, lower, reach, number, across)
         best = replace(lower, method=solution.method)
     return _told(best, None, reach, number, across)
+
+
+def _worth_following(best: Solution, lattice: Lattice, valley: Valley) -> bool:
+    """Whether a ridge lies on the way to a valley, or its polygon, which is a curve as others are, is surely lower.
+
+    A curve may rest on what is as narrow as a floor against division by zero: no ridge is seen about it.
+    """
+    if lattice.apart(valley):
+        return True
+    if not valley.value < best.problem.sign * best.value - SURELY_LOWER * lattice.summed:
+        return False
+    return _is_lower(_along(lattice.problem, valley), best, 0.0, SURELY_LOWER)
 
 
 def least_polygons(problem: Functional) -> list[Valley]:
@@ -205,14 +218,13 @@ def _is_lower(value: float, best: Solution, error: float, share: float) -> bool:
 
 
 def _along(problem: Problem, valley: Valley) -> float:
-    """The functional along a polygon, infinitely bad where two rules differ."""
+    """The functional along a polygon, made worse by what two rules differ by."""
     sums = []
     for count in POLYGON_RULES:
         x, weights = composite_gauss(valley.x, count)
         slope = np.repeat(np.diff(valley.y) / np.diff(valley.x), count)
         sums.append(float(problem.integrand_values(x, valley(x), slope[None]) @ weights))
-    settled = abs(sums[0] - sums[1]) <= SURELY_LOWER * abs(sums[1])
-    return sums[1] if settled else problem.sign * math.inf
+    return sums[1] + problem.sign * RULES_APART * abs(sums[1] - sums[0])
 
 
 def has_lattice(problem: Functional) -> bool:

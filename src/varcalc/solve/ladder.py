@@ -263,9 +263,11 @@ def _broken(problem: Functional, method: Method, tol: float, guess: Guess) -> So
     """The answer of the direct method in pieces, or a refusal, where its curve meets what switches; None elsewhere."""
     if not (isinstance(method, Ritz) and breakable(problem)):
         return None
-    if guess is None and (found := at_constant_speed(problem, method, tol)) is not None and unseen(found) is None:
+    start = _sampled(problem, formulate(problem), guess)
+    found = at_constant_speed(problem, method, tol, start)
+    if found is not None and unseen(found) is None and as_stated(found):
         return found
-    return refracted(problem, method, tol, _sampled(problem, formulate(problem), guess))
+    return refracted(problem, method, tol, start)
 
 
 def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
