@@ -213,12 +213,16 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
         solution = _made_out(_attempt(problem, method, tol, guess))
         if not solution.status.ok:
             solution = _once_more(solution, method, tol)
-        if solution.status.ok or solution.verdict is not None:
+        # what is all but free to move along itself may stand where round-off holds it: quadrature says where it belongs
+        degenerate = solution.verdict is Verdict.DEGENERATE
+        if solution.status.ok or (solution.verdict is not None and not degenerate):
             return solution
         failure = failure or solution
         found = None if guide is None else _guided(problem, guide(), tol, guess, told)
         if found is not None and found.status.ok:
             return found
+        if degenerate:
+            return solution
     told("polygons")
     for polygon in least_polygons(problem):
         solution = _polished(problem, tol, FINE, polygon)

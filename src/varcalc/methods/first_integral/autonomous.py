@@ -11,7 +11,7 @@ import numpy as np
 from varcalc.methods.first_integral.answers import ROUND_OFF, ConstantCurve, EndValues, Evaluate, Reduced, Unsuitable
 from varcalc.methods.first_integral.contract import Aim, Joined
 from varcalc.methods.first_integral.energy import EnergyLines
-from varcalc.methods.first_integral.families import EndOrdinates, Orbits, families
+from varcalc.methods.first_integral.families import EndOrdinates, Orbits, families, lingering
 from varcalc.methods.first_integral.isoperimetric import LevelStart
 from varcalc.methods.first_integral.lines import CurveBatch, CurveIntegrals
 from varcalc.methods.first_integral.reduction import Reduction
@@ -94,7 +94,8 @@ class Autonomous(Reduction):
             if np.any(orientation * sign > 0) and self.legendre(orientation):
                 energy = EnergyLines(self.integrands, orientation, inside)
                 for family, sample in families(energy, points, np.zeros(0)):
-                    found += joining(family, sample, self.aim(ends))
+                    aim = self.aim(ends)
+                    found += joining(family, sample, aim) or joining(*lingering(family, sample), aim)
         return found
 
     def _check_natural(self, inside: float) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from varcalc.methods.first_integral.energy import EnergyLines
 from varcalc.methods.first_integral.lines import Arc, CurveBatch
-from varcalc.numerics.one_coordinate.panels import COARSE, TOWARD, WHOLE, Panels
+from varcalc.numerics.one_coordinate.panels import COARSE, GRADED, TOWARD, WHOLE, Panels
 from varcalc.numerics.roots import edges, least
 
 DECADES = 7
@@ -26,6 +26,8 @@ SLOPE_GRID = np.array(
     [-34, -25, -18, -13, -10, -8, -6, -5, -4, -3, -2, -1.5, -1, -0.5, 0, 0.5, 1, 2, 3, 4, 6, 9, 14, 20.0]
 )
 """Logarithms of the least slope, in units of the mean one, at which monotone curves are tried."""
+SLOWER = np.array([-600, -400, -270, -180, -120, -80, -50.0])
+"""The same for curves that stay by an equilibrium: how long grows as the logarithm does."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,13 @@ def families(energy: EnergyLines, points: EndOrdinates, multipliers: np.ndarray)
         samples = turning_ordinates(energy, points, side, multipliers)
         found += [(Orbits(energy, points, side), sample) for sample in samples]
     return found
+
+
+def lingering(family: Orbits, sample: np.ndarray) -> tuple[Orbits, np.ndarray]:
+    """The same family with rules that hold curves which stay by an equilibrium at or beside an end of a leg."""
+    sample = sample if family.side else np.concatenate([SLOWER, sample])
+    legs = family.batch(sample[:1], np.zeros((0, 1))).legs
+    return family.ruled((GRADED,) * len(legs)), sample
 
 
 def _least_between(energy: EnergyLines, points: EndOrdinates, multipliers: np.ndarray) -> float | None:
