@@ -168,3 +168,33 @@ def test_a_curve_that_meets_a_million_steps_is_refused_with_the_first_of_them():
     solution = vc.solve(steps, throw=False)
     assert solution.status is vc.Status.NOT_CONVERGED
     assert "a jump (floor) where y = a whole number, and the curve meets it at x = " in solution.message
+
+
+@pytest.mark.parametrize(("first", "last"), [(0.2, 0.3), (3e-3, 0.4), (1e-4, 1e-4), (0.5, 2e-3)])
+@pytest.mark.parametrize("strict", [True, False])
+def test_a_ray_runs_along_a_jump_on_its_faster_side(first, last, strict):
+    """Down to y = 0 at the critical angle, along it in the faster medium below, and up again (Snell)."""
+    slow, fast, width = mpf("1.5"), mpf(1), 4
+
+    def index(y):
+        return ca.if_else(y > 0 if strict else y >= 0, 1.5, 1.0)
+
+    problem = vc.Problem(lambda x, y, dy: index(y) * ca.sqrt(1 + dy**2), vc.Fixed(0, first), vc.Fixed(width, last))
+    cosine = sqrt(1 - (fast / slow) ** 2)
+    depth = mpf(first) + mpf(last)
+    solution = vc.solve(problem)
+    assert solution.value == pytest.approx(float(slow * depth * cosine + fast * width), rel=1e-12)
+
+
+@pytest.mark.parametrize("beyond", [0.1, 4e-3, 1e-4])
+def test_an_end_just_beyond_a_jump(beyond):
+    """From (0, -0.6) in the faster medium to (2, beyond) in the slower one: a root of the length's derivative."""
+    problem = vc.Problem(
+        lambda x, y, dy: ca.if_else(y > 0, 2.4, 1.3) * ca.sqrt(1 + dy**2), vc.Fixed(0, -0.6), vc.Fixed(2, beyond)
+    )
+
+    def length(c):
+        return mpf("1.3") * sqrt(c**2 + mpf("0.36")) + mpf("2.4") * sqrt((2 - c) ** 2 + mpf(beyond) ** 2)
+
+    crossing = findroot(lambda c: mp.diff(length, c), (1, 2), solver="illinois", maxsteps=200)
+    assert vc.solve(problem).value == pytest.approx(float(length(crossing)), rel=1e-12)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -18,7 +19,7 @@ from varcalc.existence.cores import resting
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
 from varcalc.formulation.broken import LENGTH_KEPT
 from varcalc.methods.answer import lifted
-from varcalc.methods.crossings import ARGUMENT_ROUND_OFF, Crossing, crossings, met_by, on_curve, sentence, unmet
+from varcalc.methods.crossings import ARGUMENT_ROUND_OFF, Crossing, arguments_along, crossings, met_by, on_curve, sentence, unmet
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breakable, crowded, singular_inside
@@ -54,6 +55,8 @@ HELD = 1e-7
 """Difference, relative to what is summed, of a curve's functional and that of its pieces, which the sum may make."""
 BESIDE_KINK = 1e-3
 """Change of the slope, in units of 1 and of the slope, over which it is seen which way a kink points."""
+BESIDE_JUMP = 1e-3
+"""Distance from a jump, in units of what counts as on it, at which a curve runs that would run along it."""
 SAMPLES = 33
 """Places of a line at which it is seen how large what switches is."""
 SAME_PLACE = 1e-9
@@ -116,11 +119,15 @@ def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: li
         if len(lasting := _lasting(solution, found)) < len(found):
             found = lasting
             continue
+        if not _as_held(problem, solution):
+            aside = _aside(problem, curve, found, solution)
+            if _alike(problem, aside, found):
+                return None
+            found = aside
+            continue
         curve = solution.curve
         rides = any(c.until is not None for c in found)
         found = met_by(solution, FOLLOWED_TO if rides else ARGUMENT_ROUND_OFF)
-        if not _as_held(problem, solution):
-            return None
         if not unmet(problem, found, _corners(solution)):
             return solution
     return None
@@ -148,16 +155,43 @@ def _as_held(problem: Problem, solution: Solution) -> bool:
     return abs(value - solution.value) <= solution.error.value + HELD * size
 
 
+def _aside(problem: Problem, curve: Curve, found: list[Crossing], solution: Solution) -> list[Crossing]:
+    """The crossings, those of a jump along which the solution runs moved to the side on which ``curve`` runs.
+
+    On the jump itself round-off decides which side's L a curve is held against.
+    """
+    assert solution.curve is not None
+    edges, began = np.sort(_corners(solution)), np.array([problem.span[0], *(c.x for c in found), problem.span[1]])
+    if len(edges) != len(began):
+        return found
+    switches, numbers = [switch.argument for switch in on_curve(problem)], problem.unknown_guesses
+    ways = [np.linspace(a, b, SAMPLES) for a, b in pairwise(edges)]
+    along = [arguments_along(problem, solution.curve, way, numbers) for way in ways]
+    middles = arguments_along(problem, curve, 0.5 * (began[1:] + began[:-1]), numbers)
+    moved = list(found)
+    for k, c in enumerate(found):
+        number = next(i for i, argument in enumerate(switches) if argument is c.switch.argument)
+        small = ARGUMENT_ROUND_OFF * max(float(np.abs(piece[number]).max()) for piece in along)
+        for piece in (k, k + 1):
+            if c.switch.jumps and np.abs(along[piece][number] - c.level).max() <= small:
+                side = float(np.sign(middles[number, piece] - c.level))
+                moved[k] = replace(c, level=c.level + BESIDE_JUMP * small * side)
+    return moved
+
+
 def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
     """The least curve that is broken near where ``curve`` meets switches; None where none is found."""
     if any(_held_in_place(problem, c) for c in found):
         return None
     # what is met at an end itself leaves nothing to be broken
     pieces = [_piece(problem, c) for c in found if c.until is not None or c.x not in problem.span]
-    form = broken_form(problem, [], partial(_ordinates, curve), None, pieces)
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        solution = replace(method, starts=1).solve(form, tol=tol, guess=None)
-    return solution if solution.status.ok and np.all(np.diff(solution.x) > 0) else None
+    for keeping in (False, True):
+        form = broken_form(problem, [], partial(_ordinates, curve), None, pieces, keeping=keeping)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            solution = replace(method, starts=1).solve(form, tol=tol, guess=None)
+        if solution.status.ok and np.all(np.diff(solution.x) > 0):
+            return solution
+    return None
 
 
 def _held_in_place(problem: Problem, crossing: Crossing) -> bool:

@@ -77,6 +77,8 @@ def broken_form(
     curve: Sampled,
     contacts: Sequence[Contact] | None = None,
     switched: Sequence[Refraction | Ride] = (),
+    *,
+    keeping: bool = False,
 ) -> Form:
     """The problem with corners near the given abscissae, where only they and ``curve`` are guesses.
 
@@ -85,7 +87,8 @@ def broken_form(
     With ``contacts``, whose ends are corners or ends of the interval, the
     bounds are kept as equations along them and not at all elsewhere, where it
     is for the caller to look whether they hold. ``switched`` are more corners, and stretches that end in corners or
-    at the ends: between them everything that switches is left as it is in the middle of ``curve``'s piece.
+    at the ends: between them everything that switches is left as it is in the middle of ``curve``'s piece. ``keeping``
+    asks for an interior-point method that keeps some of every piece: Newton's may turn short ones inside out.
     """
     plain = graph_form(problem)
     refractions = [c for c in switched if isinstance(c, Refraction)]
@@ -108,7 +111,7 @@ def broken_form(
         pathwise = tuple(
             replace(bounds[c.index], lower=c.level, upper=c.level, where=(c.start, c.end)) for c in contacts
         )
-    elif pathwise or rides:  # the interior-point method is kept from turning a piece inside out
+    elif pathwise or rides or keeping:  # the interior-point method is kept from turning a piece inside out
         pathwise += (SideCondition(speed, LENGTH_KEPT, math.inf, -1),)
     pathwise += tuple(SideCondition(unheld(r.surface, False), 0.0, 0.0, -1, (r.start, r.end)) for r in rides)
     pathwise += tuple(

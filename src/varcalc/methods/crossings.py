@@ -55,6 +55,17 @@ def _arguments(problem: Functional) -> ca.Function:
     return ca.Function("arguments", s.all, [ca.vertcat(*found)])
 
 
+def arguments_along(
+    problem: Functional, curve: Callable[[np.ndarray, int], np.ndarray], x: np.ndarray, unknowns: np.ndarray
+) -> np.ndarray:
+    """What decides each switch of ``on_curve``, at abscissae x (m,) of a curve; shape (switches, m)."""
+    y, dy = curve(x, 0), curve(x, 1)
+    ddy = curve(x, 2) if problem.order == 2 else np.zeros((0, len(x)))
+    columns = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, unknowns)]
+    with np.errstate(all="ignore"):
+        return np.asarray(_arguments(problem)(x[None], y, dy, ddy, *columns)).reshape(-1, len(x))
+
+
 def crossings(
     problem: Functional,
     curve: Callable[[np.ndarray, int], np.ndarray],
@@ -74,11 +85,7 @@ def crossings(
     x = np.unique(np.concatenate([nodes, (nodes[:-1, None] + np.diff(nodes)[:, None] * AN_ELEMENT).ravel()]))
 
     def arguments(at: np.ndarray) -> np.ndarray:
-        y, dy = curve(at, 0), curve(at, 1)
-        ddy = curve(at, 2) if problem.order == 2 else np.zeros((0, len(at)))
-        columns = [np.tile(v[:, None], (1, len(at))) for v in (problem.parameter_values, unknowns)]
-        with np.errstate(all="ignore"):
-            return np.asarray(_arguments(problem)(at[None], y, dy, ddy, *columns)).reshape(len(switched), -1)
+        return arguments_along(problem, curve, at, unknowns)
 
     found: list[Crossing] = []
     for k, (switch, values) in enumerate(zip(switched, arguments(x), strict=True)):
@@ -87,7 +94,11 @@ def crossings(
             # what is asked at a free end is asked on the switch itself
             if np.isnan(end.values(problem.n)).any() and not end.periodic and abs(values[at_end]) <= small * size:
                 found.append(Crossing(switch, float(x[at_end])))
-        found += _of_one(switch, x, values, small * size, lambda at, k=k: arguments(at)[k])
+        signs = np.where(np.abs(values) <= small * size, 0.0, np.sign(values))
+        # on which side of a jump the curve ends is known, however near to it that is
+        sure = np.array([0, -1])[np.abs(values[[0, -1]]) > ARGUMENT_ROUND_OFF * size]
+        signs[sure] = np.sign(values[sure]) if switch.jumps else signs[sure]
+        found += _of_one(switch, x, values, signs, small * size, lambda at, k=k: arguments(at)[k])
     return sorted(found, key=lambda c: c.x)
 
 
@@ -100,9 +111,9 @@ def met_by(solution: Solution, small: float = ARGUMENT_ROUND_OFF) -> list[Crossi
 
 
 def _of_one(
-    switch: Switch, x: np.ndarray, values: np.ndarray, small: float, at: Callable[[np.ndarray], np.ndarray]
-) -> list[Crossing]:
-    signs = np.where(np.abs(values) <= small, 0.0, np.sign(values))
+    switch: Switch, x: np.ndarray, values: np.ndarray, signs: np.ndarray, small: float,
+    at: Callable[[np.ndarray], np.ndarray],
+) -> list[Crossing]:  # fmt: skip
     side = np.floor(values + small) if switch.stepped else signs
     found: list[Crossing] = []
     still = np.flatnonzero(side == 0.0) if not switch.stepped else np.zeros(0, dtype=int)

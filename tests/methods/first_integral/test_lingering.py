@@ -8,7 +8,7 @@ import varcalc as vc
 
 
 def kink(left: float, length: float) -> tuple[vc.Problem, float]:
-    """The kink tanh((x - left)/sqrt(2)) of v^2/2 + (1 - y^2)^2/4 and its value, the integral of (1 - y^2) dy/sqrt(2)."""
+    """The kink tanh((x - left)/sqrt(2)) of v^2/2 + (1 - y^2)^2/4 and its value: that of (1 - y^2)/sqrt(2) over y."""
     ends = [math.tanh(x / math.sqrt(2)) for x in (-left, length - left)]
     primitive = [(y - y**3 / 3) / math.sqrt(2) for y in ends]
     problem = vc.Problem(
