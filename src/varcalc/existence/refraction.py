@@ -19,7 +19,16 @@ from varcalc.existence.cores import resting
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
 from varcalc.formulation.broken import LENGTH_KEPT
 from varcalc.methods.answer import lifted
-from varcalc.methods.crossings import ARGUMENT_ROUND_OFF, Crossing, arguments_along, crossings, met_by, on_curve, sentence, unmet
+from varcalc.methods.crossings import (
+    ARGUMENT_ROUND_OFF,
+    Crossing,
+    arguments_along,
+    crossings,
+    met_by,
+    on_curve,
+    sentence,
+    unmet,
+)
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breakable, crowded, singular_inside
