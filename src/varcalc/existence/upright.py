@@ -85,5 +85,5 @@ def _grows_linearly(problem: Problem, x: np.ndarray, y: np.ndarray, slope: np.nd
     directions = np.repeat(slope, 2, axis=1) * np.array(SLOPES)
     with np.errstate(all="ignore"):
         values = problem.integrand_values(np.repeat(x, 2), np.repeat(y, 2, axis=1), directions)
-    ratio = SLOPES[1] / SLOPES[0]
-    return bool(abs(values[1] / values[0] / ratio - 1.0) <= LINEAR) if np.all(values != 0.0) else False
+        growth = values[1] / values[0] / (SLOPES[1] / SLOPES[0])
+    return bool(abs(growth - 1.0) <= LINEAR)

@@ -287,7 +287,14 @@ def _abscissae_to_s(extremal: Extremal, x: np.ndarray) -> np.ndarray:
             break
         s = following
     s = np.where(x <= known[0], a, s)
-    return np.where(x >= known[-1], b, s)
+    s = np.where(x >= known[-1], b, s)
+    knots = np.array(extremal.form.conditions.knots)
+    if len(knots):
+        # beside a place at which dx/ds vanishes many s have the same x but for round-off, and the curve is steep
+        at, _, speed, _ = lifted(extremal, knots)
+        for k in np.argsort(-np.abs(speed)):
+            s = np.where(x == at[k], knots[k], s)
+    return s
 
 
 def person_curve(extremal: Extremal) -> Callable[[np.ndarray, int], np.ndarray]:

@@ -101,8 +101,8 @@ def singular_inside(problem: Problem) -> float | None:
     values = problem.integrand_values(
         np.repeat(sides, 3), np.repeat(y, 3)[None], np.tile(slopes, len(sides))[None]
     ).reshape(-1, 3)
-    bend = np.abs(values @ np.array([1.0, -2.0, 1.0])).reshape(2, 2, -1)
     with np.errstate(all="ignore"):
+        bend = np.abs(values @ np.array([1.0, -2.0, 1.0])).reshape(2, 2, -1)
         grown = bend[1] / bend[0]
     bad = (~((grown < GROWN) & (grown > 1 / GROWN))).any(0) & (bend[0] > 0).any(0)
     return float(places[np.argmax(bad)]) if bad.any() else None

@@ -35,9 +35,10 @@ from varcalc.formulation.singular.detection import (
 )
 from varcalc.formulation.singular.energy import Energy, energy_forms
 from varcalc.formulation.singular.graph import applies, factored_graph
+from varcalc.formulation.singular.inside import inside_form
 from varcalc.formulation.singular.powers import power_form
 from varcalc.formulation.singular.units import in_unit, restated
-from varcalc.problem.breaks import breaks
+from varcalc.problem.breaks import breaks, singular_inside
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.symbolic.derived import derived
@@ -175,11 +176,16 @@ def _makers(problem: Functional) -> Makers:
 
 
 def _with_more(problem: Functional) -> Makers:
-    """Forms where more is asked than a curve between two ends: powers of a parameter, which carry it all along."""
+    """Forms where more is asked than a curve between two ends: powers of a parameter, which carry it all along.
+
+    Powers of the distance from places inside where L is singular, too.
+    """
     direct = partial(_direct, problem)
     known = singular_ends(problem)
     bad = tuple(here and grows(problem, at_start) for here, at_start in zip(known, (True, False), strict=True))
     if not any(bad):
+        if isinstance(problem, Problem) and not any(problem.slides) and singular_inside(problem) is not None:
+            return [partial(inside_form, problem), direct]
         return [direct]
     refused = partial(_refused, direct, "start" if bad[0] else "end")
     if not (isinstance(problem, Problem) and applies(problem)):

@@ -109,20 +109,27 @@ def powers_at_ends(problem: Problem) -> list[tuple[int, int]]:
 
 
 def _exponent(problem: Problem, point: np.ndarray, inward: float) -> tuple[int, int]:
-    """(b, q): y grows like the power q / b of the distance from one end, from L_y' = const; (1, 1) where regular."""
+    """(b, q): y grows like the power q / b of the distance from one end; (1, 1) where regular."""
+    found = growth(problem, float(point[0]), float(point[0]) + inward)
+    return (1, 1) if found is None else whole_powers(found)
+
+
+def growth(problem: Problem, place: float, toward: float) -> float | None:
+    """The power of the distance from a ``place``, on the way ``toward`` another, that y grows with there: L_y' = const.
+
+    None where no power that is a curve's does.
+    """
     # the level of the momentum is that of the chord half way: far from it another power may rule
     ends = np.array(end_points(problem))
-    middle = ends.mean(0)
     trial = float((ends[1, 1] - ends[0, 1]) / (ends[1, 0] - ends[0, 0])) or 1.0
     count = len(ANY_SLOPES)
-    x = np.concatenate([middle[:1], (point[0] + inward * np.array(PROBE)).repeat(count)])
-    y = np.concatenate([middle[1:], np.full(2 * count, point[1])])
+    steps = (toward - place) * np.array([0.5, *PROBE])
+    x = (place + steps).repeat([1, count, count])
+    y = np.interp([place + steps[0], place], *ends.T).repeat([1, 2 * count])
     slopes = np.concatenate([[trial], np.tile(math.copysign(1.0, trial) * ANY_SLOPES, 2)])
     momenta = problem.integrand_derivatives(x, y[None], slopes[None]).gradient[:, 2]
     slope = scaling(ANY_SLOPES, list(momenta[1:].reshape(2, -1)), float(momenta[0]))
-    if slope is None or not math.isfinite(slope) or slope <= -1:
-        return 1, 1
-    return whole_powers(1.0 + slope)
+    return None if slope is None or not math.isfinite(slope) or slope <= -1 else 1.0 + slope
 
 
 def whole_powers(exponent: float) -> tuple[int, int]:
