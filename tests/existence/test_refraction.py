@@ -120,11 +120,17 @@ def test_an_arc_beside_a_level_that_could_hold_it():
     assert vc.solve(arc).value == pytest.approx(float(exact), rel=1e-12)
 
 
-def test_where_a_level_is_followed_from_one_side_to_the_other_it_is_refused_by_name():
-    core = vc.Problem(lambda x, y, dy: dy**2 / 2 + 50 * ca.fabs(y), vc.Fixed(0, -1), vc.Fixed(1, 1))
-    solution = vc.solve(core, throw=False)
-    assert not solution.status.ok
-    assert "a kink (fabs) where y = 0" in solution.message
+@pytest.mark.parametrize(("force", "level", "length"), [(50, 0, 1), (1, 0, 5), (1, 0.3, 6), (7, -0.2, 2)])
+def test_a_level_is_followed_from_one_side_to_the_other(force, level, length):
+    """y'' = -k, and k on the other side: each side costs k^2 l^3 / 3 on the length l of its arc."""
+    core = vc.Problem(lambda x, y, dy: dy**2 / 2 + force * ca.fabs(y - level), vc.Fixed(0, -1), vc.Fixed(length, 1))
+    solution = vc.solve(core)
+    k = mpf(force)
+    exact = sum(k**2 * sqrt(2 * depth / k) ** 3 / 3 for depth in (1 + mpf(level), 1 - mpf(level)))
+    assert solution.value == pytest.approx(float(exact), rel=1e-10)
+    verification = vc.verify(solution)
+    assert verification.verdict is vc.Verdict.MINIMUM
+    assert verification.evidence["Euler-Lagrange"] <= 1e-9
 
 
 @pytest.mark.parametrize(("friction", "load"), [(1.0, 1.5), (2.0, 0.6), (3.0, 5.9)])

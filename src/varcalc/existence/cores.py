@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -20,9 +21,9 @@ from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.numerics.resampled import resampled
 from varcalc.problem.breaks import switches_of
-from varcalc.problem.conditions import Bound
+from varcalc.problem.conditions import AnyEnd, Bound, Fixed
 from varcalc.problem.problem import Problem
-from varcalc.solution import Solution
+from varcalc.solution import ErrorEstimate, Solution, Status
 from varcalc.symbolic.switches import Switch, held
 from varcalc.symbolic.tracing import Expression
 
@@ -32,23 +33,82 @@ BUMPS = (1e-2, 1e-4)
 """Heights of the bumps, in units of the curve's extent, by which it is seen that a level holds a curve."""
 GAUSS_POINTS = 24
 SAMPLES = 101
+LEVEL_STEPS = 8
+ON_LEVEL = 1e-12
+"""Departure from the level, in units of the largest, that is round-off."""
 
 
 def resting(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
-    """The least curve that rests where ``curve`` follows a kink, and stays on one side of it; None for another."""
+    """The least curve that rests where ``curve`` follows a kink; None for another.
+
+    Between places where it rests it stays on one side: the parts are solved each by itself.
+    """
     switch = _level(problem, found)
     if switch is None:
         return None
-    side = _side(problem, switch, curve)
-    if side == 0.0:
+    parts = [_part(problem, switch, method, tol, curve, span) for span in _spans(problem, switch, curve, found)]
+    if not all(part is not None and part.status.ok and part.curve is not None for part in parts):
         return None
-    inner = _one_sided(problem, switch, side, curve)
+    solution = _united(problem, method, [part for part in parts if part is not None])
+    assert solution.curve is not None
+    return solution if _holds(problem, solution.curve, solution, found) else None
+
+
+def _spans(problem: Problem, switch: Switch, curve: Curve, found: list[Crossing]) -> list[tuple[float, float]]:
+    """The interval cut where the curve rests between two sides of the level."""
+    cuts = [problem.span[0], *(0.5 * (c.x + c.until) for c in found if c.until is not None), problem.span[1]]
+    kept = [cuts[0]]
+    for before, cut, after in zip(cuts, cuts[1:], cuts[2:], strict=False):
+        if _side(problem, switch, curve, (before, cut)) != _side(problem, switch, curve, (cut, after)):
+            kept.append(cut)
+    return list(pairwise([*kept, cuts[-1]]))
+
+
+def _part(
+    problem: Problem, switch: Switch, method: Ritz, tol: float, curve: Curve, span: tuple[float, float]
+) -> Solution | None:
+    """The least curve of one part that stays on one side of the level; on it at ends that are not the problem's."""
+    side = _side(problem, switch, curve, span)
+    ends = [
+        end if at == whole else Fixed(at, _on_level(problem, switch, curve, at))
+        for end, at, whole in zip((problem.start, problem.end), span, problem.span, strict=True)
+    ]
+    first, last = (end.values(1)[0] for end in ends)
+    departures = _argument(problem, switch, np.array(span), np.array([[first, last]]))
+    if np.nan_to_num(side * departures).min() < -ON_LEVEL * np.nan_to_num(np.abs(departures)).max():
+        return None
+    inner = _one_sided(problem, switch, side, curve, (ends[0], ends[1]), span)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        solution = replace(method, starts=1).solve(formulate(inner), tol=tol, guess=lambda x: curve(x, 0))
-    if not solution.status.ok or solution.curve is None or not _holds(problem, solution.curve, solution, found):
-        return None
-    lasting = resampled(solution.curve, solution.x.tolist(), 1 + problem.order)
-    return replace(solution, problem=problem, method=method, multipliers=(), curve=lasting, extremal=None)
+        return replace(method, starts=1).solve(formulate(inner), tol=tol, guess=lambda x: curve(x, 0))
+
+
+def _on_level(problem: Problem, switch: Switch, curve: Curve, x: float) -> float:
+    """The ordinate of the level at x, by Newton's method from the curve."""
+    s = problem.symbols
+    step = ca.Function("step", [s.x, s.y, s.parameters], [s.y - switch.argument / ca.gradient(switch.argument, s.y)])
+    y = float(curve(np.array([x]), 0)[0, 0])
+    for _ in range(LEVEL_STEPS):
+        y = float(step(x, y, problem.parameter_values))
+    return y
+
+
+def _united(problem: Problem, method: Ritz, parts: list[Solution]) -> Solution:
+    """The answer of all parts."""
+    curves = [part.curve for part in parts if part.curve is not None]
+    starts = np.array([part.x[0] for part in parts[1:]])
+
+    def joined(x: np.ndarray, derivative: int) -> np.ndarray:
+        number = np.searchsorted(starts, x, side="right")
+        return np.select([number == k for k in range(len(curves))], [curve(x, derivative) for curve in curves])
+
+    nodes = np.unique(np.concatenate([part.x for part in parts]))
+    lasting = resampled(joined, nodes.tolist(), 1 + problem.order)
+    error = ErrorEstimate(sum(part.error.value for part in parts), max(part.error.curve for part in parts))
+    worst = next((part for part in parts if part.status is not Status.SOLVED), parts[0])
+    return replace(
+        worst, problem=problem, method=method, multipliers=(), curve=lasting, extremal=None, x=nodes, error=error,
+        value=sum(part.value for part in parts),
+    )  # fmt: skip
 
 
 def _level(problem: Problem, found: list[Crossing]) -> Switch | None:
@@ -69,18 +129,19 @@ def _argument(problem: Problem, switch: Switch, x: np.ndarray, y: np.ndarray) ->
     return np.asarray(function(x[None], y, numbers)).ravel()
 
 
-def _side(problem: Problem, switch: Switch, curve: Curve) -> float:
-    """The side of the level on which the curve starts and ends, that of the larger departure; 0 where it changes."""
-    x = np.linspace(*problem.span, SAMPLES)
+def _side(problem: Problem, switch: Switch, curve: Curve, span: tuple[float, float]) -> float:
+    """The side of the level on which the curve is, along a part of it: that of the largest departure."""
+    x = np.linspace(*span, SAMPLES)
     values = _argument(problem, switch, x, curve(x, 0))
-    side = float(np.sign(values[np.argmax(np.abs(values))]))
-    return side if min(side * values[0], side * values[-1]) >= 0.0 else 0.0
+    return float(np.sign(values[np.argmax(np.abs(values))]))
 
 
-def _one_sided(problem: Problem, switch: Switch, side: float, curve: Curve) -> Problem:
-    """The problem of one side of the level, which is a bound of it."""
+def _one_sided(
+    problem: Problem, switch: Switch, side: float, curve: Curve, ends: tuple[AnyEnd, AnyEnd], span: tuple[float, float]
+) -> Problem:
+    """The problem of a part on one side of the level, which is a bound of it."""
     s = problem.symbols
-    x = np.linspace(*problem.span, SAMPLES)
+    x = np.linspace(*span, SAMPLES)
     at = int(np.argmax(side * _argument(problem, switch, x, curve(x, 0))))
     point = [x[at : at + 1], curve(x[at : at + 1], 0)[:, 0], curve(x[at : at + 1], 1)[:, 0], np.zeros(s.ddy.numel())]
     numbers = [problem.parameter_values, problem.unknown_guesses]
@@ -99,8 +160,8 @@ def _one_sided(problem: Problem, switch: Switch, side: float, curve: Curve) -> P
 
     bound = Bound(stated(side * switch.argument), lower=0.0)
     return Problem(
-        stated(smooth), problem.start, problem.end, [bound], parameters=problem.parameters,
-        maximise=problem.maximise, breakpoints=problem.breakpoints, name=problem.name,
+        stated(smooth), *ends, [bound], parameters=problem.parameters, maximise=problem.maximise,
+        breakpoints=[x for x in problem.breakpoints if span[0] < x < span[1]], name=problem.name,
     )  # fmt: skip
 
 

@@ -22,6 +22,7 @@ from varcalc.methods.collocation.newton import Sizes, start_multipliers
 from varcalc.methods.collocation.refinement import Refinement
 from varcalc.methods.collocation.starting_curves import function_sizes, resolving_vertices
 from varcalc.methods.collocation.system import CollocationSystem, collocation_space
+from varcalc.methods.crossings import met_by
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.functional import Functional
 from varcalc.solution import Solution
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from varcalc.verify.check import Check
 
 T = TypeVar("T")
+HELD_TO = 1e-6
+"""Argument of a kink, in its own units, along which a curve that an interior-point method found is held by it."""
 POLISH_REACH = 1e-3
 """Relative distance a curve may move while it is polished, when its own error claims less."""
 COMPARED_POINTS = 65
@@ -64,6 +67,8 @@ class Candidate:
     best: Extremal | None
     reason: str
     touched: bool = False
+    held: tuple[tuple[float, float], ...] = ()
+    """Stretches along which a kink of L holds the curve: there L_y is none of either side's."""
     _measured: dict[Check[Any], Any] = field(default_factory=dict, repr=False)
 
     def measured(self, check: Check[T]) -> T:
@@ -98,6 +103,9 @@ def candidate(solution: Solution) -> Candidate:
     own = undivided(solution.extremal, solution.value) if solution.extremal is not None else _regular(solution)
     if own is not None and touches(own):
         return Candidate(solution, own, None, "the curve touches a bound", True)
+    held = tuple((c.x, c.until) for c in met_by(solution, HELD_TO) if c.until is not None)
+    if held and own is not None and not own.form.broken_at_switches:
+        return Candidate(solution, own, None, "a kink of L holds the curve", held=held)
     start = own if own is not None and not own.form.coordinates.weak_only else _in_regular_form(solution)
     if start is None:
         reason = "no coordinates are at hand in which Jacobi's equation is regular"

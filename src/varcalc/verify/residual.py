@@ -27,6 +27,8 @@ RESIDUAL_RULE = 24
 """Gauss points an element."""
 FAINT = 1e-8
 """Momentum in units of H / slope, the slope that of the curve's chords, below which it is as good as zero."""
+BESIDE_HELD = 0.02
+"""Share of a stretch that is held, beside it, which counts to it: its ends are known as closely as a mesh shows."""
 SINGULAR_SHARE = 0.1
 """Part of the interval beside each singular end that is left out in coordinates that are singular there."""
 
@@ -40,7 +42,9 @@ class EulerLagrange(Check[float]):
     def measure(self, candidate: Candidate) -> float:
         """The residual along the solution's own curve."""
         own = candidate.along_own
-        return residual(candidate.along, True) if own is None else residual(own)
+        if own is None:
+            return residual(candidate.along, True)
+        return max((residual(_between(own, *span)) for span in _free(own, candidate.held)), default=0.0)
 
     def stationary(self, candidate: Candidate) -> bool:
         """Whether the curve may be an extremal."""
@@ -107,10 +111,26 @@ def felt(along: AlongCurve) -> Expression:
     return ca.mtimes(ca.fabs(ca.jacobian(momentum, variables)), ca.fabs(variables))
 
 
+def _free(along: AlongCurve, held: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:
+    """The stretches along which nothing holds the curve."""
+    if not held:
+        return [along.span]
+    wider = [(low - BESIDE_HELD * (high - low), high + BESIDE_HELD * (high - low)) for low, high in held]
+    first, last = along.span
+    starts, ends = [first, *(high for _, high in wider)], [*(low for low, _ in wider), last]
+    return [(low, high) for low, high in zip(starts, ends, strict=True) if low < high]
+
+
 def _inside(along: AlongCurve) -> AlongCurve:
     """The same functional away from the ends of its interval."""
     a, b = along.span
-    low, high = a + SINGULAR_SHARE * (b - a), b - SINGULAR_SHARE * (b - a)
+    return _between(along, a + SINGULAR_SHARE * (b - a), b - SINGULAR_SHARE * (b - a))
+
+
+def _between(along: AlongCurve, low: float, high: float) -> AlongCurve:
+    """The same functional on part of its interval."""
+    if (low, high) == along.span:
+        return along
     inner = along.vertices[(along.vertices > low) & (along.vertices < high)]
     return replace(along, span=(low, high), vertices=np.concatenate([[low], inner, [high]]))
 
