@@ -80,7 +80,8 @@ class Kinked:
             seen = np.abs(values) > FOLLOWED * self._sizes[k]
             changes = np.flatnonzero((values[1:] * values[:-1] < 0) & (seen[1:] | seen[:-1]))
             found.append(np.array([self._crossing(k, mesh[i], mesh[i + 1]) for i in changes]))
-        return distinct(np.concatenate(found)).tolist()
+        # a mesh may end a bit of round-off before or after the interval does
+        return [self.along.span[0], *distinct(np.concatenate(found))[1:-1].tolist(), self.along.span[1]]
 
     def _crossing(self, number: int, a: float, b: float) -> float:
         """Where a kink's argument changes its sign between a and b; that of the two where it all but vanishes."""
