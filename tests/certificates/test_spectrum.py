@@ -112,6 +112,36 @@ def test_a_well_with_a_wall_in_its_middle_has_pairs_of_eigenvalues_close_togethe
     assert found[0].upper < found[1].lower
 
 
+@pytest.mark.parametrize("depth", [10.0, 30.0, 100.0, 1e3, 1e6])
+def test_a_narrow_well_is_seen_or_the_proof_is_refused(depth):
+    """L = v^2 - 2 (a y/cosh(a x))^2: y = u' - a tanh(a x) u with u'' = -E u, which vanishes at both ends."""
+    a, b = -1.3, 0.7
+    problem = quotient(
+        lambda x, y, v: v**2 - 2 * (depth / ca.cosh(depth * x)) ** 2 * y**2, vc.Fixed(a, 0), vc.Fixed(b, 0)
+    )
+
+    def solutions(k, x):
+        steep = mpmath.mpf(depth) * mpmath.tanh(mpmath.mpf(depth) * x)
+        sine, cosine = mpmath.sin(k * x), mpmath.cos(k * x)
+        return cosine - steep * sine / k, -k * sine - steep * cosine
+
+    def missed(energy):
+        k = mpmath.sqrt(mpmath.mpc(energy))
+        (even, odd), (other, last) = solutions(k, mpmath.mpf(a)), solutions(k, mpmath.mpf(b))
+        # y vanishes throughout where E = -a^2 and u = cosh(a x): no eigenvalue
+        return mpmath.re(even * last - other * odd) / (energy + mpmath.mpf(depth) ** 2)
+
+    try:
+        found = vc.certify_eigenvalues(problem, 2)
+    except ArithmeticError:
+        assert depth > 30.0
+        return
+    for proved in found:
+        low, high = (mpmath.mpf(f.numerator) / f.denominator for f in map(Fraction, proved.enclosure))
+        assert missed(low) * missed(high) < 0
+    assert found[0].upper < 0 < found[1].lower
+
+
 def test_the_greatest_of_a_maximum():
     found = vc.certify_eigenvalues(quotient(lambda x, y, v: -(v**2), maximise=True), 2)
     assert holds(found[0], -(mpmath.pi**2))

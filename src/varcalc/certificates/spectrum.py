@@ -203,7 +203,7 @@ def _prove_count(problem: Problem, ritz: Eigenfunctions, m: int, r: float) -> No
         raise Unproved(f"eigenfunction {m + 1} has {len(zeros)} zeros between the ends")
     level = graph_form(problem).conditions.integrals[0].expression
     cut = with_multipliers(problem, [(level, -r)], [Through(x, 0.0) for x in zeros])
-    setting = setting_along(_along(cut, 0.0, vertices=zeros), 1.0)
+    setting = setting_along(_along(cut, 0.0, vertices=[*zeros, *ritz.edges.tolist()]), 1.0)
     lowest = _along(problem, r, ritz.evaluate(0), ritz.edges.tolist())
     if not (homogeneous(setting) and homogeneous(setting_along(lowest, 1.0))):
         raise Unproved("L and the prescribed integrand are not proved quadratic forms, or an end is held off zero")
