@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from varcalc import mechanics as mechanics
     from varcalc import optics as optics
     from varcalc import problems as problems
-    from varcalc.certificates import Certificate, certify
+    from varcalc.certificates import Certificate, Eigenvalue, certify, certify_eigenvalues
     from varcalc.methods.collocation.method import Collocation
     from varcalc.methods.collocation.scipy_bvp import SciPyBvp
     from varcalc.methods.first_integral.method import FirstIntegral
@@ -58,6 +58,7 @@ __all__ = [
     "Comparison",
     "Curve",
     "Diagnosis",
+    "Eigenvalue",
     "Exact",
     "Extremals",
     "Finding",
@@ -97,6 +98,7 @@ __all__ = [
     "Verification",
     "WorkPrecision",
     "certify",
+    "certify_eigenvalues",
     "compare",
     "continue_branch",
     "diagnose",
@@ -122,6 +124,8 @@ _LATER = {
     "Branch": "varcalc.search",
     "Certificate": "varcalc.certificates",
     "certify": "varcalc.certificates",
+    "Eigenvalue": "varcalc.certificates",
+    "certify_eigenvalues": "varcalc.certificates",
     "Extremals": "varcalc.search",
     "FoundExtremal": "varcalc.search",
     "continue_branch": "varcalc.search",

@@ -12,7 +12,8 @@ from varcalc.certificates import Scope
 from varcalc.certificates.balls import working
 from varcalc.certificates.bounds import Bounds
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.proof import BITS, TERMS, _setting
+from varcalc.certificates.proof import BITS, TERMS
+from varcalc.certificates.setting import setting_along
 from varcalc.verify.along_curve import along_curve
 
 
@@ -82,9 +83,9 @@ def test_a_bump_of_the_bound_between_the_points_is_seen():
     x, y = along.symbols.x, along.symbols.y
     bumped = replace(along, paths=(y - 0.01 * ca.exp(-(((x - 0.7373) / 1e-4) ** 2)),))
     with working(BITS, TERMS):
-        Bounds(along).above(_setting(solution, Bounds(along).with_multipliers()))
+        Bounds(along).above(setting_along(Bounds(along).with_multipliers(), solution.value))
         held = Bounds(bumped)
-        setting = _setting(solution, held.with_multipliers())
+        setting = setting_along(held.with_multipliers(), solution.value)
         with pytest.raises(Unproved, match="within its bounds"):
             held.above(setting)
 

@@ -58,7 +58,18 @@ def crossing():
 
 CASES = {
     "a flat top": (lambda x, y, v: v**2 / 2 + ca.fabs(v) - 12 * y, (0, 0), (1, 0), lambda: flat_top(1, 12, 1)),
+    # the slope where the top begins is round-off, of a sign that hangs on how it is evaluated
+    "a flat top between places known to round-off": (
+        lambda x, y, v: v**2 / 2 + 1.458596182954353 * ca.fabs(v) - 4.649965111096241 * y,
+        (0, 0), (0.9761853994376252, 0),
+        lambda: flat_top(1.458596182954353, 4.649965111096241, 0.9761853994376252),
+    ),
     "a dead core": (lambda x, y, v: v**2 / 2 + ca.fabs(y), (0, 1), (4, 1), lambda: dead_core(1, 1, 4)),
+    "a dead core on a mesh that ends a bit of round-off early": (
+        lambda x, y, v: v**2 / 2 + 1.3233330121794862 * ca.fabs(y),
+        (0, 1.4301679826311255), (3.6869803635091745, 1.4301679826311255),
+        lambda: dead_core(1.3233330121794862, 1.4301679826311255, 3.6869803635091745),
+    ),
     "numbers": (
         lambda x, y, v: v**2 / 2 + 0.1 * (7 * ca.fabs(y)), (0, 0.3), (4, 0.3),
         lambda: dead_core(mpmath.mpf(0.1) * 7, 0.3, 4),

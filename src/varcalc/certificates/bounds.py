@@ -57,7 +57,7 @@ class Bounds:
 
     @cached_property
     def _edges(self) -> list[float]:
-        return distinct(self.along.vertices).tolist()
+        return [self.along.span[0], *distinct(self.along.vertices)[1:-1].tolist(), self.along.span[1]]
 
     @cached_property
     def touched(self) -> list[Side | None]:

@@ -11,7 +11,7 @@ from varcalc.certificates.ends import bears, end_bends, fits, prove_ends
 from varcalc.certificates.field import JacobiFields, field, parted, turned_dynamics
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.setting import Setting
-from varcalc.certificates.tube import Prover, Tube, slopes
+from varcalc.certificates.tube import Prover, TooWide, Tube, slopes
 
 KAPPAS = tuple(10.0 ** (0.5 - 0.5 * k) for k in range(18))
 """Values of kappa that are tried, in units of H_uu, from the greatest."""
@@ -29,9 +29,9 @@ TUBES = 40
 """How many times the tube may be halved."""
 SOME_BOXES = 6
 """Boxes at whose middles tubes are tried first."""
-MOST_BOXES = 400
-"""Boxes for the inequality; at first a narrower tube is tried where it takes ``MORE_BOXES`` than its integrals."""
-MORE_BOXES = 20
+DEEPEST = 60
+"""How deep boxes are cut for the inequality; at first a narrower tube is tried where ``SHALLOW`` is too little."""
+SHALLOW = 5
 NARROWINGS = 3
 """Tubes that are tried so."""
 
@@ -47,7 +47,7 @@ def proved_tube(setting: Setting) -> Prover:
         return Prover(setting.statement, setting.pieces, Q, _tube(setting, found, kappa, mu, delta), setting.joints)
 
     if setting.statement.quadratic:
-        prover(math.inf).prove(boxes, MOST_BOXES)
+        prover(math.inf).prove(boxes, DEEPEST)
         return prover(math.inf)
     widths = [WIDEST * 0.5**k for k in range(TUBES)]
     some = boxes[:: max(1, len(boxes) // SOME_BOXES)]
@@ -58,11 +58,13 @@ def proved_tube(setting: Setting) -> Prover:
     # half of what holds at the middles of boxes: between them it takes a little more; then a quarter of that at a time
     for k, delta in enumerate(widths[first + 1 :: 2]):
         try:
-            prover(delta).prove(boxes, MOST_BOXES if k >= NARROWINGS else len(boxes) + MORE_BOXES)
-        except Unproved as unproved:
-            reason = str(unproved)
+            prover(delta).prove(boxes, DEEPEST if k >= NARROWINGS else SHALLOW)
+        except TooWide as failed:
+            reason = str(failed)
             if k >= NARROWINGS:
                 break
+            # where it failed it fails first, if again
+            boxes = [boxes[failed.number], *boxes[: failed.number], *boxes[failed.number + 1 :]]
         else:
             return prover(delta)
     raise Unproved(reason or "the inequality holds in no tube, however narrow")

@@ -100,6 +100,11 @@ def sampled(statement: Statement) -> list[Samples]:
     return _carried_on(statement, done)
 
 
+def sampled_on(statement: Statement, edges: Sequence[float]) -> list[Samples]:
+    """The curve of a statement at the nodes of given pieces."""
+    return _carried_on(statement, [_samples(statement, a, b) for a, b in pairwise(edges)])
+
+
 def _carried_on(statement: Statement, samples: list[Samples]) -> list[Samples]:
     """The samples with momenta of numbers that go on from piece to piece."""
     first, reached = statement.n * statement.order, np.zeros((len(statement.along.numbers), 1))

@@ -58,6 +58,7 @@ RULES: dict[int, Callable[..., float]] = {
     ca.OP_MUL: lambda a, b: a[0] + b[0],
     ca.OP_SQ: lambda a: 2.0 * a[0],
     ca.OP_DIV: lambda a, b: math.inf if b[0] else a[0],
+    ca.OP_IF_ELSE_ZERO: lambda a, b: math.inf if a[0] else b[0],
 }
 """The degree of an operation on operands not all of which are of degree 0."""
 

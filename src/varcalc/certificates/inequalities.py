@@ -9,6 +9,7 @@ upper bound meets what holds with equality exactly, and the rest is proved of it
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,7 +20,7 @@ from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.levels import meeting
 from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
-from varcalc.problem.conditions import Isoperimetric
+from varcalc.problem.conditions import Constraint, Isoperimetric
 from varcalc.problem.functional import rebuilt
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.instructions import Program
@@ -59,27 +60,7 @@ class Inequalities:
 
     def lower(self) -> Problem:
         """The problem of L + lambda g without levels."""
-        problem, s = self.problem, self.problem.symbols
-        names = [f"multiplier_{k}" for k in range(len(self._active))]
-        while {*names} & {*problem.parameters, *problem.unknowns}:
-            names = [f"{name}_" for name in names]
-        symbols = ca.SX.sym("multipliers", len(names))
-        total = problem.sign * problem.integrand
-        for k, (integrand, _, _) in enumerate(self._active):
-            total = total + symbols[k] * integrand
-
-        def put(traced: TracedFunction) -> TracedFunction:
-            return traced
-
-        (_, *ends, constraints), options = problem.sent(put)
-        arguments = [s.x, s.y, *s.slopes, s.parameters, s.unknowns, symbols]
-        groups = tuple(problem.parameters), tuple(problem.unknowns), tuple(names)
-        lagrangian = TracedFunction(ca.Function("traced", arguments, [problem.sign * total]), groups)
-        options["parameters"] = problem.parameters | {n: a[2] for n, a in zip(names, self._active, strict=True)}
-        rest = [c for c in constraints if not isinstance(c, Isoperimetric)]
-        found = rebuilt(Problem, (lagrangian, *ends, rest), options)
-        assert isinstance(found, Problem)
-        return found
+        return with_multipliers(self.problem, [(g, multiplier) for g, _, multiplier in self._active], [])
 
     def above(self, setting: Setting) -> Attained:  # noqa: ARG002  what others ask of theirs
         """A curve that meets all levels, its value with :attr:`shift`."""
@@ -113,3 +94,28 @@ def inequalities(problem: Problem, setting: Setting) -> Inequalities:
     if form.ends.joint is not None or form.ends.periodic or problem.unknowns:
         raise Unproved("levels that are inequalities are covered where each end is given or free by itself")
     return Inequalities(problem, setting)
+
+
+def with_multipliers(
+    problem: Problem, terms: Sequence[tuple[Expression, float]], constraints: Sequence[Constraint]
+) -> Problem:
+    """The problem of L + lambda g + ..., L in the sense that is minimised, under other ``constraints``."""
+    s, names = problem.symbols, [f"multiplier_{k}" for k in range(len(terms))]
+    while {*names} & {*problem.parameters, *problem.unknowns}:
+        names = [f"{name}_" for name in names]
+    symbols = ca.SX.sym("multipliers", len(names))
+    total = problem.sign * problem.integrand
+    for k, (integrand, _) in enumerate(terms):
+        total = total + symbols[k] * integrand
+
+    def put(traced: TracedFunction) -> TracedFunction:
+        return traced
+
+    (_, *ends, _), options = problem.sent(put)
+    arguments = [s.x, s.y, *s.slopes, s.parameters, s.unknowns, symbols]
+    groups = tuple(problem.parameters), tuple(problem.unknowns), tuple(names)
+    lagrangian = TracedFunction(ca.Function("traced", arguments, [problem.sign * total]), groups)
+    values = {name: multiplier for name, (_, multiplier) in zip(names, terms, strict=True)}
+    found = rebuilt(Problem, (lagrangian, *ends, constraints), options | {"parameters": problem.parameters | values})
+    assert isinstance(found, Problem)
+    return found

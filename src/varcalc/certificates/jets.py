@@ -210,7 +210,7 @@ def _root(a: Series, order: int) -> Chain:
     if order == 0:
         return (value,)
     slope = reciprocal(2 * value)
-    return value, slope, -(slope * reciprocal(2 * a)) if order == 2 else None
+    return value, slope, -2 * slope * slope * slope if order == 2 else None
 
 
 def _logarithm(a: Series, order: int) -> Chain:

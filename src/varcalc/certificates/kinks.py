@@ -78,10 +78,23 @@ class Kinked:
         found = [self.along.vertices]
         for k, values in enumerate(self._arguments(mesh).T):
             seen = np.abs(values) > FOLLOWED * self._sizes[k]
-            for i in np.flatnonzero((values[1:] * values[:-1] < 0) & (seen[1:] | seen[:-1])):
-                root: Any = brentq(lambda x, k=k: self._arguments(np.array([x]))[0, k], mesh[i], mesh[i + 1])
-                found.append(np.array([root]))
-        return distinct(np.concatenate(found)).tolist()
+            changes = np.flatnonzero((values[1:] * values[:-1] < 0) & (seen[1:] | seen[:-1]))
+            found.append(np.array([self._crossing(k, mesh[i], mesh[i + 1]) for i in changes]))
+        # a mesh may end a bit of round-off before or after the interval does
+        return [self.along.span[0], *distinct(np.concatenate(found))[1:-1].tolist(), self.along.span[1]]
+
+    def _crossing(self, number: int, a: float, b: float) -> float:
+        """Where a kink's argument changes its sign between a and b; that of the two where it all but vanishes."""
+
+        def argument(x: float) -> float:
+            return float(self._arguments(np.array([x]))[0, number])
+
+        first, last = argument(a), argument(b)
+        if first * last < 0:
+            root: Any = brentq(argument, a, b)
+            return root
+        # round-off alone had another sign where it was evaluated among others
+        return a if abs(first) < abs(last) else b
 
     def _arguments(self, x: np.ndarray) -> np.ndarray:
         """The kinks' arguments at x (m,), one column for each."""

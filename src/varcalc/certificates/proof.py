@@ -8,25 +8,23 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from varcalc.certificates.balls import Ball, above, below, flint, largest, working
 from varcalc.certificates.bounds import Bounds, bounds
 from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
 from varcalc.certificates.choice import proved_tube
 from varcalc.certificates.convexity import convex_in_slope
-from varcalc.certificates.curve import end_values, joint_states, pieces, sampled, state_sizes
-from varcalc.certificates.ends import prove_ends, tied
+from varcalc.certificates.curve import end_values
+from varcalc.certificates.ends import prove_ends
 from varcalc.certificates.inequalities import Inequalities, inequalities
-from varcalc.certificates.integrals import Unproved, along_curve, total
-from varcalc.certificates.jets import Undecided, without_enclosure
+from varcalc.certificates.integrals import Unproved, total
+from varcalc.certificates.jets import Undecided
 from varcalc.certificates.kinks import Kinked, kinks
 from varcalc.certificates.levels import allowed_for, meeting
 from varcalc.certificates.nearness import Attained, Nearness, nearness
 from varcalc.certificates.rayleigh import lowest_of_all
 from varcalc.certificates.regular import Regular, check_forward, regular
-from varcalc.certificates.setting import Setting
-from varcalc.certificates.statement import Statement, statement
+from varcalc.certificates.setting import Setting, setting_along
+from varcalc.certificates.statement import Statement
 from varcalc.certificates.tube import Prover, Tube
 from varcalc.formulation.singular import forms, number_of
 from varcalc.methods.collocation.method import Collocation
@@ -46,8 +44,6 @@ BITS = 128
 """Precision of the balls."""
 TERMS = 24
 """Length to which Arb keeps series: more than any Taylor form here has terms."""
-VALUE_TOLERANCE = 1e-19
-"""Share of the value that the remainders of its integral may come to."""
 
 COORDINATES = "the end where L is infinite is regular in alpha and z, by which the tube and the distances are meant"
 FORWARD = "the curve y0 is a graph: its abscissa grows"
@@ -171,7 +167,7 @@ def _within_bounds(solution: Solution) -> Certificate:
     reason = _out_of_reach(along)
     if reason:
         raise Unproved(reason)
-    found = _bounded(solution, _setting(solution, along), held)[2]
+    found = _bounded(solution, setting_along(along, solution.value), held)[2]
     told = (Hypothesis(SIGNS, Means.BALLS), Hypothesis(WITHIN, Means.BALLS))
     return replace(found, proved=(*found.proved, *told))
 
@@ -181,9 +177,9 @@ def _under_inequalities(solution: Solution, along: AlongCurve) -> Certificate:
     problem, reason = solution.problem, _out_of_reach(along)
     if reason or not isinstance(problem, Problem):
         raise Unproved(reason or "levels of a Curve that are inequalities are not covered")
-    held = inequalities(problem, _setting(solution, along))
+    held = inequalities(problem, setting_along(along, solution.value))
     free = _solved_nearby(held.lower(), solution.y)
-    found = _bounded(free, _setting(free, _polished(free)), held)[2]
+    found = _bounded(free, setting_along(_polished(free), free.value), held)[2]
     return replace(found, proved=(*found.proved, Hypothesis(MULTIPLIERS, Means.BALLS)))
 
 
@@ -200,7 +196,7 @@ def _over_kinks(solution: Solution, kinked: Kinked) -> Certificate:
     assert isinstance(solution.problem, Problem)
     kinked.prove()
     smooth = _solved_nearby(kinked.lower(solution.problem), kinked.guess)
-    found = _bounded(smooth, _setting(smooth, _polished(smooth)), kinked)[2]
+    found = _bounded(smooth, setting_along(_polished(smooth), smooth.value), kinked)[2]
     return replace(found, proved=(*found.proved, Hypothesis(SUBGRADIENTS, Means.BALLS)))
 
 
@@ -214,7 +210,7 @@ def _polished(solution: Solution) -> AlongCurve:
 def _of_length(solution: Solution, found: Regular) -> Certificate:
     """The certificate of a singular length, by that of the energy of its regular problem."""
     energy = _solved_nearby(found.problem, found.guess)
-    setting = _setting(energy, _polished(energy))
+    setting = setting_along(_polished(energy), energy.value)
     if found.abscissa_is_z:
         check_forward(setting)
     low, high, certificate = _bounded(energy, setting)
@@ -233,7 +229,7 @@ def _of_length(solution: Solution, found: Regular) -> Certificate:
 
 def certified(solution: Solution, along: AlongCurve) -> Certificate:
     """The certificate of a curve, whatever it is: where it is no minimum, Unproved is raised."""
-    return _bounded(solution, _setting(solution, along))[2]
+    return _bounded(solution, setting_along(along, solution.value))[2]
 
 
 def _bounded(
@@ -287,25 +283,6 @@ def _slope_room(setting: Setting, tube: Tube, scope: Scope) -> float:
     if setting.statement.order == 2:
         return tube.delta * float(setting.sizes[0][setting.statement.n])
     return float(setting.sizes[1][0]) * min(tube.rho) if scope is Scope.WEAK else math.inf
-
-
-def _setting(solution: Solution, along: AlongCurve) -> Setting:
-    stated = statement(along)
-    strange = without_enclosure(stated.function)
-    if strange:
-        raise Unproved(f"the Lagrangian holds {strange}, of which no enclosure is known")
-    samples = sampled(stated)
-    if not all(np.isfinite(s.hessian).all() and np.isfinite(s.momenta).all() for s in samples):
-        raise Unproved("the Lagrangian or its derivatives are no numbers on the curve")
-    stated = tied(stated, samples)
-    joints = joint_states(stated, samples)
-    exact = pieces(stated, samples, joints)
-    states = state_sizes(samples, stated)
-    length = float(samples[-1].x[-1] - samples[0].x[0])
-    controls = states[(stated.order - 1) * stated.n : stated.order * stated.n] / 2.0 ** round(math.log2(length))
-    sizes = states, controls
-    tolerance = VALUE_TOLERANCE * (abs(solution.value) or 1.0)
-    return Setting(stated, samples, joints, exact, sizes, along_curve(stated, exact, sizes, tolerance))
 
 
 def _out_of_reach(along: AlongCurve) -> str:

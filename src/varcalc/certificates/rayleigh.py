@@ -31,7 +31,7 @@ def lowest_of_all(setting: Setting, tube: Tube, drop: Ball) -> Ball | None:
     ``drop`` is E.
     """
     stated = setting.statement
-    if not (_plain(stated) and stated.of_second_degree and _vanishes_with_the_curve(setting)):
+    if not (_plain(stated) and stated.levels == 1 and homogeneous(setting)):
         return None
     level, found = flint().arb(stated.along.form.conditions.integrals[0].lower), flint()
     try:
@@ -64,14 +64,18 @@ def _size_of_level(setting: Setting) -> Ball:
 
 
 def _plain(stated: Statement) -> bool:
-    """Whether curves are graphs between ends that are held at zero, free or one, under one prescribed integral."""
+    """Whether curves are graphs between ends that are held, free or one."""
     form = stated.along.form
     if form.coordinates.energetic or form.coordinates.gauged or form.lift is not None:
         return False
+    return stated.cost is None and not stated.waypoints and not len(stated.along.numbers)
+
+
+def homogeneous(setting: Setting) -> bool:
+    """Whether H and what is prescribed an integral are of second degree and nothing else, and ends are held at zero."""
+    stated = setting.statement
     zero = all(not np.any(values[held]) for held, values in zip(stated.held, stated.values, strict=True))
-    return (
-        zero and stated.levels == 1 and stated.cost is None and not stated.waypoints and not len(stated.along.numbers)
-    )
+    return zero and stated.of_second_degree and _vanishes_with_the_curve(setting)
 
 
 def _vanishes_with_the_curve(setting: Setting) -> bool:

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from varcalc.certificates.balls import Ball, flint
-from varcalc.certificates.curve import Piece, Samples
-from varcalc.certificates.integrals import Along
-from varcalc.certificates.statement import Statement
+from varcalc.certificates.curve import Piece, Samples, joint_states, pieces, sampled, state_sizes
+from varcalc.certificates.ends import tied
+from varcalc.certificates.integrals import Along, Unproved, along_curve
+from varcalc.certificates.jets import without_enclosure
+from varcalc.certificates.statement import Statement, statement
+from varcalc.verify.along_curve import AlongCurve
+
+VALUE_TOLERANCE = 1e-19
+"""Share of the value that the remainders of its integral may come to."""
 
 
 @dataclass(frozen=True)
@@ -34,3 +41,23 @@ class Setting:
         """The second derivatives of H at the nodes of each piece, in units of states and controls."""
         scale = np.concatenate(self.sizes)
         return [s.hessian * scale[:, None] * scale for s in self.samples]
+
+
+def setting_along(along: AlongCurve, value: float) -> Setting:
+    """The statement of a curve whose value is about ``value``; Unproved where the Lagrangian is not enclosed on it."""
+    stated = statement(along)
+    strange = without_enclosure(stated.function)
+    if strange:
+        raise Unproved(f"the Lagrangian holds {strange}, of which no enclosure is known")
+    samples = sampled(stated)
+    if not all(np.isfinite(s.hessian).all() and np.isfinite(s.momenta).all() for s in samples):
+        raise Unproved("the Lagrangian or its derivatives are no numbers on the curve")
+    stated = tied(stated, samples)
+    joints = joint_states(stated, samples)
+    exact = pieces(stated, samples, joints)
+    states = state_sizes(samples, stated)
+    length = float(samples[-1].x[-1] - samples[0].x[0])
+    controls = states[(stated.order - 1) * stated.n : stated.order * stated.n] / 2.0 ** round(math.log2(length))
+    sizes = states, controls
+    tolerance = VALUE_TOLERANCE * (abs(value) or 1.0)
+    return Setting(stated, samples, joints, exact, sizes, along_curve(stated, exact, sizes, tolerance))

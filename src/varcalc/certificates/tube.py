@@ -28,6 +28,8 @@ Matrix: TypeAlias = list[list[Any]]
 """Of polynomials, series or numbers."""
 TERMS = 10
 """Order of the Taylor forms of the inequality."""
+MOST_CUTS = 200
+"""How often boxes are cut for the inequality."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,14 @@ class Tube:
     stiffness: tuple[float, ...]
     tilt: tuple[float, ...]
     sizes: tuple[np.ndarray, np.ndarray]
+
+
+class TooWide(Unproved):
+    """The inequality is not proved on the box of that ``number``."""
+
+    def __init__(self, reason: str, number: int) -> None:
+        super().__init__(reason)
+        self.number = number
 
 
 class Slopes:
@@ -106,25 +116,28 @@ class Prover:
         except Undecided:
             return True
 
-    def prove(self, boxes: Sequence[tuple[int, Box]], most: int) -> int:
-        """Prove the inequality on boxes, cut where needed, into ``most`` at most; how many it took. Raises Unproved."""
-        waiting, count = list(reversed(boxes)), 0
+    def prove(self, boxes: Sequence[tuple[int, Box]], deepest: int) -> None:
+        """Prove the inequality on boxes, which are halved where needed, ``deepest`` times one within the other.
+
+        Raises :class:`TooWide`.
+        """
+        waiting, cuts = [(number, box, 0) for number, (_, box) in reversed(list(enumerate(boxes)))], 0
         while waiting:
-            k, box = waiting.pop()
-            count += 1
-            reason = ""
+            number, box, depth = waiting.pop()
+            k, reason = boxes[number][0], ""
             try:
                 if self._holds(k, box):
                     continue
             except Undecided as undecided:
                 reason = f" ({undecided})"
-            if count > most or box.narrow or self.wide([(k, box)]):
-                raise Unproved(
+            cuts += 1
+            if depth == deepest or cuts > MOST_CUTS or self.wide([(k, box)]):
+                raise TooWide(
                     f"the matrix of second derivatives, with Q from Jacobi's equation, is not proved to exceed "
-                    f"diag(kappa, mu) in the tube near {box.at:.6g}{reason}"
+                    f"diag(kappa, mu) in the tube near {box.at:.6g}{reason}",
+                    number,
                 )
-            waiting += [(k, b) for b in reversed(box.halves())]
-        return count
+            waiting += [(number, b, depth + 1) for b in reversed(box.halves())]
 
     def _holds(self, k: int, box: Box) -> bool:
         centred, whole = (self._pivots(k, Around(box, TERMS + 1 + w, w), TERMS + 1 + w) for w in (False, True))
