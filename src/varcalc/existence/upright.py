@@ -84,6 +84,5 @@ def _grows_linearly(problem: Problem, x: np.ndarray, y: np.ndarray, slope: np.nd
     """Whether L grows as the slope does in the direction of the curve's own, and not faster."""
     directions = np.repeat(slope, 2, axis=1) * np.array(SLOPES)
     with np.errstate(all="ignore"):
-        values = problem.integrand_values(np.repeat(x, 2), np.repeat(y, 2, axis=1), directions)
-    ratio = SLOPES[1] / SLOPES[0]
-    return bool(abs(values[1] / values[0] / ratio - 1.0) <= LINEAR) if np.all(values != 0.0) else False
+        gentle, steep = problem.integrand_values(np.repeat(x, 2), np.repeat(y, 2, axis=1), directions)
+        return bool(abs(steep / gentle * SLOPES[0] / SLOPES[1] - 1.0) <= LINEAR)  # False where L is infinite

@@ -1,4 +1,4 @@
-"""Integrators of initial-value problems behind one protocol of two verbs: one trajectory, and an ensemble.
+"""Integrators of initial-value problems behind one protocol: one trajectory, several side by side, and an ensemble.
 
 :class:`Taylor` (heyoka) is the quicker and the more accurate once a system is
 compiled, :class:`Dop853` (Dormand and Prince, SciPy's coefficients) needs no compilation and takes any system.
@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from varcalc.integrators.attentive import Attentive, trajectories
+from varcalc.integrators.attentive import Attentive
 from varcalc.integrators.dop853 import SMALLEST, Dop853, installed
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.on_demand import STEPS, OnDemand
@@ -45,7 +45,6 @@ __all__ = [
     "for_many",
     "for_one",
     "spread",
-    "trajectories",
     "variational",
 ]
 
