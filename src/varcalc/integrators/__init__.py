@@ -97,12 +97,14 @@ def default(steps: int = STEPS, most_steps: int | None = None, taylor: Taylor | 
 
 def for_one(most_steps: int, *, quick: bool) -> Engine:
     """The engine for one motion, whose series are cut off below round-off, compiled ``quick``ly where steps are few."""
-    return Attentive(default(0, most_steps, Taylor(tolerance=BELOW_ROUND_OFF, quick=quick)))
+    return _to_all_digits(default(0, most_steps, Taylor(tolerance=BELOW_ROUND_OFF, quick=quick)))
 
 
 def for_many(most_steps: int | None = None) -> Engine:
     """The engine for a system that is run very often: compiled at once where it can be, and past nothing narrow."""
-    engine = default(0, most_steps)
-    if isinstance(engine, Dop853):  # alone, it has to give the digits that the series would
-        engine = replace(engine, tolerance=SMALLEST)
-    return Attentive(engine)
+    return _to_all_digits(default(0, most_steps))
+
+
+def _to_all_digits(engine: Engine) -> Engine:
+    """Past nothing narrow; DOP853 alone has to give the digits that the series would."""
+    return Attentive(replace(engine, tolerance=SMALLEST) if isinstance(engine, Dop853) else engine)
