@@ -194,6 +194,21 @@ def test_names_and_units_stand_everywhere():
     left, right = made()["motion"].plot().axes
     assert (left.get_xlabel(), left.get_ylabel()) == ("t (s)", r"$\theta$ (rad)")
     assert right.get_ylabel() == r"$d\theta/dt$ (rad/s)"
+    assert "t = 0 to" in str(made()["motion"])
+    assert str(made()["motion"]).splitlines()[0].endswith(" s")
+    waiting = vc.Problem(
+        lambda t, y, dy: (dy**2 - y**2) / 2, vc.Fixed(0, 0), vc.Fixed(4, 1), names=("t", "h"), units=("s", "m")
+    )
+    check = vc.verify(vc.solve(waiting, vc.Collocation()))
+    assert "conjugate or focal at t = 3.14159265359 s" in str(check)
+    for name in ("rays", "ray", "bundle"):
+        [path] = [row for row in str(made()[name]).splitlines() if "optical path:" in row]
+        assert re.search(r"\d km\b", path), path
+    [receiver] = optics.range_chart(SEA, (0.0, 0.0), (0.4, 0.1)).plot().axes
+    assert receiver.get_ylabel() == "range (km) at height = 0.1 km"
+    seen = optics.Study(SEA, optics.PointSource((0.0, 0.0)), rays=3, optical_path=0.5, receiver=(0.4, 0.1)).run()
+    assert "up to an optical path of 0.5 km" in seen.table()
+    assert "optical path (km)" in seen.table()
     assert [str(axis) for axis in PENDULUM.between([0.0], [1.0], 1.0).axes] == ["t (s)", "theta (rad)"]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 GREEK = re.compile(
@@ -67,10 +67,28 @@ class Axis:
         unit = self.unit.replace("$", r"\$")
         return f"{name} ({unit})" if unit else name
 
+    def at(self, places: Iterable[float], digits: int) -> str:
+        """Where on the axis, in words, with so many digits.
+
+        >>> Axis("t", "s").at([1.0, 2.5], 6)
+        't = 1, 2.5 s'
+        """
+        return measured(f"{self.name} = " + ", ".join(f"{place:.{digits}g}" for place in places), self.unit)
+
     def over(self, other: Axis) -> Axis:
         """The rate of this coordinate over another."""
         unit = f"{self.unit or 1}/{other.unit}" if other.unit else self.unit
         return Axis(f"d{self.name}/d{other.name}", unit, rf"d{self.latex}/d{other.latex}")
+
+
+def measured(number: str, unit: str) -> str:
+    """A number with its unit, where it has one."""
+    return f"{number} {unit}" if unit else number
+
+
+def unit_of_length(axes: Sequence[Axis]) -> str:
+    """The unit of lengths in the space of some coordinates: theirs, where all have the same; else none."""
+    return axes[0].unit if len({axis.unit for axis in axes}) == 1 else ""
 
 
 def declared_axes(names: Sequence[str], units: Sequence[str], default: Sequence[str]) -> tuple[Axis, ...]:

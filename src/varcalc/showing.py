@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from varcalc.axes import measured
 from varcalc.symbolic.tracing import name_of
 
 if TYPE_CHECKING:
@@ -189,15 +190,15 @@ def _shown_fields(thing: Any) -> Iterator[tuple[str, Any]]:
         yield from ((f.name, getattr(thing, f.name)) for f in fields(thing) if f.repr)
 
 
-def figure_of(value: float, error: float) -> str:
+def figure_of(value: float, error: float, unit: str = "") -> str:
     """A value and what is claimed of it, as people write it; "none" where it is no number.
 
-    >>> figure_of(5.0, 2e-15)
-    '5, known to 2e-15'
+    >>> figure_of(5.0, 2e-15), figure_of(5.0, 2e-15, "m")
+    ('5, known to 2e-15', '5 m, known to 2e-15')
     """
     if math.isnan(value):
         return "none"
-    return f"{value:.12g}" + (f", known to {error:.1g}" if math.isfinite(error) else "")
+    return measured(f"{value:.12g}", unit) + (f", known to {error:.1g}" if math.isfinite(error) else "")
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:

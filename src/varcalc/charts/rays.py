@@ -159,7 +159,8 @@ def range_picture(chart: RangeChart, *, title: str = "") -> Figure:
         label = "arrivals" if number == 0 else None
         panel.plot(angle, chart.receiver[0], "o", color=ARRIVAL, markersize=7, zorder=6, label=label)
     panel.set_xlabel("launching angle, degrees above the horizontal", color=INK)
-    panel.set_ylabel(f"x at y = {chart.receiver[1]:g}", color=INK)
+    across, up = chart.arrivals.axes or map(Axis, coordinates(2))
+    panel.set_ylabel(f"{across.label} at {up.at(chart.receiver[1:], 6)}", color=INK)
     panel.set_title(title, loc="left", color=INK, fontsize=12, pad=12)
     figure.legend(loc="outside right upper", frameon=False, labelcolor=INK, fontsize=9)
     return figure

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
@@ -39,9 +40,11 @@ class ThemedSvg:
 def themed_svg(figure: Figure, name: str) -> ThemedSvg:
     """A figure as SVG for a page: words as words, colours as variables; ``name`` is its own within the page."""
     out = io.StringIO()
-    # words that stay words can be searched and spoken; the salt keeps what is named in one picture from another's
+    figure.set_dpi(DOTS)
+    # words that stay words can be searched and spoken; the salt keeps what is named in one picture from another's;
+    # savefig would draw everything twice, to find out what it covers
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": name}):
-        figure.savefig(out, format="svg", dpi=DOTS, metadata={"Date": None, "Creator": None})
+        FigureCanvasSVG(figure).print_svg(out, metadata={"Date": None, "Creator": None})
     return _themed(_bare(out.getvalue()))
 
 

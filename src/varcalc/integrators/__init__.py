@@ -1,4 +1,4 @@
-"""Integrators of initial-value problems behind one protocol of two verbs: one trajectory, and an ensemble.
+"""Integrators of initial-value problems behind one protocol: one trajectory, several side by side, and an ensemble.
 
 :class:`Taylor` (heyoka) is the quicker and the more accurate once a system is
 compiled, :class:`Dop853` (Dormand and Prince, SciPy's coefficients) needs no compilation and takes any system.
@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from varcalc.integrators.attentive import Attentive, trajectories
+from varcalc.integrators.attentive import Attentive
 from varcalc.integrators.dop853 import SMALLEST, Dop853, installed
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.on_demand import STEPS, OnDemand
@@ -45,7 +45,6 @@ __all__ = [
     "for_many",
     "for_one",
     "spread",
-    "trajectories",
     "variational",
 ]
 
@@ -98,12 +97,14 @@ def default(steps: int = STEPS, most_steps: int | None = None, taylor: Taylor | 
 
 def for_one(most_steps: int, *, quick: bool) -> Engine:
     """The engine for one motion, whose series are cut off below round-off, compiled ``quick``ly where steps are few."""
-    return Attentive(default(0, most_steps, Taylor(tolerance=BELOW_ROUND_OFF, quick=quick)))
+    return _to_all_digits(default(0, most_steps, Taylor(tolerance=BELOW_ROUND_OFF, quick=quick)))
 
 
 def for_many(most_steps: int | None = None) -> Engine:
     """The engine for a system that is run very often: compiled at once where it can be, and past nothing narrow."""
-    engine = default(0, most_steps)
-    if isinstance(engine, Dop853):  # alone, it has to give the digits that the series would
-        engine = replace(engine, tolerance=SMALLEST)
-    return Attentive(engine)
+    return _to_all_digits(default(0, most_steps))
+
+
+def _to_all_digits(engine: Engine) -> Engine:
+    """Past nothing narrow; DOP853 alone has to give the digits that the series would."""
+    return Attentive(replace(engine, tolerance=SMALLEST) if isinstance(engine, Dop853) else engine)

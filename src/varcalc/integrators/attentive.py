@@ -71,7 +71,7 @@ class Attentive:
 
 @dataclass(frozen=True)
 class AttentiveFlow:
-    """A ``system`` that may hold something narrow; both verbs are the protocol's."""
+    """A ``system`` that may hold something narrow; its verbs are the protocol's."""
 
     engine: Engine
     system: ca.Function
@@ -168,12 +168,12 @@ class AttentiveFlow:
             ))  # fmt: skip
         return replace(run, abscissae=np.asarray(abscissae), states=run.states[own])
 
-    def trajectories(self, abscissae: np.ndarray, states: Sequence[np.ndarray], constants: np.ndarray) -> list[Run]:
-        """The trajectories of many ``states``: one look at the boxes of all of them."""
-        if not states:
+    def trajectories(self, abscissae: np.ndarray, states: np.ndarray, constants: np.ndarray) -> list[Run]:
+        """See :meth:`Flow.trajectories`: one look at the boxes of all of them."""
+        if not len(states):
             return []
         grid, own = _looked_at(abscissae)
-        runs = [self.free.trajectory(grid, state, constants) for state in states]
+        runs = self.free.trajectories(grid, states, constants)
         for k in np.flatnonzero(self._wide_along(runs, constants)).tolist():
             again = partial(self.watched.trajectory, grid, self._extended(states[k]), constants)
             runs[k] = self._attended(runs[k], constants, again)
@@ -240,13 +240,6 @@ class AttentiveFlow:
         if alike and not self._wide(low.min(0)[None], high.max(0)[None], all_times, constants[:1])[0]:
             return np.zeros(0, dtype=int)
         return np.flatnonzero(self._wide(low, high, times, constants))
-
-
-def trajectories(flow: Flow, abscissae: np.ndarray, states: Sequence[np.ndarray], constants: np.ndarray) -> list[Run]:
-    """What ``flow.trajectory`` gives from each of many ``states``, with what can be asked of all at once so asked."""
-    if isinstance(flow, AttentiveFlow):
-        return flow.trajectories(abscissae, states, constants)
-    return [flow.trajectory(abscissae, state, constants) for state in states]
 
 
 def _looked_at(abscissae: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

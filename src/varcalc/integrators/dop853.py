@@ -79,7 +79,7 @@ class Dop853:
 
 @dataclass(frozen=True)
 class Dop853Flow:
-    """A system with its stops, which nothing has to be compiled for; both verbs are those of the protocol."""
+    """A system with its stops, which nothing has to be compiled for; its verbs are those of the protocol."""
 
     engine: Dop853
     system: ca.Function
@@ -95,22 +95,36 @@ class Dop853Flow:
     ) -> Run:  # fmt: skip
         """:meth:`varcalc.integrators.protocol.Flow.trajectory`, as an ensemble of one without stops."""
         checked(abscissae, state, constants, self.system)
-        inner = len(abscissae) > 2
+        bounds = None if longest is None else np.array([longest])
+        return self._runs(abscissae, state[None, :], constants, level, bounds, dense=dense)[0]
+
+    def trajectories(self, abscissae: np.ndarray, states: np.ndarray, constants: np.ndarray) -> list[Run]:
+        """:meth:`varcalc.integrators.protocol.Flow.trajectories`, as an ensemble without stops."""
+        return self._runs(abscissae, states, constants, 0, None, dense=False)
+
+    def _runs(
+        self, abscissae: np.ndarray, starts: np.ndarray, constants: np.ndarray, level: int, longest: np.ndarray | None,
+        *, dense: bool,
+    ) -> list[Run]:  # fmt: skip
+        inner, each = len(abscissae) > 2, np.broadcast_to(constants, (len(starts), len(constants)))
         ends = Dop853Flow(self.engine, self.system, None).ensemble(
-            state[None, :], constants[None, :], start=abscissae[0], until=abscissae[-1], level=level,
-            longest=None if longest is None else np.array([longest]), dense=dense or inner,
-        )  # fmt: skip
-        outcome, reached = OUTCOMES[ends.outcomes[0]], float(ends.reached[0])
-        between = None if ends.dense is None else ends.dense[0]
-        states = np.full((len(abscissae), len(state)), math.nan)
-        states[0] = state
-        if inner and between is not None:
-            there = np.abs(abscissae - abscissae[0]) <= abs(reached - abscissae[0])
-            there[0] = False
-            states[there] = between(abscissae[there])
-        if ends.outcomes[0] == COMPLETED:
-            states[-1] = ends.states[0]
-        return Run(abscissae, states, outcome, reached, int(ends.steps[0]), between if dense else None)
+            starts, each, start=abscissae[0], until=abscissae[-1], level=level, longest=longest, dense=dense or inner
+        )
+        states = np.full((len(starts), len(abscissae), starts.shape[1]), math.nan)
+        states[:, 0] = starts
+        runs: list[Run] = []
+        for k, own in enumerate(states):
+            reached = float(ends.reached[k])
+            between = None if ends.dense is None else ends.dense[k]
+            if inner and between is not None:
+                there = np.abs(abscissae - abscissae[0]) <= abs(reached - abscissae[0])
+                there[0] = False
+                own[there] = between(abscissae[there])
+            if ends.outcomes[k] == COMPLETED:
+                own[-1] = ends.states[k]
+            outcome = OUTCOMES[ends.outcomes[k]]
+            runs.append(Run(abscissae, own, outcome, reached, int(ends.steps[k]), between if dense else None))
+        return runs
 
     def ensemble(
         self,

@@ -56,7 +56,7 @@ class OnDemand:
 
 @dataclass
 class FlowOnDemand:
-    """A system with the engine that it has earned; both verbs are those of the protocol."""
+    """A system with the engine that it has earned; its verbs are those of the protocol."""
 
     engine: OnDemand
     system: ca.Function
@@ -89,6 +89,12 @@ class FlowOnDemand:
         run = self._chosen().trajectory(abscissae, state, constants, level=level, longest=longest, dense=dense)
         self.taken += run.steps
         return run
+
+    def trajectories(self, abscissae: np.ndarray, states: np.ndarray, constants: np.ndarray) -> list[Run]:
+        """See :meth:`varcalc.integrators.protocol.Flow.trajectories`."""
+        runs = self._chosen().trajectories(abscissae, states, constants)
+        self.taken += sum(run.steps for run in runs) // SIDE_BY_SIDE
+        return runs
 
     def ensemble(
         self,

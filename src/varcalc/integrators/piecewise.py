@@ -78,7 +78,7 @@ def _first(function: ca.Function, symbols: Sequence[Expression]) -> Expression:
 
 @dataclass(frozen=True)
 class PiecewiseFlow:
-    """A ``system`` that switches; both verbs are the protocol's."""
+    """A ``system`` that switches; its verbs are the protocol's."""
 
     system: OneSided
 
@@ -132,6 +132,10 @@ class PiecewiseFlow:
             return None
         run = self.trajectory(np.array([start, end]), state, constants, dense=True)
         return run.trajectory if isinstance(run.trajectory, PiecewiseTrajectory) else None
+
+    def trajectories(self, abscissae: np.ndarray, states: np.ndarray, constants: np.ndarray) -> list[Run]:
+        """See :meth:`varcalc.integrators.protocol.Flow.trajectories`; one by one."""
+        return [self.trajectory(abscissae, state, constants) for state in states]
 
     def trajectory(
         self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0,

@@ -1,8 +1,9 @@
 """What an integrator of initial-value problems must offer.
 
 An :class:`Engine` compiles an explicit first-order system, given as a CasADi
-``Function(s, Y, constants) -> dY/ds``, into a :class:`Flow` of two verbs: one
-trajectory, and an ensemble of many states until their ends. Sensitivities are states like any other:
+``Function(s, Y, constants) -> dY/ds``, into a :class:`Flow` of three verbs: one
+trajectory, several through the same abscissae, and an ensemble of many states until their ends.
+Sensitivities are states like any other:
 :func:`varcalc.integrators.variational.variational` appends the variational
 equations to a system.
 """
@@ -123,6 +124,10 @@ class Flow(Protocol):
         the steps, where their number at level 0 need not be found out; ``dense``
         keeps the trajectory between the abscissae. Stopping functions do not count.
         """
+        ...
+
+    def trajectories(self, abscissae: np.ndarray, states: np.ndarray, constants: np.ndarray) -> list[Run]:
+        """What :meth:`trajectory` gives from each row of ``states`` (m, N), in less time than one by one."""
         ...
 
     def ensemble(

@@ -10,8 +10,10 @@ the coefficients of Y one after the other.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from typing import Any
 
 import casadi as ca
@@ -30,15 +32,20 @@ PARALLEL = 2
 
 @dataclass(eq=False)
 class Series:
-    """A power series whose coefficients are found one after the other, by ``term``."""
+    """A power series whose coefficients, the column ``known``, are found one after the other by ``term``."""
 
     term: Term
-    known: list[Expression] = field(default_factory=list)
+    known: Expression = field(default_factory=ca.SX)
 
     def __getitem__(self, k: int) -> Expression:
-        while len(self.known) <= k:
-            self.known.append(self.term(len(self.known)))
-        return self.known[k]
+        return self.upto(k)[k]
+
+    def upto(self, k: int) -> Expression:
+        """The column of those that are known, the kth among them."""
+        while self.known.numel() <= k:
+            found = self.term(self.known.numel())
+            self.known = ca.vertcat(self.known, found)
+        return self.known
 
 
 def solution_series(system: ca.Function, stops: ca.Function, order: int) -> tuple[list[Any], list[Any], Any, Any]:
@@ -55,7 +62,7 @@ def solution_series(system: ca.Function, stops: ca.Function, order: int) -> tupl
     for k in range(order + 1):  # in order, so that no recurrence goes deep
         for series in (*solution, *levels):
             series[k]
-    columns = [ca.vertcat(*(ca.SX(c) for c in series.known)) for series in (*solution, *levels)]
+    columns = [series.known for series in (*solution, *levels)]
     return columns[: len(solution)], columns[len(solution) :], state, constants
 
 
@@ -87,20 +94,22 @@ def _apply(operation: int, operands: Sequence[Series]) -> Series:
 
 
 def _constant(value: Expression) -> Series:
-    return Series(lambda k: value if k == 0 else ca.SX(0), [ca.SX(value)])
+    return Series(lambda k: value if k == 0 else 0, ca.SX(value))
 
 
-def _is_zero(value: Expression) -> bool:
-    return bool(ca.SX(value).is_zero())
-
-
-def _sum(terms: Sequence[Expression]) -> Expression:
-    """The sum of ``terms``, as several running sums."""
-    terms = [term for term in terms if not _is_zero(term)]
-    sums = terms[:PARALLEL]
-    for k, term in enumerate(terms[PARALLEL:]):
-        sums[k % PARALLEL] += term
-    return sum(sums, ca.SX(0))
+def _convolved(
+    a: Series, b: Series, k: int, terms: range, weight: Callable[[np.ndarray], np.ndarray] | None = None
+) -> Expression:
+    """The sum of a_j b_(k-j) over the ``terms`` j, each with its ``weight(j)``, as several running sums."""
+    if not terms:
+        return ca.SX(0)
+    first, last = terms[0], terms[-1]
+    mirrored = b.upto(k - first)[k - last : k - first + 1][::-1]
+    factors = a.upto(last)[first : last + 1]
+    if weight is not None:
+        factors = ca.DM(weight(np.array(terms, dtype=float))) * factors
+    sums = [ca.dot(factors[start::PARALLEL], mirrored[start::PARALLEL]) for start in range(min(PARALLEL, len(terms)))]
+    return reduce(operator.add, sums)
 
 
 def _linear(a: Series, b: Series, sign: float) -> Series:
@@ -114,12 +123,12 @@ def _scaled(a: Series, by: float) -> Series:
 def _product(a: Series, b: Series) -> Series:
     if a is b:
         return _square(a)
-    return Series(lambda k: _sum([a[j] * b[k - j] for j in range(k + 1)]))
+    return Series(lambda k: _convolved(a, b, k, range(k + 1)))
 
 
 def _square(a: Series) -> Series:
     def term(k: int) -> Expression:
-        crossed = 2 * _sum([a[j] * a[k - j] for j in range((k + 1) // 2)])
+        crossed = 2 * _convolved(a, a, k, range((k + 1) // 2))
         return crossed if k % 2 else crossed + a[k // 2] ** 2
 
     return Series(term)
@@ -127,7 +136,7 @@ def _square(a: Series) -> Series:
 
 def _quotient(a: Series, b: Series) -> Series:
     def term(k: int) -> Expression:
-        return (a[k] - _sum([b[j] * result[k - j] for j in range(1, k + 1)])) * over
+        return (a[k] - _convolved(b, result, k, range(1, k + 1))) * over
 
     over = 1 / b[0]
     result = Series(term)
@@ -143,7 +152,7 @@ def _root(a: Series) -> Series:
         if k == 0:
             return ca.sqrt(a[0])
         half, odd = k // 2, k % 2
-        pairs = _sum([result[j] * result[k - j] for j in range(1, half + odd)])
+        pairs = _convolved(result, result, k, range(1, half + odd))
         middle = 0 if odd else result[half] ** 2
         return (a[k] - 2 * pairs - middle) * over
 
@@ -165,8 +174,7 @@ def _power(a: Series, exponent: float) -> Series:
     def term(k: int) -> Expression:
         if k == 0:
             return a[0] ** exponent
-        parts = [(exponent * j - (k - j)) * a[j] * result[k - j] for j in range(1, k + 1)]
-        return _sum(parts) * over * (1 / k)
+        return _convolved(a, result, k, range(1, k + 1), lambda j: exponent * j - (k - j)) * over * (1 / k)
 
     over = 1 / a[0]
     result = Series(term)
@@ -175,7 +183,7 @@ def _power(a: Series, exponent: float) -> Series:
 
 def _to_power(a: Series, b: Series) -> Series:
     exponent = ca.SX(b[0])
-    if exponent.is_constant() and all(_is_zero(b[k]) for k in (1, 2)):
+    if exponent.is_constant() and all(b[k].is_zero() for k in (1, 2)):
         return _power(a, float(exponent))
     return _exponential(_product(b, _logarithm(a)))
 
@@ -186,7 +194,7 @@ def _along(a: Series, start: Callable[[Expression], Expression], slope: Callable
     def term(k: int) -> Expression:
         if k == 0:
             return start(a[0])
-        return _sum([j * a[j] * rate[k - j] for j in range(1, k + 1)]) * (1 / k)
+        return _convolved(a, rate, k, range(1, k + 1), lambda j: j) * (1 / k)
 
     result = Series(term)
     rate = slope(result)
@@ -209,7 +217,7 @@ def _pair(a: Series, odd: Any, even: Any, sign: float) -> tuple[Series, Series]:
         def term(k: int) -> Expression:
             if k == 0:
                 return start(a[0])
-            return _sum([j * a[j] * rate[k - j] for j in range(1, k + 1)]) * (factor / k)
+            return _convolved(a, rate, k, range(1, k + 1), lambda j: j) * (factor / k)
 
         return term
 
@@ -238,8 +246,9 @@ def _atan2(y: Series, x: Series) -> Series:
     def term(k: int) -> Expression:
         if k == 0:
             return ca.atan2(y[0], x[0])
-        parts = [j * (y[j] * across[k - j] - x[j] * along[k - j]) for j in range(1, k + 1)]
-        return _sum(parts) * (1 / k)
+        terms = range(1, k + 1)
+        turned = _convolved(y, across, k, terms, lambda j: j) - _convolved(x, along, k, terms, lambda j: j)
+        return turned * (1 / k)
 
     return Series(term)
 

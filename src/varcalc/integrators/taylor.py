@@ -18,7 +18,16 @@ import casadi as ca
 import numpy as np
 
 from varcalc.integrators.lowering import lower
-from varcalc.integrators.protocol import OUTCOMES, Landing, Run, RunOutcome, begun, check_system, checked
+from varcalc.integrators.protocol import (
+    OUTCOMES,
+    TOO_MANY_STEPS,
+    Landing,
+    Run,
+    RunOutcome,
+    begun,
+    check_system,
+    checked,
+)
 from varcalc.integrators.taylor_ensemble import TaylorEnsemble
 from varcalc.integrators.threads import threads_for
 from varcalc.spelling import spelled
@@ -31,8 +40,8 @@ SMALL = 1e-6
 """The same of two runs that differ by what round-off has grown to."""
 SHORT = 0.1
 """Of the mean of steps: a bound below that is none on a step made blindly."""
-RUNS_FOR_BATCHES = 64
-"""Runs without stops from which on heyoka's batches are worth compiling."""
+RUNS_FOR_BATCHES, RUNS_FOR_GRIDS = 64, 8
+"""Runs without stops from which on heyoka's batches are worth compiling, and those that are asked for many states."""
 
 
 @spelled
@@ -74,7 +83,7 @@ class Taylor:
 
 @dataclass(frozen=True)
 class TaylorFlow:
-    """A system for heyoka, with a Taylor step of its own where runs go to ``stops``; both verbs are the protocol's."""
+    """A system for heyoka, with a Taylor step of its own where runs go to ``stops``; its verbs are the protocol's."""
 
     engine: Taylor
     system: ca.Function
@@ -105,8 +114,9 @@ class TaylorFlow:
         """heyoka's integrator of as many trajectories as the processor takes side by side."""
         start, engine = np.zeros((len(self.equations), self.heyoka.recommended_simd_size())), self.engine
         return self.heyoka.taylor_adaptive_batch(
-            self.equations, start, tol=engine.tolerance, compact_mode=engine.compact
-        )
+            self.equations, start, tol=engine.tolerance, compact_mode=engine.compact,
+            opt_level=0 if engine.quick else 3,
+        )  # fmt: skip
 
     def trajectory(
         self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0,
@@ -115,6 +125,23 @@ class TaylorFlow:
         """See :meth:`varcalc.integrators.protocol.Flow.trajectory`."""
         checked(abscissae, state, constants, self.system)
         return self._carried(abscissae, state, constants, level, longest, dense=dense)
+
+    def trajectories(self, abscissae: np.ndarray, states: np.ndarray, constants: np.ndarray) -> list[Run]:
+        """See :meth:`varcalc.integrators.protocol.Flow.trajectories`; what fails in a batch is made again alone."""
+        along = np.full((len(abscissae), *states.T.shape), math.nan)
+        again = np.ones(len(states), dtype=bool)
+        landing, ends = begun(states, float(abscissae[0]), float(abscissae[-1]), stopping=False)
+        if len(states) >= RUNS_FOR_GRIDS:
+            each = np.broadcast_to(constants, (len(states), len(constants)))
+            blind = self._in_batches(landing, each, ends, (abscissae, along))
+            failed = (landing.reached != ends) & (landing.outcomes != TOO_MANY_STEPS)
+            again = blind | failed | ~np.isfinite(landing.states).all(axis=1)
+        told = zip(landing.outcomes, landing.reached, landing.steps, strict=True)
+        return [
+            self.trajectory(abscissae, states[k], constants) if again[k] else
+            Run(abscissae, along[..., k], OUTCOMES[outcome], float(reached), int(steps))
+            for k, (outcome, reached, steps) in enumerate(told)
+        ]  # fmt: skip
 
     def _carried(
         self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, level: int, longest: float | None, *,
@@ -164,11 +191,17 @@ class TaylorFlow:
             landing.dense = between
         return landing
 
-    def _in_batches(self, landing: Landing, constants: np.ndarray, until: np.ndarray) -> np.ndarray:
+    def _in_batches(
+        self, landing: Landing, constants: np.ndarray, until: np.ndarray,
+        places: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> np.ndarray:  # fmt: skip
         """Carry all runs from where they are, as many as the processor takes side by side, on all cores.
+
+        ``places`` are the abscissae (k,) that all go through, and where their states (k, N, m) are written.
 
         True (m,) for those that may have made their first step blindly.
         """
+        known = self.heyoka.taylor_outcome
         m, size, begin = len(until), self._side_by_side.batch_size, landing.reached.copy()
         blind = np.zeros(m, dtype=bool)
         lanes = [np.minimum(np.arange(k, k + size), m - 1) for k in range(0, m, size)]
@@ -186,9 +219,15 @@ class TaylorFlow:
                 blind[rows] = first > BLIND * self._allowed(integrator.tc)
                 integrator.set_time(begin[rows])
                 integrator.state[:] = landing.states[rows].T
-                integrator.propagate_until(until[rows], max_steps=self.engine.most_steps)
+                if places is None:
+                    integrator.propagate_until(until[rows], max_steps=self.engine.most_steps)
+                else:
+                    grid = np.repeat(places[0][:, None], size, axis=1)
+                    _, places[1][..., rows] = integrator.propagate_grid(grid, max_steps=self.engine.most_steps)
                 landing.states[rows], landing.reached[rows] = integrator.state.T, integrator.time
                 landing.steps[rows] = [result[3] for result in integrator.propagate_res]
+                spent = rows[[result[0] == known.step_limit for result in integrator.propagate_res]]
+                landing.outcomes[spent] = TOO_MANY_STEPS
 
         if threads == 1:
             share(0)

@@ -122,16 +122,12 @@ def _autonomous(function: ca.Function) -> ca.Function:
 
 
 def _polynomial(coefficients: Expression, h: Expression) -> Expression:
-    """Horner's scheme."""
-    total = coefficients[-1]
-    for k in range(coefficients.numel() - 2, -1, -1):
-        total = total * h + coefficients[k]
-    return total
+    return ca.polyval(coefficients[::-1], h)
 
 
 def _slope(coefficients: Expression) -> Expression:
     """The coefficients of the derivative."""
-    return ca.vertcat(*(k * coefficients[k] for k in range(1, coefficients.numel())))
+    return ca.DM(range(1, coefficients.numel())) * coefficients[1:]
 
 
 def _largest(columns: Sequence[Expression], k: int) -> Expression:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.axes import Axis
+from varcalc.axes import Axis, measured
 from varcalc.integrators.protocol import OUTCOMES, Flow, RunOutcome
 from varcalc.mechanics.arguments import times_within
 from varcalc.problem.conditions import function as check_function
@@ -87,17 +87,20 @@ class Motion(Plotted):
 
     def _headline(self) -> str:
         first, last = self.span
-        time = self.axes[0] if self.axes else Axis("t")
-        unit = f" {time.unit}" if time.unit else ""
         names = ", ".join(axis.name for axis in self.axes[1:MOST_NAMES])
-        return f"A motion{' of ' + names if names else ''} from {time.name} = {first:g} to {last:g}{unit}"
+        ends = measured(f"{self._time.name} = {first:g} to {last:g}", self._time.unit)
+        return f"A motion{' of ' + names if names else ''} from {ends}"
+
+    @property
+    def _time(self) -> Axis:
+        return self.axes[0] if self.axes else Axis("t")
 
     def _facts(self) -> Iterator[Fact]:
         yield Fact("ended", f"{self.outcome.value}, after {counted(self.steps, 'step')}")
         yield Fact("coordinates", f"known to {self.error:.1g}")
         yield from (Fact(name, f"kept to {drift:.1g}") for name, drift in self.drift.items())
         for event in self.events[:MOST_NAMES]:
-            yield Fact(event.name, f"at t = {event.t:.12g}, q = {np.array2string(event.q, precision=6)}")
+            yield Fact(event.name, f"at {self._time.at([event.t], 12)}, q = {np.array2string(event.q, precision=6)}")
         if len(self.events) > MOST_NAMES:
             yield Fact("", f"and {counted(len(self.events) - MOST_NAMES, 'more event')}")
 
@@ -181,7 +184,8 @@ class Ensemble(Plotted):
         return f"{counted(len(self.q), 'motion')} at {counted(len(self.times), 'time')}"
 
     def _facts(self) -> Iterator[Fact]:
-        yield Fact("times", f"from {self.times[0]:g} to {self.times[-1]:g}")
+        unit = self.axes[0].unit if self.axes else ""
+        yield Fact("times", measured(f"from {self.times[0]:g} to {self.times[-1]:g}", unit))
         for outcome, number in Counter(self.outcomes).items():
             yield Fact(counted(number, "motion"), outcome.value)
 

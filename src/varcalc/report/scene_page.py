@@ -7,6 +7,7 @@ from collections import Counter
 
 import numpy as np
 
+from varcalc.axes import Axis, measured, unit_of_length
 from varcalc.charts import range_picture, rays_picture
 from varcalc.optics.rays.ray import Rays
 from varcalc.optics.rays.sources import PointSource
@@ -82,7 +83,8 @@ def _ended(seen: Seen) -> str:
     """How the rays of the source ended."""
     counts = Counter(track.status.name.lower().replace("_", " ") for track in seen.tracks)
     ended = ", ".join(f"{count} {status}" for status, count in counts.items())
-    return f"{len(seen.tracks)} rays up to an optical path of {seen.study.optical_path:g}: {ended or 'none followed'}"
+    path = measured(f"{seen.study.optical_path:g}", seen.unit)
+    return f"{len(seen.tracks)} rays up to an optical path of {path}: {ended or 'none followed'}"
 
 
 def _arrived(arrivals: Rays, study: Study) -> str:
@@ -120,8 +122,9 @@ def _pictures(seen: Seen) -> list[Part]:
 
 
 def _arrivals_section(arrivals: Rays) -> PageSection:
+    path = Axis("optical path", unit_of_length(arrivals.axes))
     columns = (
-        ("optical path", True), ("error", True), ("caustics passed", True), ("spreading", True), ("model", False),
+        (str(path), True), ("error", True), ("caustics passed", True), ("spreading", True), ("model", False),
         ("direction", False),
     )  # fmt: skip
     rows = [
@@ -138,7 +141,8 @@ def _arrivals_section(arrivals: Rays) -> PageSection:
 
 
 def _unseen_section(seen: Seen) -> PageSection:
-    found = [f"rays beyond an optical path of {seen.study.optical_path:g}", "directions between those that were traced"]
+    path = measured(f"{seen.study.optical_path:g}", seen.unit)
+    found = [f"rays beyond an optical path of {path}", "directions between those that were traced"]
     if seen.arrivals is None:
         found.append("rays to a receiver: the study names none")
     searched = "" if seen.arrivals is None else f"Searched: {seen.arrivals.searched}."

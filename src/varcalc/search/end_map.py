@@ -20,7 +20,7 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.formulation.height import height
-from varcalc.integrators import Flow, Run, RunOutcome, Variational, compiled, for_many, trajectories, variational
+from varcalc.integrators import Flow, Run, RunOutcome, Variational, compiled, for_many, variational
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 
 STATIONS = 9
@@ -137,8 +137,8 @@ class EndMap:
     def _runs(self, slopes: Sequence[float], t: np.ndarray) -> list[Run]:
         """The trajectories of scaled ``slopes`` at the shares ``t`` of the way."""
         fixed = self.form.ends.start if self.forward else self.form.ends.end
-        states = [self._system.start(np.array([fixed[0, 0] / self.ordinate, v])) for v in slopes]
-        return trajectories(self._flow, t if self.forward else 1.0 - t, states, self._constants)
+        states = np.array([self._system.start(np.array([fixed[0, 0] / self.ordinate, v])) for v in slopes])
+        return self._flow.trajectories(t if self.forward else 1.0 - t, states, self._constants)
 
     def _far(self, states: np.ndarray) -> tuple[float, float]:
         """The scaled miss at the far end and its derivative by the scaled initial slope."""

@@ -58,21 +58,22 @@ def objection(solution: Solution, form: Form) -> Finding | None:
         place, curvature = bent
         return Finding(
             Verdict.SADDLE,
-            f"no minimum of any kind: at x = {x[place]:.4g} the second derivative of L in the slope is "
-            f"{curvature:.3g}, so Legendre's condition fails and fine ripples come lower",
+            f"no minimum of any kind: at {problem.abscissa.at([x[place]], 4)} the second derivative of L in the slope "
+            f"is {curvature:.3g}, so Legendre's condition fails and fine ripples come lower",
         )
     relative, worst = fan.least()
     if relative < -ROUND_OFF_EXCESS:
         return Finding(
             Verdict.WEAK_MINIMUM,
-            f"a weak minimum only: at x = {x[worst.place]:.4g} Weierstrass's excess is {worst.excess:.3g} for the "
-            f"slope {worst.slope:.4g} instead of {worst.own:.4g}, so curves with corners come lower",
+            f"a weak minimum only: at {problem.abscissa.at([x[worst.place]], 4)} Weierstrass's excess is "
+            f"{worst.excess:.3g} for the slope {worst.slope:.4g} instead of {worst.own:.4g}, so curves with corners "
+            "come lower",
         )
     if fan.concave() and len(corners := _corners(solution)) > form.coordinates.corners:
         return Finding(
             Verdict.WEAK_MINIMUM,
             f"a weak minimum only: the Lagrangian is not convex in the slope, and the curve found has a corner at "
-            f"x = {corners[0]:.6g} where the mesh allows one; more corners may come lower still",
+            f"{problem.abscissa.at(corners[:1], 6)} where the mesh allows one; more corners may come lower still",
         )
     return None
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from varcalc.extensions import offered
-from varcalc.problem.problem import Curve
 from varcalc.solution import Finding, Solution, Verdict
 from varcalc.verify.candidate import candidate
 from varcalc.verify.check import CHECKS_GROUP, Check
@@ -55,7 +54,8 @@ def verified(solution: Solution) -> Verification:
         routes={"Jacobi": jacobi.index, "Ritz": ritz.index},
         findings=tuple(findings),
         maximise=solution.problem.maximise,
-        abscissa="t" if isinstance(solution.problem, Curve) else "x",
+        abscissa=solution.problem.abscissa.name,
+        unit=solution.problem.abscissa.unit,
         evidence=evidence,
     )
 

@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from varcalc.axes import Axis
 from varcalc.showing import Fact, Shown
 from varcalc.solution import Finding, Verdict
 from varcalc.tables import labelled
@@ -81,6 +82,7 @@ class Verification(Shown):
     upper bound of a minimum, a lower bound of a maximum.
     ``routes``: the index by Jacobi's equation and by the Ritz Hessian, None where a route is closed.
     ``findings``: every statement that holds.
+    ``abscissa``, ``unit``: the name of the abscissa, and its unit where one is declared.
     ``evidence``: what each check measured, by the check's name.
     """
 
@@ -97,6 +99,7 @@ class Verification(Shown):
     findings: tuple[Finding, ...]
     maximise: bool = False
     abscissa: str = "x"
+    unit: str = ""
     evidence: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def __str__(self) -> str:
@@ -136,9 +139,8 @@ class Verification(Shown):
         count = len(self.conjugate_points)
         if not count:
             return "no conjugate point found" if self.routes.get("Jacobi") is not None else "not carried out"
-        shown = ", ".join(f"{x:.{digits}g}" for x in self.conjugate_points[:SHOWN])
         more = f", and {count - SHOWN} more" if count > SHOWN else ""
-        return f"conjugate or focal at {self.abscissa} = {shown}{more}"
+        return f"conjugate or focal at {Axis(self.abscissa, self.unit).at(self.conjugate_points[:SHOWN], digits)}{more}"
 
     def _index(self) -> str:
         if not math.isfinite(self.index):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from varcalc.axes import Axis
+from varcalc.axes import Axis, measured, unit_of_length
 from varcalc.optics import validation
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.models.model import Model
@@ -91,7 +91,9 @@ class Bundle(Plotted):
         yield from (Fact("" if number else "ended", words) for number, words in enumerate(told))
         if self.arrived.any():
             paths = self.optical_path[self.arrived]
-            yield Fact("optical path", f"from {paths.min():.9g} to {paths.max():.9g}")
+            yield Fact(
+                "optical path", measured(f"from {paths.min():.9g} to {paths.max():.9g}", unit_of_length(self.axes))
+            )
         yield Fact("carried by", self.model)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from varcalc.axes import Axis
+from varcalc.axes import Axis, unit_of_length
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.rays.beam import AT_END, RayStatus
 from varcalc.optics.rays.derivatives import path_derivatives
@@ -70,7 +70,7 @@ class Ray(Plotted):
         return f"A ray in {'the plane' if len(self.tangents[0]) == 2 else 'space'}"
 
     def _facts(self) -> Iterator[Fact]:
-        yield Fact("optical path", figure_of(self.optical_path, self.error))
+        yield Fact("optical path", figure_of(self.optical_path, self.error, unit_of_length(self.axes)))
         yield Fact("caustics", f"{counted(self.index, 'conjugate point')} on the way" + self._on_caustic())
         yield Fact("spreading", f"{self.spreading:.6g}")
         for label, tangent in zip(("leaves along", "arrives along"), self.tangents, strict=True):
@@ -200,7 +200,7 @@ class Rays(Plotted, Sequence[Ray]):
 
     def _facts(self) -> Iterator[Fact]:
         for number, ray in enumerate(self.found[:MOST_RAYS]):
-            path = figure_of(ray.optical_path, ray.error)
+            path = figure_of(ray.optical_path, ray.error, unit_of_length(self.axes))
             touched = ", ends on a caustic" if ray.degenerate else ""
             told = f"{path}, {counted(ray.index, 'caustic')}{touched}, along {direction(ray.tangents[0])}"
             yield Fact("" if number else "optical path", told)

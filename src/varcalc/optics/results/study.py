@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.axes import Axis, measured, unit_of_length
 from varcalc.optics.media.medium import Field, Medium
 from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.rays.ray import Ray, Rays
@@ -196,12 +197,17 @@ class Seen(Plotted):
         drawn = np.concatenate([track.points for track in (*self.tracks, *self.arriving)])
         return background(self.study.scene.media, self.study.scene.surfaces, drawn)
 
+    @property
+    def unit(self) -> str:
+        """The unit of optical paths, as the scene declares it."""
+        return unit_of_length(self.study.scene.axes(self.study.source.dimension))
+
     def table(self) -> str:
         """The rays to the receiver, and how the others ended, in plain text."""
         counts = Counter(track.status for track in self.tracks)
         ended = ", ".join(f"{count} {status.name.lower().replace('_', ' ')}" for status, count in counts.items())
         path = self.study.optical_path
-        lines = [f"{len(self.tracks)} rays up to an optical path of {path:g}: {ended}"]
+        lines = [f"{len(self.tracks)} rays up to an optical path of {measured(f'{path:g}', self.unit)}: {ended}"]
         if len(self.caustic):
             lines.append(f"{len(self.caustic)} conjugate points on them")
         if self.arrivals is not None:
@@ -282,7 +288,7 @@ def _arrival_lines(arrivals: Rays, receiver: Sequence[float] | None) -> list[str
     if not len(arrivals):
         return [f"no ray to {where}: {arrivals.reason}"]
     lines = [f"{len(arrivals)} ray{'s' * (len(arrivals) > 1)} to {where}, of {arrivals.searched}", ""]
-    headings = ("optical path", "error", "caustics", "spreading")
+    headings = (str(Axis("optical path", unit_of_length(arrivals.axes))), "error", "caustics", "spreading")
     return [*lines, table((), headings, map(_arrival_cells, arrivals), last=("direction",))]
 
 
