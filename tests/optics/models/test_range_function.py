@@ -1,5 +1,6 @@
 """All rays of layers: weak ducts, wells and barriers, kinks, rods to their edges, against fans and closed forms."""
 
+import itertools
 import math
 
 import casadi as ca
@@ -9,6 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 from varcalc import optics
+from varcalc.optics.models.reduction import Profile
 
 
 def heights_at(slope_of_g, start, p_squared, slopes, distance, steps=4000):
@@ -185,3 +187,34 @@ def test_rays_below_a_kink_are_resolved_down_to_level_ones(fall, source, receive
 def test_rays_that_turn_where_the_index_is_nothing_are_resolved():
     scene = optics.Scene(optics.Stratified(lambda z: 1.78 - 0.43 * ca.exp(z / 71)))
     assert [scene.rays((0, -500), (x, -100)).unresolved for x in (50, 300, 2000)] == [0, 0, 0]
+
+
+def test_waves_behind_a_place_without_an_index_are_not_looked_at():
+    profile = Profile(optics.Stratified(lambda y: 1 + ca.cos(y**2)), 1.0, 0.1)
+    nodes = profile.nodes(0.1, 0.3, -1000.0, 1000.0)
+    assert np.allclose(nodes.u[[0, -1]], [-math.sqrt(math.pi), math.sqrt(math.pi)], rtol=1e-12)
+    assert len(nodes.u) < 5000
+
+
+def test_beside_a_medium_that_ends_in_the_dark_rays_are_catenaries():
+    """n = max(1 - y, 0): Y = 1 - y = c cosh((x - x0)/c), as far as there is an index."""
+    rays = optics.Scene(optics.Stratified(lambda y: ca.fmax(1 - y, 0))).rays((-0.2, 0.1), (0.2, 0.3), within=9.0)
+    assert rays.unresolved == 0
+    paths = []
+    for sign in (1, -1):  # the second point beyond the lowest or before it
+
+        def apart(c, sign=sign):
+            return c * (mp.acosh(mp.mpf("0.9") / c) + sign * mp.acosh(mp.mpf("0.7") / c)) - mp.mpf("0.4")
+
+        def path(c, sign=sign):
+            first, last = mp.acosh(mp.mpf("0.9") / c), mp.acosh(mp.mpf("0.7") / c)
+            return c * c * ((first + mp.sinh(2 * first) / 2) + sign * (last + mp.sinh(2 * last) / 2)) / 2
+
+        grid = [mp.mpf(k) / 1000 for k in range(1, 700)]
+        for low, high in itertools.pairwise(grid):
+            if apart(low) * apart(high) < 0:
+                paths.append(path(mp.findroot(apart, (low, high), solver="anderson")))
+    paths.sort()
+    assert len(paths) == 2
+    for ray, exact in zip(rays, paths, strict=True):
+        assert abs(ray.optical_path - exact) <= ray.error
