@@ -93,7 +93,7 @@ class Invariants(Model):
 
         def carry(
             question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
-            counts: np.ndarray | None = None,
+            counts: np.ndarray,
         ) -> list[tuple[Ray | None, float]]:  # fmt: skip
             return built(headings, paths, touching)  # there is one question, and nothing is carried twice
 
