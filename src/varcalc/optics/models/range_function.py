@@ -8,7 +8,7 @@ import numpy as np
 
 from varcalc.optics.media.medium import Medium, Radial
 from varcalc.optics.media.tabulated import Tabulated
-from varcalc.optics.models.aimed import READ, Aimed, Carry, Tell, Told
+from varcalc.optics.models.aimed import Aimed, Carry, Tell, Told
 from varcalc.optics.models.launches import Launch, Launches, launches, rounded_up
 from varcalc.optics.models.passage_tables import PassageTables
 from varcalc.optics.models.reduction import Profile, RayPotential
@@ -20,6 +20,8 @@ UPRIGHT = 1e-13
 """Of the distance of two points: what they lie apart along layers is none."""
 HALF_TURN = 1e-4
 """So close to half a turn about a centre, of one, rays in space are near a conjugate point."""
+ALONE = 4e-14
+"""Of an optical path: what it is claimed to where the passages that it is made of are all that tells it."""
 UNITS = 16.0
 """Units of length are its powers: questions near one share what stands for their rays."""
 TOGETHER = 512
@@ -116,7 +118,7 @@ def _aimed(frames_: Frames, launched: list[Launches], about_centre: bool) -> tup
     counts = counts.astype(int)
     clear = (counts >= 0) & np.isfinite(off)
     least = c / np.hypot(c, speed)
-    told = Told(question, headings, arriving, paths, off + READ * paths, counts, least)
+    told = Told(question, headings, arriving, paths, off + ALONE * paths, counts, least)
     return Aimed(question, headings, paths, touching.astype(bool), noise, counts), told, clear
 
 
