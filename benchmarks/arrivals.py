@@ -1,6 +1,6 @@
-"""All rays between random pairs of points, against what is known of them without tracing; and how many pairs a second.
+"""All rays between random pairs of points, against closed forms and independent fans; and how many pairs a second.
 
-Run: python benchmarks/arrivals.py [--count N]
+Run: python benchmarks/arrivals.py [--count N] [--media N] [--family NAME]
 """
 
 from __future__ import annotations
@@ -8,13 +8,17 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
+from itertools import chain
+from multiprocessing import get_context
 from pathlib import Path
 
 import click
 import numpy as np
 
+from campaigns import layer_fans, layer_pairs, plane_fans, plane_pairs, ray_campaign
 from campaigns.arrival_pairs import (
     TURNS,
     Drawn,
@@ -25,6 +29,7 @@ from campaigns.arrival_pairs import (
     linear_pair,
     linear_scene,
 )
+from campaigns.ray_campaign import campaign
 from varcalc import optics
 
 RECORDS = Path(__file__).parent / "records" / "arrivals.json"
@@ -34,6 +39,8 @@ NEAR_EVERY = 3
 """Every third pair lies within a millionth of the caustic, down to round-off."""
 WITHIN = 40.0
 """Optical path up to which the layers are searched: more than any arrival has."""
+RANDOM = [*layer_fans.FAMILIES, *plane_fans.FAMILIES]
+"""Names of the families that are held against fans."""
 AGREED = 4e-16
 """What the closed forms' own round-off may add to a claimed error, relative to the optical path."""
 
@@ -42,7 +49,8 @@ AGREED = 4e-16
 class Tally:
     """What came of one family: pairs, those within a millionth of the caustic, rays there are, and what went wrong.
 
-    ``missed`` counts rays that were not found of pairs nothing of which is said to be unresolved, ``unresolved`` pairs.
+    ``missed`` counts rays that were not found of pairs nothing of which is said to be unresolved, ``missed_and_said``
+    those of others; ``unresolved`` counts pairs.
     ``on_caustic`` counts pairs where round-off decides how many rays there are. ``worst`` is the largest error of an
     optical path, relative to it, and ``beyond`` counts errors larger than claimed.
     """
@@ -56,8 +64,18 @@ class Tally:
     unresolved: int
     false: int
     beyond: int
-    worst: float
+    worst: float | None
     seconds: float
+    missed_and_said: int = 0
+
+
+def by_fans(own: ray_campaign.Tally) -> Tally:
+    """What came of a family whose rays are known from a fan: how many there are, and to within what they agree."""
+    rays = own.rays + own.missed_in_silence + own.missed_and_said
+    return Tally(
+        own.family, own.pairs, 0, rays, 0, own.missed_in_silence, own.unsure, own.false, 0, None, own.seconds,
+        own.missed_and_said,
+    )  # fmt: skip
 
 
 def tally(family: str, drawn: list[Drawn], answers: list[optics.Rays], seconds: float) -> Tally:
@@ -81,8 +99,11 @@ def tally(family: str, drawn: list[Drawn], answers: list[optics.Rays], seconds: 
     return Tally(family, len(drawn), near, rays, close, missed, unresolved, false, int(beyond), float(worst), seconds)
 
 
-def campaigns(count: int) -> list[Tally]:
-    """All families, ``count`` pairs each, but between mirrors a fifth: there every pair has a scene of its own."""
+def known(count: int) -> list[Tally]:
+    """The families with closed forms, ``count`` pairs each.
+
+    Between mirrors they are a fifth: there every pair has a scene of its own.
+    """
     rng = np.random.default_rng(SEED)
     pairs = [linear_pair(rng, number % NEAR_EVERY == 0) for number in range(count)]
     layers = Layers()
@@ -97,9 +118,9 @@ def campaigns(count: int) -> list[Tally]:
     third = eye.arrivals([d.source for d in arcs], [d.receiver for d in arcs], within=2 * np.pi * TURNS)
     last = time.perf_counter()
     guides = [guide_pair(rng) for _ in range(count // 5)]
-    drawn = time.perf_counter()
+    begun_mirrors = time.perf_counter()
     between = [scene.rays(pair.source, pair.receiver) for scene, pair in guides]
-    mirrors = time.perf_counter() - drawn
+    mirrors = time.perf_counter() - begun_mirrors
     return [
         tally("n² = 1 - 2y", pairs, one, middle - begun),
         tally("layers", receivers, other, ended - middle),
@@ -108,15 +129,30 @@ def campaigns(count: int) -> list[Tally]:
     ]
 
 
+def drawn(media: int, families: Sequence[str]) -> Iterator[Tally]:
+    """What came of so many random ``media`` of each of the ``families``, 40 pairs in layers and 20 in the plane."""
+    names = [name for name in RANDOM if name in families]
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        for done in as_completed([pool.submit(_of_family, name, media) for name in names]):
+            yield done.result()
+
+
+def _of_family(name: str, media: int) -> Tally:
+    layered = name in layer_fans.FAMILIES
+    every, asked = (layer_fans if layered else plane_fans).FAMILIES, (layer_pairs if layered else plane_pairs).asked
+    return by_fans(campaign(name, every[name], media, asked))
+
+
 @dataclass(frozen=True)
 class Speed:
-    """Pairs a second with all that a ray knows but its points: optical path, index, spreading, tangents."""
+    """Pairs a second with the optical path, index and tangents of every ray, and with its spreading besides."""
 
     scene: str
     asked: str
     pairs: int
     per_second: float
     per_processor_second: float
+    with_spreading: float
 
 
 def timed(scene: str, asked: str, question: Callable[[], list[optics.Rays]]) -> Speed:
@@ -125,7 +161,10 @@ def timed(scene: str, asked: str, question: Callable[[], list[optics.Rays]]) -> 
     answers = question()
     assert all(ray.index >= 0 for rays in answers for ray in rays)
     clock, processor = time.perf_counter() - begun, time.process_time() - used
-    return Speed(scene, asked, len(answers), len(answers) / clock, len(answers) / processor)
+    assert all(ray.spreading >= 0 for rays in answers for ray in rays)
+    whole = time.process_time() - used
+    pairs = len(answers)
+    return Speed(scene, asked, pairs, pairs / clock, pairs / processor, pairs / whole)
 
 
 def speeds(count: int) -> list[Speed]:
@@ -155,28 +194,38 @@ def speeds_in(
 
 
 @click.command()
-@click.option("--count", default=1000, show_default=True, help="Pairs of each family.")
+@click.option(
+    "--count", default=1000, show_default=True, help="Pairs of each family with a closed form; 0 for no pairs."
+)
+@click.option("--media", default=8, show_default=True, help="Media of each random family; 0 for none.")
+@click.option("--family", "families", multiple=True, type=click.Choice(RANDOM), help="Of those; all when left out.")
 @click.option("--receivers", default=4000, show_default=True, help="Receivers that are timed; 0 for none.")
-def main(count: int, receivers: int) -> None:
+def main(count: int, media: int, families: tuple[str, ...], receivers: int) -> None:
     """Run the campaigns, store what came of them, and exit 1 when a ray was missed, false or worse than claimed."""
-    tallies = campaigns(count)
-    for one in tallies:
+    stored = json.loads(RECORDS.read_text()) if RECORDS.exists() else {}
+    tallies = {one["family"]: one for one in stored.get("campaigns", [])}
+    done = []
+    for one in chain(known(count) if count else [], drawn(media, families or RANDOM) if media else []):
+        worst = "" if one.worst is None else f"; worst relative error {one.worst:.1e}"
         print(
             f"{one.family}: {one.pairs} pairs, {one.near} within 1e-6 of the caustic ({one.on_caustic} on it to "
             f"round-off), {one.rays} rays: {one.missed} missed in silence, {one.unresolved} pairs unresolved, "
-            f"{one.false} false, {one.beyond} worse than claimed; worst relative error {one.worst:.1e}; "
-            f"{one.seconds:.1f} s"
+            f"{one.false} false, {one.beyond} worse than claimed{worst}; {one.seconds:.1f} s",
+            flush=True,
         )
+        tallies[one.family] = asdict(one)  # what is not measured anew stays
+        stored["campaigns"] = list(tallies.values())
+        RECORDS.write_text(json.dumps(stored, indent=1) + "\n")
+        done.append(one)
     rates = speeds(receivers) if receivers else []
     for one in rates:
         print(
             f"{one.scene}, {one.asked}: {one.per_second:.0f} pairs a second, {one.per_processor_second:.0f} for each "
-            f"second of a processor ({one.pairs} pairs)"
+            f"second of a processor, {one.with_spreading:.0f} with the spreading ({one.pairs} pairs)"
         )
-    RECORDS.write_text(
-        json.dumps({"campaigns": [asdict(t) for t in tallies], "speeds": [asdict(s) for s in rates]}, indent=1) + "\n"
-    )
-    sys.exit(any(one.missed or one.false or one.beyond for one in tallies))
+    if rates:
+        RECORDS.write_text(json.dumps({**stored, "speeds": [asdict(s) for s in rates]}, indent=1) + "\n")
+    sys.exit(any(one.missed or one.false or one.beyond for one in done))
 
 
 if __name__ == "__main__":

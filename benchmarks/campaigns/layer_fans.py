@@ -50,6 +50,8 @@ class Scenery:
     high: float = np.inf
     steps: int = 50
     """For each turn; as many as the steepest rays that are asked for need."""
+    turns: tuple[float, float] = (2, 16)
+    """Of the farthest receiver: how many turns it is away, at least and at most."""
     pieces: tuple[np.ndarray, np.ndarray] | None = None
     """Heights and n² there, where n² is linear between them and they reach as far as rays do."""
 
@@ -84,7 +86,7 @@ def mirage(rng: np.random.Generator) -> Scenery:
     )  # fmt: skip
 
 
-def channel(rng: np.random.Generator) -> Scenery:
+def channel(rng: np.random.Generator, turns: tuple[float, float] = (2, 16)) -> Scenery:
     """Munk's sound channel (J. Acoust. Soc. Am. 55 (1974) 220) with its axis and strength drawn."""
     axis, strength = rng.uniform(700, 1500), rng.uniform(0.004, 0.01)
 
@@ -98,7 +100,7 @@ def channel(rng: np.random.Generator) -> Scenery:
 
     return Scenery(
         optics.Stratified(lambda z: 1 / speed(z, ca.exp)), lambda y: 1 / speed(y, np.exp) ** 2, slope,
-        -rng.uniform(0.2, 2) * axis, (-2 * axis, -0.2 * axis), 2e4, 0.3, steps=400,
+        -rng.uniform(0.2, 2) * axis, (-2 * axis, -0.2 * axis), 2e4, 0.3, steps=400, turns=turns,
     )  # fmt: skip
 
 
@@ -139,7 +141,7 @@ def rod(rng: np.random.Generator) -> Scenery:
     return Scenery(
         optics.Stratified(lambda y: index * ca.sqrt(1 - (y / radius) ** 2)),
         lambda y: index**2 * (1 - (y / radius) ** 2), lambda y: -2 * index**2 * y / radius**2,
-        rng.uniform(-0.9, 0.9) * radius, (-0.9 * radius, 0.9 * radius), radius, 5.0,
+        rng.uniform(-0.999, 0.999) * radius, (-0.999 * radius, 0.999 * radius), radius, 5.0,
     )  # fmt: skip
 
 
@@ -165,7 +167,8 @@ def table(rng: np.random.Generator, *, smooth: bool) -> Scenery:
 
 
 FAMILIES: dict[str, Callable[[np.random.Generator], Scenery]] = {
-    "ducts": duct, "mirages": mirage, "channels": channel, "firn": firn, "wells": wells, "ionospheres": ionosphere,
+    "ducts": duct, "mirages": mirage, "channels": channel,
+    "channels to 1000 km": lambda rng: channel(rng, (25, 50)), "firn": firn, "wells": wells, "ionospheres": ionosphere,
     "rods": rod, "smooth tables": lambda rng: table(rng, smooth=True),
     "linear tables": lambda rng: table(rng, smooth=False),
 }  # fmt: skip

@@ -23,6 +23,8 @@ SquaredIndex = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """From places (m, 2) to n² (m,) and its gradient (m, 2)."""
 APPROACHES = 1e-7
 """A ray of the fan that is aimed at a receiver comes so close."""
+FINE = 6000
+"""Steps of a ray that is followed by itself."""
 SIGMA = 1.6
 """Of the optical path that is asked for: σ of the rays of a fan."""
 
@@ -172,3 +174,16 @@ def aimed(
     if np.linalg.norm(away - target) > APPROACHES or abs(found.x[0] - angle) > 0.05 or found.x[1] <= 0:
         return None
     return float(found.x[0]), path
+
+
+def closest(scenery: Scenery, source: np.ndarray, target: np.ndarray, angle: float, sigma: float) -> float:
+    """How near a ray comes to the target by fine steps, up to half as far again as it is said to go."""
+    n = np.sqrt(scenery.squared(source[None])[0][0])
+    r, p = source[None], n * np.array([[np.cos(angle), np.sin(angle)]])
+    h, least = np.full((1, 1), 1.5 * sigma / FINE), np.inf
+    for _ in range(FINE):
+        before = r
+        r, p, _ = stepped(scenery.squared, r, p, h)
+        along = np.clip(np.sum((target - before) * (r - before)) / np.sum((r - before) ** 2), 0.0, 1.0)
+        least = min(least, float(np.linalg.norm(before + along * (r - before) - target)))
+    return least

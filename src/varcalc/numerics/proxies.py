@@ -172,12 +172,13 @@ def _series(
 class ProxyZeros:
     """Where combinations vanish: ``at`` (z,) and the numbers ``which`` (z,) of the combinations.
 
-    ``touching`` (z,) says that a combination turns round there. ``lost`` (l,) are the numbers of combinations of
-    which zeros of the series are none of the functions.
+    ``touching`` (z,) says that a combination turns round there; ``rates`` (z,) are its derivatives. ``lost`` (l,) are
+    the numbers of combinations of which zeros of the series are none of the functions.
     """
 
     at: np.ndarray
     which: np.ndarray
+    rates: np.ndarray
     touching: np.ndarray
     lost: np.ndarray
 
@@ -246,7 +247,11 @@ class _Isolation:
         rows = np.concatenate([parts.row[crossing][~lost], touching[0]])
         places = np.concatenate([at[~lost], self._place(*touching)])
         turns = np.arange(len(rows)) >= np.count_nonzero(~lost)
-        return ProxyZeros(places, numbers[rows], turns, numbers[parts.row[crossing][lost]])
+        panel = self.panel[rows]
+        low, high = self.series.low[panel], self.series.high[panel]
+        local = np.clip((2 * places - low - high) / (high - low), -1.0, 1.0)
+        rates = np.where(turns, 0.0, _summed(self.rate[rows], local[:, None])[:, 0] * 2 / (high - low))
+        return ProxyZeros(places, numbers[rows], rates, turns, numbers[parts.row[crossing][lost]])
 
     def _parted(self) -> tuple[_Parts, _Parts]:
         """Parts on which the polynomials are monotone, and parts that are places at which they are flat and zero."""

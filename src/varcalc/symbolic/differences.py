@@ -25,7 +25,7 @@ GAUSS_3 = ((0.5 - math.sqrt(0.15), 5 / 18), (0.5, 8 / 18), (0.5 + math.sqrt(0.15
 STEPS = frozenset(
     {
         ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_SIGN,
-        ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_COPYSIGN, ca.OP_FMIN, ca.OP_FMAX,
+        ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_COPYSIGN,
     }
 )  # fmt: skip
 """Operations that jump or bend, so that a mean derivative says nothing."""
@@ -154,6 +154,13 @@ def _branch_change(value: Expression, condition: Carried, a: Carried) -> Express
     return ca.if_else(condition.value == condition.base, same, value - ca.if_else(condition.base, a.base, 0))
 
 
+def _extreme_change(operation: int, a: Carried, b: Carried) -> Expression:
+    """That of the operand which is the larger, or the less, there; and how far it was from the one that was."""
+    there = a.value >= b.value if operation == ca.OP_FMAX else a.value <= b.value
+    own, before = (ca.if_else(there, first, second) for first, second in ((a.change, b.change), (a.base, b.base)))
+    return own + (before - operate(operation, [a.base, b.base]))
+
+
 _CHANGES: dict[int, Callable[..., Expression | None]] = {
     ca.OP_ASSIGN: lambda _, a: a.change,
     ca.OP_NEG: lambda _, a: -a.change,
@@ -166,6 +173,8 @@ _CHANGES: dict[int, Callable[..., Expression | None]] = {
     ca.OP_INV: lambda value, a: -a.change * value / a.base,
     ca.OP_SQRT: lambda value, a: a.change / (value + ca.sqrt(a.base)),
     ca.OP_FABS: lambda value, a: a.change * (a.value + a.base) / (value + ca.fabs(a.base)),
+    ca.OP_FMAX: lambda _, a, b: _extreme_change(ca.OP_FMAX, a, b),
+    ca.OP_FMIN: lambda _, a, b: _extreme_change(ca.OP_FMIN, a, b),
     ca.OP_IF_ELSE_ZERO: _branch_change,
     ca.OP_POW: _power_change,
     ca.OP_CONSTPOW: _power_change,

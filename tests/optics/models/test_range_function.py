@@ -1,5 +1,6 @@
 """All rays of layers: weak ducts, wells and barriers, kinks, rods to their edges, against fans and closed forms."""
 
+import itertools
 import math
 
 import casadi as ca
@@ -9,6 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 from varcalc import optics
+from varcalc.optics.models.reduction import Profile
 
 
 def heights_at(slope_of_g, start, p_squared, slopes, distance, steps=4000):
@@ -185,3 +187,79 @@ def test_rays_below_a_kink_are_resolved_down_to_level_ones(fall, source, receive
 def test_rays_that_turn_where_the_index_is_nothing_are_resolved():
     scene = optics.Scene(optics.Stratified(lambda z: 1.78 - 0.43 * ca.exp(z / 71)))
     assert [scene.rays((0, -500), (x, -100)).unresolved for x in (50, 300, 2000)] == [0, 0, 0]
+
+
+def test_no_ray_goes_beyond_a_place_where_the_index_is_nothing():
+    """n = 1 + cos y touches 0 at π: the level ray, and one of each number of crossings of the axis upwards and down."""
+    rays = optics.Scene(optics.Stratified(lambda y: 1 + ca.cos(y))).rays((-0.2, 0), (0.2, 0), within=36.0)
+    assert [ray.index for ray in rays] == [0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5]
+    assert rays.unresolved == 0
+
+    def crossed(c, weight):
+        """The integral of ``weight`` from the axis to the turning point and back, where y = turn (1 - q²)."""
+        turn = mp.acos(c - 1)
+
+        def along(q):
+            y = turn * (1 - q * q)
+            # (1 + cos y)² - c², without a difference of what is nearly the same
+            left = 2 * mp.sin((turn + y) / 2) * mp.sin(turn * q * q / 2) * (1 + mp.cos(y) + c)
+            return weight(1 + mp.cos(y)) * 2 * turn * q / mp.sqrt(left)
+
+        return 2 * mp.quad(along, [0, 0.02, 0.1, 0.3, 1])
+
+    with mp.workdps(25):
+        for number in range(1, 6):
+            ray = rays[2 * number]
+            c = mp.findroot(lambda c, k=number: k * crossed(c, lambda n: c) - mp.mpf("0.4"), 0.012 / number**2)
+            path = number * crossed(c, lambda n: n * n)
+            assert abs(ray.optical_path - path) <= ray.error
+            assert ray.error < 1e-11 * path
+
+
+def test_waves_behind_a_place_without_an_index_are_not_looked_at():
+    profile = Profile(optics.Stratified(lambda y: 1 + ca.cos(y**2)), 1.0, 0.1)
+    nodes = profile.nodes(0.1, 0.3, -1000.0, 1000.0)
+    assert np.allclose(nodes.u[[0, -1]], [-math.sqrt(math.pi), math.sqrt(math.pi)], rtol=1e-12)
+    assert len(nodes.u) < 5000
+
+
+def test_beside_a_medium_that_ends_in_the_dark_rays_are_catenaries():
+    """n = max(1 - y, 0): Y = 1 - y = c cosh((x - x0)/c), as far as there is an index."""
+    rays = optics.Scene(optics.Stratified(lambda y: ca.fmax(1 - y, 0))).rays((-0.2, 0.1), (0.2, 0.3), within=9.0)
+    assert rays.unresolved == 0
+    paths = []
+    for sign in (1, -1):  # the second point beyond the lowest or before it
+
+        def apart(c, sign=sign):
+            return c * (mp.acosh(mp.mpf("0.9") / c) + sign * mp.acosh(mp.mpf("0.7") / c)) - mp.mpf("0.4")
+
+        def path(c, sign=sign):
+            first, last = mp.acosh(mp.mpf("0.9") / c), mp.acosh(mp.mpf("0.7") / c)
+            return c * c * ((first + mp.sinh(2 * first) / 2) + sign * (last + mp.sinh(2 * last) / 2)) / 2
+
+        grid = [mp.mpf(k) / 1000 for k in range(1, 700)]
+        for low, high in itertools.pairwise(grid):
+            if apart(low) * apart(high) < 0:
+                paths.append(path(mp.findroot(apart, (low, high), solver="anderson")))
+    paths.sort()
+    assert len(paths) == 2
+    for ray, exact in zip(rays, paths, strict=True):
+        assert abs(ray.optical_path - exact) <= ray.error
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_conjugate_points_are_counted_by_turning_points_as_they_are_along_the_ray(dimension):
+    """The index, the spreading and the last direction, told without carrying a ray, and by Hamilton's equations."""
+    wells = optics.Stratified(lambda y: ca.sqrt(2 + 0.5 * ca.sin(3 * y) + 0.3 * ca.cos(7 * y)))
+    shell = optics.Radial(lambda r: ca.sqrt(1.5 + 0.5 * ca.exp(-(((r - 1) / 0.3) ** 2))))
+    rod = optics.Stratified(lambda y: 1.6 / ca.cosh(y))
+    first, last = np.zeros(dimension), np.zeros(dimension)
+    cases = ((wells, (0.0, 0.3), (3.0, -0.2)), (shell, (0.7, 0.3), (-0.5, 0.6)), (rod, (0.0, 0.1), (11.0, 0.4)))
+    for medium, a, b in cases:
+        first[[0, -1]], last[[0, -1]] = a, b
+        told = optics.Scene(medium).rays(first, last)
+        for ray in told:
+            tube = optics.ray_tube(optics.Scene(medium), optics.PointSource(first), ray.tangents[0], ray.optical_path)
+            assert len(tube.foci) == ray.index
+            assert ray.spreading == pytest.approx(tube.spreading(ray.optical_path), rel=1e-8)
+    assert max(ray.index for ray in told) >= 2

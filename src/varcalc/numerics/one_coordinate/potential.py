@@ -22,6 +22,8 @@ BENT = 1e-2
 """Of its change over an interval: how well a cubic must foretell g in the middle."""
 ROUNDS = 14
 """Times an interval is halved to meet BENT."""
+MANY = 2000
+"""Nodes; with more it is asked whether motions come so far."""
 _NONE = np.zeros(0)
 DIFFERENT = 0.1
 """Of the larger of two values: their difference is then exact to round-off."""
@@ -209,8 +211,14 @@ class Potential(ABC):
             if len(middle) == 0:
                 break
             u = np.unique(np.concatenate([u, middle]))
+            if len(u) > MANY:
+                u = self.enclosed(u, first.min(), last.max())
         u = np.unique(np.concatenate([u, self._turns(u)]))
         return PotentialNodes(u, self.at(u)[0], low_edge, high_edge)
+
+    def enclosed(self, u: np.ndarray, first: float, last: float) -> np.ndarray:  # noqa: ARG002  all, to begin with
+        """Those of the places ``u`` (k,), ascending, to which motions between ``first`` and ``last`` may come."""
+        return u
 
     def _inside(self, u: np.ndarray, first: float, last: float) -> tuple[np.ndarray, bool, bool]:
         """The places among ``u`` with a g all the way to them, and whether it ends below and above."""
@@ -242,11 +250,14 @@ class Potential(ABC):
     def _turns(self, u: np.ndarray) -> np.ndarray:
         """Where the slope of g changes its sign, bisected."""
         _, slope = self.at(u)
-        turn = np.flatnonzero(np.sign(slope[1:]) * np.sign(slope[:-1]) < 0)
-        if len(turn) == 0:
-            return turn
-        sign = np.sign(slope[turn])[:, None]
-        return np.concatenate(edges(lambda at: self.at(at)[1] * sign > 0, u[turn], u[turn + 1]))
+        return self.turning(slope, u, np.flatnonzero(np.sign(slope[1:]) * np.sign(slope[:-1]) < 0))
+
+    def turning(self, slope: np.ndarray, u: np.ndarray, number: np.ndarray) -> np.ndarray:
+        """The places on both sides of where the ``slope`` at ``u`` (k,) changes its sign after some ``number`` (t,)."""
+        if len(number) == 0:
+            return np.zeros(0)
+        sign = np.sign(slope[number])[:, None]
+        return np.concatenate(edges(lambda at: self.at(at)[1] * sign > 0, u[number], u[number + 1]))
 
 
 def _better(new: np.ndarray, old: np.ndarray, change: np.ndarray) -> np.ndarray:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from varcalc.optics.arrivals.space import DIRECTIONS, Approaches, approaching, s
 from varcalc.optics.arrivals.wavefront_construction import Arrivals, PlanePairs, WavefrontConstruction
 from varcalc.optics.media.medium import Medium, Radial, Stratified
 from varcalc.optics.media.tabulated import Tabulated
-from varcalc.optics.models.aimed import Carry
+from varcalc.optics.models.aimed import CARRIED_WELL, Carry, Told
 from varcalc.optics.models.constant_pull import ConstantPull
 from varcalc.optics.models.hamilton import RayFlow
 from varcalc.optics.models.invariants import Invariants
@@ -23,7 +24,8 @@ from varcalc.optics.models.jumps import jumping
 from varcalc.optics.models.model import Builder, Model, Question, checked_model
 from varcalc.optics.models.range_function import RangeFunction
 from varcalc.optics.propagation.sequential import CompiledScene, Propagator
-from varcalc.optics.rays.beam import RayStatus, Rows, launched, spreading
+from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, spreading
+from varcalc.optics.rays.leg import Leg
 from varcalc.optics.rays.ray import Ray, Rays
 from varcalc.optics.validation import matched, numbers, rows
 from varcalc.progress import Progress, telling
@@ -39,6 +41,8 @@ MEETS = 1e-7
 """Of the distance of two points: a ray that ends farther from the second when it is carried anew is none of theirs."""
 USUAL_RANGE = 5.0
 """Rays are looked for up to so many times the optical length of the scene."""
+DIM = 1e-2
+"""Of the index at the source: steps along rays that come where it is less become small without end."""
 FARTHEST_SCALE = 1e3
 """Of the distance of two points: a medium that varies over more is uniform to a fan, as the tail of a lens is."""
 
@@ -138,9 +142,8 @@ class TwoPoint:
         """The rays that leave the sources along unit ``headings`` (k, d), to the optical paths ``path`` (k,).
 
         ``touching`` (k,) says that a ray is known to touch a caustic at its target, ``counts`` (k,) how many conjugate
-        points are known to be inside. With every ray comes how far from
-        its target it ends, relative to the distance of the pair; there is no ray where surfaces are not met in the
-        order of the scene.
+        points are inside, -1 where that is not known. With every ray comes how far from its target it ends, relative to
+        the distance of the pair; there is no ray where surfaces are not met in the order of the scene.
         """
         if len(headings) == 0:
             return []
@@ -151,7 +154,9 @@ class TwoPoint:
         away = ends.targets - end.position
         along, spread = np.sum(end.momentum * away, axis=1), spreading(end)
         flat = touching | (spread <= FLAT_SPREADING * (path / index**2) ** (d - 1))
-        count = self.full.conjugate_points(passages, path, flat) if counts is None else counts
+        count = np.full(len(path), -1) if counts is None else counts
+        if np.any(count < 0):
+            count = np.where(count < 0, self.full.conjugate_points(passages, path, flat), count)
         with np.errstate(divide="ignore"):
             squared = np.where(flat, 0.0, np.sum(away**2, axis=1) * index**2 / spread)  # the path is stationary
         error = np.abs(along) + squared + 16 * EPS * path
@@ -165,16 +170,63 @@ class TwoPoint:
                 optical_path=float(end.optical_path[k] + along[k]),
                 error=float(error[k]),
                 index=int(count[k]),
-                spreading=float(spread[k]),
                 degenerate=bool(flat[k]),
                 tangents=(headings[k], end.momentum[k] / momentum[k]),
                 model=name,
+                spread=partial(float, spread[k]),
                 way=lambda k=k: self.full.followed(beam.take(np.array([k])), float(path[k]))[0],
                 media=self.full.media,
                 surfaces=self.full.surfaces,
             )
             rays.append((ray, float(miss[k])))
         return rays
+
+    def told(self, ends: PointPairs, known: Told, careful: np.ndarray, other: Callable[[], TwoPoint]) -> list[Ray]:
+        """The rays of which all is known but how they spread, which are carried together when one is asked for that.
+
+        The ``careful`` ones (k,) are carried the ``other`` way, and those that miss their targets otherwise.
+        """
+
+        def started(rows: np.ndarray) -> Beam:
+            some = ends.take(rows)
+            index = self.full.fields[0].index(some.sources)
+            return launched(some.sources, known.headings[rows], index, neighbours=True)
+
+        def carried(full: Propagator, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            end, some = full.through_all(started(rows), known.paths[rows])[1], ends.take(rows)
+            off, apart = (np.linalg.norm(p - some.targets, axis=1) for p in (end.position, some.sources))
+            return spreading(end), ~(off <= CARRIED_WELL * apart)
+
+        @cache
+        def spread() -> np.ndarray:
+            out, again = np.empty(len(known)), careful.copy()
+            if not np.all(careful):
+                rows = np.flatnonzero(~careful)
+                out[rows], again[rows] = carried(self.full, rows)
+            if np.any(again):
+                rows = np.flatnonzero(again)
+                out[rows] = carried(other().full, rows)[0]
+            return out
+
+        def followed(k: int) -> Sequence[Leg]:
+            full = other().full if careful[k] else self.full
+            return full.followed(started(np.array([k])), float(known.paths[k]))[0]
+
+        return [
+            Ray(
+                optical_path=float(known.paths[k]),
+                error=float(known.errors[k]),
+                index=int(known.counts[k]),
+                degenerate=False,
+                tangents=(known.headings[k], known.arriving[k]),
+                model=self.full.name,
+                spread=lambda k=k: float(spread()[k]),
+                way=partial(followed, k),
+                media=self.full.media,
+                surfaces=self.full.surfaces,
+            )
+            for k in range(len(known))
+        ]
 
     def _over_the_sphere(self, one: PointPairs, a: np.ndarray, b: np.ndarray, within: float) -> Rays:
         """All rays from ``a`` to ``b`` (3,) that a net of directions leads to."""
@@ -327,7 +379,7 @@ class PairSearch:
         def carried_by(model: Model | None) -> Carry:
             def carry(
                 question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
-                counts: np.ndarray | None = None,
+                counts: np.ndarray,
             ) -> list[tuple[Ray | None, float]]:  # fmt: skip
                 some = ends.take(question)
                 return self._problem(some, model).built(some, headings, paths, touching, counts)
@@ -335,8 +387,14 @@ class PairSearch:
             return carry
 
         # a table is stepped from height to height as it is, and other gradients keep no invariant
-        careful = carried_by(Invariants()) if isinstance(self.compiled.media[0], Stratified | Radial) else None
-        return known.rays(ends.sources, ends.targets, ends.within, carried_by(None), careful)
+        invariant = Invariants() if isinstance(self.compiled.media[0], Stratified | Radial) else None
+        careful = carried_by(invariant) if invariant else None
+
+        def tell(told: Told) -> list[Ray]:
+            some = ends.take(told.question)
+            return self._problem(some, None).told(some, told, told.least < DIM, lambda: self._problem(some, invariant))
+
+        return known.rays(ends.sources, ends.targets, ends.within, carried_by(None), careful, tell)
 
     def _with_planes(self, a: np.ndarray, b: np.ndarray, within: np.ndarray) -> PointPairs:
         """The pairs with the planes that hold their rays: all of them in one, each in its own, or none."""

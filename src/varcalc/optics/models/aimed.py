@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from varcalc.numerics.one_coordinate.quadrature import AGREED
+from varcalc.optics.rays.beam import Rows
 from varcalc.optics.rays.ray import Ray
 
 CARRIED_WELL, MEETS = 1e-12, 1e-6
@@ -27,21 +28,47 @@ class Carry(Protocol):
 
     def __call__(
         self, question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
-        counts: np.ndarray | None = None,
+        counts: np.ndarray,
     ) -> list[tuple[Ray | None, float]]:  # fmt: skip
         """The rays of questions (k,), as :data:`varcalc.optics.models.model.Builder` gives those of one.
 
-        Last may come how many conjugate points they pass (k,), where that is known.
+        Last comes how many conjugate points they pass (k,), -1 where that is not known.
         """
         ...
 
 
 @dataclass(frozen=True)
-class Aimed:
+class Told(Rows):
+    """k rays that answer ``question`` (k,) of which all is known that is told of rays, but how they spread.
+
+    ``headings`` and ``arriving`` (k, d) are unit vectors along them at their ends, ``paths`` (k,) their optical paths,
+    ``errors`` (k,) what these may be off, ``counts`` (k,) their conjugate points, and ``least`` (k,) is the cosine of
+    the angle to the layers at the first point: of the index there no less than so much is left where they turn.
+    """
+
+    question: np.ndarray
+    headings: np.ndarray
+    arriving: np.ndarray
+    paths: np.ndarray
+    errors: np.ndarray
+    counts: np.ndarray
+    least: np.ndarray
+
+
+class Tell(Protocol):
+    """What makes rays of what is known of them."""
+
+    def __call__(self, told: Told) -> list[Ray]:
+        """The rays, which are carried when somebody asks for more."""
+        ...
+
+
+@dataclass(frozen=True)
+class Aimed(Rows):
     """k rays that answer ``question`` (k,): unit ``headings`` (k, d), optical ``paths`` (k,), and more.
 
     ``touching`` (k,) says that a ray touches a caustic at its end, ``noise`` (k,) what round-off of its heading makes
-    of how far it comes.
+    of how far it comes, ``counts`` (k,) how many conjugate points it passes, -1 where that is not known.
     """
 
     question: np.ndarray
@@ -49,6 +76,7 @@ class Aimed:
     paths: np.ndarray
     touching: np.ndarray
     noise: np.ndarray
+    counts: np.ndarray
 
     def carried(self, count: int, carry: Carry, careful: Carry | None) -> list[list[Ray]]:
         """The rays of each of ``count`` questions but those that do not meet the point.
@@ -59,7 +87,7 @@ class Aimed:
         out: list[list[Ray]] = [[] for _ in range(count)]
         if len(self.question) == 0:
             return out
-        built = carry(self.question, self.headings, self.paths, self.touching)
+        built = carry(self.question, self.headings, self.paths, self.touching, self.counts)
         floor, miss = np.zeros(len(built)), np.array([miss for _, miss in built])
         again = np.flatnonzero((miss > CARRIED_WELL) & np.isfinite(miss) & (self.noise < TOLD))
         if careful is not None and len(again):

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.optics.media.medium import Medium
-from varcalc.optics.models.aimed import Aimed, Carry
+from varcalc.optics.models.aimed import Aimed, Carry, Tell
 from varcalc.optics.models.linear import is_linear
 from varcalc.optics.rays.ray import Ray, Rays
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -49,8 +49,9 @@ class ConstantPull:
         return np.ones(len(a), dtype=bool)
 
     def rays(
-        self, a: np.ndarray, b: np.ndarray, within: np.ndarray, carry: Carry, careful: Carry | None = None
-    ) -> list[Rays]:
+        self, a: np.ndarray, b: np.ndarray, within: np.ndarray, carry: Carry, careful: Carry | None = None,
+        tell: Tell | None = None,  # noqa: ARG002  to carry these rays is as cheap
+    ) -> list[Rays]:  # fmt: skip
         """The rays from each point ``a`` (q, d) to ``b`` (q, d) up to an optical path ``within`` (q,)."""
         carried = self._aimed(a, b, within).carried(len(a), carry, careful)
         return [_answer(*own) for own in zip(carried, within, strict=True)]
@@ -73,7 +74,8 @@ class ConstantPull:
         start = start[question, which]
         headings = start / np.linalg.norm(start, axis=1, keepdims=True)
         nothing = np.zeros(len(question))
-        return Aimed(question, headings, path[question, which], touching[question], nothing)
+        unknown = np.full(len(question), -1)
+        return Aimed(question, headings, path[question, which], touching[question], nothing, unknown)
 
 
 def _answer(rays: list[Ray], within: float) -> Rays:

@@ -93,7 +93,7 @@ class Invariants(Model):
 
         def carry(
             question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
-            counts: np.ndarray | None = None,
+            counts: np.ndarray,
         ) -> list[tuple[Ray | None, float]]:  # fmt: skip
             return built(headings, paths, touching)  # there is one question, and nothing is carried twice
 
@@ -170,7 +170,7 @@ class InvariantRays:
         rows = np.flatnonzero(~others)
         if len(rows):
             part = beam.take(rows)
-            moved, left = _Run(self._profile(part), surfaces, part, leaving).carried(path[rows], sigma[rows])
+            moved, left = _Run(self._profile(part), surfaces, part, leaving, path[rows], sigma[rows]).carried()
             arrival.beam.put(rows, moved.beam)
             arrival.struck[rows], arrival.status[rows] = moved.struck, moved.status
             others[rows[left]] = True
@@ -188,16 +188,16 @@ class InvariantRays:
         if np.any(self._at_centre(beam)):
             return self._hamilton.leg(beam, path)
         profile = self._profile(beam)
-        free = _Run(profile, (), beam, NOTHING)
-        end, others = free.carried(np.array([path - beam.optical_path[0]]), np.full(1, np.inf))
+        free = _Run(profile, (), beam, NOTHING, np.array([path - beam.optical_path[0]]), np.full(1, np.inf))
+        end, others = free.carried()
         if len(others) or end.status[0] != RayStatus.ARRIVED:
             return self._hamilton.leg(beam, path)
-        length = float(free.sigma[0])
+        length = float(free.came[0])
 
         def at(sigma: np.ndarray) -> Beam:
             many = beam.take(np.zeros(len(sigma), dtype=int))
-            run = _Run(profile, (), many, NOTHING, free.nodes)
-            carried = run.carried(np.full(len(sigma), np.inf), sigma)[0].beam
+            run = _Run(profile, (), many, NOTHING, np.full(len(sigma), np.inf), sigma, free.nodes)
+            carried = run.carried()[0].beam
             carried.put(np.flatnonzero(sigma == 0), many.take(np.flatnonzero(sigma == 0)))  # not to round-off only
             return carried
 
@@ -220,7 +220,10 @@ PATH_ENDED = -2
 
 
 class _Run:
-    """Rays of one medium from their starts; ``sigma`` (m,) is how far they have come."""
+    """Rays of one medium from their starts, after the optical path ``path`` (m,) or at ``sigma`` (m,) at the latest.
+
+    ``came`` (m,) is the σ at which they end.
+    """
 
     def __init__(
         self,
@@ -228,27 +231,33 @@ class _Run:
         surfaces: Sequence[Geometry],
         beam: Beam,
         leaving: int,
+        path: np.ndarray,
+        sigma: np.ndarray,
         nodes: PotentialNodes | None = None,
     ) -> None:
         self.profile, self.surfaces, self.beam, self.leaving = profile, surfaces, beam, leaving
+        self.path, self.sigma, self.came = path, sigma, np.zeros(len(beam))
         self.reduced = reduction(profile, beam)
         self.motions: ReducedRays = self.reduced.motions
-        self.sigma = np.zeros(len(beam))
         self.levels = self._levels()
+        self.nodes = nodes or self._nodes()
+
+    def _nodes(self) -> PotentialNodes:
+        """The nodes of the profile as far as rays may come."""
         u0 = self.motions.u
-        self.nodes = nodes or profile.nodes(float(u0.min()), float(u0.max()), self.levels.lowest, self.levels.highest)
+        sigma = np.fmin(self.sigma, self._standing()[1])  # planes stand in layers, where σ is τ
+        low, high = (self.profile.farthest(u0, way, self.path, sigma) for way in (-1, 1))
+        lowest, highest = max(self.levels.lowest, float(low.min())), min(self.levels.highest, float(high.max()))
+        return self.profile.nodes(float(u0.min()), float(u0.max()), lowest, highest)
 
-    def carried(self, path: np.ndarray, sigma: np.ndarray) -> tuple[Arrival, np.ndarray]:
-        """The rays at the first surface, after the optical path ``path`` (m,) or at ``sigma`` (m,), and the others.
-
-        The others are the rows that are to be carried by another model.
-        """
+    def carried(self) -> tuple[Arrival, np.ndarray]:
+        """The rays at the first surface or where they end, and the rows that are to be carried by another model."""
         m, beam, profile, nodes = len(self.beam), self.beam, self.profile, self.nodes
         u0, levels, squared = self.motions.u, self.levels, self.motions.w**2
         standing, standing_tau = self._standing()
         below = bounds(profile, nodes, u0, squared, self.motions.C, levels.down, -1)
         above = bounds(profile, nodes, u0, squared, self.motions.C, levels.up, 1)
-        targets = np.column_stack([standing_tau, path, sigma])
+        targets = np.column_stack([standing_tau, self.path, self.sigma])
         end = Arrival(beam.take(np.arange(m)), np.full(m, NOTHING), np.full(m, int(RayStatus.ARRIVED)))
         left = np.ones(m, bool)
         for rows, way, last in ways(profile, u0, self.motions.w, below, above):
@@ -278,7 +287,7 @@ class _Run:
         sub = reduction(self.profile, self.beam.take(rows))
         with np.errstate(all="ignore"):  # what is no number is not resolved, and said to be so
             there = reached(way, last, targets[rows])
-            self.sigma[rows] = there.integrals[:, SIGMA]
+            self.came[rows] = there.integrals[:, SIGMA]
             start, stop = way.at(way.start[:, None]), way.at(there.q[:, None])
             moved = deviations(sub.motions, start, stop, there.integrals)
             carried = sub.carried(moved)

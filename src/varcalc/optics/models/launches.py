@@ -42,23 +42,33 @@ SAME_RAY = 1e-9
 """Launches and optical paths, relative, closer than this are one ray."""
 KINDS = ((0, 0), (1, 0), (0, 1), (1, 1))
 """Of rays: a and b."""
+CLEAR = 1e-5
+"""Of the optical path: how much rays must spread to have their conjugate points counted by their turning points."""
+TOLD_WELL = 1e-12
+"""Of the optical path, and of the distance: rays that are told so well need not be carried."""
 NEXT, GROWN = 0.02, 1e-6
 """A passage that grows so much, in units of the distance, over the last of the way to an angle grows for ever."""
 
 
 @dataclass(frozen=True)
 class Launch:
-    """A ray found: its invariant ``c``, its ``speed`` du/dτ at the first point, its optical path, the ``way`` round.
+    """A ray found: its invariant ``c``, ``speed`` du/dτ at the first point and ``last`` at the second, optical path.
 
-    The way is 1 or -1, the sense about a centre; ``noise`` is what round-off of its angle makes of its distance.
+    ``way`` is 1 or -1, the sense about a centre, and ``distance`` how far it comes along the layers; ``noise`` is what
+    round-off of its angle makes of that. ``index`` counts the conjugate points in its plane, -1 where that is not
+    known; ``off`` is what the optical path may be off, infinite where the ray must be carried to tell.
     """
 
     c: float
     speed: float
+    last: float
     path: float
     way: int
     touching: bool
     noise: float
+    distance: float
+    index: int
+    off: float
 
 
 @dataclass(frozen=True)
@@ -228,11 +238,15 @@ def launches(
     angles = [whole[0], spread.angles(aims.pair[which.aim], found.at), np.full(len(upright), np.pi / 2)]
     names = np.concatenate([whole[1], which.name, upright])
     touching = np.concatenate([np.ones(len(whole[0]), bool), found.touching, np.zeros(len(upright), bool)])
-    rays = _launched(tabled, np.concatenate(angles), names, aims, touching, swapped)
+    with np.errstate(all="ignore"):  # at a break, from which angles are not told, there is no number
+        rates = found.rates / spread.angle_rates(aims.pair[which.aim], found.at)
+    rates = np.concatenate([np.zeros(len(whole[0])), rates, np.zeros(len(upright))])
+    rays = _launched(tabled, np.concatenate(angles), names, aims, (touching, rates), swapped)
     root = np.sqrt(passages.g)[aims.pair]
     for n in np.flatnonzero(passages.stays_level(aims.pair, aims.distance)):
         path = float(root[n] * aims.distance[n])
-        rays.append((int(n), Launch(float(root[n]), 0.0, path, int(aims.way[n]), False, 0.0)))
+        launch = Launch(float(root[n]), 0.0, 0.0, path, int(aims.way[n]), False, 0.0, aims.distance[n], -1, np.inf)
+        rays.append((int(n), launch))
     resting = _resting(spread, aims)
     own: list[tuple[list[Launch], list[Launch]]] = [([], []) for _ in pair]
     for k, (n, launch) in enumerate(rays):
@@ -344,26 +358,49 @@ def _launched(
     angles: np.ndarray,
     names: np.ndarray,
     aims: Distances,
-    touching: np.ndarray,
+    crossing: tuple[np.ndarray, np.ndarray],
     swapped: np.ndarray,
 ) -> list[tuple[int, Launch]]:
-    """The rays of the families ``names`` (k, 4) at ``angles`` (k,), each with the number of its aim."""
+    """The rays of the families ``names`` (k, 4) at ``angles`` (k,), each with the number of its aim.
+
+    ``crossing`` says whether they touch (k,) and how their distances change with the angle (k,).
+    """
     if len(angles) == 0:
         return []
     beyond, behind, m, aim = names.T
     passages, pair = tabled.passages, aims.pair[aim]
     weights = Families(aim, beyond, behind, m, aim).weights[:, :LAYERS]
-    least = np.sqrt(passages.g)[pair] * np.cos(angles) * aims.distance[aim]  # of the optical path
-    scale = np.repeat(np.column_stack([np.full(len(least), np.inf), least]), LAYERS, axis=1)
-    there = tabled.at(pair, angles, scale)[:, LAYERS:]
-    path = np.where(weights > 0, weights * there, 0.0).sum(axis=1)
-    root, way = np.sqrt(passages.g)[pair], passages.way[pair]
+    root, way, distance = np.sqrt(passages.g)[pair], passages.way[pair], aims.distance[aim]
     c, w = root * np.cos(angles), root * np.sin(angles)
+    scale = np.repeat(np.column_stack([distance, c * distance]), LAYERS, axis=1)
+    here = tabled.at(pair, angles, scale)
+    came, path = (np.where(weights > 0, weights * part, 0.0).sum(axis=1) for part in np.split(here, 2, axis=1))
     last = np.sqrt(passages.higher[pair] + w**2)
     leaving, arriving = way * np.where(behind == 1, -w, w), way * np.where(beyond == 1, -last, last)
-    speed, noise = np.where(swapped[pair], -arriving, leaving), passages.noise(pair, angles)
-    columns = (c, speed, path, aims.way[aim].astype(int), touching, noise)
+    speed, end = (np.where(swapped[pair], -one, two) for one, two in ((arriving, leaving), (leaving, arriving)))
+    touching, rates = crossing
+    noise, known = passages.noise(pair, angles), np.isfinite(came)
+    short = np.where(known, distance - came, 0.0)
+    # the optical path changes by c times the distance from ray to ray, and by c's change over that once more
+    with np.errstate(all="ignore"):
+        path, off = path + c * short, short**2 * w / np.abs(rates)
+        clear = known & ~touching & (np.abs(rates) * last > CLEAR * path)
+        off = np.where((noise < TOLD_WELL) & (off < TOLD_WELL * path), off + noise * path, np.inf)
+    index = np.where(clear, _conjugate_points(2 * m + beyond + behind, rates), -1)
+    columns = (
+        c, speed, end, path, aims.way[aim].astype(int), touching, noise, distance, index, off
+    )  # fmt: skip
     return [(int(n), Launch(*row)) for n, *row in zip(aim, *(column.tolist() for column in columns), strict=True)]
+
+
+def _conjugate_points(turns: np.ndarray, rates: np.ndarray) -> np.ndarray:
+    """How many conjugate points (k,) rays pass in their plane that turn so often and whose distances so change.
+
+    dX/dc grows along every stretch between two turning points, by g / (g - c²)^(3/2), from -∞ to ∞: there is one in
+    each. It begins with 0, so that there is none before the first turning point, and after the last there is one if
+    dX/dc has become positive. X falls with the angle where it grows with c.
+    """
+    return np.where(turns > 0, turns - 1 + (rates < 0), 0)
 
 
 def _one_each(continua: list[Launch]) -> list[Launch]:

@@ -105,6 +105,8 @@ class TabledPassages:
         lower = np.where(below.any(axis=1), t - 1 - np.argmax(below[:, ::-1], axis=1), -1)
         for key in np.unique((lower + 1) * (t + 1) + upper + 1):
             low, high = int(key) // (t + 1) - 1, int(key) % (t + 1) - 1
+            if low >= 0 and high == low + 1:  # level to round-off, where g turns: there is nothing between
+                continue
             rows = np.flatnonzero((lower == low) & (upper == high))
             own = pair[rows], c[rows], squared[rows], left[rows], scale[rows], agreed[rows]
             self._read(low, high, rows, own, out, told)

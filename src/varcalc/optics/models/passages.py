@@ -31,10 +31,6 @@ EPSILON = 2 * float(np.finfo(float).eps)
 """Round-off of g and of angles, relatively."""
 TOGETHER = 2048
 """Angles whose passages are integrated together; bounds the memory."""
-ROUGH_PLACES, HEIGHT_MARGIN = 240, 2.0
-"""Heights at which the index is summed to say how high rays come, and by what factor that may be wrong."""
-FARTHEST_LOG = 300.0
-"""Of the logarithm of a radius."""
 LAYERS, COUNT = 3, 6
 """RayPassages S, U and D: how far they come along the layers, and together with their optical paths."""
 
@@ -61,8 +57,9 @@ class RayPassages:
         start, end = np.where(swapped, *ends.T[::-1]), np.where(swapped, *ends.T)
         lower, upper = ends.min(axis=1), ends.max(axis=1)
         reach = profile.distances(lower, upper)[:, -1]
-        low = np.maximum(_farthest(profile, lower, -1, within), lower - reach)
-        high = np.minimum(_farthest(profile, upper, 1, within), upper + reach)
+        free = np.full(len(ends), np.inf)
+        low = np.maximum(profile.farthest(lower, -1, within, free), lower - reach)
+        high = np.minimum(profile.farthest(upper, 1, within, free), upper + reach)
         return cls(profile, profile.nodes(lower, upper, low, high), start, end, low, high), swapped
 
     @cached_property
@@ -271,21 +268,6 @@ def _legs(
     bottom, top = np.zeros(len(start)), np.full(len(start), np.pi)
     legs = [((begin, q), (q, begin)), ((q, top), (bottom, q)), ((bottom, begin), (begin, top))]
     return [(np.where(up, a, c), np.where(up, b, d)) for (a, b), (c, d) in legs]
-
-
-def _farthest(profile: RayPotential, edge: np.ndarray, way: int, within: np.ndarray) -> np.ndarray:
-    """The heights (p,) beyond which no ray of optical paths (p,) comes from an edge (p,), about; infinite for none."""
-    if profile.about_centre and way < 0:
-        return np.full(len(edge), -np.inf)
-    away = np.append(0.0, np.geomspace(1e-6, 1e6, ROUGH_PLACES))
-    away = away[away <= FARTHEST_LOG] if profile.about_centre else away
-    away = away * (np.ones(len(edge)) if profile.about_centre else within)[:, None]
-    g = profile.at(edge[:, None] + way * away)[0]
-    with np.errstate(all="ignore"):
-        paths = np.cumsum(np.sqrt(np.fmin(g[:, 1:], g[:, :-1])) * np.diff(away), axis=1)
-    enough = paths > HEIGHT_MARGIN * within[:, None]
-    number = 1 + np.argmax(enough, axis=1)
-    return np.where(enough.any(axis=1), edge + way * away[np.arange(len(edge)), number], way * np.inf)
 
 
 def _held(g: np.ndarray, stop: np.ndarray) -> np.ndarray:

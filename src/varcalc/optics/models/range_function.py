@@ -8,7 +8,7 @@ import numpy as np
 
 from varcalc.optics.media.medium import Medium, Radial
 from varcalc.optics.media.tabulated import Tabulated
-from varcalc.optics.models.aimed import Aimed, Carry
+from varcalc.optics.models.aimed import Aimed, Carry, Tell, Told
 from varcalc.optics.models.launches import Launch, Launches, launches, rounded_up
 from varcalc.optics.models.passage_tables import PassageTables
 from varcalc.optics.models.reduction import Profile, RayPotential
@@ -18,6 +18,12 @@ from varcalc.optics.rays.ray import Ray, Rays
 
 UPRIGHT = 1e-13
 """Of the distance of two points: what they lie apart along layers is none."""
+HALF_TURN = 1e-4
+"""So close to half a turn about a centre, of one, rays in space are near a conjugate point."""
+ALONE = 4e-14
+"""Of an optical path: what it is claimed to where the passages that it is made of are all that tells it."""
+UNITS = 16.0
+"""Units of length are its powers: questions near one share what stands for their rays."""
 TOGETHER = 512
 """Questions asked together; bounds the memory."""
 ACROSS = 1000
@@ -39,12 +45,14 @@ class RangeFunction:
         return np.any(a != middle, axis=1) & np.any(b != middle, axis=1)
 
     def rays(
-        self, a: np.ndarray, b: np.ndarray, within: np.ndarray, carry: Carry, careful: Carry | None = None
-    ) -> list[Rays]:
+        self, a: np.ndarray, b: np.ndarray, within: np.ndarray, carry: Carry, careful: Carry | None = None,
+        tell: Tell | None = None,
+    ) -> list[Rays]:  # fmt: skip
         """The rays from each point ``a`` (q, d) to ``b`` (q, d) up to an optical path ``within`` (q,).
 
         A ray that misses the point as ``carry`` takes it, since it went far out where digits are lost, is taken
-        there the ``careful`` way, if there is one.
+        there the ``careful`` way, if there is one. Those of which enough is known are not carried where ``tell`` makes
+        rays of them.
         """
         frames_ = Frames.of(self.medium, a, b)
         found: list[Launches | None] = [None] * len(a)
@@ -55,9 +63,15 @@ class RangeFunction:
                 for row, own in zip(some, self._launches(float(unit), frames_.take(some), within[some]), strict=True):
                     found[row] = own
         known = [own for own in found if own is not None]
+        aimed, told, clear = _aimed(frames_, known, isinstance(self.medium, Radial))
+        clear &= tell is not None
         # radial rays, and those at the rim of the range function, may not meet the point
-        carried = _aimed(frames_, known).carried(len(a), carry, careful)
-        return [_answer(*own) for own in zip(known, carried, within, strict=True)]
+        rays = aimed.take(np.flatnonzero(~clear)).carried(len(a), carry, careful)
+        if tell is not None:
+            some = told.take(np.flatnonzero(clear))
+            for question, ray in zip(some.question, tell(some), strict=True):
+                rays[question].append(ray)
+        return [_answer(*own) for own in zip(known, rays, within, strict=True)]
 
     def _launches(self, unit: float, frames_: Frames, within: np.ndarray) -> list[Launches]:
         """Questions about the same two heights, of about the same size, share what stands for their rays."""
@@ -86,17 +100,26 @@ class RangeFunction:
         return self._profiles[unit]
 
 
-def _aimed(frames_: Frames, launched: list[Launches]) -> Aimed:
-    """The launches as rays that leave the first point."""
+def _aimed(frames_: Frames, launched: list[Launches], about_centre: bool) -> tuple[Aimed, Told, np.ndarray]:
+    """The launches as rays that leave the first point, what is known of them, and of which that is enough (k,)."""
     question = np.repeat(np.arange(len(launched)), [len(own.found) for own in launched])
-    rows = [_row(launch) for own in launched for launch in own.found]
-    c, speed, paths, way, touching, noise = np.array(rows, dtype=float).reshape(-1, 6).T
+    rows = [tuple(vars(launch).values()) for own in launched for launch in own.found]
+    columns = np.array(rows, dtype=float).reshape(-1, len(fields(Launch))).T
+    c, speed, last, paths, way, touching, noise, distance, index, off = columns
     headings = frames_.headings(question, c * way, speed)
-    return Aimed(question, headings, paths, touching.astype(bool), noise)
-
-
-def _row(launch: Launch) -> tuple[float, float, float, int, bool, float]:
-    return launch.c, launch.speed, launch.path, launch.way, launch.touching, launch.noise
+    turn = frames_.distance[question] if about_centre else 0.0
+    arriving = frames_.headings(question, c * way, last, turn)
+    counts = index
+    if about_centre and headings.shape[1] == 3:
+        # half a turn on, neighbours in other planes through the centre meet
+        halves = distance / np.pi
+        apart = np.abs(halves - np.round(halves)) > HALF_TURN
+        counts = np.where(apart & (index >= 0), index + np.floor(halves), -1)
+    counts = counts.astype(int)
+    clear = (counts >= 0) & np.isfinite(off)
+    least = c / np.hypot(c, speed)
+    told = Told(question, headings, arriving, paths, off + ALONE * paths, counts, least)
+    return Aimed(question, headings, paths, touching.astype(bool), noise, counts), told, clear
 
 
 def _answer(found: Launches, rays: list[Ray], within: float) -> Rays:
@@ -108,6 +131,7 @@ def _answer(found: Launches, rays: list[Ray], within: float) -> Rays:
         f"intervals left unresolved{resting}), optical paths up to {within:.6g}"
     )
     reason = "" if rays else f"shadow: no ray of the source comes to B (searched: {searched})"
+    rays = sorted(rays, key=lambda ray: ray.optical_path)
     return Rays(tuple(rays), reason, searched, found.continuum, unresolved)
 
 
@@ -132,7 +156,7 @@ class Frames:
             start, end = a - medium.middle(d), b - medium.middle(d)
             radii = np.stack([np.linalg.norm(start, axis=1), np.linalg.norm(end, axis=1)], axis=1)
             up = start / radii[:, :1]
-            unit = 2.0 ** np.round(np.log2(radii[:, 0]))
+            unit = UNITS ** np.round(np.log(radii[:, 0]) / np.log(UNITS))
             heights = np.log(radii / unit[:, None])
             along = np.sum(end * up, axis=1)
             across = end - along[:, None] * up
@@ -152,7 +176,14 @@ class Frames:
         """Those of some pairs."""
         return Frames(*(getattr(self, f.name)[rows] for f in fields(self)))
 
-    def headings(self, pair: np.ndarray, along: np.ndarray, climb: np.ndarray) -> np.ndarray:
-        """The unit vectors (k, d) of rays of pairs (k,) with momenta ``along`` the layers and ``climb`` (k,)."""
-        heading = climb[:, None] * self.up[pair] + along[:, None] * self.ahead[pair]
+    def headings(
+        self, pair: np.ndarray, along: np.ndarray, climb: np.ndarray, turn: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """The unit vectors (k, d) of rays of pairs (k,) with momenta ``along`` the layers and ``climb`` (k,).
+
+        They are those at the angle ``turn`` (k,) about a centre from the first point.
+        """
+        cos, sin = (np.broadcast_to(part, along.shape)[:, None] for part in (np.cos(turn), np.sin(turn)))
+        up, ahead = self.up[pair], self.ahead[pair]
+        heading = climb[:, None] * (cos * up + sin * ahead) + along[:, None] * (cos * ahead - sin * up)
         return heading / np.linalg.norm(heading, axis=1, keepdims=True)

@@ -37,6 +37,12 @@ PATH, SIGMA = 1, 2
 """The columns of the integrals, after τ, that hold the optical path and σ."""
 MOST_BOXES = 20_000
 """Places at which an index that varies fast is looked at, those next to the scene first."""
+ROUGH_PLACES, HEIGHT_MARGIN = 240, 2.0
+"""Heights at which the index is summed to say how high rays come, and by what factor that may be wrong."""
+FARTHEST_LOG = 300.0
+"""Of the logarithm of a radius."""
+DARK_MINIMUM, FEW_MINIMA = 1e-25, 32
+"""Of g: where it comes down to less no ray goes on; and how many of the next minima are looked at for that."""
 LEAST_ANGULAR_MOMENTUM = 1e-140
 """Of n r: a ray through the centre is the limit of rays past it."""
 
@@ -48,6 +54,50 @@ class RayPotential(Potential):
     @abstractmethod
     def about_centre(self) -> bool:
         """True for a centre, False for layers."""
+
+    def sigma_rate(self, u: np.ndarray) -> np.ndarray:
+        """dσ/dτ at u: 1 in layers."""
+        return np.ones_like(u)
+
+    def weighted(self, point: MotionPoint) -> tuple[np.ndarray, ...]:
+        """The integrands of the optical path, g, and of σ."""
+        return point.g, self.sigma_rate(point.u)
+
+    def enclosed(self, u: np.ndarray, first: float, last: float) -> np.ndarray:
+        """See :meth:`Potential.enclosed`: rays turn back, or end, at the first place without an index."""
+        g, slope = self.at(u)
+        bar = DARK_MINIMUM * float(self.at(np.array([first, last]))[0].min())
+        lows = np.flatnonzero((slope[:-1] < 0) & (slope[1:] > 0))
+        beside = lows[u[lows] > last][:FEW_MINIMA], lows[u[lows + 1] < first][-FEW_MINIMA:]
+        at = np.append(u[g <= bar], self.turning(slope, u, np.concatenate(beside)))
+        dark = at[self.at(at)[0] <= bar]
+        low, high = dark[dark < first].max(initial=-np.inf), dark[dark > last].min(initial=np.inf)
+        return np.unique(np.append(u[(u >= low) & (u <= high)], [end for end in (low, high) if np.isfinite(end)]))
+
+    def farthest(self, edge: np.ndarray, way: int, path: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+        """The places (p,) beyond which no ray comes from an edge (p,), about, downwards for -1; infinite for none.
+
+        Rays go no farther than to optical paths ``path`` and σ ``sigma`` (p,), and not through a place without an
+        index.
+        """
+        if self.about_centre and way < 0:
+            return np.full(len(edge), -np.inf)
+        away = np.append(0.0, np.geomspace(1e-6, 1e6, ROUGH_PLACES))
+        away = away[away <= FARTHEST_LOG] if self.about_centre else away
+        with np.errstate(all="ignore"):
+            scale = np.ones(len(edge)) if self.about_centre else np.fmin(path, sigma * np.sqrt(self.at(edge)[0]))
+            u = edge[:, None] + way * away * scale[:, None]
+            g = self.at(u)[0]
+            steps = np.abs(np.diff(u))
+            # du/dτ is √g at the most
+            sums = (
+                np.cumsum(np.fmin(rate[:, 1:], rate[:, :-1]) * steps, axis=1)
+                for rate in (np.sqrt(np.fmax(g, 0.0)), self.sigma_rate(u) / np.sqrt(g))
+            )
+            limits = (HEIGHT_MARGIN * limit[:, None] for limit in (path, sigma))
+            enough = np.any([own > limit for own, limit in zip(sums, limits, strict=True)], axis=0) | (g[:, 1:] <= 0)
+        number = 1 + np.argmax(enough, axis=1)
+        return np.where(enough.any(axis=1), u[np.arange(len(edge)), number], way * np.inf)
 
 
 @dataclass(frozen=True)
@@ -143,9 +193,9 @@ class Profile(RayPotential):
         g, slope, n = self._table(u)
         return np.isfinite(g) & np.isfinite(slope) & ~(n < 0)
 
-    def weighted(self, point: MotionPoint) -> tuple[np.ndarray, ...]:
-        """The integrands of the optical path, g, and of σ: r² about a centre, 1 in layers."""
-        return point.g, (self.unit * np.exp(point.u)) ** 2 if self.about_centre else np.ones_like(point.u)
+    def sigma_rate(self, u: np.ndarray) -> np.ndarray:
+        """See :meth:`RayPotential.sigma_rate`: r² about a centre."""
+        return (self.unit * np.exp(u)) ** 2 if self.about_centre else np.ones_like(u)
 
     @property
     def reach(self) -> np.ndarray | None:

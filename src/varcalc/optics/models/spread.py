@@ -14,6 +14,8 @@ NEAREST = 1e-10
 """How close to an angle at which rays come to rest is looked, in units of what is known of it to round-off."""
 LEAST_SHARE, MOST_SHARE = 1e-14, 1e-2
 """The same in units of half the way to the next one, at least and at most."""
+RATE_STEP = 1e-6
+"""Of the unknown, to take derivatives by it."""
 BREAK_OFFSET = 1e-9
 """Of the unknown, that much beside a break the passages are those of its side."""
 
@@ -47,6 +49,12 @@ class Spread:
         mild = self.passages.mild[pair, number]
         offset = half * np.where(mild, 2 * np.sin(np.pi / 4 * away) ** 2, _share(known, half, away))
         return np.where(away >= 1, low + half, np.where(upper, breaks[pair, number] - offset, low + offset))
+
+    def angle_rates(self, pair: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """The derivatives of the angles by the unknown (m,), about."""
+        middle = np.round(at)  # the unknown has breaks at whole numbers
+        step = np.where(at >= middle, RATE_STEP, -RATE_STEP)
+        return (self.angles(pair, at + step) - self.angles(pair, at)) / step
 
     def noise(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
         """See :meth:`RayPassages.noise`."""

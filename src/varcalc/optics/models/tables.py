@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from varcalc.numerics.one_coordinate.motions import MotionPoint
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.reduction import RayPotential
 
@@ -96,7 +95,3 @@ class TableProfile(RayPotential):
     def sound(self, u: np.ndarray) -> np.ndarray:
         """True in the table."""
         return (u >= self.stops[0]) & (u <= self.stops[-1])
-
-    def weighted(self, point: MotionPoint) -> tuple[np.ndarray, ...]:
-        """The integrands of the optical path, g, and of σ, 1."""
-        return point.g, np.ones_like(point.u)

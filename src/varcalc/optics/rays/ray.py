@@ -56,10 +56,10 @@ class Ray(Plotted):
     optical_path: float
     error: float
     index: int
-    spreading: float
     degenerate: bool
     tangents: tuple[np.ndarray, np.ndarray]
     model: str
+    spread: Callable[[], float] = field(repr=False)
     way: Callable[[], Sequence[Leg]] = field(repr=False)
     media: Sequence[Medium] = field(repr=False, default=())
     surfaces: Sequence[Surface] = field(repr=False, default=())
@@ -81,7 +81,13 @@ class Ray(Plotted):
         return ", and one at its end: it ends on a caustic" if self.degenerate else ""
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**{f.name: getattr(self, f.name) for f in fields(self)}, "way": partial(tuple, self.legs)}
+        own = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {**own, "spread": partial(float, self.spreading), "way": partial(tuple, self.legs)}
+
+    @cached_property
+    def spreading(self) -> float:
+        """See above."""
+        return self.spread()
 
     @cached_property
     def legs(self) -> Sequence[Leg]:
