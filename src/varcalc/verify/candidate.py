@@ -24,6 +24,7 @@ from varcalc.methods.collocation.starting_curves import function_sizes, resolvin
 from varcalc.methods.collocation.system import CollocationSystem, collocation_space
 from varcalc.methods.crossings import met_by
 from varcalc.methods.ritz.method import Ritz
+from varcalc.problem.breaks import on_curve
 from varcalc.problem.functional import Functional
 from varcalc.solution import Solution
 from varcalc.verify.along_curve import AlongCurve, along_curve, touches, without_inequalities
@@ -103,7 +104,8 @@ def candidate(solution: Solution) -> Candidate:
     own = undivided(solution.extremal, solution.value) if solution.extremal is not None else _regular(solution)
     if own is not None and touches(own):
         return Candidate(solution, own, None, "the curve touches a bound", True)
-    held = tuple((c.x, c.until) for c in met_by(solution, HELD_TO) if c.until is not None)
+    met = met_by(solution, HELD_TO) if on_curve(solution.problem) else []
+    held = tuple((c.x, c.until) for c in met if c.until is not None)
     if held and own is not None and not own.form.broken_at_switches:
         return Candidate(solution, own, None, "a kink of L holds the curve", held=held)
     start = own if own is not None and not own.form.coordinates.weak_only else _in_regular_form(solution)
