@@ -204,3 +204,17 @@ def test_an_end_just_beyond_a_jump(beyond):
 
     crossing = findroot(lambda c: mp.diff(length, c), (1, 2), solver="illinois", maxsteps=200)
     assert vc.solve(problem).value == pytest.approx(float(length(crossing)), rel=1e-12)
+
+
+@pytest.mark.parametrize(("load", "length", "last"), [
+    (1.41865461205, 2.0776604096376636, -0.38129831162374817), (0.9, 2.0, -0.3), (2.2, 1.5, 0.2), (1.4, 2.0, 0.1),
+])  # fmt: skip
+def test_one_corner_is_not_taken_for_three(load, length, last):
+    """(|v| - 1)^2 - load y: the momentum load (c - x) vanishes at the corner, where the slope goes from 1 to -1."""
+    problem = vc.Problem(lambda x, y, dy: (ca.fabs(dy) - 1) ** 2 - load * y, vc.Fixed(0, 0), vc.Fixed(length, last))
+    k, end = mpf(load), mpf(length)
+    c = findroot(lambda c: c + k * c**2 / 4 - (end - c) - k * (end - c) ** 2 / 4 - mpf(last), 0.5 * length)
+    after, top = end - c, c + k * c**2 / 4
+    area = c**2 / 2 + k * c**3 / 6 + top * after - after**2 / 2 - k * after**3 / 12
+    solution = vc.solve(problem)
+    assert solution.value == pytest.approx(float(k**2 * (c**3 + after**3) / 12 - k * area), rel=1e-11)

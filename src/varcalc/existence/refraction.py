@@ -128,6 +128,8 @@ def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: li
         if len(lasting := _lasting(solution, found)) < len(found):
             found = lasting
             continue
+        if len(_vanished(solution)):  # it is kept from being least
+            return None
         if not _as_held(problem, solution):
             aside = _aside(problem, curve, found, solution)
             if _alike(problem, aside, found):
@@ -142,14 +144,19 @@ def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: li
     return None
 
 
-def _lasting(solution: Solution, found: list[Crossing]) -> list[Crossing]:
-    """The crossings but those along which no stretch is left: the pieces would be shorter if they could."""
+def _vanished(solution: Solution) -> np.ndarray:
+    """The middles, as the pieces were begun, of those that an interior-point method would have made shorter still."""
     extremal = solution.extremal
     if extremal is None or not extremal.form.coordinates.corners:
-        return found
+        return np.zeros(0)
     begun = np.sort([*extremal.form.conditions.knots, *solution.problem.span])
     share = np.diff(np.sort(_corners(solution))) / np.diff(begun)
-    middles = 0.5 * (begun[1:] + begun[:-1])[share <= VANISHED * LENGTH_KEPT]
+    return 0.5 * (begun[1:] + begun[:-1])[share <= VANISHED * LENGTH_KEPT]
+
+
+def _lasting(solution: Solution, found: list[Crossing]) -> list[Crossing]:
+    """The crossings but those along which no stretch is left: the pieces would be shorter if they could."""
+    middles = _vanished(solution)
     return [c for c in found if c.until is None or not np.any((middles > c.x) & (middles < c.until))]
 
 
