@@ -114,8 +114,8 @@ def _finished(
     try:
         while waiting or running:
             while waiting and len(running) < cores:
-                subject = waiting.pop()
-                running[pool.submit(write, subject)] = subject
+                running[pool.submit(write, waiting[-1])] = waiting[-1]
+                waiting.pop()
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             if any(isinstance(future.exception(), BrokenProcessPool) for future in done):
                 yield from ((subject, None) for subject in running.values())
@@ -127,7 +127,8 @@ def _finished(
             yield running.pop(future), future.result()
         raise
     finally:
-        if running:  # interrupted: what is not finished is not waited for
+        # interrupted, maybe before a page that was begun could be noted: what is not finished is not waited for
+        if running or waiting:
             for child in set(multiprocessing.active_children()) - others:
                 child.terminate()
         pool.shutdown(cancel_futures=True)
