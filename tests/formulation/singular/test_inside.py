@@ -50,3 +50,13 @@ def test_two_places_that_are_singular_toward_one_another():
     problem = vc.Problem(lambda x, y, dy: (ca.fabs(x) * ca.fabs(1 - x)) ** a * dy**2, vc.Fixed(-1, 0), vc.Fixed(2, 1))
     between, beyond = beta(1 - a, 1 - a), hyp2f1(a, 1 - a, 2 - a, -1) / (1 - a)
     assert vc.solve(problem).value == pytest.approx(float(1 / (between + 2 * beyond)), rel=1e-10)
+
+
+def test_another_power_on_either_side():
+    """A weight that switches at the place itself: round-off of x must not decide the side (value by L_y' = const)."""
+    problem = vc.Problem(
+        lambda x, y, dy: ca.if_else(x < 0.4, ca.fabs(x - 0.4) ** 0.5, ca.fabs(x - 0.4) ** 0.25) * dy**2,
+        vc.Fixed(0, 0), vc.Fixed(1, 1),
+    )  # fmt: skip
+    exact = 1 / (power(-0.5, mpf(0.4)) + power(-0.25, 1 - mpf(0.4)))
+    assert vc.solve(problem).value == pytest.approx(float(exact), rel=1e-12)
