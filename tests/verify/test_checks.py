@@ -145,16 +145,32 @@ def test_a_waypoint_holds_its_corner():
     assert check.verdict is vc.Verdict.MINIMUM
 
 
-def test_a_corner_that_no_extremal_has_is_found_out():
-    solution = vc.solve(vc.Problem(lambda x, y, dy: dy**2, vc.Fixed(-1, 0), vc.Fixed(1, 1)))
+@pytest.mark.parametrize("height", [1, 1e-6, 1e6])
+def test_a_corner_that_no_extremal_has_is_found_out(height):
+    solution = vc.solve(vc.Problem(lambda x, y, dy: dy**2, vc.Fixed(-1, 0), vc.Fixed(1, height)))
 
     def broken(x, derivative):
-        return np.atleast_2d(np.where(x > 0, 1.0, 0.0) if derivative else np.maximum(x, 0.0))
+        return height * np.atleast_2d(np.where(x > 0, 1.0, 0.0) if derivative else np.maximum(x, 0.0))
 
     nodes = np.array([-1.0, 0.0, 1.0])
     check = vc.verify(replace(solution, curve=broken, extremal=None, x=nodes))
     assert check.verdict is vc.Verdict.NO_EXTREMAL
     assert any("Weierstrass's and Erdmann's conditions fail" in finding.sentence for finding in check.findings)
+
+
+@pytest.mark.parametrize(
+    ("potential", "start", "end", "action"),
+    [
+        # the momentum is sqrt(2 V) of a kink that takes infinitely long: 2 sin(y / 2), (1 - y^2) / sqrt(2)
+        (lambda y: 1 - ca.cos(y), (0, 0), (60, 6.2), 4 * (1 - math.cos(3.1))),
+        (lambda y: (y**2 - 1) ** 2 / 4, (-25, -1), (25, 1), 4 / (3 * math.sqrt(2))),
+    ],
+)
+def test_elements_shorter_than_the_digits_of_an_abscissa_make_no_corner(potential, start, end, action):
+    kink = vc.Problem(lambda x, y, dy: dy**2 / 2 + potential(y), vc.Fixed(*start), vc.Fixed(*end))
+    check = checked(kink)
+    assert check.verdict is vc.Verdict.MINIMUM
+    assert check.bound == pytest.approx(action, rel=1e-9)
 
 
 def test_the_bound_lies_above_the_minimum():

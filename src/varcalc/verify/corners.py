@@ -20,7 +20,7 @@ from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.candidate import Candidate
 from varcalc.verify.check import Check
 from varcalc.verify.residual import FAINT, felt
-from varcalc.verify.slopes import BESIDE_VERTEX, CORNER_JUMP
+from varcalc.verify.slopes import BESIDE_VERTEX, slopes_beside
 
 UNBROKEN = 1e-4
 """Relative jump of momentum or energy across a corner that is the error of the curve."""
@@ -75,7 +75,6 @@ def corners(along: AlongCurve) -> list[Corner]:
     if along.order != 1 or len(along.vertices) < 3 or changed:
         return []
     inner = along.vertices[1:-1]
-    step = BESIDE_VERTEX * along.length
     v = along.symbols.dy
     H, momentum = along.whole.expression, along.whole.partial(1)
     uncancelled = FAINT * felt(along)
@@ -83,20 +82,15 @@ def corners(along: AlongCurve) -> list[Corner]:
         momentum, H - ca.dot(v, momentum),
         ca.fabs(H) + ca.fabs(ca.dot(v, momentum)) + ca.dot(ca.fabs(v), uncancelled), uncancelled,
     )  # fmt: skip
-    left, right = function(inner - step), function(inner + step)
-    slopes = [along.evaluate(inner + side * step, 1) for side in (-1, 1)]
+    beside = slopes_beside(along.evaluate, along.vertices, inner)
+    left, right = function(beside.left), function(beside.right)
     found = []
-    for k, at in enumerate(map(float, inner)):
-        before, after = slopes[0][:, k], slopes[1][:, k]
-        if not (np.abs(after - before) > CORNER_JUMP * np.maximum(1.0, np.abs(before) + np.abs(after))).any():
-            continue
+    for k in np.flatnonzero(beside.jump.any(0)):
+        at, jump = float(inner[k]), float(np.abs(beside.after[:, k] - beside.before[:, k]).max())
         size = max(float(np.abs([side[term][k] for side in (left, right) for term in (0, 3)]).max()), 1e-300)
         energy = abs(float((right[1] - left[1])[k].item())) / max(float((left[2] + right[2])[k].item()), 1e-300)
         given = at in along.form.conditions.knots
-        found.append(
-            Corner(
-                at, float(np.abs(after - before).max()), float(np.abs(right[0][k] - left[0][k]).max()) / size,
-                float("nan") if given else energy, bool(np.any(np.abs(np.array(along.held) - at) <= step)),
-            )
-        )  # fmt: skip
+        held = bool(np.any(np.abs(np.array(along.held) - at) <= BESIDE_VERTEX * along.length))
+        momentum_jump = float(np.abs(right[0][k] - left[0][k]).max()) / size
+        found.append(Corner(at, jump, momentum_jump, float("nan") if given else energy, held))
     return found

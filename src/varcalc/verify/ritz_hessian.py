@@ -31,6 +31,8 @@ MODES = 240
 """Coefficients of the Ritz space on which the Hessian's signs are counted."""
 SPACE_DEGREES = {1: (8, 40), 2: (9, 28)}
 """Lowest and highest degree of that space, by the order of the functional."""
+FINE_DEGREES = {1: 3, 2: 5}
+"""The lowest where the extremal's own mesh alone has that many coefficients."""
 LEAST_WEIGHT = 1e-6
 """Least relative weight of a direction of the slope in the metric."""
 
@@ -115,7 +117,9 @@ def ritz_space(extremal: Extremal) -> Space:
     form = extremal.form
     lowest, highest = SPACE_DEGREES[form.order]
     vertices = extremal.vertices
-    degree = int(np.clip(MODES // (form.n * (len(vertices) - 1)), max(lowest, form.coordinates.least_degree), highest))
+    share = MODES // (form.n * (len(vertices) - 1))
+    lowest = lowest if share else FINE_DEGREES[form.order]
+    degree = int(np.clip(share, max(lowest, form.coordinates.least_degree), highest))
     return Space(vertices, degree, form.n, form.order, form.ends.periodic)
 
 

@@ -5,7 +5,9 @@ It costs one call of L; a verification looks in more directions at more points (
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -33,6 +35,8 @@ CORNER_JUMP = 1e-3
 """Relative jump of the slope that is a corner, not the error of the curve."""
 BESIDE_VERTEX = 1e-9
 """Relative distance from a vertex at which its two sides are looked at."""
+ORDINATE_ROUND_OFF = 1e-14
+"""Error of an ordinate, in units of the largest, that a short element makes a jump of the slope of."""
 
 
 def vouched(solution: Solution, form: Form) -> Solution:
@@ -301,7 +305,33 @@ def _corners(solution: Solution) -> np.ndarray:
     inner = np.array([x for x in solution.x[1:-1] if x not in own])
     if not len(inner):
         return inner
-    step = BESIDE_VERTEX * (solution.x[-1] - solution.x[0])
-    left, right = (solution.curve(inner + side * step, 1) for side in (-1, 1))
-    jumps = (np.abs(right - left) > CORNER_JUMP * np.maximum(1.0, np.abs(left) + np.abs(right))).any(0)
-    return inner[jumps]
+    return inner[slopes_beside(solution.curve, solution.x, inner).jump.any(0)]
+
+
+class SlopesBeside(NamedTuple):
+    """The slopes (n, m) on either side of m inner vertices, abscissae on these sides (m,), and which slopes jump."""
+
+    left: np.ndarray
+    right: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+    jump: np.ndarray
+
+
+def slopes_beside(
+    curve: Callable[[np.ndarray, int], np.ndarray], vertices: np.ndarray, inner: np.ndarray
+) -> SlopesBeside:
+    """The slopes of a curve on either side of inner vertices, each in the element next to them, however short.
+
+    A jump is one of the slope there or, where that is small, of the curve's mean slope; and more than the round-off
+    of the ordinates makes of it in the shorter element.
+    """
+    elements, at = np.diff(vertices), np.searchsorted(vertices, inner)
+    shorter = np.minimum(elements[at - 1], elements[at])
+    step = np.minimum(BESIDE_VERTEX * np.ptp(vertices), 0.25 * shorter)
+    left, right = inner - step, inner + step
+    before, after, y = curve(left, 1), curve(right, 1), curve(vertices, 0)
+    typical = np.ptp(y, axis=1, keepdims=True) / np.ptp(vertices)
+    round_off = ORDINATE_ROUND_OFF * np.abs(y).max(axis=1, keepdims=True) / shorter
+    jump = np.abs(after - before) > CORNER_JUMP * (typical + np.abs(before) + np.abs(after)) + round_off
+    return SlopesBeside(left, right, before, after, jump)
