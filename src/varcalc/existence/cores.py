@@ -16,11 +16,12 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import formulate
+from varcalc.formulation.height import flat, height
 from varcalc.methods.crossings import Crossing
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.numerics.resampled import resampled
-from varcalc.problem.breaks import switches_of
+from varcalc.problem.breaks import along_x, switches_of
 from varcalc.problem.conditions import AnyEnd, Bound, Fixed
 from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Status
@@ -34,6 +35,8 @@ BUMPS = (1e-2, 1e-4)
 GAUSS_POINTS = 24
 SAMPLES = 101
 LEVEL_STEPS = 8
+BESIDE_LEVEL = 1e-6
+"""Distance, in units of the height that the functional feels, at which a side of the level is looked at."""
 ON_LEVEL = 1e-12
 """Departure from the level, in units of the largest, that is round-off."""
 
@@ -46,6 +49,7 @@ def resting(problem: Problem, method: Ritz, tol: float, curve: Curve, found: lis
     switch = _level(problem, found)
     if switch is None:
         return None
+    found = [c for c in found if c.switch is switch]
     parts = [_part(problem, switch, method, tol, curve, span) for span in _spans(problem, switch, curve, found)]
     if not all(part is not None and part.status.ok and part.curve is not None for part in parts):
         return None
@@ -112,14 +116,12 @@ def _united(problem: Problem, method: Ritz, parts: list[Solution]) -> Solution:
 
 
 def _level(problem: Problem, found: list[Crossing]) -> Switch | None:
-    """The one kink of the problem, where it is one in the ordinate that the curve follows; None for anything else."""
-    switches = switches_of(problem)
-    more = problem.constraints or problem.unknowns or problem.end_cost is not None or problem.n > 1
-    if more or len(switches) != 1 or not any(c.until is not None for c in found):
+    """The kink that the curve follows, where all it follows are kinks in the ordinate; None for anything else."""
+    s, followed = problem.symbols, [c.switch for c in found if c.until is not None]
+    if problem.constraints or problem.unknowns or problem.end_cost is not None or problem.n > 1 or not followed:
         return None
-    switch, s = switches[0], problem.symbols
-    moves = switch.jumps or switch.stepped or switch.depends_on(s.dy) or not switch.depends_on(s.y)
-    return None if moves else switch
+    moves = any(w.jumps or w.stepped or w.depends_on(s.dy) or not w.depends_on(s.y) for w in followed)
+    return None if moves or any(along_x(problem, w) for w in switches_of(problem)) else followed[0]
 
 
 def _argument(problem: Problem, switch: Switch, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -130,10 +132,25 @@ def _argument(problem: Problem, switch: Switch, x: np.ndarray, y: np.ndarray) ->
 
 
 def _side(problem: Problem, switch: Switch, curve: Curve, span: tuple[float, float]) -> float:
-    """The side of the level on which the curve is, along a part of it: that of the largest departure."""
+    """The side of the level on which the curve is along a part of it: of the largest departure, either if none."""
     x = np.linspace(*span, SAMPLES)
     values = _argument(problem, switch, x, curve(x, 0))
-    return float(np.sign(values[np.argmax(np.abs(values))]))
+    return float(np.sign(values[np.argmax(np.abs(values))])) or 1.0
+
+
+def _beside(
+    problem: Problem, switch: Switch, side: float, curve: Curve, span: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """An abscissa, an ordinate and a slope on one side of the level: of the curve, or beside it where it has none."""
+    x = np.linspace(*span, SAMPLES)
+    y = curve(x, 0)
+    departures = side * _argument(problem, switch, x, y)
+    at = int(np.argmax(departures))
+    form = formulate(problem)
+    if not departures[at] > flat(form):
+        rising = np.diff(_argument(problem, switch, x[[at, at]], y[:, [at, at]] + np.array([0.0, flat(form)])))
+        y = y + side * np.sign(rising) * BESIDE_LEVEL * height(form)
+    return x[at : at + 1], y[:, at], curve(x[at : at + 1], 1)[:, 0]
 
 
 def _one_sided(
@@ -141,9 +158,7 @@ def _one_sided(
 ) -> Problem:
     """The problem of a part on one side of the level, which is a bound of it."""
     s = problem.symbols
-    x = np.linspace(*span, SAMPLES)
-    at = int(np.argmax(side * _argument(problem, switch, x, curve(x, 0))))
-    point = [x[at : at + 1], curve(x[at : at + 1], 0)[:, 0], curve(x[at : at + 1], 1)[:, 0], np.zeros(s.ddy.numel())]
+    point = [*_beside(problem, switch, side, curve, span), np.zeros(s.ddy.numel())]
     numbers = [problem.parameter_values, problem.unknown_guesses]
     smooth = held([problem.integrand], s.all, [*point, *numbers])[0]
     names = tuple(problem.parameters)
@@ -169,7 +184,9 @@ def _holds(problem: Problem, curve: Curve, solution: Solution, found: list[Cross
     """Whether bumps either way, where the curve rests, make the problem's own functional worse."""
     x, weights = composite_gauss(np.linspace(*problem.span, 4 * SAMPLES), GAUSS_POINTS)
     y, slope = curve(x, 0), curve(x, 1)
+    form = formulate(problem)
     extent = max(float(np.ptp(y)), float(np.abs(y).max()) * 1e-3)
+    extent = extent if extent > flat(form) else height(form)
 
     def value(departure: np.ndarray, rise: np.ndarray) -> float:
         return problem.sign * float(problem.integrand_values(x, y + departure, slope + rise) @ weights)
@@ -183,8 +200,8 @@ def _holds(problem: Problem, curve: Curve, solution: Solution, found: list[Cross
         inside = (part > 0) & (part < 1)
         arch = np.where(inside, part * (1 - part), 0.0)
         rise = np.where(inside, (1 - 2 * part) / width, 0.0)
-        for height in BUMPS:
-            for way in (height * extent, -height * extent):
+        for share in BUMPS:
+            for way in (share * extent, -share * extent):
                 if value(way * arch, way * rise) < own - 1e-12 * abs(own):
                     return False
     return True

@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.existence.cores import resting
+from varcalc.existence.held_throughout import held_throughout
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
 from varcalc.formulation.broken import LENGTH_KEPT
 from varcalc.methods.answer import lifted
@@ -60,6 +61,8 @@ ROUNDS = 6
 """Times that pieces are put together anew."""
 GAUSS_POINTS = 24
 """Points an element at which a curve's functional is summed again."""
+ORDINATE_ROUND_OFF = 1e-14
+"""Relative round-off of the ordinates of a curve that lies on a kink."""
 HELD = 1e-7
 """Difference, relative to what is summed, of a curve's functional and that of its pieces, which the sum may make."""
 BESIDE_KINK = 1e-3
@@ -97,11 +100,14 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
         if found and (solution := _settled(problem, method, tol, curve, found)) is not None:
             return solution
         rides = any(c.until is not None for c in found)
-        if rides and not tried and (solution := resting(problem, method, tol, curve, found)) is not None:
-            return solution
+        if rides and not tried:
+            solution = held_throughout(problem, method, curve, found) or resting(problem, method, tol, curve, found)
+            if solution is not None and _as_held(problem, solution):
+                return solution
         tried = tried or rides  # that side's problem is the same whatever counts as near
         # what is only near a switch, in units of the rounding, is for the smooth problem to decide
         met = found if followed == FOLLOWED[0] else met
+    met = [c for c in met if not c.switch.smooth]  # there the equations of a smooth problem hold
     if not met:
         return None
     told = "; ".join(sentence(problem, c) for c in met[:2])
@@ -163,12 +169,13 @@ def _lasting(solution: Solution, found: list[Crossing]) -> list[Crossing]:
 def _as_held(problem: Problem, solution: Solution) -> bool:
     """Whether a curve's functional, with its switches where the curve puts them, is what was found of its pieces."""
     assert solution.curve is not None
-    x, weights = composite_gauss(solution.x, GAUSS_POINTS)
-    values = problem.integrand_values(x, solution.curve(x, 0), solution.curve(x, 1))
-    value, size = float(values @ weights), float(np.abs(values) @ weights)
     if problem.end_cost is not None:
         return True  # the pieces are held against one another by their ends' cost as well
-    return abs(value - solution.value) <= solution.error.value + HELD * size
+    x, weights = composite_gauss(solution.x, GAUSS_POINTS)
+    y, dy = solution.curve(x, 0), solution.curve(x, 1)
+    values, others = (problem.integrand_values(x, y * near, dy) for near in (1.0, 1.0 + ORDINATE_ROUND_OFF))
+    value, size, round_off = (float(v @ weights) for v in (values, np.abs(values), np.abs(others - values)))
+    return abs(value - solution.value) <= solution.error.value + HELD * size + round_off
 
 
 def _aside(problem: Problem, curve: Curve, found: list[Crossing], solution: Solution) -> list[Crossing]:
@@ -336,6 +343,7 @@ def smooth_or_refused(solution: Solution) -> Solution:
         return replace(solution, status=Status.NOT_CONVERGED, message=f"{message} there; Ritz may")
     if direct:
         missed = [c for c in missed if c.switch.jumps or c.until is not None or c.switch.depends_on(problem.symbols.dy)]
+    missed = [c for c in missed if not c.switch.smooth]
     if not missed:
         return solution
     message = f"{sentence(problem, missed[0])}, where the equations of a smooth problem do not hold"

@@ -20,6 +20,8 @@ POWER_CHANGED = 0.4
 """Change of the power of the height with which an integral grows, by which it has left its first one."""
 BEND_SEEN = 1e-9
 """Part of what is summed that a bend has to change before the growth of the sum is more than rounding."""
+FLAT = 1e-9
+"""Height, in units of what the functional feels, that is none."""
 WITHIN = 100.0
 """Ratio of the ends' distance and the height that the functional feels, either way, to which one unit serves both."""
 
@@ -39,6 +41,11 @@ def height(form: Form) -> float:
     if extent > WITHIN * high:
         return high
     return low if WITHIN * extent < low else extent
+
+
+def flat(form: Form) -> float:
+    """The height up to which a curve is as good as zero."""
+    return FLAT * height(form)
 
 
 def _extent(form: Form) -> float:

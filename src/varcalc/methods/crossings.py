@@ -121,7 +121,9 @@ def _of_one(
     runs = np.split(still, 1 + np.flatnonzero(np.diff(still) > 1)) if len(still) else []
     for run in runs:
         long = x[run[-1]] - x[run[0]] > RIDDEN * (x[-1] - x[0])
-        if long and not switch.jumps and _lingers(values[run], x[run], small):
+        # a curve that begins or ends on a switch leaves it, straight, to one side
+        sides = (int(run[0] > 0) + int(run[-1] < len(x) - 1)) or 2
+        if long and not (switch.jumps or switch.smooth) and _lingers(values[run], x[run], sides * small):
             found.append(Crossing(switch, float(x[run[0]]), until=float(x[run[-1]])))
     known = np.flatnonzero(side != 0.0) if not switch.stepped else np.arange(len(x))
     for i, j in pairwise(known.tolist()):
@@ -142,13 +144,13 @@ def _joined(still: np.ndarray, near: np.ndarray) -> np.ndarray:
     return np.unique(np.array(out, dtype=int))
 
 
-def _lingers(values: np.ndarray, x: np.ndarray, small: float) -> bool:
-    """Whether an argument that is ``small`` goes along zero rather than straight through it."""
+def _lingers(values: np.ndarray, x: np.ndarray, across: float) -> bool:
+    """Whether an argument goes along zero rather than straight ``across`` what counts as zero."""
     if len(x) < 3:
         return False
     inner = slice(len(x) // 4, max(len(x) // 4 + 2, len(x) - len(x) // 4))
     pace = np.ptp(values[inner]) / np.ptp(x[inner]) * np.ptp(x)
-    return bool(pace < STRAIGHT * 2 * small)
+    return bool(pace < STRAIGHT * across)
 
 
 def _place(at: Callable[[np.ndarray], np.ndarray], level: float, low: float, high: float) -> float:

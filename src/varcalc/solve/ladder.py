@@ -235,12 +235,13 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
 def _guided(problem: Functional, guide: Method, tol: float, guess: Guess, told: Told) -> Solution | None:
     """The minimum at the extremal of a ``guide``, an indirect route; None where there is none.
 
-    It is minimised from there, on a mesh that holds it, else on one that is refined from the start.
+    Where L is convex the extremal is the minimum. Else it is minimised from there, on a mesh that holds it, or on one
+    that is refined from the start.
     """
     told(type(guide).__name__)
-    extremal = _attempt(problem, guide, tol, guess)
-    if not extremal.status.ok:
-        return None
+    extremal = _made_out(_attempt(problem, guide, tol, guess))
+    if not extremal.status.ok or proved_jointly_convex(problem):
+        return extremal if extremal.status.ok else None
     solution = _on_its_mesh(problem, tol, extremal)
     if solution is None or not solution.status.ok:
         solution = _made_out(_attempt(problem, replace(LADDER[0], starts=1), tol, extremal))

@@ -32,13 +32,15 @@ WORDS = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 class Switch:
     """A place where an expression is not smooth: where ``argument`` is zero, or, ``stepped``, any whole number.
 
-    ``word`` is what was written there (``fabs``, ``fmax``, ``<``), ``jumps`` whether the operation itself jumps.
+    ``word`` is what was written there (``fabs``, ``fmax``, ``<``), ``jumps`` whether the operation itself jumps,
+    ``smooth`` whether what is made of it has no kink there.
     """
 
     argument: Expression
     word: str
     jumps: bool
     stepped: bool = False
+    smooth: bool = False
 
     def depends_on(self, symbols: Expression) -> bool:
         """Whether the place moves with any of the ``symbols``."""

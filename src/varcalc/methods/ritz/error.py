@@ -23,6 +23,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from varcalc.formulation import Reported
+from varcalc.formulation.height import FLAT, flat
 from varcalc.methods.ritz.newton import SQUARED_ROUND_OFF, NullSpace, Step, newton_step
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.mesh import gauss
@@ -163,8 +164,10 @@ class Estimate(NewtonEstimate):
 
     @cached_property
     def size(self) -> float:
-        """The largest ordinate."""
-        return max(float(np.abs(self.at.variables[:, : self.system.n]).max()), 1e-300)
+        """The largest ordinate, or the largest that is as good as none."""
+        largest = float(np.abs(self.at.variables[:, : self.system.n]).max())
+        form = self.system.form
+        return largest if largest > FLAT * (form.span[1] - form.span[0]) else max(largest, flat(form))
 
 
 def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:

@@ -22,9 +22,11 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import SideCondition
+from varcalc.formulation.height import flat, height
 from varcalc.methods.ritz.curvature import Curvature, CurvePoints, EndPlaces, block_diagonal
 from varcalc.methods.ritz.integrands import integrands, pointwise
 from varcalc.methods.ritz.newton import Descent
+from varcalc.methods.ritz.starts import bent
 from varcalc.methods.ritz.system import RitzSystem
 from varcalc.numerics.mesh import lobatto
 from varcalc.problem.conditions import finite, whole
@@ -112,9 +114,7 @@ def optimise(
     """
     if not system.size:  # everything is fixed by the ends: there is nothing to optimise
         return Descent(z, multipliers, system.evaluate(z).value, 0, ""), {}
-    scale = _scales(system, z)
-    size = system.evaluate(z).scale
-    size = size if np.isfinite(size) and size > 0 else 1.0
+    scale, size = _scales(system, z), _summed(system, z)
     options: dict[str, Any] = {
         "print_time": False,
         "show_eval_warnings": False,
@@ -180,10 +180,20 @@ def _stationary(stats: dict[str, Any]) -> bool:
     return bool(trace["inf_pr"]) and trace["inf_pr"][-1] <= STATIONARY**1.5 and trace["inf_du"][-1] <= STATIONARY
 
 
+def _summed(system: RitzSystem, z: np.ndarray) -> float:
+    """What is summed along a curve, without regard to sign: along a bent one where the curve is zero."""
+    curves = [z]
+    if system.form.start.bumps.size and np.abs(system.ordinates(z)).max() <= flat(system.form):
+        curves += [system.fitted(bent(system.form, height(system.form), system.form.start.bumps[0]))]
+    sizes = np.array([system.evaluate(curve).scale for curve in curves])
+    return float(sizes[np.isfinite(sizes)].max(initial=0.0)) or 1.0
+
+
 def _scales(system: RitzSystem, z: np.ndarray) -> np.ndarray:
     """A size for each unknown: that of its function along the starting curve."""
     values = np.abs(system.ordinates(z)).max(0)
-    values = np.where(values > 0, values, values.max() if values.max() > 0 else 1.0)
+    seen = values > flat(system.form)
+    values = np.where(seen, values, values.max() if seen.any() else height(system.form))
     column = np.empty((system.space.size,))
     for a in range(system.n):
         column[system.space.numbers[:, :, a].ravel()] = values[a]

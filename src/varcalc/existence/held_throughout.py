@@ -1,0 +1,153 @@
+"""Curves that kinks of a convex L hold from end to end: what friction lets nobody move, and what rests on a level.
+
+Where a curve follows a kink, L_y and L_y' are intervals there, between the derivatives on its sides. With a momentum
+p(x) in the one, whose rate p' is in the other, the curve is an extremal (Euler and Lagrange's inclusion; Clarke,
+"Optimization and Nonsmooth Analysis", 1983, sect. 4.4), and where L is convex it is the minimum. Whether there is one
+is seen by following all momenta at once: an interval that must not become empty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import formulate
+from varcalc.formulation.height import height
+from varcalc.methods.crossings import Crossing
+from varcalc.methods.ritz.method import Ritz
+from varcalc.numerics.mesh import composite_gauss
+from varcalc.numerics.resampled import resampled
+from varcalc.problem.convexity import proved_jointly_convex
+from varcalc.problem.problem import Problem
+from varcalc.solution import ErrorEstimate, Solution, Status
+from varcalc.symbolic.switches import Switch
+
+Curve = Callable[[np.ndarray, int], np.ndarray]
+
+SUMMED_ELEMENTS, SUMMED_POINTS = 64, 12
+MOMENTUM_STEPS = 2001
+"""Abscissae between which the interval of momenta is followed."""
+BESIDE_KINK = 1e-7
+"""Distance from a kink, in units of what the functional feels, at which the derivatives on its sides are taken."""
+NEARLY = 1e-5
+"""Part of the largest derivative by which an interval may be empty: what derivatives beside a kink are off by."""
+ON_KINK = 1e-9
+"""Departure from a kink, in its own units along the chord, that is round-off."""
+STEPS_ONTO_KINK = 8
+FOLLOWED_TOLERANCE, ORDINATE_ROUND_OFF = 1e-13, 1e-15
+
+
+def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Crossing]) -> Solution | None:
+    """The minimum that follows a kink from end to end; None where none is shown to."""
+    plain = problem.n == 1 and not problem.constraints and not problem.unknowns and problem.end_cost is None
+    followed = [c.switch for c in found if c.until is not None]
+    fixed = problem.start.fixed and problem.end.fixed
+    if not (plain and fixed and followed and proved_jointly_convex(problem)):
+        return None
+    for switch in followed:
+        moving = switch.depends_on(problem.symbols.dy)
+        along = _following(problem, switch, curve) if moving else _on_level(problem, switch, curve)
+        if along is not None and _between_ends(problem, along) and _has_momentum(problem, along):
+            return _answer(problem, method, along)
+    return None
+
+
+def _between_ends(problem: Problem, along: Curve) -> bool:
+    """Whether a curve comes from the start to the end."""
+    ends = np.array([end.values(1)[0] for end in (problem.start, problem.end)])
+    room = ON_KINK * max(height(formulate(problem)), float(np.abs(ends).max()))
+    return bool((np.abs(along(np.array(problem.span), 0)[0] - ends) <= room).all())
+
+
+def _on_level(problem: Problem, switch: Switch, curve: Curve) -> Curve:
+    """The curve along which a switch that does not feel the slope is zero, by Newton's method from another."""
+    s = problem.symbols
+    rates = [ca.gradient(switch.argument, v) for v in (s.x, s.y)]
+    function = ca.Function("level", [s.x, s.y, s.parameters], [switch.argument / rates[1], -rates[0] / rates[1]])
+
+    def along(x: np.ndarray, derivative: int) -> np.ndarray:
+        numbers = np.tile(problem.parameter_values[:, None], (1, len(x)))
+        y = curve(x, 0)
+        for _ in range(STEPS_ONTO_KINK):
+            y = y - np.asarray(function(x[None], y, numbers)[0])
+        return y if derivative == 0 else np.asarray(function(x[None], y, numbers)[1])
+
+    return resampled(along, problem.span, 2)
+
+
+def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
+    """The curve from the start along which a switch is zero, its slopes by Newton's method from those of another.
+
+    None where these lead to none.
+    """
+    from scipy.integrate import solve_ivp  # few solves come here
+
+    s, span = problem.symbols, problem.span
+    newton = s.dy - switch.argument / ca.gradient(switch.argument, s.dy)
+    step = ca.Function("step", [s.x, s.y, s.dy, s.parameters], [newton])
+
+    def slopes(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        numbers = np.tile(problem.parameter_values[:, None], (1, len(x)))
+        v = curve(x, 1)
+        for _ in range(STEPS_ONTO_KINK):
+            v = np.asarray(step(x[None], y, v, numbers))
+        return v
+
+    first, unit = problem.start.values(1), height(formulate(problem))
+    path = solve_ivp(
+        lambda x, y: slopes(np.array([x]), y[:, None])[:, 0], span, first, "DOP853",
+        dense_output=True, rtol=FOLLOWED_TOLERANCE, atol=FOLLOWED_TOLERANCE * unit,
+    )  # fmt: skip
+    if not (path.success and np.isfinite(path.y).all()):
+        return None
+    return resampled(lambda x, k: slopes(x, path.sol(x)) if k else path.sol(x), span, 2)
+
+
+def _has_momentum(problem: Problem, along: Curve) -> bool:
+    """Whether some momentum stays between L_y' on both sides of the kink, its rate between L_y on both."""
+    x = np.linspace(*problem.span, MOMENTUM_STEPS)
+    y, slope = along(x, 0), along(x, 1)
+    unit = height(formulate(problem))
+    aside = BESIDE_KINK * np.array([unit, unit / (x[-1] - x[0])])
+    sides = (
+        np.array(
+            [
+                [
+                    problem.integrand_derivatives(x, y + i * aside[0], slope + j * aside[1]).gradient[:, 1:]
+                    for j in (-1, 1)
+                ]
+                for i in (-1, 1)
+            ]
+        )
+        * problem.sign
+    )  # (side of y, side of the slope, abscissa, derivative by y and by the slope)
+    rates, momenta = sides[..., 0], sides[..., 1]
+    room = NEARLY * np.abs(sides).max(axis=(0, 1, 2)) + 1e-300
+    # the derivatives fill a box, and not a part of it, if the one by y is alone with y, and so the other
+    boxed = np.abs(np.diff(rates, axis=1)).max() <= room[0] and np.abs(np.diff(momenta, axis=0)).max() <= room[1]
+    if not (np.isfinite(sides).all() and boxed):
+        return False
+    width = np.diff(x)
+    lows, highs = momenta.min(axis=(0, 1)), momenta.max(axis=(0, 1))
+    slowest, fastest = (0.5 * (r[1:] + r[:-1]) * width for r in (rates.min(axis=(0, 1)), rates.max(axis=(0, 1))))
+    low, high = lows[0], highs[0]
+    for k in range(len(width)):
+        low, high = max(low + slowest[k], lows[k + 1]), min(high + fastest[k], highs[k + 1])
+        if low > high + room[1]:
+            return False
+    return True
+
+
+def _answer(problem: Problem, method: Ritz, along: Curve) -> Solution:
+    """The functional of a curve, with what two rules differ by and round-off of ordinates beside a kink makes."""
+    values = []
+    for points, near in ((SUMMED_POINTS, 1.0), (SUMMED_POINTS + 4, 1.0), (SUMMED_POINTS + 4, 1.0 + ORDINATE_ROUND_OFF)):
+        x, weights = composite_gauss(np.linspace(*problem.span, SUMMED_ELEMENTS + 1), points)
+        terms = problem.integrand_values(x, near * along(x, 0), along(x, 1))
+        values.append((float(terms @ weights), float(np.abs(terms) @ weights)))
+    (coarse, _), (value, size), (moved, _) = values
+    error = abs(value - coarse) + abs(value - moved) + FOLLOWED_TOLERANCE * size
+    off = FOLLOWED_TOLERANCE * float(np.abs(along(x, 0)).max())
+    return Solution(problem, method, Status.SOLVED, value, ErrorEstimate(error, off), np.array(problem.span), along)

@@ -1,0 +1,83 @@
+"""Curves that lie on kinks: all along, as far as an end, or but for the ends; bounds that hold a curve all along."""
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import varcalc as vc
+
+
+def solved(lagrangian, start, end, constraints=()):
+    return vc.solve(vc.Problem(lagrangian, vc.Fixed(*start), vc.Fixed(*end), list(constraints)))
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "start", "end", "value"),
+    [
+        (lambda x, y, dy: dy**2 / 2 + ca.fabs(y), (0, 0), (1, 0), 0.0),
+        (lambda x, y, dy: dy**2 / 2 + 5 * ca.fabs(y - 0.2), (0, 0.2), (1, 0.2), 0.0),
+        (lambda x, y, dy: ca.sqrt(1 + dy**2) * (1 + ca.fabs(y)), (0, 0), (1, 0), 1.0),
+        (lambda x, y, dy: dy**2 / 2 + ca.fabs(y) + ca.fabs(y - 0.1), (0, 0), (1, 0), 0.1),
+        # the rate of the momentum may be anything from -2 to 1, and x is on its way there
+        (lambda x, y, dy: dy**2 / 2 + ca.fmax(y, -2 * y) - x * y, (0, 0), (1, 0), 0.0),
+        (lambda x, y, dy: ca.fabs(dy) ** 1.5 + ca.fabs(y), (0, 0), (1, 0), 0.0),
+        (lambda x, y, dy: dy**2 / 2 + ca.fabs(dy) + ca.fabs(y), (0, 0), (1, 0), 0.0),
+        # friction holds what is pushed by no more than 2 over the length: the momentum goes from 1 to -1
+        (lambda x, y, dy: dy**2 / 2 + ca.fabs(dy) + 1.9 * y, (0, 0.3), (1, 0.3), 0.57),
+        (lambda x, y, dy: dy**2 + ca.fabs(dy - 1) + y**2, (0, 0), (1, 1), 4 / 3),
+        (lambda x, y, dy: dy**2 / 2 + 3 * ca.fabs(dy - 2 * x), (0, 0), (1, 1), 2 / 3),
+    ],
+)  # fmt: skip
+def test_a_kink_holds_a_curve_from_end_to_end(lagrangian, start, end, value):
+    solution = solved(lagrangian, start, end)
+    assert abs(solution.value - value) <= solution.error.value + 1e-15
+    assert solution.error.value < 1e-11
+
+
+@pytest.mark.parametrize("push", [2.2, 4.0])
+def test_more_than_friction_holds_moves(push):
+    # p = L_y' goes from 1 to -1 over a length 2 / push, in the middle, where the curve stays; beside it |v'| = push
+    solution = solved(lambda x, y, dy: dy**2 / 2 + ca.fabs(dy) - push * y, (0, 0), (1, 0))
+    moving = 0.5 - 1 / push
+    assert solution.value == pytest.approx(-(push**2) * moving**3 / 3, abs=1e-10)
+
+
+@pytest.mark.parametrize("level", [0.0, 0.2])
+@pytest.mark.parametrize("rise", [0.0, 0.1])
+def test_a_curve_leaves_the_kink_that_it_begins_on(level, rise):
+    solution = solved(lambda x, y, dy: dy**2 / 2 - ca.fabs(y - level), (0, level), (1, level + rise))
+    # y'' = -1 on the upper side: y = level + rise x + x (1 - x) / 2
+    assert solution.value == pytest.approx(rise**2 / 2 - 1 / 24 - rise / 2, abs=1e-12)
+
+
+def test_a_curve_rests_on_one_of_two_kinks_of_one_kind():
+    solution = solved(lambda x, y, dy: dy**2 / 2 + ca.fabs(ca.fabs(y) - 0.1), (0, 0), (1, 0))
+    # from 0 to the level it rises along a parabola that comes to it level: its energy is zero
+    rising = math.sqrt(0.2)
+    assert solution.value == pytest.approx(2 * rising**3 / 3, abs=1e-10)
+
+
+@pytest.mark.parametrize("pull", [lambda x, y: y, lambda x, y: 5 * y, lambda x, y: y - 0.3 * x * y])
+def test_a_bound_holds_a_curve_all_along(pull):
+    held = vc.Bound(lambda x, y, dy: y, lower=0)
+    solution = solved(lambda x, y, dy: dy**2 / 2 + pull(x, y), (0, 0), (1, 0), [held])
+    assert abs(solution.value) <= solution.error.value < 1e-10
+    assert np.abs(solution.curve(np.linspace(0, 1, 11), 0)).max() < 1e-10
+
+
+@pytest.mark.parametrize("power", [1.2, 1.5, 2.5, 3.0])
+@pytest.mark.parametrize("written", [lambda v, p: ca.fabs(v) ** p, lambda v, p: (v**2) ** (p / 2)])
+def test_powers_of_a_size_are_smooth(power, written):
+    solution = solved(lambda x, y, dy: written(dy, power) - 5 * y, (0, 0), (1, 0))
+    # p |v|^(p-1) = 5 |1/2 - x|, and the functional is (1 - p) times the integral of |v|^p
+    total = power / (power - 1) + 1
+    least = (1 - power) * 2 * (5 / power) ** (power / (power - 1)) * 0.5**total / total
+    assert abs(solution.value - least) <= solution.error.value < 1e-9
+
+
+def test_what_slips_is_not_held():
+    # x^2 would need a momentum that changes by 4 where friction allows for 2
+    solution = solved(lambda x, y, dy: dy**2 + ca.fabs(dy - 2 * x), (0, 0), (1, 1))
+    assert solution.value < 4 / 3 - 0.04
