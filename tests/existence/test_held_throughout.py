@@ -36,6 +36,24 @@ def test_a_kink_holds_a_curve_from_end_to_end(lagrangian, start, end, value):
     assert solution.error.value < 1e-11
 
 
+@pytest.mark.parametrize(
+    ("potential", "value", "local"),
+    [(lambda y: -2 * y**2, 0.0, False), (ca.cos, 1.0, False), (lambda y: -20 * y**2, 0.0, True)],
+)  # fmt: skip
+def test_friction_holds_a_curve_on_top_of_a_hill(potential, value, local):
+    # the integral of |eta'| is 2 max |eta| at least: more than the square of a small eta gains
+    solution = solved(lambda x, y, dy: dy**2 / 2 + ca.fabs(dy) + potential(y), (0, 0), (1, 0))
+    assert abs(solution.value - value) <= solution.error.value
+    assert solution.local == local
+
+
+def test_what_is_looked_at_ends_where_l_is_concave_in_the_slope():
+    walled = solved(lambda x, y, dy: (1 + dy**2) * (2 - y), (0, 0), (1, 0))
+    assert "as far as L is convex in the slope" in walled.searched
+    open_everywhere = solved(lambda x, y, dy: dy**2 / 2 + ca.cos(y), (0, 0), (1, 0))
+    assert "as far as" not in open_everywhere.searched
+
+
 @pytest.mark.parametrize("push", [2.2, 4.0])
 def test_more_than_friction_holds_moves(push):
     # p = L_y' goes from 1 to -1 over a length 2 / push, in the middle, where the curve stays; beside it |v'| = push

@@ -81,12 +81,13 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
     if proved_jointly_convex(problem):
         return replace(solution, searched=f"{PROVED} in the curve and its slope: there is no other valley")
     assert isinstance(problem, Problem)
-    best, number, reach, across = solution, 0, 0.0, False
+    best, number, reach, across, walled = solution, 0, 0.0, False, False
     for _ in range(DESCENTS):
         with np.errstate(all="ignore"):
             lattice: Lattice | None = PolygonLattice(problem, partial(_ordinates, best))
             worth = partial(_worth_following, best, lattice)
             valleys = list(islice(filter(worth, lattice.valleys()), FOLLOWED))
+            walled = walled or bool(lattice.walls.any())
         reach = lattice.reach
         lower = _lower(best, lattice, valleys, (ROUGH, EXACT), polish)
         number += len(valleys)
@@ -98,9 +99,9 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
             number += len(valleys)
             lower = None if lattice is None else _followed(best, lattice, valleys, ACROSS, polish)
         if lower is None or not lower.status.ok or lower.local or not followed:
-            return _told(best, lower, reach, number, across)
+            return _told(best, lower, _looked(reach, number, across, walled))
         best = replace(lower, method=solution.method)
-    return _told(best, None, reach, number, across)
+    return _told(best, None, _looked(reach, number, across, walled))
 
 
 def _worth_following(best: Solution, lattice: Lattice, valley: Valley) -> bool:
@@ -139,15 +140,18 @@ def _in_the_middle(valley: Valley) -> Valley:
     return replace(valley, y=valley.y[0] + np.concatenate([[0.0], np.cumsum(turned)]))
 
 
-def _told(best: Solution, lower: Solution | None, reach: float, number: int, across: bool) -> Solution:
-    """The solution with what was looked at, and marked local where something ``lower`` is known."""
+def _looked(reach: float, number: int, across: bool, walled: bool) -> str:
+    """What was looked at: the lattices, as far as L is convex in the slope, and the ``number`` of other valleys."""
     nodes = 2 * (len(NEAR) + FAR) + 1
-    looked = f"all polygons on a lattice of {PIECES} by {nodes} within {reach:.4g} of the curve were compared"
-    looked = (
-        looked.replace(" were compared", ", and those across its hills and wells, were compared") if across else looked
-    )
+    looked = f"all polygons on a lattice of {PIECES} by {nodes} within {reach:.4g} of the curve"
+    looked += ", and those across its hills and wells," if across else ""
+    looked += f"{'' if across else ','} as far as L is convex in the slope," if walled else ""
     valleys = "1 other valley" if number == 1 else f"{number} other valleys"
-    looked += f", and {valleys} followed" if number else ", and showed no other valley"
+    return f"{looked} were compared, and " + (f"{valleys} followed" if number else "showed no other valley")
+
+
+def _told(best: Solution, lower: Solution | None, looked: str) -> Solution:
+    """The solution with what was looked at, and marked local where something ``lower`` is known."""
     if lower is None:
         return replace(best, searched=looked)
     if lower.status.ok and not lower.local:  # another solution, which is told of

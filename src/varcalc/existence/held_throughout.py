@@ -9,6 +9,7 @@ is seen by following all momenta at once: an interval that must not become empty
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -35,8 +36,19 @@ NEARLY = 1e-5
 """Part of the largest derivative by which an interval may be empty: what derivatives beside a kink are off by."""
 ON_KINK = 1e-9
 """Departure from a kink, in its own units along the chord, that is round-off."""
+TRIED_PLACES = 41
+OTHER_SLOPES = np.concatenate([-np.geomspace(1e4, 1e-4, 33), np.geomspace(1e-4, 1e4, 33)])
+"""Slopes, beside the curve's own and in units of what the functional feels, that are held against its own."""
 STEPS_ONTO_KINK = 8
 FOLLOWED_TOLERANCE, ORDINATE_ROUND_OFF = 1e-13, 1e-15
+
+
+class HeldMomentum(NamedTuple):
+    """Momenta (m,) along a curve at abscissae x (m,); ``free`` tells that they may be a little greater and less."""
+
+    x: np.ndarray
+    values: np.ndarray
+    free: bool
 
 
 def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Crossing]) -> Solution | None:
@@ -44,12 +56,16 @@ def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Cr
     plain = problem.n == 1 and not problem.constraints and not problem.unknowns and problem.end_cost is None
     followed = [c.switch for c in found if c.until is not None]
     fixed = problem.start.fixed and problem.end.fixed
-    if not (plain and fixed and followed and proved_jointly_convex(problem)):
+    if not (plain and fixed and followed):
         return None
+    convex = proved_jointly_convex(problem)
     for switch in followed:
         moving = switch.depends_on(problem.symbols.dy)
         along = _following(problem, switch, curve) if moving else _on_level(problem, switch, curve)
-        if along is not None and _between_ends(problem, along) and _has_momentum(problem, along):
+        if along is None or not _between_ends(problem, along):
+            continue
+        momentum = _momentum(problem, along)
+        if momentum is not None and (convex or (moving and _stands(problem, along, momentum))):
             return _answer(problem, method, along)
     return None
 
@@ -105,8 +121,8 @@ def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
     return resampled(lambda x, k: slopes(x, path.sol(x)) if k else path.sol(x), span, 2)
 
 
-def _has_momentum(problem: Problem, along: Curve) -> bool:
-    """Whether some momentum stays between L_y' on both sides of the kink, its rate between L_y on both."""
+def _momentum(problem: Problem, along: Curve) -> HeldMomentum | None:
+    """Momenta between L_y' on both sides of the kink whose rates are between L_y on both; None where there are none."""
     x = np.linspace(*problem.span, MOMENTUM_STEPS)
     y, slope = along(x, 0), along(x, 1)
     unit = height(formulate(problem))
@@ -128,16 +144,37 @@ def _has_momentum(problem: Problem, along: Curve) -> bool:
     # the derivatives fill a box, and not a part of it, if the one by y is alone with y, and so the other
     boxed = np.abs(np.diff(rates, axis=1)).max() <= room[0] and np.abs(np.diff(momenta, axis=0)).max() <= room[1]
     if not (np.isfinite(sides).all() and boxed):
-        return False
+        return None
     width = np.diff(x)
     lows, highs = momenta.min(axis=(0, 1)), momenta.max(axis=(0, 1))
     slowest, fastest = (0.5 * (r[1:] + r[:-1]) * width for r in (rates.min(axis=(0, 1)), rates.max(axis=(0, 1))))
-    low, high = lows[0], highs[0]
-    for k in range(len(width)):
-        low, high = max(low + slowest[k], lows[k + 1]), min(high + fastest[k], highs[k + 1])
-        if low > high + room[1]:
-            return False
-    return True
+    for k in range(len(width)):  # forward those that can be come to, in place
+        lows[k + 1] = max(lows[k] + slowest[k], lows[k + 1])
+        highs[k + 1] = min(highs[k] + fastest[k], highs[k + 1])
+        if lows[k + 1] > highs[k + 1] + room[1]:
+            return None
+    values = 0.5 * (lows + highs)
+    for k in range(len(width) - 1, -1, -1):  # back along one of them, half way between those it can come from
+        first, last = max(lows[k], values[k + 1] - fastest[k]), min(highs[k], values[k + 1] - slowest[k])
+        values[k] = 0.5 * (first + last)
+    return HeldMomentum(x, values, bool((highs - lows).min() > room[1]))
+
+
+def _stands(problem: Problem, along: Curve, momentum: HeldMomentum) -> bool:
+    """Whether the curve is a strong minimum among those near it, though L is not convex in the ordinate.
+
+    Where momenta may be a little greater and a little less, each small variation eta costs a share of the integral of
+    |eta'|, which is more than its square can gain; and no other slope does better against the momentum.
+    """
+    tried = np.linspace(0, len(momentum.x) - 1, TRIED_PLACES).astype(int)
+    x, p = momentum.x[tried], momentum.values[tried]
+    y, slope = along(x, 0)[0], along(x, 1)[0]
+    unit = height(formulate(problem)) / (problem.span[1] - problem.span[0])
+    slopes = slope[:, None] + unit * OTHER_SLOPES
+    here = problem.sign * problem.integrand_on(x, y, slope)
+    there = problem.sign * problem.integrand_on(x[:, None], y[:, None], slopes)
+    excess = there - np.reshape(here, (-1, 1)) - p[:, None] * (slopes - slope[:, None])
+    return momentum.free and bool((excess >= -NEARLY * np.abs(there)).all())
 
 
 def _answer(problem: Problem, method: Ritz, along: Curve) -> Solution:

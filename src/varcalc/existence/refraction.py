@@ -101,7 +101,9 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
             return solution
         rides = any(c.until is not None for c in found)
         if rides and not tried:
-            solution = held_throughout(problem, method, curve, found) or resting(problem, method, tol, curve, found)
+            with np.errstate(all="ignore"):  # what is no number is no level, and holds nothing
+                solution = held_throughout(problem, method, curve, found)
+            solution = solution or resting(problem, method, tol, curve, found)
             if solution is not None and _as_held(problem, solution):
                 return solution
         tried = tried or rides  # that side's problem is the same whatever counts as near
