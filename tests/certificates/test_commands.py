@@ -26,9 +26,9 @@ def test_as_json():
 
 
 def test_what_is_not_proved_says_which_inequality():
-    done = call("certify", "cylinder/embedded", "--json")
+    done = call("certify", "obstacle/slope", "--json")
     assert done.exit_code == 1
-    assert "conditions all along the curve are not covered" in json.loads(done.output)["error"]
+    assert "bounds on the slope are not covered" in json.loads(done.output)["error"]
     done = call("certify", "oscillator", "--digits", "99")
     assert done.exit_code == 1
     assert "too much for 99 digits" in done.output

@@ -191,6 +191,13 @@ class Around:
         return series.derivative() / self.box.unit
 
 
+def solved(matrix: Sequence[Sequence[Ball]], right: Sequence[Ball]) -> list[Ball]:
+    """The solution of linear equations; ZeroDivisionError where a pivot may vanish."""
+    found = flint()
+    solution = found.arb_mat(matrix).solve(found.arb_mat([[v] for v in right]))
+    return [solution[i, 0] for i in range(len(right))]
+
+
 def coefficient(series: Series, k: int) -> Ball:
     """The coefficient of t^k, of a constant as well."""
     if isinstance(series, flint().arb_series):

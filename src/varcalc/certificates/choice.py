@@ -8,9 +8,9 @@ import math
 import numpy as np
 
 from varcalc.certificates.ends import bears, end_bends, fits, prove_ends
-from varcalc.certificates.field import JacobiFields, field, parted, turned_dynamics
+from varcalc.certificates.field import JacobiFields, field, parted, turned_dynamics, unresolved
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.setting import Setting
+from varcalc.certificates.setting import Setting, on_halves
 from varcalc.certificates.tube import Prover, TooWide, Tube, slopes
 
 KAPPAS = tuple(10.0 ** (0.5 - 0.5 * k) for k in range(18))
@@ -32,6 +32,8 @@ SOME_BOXES = 6
 DEEPEST = 60
 """How deep boxes are cut for the inequality; at first a narrower tube is tried where ``SHALLOW`` is too little."""
 SHALLOW = 5
+HALVINGS = 5
+"""How often pieces are halved on which Q is not resolved."""
 NARROWINGS = 3
 """Tubes that are tried so."""
 
@@ -39,12 +41,18 @@ NARROWINGS = 3
 def proved_tube(setting: Setting) -> Prover:
     """The inequality proved, in a tube as wide as a few halvings find."""
     kappa, mu, found = _field(setting)
+    for _ in range(HALVINGS):
+        rough = unresolved(found)
+        if not rough:
+            break
+        setting = on_halves(setting, rough)
+        kappa, mu, found = _field(setting)
     jumps = parted(setting.statement, setting.samples)
     Q = slopes(found, len(setting.pieces), setting.statement.states, jumps)
     boxes, reason = setting.along.boxes, ""
 
     def prover(delta: float) -> Prover:
-        return Prover(setting.statement, setting.pieces, Q, _tube(setting, found, kappa, mu, delta), setting.joints)
+        return Prover(setting, Q, _tube(setting, found, kappa, mu, delta))
 
     if setting.statement.quadratic:
         prover(math.inf).prove(boxes, DEEPEST)

@@ -142,7 +142,7 @@ def _cost(prover: Prover) -> Jet | None:
     cost, found = prover.statement.cost, flint()
     if cost is None:
         return None
-    start, end, numbers = end_values(prover.statement, prover.joints)
+    start, end, numbers = end_values(prover.statement, prover.setting.joints)
     if prover.tube.delta < math.inf:
         n, first = prover.statement.n, prover.statement.n * prover.statement.order
         room = [found.arb(0, prover.tube.delta * float(u)) for u in prover.tube.sizes[0][: prover.statement.bare]]

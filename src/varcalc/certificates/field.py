@@ -14,9 +14,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from varcalc.certificates.balls import differentiation
+from varcalc.certificates.balls import differentiation, transform
 from varcalc.certificates.curve import DEGREE, Samples
 from varcalc.certificates.statement import Statement
+
+BENT = 1e-4
+"""Last coefficients of Q in Chebyshev polynomials, relative to it, below which it is resolved."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,15 @@ def field(
     U, M = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     singular = np.linalg.svd(U, compute_uv=False)
     return JacobiFields(U, unit * M, float(singular.min() / singular.max()))
+
+
+def unresolved(field: JacobiFields | None) -> list[int]:
+    """The pieces on which Q is no polynomial; where it is one number U and M are, and the two are enough."""
+    if field is None or field.U.shape[-1] == 1:
+        return []
+    Q = np.linalg.solve(field.U.swapaxes(2, 3), field.M.swapaxes(2, 3)).swapaxes(2, 3)
+    last = np.abs(np.einsum("ij,pjab->piab", transform(DEGREE)[-3:], Q)).max(axis=(1, 2, 3))
+    return np.flatnonzero(last > BENT * np.abs(Q).max(axis=(1, 2, 3))).tolist()
 
 
 def parted(statement: Statement, samples: Sequence[Samples]) -> list[int]:

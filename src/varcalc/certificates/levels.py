@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from varcalc.certificates.balls import Around, Ball, Poly, Series, above, flint, integral, most
+from varcalc.certificates.balls import Around, Ball, Poly, Series, above, flint, integral, most, solved
 from varcalc.certificates.curve import end_values
 from varcalc.certificates.integrals import Along, Unproved
 from varcalc.certificates.jets import Jet, Undecided, head, jets
@@ -322,10 +322,8 @@ def places(statement: Statement, state: int) -> list[int]:
 
 
 def _solved(matrix: list[list[Ball]], right: list[Ball]) -> list[Ball]:
-    """Gauss elimination in balls; Unproved where a pivot may vanish."""
-    found = flint()
+    """The solution of linear equations; Unproved where a pivot may vanish."""
     try:
-        solution = found.arb_mat(matrix).solve(found.arb_mat([[v] for v in right]))
+        return solved(matrix, right)
     except ZeroDivisionError:
         raise Unproved("the prescribed integrals are not proved to change independently near the curve") from None
-    return [solution[i, 0] for i in range(len(right))]

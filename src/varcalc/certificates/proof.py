@@ -21,6 +21,7 @@ from varcalc.certificates.jets import Undecided
 from varcalc.certificates.kinks import Kinked, kinks
 from varcalc.certificates.levels import allowed_for, meeting
 from varcalc.certificates.nearness import Attained, Nearness, nearness
+from varcalc.certificates.pathwise import Pathwise, pathwise
 from varcalc.certificates.rayleigh import lowest_of_all
 from varcalc.certificates.regular import Regular, check_forward, regular
 from varcalc.certificates.setting import Setting, setting_along
@@ -146,6 +147,8 @@ def _proof(solution: Solution) -> Certificate:
             if kinked.met:
                 raise
     along = _polished(solution)
+    if along.paths and not along.form.broken_at_switches:
+        return _under_equations(solution, along)
     found = regular(along)
     if found is not None:
         return _of_length(solution, found)
@@ -181,6 +184,20 @@ def _under_inequalities(solution: Solution, along: AlongCurve) -> Certificate:
     free = _solved_nearby(held.lower(), solution.y)
     found = _bounded(free, setting_along(_polished(free), free.value), held)[2]
     return replace(found, proved=(*found.proved, Hypothesis(MULTIPLIERS, Means.BALLS)))
+
+
+def _under_equations(solution: Solution, along: AlongCurve) -> Certificate:
+    """The certificate of a curve that meets equations at each of its points, by those around it that need not."""
+    reason = Unproved("")
+    for held in pathwise(along):
+        if _out_of_reach(held.along):
+            raise Unproved(_out_of_reach(held.along))
+        try:
+            found = _bounded(solution, setting_along(held.along, solution.value, held.terms), held)[2]
+            return replace(found, proved=(*found.proved, *held.told()))
+        except Unproved as unproved:
+            reason = unproved
+    raise reason
 
 
 def _solved_nearby(problem: Problem, guess: Callable[..., Any]) -> Solution:
@@ -233,11 +250,11 @@ def certified(solution: Solution, along: AlongCurve) -> Certificate:
 
 
 def _bounded(
-    solution: Solution, setting: Setting, held: Bounds | Kinked | Inequalities | None = None
+    solution: Solution, setting: Setting, held: Bounds | Kinked | Inequalities | Pathwise | None = None
 ) -> tuple[Ball, Ball, Certificate]:
     """The two numbers as balls, and the certificate; ``held`` are the bounds along the curve."""
     prover = proved_tube(setting)
-    setting = replace(setting, along=allowed_for(setting, prover))
+    setting = replace(prover.setting, along=allowed_for(prover.setting, prover))
     end_terms = prove_ends(prover)
     drop = total(setting.along, prover.tube.kappa, prover.tube.mu)
     value = setting.along.value + _end_cost(setting) - _levels(setting.statement)
@@ -251,7 +268,7 @@ def _bounded(
     lowest = lowest_of_all(setting, prover.tube, drop) if held is None and scope is not Scope.ALL else None
     if lowest is not None:
         low, scope, hypotheses = lowest, Scope.ALL, [Hypothesis(RAYLEIGH, Means.CONSTRUCTION)]
-    if isinstance(held, Inequalities):
+    if isinstance(held, Inequalities | Pathwise):
         low, high = (low - held.shift).lower(), (high - held.shift).upper()
     if setting.statement.along.form.coordinates.energetic:
         low, high = _length(setting.statement, solution, low, high)
@@ -292,7 +309,6 @@ def _out_of_reach(along: AlongCurve) -> str:
         f"curves in coordinates of their own ({form.coordinates.note}) are not covered": form.lift is not None
         and (form.coordinates.energetic or not any(form.problem.slides)),
         "closed curves in space are not covered": form.coordinates.gauged and form.ends.periodic,
-        "conditions all along the curve are not covered": bool(along.paths),
         "ends that slide are not covered of Lagrangians of second order": form.ends.equations > 0 and form.order == 2,
         "periodic ends that cost something are not covered": form.ends.joint is not None and form.ends.periodic,
         "curves that are broken where L is not smooth are not covered": form.broken_at_switches,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from varcalc.certificates.balls import Ball, flint
-from varcalc.certificates.curve import Piece, Samples, joint_states, pieces, sampled, state_sizes
+from varcalc.certificates.curve import Piece, Samples, joint_states, pieces, sampled, sampled_on, state_sizes
 from varcalc.certificates.ends import tied
 from varcalc.certificates.integrals import Along, Unproved, along_curve
 from varcalc.certificates.jets import without_enclosure
@@ -30,6 +31,8 @@ class Setting:
     pieces: Sequence[Piece]
     sizes: tuple[np.ndarray, np.ndarray]
     along: Along
+    tolerance: float
+    """What the remainders of the value's integral may come to."""
 
     @property
     def length(self) -> Ball:
@@ -43,9 +46,12 @@ class Setting:
         return [s.hessian * scale[:, None] * scale for s in self.samples]
 
 
-def setting_along(along: AlongCurve, value: float) -> Setting:
-    """The statement of a curve whose value is about ``value``; Unproved where the Lagrangian is not enclosed on it."""
-    stated = statement(along)
+def setting_along(along: AlongCurve, value: float, beside: Any = 0) -> Setting:
+    """The statement of a curve whose value is about ``value``; Unproved where the Lagrangian is not enclosed on it.
+
+    ``beside`` is an expression that is added to the Lagrangian.
+    """
+    stated = statement(along, beside)
     strange = without_enclosure(stated.function)
     if strange:
         raise Unproved(f"the Lagrangian holds {strange}, of which no enclosure is known")
@@ -60,4 +66,15 @@ def setting_along(along: AlongCurve, value: float) -> Setting:
     controls = states[(stated.order - 1) * stated.n : stated.order * stated.n] / 2.0 ** round(math.log2(length))
     sizes = states, controls
     tolerance = VALUE_TOLERANCE * (abs(value) or 1.0)
-    return Setting(stated, samples, joints, exact, sizes, along_curve(stated, exact, sizes, tolerance))
+    return Setting(stated, samples, joints, exact, sizes, along_curve(stated, exact, sizes, tolerance), tolerance)
+
+
+def on_halves(setting: Setting, rough: Sequence[int]) -> Setting:
+    """The same with some pieces halved."""
+    stated = setting.statement
+    edges = [float(s.x[0]) for s in setting.samples] + [float(setting.samples[-1].x[-1])]
+    samples = sampled_on(stated, sorted([*edges, *(0.5 * (edges[k] + edges[k + 1]) for k in rough)]))
+    joints = joint_states(stated, samples)
+    exact = pieces(stated, samples, joints)
+    along = along_curve(stated, exact, setting.sizes, setting.tolerance)
+    return replace(setting, samples=samples, joints=joints, pieces=exact, along=along)

@@ -31,7 +31,8 @@ class Statement:
 
     ``along`` is the curve, in the minimising sense. ``held[e]`` and ``values[e]`` tell for the start (0) and the end
     (1) which of the m states are given, and their values (NaN where they are free). ``multipliers`` and
-    ``weights`` are those of the equations between the ends, see :class:`Cost`.
+    ``weights`` are those of the equations between the ends, see :class:`Cost`. ``beside`` is an expression
+    that is added to H.
     """
 
     along: AlongCurve
@@ -39,6 +40,7 @@ class Statement:
     values: tuple[np.ndarray, np.ndarray]
     multipliers: tuple[float, ...] = ()
     weights: tuple[float, ...] = ()
+    beside: Any = 0
 
     @cached_property
     def n(self) -> int:
@@ -85,11 +87,13 @@ class Statement:
     def _written(self) -> tuple[Fraction, Any]:
         """A factor, and H over it as an expression; for a length, the square of its integrand."""
         form = self.along.form
-        return squared(form.functional) if form.coordinates.energetic else (Fraction(1), self.along.whole.expression)
+        energetic = form.coordinates.energetic
+        factor, written = squared(form.functional) if energetic else (Fraction(1), self.along.whole.expression)
+        return factor, written + self.beside
 
     @property
     def lagrangian(self) -> Any:
-        """H as an expression, less a constant factor; for a length, the square of its integrand, a square no more."""
+        """H as an expression, less a constant factor; of a length, of the square of its integrand."""
         return self._written[1]
 
     @property
@@ -266,11 +270,11 @@ def _factored(expression: Any, power: int) -> tuple[Fraction, Any]:
     return Fraction(1), e if power == 1 else e**2
 
 
-def statement(along: AlongCurve) -> Statement:
-    """The statement of a curve whose ends are given or free each by itself, or one."""
+def statement(along: AlongCurve, beside: Any = 0) -> Statement:
+    """The statement of a curve, with an expression added to H."""
     ends, free = along.form.ends, np.full(len(along.numbers), np.nan)
     start, end = (
         np.r_[np.asarray(given)[: along.order].ravel(), free, np.zeros(len(along.integrals))]
         for given in (ends.start, ends.end)
     )
-    return Statement(along, (~np.isnan(start), ~np.isnan(end)), (start, end))
+    return Statement(along, (~np.isnan(start), ~np.isnan(end)), (start, end), beside=beside)

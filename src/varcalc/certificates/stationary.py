@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.certificates.balls import Ball, flint
+from varcalc.certificates.balls import Ball, flint, solved
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, Undecided, jets
 from varcalc.symbolic.instructions import Program
@@ -65,12 +65,10 @@ class LagrangeFunction:
         return [[found.arb(0) + second.get((min(i, j), max(i, j)), 0) for j in range(n)] for i in range(n)]
 
     def _step(self, matrix: list[list[Ball]], gradient: list[Ball]) -> list[Ball]:
-        found = flint()
         try:
-            solved = found.arb_mat(matrix).solve(found.arb_mat([[v] for v in gradient]))
+            return solved(matrix, gradient)
         except ZeroDivisionError:
             raise Unproved("the stationary point is not proved to be one alone: it is on a caustic, or near") from None
-        return [solved[i, 0] for i in range(len(gradient))]
 
     def enclosed(self, guess: Sequence[float]) -> list[Ball]:
         """The stationary point near a guess; Unproved where none is proved, or it may not be one alone."""

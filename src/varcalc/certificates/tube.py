@@ -22,6 +22,7 @@ from varcalc.certificates.curve import Piece
 from varcalc.certificates.field import JacobiFields, dynamics
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Undecided
+from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement
 
 Matrix: TypeAlias = list[list[Any]]
@@ -102,12 +103,19 @@ def slopes(field: JacobiFields | None, count: int, states: int, parted: Sequence
 class Prover:
     """The inequality of one tube, for any box."""
 
-    statement: Statement
-    pieces: Sequence[Piece]
+    setting: Setting
     slopes: Sequence[Slopes]
     tube: Tube
-    joints: np.ndarray
-    """The states where pieces meet."""
+
+    @property
+    def statement(self) -> Statement:
+        """What the certificate is about."""
+        return self.setting.statement
+
+    @property
+    def pieces(self) -> Sequence[Piece]:
+        """The curve."""
+        return self.setting.pieces
 
     def wide(self, boxes: Sequence[tuple[int, Box]]) -> bool:
         """Whether the inequality fails at the middle of a box already, so that smaller boxes would not help."""

@@ -1,0 +1,270 @@
+"""Equations that hold all along the curve, phi(x, y) = 0: multipliers below, a curve that meets them exactly above.
+
+With multipliers mu(x) and weights c, H = L + mu phi + c phi^2/2 is L on every admissible curve, so that what is proved
+of its integral over all curves nearby bounds theirs from below (Bertsekas, "Constrained Optimization and Lagrange
+Multiplier Methods", 1982, sect. 2.2, at each x). Of the upper bound the curve is y0 + phi_y^T e: that there is one
+e(x) near zero with phi = 0 is proved by Newton's interval operator at all points of a box at once (Moore, Kearfott and
+Cloud, "Introduction to Interval Analysis", SIAM 2009, sect. 8.4), and e' by differentiating the equation.
+
+Ends are doubles, and seldom lie on phi = 0 exactly. Then phi is held to the line between its values at the ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from varcalc.certificates.balls import Around, Ball, Box, Series, enclosed, flint, largest, nodes, solved
+from varcalc.certificates.certificate import Hypothesis, Means
+from varcalc.certificates.curve import DEGREE, Piece
+from varcalc.certificates.integrals import Unproved
+from varcalc.certificates.jets import Jet, Undecided, head, jets, without_enclosure
+from varcalc.certificates.nearness import Attained
+from varcalc.certificates.setting import Setting
+from varcalc.certificates.statement import Statement, statement
+from varcalc.formulation import Sampled
+from varcalc.symbolic.instructions import Program
+from varcalc.symbolic.tracing import Expression
+from varcalc.verify.along_curve import AlongCurve
+from varcalc.verify.given_curve import distinct
+
+WEIGHTS = (10.0, 1.0, 100.0)
+"""Weights c that are tried, in units in which they bend H as much as the slope does over the length of the interval."""
+NOISE = 1e-13
+"""Coefficients of a multiplier, relative to its size, that are left out."""
+TERMS = 16
+"""Order of the Taylor forms of the equations."""
+WIDER = 4.0
+"""How much wider than Newton's step the box is in which the equations are proved to be met."""
+
+
+VANISHING = "multipliers of the conditions along the curve change nothing on curves that meet these"
+MET = "a curve near y0 meets the conditions along it at each of its points; its value lies below the upper bound"
+OFF = "the ends meet the conditions along the curve to {:.1g}: these are meant as the line between their values there"
+
+
+@dataclass(frozen=True)
+class Pathwise:
+    """A curve ``along`` without its ``equations``, and their multipliers; ``weight`` is one of :data:`WEIGHTS`.
+
+    ``multipliers`` are coefficients, in powers of each piece's own variable, of mu of each equation.
+    """
+
+    along: AlongCurve
+    equations: tuple[Expression, ...]
+    multipliers: Sequence[Sequence[np.ndarray]]
+    weight: float
+
+    @cached_property
+    def _pieces(self) -> list[tuple[float, float]]:
+        return _pieces(self.along)
+
+    @cached_property
+    def _weights(self) -> list[float]:
+        """c of each equation."""
+        along, s = self.along, self.along.symbols
+        x = np.concatenate([np.linspace(a, b, 9)[1:-1] for a, b in self._pieces])
+        slopes = [ca.gradient(phi, s.y) for phi in self.equations]
+        bend, *rows = along.function(ca.hessian(statement(along).lagrangian, s.dy)[0], *slopes)(x)
+        stiffness = float(np.abs(bend).max()) / along.length**2
+        return [self.weight * stiffness / float((row**2).sum(axis=1).mean() or 1.0) for row in rows]
+
+    @cached_property
+    def terms(self) -> Expression:
+        """mu phi + c phi^2/2."""
+        x, total = self.along.symbols.x, self.along.symbols.kind(0)
+        for phi, rows, weight in zip(self.equations, self.multipliers, self._weights, strict=True):
+            mu: Any = None
+            for powers, piece in zip(rows[::-1], self._pieces[::-1], strict=True):
+                part = _in_powers(powers, _own_variable(x, *piece))
+                mu = part if mu is None else ca.if_else(x < piece[1], part, mu)
+            total = total + mu * phi + weight / 2 * phi**2
+        return total
+
+    @cached_property
+    def shift(self) -> Ball:
+        """The integral of :attr:`terms` along admissible curves, on which phi is the line between its end values."""
+        found, total = flint(), flint().arb(0)
+        for rows, weight, (first, slope) in zip(self.multipliers, self._weights, self._lines, strict=True):
+            for powers, (a, b) in zip(rows, self._pieces, strict=True):
+                middle, half = (found.arb(a) + found.arb(b)) / 2, (found.arb(b) - found.arb(a)) / 2
+                x = found.arb_poly([middle, half])
+                phi = first + slope * (x - self.along.span[0])
+                mu = _in_powers([found.arb(float(c)) for c in powers], _own_variable(x, a, b))
+                integral = ((mu + phi * (weight / 2)) * phi).integral()
+                total += (integral(found.arb(1)) - integral(found.arb(-1))) * half
+        # CasADi may have put constants of the terms together, and rounded
+        return total * found.arb(1, 2.0**-40)
+
+    def told(self) -> list[Hypothesis]:
+        """What the theorem needs of the equations, and where the ends lie if that is not on them."""
+        found = [Hypothesis(VANISHING, Means.CONSTRUCTION), Hypothesis(MET, Means.BALLS)]
+        off = largest([value for first, slope in self._lines for value in (first, first + slope * self.along.length)])
+        return found if off.is_zero() else [*found, Hypothesis(OFF.format(float(off)), Means.CONSTRUCTION)]
+
+    @cached_property
+    def _lines(self) -> list[list[Ball]]:
+        """Of each equation its value at the start and the slope of the line to that at the end."""
+        stated, found, given = statement(self.along), flint(), self.along.form.ends
+        places = [np.r_[np.asarray(end)[0], self.along.numbers].tolist() for end in (given.start, given.end)]
+        ends = [
+            self._jets(stated, found.arb(x), list(map(found.arb, place)), 0)
+            for x, place in zip(self.along.span, places, strict=True)
+        ]
+        length = found.arb(self.along.span[1]) - self.along.span[0]
+        return [[a.value, (b.value - a.value) / length] for a, b in zip(*ends, strict=True)]
+
+    @cached_property
+    def _program(self) -> Program:
+        function = ca.Function("phi", self.along.symbols.all, [ca.densify(ca.vertcat(*self.equations))])
+        strange = without_enclosure(function)
+        if strange:
+            raise Unproved(f"a condition along the curve holds {strange}, of which no enclosure is known")
+        return Program(function)
+
+    def _jets(self, stated: Statement, x: Any, states: Sequence[Any], order: int) -> list[Jet]:
+        """The equations' left sides, with derivatives by the states."""
+        variables = [Jet(v, {i: flint().arb(1)} if order else None) for i, v in enumerate(states)]
+        arguments = stated.arguments(Jet(x), variables, [Jet(flint().arb(0))] * stated.n)
+        return jets(self._program, arguments[:-2], order)[0]
+
+    def above(self, setting: Setting) -> Attained:
+        """A curve near that of a setting that meets the equations exactly, and the integral of H along it."""
+        stated, value = setting.statement, setting.along.value
+        moved = [flint().arb(0)] * (stated.states + stated.n)
+        for (r, q), (k, box) in zip(setting.along.residuals, setting.along.boxes, strict=True):
+            try:
+                step, rate = self._moved(setting, k, box)
+                bend = _bend(setting, k, box, step, rate)
+            except Undecided as undecided:
+                raise Unproved(f"a condition along the curve is not enclosed near {box.at:.6g}: {undecided}") from None
+            for i, (far, fast) in enumerate(zip(step, rate, strict=True)):
+                moved[i], moved[stated.states + i] = largest([moved[i], far]), largest([moved[stated.states + i], fast])
+            value += 2 * box.unit * (r * _norm(step, setting.sizes[0]) + q * _norm(rate, setting.sizes[1]) + bend)
+        return Attained(value, setting.pieces, moved)
+
+    def _moved(self, setting: Setting, k: int, box: Box) -> tuple[list[Ball], list[Ball]]:
+        """How far the functions are moved in a box, and their slopes: phi_y^T e and its derivative."""
+        stated, piece = setting.statement, setting.pieces[k]
+        views = [Around(box, TERMS + whole, whole) for whole in (False, True)]
+        along = [self._beside(stated, piece, around, None) for around in views]
+        gradients = [[head(v) for v in row] for row in along[1][1]]
+        missed = [-enclosed(c, w, TERMS) for c, w in zip(along[0][0], along[1][0], strict=True)]
+
+        def stepped(room: list[Ball], right: list[Ball]) -> list[Ball]:
+            rows = self._beside(stated, piece, Around(box, 1, whole=True), room)[1]
+            heads = [[head(v) for v in row] for row in rows]
+            matrix = [[_dotted(row, other) for other in gradients] for row in heads]
+            try:
+                return solved(matrix, right)
+            except ZeroDivisionError:
+                raise Unproved(f"the conditions along the curve are not proved independent near {box.at:.6g}") from None
+
+        steps = stepped([flint().arb(0)] * len(missed), missed)
+        radius = WIDER * float(largest(steps)) + 1e-300
+        room = [flint().arb(0, radius)] * len(missed)
+        e = stepped(room, missed)
+        if not all(bool(abs(step) < radius) for step in e):
+            raise Unproved(f"no curve near is proved to meet the conditions along it near {box.at:.6g}")
+        near = [self._beside(stated, piece, around, e)[0] for around in views]
+        slopes = [-enclosed(views[0].slope(c), views[1].slope(w), TERMS - 1) for c, w in zip(*near, strict=True)]
+        rates = stepped(room, slopes)
+        turned = [[head(views[1].slope(v)) for v in row] for row in along[1][1]]
+        columns = list(zip(*gradients, strict=True))
+        step = [_dotted(e, column) for column in columns]
+        rate = [_dotted(rates, a) + _dotted(e, b) for a, b in zip(columns, zip(*turned, strict=True), strict=True)]
+        return step, rate
+
+    def _beside(
+        self, stated: Statement, piece: Piece, around: Around, e: list[Ball] | None
+    ) -> tuple[list[Series], list[list[Series]]]:
+        """phi, less the line, along y0 + phi_y^T e as series, and its gradients there."""
+        states, _ = piece.lifted(around)
+        x, zero = around.abscissa(), flint().arb_series([0], around.terms)
+        found = self._jets(stated, x, states, 1)
+        if e is not None:
+            for jet, by in zip(found, e, strict=True):
+                states = [s + jet.first.get(i, 0) * by if i < stated.n else s for i, s in enumerate(states)]
+            found = self._jets(stated, x, states, 1)
+        values = [
+            zero + jet.value - first - slope * (x - self.along.span[0])
+            for jet, (first, slope) in zip(found, self._lines, strict=True)
+        ]
+        return values, [[zero + jet.first.get(i, 0) for i in range(stated.n)] for jet in found]
+
+
+def _bend(setting: Setting, k: int, box: Box, step: list[Ball], rate: list[Ball]) -> Ball:
+    """What second derivatives of H add at most where functions are moved by ``step`` and slopes by ``rate``."""
+    stated, piece, around, found = setting.statement, setting.pieces[k], Around(box, 1, whole=True), flint()
+    states, controls = piece.lifted(around)
+    room = [[v + found.arb(0, 1) * abs(w).upper() for v, w in zip(values, moved, strict=False)]
+            for values, moved in ((states, step), (controls, rate))]  # fmt: skip
+    second = stated.jet(around.abscissa(), room[0] + states[stated.n :], room[1], 2, piece.switches).second
+    far = {**dict(enumerate(step)), **{stated.bare + i: w for i, w in enumerate(rate)}}
+    total = found.arb(0)
+    for (i, j), value in second.items():
+        total += abs(head(value) * far.get(i, 0) * far.get(j, 0)).upper() / (2 if i == j else 1)
+    return total
+
+
+def _norm(values: Sequence[Ball], sizes: np.ndarray) -> Ball:
+    """The length of a vector in units of ``sizes``, from above."""
+    scaled = [abs(v).upper() / float(u) for v, u in zip(values, sizes, strict=False)]
+    return _dotted(scaled, scaled).sqrt().upper()
+
+
+def _dotted(a: Sequence[Ball], b: Sequence[Ball]) -> Ball:
+    total: Ball = flint().arb(0)
+    for v, w in zip(a, b, strict=True):
+        total += v * w
+    return total
+
+
+def _own_variable(x: Any, a: float, b: float) -> Any:
+    """What runs from -1 to 1 between two abscissae, but for round-off of a + b and b - a."""
+    return (2 * x - (a + b)) * (1 / (b - a))
+
+
+def _in_powers(coefficients: Any, t: Any) -> Any:
+    value = 0 * t
+    for c in coefficients[::-1]:
+        value = value * t + c
+    return value
+
+
+def _pieces(along: AlongCurve) -> list[tuple[float, float]]:
+    return list(pairwise([along.span[0], *distinct(along.vertices)[1:-1].tolist(), along.span[1]]))
+
+
+def pathwise(along: AlongCurve) -> Iterator[Pathwise]:
+    """The equations all along a curve, each time with another weight; Unproved where they are not covered."""
+    form, plain = along.form, replace(along, paths=(), limits=(), forces=())
+    ends = np.r_[np.asarray(form.ends.start)[: along.order], np.asarray(form.ends.end)[: along.order]]
+    reasons = {
+        "conditions all along the curve are covered of Lagrangians of first order alone": along.order == 2,
+        "conditions all along the curve beside prescribed integrals are not covered": bool(along.integrals),
+        "conditions all along the curve beside waypoints are not covered": bool(form.held),
+        "conditions all along the curve are covered between ends that are wholly given": bool(np.isnan(ends).any())
+        or not form.ends.separate,
+    }
+    for reason, holds in reasons.items():
+        if holds:
+            raise Unproved(reason)
+    unit = float(statement(plain).factor)
+    rows = [[_fitted(force, a, b) / unit for a, b in _pieces(plain)] for force in along.forces]
+    yield from (Pathwise(plain, along.paths, rows, weight) for weight in WEIGHTS)
+
+
+def _fitted(force: Sampled, a: float, b: float) -> np.ndarray:
+    """Coefficients in powers of a multiplier between two abscissae."""
+    x = np.clip(0.5 * (a + b) + 0.5 * (b - a) * nodes(DEGREE), np.nextafter(a, b), np.nextafter(b, a))
+    values = np.asarray(force(x), dtype=float)
+    series = np.polynomial.Chebyshev.fit(nodes(DEGREE), values, DEGREE, domain=[-1, 1])
+    trimmed: Any = series.trim(NOISE * float(np.abs(values).max()))
+    return trimmed.convert(kind=np.polynomial.Polynomial).coef
