@@ -252,9 +252,9 @@ def test_a_prescribed_integral_of_first_degree():
 
 
 def test_inequalities_are_refused_for_what_they_are():
-    levels = [vc.Isoperimetric(lambda x, y, v: y, lower=1.0), vc.Isoperimetric(lambda x, y, v: x * y, 0.5)]
+    levels = [vc.Isoperimetric(lambda x, y, v: y, lower=1.0), vc.Through(0.5, 1.5)]
     problem = vc.Problem(lambda x, y, v: v**2, vc.Fixed(0, 0), vc.Fixed(1, 0), levels)
-    with pytest.raises(vc.VariationalError, match="beside others that are not are not covered"):
+    with pytest.raises(vc.VariationalError, match="levels that are inequalities are covered of graphs without other"):
         vc.certify(vc.solve(problem))
 
 

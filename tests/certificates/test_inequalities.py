@@ -29,6 +29,10 @@ def area(x, y, v):
     return y
 
 
+def moment(x, y, v):
+    return x * y
+
+
 def numbered(x, y, v):
     return 0.1 * (0.3 * y)
 
@@ -42,6 +46,15 @@ CASES = {
     "idle": (string(vc.Isoperimetric(area, lower=-0.3, upper=0.5)), lambda m: m(0)),
     "one of two": (
         string(vc.Isoperimetric(area, lower=0.3), vc.Isoperimetric(lambda x, y, v: y**2, upper=7.0)),
+        lambda m: 6 * m(0.3) ** 2,
+    ),
+    # 6 c^2 + 60 (m - c/2)^2 3 for the area c and the first moment m, by Legendre's polynomials as slopes
+    "beside one that is prescribed": (
+        string(vc.Isoperimetric(area, 0.3), vc.Isoperimetric(moment, lower=0.2)),
+        lambda m: 6 * m(0.3) ** 2 + 360 * (m(0.2) - m(0.3) / 2) ** 2,
+    ),
+    "idle beside one that is prescribed": (
+        string(vc.Isoperimetric(moment, upper=5.0), vc.Isoperimetric(area, 0.3)),
         lambda m: 6 * m(0.3) ** 2,
     ),
 }

@@ -20,6 +20,7 @@ from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.levels import meeting
 from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
+from varcalc.formulation import SideCondition
 from varcalc.problem.conditions import Constraint, Isoperimetric
 from varcalc.problem.functional import rebuilt
 from varcalc.problem.problem import Problem
@@ -37,16 +38,28 @@ class Inequalities:
     @cached_property
     def _active(self) -> list[tuple[Expression, float, float]]:
         """Integrand, level and multiplier of each that holds with equality; Unproved where the sign is wrong."""
-        along, found = self.setting.statement.along, []
-        for condition, multiplier in zip(along.form.conditions.integrals, along.lambdas.tolist(), strict=True):
+        found = []
+        for (condition, multiplier), prescribed in zip(self._met, self._prescribed, strict=True):
+            if prescribed:
+                continue
             low, high = self._interval(condition.index)
-            if low == high:
-                raise Unproved("levels that are inequalities beside others that are not are not covered")
             level = high if multiplier > 0 else low
             if not (math.isfinite(level) and condition.lower == level and multiplier):
                 raise Unproved("the multiplier of a level has not the sign that the inequality asks for")
             found.append((condition.expression, level, multiplier))
         return found
+
+    @property
+    def _met(self) -> list[tuple[SideCondition, float]]:
+        """The levels that hold with equality, each with its multiplier."""
+        along = self.setting.statement.along
+        return list(zip(along.form.conditions.integrals, along.lambdas.tolist(), strict=True))
+
+    @property
+    def _prescribed(self) -> list[bool]:
+        """Which of these are no inequalities."""
+        intervals = [self._interval(condition.index) for condition, _ in self._met]
+        return [low == high for low, high in intervals]
 
     def _interval(self, index: int) -> tuple[float, float]:
         condition = self.problem.constraints[index]
@@ -59,8 +72,9 @@ class Inequalities:
         return sum((flint().arb(level) * multiplier for _, level, multiplier in self._active), flint().arb(0))
 
     def lower(self) -> Problem:
-        """The problem of L + lambda g without levels."""
-        return with_multipliers(self.problem, [(g, multiplier) for g, _, multiplier in self._active], [])
+        """The problem of L + lambda g without the levels that are inequalities."""
+        kept = [c for c in self.problem.constraints if isinstance(c, Isoperimetric) and c.equality]
+        return with_multipliers(self.problem, [(g, multiplier) for g, _, multiplier in self._active], kept)
 
     def above(self, setting: Setting) -> Attained:  # noqa: ARG002  what others ask of theirs
         """A curve that meets all levels, its value with :attr:`shift`."""
@@ -75,10 +89,13 @@ class Inequalities:
                 if not (value >= low and value <= high):
                     raise Unproved("the curve of the upper bound is not proved to satisfy a level")
         value, pieces, bare = self.setting.along.value, self.setting.pieces, self.setting.statement.bare
-        if not self._active:
+        if not self._met:
             return Attained(value, pieces)
-        moved = met.moved()
-        return Attained(value + met.correction(), pieces, [*moved[:bare], *moved[bare + len(self._active) :]])
+        for (condition, multiplier), prescribed in zip(self._met, self._prescribed, strict=True):
+            value -= flint().arb(condition.lower) * multiplier if prescribed else 0
+        moved, count = met.moved(), len(self._met)
+        levels = [far for far, kept in zip(moved[bare : bare + count], self._prescribed, strict=True) if kept]
+        return Attained(value + met.correction(), pieces, [*moved[:bare], *levels, *moved[bare + count :]])
 
     def _levels(self) -> list[tuple[int, Expression]]:
         """The numbers of the constraints that are levels, and what they integrate."""
@@ -99,7 +116,10 @@ def inequalities(problem: Problem, setting: Setting) -> Inequalities:
 def with_multipliers(
     problem: Problem, terms: Sequence[tuple[Expression, float]], constraints: Sequence[Constraint]
 ) -> Problem:
-    """The problem of L + lambda g + ..., L in the sense that is minimised, under other ``constraints``."""
+    """The problem of L + lambda g + ..., L in the sense that is minimised, under ``constraints``.
+
+    Of these each Isoperimetric is one of the problem's own.
+    """
     s, names = problem.symbols, [f"multiplier_{k}" for k in range(len(terms))]
     while {*names} & {*problem.parameters, *problem.unknowns}:
         names = [f"{name}_" for name in names]
@@ -114,8 +134,15 @@ def with_multipliers(
     (_, *ends, _), options = problem.sent(put)
     arguments = [s.x, s.y, *s.slopes, s.parameters, s.unknowns, symbols]
     groups = tuple(problem.parameters), tuple(problem.unknowns), tuple(names)
-    lagrangian = TracedFunction(ca.Function("traced", arguments, [problem.sign * total]), groups)
+
+    def anew(expression: Expression) -> TracedFunction:
+        return TracedFunction(ca.Function("traced", arguments, [expression]), groups)
+
+    traced = {id(t.constraint): t.expression for t in problem.traced}
+    kept = [c.stated(anew(traced[id(c)])) if isinstance(c, Isoperimetric) else c for c in constraints]
     values = {name: multiplier for name, (_, multiplier) in zip(names, terms, strict=True)}
-    found = rebuilt(Problem, (lagrangian, *ends, constraints), options | {"parameters": problem.parameters | values})
+    found = rebuilt(
+        Problem, (anew(problem.sign * total), *ends, kept), options | {"parameters": problem.parameters | values}
+    )
     assert isinstance(found, Problem)
     return found
