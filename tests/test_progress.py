@@ -14,6 +14,11 @@ SPRING = vc.Problem(
     lambda x, y, dy, p: dy**2 + p.k * y**2, vc.Fixed(0, 0), vc.Fixed(1, 1), parameters={"k": 1.0}, name="spring"
 )
 
+SOLVED = vc.solve(SPRING)
+STRING = vc.Problem(
+    lambda x, y, v: v**2, vc.Fixed(0, 0), vc.Fixed(1, 0), [vc.Isoperimetric(lambda x, y, v: y**2, 1.0)], name="string"
+)
+
 
 class Told(list):
     """Who remembers what is told, and may stop the call as Ctrl-C does."""
@@ -44,6 +49,8 @@ CALLS = {
     "trace": lambda progress: optics.Scene(optics.Uniform(1.0)).trace(
         (0, 0), (1, 0), optical_path=1.0, progress=progress
     ),
+    "certify": lambda progress: vc.certify(SOLVED, progress=progress),
+    "certify_eigenvalues": lambda progress: vc.certify_eigenvalues(STRING, 2, progress=progress),
     "arrivals": lambda progress: optics.Scene(optics.Uniform(1.0)).arrivals((0, 0), [(1, 0)], progress=progress),
 }
 
@@ -116,6 +123,13 @@ def test_ctrl_c_leaves_what_is_known():
         CALLS["extremals"](Told(stop_at=0))
     assert len(stopped.value.known) == 0
     assert "stopped before its end" in stopped.value.known.searched
+    with pytest.raises(vc.Interrupted) as stopped:
+        CALLS["certify"](Told(stop_at=0))
+    assert stopped.value.known is SOLVED
+    with pytest.raises(vc.Interrupted) as stopped:
+        CALLS["certify_eigenvalues"](Told(stop_at=1))
+    (lowest,) = stopped.value.known
+    assert lowest.lower == pytest.approx(np.pi**2)
     with pytest.raises(vc.Interrupted) as stopped:
         CALLS["diagnose"](Told(stop_at=1))
     assert len(stopped.value.known.findings) == 1

@@ -11,6 +11,7 @@ import pytest
 import varcalc as vc
 from varcalc.certificates import Scope
 from varcalc.certificates.balls import working
+from varcalc.certificates.choice import silent
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.pathwise import pathwise
 from varcalc.certificates.proof import BITS, TERMS, _bounded
@@ -130,7 +131,7 @@ def check_or_refuse(solution, along, refusable):
     with working(BITS, TERMS):
         try:
             held = next(pathwise(along))
-            certificate = _bounded(solution, setting_along(held.along, solution.value, held.terms), held)[2]
+            certificate = _bounded(solution, setting_along(held.along, solution.value, held.terms), silent, held)[2]
         except Unproved:
             assert refusable
             return

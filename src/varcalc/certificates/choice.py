@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import bisect
 import math
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -13,6 +15,8 @@ from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.setting import Setting, on_halves
 from varcalc.certificates.tube import Prover, TooWide, Tube, slopes
 
+Told: TypeAlias = Callable[[str], Any]
+"""Who is told what comes next."""
 KAPPAS = tuple(10.0 ** (0.5 - 0.5 * k) for k in range(18))
 """Values of kappa that are tried, in units of H_uu, from the greatest."""
 MARGIN = 1.5
@@ -38,8 +42,13 @@ NARROWINGS = 3
 """Tubes that are tried so."""
 
 
-def proved_tube(setting: Setting) -> Prover:
+def silent(_what: str) -> None:
+    """Tell nobody."""
+
+
+def proved_tube(setting: Setting, told: Told = silent) -> Prover:
     """The inequality proved, in a tube as wide as a few halvings find."""
+    told("the field of extremals")
     kappa, mu, found = _field(setting)
     for _ in range(HALVINGS):
         rough = unresolved(found)
@@ -55,6 +64,7 @@ def proved_tube(setting: Setting) -> Prover:
         return Prover(setting, Q, _tube(setting, found, kappa, mu, delta))
 
     if setting.statement.quadratic:
+        told("the inequality")
         prover(math.inf).prove(boxes, DEEPEST)
         return prover(math.inf)
     widths = [WIDEST * 0.5**k for k in range(TUBES)]
@@ -65,6 +75,7 @@ def proved_tube(setting: Setting) -> Prover:
         prove_ends(prover(widths[-1]))
     # half of what holds at the middles of boxes: between them it takes a little more; then a quarter of that at a time
     for k, delta in enumerate(widths[first + 1 :: 2]):
+        told(f"a tube of {delta:.1g} times the curve's size")
         try:
             prover(delta).prove(boxes, DEEPEST if k >= NARROWINGS else SHALLOW)
         except TooWide as failed:

@@ -6,12 +6,13 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from varcalc.certificates.balls import Ball, above, below, flint, largest, working
 from varcalc.certificates.bounds import Bounds, bounds
 from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
-from varcalc.certificates.choice import proved_tube
+from varcalc.certificates.choice import Told, proved_tube, silent
 from varcalc.certificates.convexity import convex_in_slope
 from varcalc.certificates.curve import end_values
 from varcalc.certificates.ends import prove_ends
@@ -33,6 +34,7 @@ from varcalc.problem.conditions import Bound, Isoperimetric, whole
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.exact import exactly
 from varcalc.problem.problem import Problem
+from varcalc.progress import Interrupted, Progress, telling
 from varcalc.solution import Solution, Status, VariationalError
 from varcalc.solve.ladder import solve
 from varcalc.spelling import spelled
@@ -46,6 +48,8 @@ BITS = 128
 TERMS = 24
 """Length to which Arb keeps series: more than any Taylor form here has terms."""
 
+CURVE, NEARBY, BOUNDS = "the curve", "a problem that bounds this one from below", "the bounds"
+"""What is told while it is done."""
 COORDINATES = "the end where L is infinite is regular in alpha and z, by which the tube and the distances are meant"
 FORWARD = "the curve y0 is a graph: its abscissa grows"
 FORTH = "a curve that runs back is no shorter than a graph: the abscissa does not occur in the metric"
@@ -60,7 +64,7 @@ PACED = "each curve is run through at constant speed, and its distance is meant 
 
 
 @spelled
-def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
+def certify(solution: Solution, *, digits: int | None = None, progress: Progress = None) -> Certificate:
     """Prove between which two numbers the infimum lies that a solution is an estimate of.
 
     The proof is Hilbert's invariant integral of a quadratic near the curve, with every inequality checked in ball
@@ -76,6 +80,9 @@ def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
         What :func:`varcalc.solve` found: a minimum, or a maximum of a functional that is to be greatest.
     digits:
         Decimal digits of the value that the interval must tell; by default as many as it happens to.
+    progress:
+        As :data:`varcalc.progress.Progress` says. Ctrl-C raises :class:`varcalc.Interrupted`, which holds the
+        ``solution``: nothing is proved of it before the end.
 
     Returns
     -------
@@ -106,13 +113,15 @@ def certify(solution: Solution, *, digits: int | None = None) -> Certificate:
     if not solution.status.ok:
         raise VariationalError(solution)
     try:
-        with working(BITS, TERMS):
-            exact, told = _exact(solution)
-            found = _proof(exact)
+        with telling(progress, solution.problem.name) as told, working(BITS, TERMS):
+            exact, written = _exact(solution)
+            found = _proof(exact, partial(told, 0, None))
     except (Unproved, Undecided) as unproved:
         raise _refusal(solution, str(unproved)) from None
+    except KeyboardInterrupt as stop:
+        raise Interrupted(solution) from stop
     seconds = time.perf_counter() - began
-    certificate = replace(found, solution=solution, proved=(*found.proved, *told), seconds=seconds)
+    certificate = replace(found, solution=solution, proved=(*found.proved, *written), seconds=seconds)
     if digits is not None and not certificate.width <= 10.0**-digits * max(map(abs, (found.lower, found.upper))):
         raise _refusal(solution, f"the interval is {certificate.width:.1g} wide, too much for {digits} digits")
     return certificate
@@ -135,32 +144,33 @@ def _exact(solution: Solution) -> tuple[Solution, tuple[Hypothesis, ...]]:
     return replace(solution, problem=problem, extremal=extremal), ()
 
 
-def _proof(solution: Solution) -> Certificate:
+def _proof(solution: Solution, told: Told) -> Certificate:
     """The certificate of a solution's curve, polished, in coordinates in which it is regular."""
     if any(isinstance(c, Bound) for c in solution.problem.constraints):
-        return _within_bounds(solution)
+        return _within_bounds(solution, told)
     kinked = kinks(solution)
     if kinked is not None:
         try:
-            return _over_kinks(solution, kinked)
+            return _over_kinks(solution, kinked, told)
         except Unproved:
             if kinked.met:
                 raise
+    told(CURVE)
     along = _polished(solution)
     if along.paths and not along.form.broken_at_switches:
-        return _under_equations(solution, along)
+        return _under_equations(solution, along, told)
     found = regular(along)
     if found is not None:
-        return _of_length(solution, found)
+        return _of_length(solution, found, told)
     if any(isinstance(c, Isoperimetric) and not c.equality for c in solution.problem.constraints):
-        return _under_inequalities(solution, along)
+        return _under_inequalities(solution, along, told)
     reason = _out_of_reach(along)
     if reason:
         raise Unproved(reason)
-    return certified(solution, along)
+    return certified(solution, along, told)
 
 
-def _within_bounds(solution: Solution) -> Certificate:
+def _within_bounds(solution: Solution, told: Told) -> Certificate:
     """The certificate of a curve that bounds hold, as it was found."""
     if solution.extremal is None:
         raise Unproved("bounds are covered where the method knows its curve in coordinates of its own")
@@ -170,50 +180,51 @@ def _within_bounds(solution: Solution) -> Certificate:
     reason = _out_of_reach(along)
     if reason:
         raise Unproved(reason)
-    found = _bounded(solution, setting_along(along, solution.value), held)[2]
-    told = (Hypothesis(SIGNS, Means.BALLS), Hypothesis(WITHIN, Means.BALLS))
-    return replace(found, proved=(*found.proved, *told))
+    found = _bounded(solution, setting_along(along, solution.value), told, held)[2]
+    signs = (Hypothesis(SIGNS, Means.BALLS), Hypothesis(WITHIN, Means.BALLS))
+    return replace(found, proved=(*found.proved, *signs))
 
 
-def _under_inequalities(solution: Solution, along: AlongCurve) -> Certificate:
+def _under_inequalities(solution: Solution, along: AlongCurve, told: Told) -> Certificate:
     """The certificate of a curve under levels that are inequalities, by that of L + lambda g without them."""
     problem, reason = solution.problem, _out_of_reach(along)
     if reason or not isinstance(problem, Problem):
         raise Unproved(reason or "levels of a Curve that are inequalities are not covered")
     held = inequalities(problem, setting_along(along, solution.value))
-    free = _solved_nearby(held.lower(), solution.y)
-    found = _bounded(free, setting_along(_polished(free), free.value), held)[2]
+    free = _solved_nearby(held.lower(), solution.y, told)
+    found = _bounded(free, setting_along(_polished(free), free.value), told, held)[2]
     return replace(found, proved=(*found.proved, Hypothesis(MULTIPLIERS, Means.BALLS)))
 
 
-def _under_equations(solution: Solution, along: AlongCurve) -> Certificate:
+def _under_equations(solution: Solution, along: AlongCurve, told: Told) -> Certificate:
     """The certificate of a curve that meets equations at each of its points, by those around it that need not."""
     reason = Unproved("")
     for held in pathwise(along):
         if _out_of_reach(held.along):
             raise Unproved(_out_of_reach(held.along))
         try:
-            found = _bounded(solution, setting_along(held.along, solution.value, held.terms), held)[2]
+            found = _bounded(solution, setting_along(held.along, solution.value, held.terms), told, held)[2]
             return replace(found, proved=(*found.proved, *held.told()))
         except Unproved as unproved:
             reason = unproved
     raise reason
 
 
-def _solved_nearby(problem: Problem, guess: Callable[..., Any]) -> Solution:
+def _solved_nearby(problem: Problem, guess: Callable[..., Any], told: Told) -> Solution:
     """The extremal of a problem that stands for another, near that one's curve."""
+    told(NEARBY)
     try:
-        return solve(problem, Collocation(), guess=guess)
+        return solve(problem, Collocation(), guess=guess, progress=False)
     except VariationalError as error:
         raise Unproved(f"the problem by which this one is bounded is not solved: {error}") from None
 
 
-def _over_kinks(solution: Solution, kinked: Kinked) -> Certificate:
+def _over_kinks(solution: Solution, kinked: Kinked, told: Told) -> Certificate:
     """The certificate of a curve of a Lagrangian with convex kinks, by that of a smooth one that lies below it."""
     assert isinstance(solution.problem, Problem)
     kinked.prove()
-    smooth = _solved_nearby(kinked.lower(solution.problem), kinked.guess)
-    found = _bounded(smooth, setting_along(_polished(smooth), smooth.value), kinked)[2]
+    smooth = _solved_nearby(kinked.lower(solution.problem), kinked.guess, told)
+    found = _bounded(smooth, setting_along(_polished(smooth), smooth.value), told, kinked)[2]
     return replace(found, proved=(*found.proved, Hypothesis(SUBGRADIENTS, Means.BALLS)))
 
 
@@ -224,13 +235,13 @@ def _polished(solution: Solution) -> AlongCurve:
     return in_form(found.best) if found.along_best.slides and found.best is not None else found.along_best
 
 
-def _of_length(solution: Solution, found: Regular) -> Certificate:
+def _of_length(solution: Solution, found: Regular, told: Told) -> Certificate:
     """The certificate of a singular length, by that of the energy of its regular problem."""
-    energy = _solved_nearby(found.problem, found.guess)
+    energy = _solved_nearby(found.problem, found.guess, told)
     setting = setting_along(_polished(energy), energy.value)
     if found.abscissa_is_z:
         check_forward(setting)
-    low, high, certificate = _bounded(energy, setting)
+    low, high, certificate = _bounded(energy, setting, told)
     if not (low > 0 and solution.problem.sign * solution.value > 0):
         raise Unproved("the length is not proved positive")
     factor = flint().arb(found.factor.numerator) / found.factor.denominator
@@ -238,22 +249,28 @@ def _of_length(solution: Solution, found: Regular) -> Certificate:
     if solution.problem.maximise:
         low, high = -high, -low
     forward = Hypothesis(FORWARD, Means.BALLS) if found.abscissa_is_z else Hypothesis(FORTH, Means.CONSTRUCTION)
-    told = (*certificate.proved, Hypothesis(COORDINATES, Means.CONSTRUCTION), forward)
+    proved = (*certificate.proved, Hypothesis(COORDINATES, Means.CONSTRUCTION), forward)
     return replace(
-        certificate, solution=solution, lower=below(low), upper=above(high), enclosure=decimals(low, high), proved=told
+        certificate,
+        solution=solution,
+        lower=below(low),
+        upper=above(high),
+        enclosure=decimals(low, high),
+        proved=proved,
     )
 
 
-def certified(solution: Solution, along: AlongCurve) -> Certificate:
+def certified(solution: Solution, along: AlongCurve, told: Told = silent) -> Certificate:
     """The certificate of a curve, whatever it is: where it is no minimum, Unproved is raised."""
-    return _bounded(solution, setting_along(along, solution.value))[2]
+    return _bounded(solution, setting_along(along, solution.value), told)[2]
 
 
 def _bounded(
-    solution: Solution, setting: Setting, held: Bounds | Kinked | Inequalities | Pathwise | None = None
+    solution: Solution, setting: Setting, told: Told, held: Bounds | Kinked | Inequalities | Pathwise | None = None
 ) -> tuple[Ball, Ball, Certificate]:
     """The two numbers as balls, and the certificate; ``held`` are the bounds along the curve."""
-    prover = proved_tube(setting)
+    prover = proved_tube(setting, told)
+    told(BOUNDS)
     setting = replace(prover.setting, along=allowed_for(prover.setting, prover))
     end_terms = prove_ends(prover)
     drop = total(setting.along, prover.tube.kappa, prover.tube.mu)

@@ -15,8 +15,8 @@ of an eigenfunction: where a curve vanishes at m points its energy is positive (
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -42,6 +42,7 @@ from varcalc.methods.answer import Extremal
 from varcalc.problem.conditions import Isoperimetric, Through, whole
 from varcalc.problem.exact import exactly
 from varcalc.problem.problem import Problem
+from varcalc.progress import Interrupted, Progress, Telling, telling
 from varcalc.showing import line
 from varcalc.verify.along_curve import AlongCurve, in_form
 
@@ -85,7 +86,7 @@ class Eigenvalue(ProvedInterval):
         return self._theorem(f"eigenvalue number {self.number}", "")
 
 
-def certify_eigenvalues(problem: Problem, count: int) -> tuple[Eigenvalue, ...]:
+def certify_eigenvalues(problem: Problem, count: int, *, progress: Progress = None) -> tuple[Eigenvalue, ...]:
     """Prove between which two numbers each of the lowest ``count`` eigenvalues lies.
 
     The problem is Rayleigh's: the integrals of L and of the one prescribed integrand g are quadratic forms of a curve
@@ -101,6 +102,9 @@ def certify_eigenvalues(problem: Problem, count: int) -> tuple[Eigenvalue, ...]:
         Of one function and first order, with one :class:`varcalc.Isoperimetric` and no other condition.
     count:
         How many eigenvalues.
+    progress:
+        As :data:`varcalc.progress.Progress` says. Ctrl-C raises :class:`varcalc.Interrupted`, which holds the
+        eigenvalues that are proved by then.
 
     Returns
     -------
@@ -125,22 +129,21 @@ def certify_eigenvalues(problem: Problem, count: int) -> tuple[Eigenvalue, ...]:
     flint()
     began = time.perf_counter()
     written = exactly(problem)
-    told = (Hypothesis(EXPRESSION, Means.CONSTRUCTION),) if written is None else ()
+    lost = (Hypothesis(EXPRESSION, Means.CONSTRUCTION),) if written is None else ()
     stated = problem if written is None else written
     assert isinstance(stated, Problem)
     _check(stated)
+    found: list[Eigenvalue] = []
     try:
-        with working(BITS, LONGEST):
-            found, proved = _proof(stated, count)
-            bounds = [(-h, -low) if problem.maximise else (low, h) for low, h in found]
-            rows = [(below(low), above(high), decimals(low, high)) for low, high in bounds]
+        with telling(progress, problem.name) as told, working(BITS, LONGEST):
+            for eigenvalue in _proof(stated, count, told):
+                seconds = time.perf_counter() - began
+                found.append(replace(eigenvalue, proved=(*eigenvalue.proved, *lost), seconds=seconds))
     except (Unproved, Undecided) as unproved:
         raise ArithmeticError(f"no certificate: {unproved}") from None
-    seconds = time.perf_counter() - began
-    return tuple(
-        Eigenvalue(number=k + 1, lower=low, upper=high, enclosure=text, proved=(*proved, *told), seconds=seconds)
-        for k, (low, high, text) in enumerate(rows)
-    )
+    except KeyboardInterrupt as stop:
+        raise Interrupted(tuple(found)) from stop
+    return tuple(found)
 
 
 def _check(problem: Problem) -> None:
@@ -154,25 +157,33 @@ def _check(problem: Problem) -> None:
         raise ValueError("the Isoperimetric of a Rayleigh quotient must prescribe a level, not limits")
 
 
-def _proof(problem: Problem, count: int) -> tuple[list[tuple[Ball, Ball]], tuple[Hypothesis, ...]]:
-    """The bounds of each eigenvalue in the sense that is minimised, and what was proved."""
+def _proof(problem: Problem, count: int, told: Telling) -> Iterator[Eigenvalue]:
+    """The eigenvalues, one after the other."""
     plain = _along(problem, 0.0)
     stated = statement(plain)
     if without_enclosure(stated.function):
         raise Unproved(f"the Lagrangian holds {without_enclosure(stated.function)}, of which no enclosure is known")
     if ca.depends_on(plain.integrals[0], plain.symbols.dy):
         raise Unproved("the prescribed integrand depends on the slope")
+    told(0, None, "eigenfunctions")
     ritz = eigenfunctions(lambda x: _coefficients(problem, x), plain.vertices, _held(stated), count + NEXT)
     own = ritz.eigenvalues
     m = count + int(np.argmax(np.diff(own[count - 1 :]) / (1.0 + np.arange(NEXT))))
     r = float(own[m - 1] + NEARER * (own[m] - own[m - 1]))
+    told(0, None, f"no more than {m} eigenvalues lie below {r:.3g}")
     _prove_count(problem, ritz, m, r)
+    told(0, None, "integrals")
     gamma = _raising(problem, ritz, r)
     forms = _Forms(stated, [_exact(problem, ritz, k) for k in range(m)], own[:m].tolist(), gamma)
     matrices = forms.integrated()
-    bounds = [_bounds(matrices, r, gamma, k) for k in range(count)]
     sentences = RITZ, LEHMANN.format(r), COUNT.format(m), POSITIVE.format(gamma)
-    return bounds, tuple(Hypothesis(sentence, Means.BALLS) for sentence in sentences)
+    proved = tuple(Hypothesis(sentence, Means.BALLS) for sentence in sentences)
+    for k in told.over(range(count), lambda k: f"eigenvalue {k + 1}"):
+        low, high = _bounds(matrices, r, gamma, k)
+        if problem.maximise:
+            low, high = -high, -low
+        text = decimals(low, high)
+        yield Eigenvalue(number=k + 1, lower=below(low), upper=above(high), enclosure=text, proved=proved, seconds=0.0)
 
 
 def _along(problem: Problem, eigenvalue: float, evaluate: Any = None, vertices: Sequence[float] = ()) -> AlongCurve:

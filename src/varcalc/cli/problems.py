@@ -121,7 +121,9 @@ def _certified(names: list[str]) -> dict[str, str]:
     """Every case of some problems, with the digits of its value that are proved or the reason why none are."""
     from varcalc.study.certified import proved_digits
 
-    return {reference.name: proved_digits(reference.problem) for name in names for reference in loaded(name)}
+    with telling(None, "certificates") as told:
+        each = (reference for name in told.over(names, str) for reference in loaded(name))
+        return {reference.name: proved_digits(reference.problem) for reference in each}
 
 
 @click.command(cls=JsonCommand)
