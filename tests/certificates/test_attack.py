@@ -259,6 +259,28 @@ def test_a_brachistochrone_whose_time_has_a_factor():
     assert low <= exact <= high
 
 
+def test_a_ray_in_an_index_of_another_power_whose_metric_is_even_as_well():
+    """n = y^(-3/4) is regular in y = z^4: with y^(3/4) = a^(3/4) sin(phi), x and J are integrals of powers of sines."""
+    problem = vc.Problem(lambda x, y, v: ca.sqrt(1 + v**2) / y**0.75, vc.Fixed(0, 0), vc.Fixed(1, 1))
+    low, high = bounds(vc.certify(vc.solve(problem)))
+    s = mpmath.mpf(3) / 4
+
+    def grown(m, phi):
+        """The integral of sin^m from 0 to an angle below a right one."""
+        return mpmath.betainc((m + 1) / 2, 0.5, 0, mpmath.sin(phi) ** 2) / 2
+
+    turn = mpmath.findroot(lambda phi: grown(1 / s, phi) / s - mpmath.sin(phi) ** (1 / s), (1.3, 1.4))
+    assert 1 < turn < mpmath.pi / 2
+    exact = mpmath.sin(turn) ** -(1 / s * (1 - s)) / s * grown(1 / s - 2, turn)
+    assert low <= exact <= high
+
+
+def test_an_index_whose_metric_vanishes_where_the_curve_is_regular_is_refused_for_that():
+    solution = vc.solve(vc.Problem(lambda x, y, v: ca.sqrt(1 + v**2) / y**0.25, vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    with pytest.raises(vc.VariationalError, match="neither vanishes nor ends in a root"):
+        vc.certify(solution)
+
+
 def test_convexity_is_not_rounded_to_nearest():
     """(y - v)^2 - 1e-18 y^2 is not convex, however little."""
     problem = vc.Problem(

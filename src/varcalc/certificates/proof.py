@@ -41,7 +41,7 @@ from varcalc.spelling import spelled
 from varcalc.symbolic.convexity import Entry, proved_convex
 from varcalc.verify.along_curve import AlongCurve, in_form
 from varcalc.verify.along_curve import along_curve as along_curve_of
-from varcalc.verify.candidate import candidate
+from varcalc.verify.candidate import candidate, in_regular_form
 
 BITS = 128
 """Precision of the balls."""
@@ -156,12 +156,28 @@ def _proof(solution: Solution, told: Told) -> Certificate:
             if kinked.met:
                 raise
     told(CURVE)
-    along = _polished(solution)
+    found = _regular_curve(solution)
+    return _of_length(solution, found, told) if isinstance(found, Regular) else _of_curve(solution, found, told)
+
+
+def _regular_curve(solution: Solution) -> AlongCurve | Regular:
+    """The curve, polished; of a singular length the regular problem near it."""
+    try:
+        along = _polished(solution)
+    except Unproved:
+        # at an end where the metric is infinite Newton's iteration for the curve may fail
+        extremal = in_regular_form(solution)
+        found = None if extremal is None else regular(along_curve_of(extremal))
+        if found is None:
+            raise
+        return found
+    return regular(along) or along
+
+
+def _of_curve(solution: Solution, along: AlongCurve, told: Told) -> Certificate:
+    """The certificate of a curve in coordinates in which it is regular, under whatever it is held by."""
     if along.paths and not along.form.broken_at_switches:
         return _under_equations(solution, along, told)
-    found = regular(along)
-    if found is not None:
-        return _of_length(solution, found, told)
     if any(isinstance(c, Isoperimetric) and not c.equality for c in solution.problem.constraints):
         return _under_inequalities(solution, along, told)
     reason = _out_of_reach(along)

@@ -35,6 +35,8 @@ ROOM = 1e-9
 """Change of the curve, in units of its size, that positive values are to survive: it meets its integral within less."""
 STEEPEST = 0.1
 """One over what a bump on [0, 1] and its slope stay below."""
+VANISHING = "where L is infinite no coordinate in which the metric neither vanishes nor ends in a root is at hand"
+BROKEN_POWER = "where L is infinite the curve is regular in a coordinate of which the distance is no whole power"
 HALVINGS = 10
 """How often a box is halved to show that a curve runs forward in it."""
 
@@ -58,6 +60,10 @@ class Product:
             self._take(e.dep(0), power)
         elif e.is_op(ca.OP_SQ):
             self._take(e.dep(0), 2 * power)
+        elif self._is_power(e, power):
+            inner, exponent = Product(e.dep(0)), Fraction(float(e.dep(1)))
+            for base, own in inner.powers:
+                self._count(base, int(own * exponent) * power)
         elif e.is_op(ca.OP_INV):
             self._take(e.dep(0), -power)
         elif e.is_op(ca.OP_MUL) or e.is_op(ca.OP_DIV):
@@ -65,6 +71,16 @@ class Product:
             self._take(e.dep(1), power if e.is_op(ca.OP_MUL) else -power)
         else:
             self._count(e, power)
+
+    @staticmethod
+    def _is_power(e: Any, power: int) -> bool:
+        """Whether a power of a product of even powers has even powers itself, as (z^4)^1.5 has, which is z^6."""
+        if not (e.is_op(ca.OP_POW) or e.is_op(ca.OP_CONSTPOW)) or not e.dep(1).is_constant():
+            return False
+        inner, exponent = Product(e.dep(0)), Fraction(float(e.dep(1)))
+        found = [own * exponent for _, own in inner.powers]
+        even = all(own % 2 == 0 for _, own in inner.powers)
+        return inner.factor == 1 and even and all(p.denominator == 1 and p * power % 2 == 0 for p in found)
 
     def _count(self, e: Any, power: int) -> None:
         for k, (known, before) in enumerate(self.powers):
@@ -161,6 +177,8 @@ def regular(along: AlongCurve) -> Regular | None:
     common, own.factor, other.factor = own.factor, Fraction(1), other.factor / (own.factor or 1)
     symbol = ca.SX.sym("unit")
     unit, places = _in_own_unit(along, i, (own, other), symbol)
+    if other.power_of(s.y[1 - i]):
+        raise Unproved(VANISHING)
     b = own.without_poles(s.y[1 - i])
     metric = Metric(i, own.expression(), b, other.expression(), symbol, unit, places)
     weight = ca.Function("b", [s.y, s.parameters], [b])
@@ -228,6 +246,8 @@ def _check_ends(along: AlongCurve, ends: list[np.ndarray]) -> None:
     assert form.lifted is not None
     lift = Program(ca.Function("lift", [s.x, s.y, s.parameters], [ca.vertcat(*form.lifted[:2])]))
     parameters = [Jet(arb(float(v))) for v in form.problem.parameter_values]
+    if any(lift.is_op(op) for lift in form.lifted[:2] for op in (ca.OP_POW, ca.OP_CONSTPOW)):
+        raise Unproved(BROKEN_POWER)
     for end, at, own in ((form.problem.start, 0.0, ends[0]), (form.problem.end, 1.0, ends[1])):
         places = [Jet(arb(at))], [Jet(arb(float(v))) for v in own], parameters
         given = float(end.x), float(end.values(1)[0])

@@ -108,7 +108,7 @@ def candidate(solution: Solution) -> Candidate:
     held = tuple((c.x, c.until) for c in met if c.until is not None)
     if held and own is not None and not own.form.broken_at_switches:
         return Candidate(solution, own, None, "a kink of L holds the curve", held=held)
-    start = own if own is not None and not own.form.coordinates.weak_only else _in_regular_form(solution)
+    start = own if own is not None and not own.form.coordinates.weak_only else in_regular_form(solution)
     if start is None:
         reason = "no coordinates are at hand in which Jacobi's equation is regular"
         return Candidate(solution, own or _minimised(solution), None, reason)
@@ -146,7 +146,8 @@ def _regular(solution: Solution) -> Extremal | None:
     return stated(solution, form)
 
 
-def _in_regular_form(solution: Solution) -> Extremal | None:
+def in_regular_form(solution: Solution) -> Extremal | None:
+    """The curve as it was found, in coordinates in which it is regular; None where none are at hand."""
     found = (form for form in forms(solution.problem) if form is not None and not form.coordinates.weak_only)
     form = next(found, None)
     return None if form is None else stated(solution, form)
