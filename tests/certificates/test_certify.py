@@ -373,3 +373,29 @@ def test_the_greatest_area_over_a_shore_in_the_gauge_of_constant_speed():
     certificate = vc.certify(vc.solve(problem))
     assert between(certificate, 9 / (2 * mpmath.pi))
     assert certificate.scope is Scope.WEAK
+
+
+def test_what_is_all_but_flat_between_the_points_that_are_looked_at():
+    """The second derivative 72 y^2 vanishes where the line y = x - c crosses zero, between two nodes."""
+    c = 0.5975
+
+    def bent(x, y, v):
+        return 0.1 * v**2 + 6 * y**4 - 24 * (x - c) ** 3 * y
+
+    certificate = certified(bent, vc.Fixed(0, -c), vc.Fixed(1, 1 - c))
+    C = mpmath.mpf(c)
+    assert between(certificate, mpmath.mpf(0.1) - mpmath.mpf(18) / 5 * ((1 - C) ** 5 + C**5))
+    assert certificate.scope is Scope.ALL
+
+
+def test_several_functions_near_a_conjugate_point():
+    """int (v^2 - w^2 y^2)/2 of two oscillators, one of them for a time pi - 0.05: a sum of w Y^2 cot(w T)/2."""
+    T, Y, w2 = float(np.pi) - 0.05, (0.25, -1.0), 0.5
+
+    def action(x, y, v):
+        return (ca.sumsqr(v) - y[0] ** 2 - w2 * y[1] ** 2) / 2
+
+    certificate = certified(action, vc.Fixed(0, (0, 0)), vc.Fixed(T, Y))
+    terms = zip((mpmath.mpf(1), mpmath.sqrt(mpmath.mpf(w2))), map(mpmath.mpf, Y), strict=True)
+    assert between(certificate, sum(w * y**2 * mpmath.cot(w * mpmath.mpf(T)) / 2 for w, y in terms))
+    assert certificate.scope is Scope.ALL

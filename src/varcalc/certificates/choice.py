@@ -48,14 +48,25 @@ def silent(_what: str) -> None:
 
 def proved_tube(setting: Setting, told: Told = silent) -> Prover:
     """The inequality proved, in a tube as wide as a few halvings find."""
+    stiffness, convex = _convexity(setting)
+    if convex >= CONVEX_ENOUGH * stiffness and setting.statement.order == 1:
+        try:
+            return _in_some_tube(setting, 0.5 * convex, 0.25 * stiffness, None, told)
+        except Unproved:
+            pass  # between the points where it was looked at H may be less convex
     told("the field of extremals")
-    kappa, mu, found = _field(setting)
+    kappa, mu, found = _field(setting, stiffness)
     for _ in range(HALVINGS):
         rough = unresolved(found)
         if not rough:
             break
         setting = on_halves(setting, rough)
-        kappa, mu, found = _field(setting)
+        kappa, mu, found = _field(setting, stiffness)
+    return _in_some_tube(setting, kappa, mu, found, told)
+
+
+def _in_some_tube(setting: Setting, kappa: float, mu: float, found: JacobiFields | None, told: Told) -> Prover:
+    """The inequality with one field proved, in a tube as wide as a few halvings find."""
     jumps = parted(setting.statement, setting.samples)
     Q = slopes(found, len(setting.pieces), setting.statement.states, jumps)
     boxes, reason = setting.along.boxes, ""
@@ -89,8 +100,8 @@ def proved_tube(setting: Setting, told: Told = silent) -> Prover:
     raise Unproved(reason or "the inequality holds in no tube, however narrow")
 
 
-def _field(setting: Setting) -> tuple[float, float, JacobiFields | None]:
-    """kappa, mu and the field, with kappa as great as the field allows; no field where H is convex enough."""
+def _convexity(setting: Setting) -> tuple[float, float]:
+    """The least second derivative in the slope, and of the rest of H, at the nodes; Unproved where it is none."""
     m = setting.statement.states
     hessians = np.concatenate(setting.scaled)
     zz, zu, uu = hessians[:, :m, :m], hessians[:, :m, m:], hessians[:, m:, m:]
@@ -101,9 +112,11 @@ def _field(setting: Setting) -> tuple[float, float, JacobiFields | None]:
             f"Legendre's condition fails: the least second derivative in the slope is {stiffness:.3g} near {at:.6g}"
         )
     schur = zz - zu @ np.linalg.solve(0.6 * uu, zu.transpose(0, 2, 1))
-    convex = float(np.linalg.eigvalsh(schur).min())
-    if convex >= CONVEX_ENOUGH * stiffness and setting.statement.order == 1:
-        return 0.5 * convex, 0.25 * stiffness, None
+    return stiffness, float(np.linalg.eigvalsh(schur).min())
+
+
+def _field(setting: Setting, stiffness: float) -> tuple[float, float, JacobiFields]:
+    """kappa, mu and the field, with kappa as great as the field allows."""
     for bends in end_bends(setting.statement, setting.joints):
         found = _greatest(setting, stiffness, bends)
         if found is not None:

@@ -18,7 +18,7 @@ from varcalc.certificates.balls import differentiation, transform
 from varcalc.certificates.curve import DEGREE, Samples
 from varcalc.certificates.statement import Statement
 
-BENT = 1e-4
+BENT = 1e-6
 """Last coefficients of Q in Chebyshev polynomials, relative to it, below which it is resolved."""
 
 
@@ -78,9 +78,9 @@ def field(
     return JacobiFields(U, unit * M, float(singular.min() / singular.max()))
 
 
-def unresolved(field: JacobiFields | None) -> list[int]:
+def unresolved(field: JacobiFields) -> list[int]:
     """The pieces on which Q is no polynomial; where it is one number U and M are, and the two are enough."""
-    if field is None or field.U.shape[-1] == 1:
+    if field.U.shape[-1] == 1:
         return []
     Q = np.linalg.solve(field.U.swapaxes(2, 3), field.M.swapaxes(2, 3)).swapaxes(2, 3)
     last = np.abs(np.einsum("ij,pjab->piab", transform(DEGREE)[-3:], Q)).max(axis=(1, 2, 3))
