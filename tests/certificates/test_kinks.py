@@ -93,6 +93,36 @@ def test_a_convex_kink_is_certified_among_all_curves(lagrangian, start, end, exa
     assert certificate.width < 2e-12
 
 
+def test_a_kink_that_is_followed_from_its_one_side_to_the_other_under_a_load():
+    """int v^2/2 + b |v - s| - k cos(x) y: with p = C - k sin(x) the slope is p - b, s or p + b."""
+    b, s, k, T = (float(v) for v in (0.4, 0.3, 2.0, 2.0))
+
+    def slope(x, C):
+        rest = C - k * mpmath.sin(x) - s
+        return s + max(abs(rest) - b, 0) * mpmath.sign(rest)
+
+    def places(C):
+        return [0, mpmath.asin((C - s - b) / k), mpmath.asin((C - s + b) / k), mpmath.pi / 2, T]
+
+    def rise(C):
+        return mpmath.quad(lambda x: slope(x, C), places(C))
+
+    end = float(rise(mpmath.mpf("1.5")))
+    C = mpmath.findroot(lambda c: rise(c) - end, (1.49, 1.51))
+
+    def rate(x):
+        v = slope(x, C)
+        return v**2 / 2 + b * abs(v - s) + k * mpmath.sin(x) * v
+
+    exact = mpmath.quad(rate, places(C)) - k * mpmath.sin(T) * end
+    certificate = vc.certify(
+        solved(lambda x, y, v: v**2 / 2 + b * ca.fabs(v - s) - k * ca.cos(x) * y, (0, 0), (T, end))
+    )
+    low, high = bounds(certificate)
+    assert low <= exact <= high
+    assert certificate.width < 1e-10
+
+
 def test_a_maximum():
     problem = vc.Problem(
         lambda x, y, v: -(v**2) / 2 - ca.fabs(y), vc.Fixed(0, 1), vc.Fixed(4, 1), maximise=True
@@ -173,3 +203,19 @@ def test_a_curve_outside_the_tube_bounds_nothing_in_it():
 
     with pytest.raises(vc.VariationalError, match="no certificate"):
         vc.certify(replace(solution, curve=far, extremal=None))
+
+
+def test_a_kink_that_is_written_twice():
+    """|y| + |y|/2 along a dead core is 3/2 |y|."""
+    certificate = vc.certify(solved(lambda x, y, v: v**2 / 2 + ca.fabs(y) + ca.fabs(y) / 2, (0, 1), (5, 1)))
+    low, high = bounds(certificate)
+    assert low <= dead_core(1.5, 1, 5) <= high
+    assert certificate.width < 1e-11
+
+
+def test_a_kink_beside_a_level_is_refused_for_that():
+    level = vc.Isoperimetric(lambda x, y, v: y, 0.5)
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + ca.fabs(v), vc.Fixed(0, 0), vc.Fixed(1, 0), [level])
+    solution = vc.solve(problem)
+    with pytest.raises(vc.VariationalError, match="kinks and jumps that the curve meets are covered as"):
+        vc.certify(solution)

@@ -38,6 +38,8 @@ DEEPEST = 60
 SHALLOW = 5
 HALVINGS = 5
 """How often pieces are halved on which Q is not resolved."""
+ROUGH, RESOLVED = 1e-3, 1e-7
+"""Last coefficients of Q, relative to it: beyond the one no proof is tried, below the other none is tried again."""
 NARROWINGS = 3
 """Tubes that are tried so."""
 
@@ -55,14 +57,17 @@ def proved_tube(setting: Setting, told: Told = silent) -> Prover:
         except Unproved:
             pass  # between the points where it was looked at H may be less convex
     told("the field of extremals")
-    kappa, mu, found = _field(setting, stiffness)
     for _ in range(HALVINGS):
-        rough = unresolved(found)
-        if not rough:
-            break
-        setting = on_halves(setting, rough)
         kappa, mu, found = _field(setting, stiffness)
-    return _in_some_tube(setting, kappa, mu, found, told)
+        rough, finer = (unresolved(found, share) for share in (ROUGH, RESOLVED))
+        if not rough:
+            try:
+                return _in_some_tube(setting, kappa, mu, found, told)
+            except Unproved:
+                if not finer:
+                    raise
+        setting = on_halves(setting, rough or finer)
+    return _in_some_tube(setting, *_field(setting, stiffness), told)
 
 
 def _in_some_tube(setting: Setting, kappa: float, mu: float, found: JacobiFields | None, told: Told) -> Prover:

@@ -18,9 +18,6 @@ from varcalc.certificates.balls import differentiation, transform
 from varcalc.certificates.curve import DEGREE, Samples
 from varcalc.certificates.statement import Statement
 
-BENT = 1e-6
-"""Last coefficients of Q in Chebyshev polynomials, relative to it, below which it is resolved."""
-
 
 @dataclass(frozen=True)
 class JacobiFields:
@@ -78,13 +75,16 @@ def field(
     return JacobiFields(U, unit * M, float(singular.min() / singular.max()))
 
 
-def unresolved(field: JacobiFields) -> list[int]:
-    """The pieces on which Q is no polynomial; where it is one number U and M are, and the two are enough."""
+def unresolved(field: JacobiFields, share: float) -> list[int]:
+    """The pieces on which the last coefficients of Q, in Chebyshev polynomials, are more than a ``share`` of it.
+
+    There are none where Q is one number: then U and M are polynomials, and the two are enough.
+    """
     if field.U.shape[-1] == 1:
         return []
     Q = np.linalg.solve(field.U.swapaxes(2, 3), field.M.swapaxes(2, 3)).swapaxes(2, 3)
     last = np.abs(np.einsum("ij,pjab->piab", transform(DEGREE)[-3:], Q)).max(axis=(1, 2, 3))
-    return np.flatnonzero(last > BENT * np.abs(Q).max(axis=(1, 2, 3))).tolist()
+    return np.flatnonzero(last > share * np.abs(Q).max(axis=(1, 2, 3))).tolist()
 
 
 def parted(statement: Statement, samples: Sequence[Samples]) -> list[int]:

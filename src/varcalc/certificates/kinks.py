@@ -47,6 +47,8 @@ MARGIN, NOISE = 1e-13, 1e-11
 """What a subgradient is shrunk by to stay within its bounds; coefficients, relative to it, that are left out."""
 MOST_BOXES = 400
 """Boxes of one piece of which signs are looked at."""
+DEEPEST = 20
+"""Operations down to which the arguments of two kinks are compared."""
 KINKS = {ca.OP_FABS, ca.OP_FMAX, ca.OP_FMIN}
 
 
@@ -262,10 +264,11 @@ def _beyond(factor: Ball, argument: Ball, sign: int) -> Ball:
 
 def _shrunk(values: np.ndarray) -> np.ndarray:
     """A polynomial in powers, within [-1, 1] where ``values`` at the nodes all but are."""
-    size = max(1.0, float(np.abs(values).max()))
-    series = np.polynomial.Chebyshev.fit(nodes(DEGREE), values / size, DEGREE, domain=[-1, 1]).trim(NOISE)
+    series: Any = np.polynomial.Chebyshev.fit(nodes(DEGREE), values, DEGREE, domain=[-1, 1]).trim(NOISE)
+    # as it is with what was left out: next to a piece beside the kink it is 1 or -1
+    size = max(1.0, float(np.abs(series(np.linspace(-1.0, 1.0, 8 * SAMPLES))).max()))
     powers: np.ndarray = series.convert(kind=np.polynomial.Polynomial).coef
-    return np.r_[powers * (1 - MARGIN), 0.0]
+    return np.r_[powers * ((1 - MARGIN) / size), 0.0]
 
 
 def kinks(solution: Solution) -> Kinked | None:
@@ -290,6 +293,9 @@ def _read(symbols: list[Expression], integrand: Expression, curve: Expression) -
     sizes: list[Expression] = []
 
     def size(e: Expression) -> Expression:
+        for known, symbol in zip(arguments, sizes, strict=True):
+            if ca.is_equal(known, e, DEEPEST):
+                return symbol
         arguments.append(e)
         sizes.append(ca.SX.sym("size"))
         return sizes[-1]
