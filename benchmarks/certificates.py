@@ -273,6 +273,22 @@ def unequal(random: np.random.Generator) -> tuple[vc.Problem, Any]:
     return vc.Problem(lambda x, y, v: v**2 / 2, vc.Fixed(0, 0), vc.Fixed(T, 0), [level]), value
 
 
+def sphere(random: np.random.Generator) -> tuple[vc.Problem, Any]:
+    """The least energy between two points of a sphere, which whole numbers lie on exactly: (angle times radius)^2/2."""
+    m, n, p, q = (int(v) for v in random.integers(1, 5, 4))
+    radius, point = (
+        m * m + n * n + p * p + q * q,
+        (m * m + n * n - p * p - q * q, 2 * (m * q + n * p), 2 * (n * q - m * p)),
+    )
+    other, inner = point, radius**2
+    while abs(inner) == radius**2:
+        other = tuple(int(s) * point[k] for s, k in zip(random.choice([-1, 1], 3), random.permutation(3), strict=True))
+        inner = sum(a * b for a, b in zip(point, other, strict=True))
+    held = [vc.Holonomic(lambda x, y: ca.sumsqr(y) - radius**2)]
+    problem = vc.Problem(lambda x, y, v: ca.sumsqr(v) / 2, vc.Fixed(0, point), vc.Fixed(1, other), held)
+    return problem, (radius * mpmath.acos(mpmath.mpf(inner) / radius**2)) ** 2 / 2
+
+
 FAMILIES: dict[str, Callable[[np.random.Generator], tuple[vc.Problem, Any]]] = {
     "quadratic": quadratic,
     "convex": lambda random: made(random, convex=True),
@@ -286,6 +302,7 @@ FAMILIES: dict[str, Callable[[np.random.Generator], tuple[vc.Problem, Any]]] = {
     "kinked": kinked,
     "unequal": unequal,
     "spectrum": spectrum,
+    "sphere": sphere,
 }
 """The families by name; of the first two all are convex."""
 MORE = 100
