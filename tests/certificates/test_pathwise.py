@@ -76,6 +76,19 @@ def test_references_in_space(name, exact):
     assert high - low < 1e-18
 
 
+def test_a_length_that_has_a_factor():
+    """The energy is stated without it, and so are the multipliers."""
+    length = vc.Curve(
+        lambda q, dq: 0.1 * ca.norm_2(dq) / 0.3,
+        *map(vc.At, NEAR),
+        [vc.Holonomic(lambda q: ca.sumsqr(q) - 25)],
+    )
+    low, high = bounds(vc.certify(vc.solve(length)))
+    exact = mpmath.mpf(0.1) / mpmath.mpf(0.3) * 5 * angle(*NEAR)
+    assert low <= exact <= high
+    assert high - low < 1e-18
+
+
 def test_two_conditions():
     """The sphere of radius 5 at the height 3 is a circle of radius 4."""
     level = vc.Holonomic(lambda x, y: y[2] - 3)

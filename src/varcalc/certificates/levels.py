@@ -231,7 +231,10 @@ class Meeting:
             try:
                 views = [series(k, Around(box, TERMS + whole, whole)) for whole in (False, True)]
             except Undecided as undecided:
-                raise Unproved(f"a prescribed integral is not enclosed near {box.at:.6g}: {undecided}") from None
+                raise Unproved(
+                    f"near {box.at:.6g} the curves among which one meets all that is prescribed leave where the "
+                    f"Lagrangian is enclosed: {undecided}"
+                ) from None
             parts = [sum(integral(c, w, TERMS)) * box.unit for c, w in zip(*views, strict=True)]
             totals = [a + b for a, b in zip(totals, parts, strict=True)] if totals else parts
         return totals
