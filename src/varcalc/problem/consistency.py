@@ -62,18 +62,22 @@ def check_levels(problem: Functional) -> None:
 
     Integrands are compared at points that mean nothing. Levels that contradict each other are left to the solver.
     """
-    held = [t for t in problem.traced if isinstance(t.constraint, Isoperimetric) and t.constraint.equality]
+    held = [
+        (t.expression, t.constraint)
+        for t in problem.traced
+        if isinstance(t.constraint, Isoperimetric) and t.constraint.equality
+    ]
     if len(held) < 2:
         return
     columns = problem.symbols.all
-    function = ca.Function("levels", columns, [ca.densify(ca.vertcat(*(t.expression for t in held)))])
+    function = ca.Function("levels", columns, [ca.densify(ca.vertcat(*(e for e, _ in held)))])
     rng = np.random.default_rng(0)
     values = np.asarray(function.map(COMPARED)(*(rng.uniform(0.5, 1.5, (c.numel(), COMPARED)) for c in columns)))
-    rows = np.column_stack([values, [t.constraint.interval[0] for t in held]])
+    rows = np.column_stack([values, [level.interval[0] for _, level in held]])
     units = rows / np.linalg.norm(rows, axis=1, keepdims=True)
     for first, second in combinations(range(len(held)), 2):
         if abs(units[first] @ units[second]) >= 1 - SAME:
-            i, k = (problem.constraints.index(held[row].constraint) for row in (first, second))
+            i, k = (problem.constraints.index(held[row][1]) for row in (first, second))
             raise ValueError(f"constraints[{k}] prescribes the integral that constraints[{i}] does; leave one out")
 
 
