@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from varcalc import integrators, optics
+from varcalc.optics.rays.ray import SHADOW, no_rays
 
 AIR, GLASS = optics.Uniform(1.0), optics.Uniform(1.5)
 
@@ -459,3 +460,12 @@ def test_an_index_interpolated_in_two_coordinates_is_carried_as_its_formula_is()
     path = 0.1 * c**2 * ((right - left) / 2 + (np.sinh(2 * right) - np.sinh(2 * left)) / 4)
     rays = optics.Scene(optics.Graded(lambda x, y: table(ca.vertcat(x, y)))).rays((0, 0), (1, 1), within=2.0)
     assert [ray.optical_path for ray in rays] == pytest.approx([path], rel=1e-12)
+
+
+def test_where_the_search_was_given_up_in_parts_no_shadow_is_claimed():
+    searched = "all directions of the plane"
+    assert no_rays(SHADOW, searched).reason.startswith("shadow: no ray of the source comes to B")
+    doubtful = no_rays(SHADOW, searched, unresolved=8)
+    assert "8 narrow parts of the search had to be given up, and one may come to B" in doubtful.reason
+    assert "shadow" not in doubtful.reason
+    assert doubtful.unresolved == 8
