@@ -21,7 +21,7 @@ from varcalc.symbolic.derived import derived
 OFF = 1e-9
 """Distance from a constraint that is no rounding, relative to how much the constraint varies over the problem."""
 
-COMPARED, SAME = 7, 1e-13
+PROBED, PARALLEL = 7, 1e-13
 """Points at which integrands are compared, and the square of an angle that is none."""
 
 
@@ -72,11 +72,11 @@ def check_levels(problem: Functional) -> None:
     columns = problem.symbols.all
     function = ca.Function("levels", columns, [ca.densify(ca.vertcat(*(e for e, _ in held)))])
     rng = np.random.default_rng(0)
-    values = np.asarray(function.map(COMPARED)(*(rng.uniform(0.5, 1.5, (c.numel(), COMPARED)) for c in columns)))
+    values = np.asarray(function.map(PROBED)(*(rng.uniform(0.5, 1.5, (c.numel(), PROBED)) for c in columns)))
     rows = np.column_stack([values, [level.interval[0] for _, level in held]])
     units = rows / np.linalg.norm(rows, axis=1, keepdims=True)
     for first, second in combinations(range(len(held)), 2):
-        if abs(units[first] @ units[second]) >= 1 - SAME:
+        if abs(units[first] @ units[second]) >= 1 - PARALLEL:
             i, k = (problem.constraints.index(held[row][1]) for row in (first, second))
             raise ValueError(f"constraints[{k}] prescribes the integral that constraints[{i}] does; leave one out")
 
