@@ -107,6 +107,9 @@ def test_a_problem_without_an_answer_fails(call, write):
         (["run", "nowhere.py"], "there is no file nowhere.py"),
         (["list", "nowhere"], "'nowhere' is no problem of the catalogue"),
         (["run", "brachistochrone", "--tol", "0"], "--tol"),
+        (["run", "brachistochrone", "--tol", "inf"], "inf is not in the range"),
+        (["run", "brachistochrone", "--tol", "nan"], "nan is no tolerance; give a positive number"),
+        (["chart", "brachistochrone", "--tol", "1e-3", "--tol", "nan"], "nan is no tolerance"),
         (["run", "brachistochrone", "-o", "picture.gif"], "must end in .png, .pdf or .svg"),
         (["run", "brachistochrone", "-o", "no/such/folder/picture.png"], "does not exist; make it first"),
     ],
@@ -267,6 +270,12 @@ def test_no_picture_of_errors_without_a_closed_form(call, tmp_path):
     assert not picture.exists()
 
 
+def test_no_picture_of_errors_of_a_file_without_a_closed_form_is_refused_before_it_is_measured(call, write, tmp_path):
+    done = call("chart", write(SHORTEST), "-o", tmp_path / "picture.png")
+    assert done.exit_code == 2
+    assert "add exact = varcalc.Exact(value) to the file" in " ".join(done.stderr.split())
+
+
 def test_sweep_prints_every_point(call):
     done = call("sweep", "brachistochrone", "g=1.62:9.81:3")
     assert done.exit_code == 0, done.output
@@ -300,7 +309,9 @@ def test_a_sweep_with_failures_fails(call, write):
         (["chart", "nowhere.json"], "nowhere.json could not be read"),
         (["chart", "brachistochrone", "--store", "no/such/folder/a.json"], "does not exist; make it first"),
         (["chart", "brachistochrone", "--claims", "a.gif"], "must end in .png, .pdf or .svg"),
+        (["chart", "brachistochrone", "--store", "mine.py"], "mine.py must end in .json"),
         (["sweep", "brachistochrone"], "Missing argument"),
+        (["sweep", "brachistochrone", "g=1,2", "g=3,4"], "'g' is given twice; write all its values at once"),
         (["sweep", "brachistochrone", "g"], "is no grid; write name=from:to:count"),
         (["sweep", "brachistochrone", "g=1:20:0"], "'g=1:20:0' has no values"),
         (["sweep", "brachistochrone", "g=1:20:-3"], "'g=1:20:-3' has no values"),
@@ -324,6 +335,9 @@ def test_wrong_usage_of_chart_and_sweep_says_why(call, arguments, message):
         (["trace", "ranbow"], "did you mean 'rainbow'?"),
         (["move", "pendulm"], "did you mean 'pendulum'?"),
         (["list", "pendulm"], "did you mean 'pendulum'?"),
+        (["run", "rainbow"], "'rainbow' is no problem of the catalogue; it is a scene: varcalc trace rainbow"),
+        (["trace", "pendulum"], "it is a system: varcalc move pendulum"),
+        (["move", "soap_film"], "it is a problem: varcalc run soap_film"),
         (["run", "brachistochrone", "--ouptut", "x.png"], "--output"),
         (["sweep", "soap_film", "k=1:2"], "write name=from:to:count"),
     ],

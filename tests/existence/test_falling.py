@@ -79,3 +79,9 @@ def test_solve_says_so(name):
     with pytest.raises(vc.VariationalError, match="unbounded below") as refusal:
         vc.solve(UNBOUNDED[name])
     assert refusal.value.verdict is vc.Verdict.UNBOUNDED
+
+
+def test_a_functional_that_falls_with_an_unknown_alone_is_unbounded():
+    problem = graph(lambda x, y, v, p: v**2 + p.T, vc.Fixed(1, 1), unknowns={"T": 1})
+    with pytest.raises(vc.VariationalError, match="unbounded below"):
+        vc.solve(problem)

@@ -70,3 +70,16 @@ def test_a_steep_curve_is_no_contradiction():
         cost=lambda x, y, v: -(v**2),
     )
     assert contradiction(steep) is None
+
+
+def test_an_end_on_a_curve_without_points_is_told_by_where_phi_is_least():
+    end = vc.OnCurve(lambda x, y: (x - 2) ** 2 + y**2 + 0.25, x=1)
+    with pytest.raises(vc.InfeasibleError, match=r"slides on no curve: \|phi\| comes down to 0.25, at \(2, 0\)"):
+        vc.solve(vc.Problem(lambda x, y, dy: 1 + dy**2, vc.Fixed(0, 0), end))
+
+
+def test_an_end_on_a_curve_that_has_points_is_not_said_to_have_none():
+    end = vc.OnCurve(lambda x, y: (x - 2) ** 2 + y**2 - 0.25, x=1)
+    solution = vc.solve(vc.Problem(lambda x, y, dy: -(dy**2), vc.Fixed(0, 0), end), throw=False)
+    assert not solution.status.ok
+    assert "slides on no curve" not in solution.message

@@ -97,3 +97,24 @@ def test_other_parameter_values_are_judged_anew() -> None:
     wall.with_parameters({"height": 1.0})
     with pytest.raises(ValueError, match=r"start = .* h is -1 there, 1 below lower = 0"):
         wall.with_parameters({"height": 2.0})
+
+
+def level(factor, value, **options):
+    return vc.Isoperimetric(lambda x, y, dy: factor * y * ca.sqrt(1 + dy**2), value, **options)
+
+
+def test_an_integral_that_is_prescribed_twice_is_refused_by_name():
+    with pytest.raises(ValueError, match=r"constraints\[1\] prescribes the integral that constraints\[0\] does"):
+        vc.Problem(square, vc.Fixed(0, 0), vc.Fixed(1, 0), [level(1, 1.0), level(2, 2.0)])
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        [vc.Isoperimetric(lambda x, y, dy: y, 1.0)],
+        [level(1, None, lower=0.0), level(1, None, upper=2.0)],
+        [level(2, 3.0)],  # which contradicts the other: what cannot be met is the solver's to say
+    ],
+)
+def test_other_integrals_and_other_levels_are_let_be(others):
+    vc.Problem(square, vc.Fixed(0, 0), vc.Fixed(1, 0), [level(1, 1.0), *others])

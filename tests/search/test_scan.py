@@ -71,3 +71,8 @@ def test_only_one_open_number_is_scanned():
     assert not mapped(lambda x, y, dy: ca.sumsqr(dy), vc.Fixed(0, [0, 0]), vc.Fixed(1, [1, 1]))
     assert not mapped(lambda x, y, dy, ddy: ddy**2, vc.Fixed(0, 0), vc.Fixed(1, 1), order=2)
     assert not mapped(spring, vc.Fixed(0, 0), vc.Fixed(1, 1), [vc.Isoperimetric(lambda x, y, dy: y, 1)])
+
+
+def test_slopes_are_told_in_their_unit():
+    fall = vc.Problem(spring, vc.Fixed(0, 0), vc.Fixed(1, 1), names=("t", "h"), units=("s", "m"))
+    assert "slope in [-1e+06, 1e+06] m/s that" in scan(EndMap(forms(fall)[0])).searched

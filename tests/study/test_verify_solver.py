@@ -55,6 +55,59 @@ def test_what_a_solver_raises_is_a_refusal_with_its_words():
     assert (row.outcome, row.message) == (Outcome.REFUSED, "ZeroDivisionError: division by zero")
 
 
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        ("2.2", "SolverAnswer.value must be one number, not '2.2'"),
+        (1j, "SolverAnswer.value must be one number"),
+        ((ROOT_OF_FIVE, np.sin), "SolverAnswer.value must be one number"),
+        (np.ones(2), "SolverAnswer.value must be one number"),
+    ],
+)
+def test_what_is_no_answer_is_told_in_a_sentence(answer, words):
+    row = judged(lambda problem: answer, CYLINDER)
+    assert row.outcome is Outcome.REFUSED
+    assert words in row.message
+
+
+def test_a_curve_of_another_shape_is_told_with_the_shape_that_is_meant():
+    row = judged(lambda problem: vc.SolverAnswer(np.array([ROOT_OF_FIVE]), lambda x: np.zeros((3, 7))), CYLINDER)
+    assert "y must return shape (33,) for 33 abscissae, not (3, 7)" in row.message
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (lambda: vc.SolverAnswer(1.0, y=np.zeros(3)), "y must be a function of the abscissae"),
+        (lambda: vc.SolverAnswer(1.0, error=-1), "error must not be negative"),
+        (lambda: vc.SolverAnswer(1.0, success="yes"), "success must be True or False"),
+        (lambda: vc.SolverAnswer(1.0, err=1), "SolverAnswer has no argument 'err'; did you mean 'error'"),
+        (lambda: vc.verify_solver(3), "solver must be a function of a PlainProblem, not 3"),
+        (lambda: vc.verify_solver(vc.Ritz()), "run by lambda problem: varcalc.solve"),
+        (lambda: vc.verify_solver(lambda: 1), r"called with one PlainProblem, but its signature is \(\)"),
+        (lambda: vc.verify_solver(vc.solve, problems=[]), "problems is empty"),
+        (lambda: vc.verify_solver(vc.solve, problems=[CYLINDER.problem]), "write Reference"),
+        (lambda: vc.verify_solver(vc.solve, tol=1), "did you mean 'tolerance'"),
+        (lambda: vc.solve(CYLINDER), "give its problem: reference.problem"),
+    ],
+)
+def test_what_is_given_wrongly_is_refused_at_once(made, words):
+    with pytest.raises((TypeError, ValueError), match=words):
+        made()
+
+
+def test_a_statement_shows_itself():
+    assert repr(plain("cylinder")).startswith("PlainProblem('cylinder', interval=(0.0, ")
+
+
+@pytest.mark.parametrize(("absent", "wanted"), [("mpmath", "digits"), ("pandas", "frames")])
+def test_a_package_that_is_absent_is_told_with_the_command_that_installs_it(monkeypatch, absent, wanted):
+    report = vc.verify_solver(lambda problem: ROOT_OF_FIVE, problems=[CYLINDER])
+    monkeypatch.setitem(sys.modules, absent, None)
+    with pytest.raises(ModuleNotFoundError, match=rf"install it by: .*varcalc\[{wanted}\]"):
+        CYLINDER.exact(digits=30) if absent == "mpmath" else report.to_pandas()
+
+
 def test_a_report_counts_prints_and_tells_whether_all_is_well():
     def five(problem):
         return ROOT_OF_FIVE if problem.name != "cylinder/embedded" else None

@@ -24,6 +24,15 @@ def test_every_operation_that_switches_is_read_with_what_it_switches_on():
     assert read(ca.sin(X) * ca.sqrt(1 + V**2) / Y) == set()
 
 
+def test_what_switches_on_a_table_is_read_with_the_table():
+    knots = np.linspace(0, 3, 7)
+    table = ca.interpolant("table", "bspline", [knots], np.cos(knots))
+    (found,) = switches([ca.fabs(Y - table(X))], [X, Y, V])
+    place = ca.Function("place", [X, Y], [found.argument])
+    assert float(place(1.3, 2.0)) == pytest.approx(2 - float(table(1.3)), abs=1e-15)
+    assert read(held([ca.fabs(Y - table(X)) + V**2], [X, Y, V], [1.3, 2.0, 0.0])[0]) == set()
+
+
 def test_what_switches_together_is_one_switch_and_a_jump_if_one_of_them_is():
     assert read(ca.fabs(X - Y) + ca.fabs(Y - X)) == {("fabs", "(x-y)", False)}
     assert {jumps for _, _, jumps in read(ca.fabs(Y) + ca.sign(Y))} == {True}

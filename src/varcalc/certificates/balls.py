@@ -17,6 +17,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from varcalc.extensions import optional
+
 ROUND_OFF, NOISE = 2.0**-51, 1e-13
 """Coefficients of a polynomial through doubles, relative to its values, that are round-off: at least and at most."""
 NARROW = 2.0**-60
@@ -31,15 +33,8 @@ Poly: TypeAlias = Any
 
 @lru_cache(maxsize=1)
 def flint() -> Any:
-    """The module python-flint; ImportError with a remedy where it is absent."""
-    try:
-        import flint as found
-    except ImportError:
-        raise ImportError(
-            "certificates are proved by the ball arithmetic of python-flint, which is not installed; "
-            "install it by: python -m pip install 'varcalc[certify]'"
-        ) from None
-    return found
+    """The module python-flint; ModuleNotFoundError with a remedy where it is absent."""
+    return optional("flint", "certify", "proofs by ball arithmetic")
 
 
 @contextmanager

@@ -34,7 +34,7 @@ from varcalc.problem.conditions import Through
 from varcalc.problem.functional import rebuilt
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
-from varcalc.symbolic.instructions import Program, arity
+from varcalc.symbolic.instructions import Program, operate
 from varcalc.symbolic.tracing import Expression, TracedFunction
 from varcalc.verify.along_curve import AlongCurve, in_form
 from varcalc.verify.given_curve import distinct
@@ -307,7 +307,7 @@ def _read(symbols: list[Expression], integrand: Expression, curve: Expression) -
                 return size(a)
             # fmax and fmin are half the sum, and half the size of the difference more or less
             return (a + b) / 2 + (1 if operation == ca.OP_FMAX else -1) * size(a - b) / 2
-        return (ca.SX.unary if arity(operation) == 1 else ca.SX.binary)(operation, *operands)
+        return operate(operation, operands)
 
     entries = [ca.vertsplit(s) if s.numel() else [] for s in symbols]
     program = Program(ca.Function("L", symbols, [integrand]))

@@ -17,7 +17,9 @@ from varcalc.cli.groups import end, kept
 from varcalc.cli.options import (
     DISAGREE,
     PICTURE_TEXT,
+    TOLERANCE,
     JsonCommand,
+    check_tolerances,
     loaded,
     picture_option,
     save,
@@ -26,6 +28,7 @@ from varcalc.cli.options import (
     tolerance_option,
 )
 from varcalc.progress import Interrupted, telling
+from varcalc.study.user_file import SUFFIX
 
 if TYPE_CHECKING:
     from varcalc.problem.problem import Curve, Problem
@@ -46,9 +49,9 @@ CHART_TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 @picture_option("-o", "--output", text=PICTURE_TEXT)
 @picture_option("--claims", text="Write a picture of claimed against delivered errors here.")
-@store_option("Write the measurements here (JSON); the file can be given as NAME later.")
+@store_option(f"Write the measurements here ({STORED}); the file can be given as NAME later.")
 @click.option(
-    "--tol", "tolerances", type=click.FloatRange(0, min_open=True), multiple=True,
+    "--tol", "tolerances", type=TOLERANCE, callback=check_tolerances, multiple=True,
     help="A tolerance to measure at; may be given several times.  [default: 1e-3, 1e-6, 1e-9, 1e-12]",
 )  # fmt: skip
 @click.option(
@@ -78,6 +81,10 @@ def chart(
     """
     from varcalc.charts import claims_picture, work_precision_picture
 
+    if store is not None and store.suffix != STORED:
+        raise click.BadParameter(f"{store} must end in {STORED}", param_hint="--store")
+    if output is not None or claims is not None:
+        _check_drawable(names)
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
         measured, stopped = kept(lambda: _gathered(names, tolerances, repeats))
     if store is not None:
@@ -90,6 +97,16 @@ def chart(
         click.echo(f"{record.problem} by {record.method} at {record.turned} is wrong by more than it claims", err=True)
     wrong = bool(measured.astray) or not any(r.ok for r in measured.records)
     end(stopped=stopped, failed=wrong, status=DISAGREE)
+
+
+def _check_drawable(names: Sequence[str]) -> None:
+    """Refuse a picture of errors that nobody can know, before anything is measured for it."""
+    own = [name for name in names if name.endswith(SUFFIX)]
+    if own and len(own) == len(names) and all(loaded(name)[0].exact is None for name in own):
+        raise click.UsageError(
+            f"no picture: no closed form is given in {', '.join(own)}, so that errors are not known; "
+            "add exact = varcalc.Exact(value) to the file, or leave the picture out"
+        )
 
 
 def _gathered(names: Sequence[str], tolerances: Sequence[float], repeats: int) -> WorkPrecision:
@@ -190,12 +207,12 @@ def sweep(
 
 
 def _swept(name: str, grid: Sequence[str], store: Path | None, cores: int, tol: float) -> Sweep:
-    from varcalc.solve.grid import spaced
+    from varcalc.solve.grid import all_spaced
     from varcalc.solve.sweep import sweep as solve_all
 
     problem = _kept(name).problem
     try:
-        axes = dict(spaced(text) for text in grid)
+        axes = all_spaced(grid)
         problem.with_parameters({n: values[0] for n, values in axes.items()})
         return solve_all(_Loaded(name) if cores > 1 else problem, axes, tol=tol, cores=cores, store=store)
     except ValueError as error:

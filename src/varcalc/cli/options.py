@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,6 +37,13 @@ def _picture_path(context: click.Context, parameter: click.Parameter, value: Pat
     return _written_path(context, parameter, value)
 
 
+def check_tolerances(_context: click.Context, _parameter: click.Parameter, value: Any) -> Any:
+    """Refuse what is no number: it lies in no range, and outside of none."""
+    if any(map(math.isnan, value if isinstance(value, tuple) else (value,))):
+        raise click.BadParameter("nan is no tolerance; give a positive number")
+    return value
+
+
 def picture_option(*names: str, text: str) -> Any:
     """An option that names a picture to write."""
     return click.option(*names, type=click.Path(dir_okay=False, path_type=Path), callback=_picture_path, help=text)
@@ -48,8 +56,10 @@ def store_option(text: str) -> Any:
     )  # fmt: skip
 
 
+TOLERANCE = click.FloatRange(0, math.inf, min_open=True, max_open=True)
+
 tolerance_option = click.option(
-    "--tol", type=click.FloatRange(0, min_open=True), default=1e-10, show_default=True,
+    "--tol", type=TOLERANCE, callback=check_tolerances, default=1e-10, show_default=True,
     help="Error of the value to stay below, relative to max(1, |value|).",
 )  # fmt: skip
 

@@ -48,14 +48,15 @@ def report(names: tuple[str, ...], everything: bool, output: Path, cores: int | 
         interrupted = True
     except OSError as error:
         raise click.ClickException(f"{error.filename or output} could not be written: {error.strerror}") from error
-    from varcalc.report.gallery import write_index
+    from varcalc.report.gallery import FAILED, write_index
     from varcalc.report.page import Mark
 
     index = write_index(entries, output, len(subjects))
     bad = [entry for entry in entries if entry.mark is Mark.BAD]
     for entry in bad:
         click.echo(f"{entry.name}: {entry.answer}: {entry.known}", err=True)
-    click.echo(f"{len(entries)} of {len(subjects)} pages: {index}")
+    made = sum(entry.answer != FAILED for entry in entries)
+    click.echo(f"{made} of {len(subjects)} pages: {index}")
     if interrupted:
         raise SystemExit(INTERRUPTED)
     if bad:

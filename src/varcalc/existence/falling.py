@@ -105,7 +105,10 @@ def falls_along(problem: Problem, x: np.ndarray, y: np.ndarray, away: np.ndarray
 
 
 def _directions(system: RitzSystem, start: np.ndarray) -> list[np.ndarray]:
-    """The directions of least curvature in the H^1 (H^2) metric at the start, each of unit size along the curve."""
+    """The directions of least curvature in the H^1 (H^2) metric at the start, each of unit size along the curve.
+
+    One that moves unknown numbers alone is of unit size in them.
+    """
     at = system.evaluate(start)
     hessian, metric = system.hessian(at, np.zeros(0)), system.metric(at)
     if not (np.isfinite(hessian).all() and np.isfinite(metric).all()):
@@ -115,7 +118,8 @@ def _directions(system: RitzSystem, start: np.ndarray) -> list[np.ndarray]:
     except np.linalg.LinAlgError:
         return []
     vectors = factor.T @ np.linalg.eigh(factor @ hessian @ factor.T)[1][:, :LEAST_CURVED]
-    sizes = [float(np.abs(system.ordinates(start + v) - system.ordinates(start)).max()) for v in vectors.T]
+    moved = (float(np.abs(system.ordinates(start + v) - system.ordinates(start)).max()) for v in vectors.T)
+    sizes = [size or float(np.abs(v).max()) for size, v in zip(moved, vectors.T, strict=True)]
     return [v / size for v, size in zip(vectors.T, sizes, strict=True) if size > 0]
 
 

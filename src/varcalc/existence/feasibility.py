@@ -34,6 +34,8 @@ REAL_MISS = 1e-3
 MISS_KEPT = 0.9
 """Share of the miss that is left when steepness costs a thousandth."""
 CHORD_POINTS = 33
+SLIDE_STARTS = 6
+"""Places from which |phi| is made least."""
 MISS_TOLERANCE = 1e-3
 
 
@@ -45,6 +47,10 @@ def explained(problem: Functional, failure: Solution) -> Solution:
     curve does, and the multiplier rule is abnormal there. Bounds, and levels each of which can be
     reached, may still contradict each other.
     """
+    for label in ("start", "end"):
+        nowhere = _nowhere(problem, label) if not failure.status.ok else None
+        if nowhere is not None:
+            return refused(failure, Finding(Verdict.INFEASIBLE, nowhere))
     for index, constraint in enumerate(problem.constraints):
         if not isinstance(constraint, Isoperimetric):
             continue
@@ -76,6 +82,40 @@ def explained(problem: Functional, failure: Solution) -> Solution:
 def _can_contradict(problem: Functional) -> bool:
     """Whether there are bounds, or several levels."""
     return any(problem.of_type(Bound)) or len(list(problem.of_type(Isoperimetric))) > 1
+
+
+def _nowhere(problem: Functional, label: str) -> str | None:
+    """That an end slides on nothing: where |phi| has a least value other than zero, from every start alike."""
+    from scipy.optimize import minimize
+
+    kind = problem.symbols.kind
+    x, y = kind.sym("x"), kind.sym("y", problem.n)
+    phi = problem.traced_slide(label, x, y, kind)
+    if phi is None or not isinstance(problem, Problem):
+        return None
+    guess = float(getattr(problem, label).x)
+    value = ca.Function("phi", [ca.vertcat(x, y)], [phi, ca.gradient(phi, ca.vertcat(x, y))])
+    size = max(abs(guess), problem.span[1] - problem.span[0])
+
+    def squared(place: np.ndarray) -> tuple[float, np.ndarray]:
+        of, slope = (v.full().ravel() for v in value(place))
+        return float(of[0] ** 2), 2 * of[0] * slope
+
+    rng = np.random.default_rng(0)
+    starts = np.array([guess, *np.zeros(problem.n)]) + size * rng.standard_normal((SLIDE_STARTS, 1 + problem.n))
+    with np.errstate(all="ignore"):
+        found = [minimize(squared, start, jac=True, method="BFGS") for start in starts]
+    least = [f.fun**0.5 for f in found]
+    apart = np.ptp([f.x for f in found], axis=0).max()
+    if not (np.isfinite(least).all() and min(least) > 0 and np.ptp(least) <= REAL_MISS * min(least)):
+        return None
+    if apart > REAL_MISS * size:
+        return None
+    place = ", ".join(f"{v + 0.0:.3g}" for v in np.round(found[0].x / size, 3) * size)
+    return (
+        f"{label} = {getattr(problem, label)} slides on no curve: |phi| comes down to {min(least):.4g}, at ({place}), "
+        "and not to 0; mend phi"
+    )
 
 
 def _extreme(problem: Functional, constraint: Isoperimetric, greatest: bool) -> float:

@@ -21,7 +21,7 @@ from varcalc.integrators.lowering import CannotLower, scalar_function
 from varcalc.integrators.protocol import Engine, Flow, Landing, Run, RunOutcome
 from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.symbolic.instructions import interpret
+from varcalc.symbolic.instructions import interpret, operate
 from varcalc.symbolic.tracing import Expression
 from varcalc.symbolic.variation import LEAST_POWER, LOCAL, SEEN_FROM_AFAR, VARYING, Between, excess, gentle
 
@@ -287,7 +287,7 @@ def with_companions(system: ca.Function) -> ca.Function:
                 moves = ca.depends_on(u, ca.vertcat(s, state))
                 if moves and not any(ca.is_equal(u, known, 8) for known in kept):
                     kept.append(u)
-        return ca.SX.unary(operation, *operands) if len(operands) == 1 else ca.SX.binary(operation, *operands)
+        return operate(operation, operands)
 
     interpret(system, [ca.vertsplit(s), ca.vertsplit(state), ca.vertsplit(constants)], ca.SX, applied)
 

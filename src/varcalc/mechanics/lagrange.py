@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.problem.conditions import told
 from varcalc.symbolic.names import with_names
 from varcalc.symbolic.tracing import LAST, Expression, called, check_arity, trace
 
@@ -65,7 +66,10 @@ class StateSymbols:
         arguments = self.arguments(*columns)
         check_arity(name, function, len(arguments), LAST)
         result = called(name, function, arguments, ca.SX)
-        column = ca.vertcat(*result) if isinstance(result, list | tuple) else ca.SX(result)
+        try:
+            column = ca.vertcat(*result) if isinstance(result, list | tuple) else ca.SX(result)
+        except (NotImplementedError, TypeError):
+            raise TypeError(f"{name} must return a list of expressions or numbers, not {told(result)}") from None
         if column.numel() != size:
             raise ValueError(f"{name} must return {size} numbers, one for each coordinate, not {column.numel()}")
         return ca.densify(ca.reshape(column, size, 1))

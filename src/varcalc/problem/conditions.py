@@ -80,7 +80,7 @@ def reals(name: str, given: Any) -> np.ndarray:
         made = None if kind in "USmMbc" else array.astype(float)
     except (TypeError, ValueError, RuntimeError, OverflowError):
         raise wrong from None
-    if made is None or (kind == "O" and any(isinstance(v, str | bytes | bool) for v in array.ravel())):
+    if made is None or (kind == "O" and any(v is None or isinstance(v, str | bytes | bool) for v in array.ravel())):
         raise wrong
     return made
 

@@ -9,16 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import casadi as ca
 import numpy as np
 
-from varcalc.problem.conditions import Bound, Holonomic
+from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric
 from varcalc.problem.functional import Functional, Traced
 from varcalc.symbolic.derived import derived
 
 OFF = 1e-9
 """Distance from a constraint that is no rounding, relative to how much the constraint varies over the problem."""
+
+PROBED, PARALLEL = 7, 1e-13
+"""Points at which integrands are compared, and the square of an angle that is none."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,30 @@ def check_places(problem: Functional, places: Sequence[Place]) -> None:
                     f"{place.label} violates constraints[{index}] ({type(traced.constraint).__name__}): {complaint}; "
                     "move one of the two, or free the component that is fixed there"
                 )
+
+
+def check_levels(problem: Functional) -> None:
+    """Raise ValueError for an integral that is prescribed twice, be it in another unit: no multiplier is fixed then.
+
+    Integrands are compared at points that mean nothing. Levels that contradict each other are left to the solver.
+    """
+    held = [
+        (t.expression, t.constraint)
+        for t in problem.traced
+        if isinstance(t.constraint, Isoperimetric) and t.constraint.equality
+    ]
+    if len(held) < 2:
+        return
+    columns = problem.symbols.all
+    function = ca.Function("levels", columns, [ca.densify(ca.vertcat(*(e for e, _ in held)))])
+    rng = np.random.default_rng(0)
+    values = np.asarray(function.map(PROBED)(*(rng.uniform(0.5, 1.5, (c.numel(), PROBED)) for c in columns)))
+    rows = np.column_stack([values, [level.interval[0] for _, level in held]])
+    units = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    for first, second in combinations(range(len(held)), 2):
+        if abs(units[first] @ units[second]) >= 1 - PARALLEL:
+            i, k = (problem.constraints.index(held[row][1]) for row in (first, second))
+            raise ValueError(f"constraints[{k}] prescribes the integral that constraints[{i}] does; leave one out")
 
 
 def _positional(problem: Functional) -> list[Traced]:

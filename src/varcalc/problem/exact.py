@@ -17,7 +17,7 @@ from varcalc.problem.conditions import OfFunction
 from varcalc.problem.functional import Functional, rebuilt
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import derived
-from varcalc.symbolic.instructions import Program, arity
+from varcalc.symbolic.instructions import Program, operate
 from varcalc.symbolic.tracing import Expression, TracedFunction, as_written
 
 STAYING = frozenset({0.0, 0.25, 0.5, 1.0, 2.0, 4.0})
@@ -147,7 +147,7 @@ class _Numbers:
         entries = [e if k and operation in POWERS else self._named(e) for k, e in enumerate(operands)]
         if operation not in EXACT and all(e.is_constant() for e in entries):
             entries = [self._symbol(float(e)) for e in entries]
-        return (ca.SX.unary if arity(operation) == 1 else ca.SX.binary)(operation, *entries)
+        return operate(operation, entries)
 
     def _named(self, entry: Expression) -> Expression:
         """What stands for an expression: a parameter where it is a number that does not stay."""

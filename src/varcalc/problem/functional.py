@@ -439,8 +439,9 @@ def check_functional(problem: Any) -> None:
     """TypeError for anything but a problem; it says where to find that of what holds one."""
     if not isinstance(problem, Functional):
         held = isinstance(getattr(problem, "problem", None), Functional)
-        remedy = "; give its problem: solution.problem" if held else ""
-        what = type(problem).__name__ if held else repr(problem)
+        kind = type(problem).__name__
+        remedy = f"; give its problem: {kind.lower()}.problem" if held else ""
+        what = kind if held else repr(problem)
         raise TypeError(f"problem must be a Problem or a Curve, not {what}{remedy}")
 
 

@@ -27,7 +27,7 @@ from varcalc.problem.conditions import (
 from varcalc.problem.conditions import (
     function as check_function,
 )
-from varcalc.problem.consistency import Place, check_places
+from varcalc.problem.consistency import Place, check_levels, check_places
 from varcalc.problem.functional import Functional
 from varcalc.problem.shape import check_slopes, curve_dimension, dimension, inside, span_of
 from varcalc.spelling import spelled
@@ -125,6 +125,7 @@ class Problem(Functional):
         )
         self._check_domain()
         self.check_places()
+        check_levels(self)
 
     def position(self, x: Expression, y: Expression) -> list[Expression]:
         """The abscissa and the ordinates."""
@@ -319,6 +320,7 @@ class Curve(Functional):
             if isinstance(t.constraint, Isoperimetric):
                 self._check_homogeneous(f"constraints[{i}].g", t.expression)
         self.check_places()
+        check_levels(self)
 
     def check_ends(self) -> None:
         """A point anywhere may be the end of a Curve."""

@@ -18,6 +18,7 @@ from itertools import groupby, pairwise
 
 import numpy as np
 
+from varcalc.axes import measured
 from varcalc.integrators import RunOutcome
 from varcalc.problem.functional import Functional
 from varcalc.search.end_map import STEPS_PER_TRAJECTORY, EndMap, TrialTrajectory
@@ -52,7 +53,7 @@ CLUSTER_WIDTH = 1.0
 class Scanned:
     """What a scan found: ``zeros`` (u), those among them where two meet, and what was covered.
 
-    ``low`` and ``high`` are slopes; ``continuum`` is u of one trajectory where
+    ``low`` and ``high`` are slopes, in the ``unit`` that is declared; ``continuum`` is u of one trajectory where
     all of some interval meet the end; ``lost`` are intervals of slopes in which
     trajectories do not arrive, ``unresolved`` counts intervals given up.
     """
@@ -65,18 +66,22 @@ class Scanned:
     lost: list[tuple[float, float, RunOutcome]]
     unresolved: int
     continuum: float | None
+    unit: str = ""
 
     @property
     def searched(self) -> str:
         """What was covered, in words."""
-        words = f"all with initial slope in [{self.low:.6g}, {self.high:.6g}] that {self.shots} trajectories resolve"
+        words = f"all with initial slope in {self._between(self.low, self.high)} that {self.shots} trajectories resolve"
         for low, high, outcome in self.lost:
-            words += f"; with slope in [{low:.6g}, {high:.6g}] trajectories do not arrive ({outcome.value})"
+            words += f"; with slope in {self._between(low, high)} trajectories do not arrive ({outcome.value})"
         if self.unresolved:
             words += f"; {self.unresolved} intervals were left unresolved"
         if self.continuum is not None:
             words += "; a continuum of extremals joins these ends, which are conjugate; one of them stands for all"
         return words
+
+    def _between(self, low: float, high: float) -> str:
+        return measured(f"[{low:.6g}, {high:.6g}]", self.unit)
 
 
 @dataclass
@@ -163,7 +168,8 @@ def _scanned(end_map: EndMap) -> Scanned:
     ordered = [state.shots[u] for u in sorted(state.shots)]
     high = unit * math.sinh(float(grid[-1]))
     lost = _gaps(ordered, [0.0, *zeros, *double], unit)
-    return Scanned(zeros, double, -high, high, len(ordered), lost, state.unresolved, continuum)
+    x, y, *_ = end_map.form.problem.axes
+    return Scanned(zeros, double, -high, high, len(ordered), lost, state.unresolved, continuum, y.over(x).unit)
 
 
 def _continuum(shots: list[TrialTrajectory]) -> float | None:

@@ -138,3 +138,13 @@ def spaced(text: str) -> tuple[str, tuple[float, ...]]:
     if count < 1:
         raise ValueError(f"{text!r} has no values; the last number counts them, so write 1 or more")
     return name, tuple(np.linspace(first, last, count).tolist())
+
+
+def all_spaced(texts: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """The names and values in several such texts; ValueError for a name that stands in two."""
+    axes: dict[str, tuple[float, ...]] = {}
+    for name, values in map(spaced, texts):
+        if name in axes:
+            raise ValueError(f"{name!r} is given twice; write all its values at once: {name}=value,value")
+        axes[name] = values
+    return axes

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Protocol
 
+import casadi as ca
 import numpy as np
 
 from varcalc.existence.approach import outdone
@@ -196,7 +197,9 @@ def _linear(problem: Functional, method: Method) -> Solution | None:
     """A refusal when a first-order Lagrangian is linear in the slope, in which case nothing in it fixes a curve."""
     if not isinstance(problem, Problem) or problem.order != 1 or problem.constraints or not problem.linear:
         return None
-    message = "the Lagrangian is linear in the slope: nothing in it fixes a curve between these ends"
+    depends = ca.depends_on(problem.integrand, problem.symbols.dy)
+    message = f"the Lagrangian {'is linear in' if depends else 'does not contain'} the slope: "
+    message += "nothing in it fixes a curve between these ends"
     return no_answer(problem, method, Status.REFUSED, message, Verdict.SINGULAR)
 
 
@@ -301,7 +304,8 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
                 failure = solution
     assert failure is not None
     hopeless = all(form is not None and form.refused for form in candidates)
-    return explained(problem, failure) if problem.constraints and not hopeless else failure
+    asked = problem.constraints or any(problem.slides)
+    return explained(problem, failure) if asked and not hopeless else failure
 
 
 def _in_form(way: Method, form: Form, tol: float, start: Sampled | None) -> Solution:

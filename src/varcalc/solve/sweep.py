@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from varcalc.extensions import optional
 from varcalc.methods.arguments import check_tolerance
 from varcalc.methods.labels import checked_method, label
 from varcalc.problem.problem import Curve, Problem
@@ -135,8 +136,7 @@ class Sweep(Plotted):
 
         ``attrs`` holds the units. Raises ModuleNotFoundError without pandas (``pip install 'varcalc[frames]'``).
         """
-        import pandas as pd
-
+        pd = optional("pandas", "frames", "tables of points")
         columns = {name: [p.values[k] for p in self.points] for k, name in enumerate(self.grid)}
         columns |= {name: self._column(name) for name in POINT_FIELDS}
         frame = pd.DataFrame(columns)
@@ -149,8 +149,7 @@ class Sweep(Plotted):
         Every field of :class:`SweepPoint` is a variable, and those with a unit have it as the attribute ``units``, as
         the CF conventions do. Raises ModuleNotFoundError without xarray (``pip install 'varcalc[frames]'``).
         """
-        import xarray as xr
-
+        xr = optional("xarray", "frames", "arrays of points")
         dimensions = ("point",) if self.paired else tuple(self.grid)
         coordinates = {name: (dimensions if self.paired else (name,), list(v)) for name, v in self.grid.items()}
         shape = Grid(self.grid, self.paired).shape

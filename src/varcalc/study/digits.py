@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
+from varcalc.extensions import optional
+
 GUARD = 12
 """Digits that are carried beyond those wanted, at first; doubled until two evaluations agree."""
 ATTEMPTS = 6
@@ -50,7 +52,11 @@ class ExactDigits:
 
 
 def to_digits(form: ClosedForm, digits: int) -> ExactDigits:
-    """A closed form to so many digits; ArithmeticError where evaluations do not come to agree."""
+    """A closed form to so many digits; ArithmeticError where evaluations do not come to agree.
+
+    Raises ModuleNotFoundError without mpmath.
+    """
+    optional("mpmath", "digits", "closed forms to many digits")
     value = _settled(lambda working: _evaluated(form, working)[1], digits)
     return ExactDigits(value, digits, _evaluated(form, digits + GUARD)[2] is not None, form)
 

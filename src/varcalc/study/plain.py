@@ -13,6 +13,7 @@ import numpy as np
 
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.problem import Curve, Problem
+from varcalc.showing import Brief, brief, line
 from varcalc.study.reference import Reference
 from varcalc.symbolic.tracing import Expression
 
@@ -49,7 +50,7 @@ class Limited:
     upper: float
 
 
-class PlainProblem:
+class PlainProblem(Brief):
     """A problem as any solver can take it: make the integral of ``lagrangian`` least (greatest with ``maximise``).
 
     ``name`` and ``sentence`` say what it is; ``is_curve`` tells a :class:`varcalc.Curve`, whose Lagrangian has no x and
@@ -94,6 +95,9 @@ class PlainProblem:
             (float(c.x), np.atleast_1d(c.values)) for c in places
         )
         self.end_cost: Callable[..., float] | None = self._end_cost()
+
+    def __repr__(self) -> str:
+        return line("PlainProblem", [brief(self.name), f"interval={self.interval}", f"n={self.n}"])
 
     @cached_property
     def lagrangian(self) -> Along:

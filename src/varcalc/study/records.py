@@ -149,6 +149,8 @@ class WorkPrecision(Plotted):
 
 def _read(path: Path) -> Any:
     """What a JSON file holds; ValueError, with the line where there is one, for what is none."""
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}; give one that WorkPrecision.save wrote")
     try:
         return json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
     except RecursionError as error:

@@ -21,6 +21,12 @@ T = TypeVar("T")
 SUFFIX = ".py"
 """What tells a person's own file from a name in a catalogue."""
 
+CATALOGUES = (
+    ("varcalc.problems", "a problem", "run"),
+    ("varcalc.problems.optics", "a scene", "trace"),
+    ("varcalc.problems.mechanics", "a system", "move"),
+)
+"""The packages of the catalogues, what each holds, and the command that takes it."""
 MOST_NAMED = 400
 """Characters of the names of a catalogue that a message holds."""
 
@@ -70,13 +76,19 @@ def catalogued(package: str, name: str, text: str, kind: str) -> ModuleType:
     """The file of a catalogue that is called ``name``, run; ProblemFileError where none is, with the ``text`` given."""
     known = names_in(package)
     if name not in known:
-        suggested = near(name, known)
+        suggested = _elsewhere(package, name) or near(name, known)
         remedy = suggested or f", which holds {shorten(', '.join(known) or 'none', MOST_NAMED, placeholder=' ...')}"
         raise ProblemFileError(
             f"{text!r} is no {kind} of the catalogue{remedy}"
             + ("" if suggested else f"; a file of your own is given by its path, ending in {SUFFIX}")
         )
     return importlib.import_module(f"{package}.{name}")
+
+
+def _elsewhere(package: str, name: str) -> str:
+    """What another catalogue holds by this ``name``, and the command that takes it; nothing where none does."""
+    held = ((kind, way) for other, kind, way in CATALOGUES if other != package and name in names_in(other))
+    return next((f"; it is {kind}: varcalc {way} {name}" for kind, way in held), "")
 
 
 def defined(

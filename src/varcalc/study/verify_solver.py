@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from enum import Enum
@@ -9,6 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from varcalc.extensions import optional
+from varcalc.problem.conditions import told, truth
+from varcalc.problem.functional import Functional
+from varcalc.spelling import spelled
 from varcalc.study.plain import PlainProblem, size_of
 from varcalc.study.reference import Exact, Reference, catalogue, load
 from varcalc.study.user_file import BROKEN
@@ -37,12 +42,14 @@ class Outcome(Enum):
         return self.name.lower().replace("_", " ")
 
 
+@spelled
 @dataclass(frozen=True)
 class SolverAnswer:
     """What a solver says: the ``value``, and where it has them the curve ``y(x)`` and the ``error`` it claims.
 
     ``y`` takes abscissae (m,) (t in [0, 1] at constant speed for a Curve) and returns (m,) or (n, m). ``success=False``
-    is a refusal, and ``message`` says why.
+    is a refusal, and ``message`` says why. Raises TypeError for a value or an error that is no number and a y that is
+    no function, and ValueError for an error below 0.
     """
 
     value: float
@@ -50,6 +57,30 @@ class SolverAnswer:
     error: float | None = None
     success: bool = True
     message: str = ""
+
+    def __post_init__(self) -> None:
+        if not truth("SolverAnswer.success", self.success):
+            return  # of a refusal the words are all that is taken
+        object.__setattr__(self, "value", _number("value", self.value))
+        if self.error is not None:
+            object.__setattr__(self, "error", _number("error", self.error))
+            if self.error < 0:
+                raise ValueError(f"SolverAnswer.error must not be negative, not {self.error}: it is a distance")
+        if self.y is not None and not callable(self.y):
+            raise TypeError(f"SolverAnswer.y must be a function of the abscissae, not {told(self.y)}")
+
+
+def _number(name: str, given: Any) -> Any:
+    """A number as it was given, so that mpmath's keep their digits; the one entry of an array that has no more."""
+    value = given.item() if isinstance(given, np.ndarray) and given.size == 1 else given
+    wrong = TypeError(f"SolverAnswer.{name} must be one number, not {told(given)}")
+    if isinstance(value, str | bytes | bool | complex | np.complexfloating):
+        raise wrong
+    try:
+        float(value)
+    except (TypeError, ValueError, RuntimeError):
+        raise wrong from None
+    return value
 
 
 Solver = Callable[[PlainProblem], "SolverAnswer | float | None"]
@@ -134,26 +165,28 @@ class SolverReport:
 
     def to_pandas(self) -> pd.DataFrame:
         """One row a problem; raises ModuleNotFoundError without pandas (``pip install 'varcalc[frames]'``)."""
-        import pandas as pd
-
+        pd = optional("pandas", "frames", "tables of outcomes")
         return pd.DataFrame(self.document()["rows"])
 
 
+@spelled
 def verify_solver(
     solver: Solver, *, problems: Iterable[str | Reference] | None = None, tolerance: float = 1e-6, digits: int = 0
 ) -> SolverReport:
     """Run a solver over the reference problems, and tell what is right, what is wrong, and what is falsely right.
 
     ``solver`` takes a :class:`PlainProblem` and returns the value, a :class:`SolverAnswer`, or None for what it does
-    not do; what it raises is a refusal. ``problems`` are names of the catalogue (a file's name for all of its cases) or
-    :class:`varcalc.Reference` with a closed form; without them all are taken. An answer is right where value and claim
-    agree with the closed form to ``tolerance``, relative to max(1, abs(value)), and its curve, where it has one, to the
-    root of that, as the value depends on the curve to second order. It is falsely right where it gives itself out for
-    better than it is: off by more than the error it claims, or than the tolerance where it claims none. With ``digits``
-    the closed form is evaluated to so many, for solvers of more than double precision (mpmath's numbers are kept).
+    not do; what it raises is a refusal, and so is what is no answer. ``problems`` are names of the catalogue (a file's
+    name for all of its cases) or :class:`varcalc.Reference` with a closed form; without them all are taken. An answer
+    is right where value and claim agree with the closed form to ``tolerance``, relative to max(1, abs(value)), and its
+    curve, where it has one, to the root of that, as the value depends on the curve to second order. It is falsely right
+    where it gives itself out for better than it is: off by more than the error it claims, or than the tolerance where
+    it claims none. With ``digits`` the closed form is evaluated to so many, for solvers of more than double precision
+    (mpmath's numbers are kept).
 
-    Raises ValueError for a tolerance that is none, a name that is not in the catalogue, and a reference without a
-    closed form, or without one to so many digits.
+    Raises TypeError for a solver that cannot be called with one problem, ValueError for a tolerance that is none, no
+    problems, a name that is not in the catalogue, and a reference without a closed form, or without one to so many
+    digits.
 
     >>> import varcalc as vc
     >>> report = vc.verify_solver(lambda problem: vc.solve(problem.problem).value, problems=["soap_film", "cone"])
@@ -162,13 +195,40 @@ def verify_solver(
     """
     if not (isinstance(tolerance, float | int) and 0 < tolerance < 1):
         raise ValueError(f"tolerance must be a number between 0 and 1, not {tolerance!r}")
-    names = list(catalogue()) if problems is None else list(problems)
-    references = [r for given in names for r in ((given,) if isinstance(given, Reference) else load(given))]
+    _check_solver(solver)
+    references = _references(catalogue() if problems is None else problems)
     bare = next((r.name for r in references if r.exact is None), None)
     if bare is not None:
         raise ValueError(f"{bare} has no closed form to hold a solver against; leave it out")
     called = getattr(solver, "__qualname__", type(solver).__name__)
     return SolverReport(called, tolerance, tuple(judged(solver, r, tolerance, digits) for r in references))
+
+
+def _check_solver(solver: Any) -> None:
+    """TypeError for what cannot be called with one problem."""
+    if isinstance(solver, type) or not callable(solver):
+        by_method = "; a method of varcalc's is run by lambda problem: varcalc.solve(problem.problem, method).value"
+        remedy = by_method if hasattr(solver, "solve") else ""
+        raise TypeError(f"solver must be a function of a PlainProblem, not {told(solver)}{remedy}")
+    try:
+        inspect.signature(solver).bind(None)
+    except TypeError:
+        written = inspect.signature(solver)
+        raise TypeError(f"solver is called with one PlainProblem, but its signature is {written}") from None
+    except ValueError:  # a function of C's, which does not tell
+        return
+
+
+def _references(problems: Iterable[str | Reference]) -> list[Reference]:
+    """The references that are named or given."""
+    found: list[Reference] = []
+    for given in [problems] if isinstance(problems, str | Reference) else problems:
+        if isinstance(given, Functional):
+            raise TypeError("problems takes names and References; write Reference(name, problem, Exact(value))")
+        found += (given,) if isinstance(given, Reference) else load(given)
+    if not found:
+        raise ValueError("problems is empty; give at least one, or leave it out for all of the catalogue")
+    return found
 
 
 def judged(solver: Solver, reference: Reference, tolerance: float = 1e-6, digits: int = 0) -> SolverRow:
@@ -218,5 +278,8 @@ def _apart(reference: Reference, exact: Exact, answer: SolverAnswer) -> float | 
     if any(problem.slides):
         return None  # how far the curve goes is part of the answer
     x = np.linspace(*problem.span, COMPARED)
-    given, true = (np.asarray(curve(x), dtype=float).reshape(problem.n, -1) for curve in (answer.y, exact.y))
-    return float(np.abs(given - true).max())
+    given, true = (np.asarray(curve(x), dtype=float) for curve in (answer.y, exact.y))
+    if given.size != problem.n * COMPARED:
+        wanted = f"({problem.n}, {COMPARED})" if problem.n > 1 else f"({COMPARED},)"
+        raise ValueError(f"y must return shape {wanted} for {COMPARED} abscissae, not {given.shape}")
+    return float(np.abs(given.reshape(problem.n, -1) - true.reshape(problem.n, -1)).max())

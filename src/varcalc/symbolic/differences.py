@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import BINARY, UNARY, interpret
+from varcalc.symbolic.instructions import BINARY, UNARY, interpret, operate
 from varcalc.symbolic.tracing import Expression
 
 SMALL_POWER = 8
@@ -51,13 +51,6 @@ class Carried:
     def regular(self) -> bool:
         """True where the base is a number, so that the change means something."""
         return math.isfinite(self.probe)
-
-
-def operate(operation: int, arguments: Sequence[Expression]) -> Expression:
-    """One CasADi operation on SX elements."""
-    if len(arguments) == 1:
-        return ca.SX.unary(operation, arguments[0])
-    return ca.SX.binary(operation, *arguments)
 
 
 def fixed(symbol: Expression, probe: float) -> Carried:

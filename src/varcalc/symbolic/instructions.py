@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Self, TypeAlias, TypeVar
 
 import casadi as ca
 import numpy as np
 
 T = TypeVar("T")
+Expression: TypeAlias = Any
+"""An SX scalar."""
 
 KEPT_FUNCTIONS = 256
 """Functions whose instructions are kept."""
@@ -24,11 +26,41 @@ NAMES = {code: name.removeprefix("OP_").lower() for name, code in vars(ca).items
 """CasADi's name of each operation code."""
 
 
+class Call(int):
+    """CasADi's code of a call, which alone does not tell what is called: the function, and which of its results."""
+
+    function: ca.Function
+    result: int
+
+    @classmethod
+    def of(cls, function: ca.Function, result: int) -> Self:
+        """The call of a function for one of the nonzeros of its results."""
+        code = cls(ca.OP_CALL)
+        code.function, code.result = function, result
+        return code
+
+    def __call__(self, operands: Sequence[Any], kind: type) -> Any:
+        """The result for the nonzeros of the arguments, as a scalar of the ``kind`` SX or DM."""
+        f, columns, first = self.function, list[Any](), 0
+        for k in range(f.n_in()):
+            last = first + f.nnz_in(k)
+            columns.append(kind(f.sparsity_in(k), ca.vertcat(kind(0, 1), *operands[first:last])))
+            first = last
+        return ca.vertcat(*(ca.vertcat(*r.nonzeros()) for r in f.call(columns, False, True) if r.nnz()))[self.result]
+
+    def at(self, *operands: np.ndarray | float) -> np.ndarray:
+        """The result for arrays of numbers, or for numbers, that broadcast."""
+        given = np.broadcast_arrays(*operands)
+        each = [float(self(list(map(float, row)), ca.DM)) for row in zip(*map(np.ravel, given), strict=True)]
+        return np.reshape(each, given[0].shape)
+
+
 class Instruction(NamedTuple):
     """``work[target] = operation(*(work[s] for s in sources))``.
 
     For OP_CONST ``constant`` is the number; for OP_INPUT ``sources`` is
-    (argument, entry), for OP_OUTPUT ``place`` is (result, entry).
+    (argument, entry), for OP_OUTPUT ``place`` is (result, entry). A call of a function that is no formula, such as
+    interpolated data, has an instruction for each of its results, whose operation is a :class:`Call`.
     """
 
     operation: int
@@ -50,8 +82,12 @@ def instructions(function: ca.Function) -> Iterator[Instruction]:
             first, second = function.instruction_output(k)
             yield Instruction(operation, (function.instruction_input(k)[0],), -1, place=(first, second))
         else:
-            sources = tuple(function.instruction_input(k))
-            yield Instruction(operation, sources, function.instruction_output(k)[0])
+            sources, targets = tuple(function.instruction_input(k)), function.instruction_output(k)
+            if operation != ca.OP_CALL:
+                yield Instruction(operation, sources, targets[0])
+                continue
+            of = function.instructions_sx()[k].which_function()
+            yield from (Instruction(Call.of(of, r), sources, t) for r, t in enumerate(targets) if t >= 0)
 
 
 def interpret(
@@ -80,7 +116,7 @@ class Program:
     def __init__(self, function: ca.Function) -> None:
         self.steps = [
             # CasADi names the same source twice for an operation of one argument
-            i if i.operation in (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT)
+            i if i.operation in (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CALL)
             else i._replace(sources=i.sources[: arity(i.operation)])
             for i in instructions(function)
         ]  # fmt: skip
@@ -105,6 +141,13 @@ class Program:
             else:
                 work[i.target] = apply(i.operation, [work[s] for s in i.sources])
         return results
+
+
+def operate(operation: int, operands: Sequence[Expression]) -> Expression:
+    """One operation on SX elements."""
+    if isinstance(operation, Call):
+        return operation(operands, ca.SX)
+    return ca.SX.unary(operation, *operands) if len(operands) == 1 else ca.SX.binary(operation, *operands)
 
 
 def arity(operation: int) -> int:
@@ -177,3 +220,10 @@ BINARY: dict[int, Callable[[Any, Any], Any]] = {
     ca.OP_HYPOT: np.hypot,
 }
 """NumPy's form of CasADi's operations of two arguments."""
+
+
+def in_numbers(operation: int) -> Callable[..., Any]:
+    """An operation on numbers, or on arrays of them; KeyError where NumPy has no form of it."""
+    return (
+        operation.at if isinstance(operation, Call) else UNARY[operation] if operation in UNARY else BINARY[operation]
+    )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from varcalc.symbolic.instructions import NAMES, interpret
+from varcalc.symbolic.instructions import NAMES, interpret, operate
 from varcalc.symbolic.switches import Switch
 from varcalc.symbolic.tracing import Expression
 
@@ -33,8 +33,7 @@ def poles(expressions: Sequence[Expression], symbols: Sequence[Expression]) -> t
     found: list[Switch] = []
 
     def applied(operation: int, operands: Sequence[_Factored]) -> _Factored:
-        parts = [o.written for o in operands]
-        written = ca.SX.unary(operation, *parts) if len(parts) == 1 else ca.SX.binary(operation, *parts)
+        written = operate(operation, [o.written for o in operands])
         for argument in _singular(operation, operands):
             known = any(ca.is_equal(argument, one.argument, 8) for one in found)
             if not argument.is_constant() and not known:

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.symbolic.instructions import interpret
+from varcalc.symbolic.instructions import interpret, operate
 from varcalc.symbolic.switches import STEPPED, alike, arguments
 from varcalc.symbolic.tracing import Expression
 
@@ -112,7 +112,7 @@ class Sides:
                 _placed(places, argument, operation in STEPPED) if _moves(argument, along) else None
                 for argument in arguments(operation, operands)
             )
-            return _plain(operation, operands)
+            return operate(operation, operands)
 
         return interpret(function, [s.nonzeros() for s in self.symbols], ca.SX, applied), tuple(uses)
 
@@ -175,7 +175,7 @@ class Sides:
                 return _Part(written[1] if meant else ca.SX(0), of)
             of = frozenset(use[0] for use in used if use is not None).union(*(part.of for part in operands))
             if used and all(part.is_constant() for part in written):
-                return _Part(_plain(operation, written), of)
+                return _Part(operate(operation, written), of)
             return _Part(_held(operation, written, side, step, used), of)
 
         found = interpret(whole, [[_Part(e) for e in s.nonzeros()] for s in self.symbols], _constant, applied)
@@ -199,10 +199,6 @@ def _moves(argument: Expression, along: Expression) -> bool:
     return not argument.is_constant() and bool(ca.depends_on(argument, along))
 
 
-def _plain(operation: int, operands: Sequence[Expression]) -> Expression:
-    return ca.SX.unary(operation, *operands) if len(operands) == 1 else ca.SX.binary(operation, *operands)
-
-
 def _placed(places: list[SwitchingArgument], argument: Expression, stepped: bool) -> tuple[int, int]:
     """The number of the place at which ``argument`` switches, and 1 or -1 as it has the place's sign or the other."""
     for k, known in enumerate(places):
@@ -224,7 +220,7 @@ def _held(
         size = ca.fabs(a) if size is None else side[size[0]] * size[1] * a
         return ca.copysign(size, b) if sign is None else side[sign[0]] * sign[1] * size
     if not uses or uses[0] is None:
-        return _plain(operation, operands)
+        return operate(operation, operands)
     place, turned = uses[0]
     if operation in STEPPED:
         below, nearer = step[place][0], step[place][1]

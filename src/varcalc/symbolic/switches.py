@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import BINARY, NAMES, UNARY, interpret
+from varcalc.symbolic.instructions import NAMES, in_numbers, interpret, operate
 from varcalc.symbolic.tracing import Expression
 
 ONE_SIDED = {ca.OP_FABS, ca.OP_SIGN}
@@ -60,7 +60,7 @@ def switches(expressions: Sequence[Expression], symbols: Sequence[Expression]) -
     def applied(operation: int, operands: Sequence[Expression]) -> Expression:
         for argument in arguments(operation, operands):
             _noted(found, operation, argument)
-        return ca.SX.unary(operation, *operands) if len(operands) == 1 else ca.SX.binary(operation, *operands)
+        return operate(operation, operands)
 
     interpret(function, [s.nonzeros() if s.numel() else [] for s in symbols], ca.SX, applied)
     return tuple(found)
@@ -117,14 +117,12 @@ def held(
     function = ca.Function("held", list(symbols), [ca.densify(ca.vertcat(*expressions))])
 
     def applied(operation: int, operands: Sequence[_Held]) -> _Held:
-        value = float(numbers[operation](*(o.value for o in operands)))
+        value = float(in_numbers(operation)(*(o.value for o in operands)))
         written = _side(operation, operands, value)
         if written is None:
-            parts = [o.written for o in operands]
-            written = ca.SX.unary(operation, *parts) if len(parts) == 1 else ca.SX.binary(operation, *parts)
+            written = operate(operation, [o.written for o in operands])
         return _Held(written, value)
 
-    numbers = {**UNARY, **BINARY}
     given = [
         [_Held(e, float(v)) for e, v in zip(s.nonzeros(), np.ravel(at), strict=True)] if s.numel() else []
         for s, at in zip(symbols, point, strict=True)
@@ -176,7 +174,7 @@ class _Sized:
 def _measured(operation: int, operands: Sequence[_Sized]) -> _Sized:
     """What an operation makes of values; only a sum may be far smaller than what it is made of."""
     a, b = operands[0], operands[-1]
-    values = np.asarray((UNARY if len(operands) == 1 else BINARY)[operation](*(o.values for o in operands)))
+    values = np.asarray(in_numbers(operation)(*(o.values for o in operands)))
     if operation in SUMS:
         return _Sized(values, a.terms + b.terms)
     if operation in (ca.OP_NEG, ca.OP_FABS):
@@ -220,7 +218,7 @@ def smoothed(
             return SMOOTHED[operation](*operands, next(left))
         if operation in LOGICAL:
             return LOGICAL[operation](*operands)
-        return ca.SX.unary(operation, *operands) if len(operands) == 1 else ca.SX.binary(operation, *operands)
+        return operate(operation, operands)
 
     function = ca.Function("smoothed", list(symbols), [ca.densify(ca.vertcat(*expressions))])
     given = [s.nonzeros() if s.numel() else [] for s in symbols]

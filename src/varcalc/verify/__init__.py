@@ -35,7 +35,7 @@ def verify(solution: Solution) -> Verification:
     )
 
     if not isinstance(solution, Solution):
-        raise TypeError(f"verify takes a Solution, as solve gives, not {solution!r}")
+        raise TypeError(f"verify takes a Solution, as solve gives, not {solution!r}; write verify(solve(problem))")
     if solution.curve is None:
         raise ValueError(f"the solution holds no curve to verify: {solution.message or solution.status.value}")
     return verified(solution)

@@ -41,3 +41,13 @@ def test_a_wall_is_crossed_on_a_mesh_that_holds_what_its_first_integral_gives(wa
     problem, least = over_a_wall(*wall)
     solution = vc.solve(problem)
     assert abs(solution.value - least) <= solution.error.value + 1e-13 * abs(least)
+
+
+@pytest.mark.parametrize("radius", [1.0, 3.0])
+def test_a_curve_that_vanishes_is_settled_though_round_off_of_it_is_all_there_is(radius):
+    # between two circles, both of which it meets where they stand upright
+    left = vc.OnCurve(lambda x, y: x**2 + y**2 - 1, x=0.5)
+    right = vc.OnCurve(lambda x, y: (x - 3 - radius) ** 2 + y**2 - radius**2, x=3.3)
+    solution = vc.solve(vc.Problem(lambda x, y, dy: ca.sqrt(1 + dy**2), left, right), vc.Ritz())
+    assert solution.value == pytest.approx(2.0, abs=1e-12)
+    assert solution.stats.unknowns < 40

@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from varcalc import integrators, optics
+from varcalc.optics.rays.ray import SHADOW, no_rays
 
 AIR, GLASS = optics.Uniform(1.0), optics.Uniform(1.5)
 
@@ -444,3 +445,27 @@ def test_no_ray_is_lost_where_the_index_rises_at_once():
     first, last = places - a @ along, b @ along - places
     jump = np.min(np.sqrt(0.9) * np.hypot(rise[0], first) + np.sqrt(1.1) * np.hypot(rise[1], last))
     assert abs(ray.optical_path - jump) < width
+
+
+def test_an_index_interpolated_in_two_coordinates_is_carried_as_its_formula_is():
+    # cubic splines hold 1 + y/10 exactly: rays are catenaries c cosh((x - b)/c) of the height 10 + y
+    knots = np.linspace(-1, 2, 5)
+    table = ca.interpolant("n", "bspline", [knots, knots], np.tile(1 + 0.1 * knots[:, None], 5).ravel())
+
+    def foot(c):
+        return c * np.arccosh(10 / c)
+
+    c = brentq(lambda c: c * np.arccosh(11 / c) - foot(c) - 1, 1.0, 10 * (1 - 1e-12))
+    left, right = foot(c) / c, np.arccosh(11 / c)
+    path = 0.1 * c**2 * ((right - left) / 2 + (np.sinh(2 * right) - np.sinh(2 * left)) / 4)
+    rays = optics.Scene(optics.Graded(lambda x, y: table(ca.vertcat(x, y)))).rays((0, 0), (1, 1), within=2.0)
+    assert [ray.optical_path for ray in rays] == pytest.approx([path], rel=1e-12)
+
+
+def test_where_the_search_was_given_up_in_parts_no_shadow_is_claimed():
+    searched = "all directions of the plane"
+    assert no_rays(SHADOW, searched).reason.startswith("shadow: no ray of the source comes to B")
+    doubtful = no_rays(SHADOW, searched, unresolved=8)
+    assert "8 narrow parts of the search had to be given up, and one may come to B" in doubtful.reason
+    assert "shadow" not in doubtful.reason
+    assert doubtful.unresolved == 8

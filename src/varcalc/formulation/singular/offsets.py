@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from varcalc.problem.functional import Symbols
-from varcalc.symbolic.instructions import interpret
+from varcalc.symbolic.instructions import interpret, operate
 from varcalc.symbolic.tracing import Expression
 
 COMPARED = frozenset({ca.OP_LT, ca.OP_LE})
@@ -66,5 +66,4 @@ def _applied(operation: int, operands: Sequence[_Sum]) -> _Sum:
         return last.times(first.constant) if first.rest is None else first.times(last.constant)
     if operation in COMPARED:  # on which side of its place a distance is, however small
         operands = [first.plus(last.times(-1.0)), _Sum(0.0, None)]
-    values = [o.value for o in operands]
-    return _Sum(0.0, ca.SX.unary(operation, *values) if len(values) == 1 else ca.SX.binary(operation, *values))
+    return _Sum(0.0, operate(operation, [o.value for o in operands]))

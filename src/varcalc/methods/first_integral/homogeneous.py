@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from varcalc.symbolic.differences import operate
-from varcalc.symbolic.instructions import interpret
+from varcalc.symbolic.instructions import interpret, operate
 from varcalc.symbolic.tracing import Expression
 
 

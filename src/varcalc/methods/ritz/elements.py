@@ -157,7 +157,7 @@ def banded_step(
         small[:extra, :extra] = corner + shift * metric()[1] if shift else corner
         schur = small - sides.T @ solved[:, 1:]
         eigenvalues = np.linalg.eigvalsh(schur) if len(schur) else np.zeros(0)
-        if (eigenvalues < 0).sum() != count or not np.isfinite(solved).all():
+        if (eigenvalues < 0).sum() != count or not eigenvalues.all() or not np.isfinite(solved).all():
             continue
         tail = np.linalg.solve(schur, below - sides.T @ solved[:, 0]) if len(schur) else np.zeros(0)
         change = np.concatenate([solved[:, 0] - solved[:, 1:] @ tail, tail[:extra]])

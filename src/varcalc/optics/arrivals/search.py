@@ -26,7 +26,7 @@ from varcalc.optics.models.range_function import RangeFunction
 from varcalc.optics.propagation.sequential import CompiledScene, Propagator
 from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, spreading
 from varcalc.optics.rays.leg import Leg
-from varcalc.optics.rays.ray import Ray, Rays
+from varcalc.optics.rays.ray import SHADOW, Ray, Rays, no_rays
 from varcalc.optics.validation import matched, numbers, rows
 from varcalc.progress import Progress, telling
 
@@ -267,12 +267,12 @@ def _told(
     if rays:
         return Rays(tuple(sorted(rays, key=lambda ray: ray.optical_path)), "", searched, continuum, unresolved)
     if entered:
-        reason = "shadow: no ray of the source comes to B"
+        reason = SHADOW
     elif ends[RayStatus.TOTAL_REFLECTION]:
         reason = "total reflection: no ray gets through the surfaces"
     else:
         reason = "blocked: no ray meets the surfaces in the order of the scene"
-    return Rays((), f"{reason} (searched: {searched})", searched, unresolved=unresolved)
+    return no_rays(reason, searched, unresolved)
 
 
 @dataclass

@@ -18,7 +18,7 @@ import numpy as np
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.models.aimed import Aimed, Carry, Tell
 from varcalc.optics.models.linear import is_linear
-from varcalc.optics.rays.ray import Ray, Rays
+from varcalc.optics.rays.ray import SHADOW, Ray, Rays, no_rays
 from varcalc.symbolic.evaluation import PointEvaluator
 
 TOUCHES = 2e-13
@@ -80,5 +80,4 @@ class ConstantPull:
 
 def _answer(rays: list[Ray], within: float) -> Rays:
     searched = f"the two parabolas through both points, of a constant gradient of n², optical paths up to {within:.6g}"
-    reason = "" if rays else f"shadow: no ray of the source comes to B (searched: {searched})"
-    return Rays(tuple(rays), reason, searched)
+    return Rays(tuple(rays), "", searched) if rays else no_rays(SHADOW, searched)

@@ -14,7 +14,7 @@ from varcalc.optics.models.passage_tables import PassageTables
 from varcalc.optics.models.reduction import Profile, RayPotential
 from varcalc.optics.models.tables import TableProfile
 from varcalc.optics.rays.beam import frames
-from varcalc.optics.rays.ray import Ray, Rays
+from varcalc.optics.rays.ray import SHADOW, Ray, Rays, no_rays
 
 UPRIGHT = 1e-13
 """Of the distance of two points: what they lie apart along layers is none."""
@@ -130,9 +130,9 @@ def _answer(found: Launches, rays: list[Ray], within: float) -> Rays:
         f"all launching angles by the range function ({found.looked_at} looked at, {unresolved} narrow "
         f"intervals left unresolved{resting}), optical paths up to {within:.6g}"
     )
-    reason = "" if rays else f"shadow: no ray of the source comes to B (searched: {searched})"
-    rays = sorted(rays, key=lambda ray: ray.optical_path)
-    return Rays(tuple(rays), reason, searched, found.continuum, unresolved)
+    if not rays:
+        return no_rays(SHADOW, searched, unresolved)
+    return Rays(tuple(sorted(rays, key=lambda ray: ray.optical_path)), "", searched, found.continuum, unresolved)
 
 
 @dataclass(frozen=True)

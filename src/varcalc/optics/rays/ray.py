@@ -176,7 +176,8 @@ class Rays(Plotted, Sequence[Ray]):
     Attributes
     ----------
     reason : str
-        Why there is none, where there is none: shadow, total reflection, blocked, or an index that is not real at B.
+        Why there is none, where there is none: shadow, total reflection, blocked, an index that is not real at B, or
+        parts of the search that had to be given up, through which one may come.
     searched : str
         What was searched, in words.
     continuum : bool
@@ -230,3 +231,14 @@ class Rays(Plotted, Sequence[Ray]):
 def direction(vector: np.ndarray) -> str:
     """A direction in words: its components."""
     return f"({', '.join(f'{x:.6g}' for x in vector)})"
+
+
+SHADOW = "shadow: no ray of the source comes to B"
+"""Why there is no ray where nothing is in the way."""
+
+
+def no_rays(reason: str, searched: str, unresolved: int = 0) -> Rays:
+    """An answer without rays, and its ``reason``, which is known only where no part of the search was given up."""
+    parts = "1 narrow part" if unresolved == 1 else f"{unresolved} narrow parts"
+    open_ = f"no ray was found, but {parts} of the search had to be given up, and one may come to B through them"
+    return Rays((), f"{open_ if unresolved else reason} (searched: {searched})", searched, unresolved=unresolved)

@@ -12,7 +12,7 @@ import casadi as ca
 from varcalc.problem.functional import Functional
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.reading.sums import ZERO, Atom, Sum, add, atom, expanded, multiply, number, power, symbol
-from varcalc.symbolic.instructions import NAMES, interpret
+from varcalc.symbolic.instructions import NAMES, Call, interpret, operate
 from varcalc.symbolic.tracing import Expression
 
 LARGEST_DENOMINATOR = 720
@@ -61,10 +61,12 @@ class Reader:
         if operation in (ca.OP_POW, ca.OP_CONSTPOW) and b.number is not None:
             return self._raised(a, Fraction(b.number).limit_denominator(LARGEST_DENOMINATOR))
         if all(o.number is not None for o in operands):
-            constants = [ca.SX(o.number or 0.0) for o in operands]
-            folded = ca.SX.unary(operation, *constants) if len(operands) == 1 else ca.SX.binary(operation, *constants)
-            return number(float(folded))
-        return atom(Atom(NAMES.get(operation, str(operation)), tuple(operands)))
+            constants = [o.number or 0.0 for o in operands]
+            if isinstance(operation, Call):
+                return number(float(operation.at(*constants)))
+            return number(float(operate(operation, [ca.SX(c) for c in constants])))
+        called = operation.function.name() if isinstance(operation, Call) else NAMES.get(operation, str(operation))
+        return atom(Atom(called, tuple(operands)))
 
     def _rules(self) -> dict[int, Callable[[Sum, Sum], Sum]]:
         half, minus = Fraction(1, 2), Fraction(-1)
