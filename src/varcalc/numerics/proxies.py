@@ -22,6 +22,8 @@ DEGREE = 15
 """Of the series: about the cheapest for twelve digits, whatever the function."""
 RESOLVED = 1e-11
 """Of a function's largest value in a panel: the last coefficients of a series that stands for it."""
+ENOUGH = RESOLVED / 10
+"""How well values need be told for that."""
 FORETOLD = 10.0
 """By how many times that the series may be off at places that it has not seen."""
 CHECKED = np.array([-0.613, 0.287])
@@ -47,8 +49,8 @@ IS_ZERO = 1e-9
 class Functions(Protocol):
     """Families of F functions of one unknown each, and what need not be known of them; families go by numbers."""
 
-    def __call__(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Values (m, F) of families (m,) at places (m,).
+    def __call__(self, family: np.ndarray, at: np.ndarray, enough: float = 0.0) -> np.ndarray:
+        """Values (m, F) of families (m,) at places (m,), as well as they can be told or ``enough``, of their sizes.
 
         They are not numbers where a function does not exist, -∞ where it is not known.
         """
@@ -59,7 +61,7 @@ class Functions(Protocol):
         ...
 
     def noise(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """How much of the values (m,) of families (m,) at places (m,) is round-off."""
+        """How much of the values (m, F) of families (m,) at places (m,) is round-off."""
         ...
 
     def inside(self, at: np.ndarray, way: int) -> np.ndarray:
@@ -120,7 +122,7 @@ def proxies(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.
     for halving in range(HALVINGS + 1):
         middle, half = (low + high) / 2, (high - low) / 2
         places = middle[:, None] + half[:, None] * np.append(_POINTS, CHECKED)
-        values = functions(np.repeat(family, places.shape[1]), places.ravel()).reshape(*places.shape, -1)
+        values = functions(np.repeat(family, places.shape[1]), places.ravel(), ENOUGH).reshape(*places.shape, -1)
         looked_at += places.shape[1] * np.bincount(family, minlength=count)
         noise = np.maximum(np.stack([functions.noise(family, low), functions.noise(family, high)]), RESOLVED)
         fine, series = _series(functions, family, values, noise)
@@ -151,7 +153,7 @@ def _series(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Whether (P,) series stand for the functions at points and checked places (P, N + 2, F), and them (P, F, N).
 
-    ``noise`` (2, P) is that at the ends of the panels.
+    ``noise`` (2, P, F) is that at the ends of the panels.
     """
     own, checked = values[:, : DEGREE + 1], values[:, DEGREE + 1 :]
     series = np.einsum("kn,pnf->pfk", _TO_SERIES, own)
@@ -160,7 +162,7 @@ def _series(
         size = np.maximum(np.abs(own).max(axis=1), scale)
         tail = np.abs(series[..., -2:]).max(axis=-1)
         off = np.abs(np.einsum("cn,pfn->pcf", _AT_CHECKED, series) - checked).max(axis=1)
-        resolved, alike = noise.max(axis=0)[:, None], (noise.max(axis=0) <= MOST_RATIO * noise.min(axis=0))[:, None]
+        resolved, alike = noise.max(axis=0), noise.max(axis=0) <= MOST_RATIO * noise.min(axis=0)
         even = alike & (size <= MOST_RATIO * np.maximum(np.abs(own).min(axis=1), scale))
         idle = np.isnan(values).all(axis=1) | functions.beyond(family, values)
         series[idle] = np.nan
@@ -339,7 +341,8 @@ class _Isolation:
         return places, lost
 
     def _noise(self, row: np.ndarray, places: np.ndarray) -> np.ndarray:
-        return self.series.functions.noise(self.series.family[self.panel[row]], places)
+        noise = self.series.functions.noise(self.series.family[self.panel[row]], places)
+        return np.max(noise, axis=1, initial=0.0, where=self.weights[row] != 0)
 
     def _place(self, row: np.ndarray, x: np.ndarray) -> np.ndarray:
         panel = self.panel[row]

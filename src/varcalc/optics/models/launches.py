@@ -379,7 +379,8 @@ def _launched(
     leaving, arriving = way * np.where(behind == 1, -w, w), way * np.where(beyond == 1, -last, last)
     speed, end = (np.where(swapped[pair], -one, two) for one, two in ((arriving, leaving), (leaving, arriving)))
     touching, rates = crossing
-    noise, known = passages.noise(pair, angles), np.isfinite(came)
+    noise = np.max(passages.noise(pair, angles)[:, :LAYERS], axis=1, initial=0.0, where=weights > 0)
+    known = np.isfinite(came)
     short = np.where(known, distance - came, 0.0)
     # the optical path changes by c times the distance from ray to ray, and by c's change over that once more
     with np.errstate(all="ignore"):

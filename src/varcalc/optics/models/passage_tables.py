@@ -81,20 +81,24 @@ class TabledPassages:
         u = self.passages.nodes.u
         return max(np.floor(low / step) * step, u[0]), min(np.ceil(high / step) * step, u[-1])
 
-    def at(self, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray) -> np.ndarray:
-        """See :meth:`RayPassages.at`: read from tables where these know as much, beside a ``scale`` (m, COUNT)."""
+    def at(self, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray, enough: float = 0.0) -> np.ndarray:
+        """See :meth:`RayPassages.at`: read from tables where these know as much, beside a ``scale`` (m, COUNT).
+
+        It may be ``enough`` to know them so well, relatively.
+        """
         out, told = np.full((len(angles), COUNT), np.nan), np.zeros(len(angles), dtype=bool)
         if self.applies:
-            self._tabled(pair, angles, scale, out, told)
+            self._tabled(pair, angles, scale, enough, out, told)
         if not np.all(told):
             out[~told] = self.passages.at(pair[~told], angles[~told])
         return out
 
     def _tabled(
-        self, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray, out: np.ndarray, told: np.ndarray
+        self, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray, enough: float, out: np.ndarray, told: np.ndarray
     ) -> None:
         """Write down what the tables tell, and of which rows (m,)."""
-        g, agreed = self.passages.g[pair], np.maximum(self.passages.noise(pair, angles), AGREED)
+        g = self.passages.g[pair]
+        agreed = np.maximum(AS_WELL * np.maximum(self.passages.noise(pair, angles), AGREED), enough)
         c, squared = np.sqrt(g) * np.cos(angles), g * np.sin(angles) ** 2
         u, levels, deeper = self._levels
         here, t = self.passages.start[pair, None], len(self._turns)
@@ -155,7 +159,7 @@ class TabledPassages:
         up = self.passages.way[pair[known]] > 0
         passages, rough = (_assembled(slopes, part, up, way) for part, way in ((values, -1.0), (off, 1.0)))
         least = np.fmax(scale[known], np.nan_to_num(np.abs(passages)))
-        fine = ~np.any(rough > AS_WELL * agreed[known, None] * least, axis=1)
+        fine = ~np.any(rough > agreed[known] * least, axis=1)
         out[rows[known]] = passages
         told[rows[known]] = fine
 

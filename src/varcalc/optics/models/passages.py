@@ -23,6 +23,8 @@ AT_A_TURN = 1e-13
 """Of the difference of two heights: so close to a turning point one is at it."""
 SAME_MINIMUM = 1e-15
 """Of g: minima that differ by less are one."""
+CLOSE_BY = 0.1
+"""Of the difference of two heights: farther beyond the end, a turning point is told as well from the start."""
 DARK = 1e-6
 """Of g: where it is less, upright rays turn at an index that is all but nothing."""
 STAYS_LEVEL = 1e-15
@@ -78,7 +80,7 @@ class RayPassages:
         They are not numbers where they do not exist, and -∞ where they do and are not resolved.
         """
         out = np.full((len(angles), COUNT), np.nan)
-        agreed = np.maximum(self.noise(pair, angles), AGREED)
+        agreed = np.maximum(self.noise(pair, angles)[:, :LAYERS], AGREED)
         for first in range(0, len(angles), TOGETHER):
             some = slice(first, first + TOGETHER)
             self._write(pair[some], angles[some], agreed[some], out[some])
@@ -101,7 +103,7 @@ class RayPassages:
         """
         with np.errstate(all="ignore"):
             known = EPSILON * np.maximum(self.breaks**2, np.minimum(self._variation[0], 1.0)[:, None]) / self.breaks
-        return np.where(self._inner, known, 0.0)
+        return np.where(self._inner.any(axis=2), known, 0.0)
 
     @cached_property
     def _variation(self) -> tuple[np.ndarray, np.ndarray]:
@@ -114,16 +116,23 @@ class RayPassages:
 
     @cached_property
     def _inner(self) -> np.ndarray:
-        """At which of the breaks (p, b) digits are lost: where rays come to rest, and upright ones at an index of 0."""
+        """At which of the breaks which of S, U and D (p, b, 3) lose digits.
+
+        Those do at whose end rays come to rest, and all of upright ones at an index of 0.
+        """
         number, last = np.arange(self.breaks.shape[1]), self.count[:, None] - 1
         dark = (number == last) & (self._variation[1] <= DARK)[:, None]
-        return ((number > 0) & (number < last) & ~self.mild) | dark
+        rests = (number > 0) & (number < last) & ~self.mild
+        return (rests[..., None] & self._broken[2]) | dark[..., None]
 
     def noise(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
-        """What round-off makes of the passages of pairs (m,) at angles (m,), relatively: much beside a break."""
+        """What round-off makes of S, U and D and their optical paths (m, 6) of pairs (m,) at angles (m,), relatively.
+
+        It is much beside a break at which they come to rest.
+        """
         with np.errstate(all="ignore"):
-            beside = self.rounded[pair] / np.abs(angles[:, None] - self.breaks[pair])
-        return np.minimum(np.max(beside, axis=-1, initial=0.0, where=self._inner[pair]), 1.0)
+            beside = (self.rounded[pair] / np.abs(angles[:, None] - self.breaks[pair]))[..., None]
+        return np.tile(np.minimum(np.where(self._inner[pair], beside, 0.0).max(axis=1), 1.0), 2)
 
     def at_least(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
         """What S is, and U and D are no less than (m, 6), told without their turning points.
@@ -155,25 +164,34 @@ class RayPassages:
         c, w = root * np.cos(angles), root * np.sin(angles)
         free = np.full(len(angles), np.inf)
         below, above = (bounds(self.profile, self.nodes, u0, w**2, c**2, free, sign) for sign in (-1, 1))
-        # how far beyond the end rays turn is told from there: both ends may be turning points, all but for round-off
         beyond, there, last = np.empty(len(angles)), self.end[pair], w**2 + self.higher[pair]
         for sign in (-1, 1):
             some = np.flatnonzero(to == sign)
             turned = bounds(self.profile, self.nodes, there[some], last[some], c[some] ** 2, free[some], sign)
             beyond[some] = np.abs(turned.x)
         x = there - u0
+        # how far beyond an end close by rays turn is told from there: both ends may be turning points, all but for
+        # round-off; elsewhere from the start, so that a turning point that is not well known is one and the same
+        ahead = np.where(to > 0, above.x - x, x - below.x)
+        beyond = np.where(ahead > CLOSE_BY * np.abs(x), ahead, beyond)
         room = AT_A_TURN * np.abs(x)
         out[np.ix_(x == 0, [0, LAYERS])] = 0.0
+        # where both turning points are far from S, its ends are told better by their heights than on that motion
+        far = (np.minimum(np.where(to > 0, -below.x, above.x), beyond) > np.abs(x)) & (x != 0)
+        straight = NoTurn(self.profile, np.zeros_like(x), u0, w**2, to, c**2)
         with np.errstate(all="ignore"):  # where there is no passage, or it is not resolved, there is no number
+            reaches = (below.x <= x + room) & (x - room <= above.x)
             for rows, way, _ in ways(self.profile, u0, to * w, below, above):
-                reaches = (below.x[rows] <= (x + room)[rows]) & ((x - room)[rows] <= above.x[rows])
-                for k, (low, high) in enumerate(_legs(way, to[rows], np.abs(x[rows]), beyond[rows])):
-                    exists = reaches & np.isfinite(low) & np.isfinite(high)
-                    part = np.flatnonzero(exists)
-                    sums = integrals(way.take(part), low[part], high[part], agreed=agreed[rows[part]])
+                legs = _legs(way, to[rows], np.abs(x[rows]), beyond[rows])
+                alone = straight.take(rows), (np.zeros(len(rows)), np.abs(x[rows])), far[rows], 0
+                shared = [(way, leg, ~far[rows] | (k > 0), k) for k, leg in enumerate(legs)]
+                for motion, (low, high), own, k in (alone, *shared):
+                    exists = np.flatnonzero(own & reaches[rows] & np.isfinite(low) & np.isfinite(high))
+                    part = rows[exists]
+                    sums = integrals(motion.take(exists), low[exists], high[exists], agreed=agreed[part, k])
                     known = np.isfinite(sums[:, TAU]) & np.isfinite(sums[:, PATH])
-                    out[rows[part], k] = np.where(known, c[rows[part]] * sums[:, TAU], -np.inf)
-                    out[rows[part], LAYERS + k] = np.where(known, sums[:, PATH], -np.inf)
+                    out[part, k] = np.where(known, c[part] * sums[:, TAU], -np.inf)
+                    out[part, LAYERS + k] = np.where(known, sums[:, PATH], -np.inf)
 
     @property
     def count(self) -> np.ndarray:
@@ -191,26 +209,24 @@ class RayPassages:
         return self._broken[1]
 
     @cached_property
-    def _broken(self) -> tuple[np.ndarray, np.ndarray]:
+    def _broken(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The breaks (p, b), whether they are mild, and which of S, U and D come to rest there (p, b, 3)."""
         rests = [self._rests(*ends) for ends in zip(self.start, self.end, self.low, self.high, strict=True)]
         pair, node = np.repeat(np.arange(len(rests)), [len(r) for r in rests]), np.concatenate(rests)
+        u, upper, lower = self.nodes.u[node], np.maximum(self.start, self.end), np.minimum(self.start, self.end)
+        above, below, up = u >= upper[pair], u <= lower[pair], self.way[pair] > 0
+        at_rest = np.stack([~above & ~below, np.where(up, above, below), np.where(up, below, above)], axis=1)
         # the change of g is known to its own round-off, however small
         base = self.start[pair]
         fallen = -self.profile(base, self.nodes.u[node] - base).gain / self.g[pair]
         mild = self._stops[node] & ~np.isin(node, self.nodes.upwards.turns)
-        own = []
-        for k in range(len(rests)):
-            lost = sorted(zip(fallen[pair == k], mild[pair == k], strict=True))
-            kept = [(0.0, False)]
-            for place, gentle in lost:
-                if SAME_MINIMUM < place < 1.0 and place - kept[-1][0] > SAME_MINIMUM * place:
-                    kept.append((place, gentle))
-                elif SAME_MINIMUM < place < 1.0:
-                    kept[-1] = (kept[-1][0], kept[-1][1] and gentle)
-            own.append([*((np.arcsin(np.sqrt(place)), gentle) for place, gentle in kept), (np.pi / 2, False)])
-        most = max(map(len, own))
-        padded = np.array([one + [(np.inf, False)] * (most - len(one)) for one in own])
-        return padded[..., 0], padded[..., 1].astype(bool)
+        own = [_apart(*(column[pair == k] for column in (fallen, mild, at_rest))) for k in range(len(rests))]
+        shape = len(own), max(len(places) for places, _, _ in own)
+        places, gentle, resting = np.full(shape, np.inf), np.zeros(shape, bool), np.zeros((*shape, LAYERS), bool)
+        for k, columns in enumerate(own):
+            for column, part in zip((places, gentle, resting), columns, strict=True):
+                column[k, : len(part)] = part
+        return places, gentle, resting
 
     def _rests(self, start: float, end: float, low: float, high: float) -> np.ndarray:
         """The nodes at which rays from ``start`` to ``end`` come to rest, or turn where g is less smooth."""
@@ -239,6 +255,17 @@ class RayPassages:
         g, slope = (values[pair] for values in self.profile.at(self.start))
         room = STAYS_LEVEL * g / (1.0 if self.profile.about_centre else np.maximum(distance, 1e-300))
         return (self.start == self.end)[pair] & (np.abs(slope) <= room)
+
+
+def _apart(fallen: np.ndarray, mild: np.ndarray, at_rest: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The breaks of one pair, ascending, whether they are mild, and what comes to rest there; those alike are one."""
+    order = np.argsort(fallen, kind="stable")
+    order = order[(fallen[order] > SAME_MINIMUM) & (fallen[order] < 1.0)]
+    places = fallen[order]
+    first = np.flatnonzero(np.diff(places, prepend=0.0) > SAME_MINIMUM * places)
+    gentle, resting = np.logical_and.reduceat(mild[order], first), np.logical_or.reduceat(at_rest[order], first)
+    edges = np.arcsin(np.sqrt(places[first]))
+    return np.r_[0.0, edges, np.pi / 2], np.pad(gentle, 1), np.pad(resting, ((1, 1), (0, 0)))
 
 
 def _legs(

@@ -60,10 +60,10 @@ class Spread:
         """See :meth:`RayPassages.noise`."""
         return self.passages.noise(family, self.angles(family, at))
 
-    def __call__(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """The passages (m, 6); what is not known but longer than is asked for is so long at least."""
+    def __call__(self, family: np.ndarray, at: np.ndarray, enough: float = 0.0) -> np.ndarray:
+        """The passages (m, 6), to what is ``enough``; what is not known but longer than is asked for is so at least."""
         angles = self.angles(family, at)
-        values = self.tabled.at(family, angles, self.scale(family))
+        values = self.tabled.at(family, angles, self.scale(family), enough)
         rows = np.flatnonzero(np.isneginf(values).any(axis=1))
         if len(rows):
             least = self.passages.at_least(family[rows], angles[rows])
