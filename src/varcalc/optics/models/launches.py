@@ -24,7 +24,7 @@ from varcalc.optics.models.spread import BREAK_OFFSET, Spread
 
 MOST_WINDINGS = 64
 """Times about a centre, either way; rays that go round more often are not looked for."""
-SOME_ANGLES = 64
+SOME_ANGLES = 32
 """Angles at which it is asked how far round a centre rays come on a unit of optical path."""
 MOST_TURNS = 2000
 """Whole periods of a ray that is caught between two heights; rays with more are not looked for."""
@@ -226,7 +226,7 @@ def launches(
     tabled = TabledPassages(passages, tables)
     aims = Distances.of(tabled, pair, distance, within, longest)
     farthest = rounded_up(_greatest(aims.pair, aims.distance, np.abs(ends[:, 1] - ends[:, 0])))
-    spread = Spread(tabled, farthest, longest)
+    spread = Spread.of(tabled, farthest, longest)
     series = spread.series()
     touch = TOUCHES_FOLD * farthest[aims.pair]
     families = Families.possible(series, aims)
@@ -234,7 +234,7 @@ def launches(
     weights, offset = families.weights, aims.distance[families.aim]
     found = zeros(series, families.panel, weights, offset, touch[families.aim])
     which = families.take(found.which)
-    upright = _upright(passages, aims, touch)
+    upright = _upright(tabled, aims, touch)
     angles = [whole[0], spread.angles(aims.pair[which.aim], found.at), np.full(len(upright), np.pi / 2)]
     names = np.concatenate([whole[1], which.name, upright])
     touching = np.concatenate([np.ones(len(whole[0]), bool), found.touching, np.zeros(len(upright), bool)])
@@ -289,10 +289,10 @@ def _continua(
     return (np.array(angles), names[whole]), families.take(np.flatnonzero(~np.isin(number, whole)))
 
 
-def _upright(passages: RayPassages, aims: Distances, touch: np.ndarray) -> np.ndarray:
+def _upright(tabled: TabledPassages, aims: Distances, touch: np.ndarray) -> np.ndarray:
     """The names (k, 4) of families of rays at right angles to the layers that come as far as is asked for."""
-    pairs = np.arange(len(passages.start))
-    here = passages.at(pairs, np.full(len(pairs), np.pi / 2))[aims.pair]
+    pairs = np.arange(len(tabled.passages.start))
+    here = tabled.at(pairs, np.full(len(pairs), np.pi / 2), np.zeros((len(pairs), COUNT)))[aims.pair]
     rows = []
     for beyond, behind in KINDS:
         once = np.array([1.0, 2.0 * beyond, 2.0 * behind])
@@ -318,7 +318,7 @@ def _resting(spread: Spread, aims: Distances) -> np.ndarray:
     breaks = 2.0 * _counted(np.zeros_like(spread.passages.count), spread.passages.count)
     pair, at, way = np.tile(pair, 2), np.tile(breaks, 2), np.repeat([-NEXT, NEXT], len(breaks))
     inside = (at + way >= 0) & (at + way <= 2.0 * (spread.passages.count[pair] - 1))
-    rows = np.flatnonzero(inside & ~spread.passages.mild[pair, (at / 2).astype(int)])
+    rows = np.flatnonzero(inside & ~spread.mild(pair, (at / 2).astype(int)))
     pair, at, way = pair[rows], at[rows], way[rows]
     here = spread(pair, at + np.sign(way) * BREAK_OFFSET)
     growing = here[:, :LAYERS] - spread(pair, at + way)[:, :LAYERS] > GROWN * spread.distance[pair, None]

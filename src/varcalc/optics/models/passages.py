@@ -74,21 +74,26 @@ class RayPassages:
         """g (p,) at the start."""
         return self.profile.at(self.start)[0]
 
-    def at(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    def at(self, pair: np.ndarray, angles: np.ndarray, wanted: np.ndarray | None = None) -> np.ndarray:
         """S, U, D and their optical paths (m, 6) of pairs (m,) at angles (m,) from 0 to π/2.
 
-        They are not numbers where they do not exist, and -∞ where they do and are not resolved.
+        They are not numbers where they do not exist or are not ``wanted`` (m, 3), and -∞ where they are not resolved.
         """
+        wanted = np.ones((len(angles), LAYERS), dtype=bool) if wanted is None else wanted
         out = np.full((len(angles), COUNT), np.nan)
         agreed = np.maximum(self.noise(pair, angles)[:, :LAYERS], AGREED)
         for first in range(0, len(angles), TOGETHER):
             some = slice(first, first + TOGETHER)
-            self._write(pair[some], angles[some], agreed[some], out[some])
-        aimed = np.flatnonzero(np.pi / 2 - angles < AIMED) if self.profile.about_centre else []
+            self._write(pair[some], angles[some], agreed[some], wanted[some], out[some])
+        aimed = self.aimed(angles)
         if len(aimed):
-            three = self.at(np.repeat(pair[aimed], 3), np.tile(np.pi / 2 - BESIDE_CENTRE, len(aimed)))
-            out[aimed] = _through_three(three.reshape(-1, 3, COUNT), np.pi / 2 - angles[aimed])
+            three = self.at(*beside_centre(pair[aimed]), np.repeat(wanted[aimed], 3, axis=0))
+            out[aimed] = through_three(three, angles[aimed])
         return out
+
+    def aimed(self, angles: np.ndarray) -> np.ndarray:
+        """Which of the rays at ``angles`` (m,) are aimed at the centre, all but for round-off."""
+        return np.flatnonzero((np.pi / 2 - angles < AIMED) & self.profile.about_centre)
 
     @cached_property
     def higher(self) -> np.ndarray:
@@ -108,10 +113,11 @@ class RayPassages:
     @cached_property
     def _variation(self) -> tuple[np.ndarray, np.ndarray]:
         """How much g varies (p,), and its least value (p,), in units of that at the start."""
-        varies, least = np.empty(len(self.start)), np.empty(len(self.start))
-        for k, (low, high) in enumerate(zip(self.low, self.high, strict=True)):
-            g = self.nodes.g[slice(*np.searchsorted(self.nodes.u, (low, np.nextafter(high, np.inf))))]
-            varies[k], least[k] = np.ptp(g[np.abs(g) < np.inf]), g.min()
+        sides = np.column_stack([self.low, np.nextafter(self.high, np.inf)])
+        slices, finite = np.searchsorted(self.nodes.u, sides).ravel(), np.abs(self.nodes.g) < np.inf
+        own = [np.append(np.where(finite, self.nodes.g, none), none) for none in (np.inf, -np.inf)]
+        least, most = (f.reduceat(g, slices)[::2] for f, g in zip((np.minimum, np.maximum), own, strict=True))
+        varies = most - least
         return varies / self.g, least / self.g
 
     @cached_property
@@ -125,14 +131,18 @@ class RayPassages:
         rests = (number > 0) & (number < last) & ~self.mild
         return (rests[..., None] & self._broken[2]) | dark[..., None]
 
-    def noise(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    def noise(self, pair: np.ndarray, angles: np.ndarray, plain: np.ndarray | None = None) -> np.ndarray:
         """What round-off makes of S, U and D and their optical paths (m, 6) of pairs (m,) at angles (m,), relatively.
 
-        It is much beside a break at which they come to rest.
+        It is much beside a break at which they come to rest; not so beside upright rays of those that are ``plain``
+        (m,) there.
         """
+        lost = self._inner[pair]
+        if plain is not None:
+            lost &= ~(plain[:, None] & (np.arange(lost.shape[1]) == self.count[pair, None] - 1))[..., None]
         with np.errstate(all="ignore"):
             beside = (self.rounded[pair] / np.abs(angles[:, None] - self.breaks[pair]))[..., None]
-        return np.tile(np.minimum(np.where(self._inner[pair], beside, 0.0).max(axis=1), 1.0), 2)
+        return np.tile(np.minimum(np.where(lost, beside, 0.0).max(axis=1), 1.0), 2)
 
     def at_least(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
         """What S is, and U and D are no less than (m, 6), told without their turning points.
@@ -159,7 +169,9 @@ class RayPassages:
             out[part, k], out[part, LAYERS + k] = c[part] * sums[:, TAU], sums[:, PATH]
         return out
 
-    def _write(self, pair: np.ndarray, angles: np.ndarray, agreed: np.ndarray, out: np.ndarray) -> None:
+    def _write(
+        self, pair: np.ndarray, angles: np.ndarray, agreed: np.ndarray, wanted: np.ndarray, out: np.ndarray
+    ) -> None:
         u0, to, root = self.start[pair], self.way[pair], np.sqrt(self.g[pair])
         c, w = root * np.cos(angles), root * np.sin(angles)
         free = np.full(len(angles), np.inf)
@@ -186,7 +198,8 @@ class RayPassages:
                 alone = straight.take(rows), (np.zeros(len(rows)), np.abs(x[rows])), far[rows], 0
                 shared = [(way, leg, ~far[rows] | (k > 0), k) for k, leg in enumerate(legs)]
                 for motion, (low, high), own, k in (alone, *shared):
-                    exists = np.flatnonzero(own & reaches[rows] & np.isfinite(low) & np.isfinite(high))
+                    asked = own & reaches[rows] & wanted[rows, k]
+                    exists = np.flatnonzero(asked & np.isfinite(low) & np.isfinite(high))
                     part = rows[exists]
                     sums = integrals(motion.take(exists), low[exists], high[exists], agreed=agreed[part, k])
                     known = np.isfinite(sums[:, TAU]) & np.isfinite(sums[:, PATH])
@@ -220,13 +233,7 @@ class RayPassages:
         base = self.start[pair]
         fallen = -self.profile(base, self.nodes.u[node] - base).gain / self.g[pair]
         mild = self._stops[node] & ~np.isin(node, self.nodes.upwards.turns)
-        own = [_apart(*(column[pair == k] for column in (fallen, mild, at_rest))) for k in range(len(rests))]
-        shape = len(own), max(len(places) for places, _, _ in own)
-        places, gentle, resting = np.full(shape, np.inf), np.zeros(shape, bool), np.zeros((*shape, LAYERS), bool)
-        for k, columns in enumerate(own):
-            for column, part in zip((places, gentle, resting), columns, strict=True):
-                column[k, : len(part)] = part
-        return places, gentle, resting
+        return _padded(pair, fallen, mild, at_rest)
 
     def _rests(self, start: float, end: float, low: float, high: float) -> np.ndarray:
         """The nodes at which rays from ``start`` to ``end`` come to rest, or turn where g is less smooth."""
@@ -257,15 +264,27 @@ class RayPassages:
         return (self.start == self.end)[pair] & (np.abs(slope) <= room)
 
 
-def _apart(fallen: np.ndarray, mild: np.ndarray, at_rest: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The breaks of one pair, ascending, whether they are mild, and what comes to rest there; those alike are one."""
-    order = np.argsort(fallen, kind="stable")
+def _padded(
+    pair: np.ndarray, fallen: np.ndarray, mild: np.ndarray, at_rest: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The breaks of pairs in rows, ascending from 0 to π/2, whether they are mild, and what comes to rest there.
+
+    They lie where g is ``fallen`` (n,) so far from that of the ``pair`` (n,); those alike are one.
+    """
+    order = np.lexsort((fallen, pair))
     order = order[(fallen[order] > SAME_MINIMUM) & (fallen[order] < 1.0)]
-    places = fallen[order]
-    first = np.flatnonzero(np.diff(places, prepend=0.0) > SAME_MINIMUM * places)
-    gentle, resting = np.logical_and.reduceat(mild[order], first), np.logical_or.reduceat(at_rest[order], first)
-    edges = np.arcsin(np.sqrt(places[first]))
-    return np.r_[0.0, edges, np.pi / 2], np.pad(gentle, 1), np.pad(resting, ((1, 1), (0, 0)))
+    place, row = fallen[order], pair[order]
+    before = np.where(np.diff(row, prepend=-1) == 0, np.roll(place, 1), 0.0)
+    first = np.flatnonzero(place - before > SAME_MINIMUM * place)
+    row = row[first]
+    number, count = 1 + np.arange(len(row)) - np.searchsorted(row, row), np.bincount(row, minlength=pair[-1] + 1)
+    shape = len(count), int(count.max()) + 2
+    places, gentle, resting = np.full(shape, np.inf), np.zeros(shape, bool), np.zeros((*shape, LAYERS), bool)
+    places[:, 0], places[np.arange(len(count)), count + 1] = 0.0, np.pi / 2
+    places[row, number] = np.arcsin(np.sqrt(place[first]))
+    gentle[row, number] = np.logical_and.reduceat(mild[order], first)
+    resting[row, number] = np.logical_or.reduceat(at_rest[order], first)
+    return places, gentle, resting
 
 
 def _legs(
@@ -307,12 +326,17 @@ def _held(g: np.ndarray, stop: np.ndarray) -> np.ndarray:
     return np.append(rests, len(g) - 1) if len(g) and g[-1] <= before[-1] else rests
 
 
-def _through_three(values: np.ndarray, beside: np.ndarray) -> np.ndarray:
-    """What rays past a centre (m, 3, 6) say of those closer to it, ``beside`` (m,): (m, 6), by parabolas."""
-    a, b, c = BESIDE_CENTRE
+def beside_centre(pair: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Three rays past the centre for every one of the pairs (m,): pairs and angles (3m,)."""
+    return np.repeat(pair, 3), np.tile(np.pi / 2 - BESIDE_CENTRE, len(pair))
+
+
+def through_three(values: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """What rays past a centre (3m, 6) say of those closer to it, at ``angles`` (m,): (m, 6), by parabolas."""
+    beside, (a, b, c) = np.pi / 2 - angles, BESIDE_CENTRE
     shares = [
         (beside - b) * (beside - c) / ((a - b) * (a - c)),
         (beside - a) * (beside - c) / ((b - a) * (b - c)),
         (beside - a) * (beside - b) / ((c - a) * (c - b)),
     ]
-    return np.einsum("ms,msf->mf", np.stack(shares, axis=1), values)
+    return np.einsum("ms,msf->mf", np.stack(shares, axis=1), values.reshape(-1, 3, COUNT))
