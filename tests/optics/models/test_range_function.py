@@ -81,6 +81,28 @@ def test_rays_below_a_parabolic_layer_are_all_found(distance, count):
     assert sorted(ray.tangents[0][1] for ray in rays) == pytest.approx(sorted([direct, *sines]), rel=1e-12)
 
 
+def test_rays_come_to_a_corner_of_the_index_in_time():
+    # n^2 = 1 + a |y|: the ray that comes to rest at y = 0 from h does so after 4 sqrt(h / a) in sigma, and those beside
+    # it go through or turn back: nothing is left to rest there
+    a, h = 1e-3, 0.4
+    scene = optics.Scene(optics.Tabulated([-2.0, 0.0, 2.0], np.sqrt([1 + 2 * a, 1.0, 1 + 2 * a]), smooth=False))
+    reach = 2 * math.sqrt(h / a)  # of sigma, and so of x, from h to rest
+    for share in (0.5, 0.9, 1.3, 2.3, 4.5):
+        rays = scene.rays((0, h), (share * reach, -0.1))
+        slopes = np.linspace(-0.1, 0.1, 200001)
+        squared = (1 + a * h) / (1 + slopes**2)
+        # parabolas, by hand: down to y = 0 where the ray comes so far, and on from there
+        sigma = share * reach / np.sqrt(squared)
+        w = slopes * np.sqrt(squared)
+        with np.errstate(invalid="ignore"):
+            speed = np.sqrt(w**2 - a * h)  # at y = 0
+            met = (-w - speed) * 2 / a
+            there = -speed * (sigma - met) - a * (sigma - met) ** 2 / 4
+        came = np.where((w < 0) & (sigma > met), there, np.nan) + 0.1
+        count = np.count_nonzero(came[1:] * came[:-1] < 0)
+        assert (len(rays), rays.unresolved) == (count, 0)
+
+
 def test_two_wells_and_the_barrier_between_them():
     scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(2 + 0.5 * ca.sin(3 * y) + 0.3 * ca.cos(7 * y))))
     rays = scene.rays((0, 0.3), (6, 0.9), within=15)

@@ -47,7 +47,9 @@ CLEAR = 1e-5
 TOLD_WELL = 1e-12
 """Of the optical path, and of the distance: rays that are told so well need not be carried."""
 NEXT, GROWN = 0.02, 1e-6
-"""A passage that grows so much, in units of the distance, over the last of the way to an angle grows for ever."""
+"""A passage that grows so much, in units of the distance, over the last of the way to an angle grows for ever,"""
+STEADY = 0.6
+"""and so much of what it grew before: to where g has a corner rays come in time, as the root of the angle."""
 
 
 @dataclass(frozen=True)
@@ -321,7 +323,9 @@ def _resting(spread: Spread, aims: Distances) -> np.ndarray:
     rows = np.flatnonzero(inside & ~spread.mild(pair, (at / 2).astype(int)))
     pair, at, way = pair[rows], at[rows], way[rows]
     here = spread(pair, at + np.sign(way) * BREAK_OFFSET)
-    growing = here[:, :LAYERS] - spread(pair, at + way)[:, :LAYERS] > GROWN * spread.distance[pair, None]
+    beside, before = (spread(pair, at + steps * way)[:, :LAYERS] for steps in (1, 2))
+    last = here[:, :LAYERS] - beside
+    growing = (last > GROWN * spread.distance[pair, None]) & ~(last <= STEADY * (beside - before))
     slow = np.sqrt(spread.passages.g)[pair] * np.cos(spread.angles(pair, at))
     for row in np.flatnonzero(growing.any(axis=1)):
         own = np.flatnonzero(aims.pair == pair[row])
