@@ -136,12 +136,13 @@ def ionosphere(rng: np.random.Generator) -> Scenery:
 
 
 def rod(rng: np.random.Generator) -> Scenery:
-    """n² = n0² (1 - (y / R)²), to where it is nothing."""
+    """n² = n0² (1 - (y / R)²), to where it is nothing; from close to there rays turn the more quickly."""
     index, radius = rng.uniform(1.2, 1.8), rng.uniform(0.5, 3)
+    source = rng.uniform(-0.999, 0.999) * radius
     return Scenery(
         optics.Stratified(lambda y: index * ca.sqrt(1 - (y / radius) ** 2)),
         lambda y: index**2 * (1 - (y / radius) ** 2), lambda y: -2 * index**2 * y / radius**2,
-        rng.uniform(-0.999, 0.999) * radius, (-0.999 * radius, 0.999 * radius), radius, 5.0,
+        source, (-0.999 * radius, 0.999 * radius), float(np.sqrt(radius**2 - source**2)), 5.0,
     )  # fmt: skip
 
 

@@ -12,12 +12,12 @@ class Known:
     def scale(self, family):
         return np.full((len(family), 3), 1e-3)
 
-    def __call__(self, family, at):
+    def __call__(self, family, at, enough=0.0):
         at = at + family
         return np.column_stack([np.sin(40 * at), np.cos(3 * at), np.log(at)])
 
     def noise(self, family, at):
-        return np.zeros_like(at)
+        return np.zeros((len(at), 3))
 
     def inside(self, at, way):
         return at

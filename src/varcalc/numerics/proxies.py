@@ -22,6 +22,8 @@ DEGREE = 15
 """Of the series: about the cheapest for twelve digits, whatever the function."""
 RESOLVED = 1e-11
 """Of a function's largest value in a panel: the last coefficients of a series that stands for it."""
+ENOUGH = RESOLVED / 10
+"""How well values need be told for that."""
 FORETOLD = 10.0
 """By how many times that the series may be off at places that it has not seen."""
 CHECKED = np.array([-0.613, 0.287])
@@ -38,7 +40,7 @@ BISECTIONS = 40
 """To begin with, on the series."""
 BESIDE = 0.1
 """Of a part: how far beside it a zero may turn out to be."""
-CLOSE, SUM_ROUND_OFF, NOISY = 1e-15, 1e-16, 0.25
+CLOSE, SUM_ROUND_OFF, NOISY = 1e-15, 4e-15, 0.25
 """Of a panel, of what is summed, and of the noise of that: a zero is not told more closely."""
 IS_ZERO = 1e-9
 """Of what is summed: what is left of a combination at its zero, beside noise."""
@@ -47,8 +49,8 @@ IS_ZERO = 1e-9
 class Functions(Protocol):
     """Families of F functions of one unknown each, and what need not be known of them; families go by numbers."""
 
-    def __call__(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Values (m, F) of families (m,) at places (m,).
+    def __call__(self, family: np.ndarray, at: np.ndarray, enough: float = 0.0) -> np.ndarray:
+        """Values (m, F) of families (m,) at places (m,), as well as they can be told or ``enough``, of their sizes.
 
         They are not numbers where a function does not exist, -∞ where it is not known.
         """
@@ -59,7 +61,7 @@ class Functions(Protocol):
         ...
 
     def noise(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """How much of the values (m,) of families (m,) at places (m,) is round-off."""
+        """How much of the values (m, F) of families (m,) at places (m,) is round-off."""
         ...
 
     def inside(self, at: np.ndarray, way: int) -> np.ndarray:
@@ -118,12 +120,9 @@ def proxies(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.
     count = int(family.max(initial=-1)) + 1
     given_up, looked_at = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
     for halving in range(HALVINGS + 1):
-        middle, half = (low + high) / 2, (high - low) / 2
-        places = middle[:, None] + half[:, None] * np.append(_POINTS, CHECKED)
-        values = functions(np.repeat(family, places.shape[1]), places.ravel()).reshape(*places.shape, -1)
-        looked_at += places.shape[1] * np.bincount(family, minlength=count)
-        noise = np.maximum(np.stack([functions.noise(family, low), functions.noise(family, high)]), RESOLVED)
-        fine, series = _series(functions, family, values, noise)
+        values = _sampled(functions, family, low, high)
+        looked_at += values.shape[1] * np.bincount(family, minlength=count)
+        fine, series = _series(functions, family, low, high, values)
         kept.append((family[fine], low[fine], high[fine], series[fine]))
         hopeless = np.any(np.all(np.isneginf(values), axis=1), axis=1) & ~fine  # nothing is known anywhere in the panel
         if halving == HALVINGS:
@@ -132,9 +131,8 @@ def proxies(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.
         rest = np.flatnonzero(~fine & ~hopeless)
         if len(rest) == 0:
             break
-        family, low, high = np.tile(family[rest], 2), *(
-            np.append(low[rest], middle[rest]), np.append(middle[rest], high[rest])
-        )  # fmt: skip
+        low, high, middle = low[rest], high[rest], (low + high)[rest] / 2
+        family, low, high = np.tile(family[rest], 2), np.append(low, middle), np.append(middle, high)
     family, low, high, series = (np.concatenate(parts) for parts in zip(*kept, strict=True))
     order = np.lexsort((low, family))
     family, low, high = family[order], low[order], high[order]
@@ -146,13 +144,23 @@ def proxies(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.
     return Proxies(functions, family, low, high, series[order], ends, at_edges, given_up, looked_at)
 
 
-def _series(
-    functions: Functions, family: np.ndarray, values: np.ndarray, noise: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Whether (P,) series stand for the functions at points and checked places (P, N + 2, F), and them (P, F, N).
+def stands(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Whether (P,) one series stands for the functions of a ``family`` from ``low`` to ``high`` (P,)."""
+    return _series(functions, family, low, high, _sampled(functions, family, low, high))[0]
 
-    ``noise`` (2, P) is that at the ends of the panels.
-    """
+
+def _sampled(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The functions (P, N + 2, F) at the points and checked places of panels."""
+    places = ((low + high) / 2)[:, None] + ((high - low) / 2)[:, None] * np.append(_POINTS, CHECKED)
+    values = functions(np.repeat(family, places.shape[1]), places.ravel(), ENOUGH)
+    return values.reshape(*places.shape, -1)
+
+
+def _series(
+    functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Whether (P,) series stand for the functions at points and checked places (P, N + 2, F), and them (P, F, N)."""
+    noise = np.maximum(np.stack([functions.noise(family, low), functions.noise(family, high)]), RESOLVED)
     own, checked = values[:, : DEGREE + 1], values[:, DEGREE + 1 :]
     series = np.einsum("kn,pnf->pfk", _TO_SERIES, own)
     with np.errstate(all="ignore"):
@@ -160,7 +168,7 @@ def _series(
         size = np.maximum(np.abs(own).max(axis=1), scale)
         tail = np.abs(series[..., -2:]).max(axis=-1)
         off = np.abs(np.einsum("cn,pfn->pcf", _AT_CHECKED, series) - checked).max(axis=1)
-        resolved, alike = noise.max(axis=0)[:, None], (noise.max(axis=0) <= MOST_RATIO * noise.min(axis=0))[:, None]
+        resolved, alike = noise.max(axis=0), noise.max(axis=0) <= MOST_RATIO * noise.min(axis=0)
         even = alike & (size <= MOST_RATIO * np.maximum(np.abs(own).min(axis=1), scale))
         idle = np.isnan(values).all(axis=1) | functions.beyond(family, values)
         series[idle] = np.nan
@@ -339,7 +347,8 @@ class _Isolation:
         return places, lost
 
     def _noise(self, row: np.ndarray, places: np.ndarray) -> np.ndarray:
-        return self.series.functions.noise(self.series.family[self.panel[row]], places)
+        noise = self.series.functions.noise(self.series.family[self.panel[row]], places)
+        return np.max(noise, axis=1, initial=0.0, where=self.weights[row] != 0)
 
     def _place(self, row: np.ndarray, x: np.ndarray) -> np.ndarray:
         panel = self.panel[row]

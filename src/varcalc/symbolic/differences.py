@@ -87,7 +87,15 @@ def _carried(operation: int, operands: Sequence[Carried]) -> Carried:
     change = rule(value, *operands) if rule is not None else None
     if change is None:
         change = _mean_change(operation, operands, value, base)
-    return Carried(base + change if operation in (ca.OP_ADD, ca.OP_SUB) else value, base, change, probe)
+    if operation in (ca.OP_ADD, ca.OP_SUB):
+        value = _sum_there(value, operands, base, change)
+    return Carried(value, base, change, probe)
+
+
+def _sum_there(value: Expression, operands: Sequence[Carried], base: Expression, change: Expression) -> Expression:
+    """A sum at the displaced point, from its terms there or from the base and the change: the one that loses less."""
+    terms = sum((ca.fabs(operand.value) for operand in operands), ca.SX(0))
+    return ca.if_else(terms < ca.fabs(base) + ca.fabs(change), value, base + change)
 
 
 def _value(operation: int, operands: Sequence[Carried]) -> Expression:

@@ -48,6 +48,61 @@ def test_weak_ducts_hide_no_ray(strength, start, distance, end, count):
     assert rays.unresolved == 0
 
 
+@pytest.mark.parametrize(("distance", "end", "count"), [(36.08, -0.1546, 1), (700.0, 0.0482, 3), (1900.0, 0.3, 11)])
+def test_a_duct_whose_rays_come_to_rest_far_out_leaves_nothing_unresolved(distance, end, count):
+    # beside the angle at which rays leave the duct for good they turn back thousands of widths away
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 + 1e-4 / (1 + y**2))))
+    rays = scene.rays((0, -0.225), (distance, end))
+    angles = np.arctan((end + 0.225) / distance) + np.linspace(-3, 3, 6001) * 1e-2
+    squared = (1 + 1e-4 / (1 + 0.225**2)) * np.cos(angles) ** 2
+    slope = lambda y: -2e-4 * y / (1 + y**2) ** 2  # noqa: E731
+    there = heights_at(slope, -0.225, squared, np.tan(angles), distance)
+    assert np.count_nonzero(np.diff(np.sign(there - end))) == count
+    assert (len(rays), rays.unresolved) == (count, 0)
+
+
+@pytest.mark.parametrize(("distance", "count"), [(8.0, 1), (14.0, 3), (20.0, 3), (25.0, 3)])
+def test_rays_below_a_parabolic_layer_are_all_found(distance, count):
+    # n^2 = 1 - c (1 - (y - h)^2 / w^2) within w of h; in it u'' = k^2 u, so that a ray comes back where
+    # tanh(k s / 2) = sine / (k w), after s = 2 / k atanh(sine / (k w))
+    c, w, h, start, end = 0.2, 0.4, 2.4, 0.43, 0.39
+    k = math.sqrt(c) / w
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 - c * ca.fmax(0, 1 - ((y - h) / w) ** 2))))
+    rays = scene.rays((0, start), (distance, end))
+
+    def too_far(z):
+        sine = math.sqrt(c) * math.tanh(z)
+        return math.sqrt(1 - sine**2) * ((2 * (h - w) - start - end) / sine + 2 * z / k) - distance
+
+    turns = [brentq(too_far, *part, xtol=1e-14) for part in itertools.pairwise((0.01, 1.1, 18)) if distance > 9]
+    sines = [math.sqrt(c) * math.tanh(z) for z in turns]
+    direct = (end - start) / math.hypot(distance, end - start)
+    assert (len(rays), rays.unresolved) == (count, 0)
+    assert sorted(ray.tangents[0][1] for ray in rays) == pytest.approx(sorted([direct, *sines]), rel=1e-12)
+
+
+def test_rays_come_to_a_corner_of_the_index_in_time():
+    # n^2 = 1 + a |y|: the ray that comes to rest at y = 0 from h does so after 4 sqrt(h / a) in sigma, and those beside
+    # it go through or turn back: nothing is left to rest there
+    a, h = 1e-3, 0.4
+    scene = optics.Scene(optics.Tabulated([-2.0, 0.0, 2.0], np.sqrt([1 + 2 * a, 1.0, 1 + 2 * a]), smooth=False))
+    reach = 2 * math.sqrt(h / a)  # of sigma, and so of x, from h to rest
+    for share in (0.5, 0.9, 1.3, 2.3, 4.5):
+        rays = scene.rays((0, h), (share * reach, -0.1))
+        slopes = np.linspace(-0.1, 0.1, 200001)
+        squared = (1 + a * h) / (1 + slopes**2)
+        # parabolas, by hand: down to y = 0 where the ray comes so far, and on from there
+        sigma = share * reach / np.sqrt(squared)
+        w = slopes * np.sqrt(squared)
+        with np.errstate(invalid="ignore"):
+            speed = np.sqrt(w**2 - a * h)  # at y = 0
+            met = (-w - speed) * 2 / a
+            there = -speed * (sigma - met) - a * (sigma - met) ** 2 / 4
+        came = np.where((w < 0) & (sigma > met), there, np.nan) + 0.1
+        count = np.count_nonzero(came[1:] * came[:-1] < 0)
+        assert (len(rays), rays.unresolved) == (count, 0)
+
+
 def test_two_wells_and_the_barrier_between_them():
     scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(2 + 0.5 * ca.sin(3 * y) + 0.3 * ca.cos(7 * y))))
     rays = scene.rays((0, 0.3), (6, 0.9), within=15)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -69,6 +70,13 @@ class Leaf:
     most: np.ndarray
     off: np.ndarray
 
+    @cached_property
+    def to_ends(self) -> np.ndarray:
+        """Series (DEGREE + 1, 2 * COLUMNS) in the logarithm of the integrals up to both ends."""
+        first, last = (part.reshape(DEGREE + 1, DEGREE + 2, COLUMNS) for part in self.series[[0, -1]])
+        signs = (-1.0) ** np.arange(DEGREE + 2)
+        return np.stack([np.tensordot(first, signs, (1, 0)), last.sum(axis=1)], axis=1).reshape(DEGREE + 1, -1)
+
 
 def leaves(slopes: SameSlopes, low: np.ndarray, high: np.ndarray) -> list[tuple[Leaf, float] | None]:
     """The panels of the logarithm from ``low`` to ``high`` (l,), and what each is off, of the whole.
@@ -123,18 +131,41 @@ def _leaf(
     return Leaf(*panel, edges, series, _TO_SERIES @ known[:told], _TO_SERIES @ most[:told], off), float(worst)
 
 
-def read(leaf: Leaf, in_logarithm: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The integrals (m, COLUMNS) up to shares (m,), their derivatives by these, and what they may be off."""
+def read(leaf: Leaf, in_logarithm: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The integrals (m, COLUMNS) up to shares (m,), and what they may be off."""
+    panel, local, _ = _within(leaf, share)
+    values, in_share = np.empty((len(share), COLUMNS)), chebyshev.chebvander(local, DEGREE + 1)
+    for number, rows in grouped(panel):
+        values[rows] = _summed(leaf, number, in_logarithm[rows], in_share[rows])
+    return values, leaf.off[panel] + DIGITS * np.abs(values)
+
+
+def read_ends(leaf: Leaf, in_logarithm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The integrals (m, 2, COLUMNS) up to both ends of motions, and what they may be off."""
+    values = (in_logarithm @ leaf.to_ends).reshape(len(in_logarithm), 2, COLUMNS)
+    return values, leaf.off[[0, -1]] + DIGITS * np.abs(values)
+
+
+def rates(leaf: Leaf, in_logarithm: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """The derivatives (m, COLUMNS) of the integrals by the shares (m,)."""
+    panel, local, width = _within(leaf, share)
+    values, in_share = np.empty((len(share), COLUMNS)), chebyshev.chebvander(local, DEGREE + 1) @ _DERIVED
+    for number, rows in grouped(panel):
+        values[rows] = _summed(leaf, number, in_logarithm[rows], in_share[rows])
+    return values * (2 / width)[:, None]
+
+
+def _within(leaf: Leaf, share: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The panels in which shares (m,) are, where from -1 to 1 in these, and how wide they are."""
     panel = np.clip(np.searchsorted(leaf.edges, share, side="right") - 1, 0, len(leaf.edges) - 2)
     width = leaf.edges[panel + 1] - leaf.edges[panel]
-    local = 2 * (share - leaf.edges[panel]) / width - 1
-    in_share = chebyshev.chebvander(local, DEGREE + 1)
-    values, rates = np.empty((len(share), COLUMNS)), np.empty((len(share), COLUMNS))
-    for number, rows in grouped(panel):
-        series = (in_logarithm[rows] @ leaf.series[number]).reshape(len(rows), DEGREE + 2, COLUMNS)
-        values[rows] = np.einsum("mj,mjf->mf", in_share[rows], series)
-        rates[rows] = np.einsum("mj,mjf->mf", in_share[rows] @ _DERIVED, series)
-    return values, rates * (2 / width)[:, None], leaf.off[panel] + DIGITS * np.abs(values)
+    return panel, 2 * (share - leaf.edges[panel]) / width - 1, width
+
+
+def _summed(leaf: Leaf, panel: int, in_logarithm: np.ndarray, in_share: np.ndarray) -> np.ndarray:
+    """The series of one panel (m, COLUMNS)."""
+    series = (in_logarithm @ leaf.series[panel]).reshape(len(in_share), DEGREE + 2, COLUMNS)
+    return np.einsum("mj,mjf->mf", in_share, series)
 
 
 @dataclass(frozen=True)

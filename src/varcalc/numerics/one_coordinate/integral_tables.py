@@ -13,7 +13,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from varcalc.numerics.one_coordinate.integral_leaves import COLUMNS, DEGREE, Leaf, grouped, leaves, read
+from varcalc.numerics.one_coordinate.integral_leaves import (
+    COLUMNS,
+    DEGREE,
+    Leaf,
+    grouped,
+    leaves,
+    rates,
+    read,
+    read_ends,
+)
 from varcalc.numerics.one_coordinate.motions import OneTurn, TwoTurns
 from varcalc.numerics.one_coordinate.slopes import SameSlopes
 
@@ -81,20 +90,26 @@ class SlopesTable:
         The leaves go by their numbers. The places are ``x`` (m, k) from the reference, where the speeds |du/dτ| are
         ``speed`` (m, k). All integrals are from one place on a motion; on those that turn once it goes away from there.
         """
-        shape = len(leaf), x.shape[1] + 2, COLUMNS
-        out, off = np.empty(shape), np.empty(shape)
+        k = x.shape[1]
+        out, off = np.empty((2, len(leaf), k + 2, COLUMNS))
         for number, rows in grouped(leaf):
-            own, k = self.leaves[number], shape[1]
+            own = self.leaves[number]
             local = (2 * logarithm[rows] - own.low - own.high) / (own.high - own.low)
             in_logarithm = chebyshev.chebvander(local, DEGREE)
+            out[rows, k:], off[rows, k:] = read_ends(own, in_logarithm)
             most = (in_logarithm @ own.most)[:, None]
             q, stretch = self._parameters(in_logarithm @ own.ends, most, x[rows])
-            share = np.column_stack([np.clip(q / most, 0.0, 1.0), 0 * most, 0 * most + 1])
-            told = read(own, np.repeat(in_logarithm, k, axis=0), share.ravel())
-            values, rates, off[rows] = (part.reshape(len(rows), k, COLUMNS) for part in told)
-            rates = rates[:, :-2] / most[..., None]
-            values[:, :-2] += rates * self._nearer(q, stretch, rates[..., 0], speed[rows])[..., None]
-            out[rows] = values
+            share = np.clip(q / most, 0.0, 1.0)
+            values, off[rows, :k] = (
+                part.reshape(len(rows), k, COLUMNS)
+                for part in read(own, np.repeat(in_logarithm, k, axis=0), share.ravel())
+            )
+            row, place = np.nonzero(self._beside_turns(q, stretch))
+            if len(row):
+                rate = rates(own, in_logarithm[row], share[row, place]) / most[row]
+                ahead = self._nearer(q[row, place], stretch[row, 0], rate[:, 0], speed[rows][row, place])
+                values[row, place] += rate * ahead[:, None]
+            out[rows, :k] = values
         return out, off
 
     def _parameters(self, ends: np.ndarray, most: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -108,12 +123,15 @@ class SlopesTable:
             return np.sqrt(np.maximum(away, 0.0)), most
         return x - (self.slopes.box[0] - self.slopes.reference), most
 
+    def _beside_turns(self, q: np.ndarray, stretch: np.ndarray) -> np.ndarray:
+        """True where motions at parameters ``q`` (m, k) are next to turning points."""
+        if self.slopes.kind is TwoTurns:
+            return np.sin(q) < NEAR
+        return q < NEAR * stretch if self.slopes.kind is OneTurn else np.zeros_like(q, dtype=bool)
+
     def _nearer(self, q: np.ndarray, stretch: np.ndarray, rate: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        """How much farther than ``q`` motions are, next to turning points, by their speeds and dτ/dq, the ``rate``."""
+        """How much farther than ``q`` motions are (n,), by their speeds and dτ/dq, the ``rate``."""
         with np.errstate(all="ignore"):
             if self.slopes.kind is TwoTurns:
-                off = (speed - np.sin(q) * stretch / (2 * rate)) * 2 * rate / (stretch * np.cos(q))
-                return np.where(np.sin(q) < NEAR, off, 0.0)
-            if self.slopes.kind is OneTurn:
-                return np.where(q < NEAR * stretch, (speed - 2 * q / rate) * rate / 2, 0.0)
-        return np.zeros_like(q)
+                return (speed - np.sin(q) * stretch / (2 * rate)) * 2 * rate / (stretch * np.cos(q))
+            return (speed - 2 * q / rate) * rate / 2

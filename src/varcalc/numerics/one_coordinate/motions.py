@@ -292,14 +292,15 @@ def _brackets(
 def _turn(potential: Potential, u0: np.ndarray, w0: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The turning points ``x`` from ``u0`` (m,), and how much they are short of being ones for round-off.
 
-    Next to a kink or in a slight slope that matters: what is left of g - C is known better than its place.
+    Next to a kink or in a slight slope that matters: g - C at ``u0`` is known better than the place, and must come out
+    of changes from there, whose round-off is then that of all of them.
     """
     turn = u0 + x
     size, slope = np.maximum(np.abs(x), np.abs(turn)), potential.at(turn)[1]
     with np.errstate(all="ignore"):
-        left = (w0**2 + potential(u0, x).gain) / slope
-    known = (np.abs(left) <= HEIGHT_ROUND_OFF * size) & (w0**2 <= KNOWN * np.abs(slope) * size)
-    return turn, (u0 - turn) + x - np.where(known, left, 0.0)
+        short = (potential(turn, u0 - turn).gain - w0**2) / slope
+    known = (np.abs(short) <= HEIGHT_ROUND_OFF * size) & (w0**2 <= KNOWN * np.abs(slope) * size)
+    return turn, np.where(known, short, (u0 - turn) + x)
 
 
 def ways(

@@ -24,7 +24,7 @@ from varcalc.optics.models.spread import BREAK_OFFSET, Spread
 
 MOST_WINDINGS = 64
 """Times about a centre, either way; rays that go round more often are not looked for."""
-SOME_ANGLES = 64
+SOME_ANGLES = 32
 """Angles at which it is asked how far round a centre rays come on a unit of optical path."""
 MOST_TURNS = 2000
 """Whole periods of a ray that is caught between two heights; rays with more are not looked for."""
@@ -47,7 +47,9 @@ CLEAR = 1e-5
 TOLD_WELL = 1e-12
 """Of the optical path, and of the distance: rays that are told so well need not be carried."""
 NEXT, GROWN = 0.02, 1e-6
-"""A passage that grows so much, in units of the distance, over the last of the way to an angle grows for ever."""
+"""A passage that grows so much, in units of the distance, over the last of the way to an angle grows for ever,"""
+STEADY = 0.6
+"""and so much of what it grew before: to where g has a corner rays come in time, as the root of the angle."""
 
 
 @dataclass(frozen=True)
@@ -226,7 +228,7 @@ def launches(
     tabled = TabledPassages(passages, tables)
     aims = Distances.of(tabled, pair, distance, within, longest)
     farthest = rounded_up(_greatest(aims.pair, aims.distance, np.abs(ends[:, 1] - ends[:, 0])))
-    spread = Spread(tabled, farthest, longest)
+    spread = Spread.of(tabled, farthest, longest)
     series = spread.series()
     touch = TOUCHES_FOLD * farthest[aims.pair]
     families = Families.possible(series, aims)
@@ -234,7 +236,7 @@ def launches(
     weights, offset = families.weights, aims.distance[families.aim]
     found = zeros(series, families.panel, weights, offset, touch[families.aim])
     which = families.take(found.which)
-    upright = _upright(passages, aims, touch)
+    upright = _upright(tabled, aims, touch)
     angles = [whole[0], spread.angles(aims.pair[which.aim], found.at), np.full(len(upright), np.pi / 2)]
     names = np.concatenate([whole[1], which.name, upright])
     touching = np.concatenate([np.ones(len(whole[0]), bool), found.touching, np.zeros(len(upright), bool)])
@@ -289,10 +291,10 @@ def _continua(
     return (np.array(angles), names[whole]), families.take(np.flatnonzero(~np.isin(number, whole)))
 
 
-def _upright(passages: RayPassages, aims: Distances, touch: np.ndarray) -> np.ndarray:
+def _upright(tabled: TabledPassages, aims: Distances, touch: np.ndarray) -> np.ndarray:
     """The names (k, 4) of families of rays at right angles to the layers that come as far as is asked for."""
-    pairs = np.arange(len(passages.start))
-    here = passages.at(pairs, np.full(len(pairs), np.pi / 2))[aims.pair]
+    pairs = np.arange(len(tabled.passages.start))
+    here = tabled.at(pairs, np.full(len(pairs), np.pi / 2), np.zeros((len(pairs), COUNT)))[aims.pair]
     rows = []
     for beyond, behind in KINDS:
         once = np.array([1.0, 2.0 * beyond, 2.0 * behind])
@@ -318,10 +320,12 @@ def _resting(spread: Spread, aims: Distances) -> np.ndarray:
     breaks = 2.0 * _counted(np.zeros_like(spread.passages.count), spread.passages.count)
     pair, at, way = np.tile(pair, 2), np.tile(breaks, 2), np.repeat([-NEXT, NEXT], len(breaks))
     inside = (at + way >= 0) & (at + way <= 2.0 * (spread.passages.count[pair] - 1))
-    rows = np.flatnonzero(inside & ~spread.passages.mild[pair, (at / 2).astype(int)])
+    rows = np.flatnonzero(inside & ~spread.mild(pair, (at / 2).astype(int)))
     pair, at, way = pair[rows], at[rows], way[rows]
     here = spread(pair, at + np.sign(way) * BREAK_OFFSET)
-    growing = here[:, :LAYERS] - spread(pair, at + way)[:, :LAYERS] > GROWN * spread.distance[pair, None]
+    beside, before = (spread(pair, at + steps * way)[:, :LAYERS] for steps in (1, 2))
+    last = here[:, :LAYERS] - beside
+    growing = (last > GROWN * spread.distance[pair, None]) & ~(last <= STEADY * (beside - before))
     slow = np.sqrt(spread.passages.g)[pair] * np.cos(spread.angles(pair, at))
     for row in np.flatnonzero(growing.any(axis=1)):
         own = np.flatnonzero(aims.pair == pair[row])
@@ -379,7 +383,8 @@ def _launched(
     leaving, arriving = way * np.where(behind == 1, -w, w), way * np.where(beyond == 1, -last, last)
     speed, end = (np.where(swapped[pair], -one, two) for one, two in ((arriving, leaving), (leaving, arriving)))
     touching, rates = crossing
-    noise, known = passages.noise(pair, angles), np.isfinite(came)
+    noise = np.max(passages.noise(pair, angles)[:, :LAYERS], axis=1, initial=0.0, where=weights > 0)
+    known = np.isfinite(came)
     short = np.where(known, distance - came, 0.0)
     # the optical path changes by c times the distance from ray to ray, and by c's change over that once more
     with np.errstate(all="ignore"):

@@ -16,7 +16,7 @@ from varcalc.numerics.one_coordinate.integral_tables import SlopesTable
 from varcalc.numerics.one_coordinate.motions import OneTurn, TwoTurns
 from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.numerics.one_coordinate.slopes import SameSlopes
-from varcalc.optics.models.passages import COUNT, LAYERS, RayPassages
+from varcalc.optics.models.passages import COUNT, LAYERS, RayPassages, beside_centre, through_three
 
 MOST_TURNS = 32
 """Turns of g, with more of which no table is made."""
@@ -81,20 +81,32 @@ class TabledPassages:
         u = self.passages.nodes.u
         return max(np.floor(low / step) * step, u[0]), min(np.ceil(high / step) * step, u[-1])
 
-    def at(self, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray) -> np.ndarray:
-        """See :meth:`RayPassages.at`: read from tables where these know as much, beside a ``scale`` (m, COUNT)."""
-        out, told = np.full((len(angles), COUNT), np.nan), np.zeros(len(angles), dtype=bool)
-        if self.applies:
-            self._tabled(pair, angles, scale, out, told)
-        if not np.all(told):
-            out[~told] = self.passages.at(pair[~told], angles[~told])
+    def at(self, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray, enough: float = 0.0) -> np.ndarray:
+        """See :meth:`RayPassages.at`: read from tables where these know as much, beside a ``scale`` (m, COUNT).
+
+        It may be ``enough`` to know them so well, relatively.
+        """
+        out, told = self.tabled(pair, angles, scale, enough)
+        aimed = self.passages.aimed(angles)
+        aimed = aimed[~np.all(told[aimed], axis=1)]
+        if len(aimed):
+            three = self.at(*beside_centre(pair[aimed]), np.repeat(scale[aimed], 3, axis=0), enough)
+            out[aimed], told[aimed] = through_three(three, angles[aimed]), True
+        rows = np.flatnonzero(~np.all(told, axis=1))
+        if len(rows):
+            rest = self.passages.at(pair[rows], angles[rows], ~told[rows])
+            out[rows] = np.where(np.tile(told[rows], 2), out[rows], rest)
         return out
 
-    def _tabled(
-        self, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray, out: np.ndarray, told: np.ndarray
-    ) -> None:
-        """Write down what the tables tell, and of which rows (m,)."""
-        g, agreed = self.passages.g[pair], np.maximum(self.passages.noise(pair, angles), AGREED)
+    def tabled(
+        self, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray, enough: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """See :meth:`at`: what the tables tell (m, COUNT), and whether it is S, U and D (m, LAYERS)."""
+        out, told = np.full((len(angles), COUNT), np.nan), np.zeros((len(angles), LAYERS), dtype=bool)
+        if not self.applies:
+            return out, told
+        g = self.passages.g[pair]
+        agreed = np.maximum(AS_WELL * np.maximum(self.passages.noise(pair, angles), AGREED), enough)
         c, squared = np.sqrt(g) * np.cos(angles), g * np.sin(angles) ** 2
         u, levels, deeper = self._levels
         here, t = self.passages.start[pair, None], len(self._turns)
@@ -110,6 +122,7 @@ class TabledPassages:
             rows = np.flatnonzero((lower == low) & (upper == high))
             own = pair[rows], c[rows], squared[rows], left[rows], scale[rows], agreed[rows]
             self._read(low, high, rows, own, out, told)
+        return out, told
 
     def _slopes(self, low: int, high: int) -> tuple[SameSlopes, int, int]:
         """The slopes between two turns, and the levels that are their floor (-1 for none) and their ceiling."""
@@ -155,9 +168,9 @@ class TabledPassages:
         up = self.passages.way[pair[known]] > 0
         passages, rough = (_assembled(slopes, part, up, way) for part, way in ((values, -1.0), (off, 1.0)))
         least = np.fmax(scale[known], np.nan_to_num(np.abs(passages)))
-        fine = ~np.any(rough > AS_WELL * agreed[known, None] * least, axis=1)
+        fine = ~(rough > agreed[known] * least)
         out[rows[known]] = passages
-        told[rows[known]] = fine
+        told[rows[known]] = fine[:, :LAYERS] & fine[:, LAYERS:]
 
 
 def _assembled(slopes: SameSlopes, values: np.ndarray, up: np.ndarray, minus: float) -> np.ndarray:

@@ -23,6 +23,8 @@ AT_A_TURN = 1e-13
 """Of the difference of two heights: so close to a turning point one is at it."""
 SAME_MINIMUM = 1e-15
 """Of g: minima that differ by less are one."""
+CLOSE_BY = 0.1
+"""Of the difference of two heights: farther beyond the end, a turning point is told as well from the start."""
 DARK = 1e-6
 """Of g: where it is less, upright rays turn at an index that is all but nothing."""
 STAYS_LEVEL = 1e-15
@@ -72,21 +74,26 @@ class RayPassages:
         """g (p,) at the start."""
         return self.profile.at(self.start)[0]
 
-    def at(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    def at(self, pair: np.ndarray, angles: np.ndarray, wanted: np.ndarray | None = None) -> np.ndarray:
         """S, U, D and their optical paths (m, 6) of pairs (m,) at angles (m,) from 0 to π/2.
 
-        They are not numbers where they do not exist, and -∞ where they do and are not resolved.
+        They are not numbers where they do not exist or are not ``wanted`` (m, 3), and -∞ where they are not resolved.
         """
+        wanted = np.ones((len(angles), LAYERS), dtype=bool) if wanted is None else wanted
         out = np.full((len(angles), COUNT), np.nan)
-        agreed = np.maximum(self.noise(pair, angles), AGREED)
+        agreed = np.maximum(self.noise(pair, angles)[:, :LAYERS], AGREED)
         for first in range(0, len(angles), TOGETHER):
             some = slice(first, first + TOGETHER)
-            self._write(pair[some], angles[some], agreed[some], out[some])
-        aimed = np.flatnonzero(np.pi / 2 - angles < AIMED) if self.profile.about_centre else []
+            self._write(pair[some], angles[some], agreed[some], wanted[some], out[some])
+        aimed = self.aimed(angles)
         if len(aimed):
-            three = self.at(np.repeat(pair[aimed], 3), np.tile(np.pi / 2 - BESIDE_CENTRE, len(aimed)))
-            out[aimed] = _through_three(three.reshape(-1, 3, COUNT), np.pi / 2 - angles[aimed])
+            three = self.at(*beside_centre(pair[aimed]), np.repeat(wanted[aimed], 3, axis=0))
+            out[aimed] = through_three(three, angles[aimed])
         return out
+
+    def aimed(self, angles: np.ndarray) -> np.ndarray:
+        """Which of the rays at ``angles`` (m,) are aimed at the centre, all but for round-off."""
+        return np.flatnonzero((np.pi / 2 - angles < AIMED) & self.profile.about_centre)
 
     @cached_property
     def higher(self) -> np.ndarray:
@@ -101,29 +108,41 @@ class RayPassages:
         """
         with np.errstate(all="ignore"):
             known = EPSILON * np.maximum(self.breaks**2, np.minimum(self._variation[0], 1.0)[:, None]) / self.breaks
-        return np.where(self._inner, known, 0.0)
+        return np.where(self._inner.any(axis=2), known, 0.0)
 
     @cached_property
     def _variation(self) -> tuple[np.ndarray, np.ndarray]:
         """How much g varies (p,), and its least value (p,), in units of that at the start."""
-        varies, least = np.empty(len(self.start)), np.empty(len(self.start))
-        for k, (low, high) in enumerate(zip(self.low, self.high, strict=True)):
-            g = self.nodes.g[slice(*np.searchsorted(self.nodes.u, (low, np.nextafter(high, np.inf))))]
-            varies[k], least[k] = np.ptp(g[np.abs(g) < np.inf]), g.min()
+        sides = np.column_stack([self.low, np.nextafter(self.high, np.inf)])
+        slices, finite = np.searchsorted(self.nodes.u, sides).ravel(), np.abs(self.nodes.g) < np.inf
+        own = [np.append(np.where(finite, self.nodes.g, none), none) for none in (np.inf, -np.inf)]
+        least, most = (f.reduceat(g, slices)[::2] for f, g in zip((np.minimum, np.maximum), own, strict=True))
+        varies = most - least
         return varies / self.g, least / self.g
 
     @cached_property
     def _inner(self) -> np.ndarray:
-        """At which of the breaks (p, b) digits are lost: where rays come to rest, and upright ones at an index of 0."""
+        """At which of the breaks which of S, U and D (p, b, 3) lose digits.
+
+        Those do at whose end rays come to rest, and all of upright ones at an index of 0.
+        """
         number, last = np.arange(self.breaks.shape[1]), self.count[:, None] - 1
         dark = (number == last) & (self._variation[1] <= DARK)[:, None]
-        return ((number > 0) & (number < last) & ~self.mild) | dark
+        rests = (number > 0) & (number < last) & ~self.mild
+        return (rests[..., None] & self._broken[2]) | dark[..., None]
 
-    def noise(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
-        """What round-off makes of the passages of pairs (m,) at angles (m,), relatively: much beside a break."""
+    def noise(self, pair: np.ndarray, angles: np.ndarray, plain: np.ndarray | None = None) -> np.ndarray:
+        """What round-off makes of S, U and D and their optical paths (m, 6) of pairs (m,) at angles (m,), relatively.
+
+        It is much beside a break at which they come to rest; not so beside upright rays of those that are ``plain``
+        (m,) there.
+        """
+        lost = self._inner[pair]
+        if plain is not None:
+            lost &= ~(plain[:, None] & (np.arange(lost.shape[1]) == self.count[pair, None] - 1))[..., None]
         with np.errstate(all="ignore"):
-            beside = self.rounded[pair] / np.abs(angles[:, None] - self.breaks[pair])
-        return np.minimum(np.max(beside, axis=-1, initial=0.0, where=self._inner[pair]), 1.0)
+            beside = (self.rounded[pair] / np.abs(angles[:, None] - self.breaks[pair]))[..., None]
+        return np.tile(np.minimum(np.where(lost, beside, 0.0).max(axis=1), 1.0), 2)
 
     def at_least(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
         """What S is, and U and D are no less than (m, 6), told without their turning points.
@@ -150,30 +169,42 @@ class RayPassages:
             out[part, k], out[part, LAYERS + k] = c[part] * sums[:, TAU], sums[:, PATH]
         return out
 
-    def _write(self, pair: np.ndarray, angles: np.ndarray, agreed: np.ndarray, out: np.ndarray) -> None:
+    def _write(
+        self, pair: np.ndarray, angles: np.ndarray, agreed: np.ndarray, wanted: np.ndarray, out: np.ndarray
+    ) -> None:
         u0, to, root = self.start[pair], self.way[pair], np.sqrt(self.g[pair])
         c, w = root * np.cos(angles), root * np.sin(angles)
         free = np.full(len(angles), np.inf)
         below, above = (bounds(self.profile, self.nodes, u0, w**2, c**2, free, sign) for sign in (-1, 1))
-        # how far beyond the end rays turn is told from there: both ends may be turning points, all but for round-off
         beyond, there, last = np.empty(len(angles)), self.end[pair], w**2 + self.higher[pair]
         for sign in (-1, 1):
             some = np.flatnonzero(to == sign)
             turned = bounds(self.profile, self.nodes, there[some], last[some], c[some] ** 2, free[some], sign)
             beyond[some] = np.abs(turned.x)
         x = there - u0
+        # how far beyond an end close by rays turn is told from there: both ends may be turning points, all but for
+        # round-off; elsewhere from the start, so that a turning point that is not well known is one and the same
+        ahead = np.where(to > 0, above.x - x, x - below.x)
+        beyond = np.where(ahead > CLOSE_BY * np.abs(x), ahead, beyond)
         room = AT_A_TURN * np.abs(x)
         out[np.ix_(x == 0, [0, LAYERS])] = 0.0
+        # where both turning points are far from S, its ends are told better by their heights than on that motion
+        far = (np.minimum(np.where(to > 0, -below.x, above.x), beyond) > np.abs(x)) & (x != 0)
+        straight = NoTurn(self.profile, np.zeros_like(x), u0, w**2, to, c**2)
         with np.errstate(all="ignore"):  # where there is no passage, or it is not resolved, there is no number
+            reaches = (below.x <= x + room) & (x - room <= above.x)
             for rows, way, _ in ways(self.profile, u0, to * w, below, above):
-                reaches = (below.x[rows] <= (x + room)[rows]) & ((x - room)[rows] <= above.x[rows])
-                for k, (low, high) in enumerate(_legs(way, to[rows], np.abs(x[rows]), beyond[rows])):
-                    exists = reaches & np.isfinite(low) & np.isfinite(high)
-                    part = np.flatnonzero(exists)
-                    sums = integrals(way.take(part), low[part], high[part], agreed=agreed[rows[part]])
+                legs = _legs(way, to[rows], np.abs(x[rows]), beyond[rows])
+                alone = straight.take(rows), (np.zeros(len(rows)), np.abs(x[rows])), far[rows], 0
+                shared = [(way, leg, ~far[rows] | (k > 0), k) for k, leg in enumerate(legs)]
+                for motion, (low, high), own, k in (alone, *shared):
+                    asked = own & reaches[rows] & wanted[rows, k]
+                    exists = np.flatnonzero(asked & np.isfinite(low) & np.isfinite(high))
+                    part = rows[exists]
+                    sums = integrals(motion.take(exists), low[exists], high[exists], agreed=agreed[part, k])
                     known = np.isfinite(sums[:, TAU]) & np.isfinite(sums[:, PATH])
-                    out[rows[part], k] = np.where(known, c[rows[part]] * sums[:, TAU], -np.inf)
-                    out[rows[part], LAYERS + k] = np.where(known, sums[:, PATH], -np.inf)
+                    out[part, k] = np.where(known, c[part] * sums[:, TAU], -np.inf)
+                    out[part, LAYERS + k] = np.where(known, sums[:, PATH], -np.inf)
 
     @property
     def count(self) -> np.ndarray:
@@ -191,26 +222,18 @@ class RayPassages:
         return self._broken[1]
 
     @cached_property
-    def _broken(self) -> tuple[np.ndarray, np.ndarray]:
+    def _broken(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The breaks (p, b), whether they are mild, and which of S, U and D come to rest there (p, b, 3)."""
         rests = [self._rests(*ends) for ends in zip(self.start, self.end, self.low, self.high, strict=True)]
         pair, node = np.repeat(np.arange(len(rests)), [len(r) for r in rests]), np.concatenate(rests)
+        u, upper, lower = self.nodes.u[node], np.maximum(self.start, self.end), np.minimum(self.start, self.end)
+        above, below, up = u >= upper[pair], u <= lower[pair], self.way[pair] > 0
+        at_rest = np.stack([~above & ~below, np.where(up, above, below), np.where(up, below, above)], axis=1)
         # the change of g is known to its own round-off, however small
         base = self.start[pair]
         fallen = -self.profile(base, self.nodes.u[node] - base).gain / self.g[pair]
         mild = self._stops[node] & ~np.isin(node, self.nodes.upwards.turns)
-        own = []
-        for k in range(len(rests)):
-            lost = sorted(zip(fallen[pair == k], mild[pair == k], strict=True))
-            kept = [(0.0, False)]
-            for place, gentle in lost:
-                if SAME_MINIMUM < place < 1.0 and place - kept[-1][0] > SAME_MINIMUM * place:
-                    kept.append((place, gentle))
-                elif SAME_MINIMUM < place < 1.0:
-                    kept[-1] = (kept[-1][0], kept[-1][1] and gentle)
-            own.append([*((np.arcsin(np.sqrt(place)), gentle) for place, gentle in kept), (np.pi / 2, False)])
-        most = max(map(len, own))
-        padded = np.array([one + [(np.inf, False)] * (most - len(one)) for one in own])
-        return padded[..., 0], padded[..., 1].astype(bool)
+        return _padded(pair, fallen, mild, at_rest)
 
     def _rests(self, start: float, end: float, low: float, high: float) -> np.ndarray:
         """The nodes at which rays from ``start`` to ``end`` come to rest, or turn where g is less smooth."""
@@ -239,6 +262,29 @@ class RayPassages:
         g, slope = (values[pair] for values in self.profile.at(self.start))
         room = STAYS_LEVEL * g / (1.0 if self.profile.about_centre else np.maximum(distance, 1e-300))
         return (self.start == self.end)[pair] & (np.abs(slope) <= room)
+
+
+def _padded(
+    pair: np.ndarray, fallen: np.ndarray, mild: np.ndarray, at_rest: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The breaks of pairs in rows, ascending from 0 to π/2, whether they are mild, and what comes to rest there.
+
+    They lie where g is ``fallen`` (n,) so far from that of the ``pair`` (n,); those alike are one.
+    """
+    order = np.lexsort((fallen, pair))
+    order = order[(fallen[order] > SAME_MINIMUM) & (fallen[order] < 1.0)]
+    place, row = fallen[order], pair[order]
+    before = np.where(np.diff(row, prepend=-1) == 0, np.roll(place, 1), 0.0)
+    first = np.flatnonzero(place - before > SAME_MINIMUM * place)
+    row = row[first]
+    number, count = 1 + np.arange(len(row)) - np.searchsorted(row, row), np.bincount(row, minlength=pair[-1] + 1)
+    shape = len(count), int(count.max()) + 2
+    places, gentle, resting = np.full(shape, np.inf), np.zeros(shape, bool), np.zeros((*shape, LAYERS), bool)
+    places[:, 0], places[np.arange(len(count)), count + 1] = 0.0, np.pi / 2
+    places[row, number] = np.arcsin(np.sqrt(place[first]))
+    gentle[row, number] = np.logical_and.reduceat(mild[order], first)
+    resting[row, number] = np.logical_or.reduceat(at_rest[order], first)
+    return places, gentle, resting
 
 
 def _legs(
@@ -280,12 +326,17 @@ def _held(g: np.ndarray, stop: np.ndarray) -> np.ndarray:
     return np.append(rests, len(g) - 1) if len(g) and g[-1] <= before[-1] else rests
 
 
-def _through_three(values: np.ndarray, beside: np.ndarray) -> np.ndarray:
-    """What rays past a centre (m, 3, 6) say of those closer to it, ``beside`` (m,): (m, 6), by parabolas."""
-    a, b, c = BESIDE_CENTRE
+def beside_centre(pair: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Three rays past the centre for every one of the pairs (m,): pairs and angles (3m,)."""
+    return np.repeat(pair, 3), np.tile(np.pi / 2 - BESIDE_CENTRE, len(pair))
+
+
+def through_three(values: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """What rays past a centre (3m, 6) say of those closer to it, at ``angles`` (m,): (m, 6), by parabolas."""
+    beside, (a, b, c) = np.pi / 2 - angles, BESIDE_CENTRE
     shares = [
         (beside - b) * (beside - c) / ((a - b) * (a - c)),
         (beside - a) * (beside - c) / ((b - a) * (b - c)),
         (beside - a) * (beside - b) / ((c - a) * (c - b)),
     ]
-    return np.einsum("ms,msf->mf", np.stack(shares, axis=1), values)
+    return np.einsum("ms,msf->mf", np.stack(shares, axis=1), values.reshape(-1, 3, COUNT))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.numerics.proxies import Proxies, proxies
+from varcalc.numerics.proxies import Proxies, proxies, stands
 from varcalc.optics.models.passage_tables import TabledPassages
 from varcalc.optics.models.passages import EPSILON, LAYERS, RayPassages
 
@@ -25,12 +25,23 @@ class Spread:
     """The passages as functions of one unknown: of every interval between ``breaks`` two halves, one unit long each.
 
     At 0, 2, 4, .. are the breaks, at 1, 3, .. the middles between them. The passages are those that may be part of a
-    ray of the optical path ``within`` (p,) that comes ``distance`` (p,) far.
+    ray of the optical path ``within`` (p,) that comes ``distance`` (p,) far. ``plain`` (p,) says where they are smooth
+    in the angle up to upright rays.
     """
 
     tabled: TabledPassages
     distance: np.ndarray
     within: np.ndarray
+    plain: np.ndarray
+
+    @classmethod
+    def of(cls, tabled: TabledPassages, distance: np.ndarray, within: np.ndarray) -> Spread:
+        """Upright rays are one end of the rays of layers, and the middle of those about a smooth centre."""
+        pairs, end = np.arange(len(distance)), 2.0 * (tabled.passages.count - 1)
+        spread = _TabledSpread(tabled, distance, within, np.ones(len(pairs), dtype=bool))
+        low = np.append(end - 1, end - 0.5)
+        first, second = stands(spread, np.tile(pairs, 2), low, low + 0.5).reshape(2, -1)
+        return cls(tabled, distance, within, first & second)
 
     @property
     def passages(self) -> RayPassages:
@@ -46,9 +57,12 @@ class Spread:
         upper = at > 2 * interval + 1  # of the two breaks the nearer one, and how far from it: 1 in the middle
         number, away = interval + upper, np.where(upper, 2 * (interval + 1) - at, at - 2 * interval)
         known = np.where(number == count - 1, EPSILON, self.passages.rounded[pair, number])
-        mild = self.passages.mild[pair, number]
-        offset = half * np.where(mild, 2 * np.sin(np.pi / 4 * away) ** 2, _share(known, half, away))
+        offset = half * np.where(self.mild(pair, number), 2 * np.sin(np.pi / 4 * away) ** 2, _share(known, half, away))
         return np.where(away >= 1, low + half, np.where(upper, breaks[pair, number] - offset, low + offset))
+
+    def mild(self, pair: np.ndarray, number: np.ndarray) -> np.ndarray:
+        """Whether passages of pairs (m,) are smooth in the root of the angle from breaks (m,): none rests."""
+        return self.passages.mild[pair, number] | (self.plain[pair] & (number == self.passages.count[pair] - 1))
 
     def angle_rates(self, pair: np.ndarray, at: np.ndarray) -> np.ndarray:
         """The derivatives of the angles by the unknown (m,), about."""
@@ -58,12 +72,12 @@ class Spread:
 
     def noise(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
         """See :meth:`RayPassages.noise`."""
-        return self.passages.noise(family, self.angles(family, at))
+        return self.passages.noise(family, self.angles(family, at), self.plain[family])
 
-    def __call__(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """The passages (m, 6); what is not known but longer than is asked for is so long at least."""
+    def __call__(self, family: np.ndarray, at: np.ndarray, enough: float = 0.0) -> np.ndarray:
+        """The passages (m, 6), to what is ``enough``; what is not known but longer than is asked for is so at least."""
         angles = self.angles(family, at)
-        values = self.tabled.at(family, angles, self.scale(family))
+        values = self.tabled.at(family, angles, self.scale(family), enough)
         rows = np.flatnonzero(np.isneginf(values).any(axis=1))
         if len(rows):
             least = self.passages.at_least(family[rows], angles[rows])
@@ -93,6 +107,16 @@ class Spread:
         family = np.repeat(np.arange(len(panels)), panels)
         low = (np.arange(len(family)) - np.repeat(np.cumsum(panels) - panels, panels)) / 2
         return proxies(self, family, low, low + 0.5)
+
+
+class _TabledSpread(Spread):
+    """What the tables tell of it."""
+
+    def __call__(self, family: np.ndarray, at: np.ndarray, enough: float = 0.0) -> np.ndarray:
+        """The passages (m, 6), not known where the tables do not tell them."""
+        values, told = self.tabled.tabled(family, self.angles(family, at), self.scale(family), enough)
+        values[~np.all(told, axis=1)] = -np.inf
+        return values
 
 
 def _share(known: np.ndarray, half: np.ndarray, away: np.ndarray) -> np.ndarray:
