@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import interpret
+from varcalc.symbolic.instructions import interpret, operate
 from varcalc.symbolic.switches import CONTINUOUS, Switch, alike, arguments
 from varcalc.symbolic.tracing import Expression
 
@@ -37,7 +37,7 @@ def joins_smoothly(expressions: Sequence[Expression], symbols: Sequence[Expressi
         if operation in CONTINUOUS and alike(arguments(operation, operands)[0], switch.argument):
             a, b = operands[0], operands[-1]
             return {ca.OP_FABS: size, ca.OP_FMAX: 0.5 * (a + b + size), ca.OP_FMIN: 0.5 * (a + b - size)}[operation]
-        return ca.SX.unary(operation, *operands) if len(operands) == 1 else ca.SX.binary(operation, *operands)
+        return operate(operation, operands)
 
     results = interpret(function, [s.nonzeros() if s.numel() else [] for s in symbols], ca.SX, applied)
     stated = ca.vertcat(*(e for result in results for e in result))

@@ -163,11 +163,6 @@ class Estimate(NewtonEstimate):
         return not positive((step.reduced - SOFT_MODE * leading)[None])[0]
 
     @cached_property
-    def is_round_off(self) -> bool:
-        """Whether what is left to move is round-off in the metric, where the ordinates themselves may be."""
-        return bool(0.5 * self.system.squared(self.at, self.moved) <= SQUARED_ROUND_OFF * self.at.scale)
-
-    @cached_property
     def size(self) -> float:
         """The largest ordinate, or the largest that is as good as none."""
         largest = float(np.abs(self.at.variables[:, : self.system.n]).max())

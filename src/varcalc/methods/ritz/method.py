@@ -384,7 +384,7 @@ class _Climb:
 
     def astray(self, found: Estimate) -> bool:
         """Whether the curve does not settle, though the value may: then no curve attains it."""
-        return found.curve > unsettled(self.tol) * found.size and not found.is_round_off
+        return found.curve > unsettled(self.tol) * found.size
 
     def curve_is_good(self, rung: Rung, found: Estimate) -> bool:
         """Whether the curve is as good as the value's tolerance promises, as far as the degree alone can make it.
@@ -394,8 +394,7 @@ class _Climb:
         """
         space = rung.system.space
         climbing = space.degree < DEGREES[self.form.order][-2] and space.elements == 1
-        good = found.curve <= max(CURVE * math.sqrt(self.tol), 1e-14) * found.size
-        return not climbing or good or found.is_round_off
+        return not climbing or found.curve <= max(CURVE * math.sqrt(self.tol), 1e-14) * found.size
 
     def next_rung(self, rung: Rung, found: Estimate, previous: float) -> Rung | str:
         """Climb the degree while that pays, else bisect where the error is."""
