@@ -85,6 +85,30 @@ def test_a_bound_holds_a_curve_all_along(pull):
     assert np.abs(solution.curve(np.linspace(0, 1, 11), 0)).max() < 1e-10
 
 
+@pytest.mark.parametrize(
+    ("lagrangian", "held"),
+    [
+        (lambda x, y, dy: dy**2, vc.Bound(lambda x, y, dy: y, upper=0)),
+        (lambda x, y, dy: ca.sqrt(1 + dy**2) - 1, vc.Bound(lambda x, y, dy: y, lower=0)),
+        (lambda x, y, dy: dy**2 + y, vc.Bound(lambda x, y, dy: y, lower=0, upper=0)),
+    ],
+)
+def test_a_bound_that_pushes_nothing_is_touched_all_along(lagrangian, held):
+    solution = solved(lagrangian, (0, 0), (1, 0), [held])
+    assert abs(solution.value) <= solution.error.value < 1e-9
+
+
+def test_an_integral_that_only_zero_has_leaks_no_warning():
+    # the level is its own least value: only y = 0 is admissible
+    refused = vc.solve(
+        vc.Problem(
+            lambda x, y, dy: dy**2, vc.Fixed(0, 0), vc.Fixed(1, 0), [vc.Isoperimetric(lambda x, y, dy: y**2, 0)]
+        ),
+        throw=False,
+    )
+    assert refused.verdict is vc.Verdict.DEGENERATE
+
+
 @pytest.mark.parametrize("power", [1.2, 1.5, 2.5, 3.0])
 @pytest.mark.parametrize("written", [lambda v, p: ca.fabs(v) ** p, lambda v, p: (v**2) ** (p / 2)])
 def test_powers_of_a_size_are_smooth(power, written):

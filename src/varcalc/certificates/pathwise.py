@@ -45,7 +45,9 @@ WIDER = 4.0
 
 
 VANISHING = "multipliers of the conditions along the curve change nothing on curves that meet these"
-MET = "a curve near y0 meets the conditions along it at each of its points; its value lies below the upper bound"
+EQUATIONS_MET = (
+    "a curve near y0 meets the conditions along it at each of its points; its value lies below the upper bound"
+)
 OFF = "the ends meet the conditions along the curve to {:.1g}: these are meant as the line between their values there"
 
 
@@ -104,7 +106,7 @@ class Pathwise:
 
     def told(self) -> list[Hypothesis]:
         """What the theorem needs of the equations, and where the ends lie if that is not on them."""
-        found = [Hypothesis(VANISHING, Means.CONSTRUCTION), Hypothesis(MET, Means.BALLS)]
+        found = [Hypothesis(VANISHING, Means.CONSTRUCTION), Hypothesis(EQUATIONS_MET, Means.BALLS)]
         off = largest([value for first, slope in self._lines for value in (first, first + slope * self.along.length)])
         return found if off.is_zero() else [*found, Hypothesis(OFF.format(float(off)), Means.CONSTRUCTION)]
 

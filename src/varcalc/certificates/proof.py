@@ -57,7 +57,9 @@ EXPRESSION = "L is CasADi's expression, in which products of the numbers of a fu
 RAYLEIGH = "L and the prescribed integrand are homogeneous of second degree: what is proved near y0 holds of all curves"
 SUBGRADIENTS = "sigma e, sigma(x) between -1 and 1, is in place of each |e| of L, so that it is nowhere more than L"
 MULTIPLIERS = "the multipliers of the levels have their signs, so that L with them is no more than L where these hold"
-MET = "kinks and jumps that the curve meets are covered as c(x) |e|, c(x) positive, in graphs without other conditions"
+KINKS_MET = (
+    "kinks and jumps that the curve meets are covered as c(x) |e|, c(x) positive, in graphs without other conditions"
+)
 SIGNS = "the multipliers of the bounds have their signs, so that L with them is no more than L within the bounds"
 WITHIN = "the curve of the upper bound lies within all bounds"
 SHARES = "an abscissa that slides is a number, and distances are meant at equal shares of the interval"
@@ -248,7 +250,7 @@ def _over_kinks(solution: Solution, kinked: Kinked, told: Told) -> Certificate:
 def _polished(solution: Solution) -> AlongCurve:
     found = candidate(solution)
     if found.touched:
-        raise Unproved(MET)  # bounds of its own are dealt with apart
+        raise Unproved(KINKS_MET)  # bounds of its own are dealt with apart
     if found.along_best is None:
         raise Unproved(found.reason or "no coordinates are known in which the curve is regular")
     return in_form(found.best) if found.along_best.slides and found.best is not None else found.along_best
@@ -342,7 +344,7 @@ def _out_of_reach(along: AlongCurve) -> str:
     """Why a curve is not covered; empty where it is."""
     form = along.form
     reasons = {
-        MET: form.coordinates.corners > 0,
+        KINKS_MET: form.coordinates.corners > 0,
         f"curves in coordinates of their own ({form.coordinates.note}) are not covered": form.lift is not None
         and (form.coordinates.energetic or not any(form.problem.slides)),
         "closed curves in space are not covered": form.coordinates.gauged and form.ends.periodic,

@@ -68,4 +68,5 @@ def _fitted(
     matrix = np.column_stack([parts[1, row], -np.ones_like(x)]) * root[:, None]
     multiplier = float(np.linalg.lstsq(matrix, -parts[0, row] * root, rcond=None)[0][0])
     curvature = parts[0, 4] + multiplier * parts[1, 4]
-    return LevelStart(x, y, slope, multiplier, bool(np.nanmedian(curvature) > 0))
+    known = curvature[~np.isnan(curvature)]
+    return LevelStart(x, y, slope, multiplier, known.size > 0 and bool(np.median(known) > 0))

@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
+from varcalc.formulation.height import height
 from varcalc.methods.answer import AlongGraph, Extremal, SampledExtremal, answer, unsettled, with_ends
 from varcalc.methods.ritz.degeneracy import degenerate
 from varcalc.methods.ritz.error import CURVE, Estimate, estimate, settled
@@ -64,6 +65,8 @@ MOST_UNKNOWNS, MOST_AN_ELEMENT = 4000, 24
 """Unknowns with which a solve is given up that needs more: in all, or an element of the mesh that it was given."""
 MOST_WORTH_WHILE, WORTH_WHILE = 100_000, 0.3
 """The same while every refinement leaves no more than this share of the error."""
+SMALL = 1e-3
+"""Height of a curve, in units of what the functional feels, below which it is held against these and not itself."""
 WORTHLESS = 1e-3
 """Relative round-off at which a value is no answer."""
 RESTART_DEGREE = 24
@@ -383,8 +386,12 @@ class _Climb:
         return found.error <= max(target, found.floor) and not self.astray(found) and self.curve_is_good(rung, found)
 
     def astray(self, found: Estimate) -> bool:
-        """Whether the curve does not settle, though the value may: then no curve attains it."""
-        return found.curve > unsettled(self.tol) * found.size
+        """Whether the curve does not settle, though the value may: then no curve attains it.
+
+        One that vanishes, on a bound say, settles where nothing is left of it in units of what the functional feels.
+        """
+        moved = found.curve / unsettled(self.tol)
+        return moved > found.size and moved > SMALL * height(self.form)
 
     def curve_is_good(self, rung: Rung, found: Estimate) -> bool:
         """Whether the curve is as good as the value's tolerance promises, as far as the degree alone can make it.

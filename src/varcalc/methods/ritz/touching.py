@@ -51,7 +51,7 @@ def touchable(form: Form) -> bool:
     # marks of what lies between the points are no breakpoints of the problem's
     if not (plain and levels) or breaks(problem) or form.conditions.waypoints or form.ends.joint is not None:
         return False
-    bounds = all(isinstance(problem.constraints[c.index], Bound) for c in form.conditions.pathwise)
+    bounds = all(isinstance(problem.constraints[c.index], Bound) and not c.equality for c in form.conditions.pathwise)
     slope = form.symbols.dy
     return (
         bool(form.conditions.pathwise)
