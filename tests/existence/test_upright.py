@@ -72,3 +72,11 @@ def test_a_loaded_film_that_holds(share: float) -> None:
     slope = float(solution.dy(FAR))
     exact = (share * 0.9 * RIM + 0.1 * FAR) / FAR
     assert slope / math.sqrt(1 + slope**2) == pytest.approx(exact, abs=1e-5)
+
+
+@pytest.mark.parametrize("method", [None, vc.FirstIntegral()])
+def test_through_the_pole_of_polar_coordinates_no_graph_is_shortest(method):
+    # down to y = 0 at one angle and up at another costs the sum of the radii: what comes near it stands upright
+    distance = vc.Problem(lambda x, y, dy: ca.sqrt(1.5 * y**2 + dy**2), vc.Fixed(0, 0.9), vc.Fixed(1.3, -1.0))
+    refused = vc.solve(distance, method, throw=False)
+    assert not refused.status.ok

@@ -18,6 +18,8 @@ DOUBTED = 1e-5
 """Error of a curve, relative to its extent, from which other coordinates are asked."""
 UNSETTLED = 3e-4
 """The same from which it is no answer where no coordinates tell more."""
+ONE_ABSCISSA = 64 * float(np.finfo(float).eps)
+"""Relative distance of two abscissae that are one to round-off."""
 STEEP = 30.0
 """Slope, in units of the curve's extent over the interval, from which a curve may be about to stand upright."""
 SLOPES = 1e4, 1e6
@@ -55,6 +57,8 @@ def upright(solution: Solution) -> Upright | None:
     if not isinstance(problem, Problem) or problem.order != 1 or curve is None:
         return None
     extent = _extent(solution)
+    if solution.extremal is None and (found := _at_one_abscissa(problem, solution, extent)) is not None:
+        return found
     if not solution.error.curve > DOUBTED * extent:
         return None
     x = np.unique(solution.x)
@@ -69,6 +73,24 @@ def upright(solution: Solution) -> Upright | None:
     ):
         return None
     return Upright(solution.error.curve / extent, float(at[0]), float(np.abs(slope).max()))
+
+
+def _at_one_abscissa(problem: Problem, solution: Solution, extent: float) -> Upright | None:
+    """What a curve by quadrature, which may be known to any slope, rises by at abscissae that are one to round-off."""
+    assert solution.curve is not None
+    first, last = float(solution.x.min()), float(solution.x.max())
+    apart = ONE_ABSCISSA * max(abs(first), abs(last), last - first)
+    x = np.unique([*solution.x, first + apart, last - apart])
+    y, close = solution.curve(x, 0), np.diff(x) <= apart
+    rises = np.where(close, np.diff(y), 0.0)
+    share = float(np.abs(rises).sum(axis=1).max()) / extent if extent > 0 else 0.0
+    if not share > UNSETTLED:
+        return None
+    k = int(np.argmax(np.abs(rises).max(0)))
+    slope = rises[:, [k]] / apart
+    if not _grows_linearly(problem, x[[k]], y[:, [k]], slope):
+        return None
+    return Upright(share, float(x[k]), float(np.abs(slope).max()))
 
 
 def _extent(solution: Solution) -> float:

@@ -328,7 +328,7 @@ def _vouched(solution: Solution, other: Solution | None, form: Form, candidates:
 def _unless_upright(way: Method, candidates: Forms, tol: float, solution: Solution, form: Form) -> Solution:
     """The answer in coordinates in which nothing stands upright; where there are none, this one unless it may."""
     for other in candidates:
-        if other is None or not other.coordinates.energetic:
+        if other is None or not other.coordinates.energetic or _reduces(way):  # which has no coordinates of its own
             continue
         again = _in_form(way, other, tol, None)
         if again.status.ok:
