@@ -5,6 +5,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
+from mpmath import mpf, quad
 
 import varcalc as vc
 
@@ -60,6 +61,23 @@ def test_more_than_friction_holds_moves(push):
     solution = solved(lambda x, y, dy: dy**2 / 2 + ca.fabs(dy) - push * y, (0, 0), (1, 0))
     moving = 0.5 - 1 / push
     assert solution.value == pytest.approx(-(push**2) * moving**3 / 3, abs=1e-10)
+
+
+@pytest.mark.parametrize(("belt", "push", "end"), [(0.5, 3.0, 0.3), (0.0, 3.0, -0.2), (-0.7, 2.5, -0.9)])
+def test_friction_holds_a_curve_from_its_start_for_a_while(belt, push, end):
+    # the slope is the belt's on [0, t], then falls at the rate of the push: end = belt - push (1 - t)^2 / 2
+    sliding = mpf(2 * (mpf(belt) - mpf(end)) / push) ** mpf("0.5")
+    t = 1 - sliding
+
+    def cost(x):
+        since = max(x - t, 0)
+        slope, y = belt - push * since, belt * x - push * since**2 / 2
+        return slope**2 / 2 + abs(slope - belt) - push * y
+
+    exact = quad(cost, [0, t, 1])
+    solution = solved(lambda x, y, dy: dy**2 / 2 + ca.fabs(dy - belt) - push * y, (0, 0), (1, end))
+    assert abs(solution.value - exact) <= solution.error.value + 1e-15
+    assert solution.error.value < 1e-11
 
 
 @pytest.mark.parametrize("level", [0.0, 0.2])
