@@ -61,3 +61,9 @@ def test_solve_says_why_there_is_no_minimum(problem, verdict):
         vc.solve(problem)
     assert refusal.value.verdict is verdict
     assert str(refusal.value)
+
+
+@pytest.mark.parametrize("height", [1e-5, 1e-9, 1e-13])
+def test_in_no_unit_is_weierstrass_infimum_attained(height):
+    example = vc.Problem(lambda x, y, dy: (x * dy) ** 2, vc.Fixed(-1, -height), vc.Fixed(1, height))
+    assert vc.solve(example, throw=False).verdict is vc.Verdict.NOT_ATTAINED

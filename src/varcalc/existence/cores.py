@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import formulate
-from varcalc.formulation.height import flat, height
+from varcalc.formulation.height import FLAT, flat, height
 from varcalc.methods.crossings import Crossing
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
@@ -147,9 +147,10 @@ def _beside(
     departures = side * _argument(problem, switch, x, y)
     at = int(np.argmax(departures))
     form = formulate(problem)
-    if not departures[at] > flat(form):
-        rising = np.diff(_argument(problem, switch, x[[at, at]], y[:, [at, at]] + np.array([0.0, flat(form)])))
-        y = y + side * np.sign(rising) * BESIDE_LEVEL * height(form)
+    beside = BESIDE_LEVEL * height(form)
+    if not departures[at] > FLAT * height(form):
+        rising = np.diff(_argument(problem, switch, x[[at, at]], y[:, [at, at]] + np.array([0.0, beside])))
+        y = y + side * np.sign(rising) * beside
     return x[at : at + 1], y[:, at], curve(x[at : at + 1], 1)[:, 0]
 
 

@@ -22,6 +22,8 @@ BEND_SEEN = 1e-9
 """Part of what is summed that a bend has to change before the growth of the sum is more than rounding."""
 FLAT = 1e-9
 """Height, in units of what the functional feels, that is none."""
+LINE_ROUND_OFF = 1e-15
+"""The same of a line between ends that are zero."""
 WITHIN = 100.0
 """Ratio of the ends' distance and the height that the functional feels, either way, to which one unit serves both."""
 
@@ -44,8 +46,13 @@ def height(form: Form) -> float:
 
 
 def flat(form: Form) -> float:
-    """The height up to which a curve is as good as zero."""
-    return FLAT * height(form)
+    """The height up to which a curve is as good as zero; none for ends that are not, whose unit may be as small.
+
+    An end that slides may come to lie anywhere.
+    """
+    line = float(np.abs(form.start.curve(np.linspace(*form.span, 3))).max())
+    unit = height(form)
+    return FLAT * unit if any(form.problem.slides) or line <= LINE_ROUND_OFF * unit else 0.0
 
 
 def _extent(form: Form) -> float:

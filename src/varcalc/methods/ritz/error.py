@@ -167,7 +167,7 @@ class Estimate(NewtonEstimate):
         """The largest ordinate, or the largest that is as good as none."""
         largest = float(np.abs(self.at.variables[:, : self.system.n]).max())
         form = self.system.form
-        return largest if largest > FLAT * (form.span[1] - form.span[0]) else max(largest, flat(form))
+        return largest if largest > FLAT * (form.span[1] - form.span[0]) else max(largest, flat(form), 1e-300)
 
 
 def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:

@@ -301,7 +301,8 @@ class _Pathwise:
             if inner is not None:
                 self._append("nodes", condition, inner.kept(np.repeat(elements, len(inside))), size, elements)
             of_place = _free_of_slopes(self.system, condition)
-            corners[0] = condition.equality and not of_place and elements[0]  # the end's ordinate decides no slope
+            # the end's ordinate decides no slope; ends both given decide one that is asked all along
+            corners[0] = condition.equality and not of_place and elements[0] and not elements.all()
             if corners.any() and (condition.equality or of_place):
                 beside = [_beside(vertices, side) for side in (-1, 1)]
                 jumping = corners & of_place  # the slope at a vertex is that of one side only

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
-from varcalc.formulation.height import height
+from varcalc.formulation.height import flat
 from varcalc.methods.answer import AlongGraph, Extremal, SampledExtremal, answer, unsettled, with_ends
 from varcalc.methods.ritz.degeneracy import degenerate
 from varcalc.methods.ritz.error import CURVE, Estimate, estimate, settled
@@ -65,8 +65,8 @@ MOST_UNKNOWNS, MOST_AN_ELEMENT = 4000, 24
 """Unknowns with which a solve is given up that needs more: in all, or an element of the mesh that it was given."""
 MOST_WORTH_WHILE, WORTH_WHILE = 100_000, 0.3
 """The same while every refinement leaves no more than this share of the error."""
-SMALL = 1e-3
-"""Height of a curve, in units of what the functional feels, below which it is held against these and not itself."""
+NEXT_TO_NOTHING = 1e6
+"""Height of a curve that vanishes on a bound, in units of one that is as good as zero, from which it has not yet."""
 WORTHLESS = 1e-3
 """Relative round-off at which a value is no answer."""
 RESTART_DEGREE = 24
@@ -388,10 +388,13 @@ class _Climb:
     def astray(self, found: Estimate) -> bool:
         """Whether the curve does not settle, though the value may: then no curve attains it.
 
-        One that vanishes, on a bound say, settles where nothing is left of it in units of what the functional feels.
+        One that vanishes on a bound settles where next to nothing is left of it.
         """
         moved = found.curve / unsettled(self.tol)
-        return moved > found.size and moved > SMALL * height(self.form)
+        if not moved > found.size:
+            return False
+        only_bounds = self.rungs.inequalities and not self.form.conditions.integrals
+        return not only_bounds or moved > NEXT_TO_NOTHING * flat(self.form)
 
     def curve_is_good(self, rung: Rung, found: Estimate) -> bool:
         """Whether the curve is as good as the value's tolerance promises, as far as the degree alone can make it.
