@@ -109,9 +109,11 @@ def _united(problem: Problem, method: Ritz, parts: list[Solution]) -> Solution:
     lasting = resampled(joined, nodes.tolist(), 1 + problem.order)
     error = ErrorEstimate(sum(part.error.value for part in parts), max(part.error.curve for part in parts))
     worst = next((part for part in parts if part.status is not Status.SOLVED), parts[0])
+    # where the parts meet the level holds the curve, whose momentum is that of either
+    sensitivities = {name: sum(part.sensitivities[name] for part in parts) for name in problem.parameters}
     return replace(
         worst, problem=problem, method=method, multipliers=(), curve=lasting, extremal=None, x=nodes, error=error,
-        value=sum(part.value for part in parts),
+        value=sum(part.value for part in parts), sensitivities=sensitivities,
     )  # fmt: skip
 
 

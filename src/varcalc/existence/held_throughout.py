@@ -125,8 +125,7 @@ def _momentum(problem: Problem, along: Curve) -> HeldMomentum | None:
     """Momenta between L_y' on both sides of the kink whose rates are between L_y on both; None where there are none."""
     x = np.linspace(*problem.span, MOMENTUM_STEPS)
     y, slope = along(x, 0), along(x, 1)
-    unit = height(formulate(problem))
-    aside = BESIDE_KINK * np.array([unit, unit / (x[-1] - x[0])])
+    aside = _beside(problem, x)
     sides = (
         np.array(
             [
@@ -187,4 +186,33 @@ def _answer(problem: Problem, method: Ritz, along: Curve) -> Solution:
     (coarse, _), (value, size), (moved, _) = values
     error = abs(value - coarse) + abs(value - moved) + FOLLOWED_TOLERANCE * size
     off = FOLLOWED_TOLERANCE * float(np.abs(along(x, 0)).max())
-    return Solution(problem, method, Status.SOLVED, value, ErrorEstimate(error, off), np.array(problem.span), along)
+    return Solution(
+        problem, method, Status.SOLVED, value, ErrorEstimate(error, off), np.array(problem.span), along,
+        sensitivities=_sensitivities(problem, along, x, weights),
+    )  # fmt: skip
+
+
+def _sensitivities(problem: Problem, along: Curve, x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
+    """dJ/dparameter, that of L at the curve; NaN where it differs from side to side of a kink, which then moves."""
+    s = problem.symbols
+    rate = ca.Function("rate", s.all, [ca.densify(ca.gradient(problem.integrand, s.parameters))])
+    y, slope = along(x, 0), along(x, 1)
+    y_aside, slope_aside = _beside(problem, x)
+    numbers = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, problem.unknown_guesses)]
+    blank = np.zeros((s.ddy.numel(), len(x)))
+    rates = np.array(
+        [
+            np.asarray(rate(x[None], y + i * y_aside, slope + j * slope_aside, blank, *numbers))
+            for i in (-1, 1)
+            for j in (-1, 1)
+        ]
+    )  # (side, parameter, abscissa)
+    apart = np.ptp(rates, axis=0).max(axis=-1, initial=0.0) > NEARLY * np.abs(rates).max(axis=(0, 2), initial=0.0)
+    values = np.where(apart, np.nan, rates.mean(axis=0) @ weights)
+    return dict(zip(problem.parameters, values.tolist(), strict=True))
+
+
+def _beside(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """How far beside a kink its sides are looked at, in the ordinate and in the slope."""
+    unit = height(formulate(problem))
+    return BESIDE_KINK * np.array([unit, unit / (x[-1] - x[0])])

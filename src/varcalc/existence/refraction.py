@@ -15,6 +15,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from varcalc.existence.above_kinks import above_kinks, as_held
 from varcalc.existence.cores import resting
 from varcalc.existence.held_throughout import held_throughout
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
@@ -31,7 +32,6 @@ from varcalc.methods.crossings import (
     unmet,
 )
 from varcalc.methods.ritz.method import Ritz
-from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breakable, crowded, singular_inside
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -59,12 +59,6 @@ VANISHED = 1.5
 """Of the least length that a piece may have: one that is no longer has vanished."""
 ROUNDS = 6
 """Times that pieces are put together anew."""
-GAUSS_POINTS = 24
-"""Points an element at which a curve's functional is summed again."""
-ORDINATE_ROUND_OFF = 1e-14
-"""Relative round-off of the ordinates of a curve that lies on a kink."""
-HELD = 1e-7
-"""Difference, relative to what is summed, of a curve's functional and that of its pieces, which the sum may make."""
 BESIDE_KINK = 1e-3
 """Change of the slope, in units of 1 and of the slope, over which it is seen which way a kink points."""
 BESIDE_JUMP = 1e-3
@@ -104,7 +98,7 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
             with np.errstate(all="ignore"):  # what is no number is no level, and holds nothing
                 solution = held_throughout(problem, method, curve, found)
             solution = solution or resting(problem, method, tol, curve, found)
-            if solution is not None and _as_held(problem, solution):
+            if solution is not None and as_held(problem, solution):
                 return solution
         tried = tried or rides  # that side's problem is the same whatever counts as near
         # what is only near a switch, in units of the rounding, is for the smooth problem to decide
@@ -112,6 +106,12 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     met = [c for c in met if not c.switch.smooth]  # there the equations of a smooth problem hold
     if not met:
         return None
+    found_above = above_kinks(formulate(problem), method, tol, partial(_ordinates, curve))
+    return found_above or _none_stands(problem, method, met)
+
+
+def _none_stands(problem: Problem, method: Ritz, met: list[Crossing]) -> Solution:
+    """The refusal that says what was met."""
     told = "; ".join(sentence(problem, c) for c in met[:2])
     message = f"{told}; curves that are broken there were tried, and none stands"
     return no_answer(problem, method, Status.NOT_CONVERGED, message)
@@ -138,7 +138,7 @@ def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: li
             continue
         if len(_vanished(solution)):  # it is kept from being least
             return None
-        if not _as_held(problem, solution):
+        if not as_held(problem, solution):
             aside = _aside(problem, curve, found, solution)
             if _alike(problem, aside, found):
                 return None
@@ -166,18 +166,6 @@ def _lasting(solution: Solution, found: list[Crossing]) -> list[Crossing]:
     """The crossings but those along which no stretch is left: the pieces would be shorter if they could."""
     middles = _vanished(solution)
     return [c for c in found if c.until is None or not np.any((middles > c.x) & (middles < c.until))]
-
-
-def _as_held(problem: Problem, solution: Solution) -> bool:
-    """Whether a curve's functional, with its switches where the curve puts them, is what was found of its pieces."""
-    assert solution.curve is not None
-    if problem.end_cost is not None:
-        return True  # the pieces are held against one another by their ends' cost as well
-    x, weights = composite_gauss(solution.x, GAUSS_POINTS)
-    y, dy = solution.curve(x, 0), solution.curve(x, 1)
-    values, others = (problem.integrand_values(x, y * near, dy) for near in (1.0, 1.0 + ORDINATE_ROUND_OFF))
-    value, size, round_off = (float(v @ weights) for v in (values, np.abs(values), np.abs(others - values)))
-    return abs(value - solution.value) <= solution.error.value + HELD * size + round_off
 
 
 def _aside(problem: Problem, curve: Curve, found: list[Crossing], solution: Solution) -> list[Crossing]:
@@ -306,8 +294,9 @@ def _points(problem: Problem, line: Sampled) -> Points:
     slopes = np.where(
         np.abs(slopes) * np.ptp(x) <= ARGUMENT_ROUND_OFF * np.abs(y).max(), 0.0, slopes
     )  # made of round-off
+    bends = np.gradient(slopes, x, axis=1)[: problem.symbols.ddy.numel()]
     numbers = [[np.array(v) for v in values] for values in (problem.parameter_values, problem.unknown_guesses)]
-    return [[x], list(y), list(slopes), [], *numbers]
+    return [[x], list(y), list(slopes), list(bends), *numbers]
 
 
 def _smooth(problem: Problem, plain: Form, width: float, points: Points) -> Form:

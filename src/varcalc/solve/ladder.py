@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
+from varcalc.existence.above_kinks import above_kinks
 from varcalc.existence.approach import outdone
 from varcalc.existence.constant_speed import at_constant_speed
 from varcalc.existence.feasibility import explained
@@ -23,7 +24,7 @@ from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.resampled import polynomials
-from varcalc.problem.breaks import breakable, switches_of
+from varcalc.problem.breaks import breakable, on_curve, switches_of
 from varcalc.problem.conditions import truth
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
@@ -218,6 +219,8 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
             solution = _once_more(solution, method, tol)
         # what is all but free to move along itself may stand where round-off holds it: quadrature says where it belongs
         degenerate = solution.verdict is Verdict.DEGENERATE
+        if failure is None and not solution.status.ok:
+            solution = _kinked(problem, method, tol) or solution
         if solution.status.ok or (solution.verdict is not None and not degenerate):
             return solution
         failure = failure or solution
@@ -233,6 +236,15 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
             return solution
     assert failure is not None
     return _guided(problem, _collocation(), tol, guess, told) or failure
+
+
+def _kinked(problem: Functional, method: Ritz, tol: float) -> Solution | None:
+    """The minimum of a problem with convex kinks whose curves cannot be broken there; None for any other."""
+    kinks = isinstance(problem, Problem) and problem.order == 1 and not problem.start.periodic
+    if not kinks or breakable(problem) or all(switch.smooth for switch in on_curve(problem)):
+        return None
+    form = formulate(problem)
+    return above_kinks(form, method, tol, form.start.curve)
 
 
 def _guided(problem: Functional, guide: Method, tol: float, guess: Guess, told: Told) -> Solution | None:

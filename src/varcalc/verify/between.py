@@ -143,15 +143,18 @@ def _beyond_bounds(extremal: Extremal) -> Unseen | None:
     function = bounds(problem)
     s, _ = _samples(extremal)
     looked = _looked(extremal, function, VARYING, everywhere=False)
-    marks, edges = (s[1:-1], s) if looked is None else looked[:2]
+    marks, edges = (np.zeros(0), s) if looked is None else looked[:2]
     inner = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(WITHIN_BOX) / WITHIN_BOX)
     points = _points(extremal, np.append(inner.ravel(), edges[-1]))
     values = np.asarray(function(*_arguments(extremal, points)))
     for row, bound in zip(values, held, strict=True):
         lower, upper = bound.interval
         beyond = np.maximum(lower - row, row - upper)
-        if beyond.max() > BROKEN * max(1.0, float(np.ptp(row))):
-            return Unseen(marks, float(points[0, np.argmax(beyond)]))
+        broken = np.flatnonzero(beyond > BROKEN * max(1.0, float(np.ptp(row))))
+        if len(broken):
+            boxes = np.minimum(broken // WITHIN_BOX, len(edges) - 2)
+            at = np.union1d(edges[boxes], edges[boxes + 1])
+            return Unseen(np.union1d(marks, at[(at > s[0]) & (at < s[-1])]), float(points[0, np.argmax(beyond)]))
     return None
 
 

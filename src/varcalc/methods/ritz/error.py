@@ -62,7 +62,7 @@ MOST_PANELS = 4000
 """Panels bisected at once beyond which an integrand is noise."""
 UNMOVED_CURVE = 1e-14
 """Relative distance of two curves that is made of rounding."""
-SHARED = 0.1
+SHARED = 0.01
 """Share of the last error that two spaces on one mesh may have in common, where a curve touches a bound."""
 
 

@@ -42,6 +42,13 @@ VERTEX_OFFSET = 64 * float(np.finfo(float).eps)
 ORDINATE_ROUND_OFF = 1e-12
 """Relative size of an ordinate or slope that is round-off."""
 
+SIZED_AT, SHRUNK = 17, 1e-3
+"""Places at which the form's own starting curve is sized, and the part of it to which a function may shrink."""
+LEAST_EXACT = 1e-10
+"""IPOPT's own scaled error that is allowed to what is lost in the terms of a gradient."""
+GRADIENT_ROUND_OFF = float(np.finfo(float).eps)
+"""Relative to the sizes of the terms that a derivative is summed from."""
+
 
 @spelled
 @dataclass(frozen=True)
@@ -123,7 +130,9 @@ def optimise(
             "print_level": 0,
             "sb": "yes",
             "tol": ipopt.tol,
-            "acceptable_tol": 1e-10,
+            "acceptable_iter": 1,
+            "acceptable_compl_inf_tol": ipopt.tol,
+            "acceptable_constr_viol_tol": 1e-12,
             "max_iter": ipopt.iterations,
             "mu_strategy": "adaptive",
             "mu_min": 1e-16,  # what the barrier leaves is an error of the value
@@ -141,6 +150,9 @@ def optimise(
     else:
         program, points = program_of(system, z, scale, size)
         options["hess_lag"] = program.curvature.function(program.count)
+    # beyond round-off the multipliers of bounds that hold a curve wander, and with them what is left of the gradient
+    lost = _round_off(options["hess_lag"], z / scale, program.count)
+    options["ipopt"]["acceptable_tol"] = min(max(ipopt.tol, lost), LEAST_EXACT)
     nlp = {"x": program.w, "f": program.objective}
     if program.rows:
         nlp["g"] = ca.vertcat(*program.rows)
@@ -157,6 +169,17 @@ def optimise(
     reason = "" if good else f"IPOPT stopped with {status}"
     gap = size * _gap(program, result) if program.rows else 0.0
     return Descent(found, equalities, at.value, int(stats["iter_count"]), reason, gap=gap), others
+
+
+def _round_off(hessian: ca.Function, start: np.ndarray, rows: int) -> float:
+    """What the gradient of the functional is off by for what is lost in its terms: short elements have large ones."""
+    upper = ca.DM(hessian(start, [], 1.0, np.zeros(rows)))
+    row, column = (np.array(k, dtype=int) for k in upper.sparsity().get_triplet())
+    values, sizes = np.abs(np.array(upper.nonzeros())), np.abs(start)
+    terms = np.bincount(row, values * sizes[column], len(start))
+    terms += np.bincount(column, np.where(row < column, values * sizes[row], 0.0), len(start))
+    largest = float(terms.max(initial=0.0))
+    return GRADIENT_ROUND_OFF * largest if np.isfinite(largest) else 0.0
 
 
 def _gap(program: _Program, result: Mapping[str, Any]) -> float:
@@ -190,8 +213,9 @@ def _summed(system: RitzSystem, z: np.ndarray) -> float:
 
 
 def _scales(system: RitzSystem, z: np.ndarray) -> np.ndarray:
-    """A size for each unknown: that of its function along the starting curve."""
-    values = np.abs(system.ordinates(z)).max(0)
+    """A size for each unknown: that of its function along the starting curve, and not far below the form's own."""
+    first = system.form.start.curve(np.linspace(*system.form.span, SIZED_AT))
+    values = np.maximum(np.abs(system.ordinates(z)).max(0), SHRUNK * np.abs(first).max(1))
     seen = values > flat(system.form)
     values = np.where(seen, values, values.max() if seen.any() else height(system.form))
     column = np.empty((system.space.size,))

@@ -22,6 +22,7 @@ from varcalc.methods.answer import AlongGraph, Extremal, SampledExtremal, answer
 from varcalc.methods.ritz.degeneracy import degenerate
 from varcalc.methods.ritz.error import CURVE, Estimate, estimate, settled
 from varcalc.methods.ritz.ipopt import Ipopt, optimise
+from varcalc.methods.ritz.layers import cuts, layered
 from varcalc.methods.ritz.newton import NO_NUMBER, Newton, load, minimise
 from varcalc.methods.ritz.starts import COMPARED, bent_anyhow, clear_of_bounds, meeting_levels
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
@@ -316,6 +317,7 @@ class _Climb:
         self.split_degree = TOUCHING_DEGREE if self.rungs.inequalities else SPLIT_DEGREE
         self.built = 0.0
         self.slow = 0.0
+        self.looked_beside = False
 
     def run(self, guess: Sampled | None) -> Solution:
         rung = self.first_rung(guess)
@@ -337,7 +339,12 @@ class _Climb:
                     rung = sure
                     break
                 if not self.method.refine or self.is_met(rung, sure):
-                    return self.alone(rung, sure)
+                    vertices = self.layered(rung)
+                    if vertices is None:
+                        return self.alone(rung, sure)
+                    rung = self.rungs.optimise(*self.on_mesh(rung, vertices), rung.multipliers)
+                    best, previous = None, math.inf
+                    continue
             rung, previous = self.next_rung(rung, found, previous), found.error
         if best is None:
             stats = Stats(0.0, time.perf_counter() - self.started, self.rungs.iterations)
@@ -417,7 +424,8 @@ class _Climb:
             return f"{rung.system.size} unknowns did not suffice"
         space = rung.system.space
         stalled = found.error > STALLED * previous or space.degree >= DEGREES[self.form.order][-1]
-        if stalled and space.degree >= self.split_degree:
+        kinked = self.rungs.inequalities and space.elements > 1  # where a bound begins to hold the curve
+        if (stalled or kinked) and space.degree >= self.split_degree:
             system, z = self.bisected(rung, found.shares)
             following = self.rungs.optimise(system, z, rung.multipliers)
         else:
@@ -434,13 +442,31 @@ class _Climb:
     def bisected(self, rung: Rung, shares: np.ndarray) -> tuple[RitzSystem, np.ndarray]:
         """The elements that carry the error cut in two, and the curve on the new mesh."""
         space = rung.system.space
+        marked = shares > BISECTED_SHARE * shares.max()
+        marked = marked if marked.any() else np.ones_like(marked)
+        if self.rungs.inequalities:
+            return self.on_mesh(rung, np.union1d(space.vertices, cuts(rung.system, rung.z, marked)))
         coarse = self.rungs.space(space.vertices, min(space.degree, self.split_degree))
         kept = np.zeros(coarse.size)
         kept[coarse.numbers] = rung.system.coefficients(rung.z)[space.numbers[:, : coarse.degree + 1]]
-        marked = shares > BISECTED_SHARE * shares.max()
-        finer, coefficients = coarse.split(kept, marked if marked.any() else np.ones_like(marked))
+        finer, coefficients = coarse.split(kept, marked)
         system = self.rungs.system(finer)
         return system, system.pack(coefficients, rung.system.unknowns(rung.z))
+
+    def on_mesh(self, rung: Rung, vertices: np.ndarray) -> tuple[RitzSystem, np.ndarray]:
+        """The curve of a rung on a mesh with other vertices."""
+        space = rung.system.space
+        system = self.rungs.system(self.rungs.space(vertices, min(space.degree, self.split_degree)))
+        curve = space.curve(rung.system.coefficients(rung.z))
+        return system, system.pack(system.space.fit(lambda s: curve(s, 0)), rung.system.unknowns(rung.z))
+
+    def layered(self, rung: Rung) -> np.ndarray | None:
+        """The vertices of a mesh with layers where bounds begin to hold the curve; None where it needs none."""
+        bounds = any(not c.equality for c in self.form.conditions.pathwise)
+        if self.looked_beside or not (self.method.refine and bounds):
+            return None
+        self.looked_beside = True
+        return layered(rung.system, rung.z, self.tol)
 
     def report(self, rung: Rung, found: Estimate, reason: str) -> Solution:
         if self.rungs.constrained:  # the richer problem has been solved: give that answer

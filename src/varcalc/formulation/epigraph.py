@@ -1,0 +1,185 @@
+"""Forms in which the size of what switches is a function of its own, held above it by bounds.
+
+Where L grows with abs(g), as it does at a convex kink, the least of L with s in its place, over all s >= g and
+s >= -g, is the least of L itself (the epigraph form; Rockafellar, "Convex Analysis", 1970, sect. 4). That is smooth,
+whatever the kink is of and however often a curve meets it or rests on it, and an interior-point method knows bounds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation.form import Conditions, EndConditions, Ends, Form, Sampled, SideCondition, Start, Stated
+from varcalc.formulation.height import height
+from varcalc.problem.functional import Symbols
+from varcalc.symbolic.derived import Cache
+from varcalc.symbolic.instructions import interpret, operate
+from varcalc.symbolic.joins import joins_smoothly
+from varcalc.symbolic.switches import CONTINUOUS, alike, arguments, switches
+from varcalc.symbolic.tracing import Expression
+
+SAMPLES = 201
+"""Abscissae at which it is seen whether L grows with the size of what switches."""
+ABOVE = 1e-2
+"""How far above what switches its function begins, in units of its largest size on the curve and on one bent aside."""
+MOST_KINKS = 6
+"""Kinks that have functions of their own."""
+
+Restated = Callable[[Sequence[Expression]], list[Expression]]
+"""Expressions in a form's symbols, stated in those with more functions."""
+
+
+def epigraph_form(form: Form, curve: Sampled) -> Form | None:
+    """The form with one function more for each kink of its integrand; None where it has others than convex ones.
+
+    The highest derivative of each of them, which may jump, is the size of what switches. That L grows with it is seen
+    along ``curve``, in the form's own coordinates, from where it is to be minimised.
+    """
+    kinks = _kinks(form)
+    if kinks is None or not kinks.sizes:
+        return None
+    s = np.linspace(*form.span, SAMPLES)
+    sizes = kinks.sizes_along(form, curve(s), s)
+    if sizes is None:
+        return None
+    arch = height(form) * form.start.bumps.sum(axis=0)[:, None] * (1 - np.linspace(-1, 1, SAMPLES) ** 2)
+    bent = kinks.sizes_along(form, curve(s) + arch, s)
+    room = ABOVE * (sizes if bent is None else np.maximum(sizes, bent)).max(axis=1, keepdims=True)
+    old, count = form.symbols, len(kinks.sizes)
+    new = replace(Symbols.make(old.kind, form.n + count, form.order, 0, 0), x=old.x)
+    new = replace(new, parameters=old.parameters, unknowns=old.unknowns)
+    tops = new.slopes[-1][form.n :]
+    before = [old.y, *old.slopes, ca.vertcat(*kinks.sizes)]
+    after = [new.y[: form.n], *(slope[: form.n] for slope in new.slopes), tops]
+
+    def stated(expressions: Sequence[Expression]) -> list[Expression]:
+        return ca.substitute([old.kind(e) for e in expressions], before, after)
+
+    (integrand,) = stated([kinks.integrand])
+    x, y, speed, slope = stated(form.lifted or (old.x, old.y, old.kind(1), old.dy))
+    bounds = [tops[k] - side * g for k, g in enumerate(stated(kinks.arguments)) for side in (1, -1)]
+    first = len(form.problem.constraints)
+    above = (SideCondition(ca.densify(e), 0.0, math.inf, first + i) for i, e in enumerate(bounds))
+    conditions = _restated(form.conditions, stated)
+    coordinates = replace(
+        form.coordinates,
+        stated=Stated(new, integrand, integrand, (x, y, speed, slope)),
+        numbers=None,
+        note="the sizes of kinks are functions of their own",
+    )
+    return replace(
+        form,
+        coordinates=coordinates,
+        ends=_ends(form, new, count),
+        conditions=replace(conditions, pathwise=(*conditions.pathwise, *above)),
+        start=_start(form.start, curve, s, sizes + room, form.order),
+        cache=Cache(),
+        elsewhere=None,
+    )
+
+
+@dataclass(frozen=True)
+class _Kinks:
+    """An integrand in which the ``sizes``, symbols, stand for the sizes of ``arguments``; these may hold such too."""
+
+    integrand: Expression
+    arguments: tuple[Expression, ...]
+    sizes: tuple[Expression, ...]
+
+    def sizes_along(self, form: Form, y: np.ndarray, s: np.ndarray) -> np.ndarray | None:
+        """The sizes (kinks, m) along a curve y (n, m) at s (m,); None where L does not grow with all of them."""
+        sizes = ca.vertcat(*self.sizes)
+        symbols = form.symbols
+        slopes = np.gradient(y, s, axis=1)
+        bends = np.gradient(slopes, s, axis=1)[: symbols.ddy.numel()]
+        numbers = [np.tile(v[:, None], (1, len(s))) for v in (form.problem.parameter_values, form.start.unknowns)]
+        point = [s[None], y, slopes, bends, *numbers]
+        function = ca.Function(
+            "sizes",
+            [*symbols.all, sizes],
+            [ca.vertcat(*self.arguments), ca.densify(ca.gradient(self.integrand, sizes))],
+        )
+        values = np.zeros((len(self.sizes), len(s)))
+        for _ in self.sizes:  # those of a kink within another come first
+            values = np.abs(np.asarray(function(*point, values)[0]))
+        grown = np.asarray(function(*point, values)[1])
+        seen = np.isfinite(values).all() and np.isfinite(grown).all()
+        return values if seen and (grown >= 0.0).all() else None
+
+
+def _kinks(form: Form) -> _Kinks | None:
+    """The integrand with its kinks as functions of their own; None where it jumps, or what else is asked switches."""
+    symbols = form.symbols
+    if not isinstance(form.integrand, ca.SX) or form.conditions.waypoints or not form.same_functional:
+        return None
+    asked = [c.expression for c in (*form.conditions.integrals, *form.conditions.pathwise)]
+    asked += [] if form.ends.joint is None else [form.ends.joint.cost, form.ends.joint.equations]
+    moving = ca.vertcat(symbols.y, symbols.dy, symbols.ddy)
+    found = [w for w in switches([form.integrand], symbols.all) if w.depends_on(moving)]
+    everything = [*symbols.all, *([] if form.ends.joint is None else form.ends.joint.places)]
+    if len(found) > MOST_KINKS or any(w.jumps or w.stepped for w in found) or switches(asked, everything):
+        return None
+    kinks = [w.argument for w in found if not joins_smoothly([form.integrand], symbols.all, w)]
+    sizes: list[Expression] = []
+    lifted: list[Expression] = []
+
+    def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+        written = operate(operation, operands)
+        if operation not in CONTINUOUS or not ca.depends_on(written, ca.vertcat(moving, *sizes)):
+            return written
+        (argument,) = arguments(operation, operands)
+        within = bool(sizes) and ca.depends_on(argument, ca.vertcat(*sizes))
+        if not (within or any(alike(argument, kink) for kink in kinks)):
+            return written
+        number = next((k for k, known in enumerate(lifted) if alike(argument, known)), len(lifted))
+        if number == len(lifted):
+            lifted.append(argument)
+            sizes.append(ca.SX.sym(f"size{number}"))
+        a, b, size = operands[0], operands[-1], sizes[number]
+        return {ca.OP_FABS: size, ca.OP_FMAX: 0.5 * (a + b + size), ca.OP_FMIN: 0.5 * (a + b - size)}[operation]
+
+    function = ca.Function("read", symbols.all, [form.integrand])
+    ((integrand,),) = interpret(function, [v.nonzeros() if v.numel() else [] for v in symbols.all], ca.SX, applied)
+    return _Kinks(integrand, tuple(lifted), tuple(sizes))
+
+
+def _restated(conditions: Conditions, stated: Restated) -> Conditions:
+    """Conditions in symbols with more functions."""
+
+    def each(given: tuple[SideCondition, ...]) -> tuple[SideCondition, ...]:
+        return tuple(replace(c, expression=stated([c.expression])[0]) for c in given)
+
+    return replace(conditions, integrals=each(conditions.integrals), pathwise=each(conditions.pathwise))
+
+
+def _ends(form: Form, symbols: Symbols, count: int) -> Ends:
+    """The ends with ``count`` functions more, which begin at zero and end as they may."""
+    ends, joint = form.ends, form.ends.joint
+    start = np.hstack([ends.start, np.zeros((len(ends.start), count))])
+    end = np.hstack([ends.end, np.full((len(ends.end), count), np.nan)])
+    if joint is not None:
+        places = [symbols.kind.sym(name, form.n + count) for name in ("start", "end")]
+        equations, cost = ca.substitute(
+            [joint.equations, joint.cost], [joint.start, joint.end], [place[: form.n] for place in places]
+        )
+        joint = EndConditions(places[0], places[1], equations, cost)
+    return replace(ends, start=start, end=end, joint=joint)
+
+
+def _start(start: Start, curve: Sampled, s: np.ndarray, sizes: np.ndarray, order: int) -> Start:
+    """A curve to start from, with functions of the given ``sizes``, and bumps of what was there before."""
+    sums = sizes
+    for _ in range(order):
+        pieces = 0.5 * (sums[:, 1:] + sums[:, :-1]) * np.diff(s)
+        sums = np.hstack([np.zeros((len(sums), 1)), np.cumsum(pieces, axis=1)])
+
+    def extended(at: np.ndarray) -> np.ndarray:
+        return np.vstack([curve(at), *(np.interp(at, s, row) for row in sums)])
+
+    bumps = np.hstack([start.bumps, np.zeros((len(start.bumps), len(sizes)))])
+    return replace(start, curve=extended, bumps=bumps)
