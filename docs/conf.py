@@ -24,6 +24,8 @@ html_theme = "furo"
 html_title = "varcalc"
 
 autodoc_member_order = "bysource"
+# furo copies the contents of all pages for each page: with a thousand names among them, that is half of a build
+toc_object_entries = False
 autodoc_typehints_format = "short"
 napoleon_google_docstring = False
 napoleon_use_ivar = True

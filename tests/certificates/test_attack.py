@@ -2,7 +2,6 @@
 
 import pickle
 from dataclasses import replace
-from fractions import Fraction
 
 import casadi as ca
 import mpmath
@@ -16,22 +15,12 @@ from varcalc.certificates.proof import BITS, TERMS, certified
 from varcalc.verify.candidate import candidate
 
 
-@pytest.fixture(autouse=True)
-def _sixty_digits():
-    with mpmath.workdps(60):
-        yield
-
-
 def area(x, y, v):
     return y * ca.sqrt(1 + v**2)
 
 
 def pendulum(x, y, v):
     return v**2 / 2 + ca.cos(y)
-
-
-def bounds(certificate):
-    return [mpmath.mpf(f.numerator) / f.denominator for f in map(Fraction, certificate.enclosure)]
 
 
 def displaced(solution, bump):
@@ -50,7 +39,7 @@ def wave(height, count):
 
 @pytest.mark.parametrize("count", [1, 5])
 @pytest.mark.parametrize("power", [1, 4, 8, 13])
-def test_a_wrong_curve_widens_the_interval_or_is_refused(power, count):
+def test_a_wrong_curve_widens_the_interval_or_is_refused(power, count, bounds):
     """Of whatever curve: the least action of the oscillator is cot(2)/2."""
     solution = vc.solve(vc.Problem(lambda x, y, v: (v**2 - y**2) / 2, vc.Fixed(0, 0), vc.Fixed(2, 1)))
     low, high = bounds(displaced(solution, wave(10.0**-power, count)))
@@ -58,7 +47,7 @@ def test_a_wrong_curve_widens_the_interval_or_is_refused(power, count):
 
 
 @pytest.mark.parametrize("power", [1, 5, 10])
-def test_a_wrong_curve_of_a_problem_that_is_not_of_second_degree(power):
+def test_a_wrong_curve_of_a_problem_that_is_not_of_second_degree(power, bounds):
     """The interval of the wrong curve holds that of the right one, or there is none."""
     solution = vc.solve(vc.Problem(pendulum, vc.Fixed(0, 0), vc.Fixed(2, 1)))
     low, high = bounds(vc.certify(solution))
@@ -71,7 +60,7 @@ def test_a_wrong_curve_of_a_problem_that_is_not_of_second_degree(power):
 
 
 @pytest.mark.parametrize("power", [1, 3, 5])
-def test_up_to_a_conjugate_point_and_not_beyond(power):
+def test_up_to_a_conjugate_point_and_not_beyond(power, bounds):
     """The oscillator for a time pi -+ 10^-k: a minimum, and none."""
     short, long = (vc.Problem(lambda x, y, v: (v**2 - y**2) / 2, vc.Fixed(0, 0), vc.Fixed(T, 1))
                    for T in (np.pi - 10.0**-power, np.pi + 10.0**-power))  # fmt: skip
@@ -82,7 +71,7 @@ def test_up_to_a_conjugate_point_and_not_beyond(power):
 
 
 @pytest.mark.parametrize("width", [1e-1, 1e-3])
-def test_a_narrow_spot_is_seen_by_the_balls(width):
+def test_a_narrow_spot_is_seen_by_the_balls(width, bounds):
     """int a(x) v^2 is 1/(integral of 1/a), however narrow the spot of small a is; it may be refused."""
 
     def spotted(x, y, v):
@@ -104,7 +93,7 @@ def test_a_narrow_spot_is_seen_by_the_balls(width):
     assert low <= exact <= high
 
 
-def test_a_term_that_is_seen_on_no_lattice():
+def test_a_term_that_is_seen_on_no_lattice(bounds):
     """sin(1024 pi x)^2 vanishes at every multiple of 2^-10, and so on the nodes of many meshes."""
     problem = vc.Problem(
         lambda x, y, v: v**2 / 2 + 1e-3 * ca.sin(1024 * np.pi * x) ** 2, vc.Fixed(0, 0), vc.Fixed(1, 1)
@@ -170,7 +159,7 @@ def test_what_an_end_costs_may_have_a_kink_too():
 
 
 @pytest.mark.parametrize("factor", [0.1, 3.0, 1e-9])
-def test_a_constant_before_a_length_is_squared_exactly(factor):
+def test_a_constant_before_a_length_is_squared_exactly(factor, bounds):
     length = vc.Curve(lambda q, dq: factor * ca.sqrt(1.7 * dq[0] ** 2 + dq[1] ** 2) / 0.3, vc.At((0, 0)), vc.At((1, 1)))
     low, high = bounds(vc.certify(vc.solve(length)))
     exact = mpmath.mpf(factor) * mpmath.sqrt(1 + mpmath.mpf(1.7)) / mpmath.mpf(0.3)
@@ -189,14 +178,14 @@ FOLDED = {
 
 
 @pytest.mark.parametrize(("lagrangian", "exact"), FOLDED.values(), ids=FOLDED)
-def test_numbers_are_not_put_together(lagrangian, exact):
+def test_numbers_are_not_put_together(lagrangian, exact, bounds):
     """CasADi makes v^2 of 5*(0.2*v^2), though 5 times the double 0.2 is more than 1."""
     low, high = bounds(vc.certify(vc.solve(vc.Problem(lagrangian, vc.Fixed(0, 0), vc.Fixed(1, 1)))))
     assert low <= exact(mpmath.mpf) <= high
     assert high - low < 1e-20
 
 
-def test_numbers_are_not_put_together_in_levels_costs_and_where_ends_slide():
+def test_numbers_are_not_put_together_in_levels_costs_and_where_ends_slide(bounds):
     """Each by its closed form: int v^2 at a prescribed area, with a cost of the end, and the distance from a line."""
     percent, three = mpmath.mpf(0.03), mpmath.mpf(0.1) * mpmath.mpf(0.3)
     c = percent / three
@@ -218,7 +207,7 @@ def test_numbers_are_not_put_together_in_levels_costs_and_where_ends_slide():
         assert high - low < 1e-20
 
 
-def test_where_the_function_is_lost_the_theorem_says_of_what_it_is():
+def test_where_the_function_is_lost_the_theorem_says_of_what_it_is(bounds):
     """A solution from a file holds CasADi's expression alone, and so does one whose function has since changed."""
     factor = 0.2
 
@@ -251,7 +240,7 @@ def test_what_is_a_length_at_the_points_looked_at_alone_is_none(beside):
         vc.certify(solution)
 
 
-def test_a_brachistochrone_whose_time_has_a_factor():
+def test_a_brachistochrone_whose_time_has_a_factor(bounds):
     problem = vc.Problem(lambda x, y, v: 0.1 * ca.sqrt((1 + v**2) / y), vc.Fixed(0, 0), vc.Fixed(1, 1))
     low, high = bounds(vc.certify(vc.solve(problem)))
     t = mpmath.findroot(lambda t: (t - mpmath.sin(t)) - (1 - mpmath.cos(t)), 2.4)
@@ -259,7 +248,7 @@ def test_a_brachistochrone_whose_time_has_a_factor():
     assert low <= exact <= high
 
 
-def test_a_ray_in_an_index_of_another_power_whose_metric_is_even_as_well():
+def test_a_ray_in_an_index_of_another_power_whose_metric_is_even_as_well(bounds):
     """n = y^(-3/4) is regular in y = z^4: with y^(3/4) = a^(3/4) sin(phi), x and J are integrals of powers of sines."""
     problem = vc.Problem(lambda x, y, v: ca.sqrt(1 + v**2) / y**0.75, vc.Fixed(0, 0), vc.Fixed(1, 1))
     low, high = bounds(vc.certify(vc.solve(problem)))
@@ -289,7 +278,7 @@ def test_convexity_is_not_rounded_to_nearest():
     assert vc.certify(vc.solve(problem)).scope is not vc.certificates.Scope.ALL
 
 
-def test_a_prescribed_integral_of_a_curve_whose_slope_is_held_too():
+def test_a_prescribed_integral_of_a_curve_whose_slope_is_held_too(bounds):
     """int y''^2 with clamped ends and int y = c is 720 c^2, by 30 c x^2 (1 - x)^2."""
     level = vc.Isoperimetric(lambda x, y, v, a: y, 0.3)
     problem = vc.Problem(
@@ -299,7 +288,7 @@ def test_a_prescribed_integral_of_a_curve_whose_slope_is_held_too():
     assert low <= 720 * mpmath.mpf(0.3) ** 2 <= high
 
 
-def test_a_prescribed_integral_of_a_curve_with_a_free_end():
+def test_a_prescribed_integral_of_a_curve_with_a_free_end(bounds):
     """int v^2 from y(0) = 0 with int y = c is 3 c^2, by c (3 x - 3 x^2/2)."""
     level = vc.Isoperimetric(lambda x, y, v: y, 0.3)
     problem = vc.Problem(lambda x, y, v: v**2, vc.Fixed(0, 0), vc.Free(1), [level])
@@ -318,7 +307,7 @@ def test_a_switch_that_hangs_on_an_angle_is_refused_and_no_raw_exception():
 
 
 @pytest.mark.parametrize("power", [1, 4, 9])
-def test_a_wrong_curve_through_a_waypoint_with_an_end_that_costs(power):
+def test_a_wrong_curve_through_a_waypoint_with_an_end_that_costs(power, bounds):
     """int v^2 from 0 through (1, 1/2) with the cost (y - 1)^2 of the end at 2: 1/4 + min of (y - 1/2)^2 + (y - 1)^2."""
     problem = vc.Problem(
         lambda x, y, v: v**2,

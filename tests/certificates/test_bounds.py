@@ -17,12 +17,6 @@ from varcalc.certificates.setting import setting_along
 from varcalc.verify.along_curve import along_curve
 
 
-@pytest.fixture(autouse=True)
-def _sixty_digits():
-    with mpmath.workdps(60):
-        yield
-
-
 def hill(x, y, v):
     return y - (1 - x**2)
 

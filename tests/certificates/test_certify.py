@@ -11,12 +11,6 @@ import varcalc as vc
 from varcalc.certificates import Means, Scope
 
 
-@pytest.fixture(autouse=True)
-def _sixty_digits():
-    with mpmath.workdps(60):
-        yield
-
-
 def between(certificate, exact):
     """Whether a number of 60 digits lies in the interval, and the doubles around it."""
     low, high = (mpmath.mpf(f.numerator) / f.denominator for f in map(Fraction, certificate.enclosure))

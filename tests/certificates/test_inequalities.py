@@ -1,7 +1,6 @@
 """Prescribed integrals that are inequalities, held against closed forms in 60 digits."""
 
 from dataclasses import replace
-from fractions import Fraction
 
 import casadi as ca
 import mpmath
@@ -9,16 +8,6 @@ import pytest
 
 import varcalc as vc
 from varcalc.certificates import Scope
-
-
-@pytest.fixture(autouse=True)
-def _sixty_digits():
-    with mpmath.workdps(60):
-        yield
-
-
-def bounds(certificate):
-    return [mpmath.mpf(f.numerator) / f.denominator for f in map(Fraction, certificate.enclosure)]
 
 
 def string(*constraints):
@@ -61,7 +50,7 @@ CASES = {
 
 
 @pytest.mark.parametrize(("problem", "exact"), CASES.values(), ids=CASES)
-def test_a_level_that_is_an_inequality_is_certified_among_all_curves(problem, exact):
+def test_a_level_that_is_an_inequality_is_certified_among_all_curves(problem, exact, bounds):
     certificate = vc.certify(vc.solve(problem))
     low, high = bounds(certificate)
     assert low <= exact(mpmath.mpf) <= high
@@ -69,7 +58,7 @@ def test_a_level_that_is_an_inequality_is_certified_among_all_curves(problem, ex
     assert certificate.width < 1e-15
 
 
-def test_the_greatest_area_under_an_arc_that_is_no_longer_than_given():
+def test_the_greatest_area_under_an_arc_that_is_no_longer_than_given(bounds):
     """A chord of 2 and an arc of 3: sin(a)/a = 2/3, r = 1/sin(a), r^2 (2a - sin 2a)/2."""
     a = mpmath.findroot(lambda a: mpmath.sin(a) / a - mpmath.mpf(2) / 3, 1.5)
     exact = (2 * a - mpmath.sin(2 * a)) / (2 * mpmath.sin(a) ** 2)
@@ -81,7 +70,7 @@ def test_the_greatest_area_under_an_arc_that_is_no_longer_than_given():
 
 
 @pytest.mark.parametrize(("lower", "upper"), [(-1.0, 0.3), (0.2, 1.0), (0.3 + 1e-9, 1.0)])
-def test_the_curve_of_another_level_is_refused_or_the_interval_holds_the_truth(lower, upper):
+def test_the_curve_of_another_level_is_refused_or_the_interval_holds_the_truth(lower, upper, bounds):
     """The string of area 0.3, taken for that of levels it is beside, or meets on the wrong side."""
     held = vc.solve(string(vc.Isoperimetric(area, 0.3)))
     problem = string(vc.Isoperimetric(area, lower=lower, upper=upper))

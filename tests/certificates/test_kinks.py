@@ -1,7 +1,6 @@
 """Lagrangians with convex kinks, held against closed forms in 60 digits."""
 
 from dataclasses import replace
-from fractions import Fraction
 
 import casadi as ca
 import mpmath
@@ -14,16 +13,6 @@ from varcalc.certificates.balls import working
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.kinks import kinks
 from varcalc.certificates.proof import BITS, TERMS
-
-
-@pytest.fixture(autouse=True)
-def _sixty_digits():
-    with mpmath.workdps(60):
-        yield
-
-
-def bounds(certificate):
-    return [mpmath.mpf(f.numerator) / f.denominator for f in map(Fraction, certificate.enclosure)]
 
 
 def solved(lagrangian, start, end, **options):
@@ -85,7 +74,7 @@ CASES = {
 
 
 @pytest.mark.parametrize(("lagrangian", "start", "end", "exact"), CASES.values(), ids=CASES)
-def test_a_convex_kink_is_certified_among_all_curves(lagrangian, start, end, exact):
+def test_a_convex_kink_is_certified_among_all_curves(lagrangian, start, end, exact, bounds):
     certificate = vc.certify(solved(lagrangian, start, end))
     low, high = bounds(certificate)
     assert low <= exact() <= high
@@ -93,7 +82,17 @@ def test_a_convex_kink_is_certified_among_all_curves(lagrangian, start, end, exa
     assert certificate.width < 2e-12
 
 
-def test_a_kink_that_is_followed_from_its_one_side_to_the_other_under_a_load():
+@pytest.mark.parametrize("length", [3.6, 3.8, 4.2, 4.4, 4.7, 5.0])
+def test_a_curve_that_rests_without_a_load_is_certified_wherever_round_off_puts_it(length, bounds):
+    """The multiplier is -1 all along, and the curve is on either side of the kink by a bit of round-off."""
+    certificate = vc.certify(solved(lambda x, y, v: v**2 + ca.fmax(y, 0.5), (0, 1), (length, 1)))
+    low, high = bounds(certificate)
+    assert low <= mpmath.mpf(length) / 2 + 2 * mpmath.sqrt(2) / 3 <= high
+    assert certificate.scope is Scope.ALL
+    assert certificate.width < 2e-12
+
+
+def test_a_kink_that_is_followed_from_its_one_side_to_the_other_under_a_load(bounds):
     """int v^2/2 + b |v - s| - k cos(x) y: with p = C - k sin(x) the slope is p - b, s or p + b."""
     b, s, k, T = (float(v) for v in (0.4, 0.3, 2.0, 2.0))
 
@@ -123,7 +122,7 @@ def test_a_kink_that_is_followed_from_its_one_side_to_the_other_under_a_load():
     assert certificate.width < 1e-10
 
 
-def test_a_maximum():
+def test_a_maximum(bounds):
     problem = vc.Problem(
         lambda x, y, v: -(v**2) / 2 - ca.fabs(y), vc.Fixed(0, 1), vc.Fixed(4, 1), maximise=True
     )  # fmt: skip
@@ -141,7 +140,7 @@ def test_a_potential_that_is_not_convex_is_certified_in_a_tube():
 
 @pytest.mark.parametrize("power", [2, 4, 6, 9])
 @pytest.mark.parametrize("name", ["a flat top", "a dead core", "a kink that is crossed"])
-def test_a_wrong_curve_widens_the_interval_or_is_refused(name, power):
+def test_a_wrong_curve_widens_the_interval_or_is_refused(name, power, bounds):
     lagrangian, start, end, exact = CASES[name]
     solution = solved(lagrangian, start, end)
     given = solution.curve
@@ -158,7 +157,7 @@ def test_a_wrong_curve_widens_the_interval_or_is_refused(name, power):
 
 
 @pytest.mark.parametrize("shift", [-0.05, -1e-3, 1e-3, 0.05])
-def test_places_where_the_curve_meets_its_kink_that_are_wrong(shift):
+def test_places_where_the_curve_meets_its_kink_that_are_wrong(shift, bounds):
     """The signs of wrong pieces are still subgradients: the interval widens."""
     solution = solved(lambda x, y, v: v**2 / 2 + ca.fabs(y), (0, 1), (4, 1))
     moved = solution.x + shift * np.sin(np.pi * solution.x / 4)
@@ -205,7 +204,7 @@ def test_a_curve_outside_the_tube_bounds_nothing_in_it():
         vc.certify(replace(solution, curve=far, extremal=None))
 
 
-def test_a_kink_that_is_written_twice():
+def test_a_kink_that_is_written_twice(bounds):
     """|y| + |y|/2 along a dead core is 3/2 |y|."""
     certificate = vc.certify(solved(lambda x, y, v: v**2 / 2 + ca.fabs(y) + ca.fabs(y) / 2, (0, 1), (5, 1)))
     low, high = bounds(certificate)

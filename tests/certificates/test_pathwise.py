@@ -1,7 +1,6 @@
 """Conditions that hold all along the curve, held against closed forms in 60 digits."""
 
 from dataclasses import replace
-from fractions import Fraction
 
 import casadi as ca
 import mpmath
@@ -18,16 +17,6 @@ from varcalc.certificates.proof import BITS, TERMS, _bounded
 from varcalc.certificates.setting import setting_along
 from varcalc.study.reference import load
 from varcalc.verify.candidate import candidate
-
-
-@pytest.fixture(autouse=True)
-def _sixty_digits():
-    with mpmath.workdps(60):
-        yield
-
-
-def bounds(certificate):
-    return [mpmath.mpf(f.numerator) / f.denominator for f in map(Fraction, certificate.enclosure)]
 
 
 def kinetic(x, y, v):
@@ -51,7 +40,7 @@ NEAR, ANTIPODE_NEARLY = ((3, 4, 0), (0, 3, 4)), ((3, 4, 0), (-4, -3, 0))
 
 
 @pytest.mark.parametrize("ends", [NEAR, ANTIPODE_NEARLY])
-def test_the_least_energy_on_a_sphere(ends):
+def test_the_least_energy_on_a_sphere(ends, bounds):
     certificate = vc.certify(vc.solve(on_the_sphere(*ends)))
     low, high = bounds(certificate)
     assert low <= (5 * angle(*ends)) ** 2 / 2 <= high
@@ -70,13 +59,13 @@ def test_the_least_energy_on_a_sphere(ends):
         ("cone/embedded", lambda: mpmath.sqrt(125 - 100 * mpmath.cos(mpmath.pi / 2 * 3 / 5))),
     ],
 )
-def test_references_in_space(name, exact):
+def test_references_in_space(name, exact, bounds):
     low, high = bounds(vc.certify(vc.solve(load(name)[0].problem)))
     assert low <= exact() <= high
     assert high - low < 1e-18
 
 
-def test_a_length_that_has_a_factor():
+def test_a_length_that_has_a_factor(bounds):
     """The energy is stated without it, and so are the multipliers."""
     length = vc.Curve(
         lambda q, dq: 0.1 * ca.norm_2(dq) / 0.3,
@@ -89,7 +78,7 @@ def test_a_length_that_has_a_factor():
     assert high - low < 1e-18
 
 
-def test_two_conditions():
+def test_two_conditions(bounds):
     """The sphere of radius 5 at the height 3 is a circle of radius 4."""
     level = vc.Holonomic(lambda x, y: y[2] - 3)
     problem = vc.Problem(kinetic, vc.Fixed(0, (4, 0, 3)), vc.Fixed(1, (0, 4, 3)), [on_a_sphere(5), level])
@@ -98,7 +87,7 @@ def test_two_conditions():
     assert high - low < 1e-15
 
 
-def test_a_maximum():
+def test_a_maximum(bounds):
     problem = vc.Problem(
         lambda x, y, v: -ca.sumsqr(v) / 2, vc.Fixed(0, NEAR[0]), vc.Fixed(1, NEAR[1]), [on_a_sphere(5)], maximise=True
     )
@@ -106,7 +95,7 @@ def test_a_maximum():
     assert low <= -((5 * angle(*NEAR)) ** 2) / 2 <= high
 
 
-def test_an_end_that_lies_off_by_round_off_says_what_is_meant():
+def test_an_end_that_lies_off_by_round_off_says_what_is_meant(bounds):
     """y_1 = sin x to the line to what sin(1) is rounded by: the curve is known, and so is its value."""
     problem = vc.Problem(
         kinetic,
@@ -139,7 +128,7 @@ def test_the_long_way_round_is_no_minimum():
         vc.certify(solution)
 
 
-def check_or_refuse(solution, along, refusable):
+def check_or_refuse(solution, along, refusable, bounds):
     """Whatever the curve, the interval holds the least energy; it is refused where it is wrong enough alone."""
     with working(BITS, TERMS):
         try:
@@ -154,7 +143,7 @@ def check_or_refuse(solution, along, refusable):
 
 @pytest.mark.parametrize("power", [1, 3, 6, 9, 12])
 @pytest.mark.parametrize("way", [(1, 0, 0), (-4, 3, 0), (0, 0, 1)])
-def test_a_wrong_curve_widens_the_interval_or_is_refused(power, way):
+def test_a_wrong_curve_widens_the_interval_or_is_refused(power, way, bounds):
     """Beside the sphere and on it."""
     solution = vc.solve(on_the_sphere(*NEAR))
     along = candidate(solution).along_best
@@ -163,15 +152,17 @@ def test_a_wrong_curve_widens_the_interval_or_is_refused(power, way):
     def evaluate(x, k):
         return along.evaluate(x, k) + height * w**k * np.outer(way, np.sin(w * x + k * np.pi / 2))
 
-    check_or_refuse(solution, replace(along, evaluate=evaluate), power < 9)
+    check_or_refuse(solution, replace(along, evaluate=evaluate), power < 9, bounds)
 
 
 @pytest.mark.parametrize("power", [1, 4, 8])
-def test_wrong_multipliers_widen_the_interval_or_are_refused(power):
+def test_wrong_multipliers_widen_the_interval_or_are_refused(power, bounds):
     solution = vc.solve(on_the_sphere(*NEAR))
     along = candidate(solution).along_best
     mu = along.forces[0]
-    check_or_refuse(solution, replace(along, forces=(lambda x: mu(x) + 10.0**-power * np.cos(7 * x),)), power < 8)
+    check_or_refuse(
+        solution, replace(along, forces=(lambda x: mu(x) + 10.0**-power * np.cos(7 * x),)), power < 8, bounds
+    )
 
 
 REFUSED = {

@@ -16,12 +16,6 @@ from varcalc.certificates.proof import BITS, TERMS, certified
 from varcalc.verify.candidate import candidate
 
 
-@pytest.fixture(autouse=True)
-def _sixty_digits():
-    with mpmath.workdps(60):
-        yield
-
-
 def unit(x, y, v):
     return ca.sumsqr(y)
 

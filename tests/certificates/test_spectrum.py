@@ -14,12 +14,6 @@ from varcalc.certificates.balls import flint, working
 from varcalc.certificates.integrals import Unproved
 
 
-@pytest.fixture(autouse=True)
-def _sixty_digits():
-    with mpmath.workdps(60):
-        yield
-
-
 def quotient(lagrangian, start=None, end=None, weight=lambda x, y, v: y**2, level=1.0, **more):
     ends = start or vc.Fixed(0, 0), end or vc.Fixed(1, 0)
     return vc.Problem(lagrangian, *ends, [vc.Isoperimetric(weight, level)], **more)

@@ -112,6 +112,25 @@ def test_an_ensemble_goes_to_abscissae_of_its_own(engine):
     assert np.isfinite(landing.states[4, 0])
 
 
+@pytest.mark.parametrize(("engine", "off"), [(Taylor(), 1e-13), (Dop853(), 1e-9)], ids=["Taylor", "DOP853"])
+def test_runs_that_fail_side_by_side_are_told_as_far_as_they_come(engine, off):
+    """y = 1 / (1 / y(0) - s), with its pole before the last abscissa for most of what is carried together."""
+    s, y, c = ca.SX.sym("s"), ca.SX.sym("Y"), ca.SX.sym("c", 0)
+    flow, places = engine.compile(ca.Function("blow", [s, y, c], [y**2])), np.linspace(0, 2, 33)
+    starts = np.geomspace(0.1, 1.97, 80)
+    runs = flow.trajectories(places, starts[:, None], np.zeros(0))
+    landing = flow.ensemble(starts[:, None], np.zeros((80, 0)), until=2.0)
+    for k, run in enumerate(runs):
+        whole = starts[k] < 0.5
+        assert run.completed == (landing.outcomes[k] == OUTCOMES.index(RunOutcome.COMPLETED)) == whole
+        known = np.isfinite(run.states[:, 0])
+        np.testing.assert_array_equal(known, places < (np.inf if whole else 1 / starts[k]))
+        np.testing.assert_allclose(1 / run.states[known, 0], 1 / starts[k] - places[known], rtol=0, atol=off)
+        for end in (run.reached, landing.reached[k]):
+            assert end == pytest.approx(2.0 if whole else 1 / starts[k], rel=1e-9)
+        assert np.isfinite(landing.states[k, 0])
+
+
 def parabola():
     """A stone thrown upwards from 0 at speed 1: it comes to 1/2 at s = 1."""
     s, y, c = ca.SX.sym("s"), ca.SX.sym("Y", 2), ca.SX.sym("c")

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.certificates.balls import Around, Ball, Poly, differentiation, enclosed, flint, nodes
-from varcalc.certificates.curve import DEGREE, Piece
+from varcalc.certificates.curve import DEGREE, Piece, nodes_within
 from varcalc.certificates.integrals import Unproved, along_curve
 from varcalc.certificates.jets import Jet, Undecided, jets, without_enclosure
 from varcalc.certificates.nearness import Attained
@@ -90,8 +90,7 @@ class Bounds:
     def _multiplier(self, a: float, b: float, side: Side) -> np.ndarray:
         """mu from the Euler-Lagrange equation, H_y = L_y + mu h_y = p'."""
         along, s = self.along, self.along.symbols
-        x = 0.5 * (a + b) + 0.5 * (b - a) * nodes(DEGREE)
-        x[0], x[-1] = np.nextafter(a, b), np.nextafter(b, a)
+        x = nodes_within(a, b)
         L, h = along.integrand, along.paths[side.number]
         by_y, by_v, bend = (
             v[:, :, 0] for v in along.function(*(ca.gradient(*v) for v in ((L, s.y), (L, s.dy), (h, s.y))))(x)

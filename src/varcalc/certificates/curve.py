@@ -35,6 +35,8 @@ RESOLVED = 1e-13
 BENT = 1e-5
 """The same of the coefficients of Jacobi's equation, from which the field need not be exact."""
 MOST_PIECES = 64
+VERTEX_ROUND_OFF = 8 * float(np.finfo(float).eps)
+"""Distance from a vertex, relative to where it lies, from which on round-off takes no place to the piece beside."""
 SHORTEST = 2.0**-14
 """Length of a piece, relative to the interval, below which it is not cut."""
 
@@ -143,9 +145,14 @@ def _samples(statement: Statement, a: float, b: float) -> Samples:
     numbers = np.repeat(np.asarray(along.numbers, dtype=float)[:, None], len(x), axis=1)
     states, controls = np.vstack([*rows[:-1], numbers]), rows[-1]
     # at the ends as from within: L may jump there
-    inner = np.clip(x, np.nextafter(a, b), np.nextafter(b, a))
-    gradient, hessian, turning = statement.sampled(inner, states, controls)
+    gradient, hessian, turning = statement.sampled(nodes_within(a, b), states, controls)
     return Samples(x, states, controls, _momenta(statement, gradient, half), hessian, turning)
+
+
+def nodes_within(a: float, b: float) -> np.ndarray:
+    """The nodes of the piece from a to b, those at its ends from within: beside them L or the curve is another."""
+    inside = VERTEX_ROUND_OFF * max(abs(a), abs(b))
+    return np.clip(0.5 * (a + b) + 0.5 * (b - a) * nodes(DEGREE), a + inside, b - inside)
 
 
 def _momenta(statement: Statement, gradient: np.ndarray, half: float) -> np.ndarray:

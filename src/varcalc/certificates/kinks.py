@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 from varcalc.certificates.balls import Around, Ball, Box, differentiation, flint, nodes
 from varcalc.certificates.bounds import positive
-from varcalc.certificates.curve import DEGREE, Piece, joint_states, pieces, sampled
+from varcalc.certificates.curve import DEGREE, Piece, joint_states, nodes_within, pieces, sampled
 from varcalc.certificates.degree import degrees
 from varcalc.certificates.integrals import Unproved, along_curve
 from varcalc.certificates.jets import Jet, Undecided, head, jets
@@ -37,7 +37,7 @@ from varcalc.solution import Solution
 from varcalc.symbolic.instructions import Program, operate
 from varcalc.symbolic.tracing import Expression, TracedFunction
 from varcalc.verify.along_curve import AlongCurve, in_form
-from varcalc.verify.given_curve import distinct
+from varcalc.verify.given_curve import DISTINCT_NODES, distinct
 
 FOLLOWED = 1e-6
 """Size of e, relative to its largest, within which a piece of the curve follows a kink."""
@@ -76,14 +76,18 @@ class Kinked:
     @cached_property
     def edges(self) -> list[float]:
         """Abscissae between which each kink is on one side of the curve, or is followed by it."""
-        mesh = np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(distinct(self.along.vertices))])
-        found = [self.along.vertices]
+        vertices = distinct(self.along.vertices)
+        mesh = np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(vertices)])
+        crossings: list[float] = []
         for k, values in enumerate(self._arguments(mesh).T):
             seen = np.abs(values) > FOLLOWED * self._sizes[k]
             changes = np.flatnonzero((values[1:] * values[:-1] < 0) & (seen[1:] | seen[:-1]))
-            found.append(np.array([self._crossing(k, mesh[i], mesh[i + 1]) for i in changes]))
+            crossings += [self._crossing(k, mesh[i], mesh[i + 1]) for i in changes]
+        # of what all but coincides the vertex is taken: beside it the curve is another polynomial
+        alike = DISTINCT_NODES * (vertices[-1] - vertices[0])
+        apart = [x for x in crossings if np.abs(vertices - x).min() > alike]
         # a mesh may end a bit of round-off before or after the interval does
-        return [self.along.span[0], *distinct(np.concatenate(found))[1:-1].tolist(), self.along.span[1]]
+        return [self.along.span[0], *distinct(np.append(vertices, apart))[1:-1].tolist(), self.along.span[1]]
 
     def _crossing(self, number: int, a: float, b: float) -> float:
         """Where a kink's argument changes its sign between a and b; that of the two where it all but vanishes."""
@@ -138,8 +142,7 @@ class Kinked:
         by_y, by_v = ca.depends_on(kink.argument, s.y), ca.depends_on(kink.argument, s.dy)
         if by_y and by_v:
             raise Unproved("a curve that follows a kink in both the curve and its slope is not covered")
-        x = 0.5 * (a + b) + 0.5 * (b - a) * nodes(DEGREE)
-        x[0], x[-1] = np.nextafter(a, b), np.nextafter(b, a)
+        x = nodes_within(a, b)
         column = [ca.gradient(rest, s.y), ca.gradient(rest, s.dy), ca.gradient(size, s.dy if by_v else s.y)]
         force, momentum, bend = (v[:, :, 0] for v in self.along.function(*map(ca.densify, column))(x))
         scale = (bend**2).sum(axis=1)

@@ -22,7 +22,7 @@ import numpy as np
 
 from varcalc.certificates.balls import Around, Ball, Box, Series, enclosed, flint, largest, nodes, solved
 from varcalc.certificates.certificate import Hypothesis, Means
-from varcalc.certificates.curve import DEGREE, Piece
+from varcalc.certificates.curve import DEGREE, Piece, nodes_within
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, Undecided, head, jets, without_enclosure
 from varcalc.certificates.nearness import Attained
@@ -265,7 +265,7 @@ def pathwise(along: AlongCurve) -> Iterator[Pathwise]:
 
 def _fitted(force: Sampled, a: float, b: float) -> np.ndarray:
     """Coefficients in powers of a multiplier between two abscissae."""
-    x = np.clip(0.5 * (a + b) + 0.5 * (b - a) * nodes(DEGREE), np.nextafter(a, b), np.nextafter(b, a))
+    x = nodes_within(a, b)
     values = np.asarray(force(x), dtype=float)
     series = np.polynomial.Chebyshev.fit(nodes(DEGREE), values, DEGREE, domain=[-1, 1])
     trimmed: Any = series.trim(NOISE * float(np.abs(values).max()))

@@ -91,15 +91,9 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
         if last is not None and _alike(problem, found, last):  # what they led to is known
             continue
         last = found
-        if found and (solution := _settled(problem, method, tol, curve, found)) is not None:
-            return solution
         rides = any(c.until is not None for c in found)
-        if rides and not tried:
-            with np.errstate(all="ignore"):  # what is no number is no level, and holds nothing
-                solution = held_throughout(problem, method, curve, found)
-            solution = solution or resting(problem, method, tol, curve, found)
-            if solution is not None and as_held(problem, solution):
-                return solution
+        if (solution := _least(problem, method, tol, curve, found, riding=rides and not tried)) is not None:
+            return solution
         tried = tried or rides  # that side's problem is the same whatever counts as near
         # what is only near a switch, in units of the rounding, is for the smooth problem to decide
         met = found if followed == FOLLOWED[0] else met
@@ -115,6 +109,24 @@ def _none_stands(problem: Problem, method: Ritz, met: list[Crossing]) -> Solutio
     told = "; ".join(sentence(problem, c) for c in met[:2])
     message = f"{told}; curves that are broken there were tried, and none stands"
     return no_answer(problem, method, Status.NOT_CONVERGED, message)
+
+
+def _least(
+    problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing], *, riding: bool
+) -> Solution | None:
+    """The least curve that meets switches as ``curve`` does, the ones it is ``riding`` on among them; None for none.
+
+    What a kink holds throughout comes first: a broken curve that all but is a minimum is solved at length.
+    """
+    if riding:
+        with np.errstate(all="ignore"):  # what is no number is no level, and holds nothing
+            held = held_throughout(problem, method, curve, found)
+        if held is not None and as_held(problem, held):
+            return held
+    if found and (solution := _settled(problem, method, tol, curve, found)) is not None:
+        return solution
+    rested = resting(problem, method, tol, curve, found) if riding else None
+    return rested if rested is not None and as_held(problem, rested) else None
 
 
 def _alike(problem: Problem, found: list[Crossing], others: list[Crossing]) -> bool:

@@ -20,7 +20,6 @@ import numpy as np
 from varcalc.integrators.lowering import lower
 from varcalc.integrators.protocol import (
     OUTCOMES,
-    TOO_MANY_STEPS,
     Landing,
     Run,
     RunOutcome,
@@ -127,15 +126,14 @@ class TaylorFlow:
         return self._carried(abscissae, state, constants, level, longest, dense=dense)
 
     def trajectories(self, abscissae: np.ndarray, states: np.ndarray, constants: np.ndarray) -> list[Run]:
-        """See :meth:`varcalc.integrators.protocol.Flow.trajectories`; what fails in a batch is made again alone."""
+        """See :meth:`varcalc.integrators.protocol.Flow.trajectories`."""
         along = np.full((len(abscissae), *states.T.shape), math.nan)
         again = np.ones(len(states), dtype=bool)
         landing, ends = begun(states, float(abscissae[0]), float(abscissae[-1]), stopping=False)
         if len(states) >= RUNS_FOR_GRIDS:
             each = np.broadcast_to(constants, (len(states), len(constants)))
-            blind = self._in_batches(landing, each, ends, (abscissae, along))
-            failed = (landing.reached != ends) & (landing.outcomes != TOO_MANY_STEPS)
-            again = blind | failed | ~np.isfinite(landing.states).all(axis=1)
+            again = self._in_batches(landing, each, ends, (abscissae, along))
+            along[0] = states.T  # not told of a run whose first step failed
         told = zip(landing.outcomes, landing.reached, landing.steps, strict=True)
         return [
             self.trajectory(abscissae, states[k], constants) if again[k] else
@@ -169,14 +167,13 @@ class TaylorFlow:
         dense: bool = False,
         leaving: tuple[int, ...] = (),
     ) -> Landing:
-        """See :meth:`varcalc.integrators.protocol.Flow.ensemble`; a run that fails in a batch is made again alone."""
+        """See :meth:`varcalc.integrators.protocol.Flow.ensemble`."""
         if self.stops is not None:
             return self.stops.run(states, constants, start=start, until=until, leaving=leaving)
         landing, ends = begun(states, start, until, stopping=False)
         begin, rows = landing.reached.copy(), np.flatnonzero(landing.reached != ends)
         if len(states) >= RUNS_FOR_BATCHES and level <= 0 and longest is None and not dense:
-            blind = self._in_batches(landing, constants, ends)
-            rows = np.flatnonzero((landing.reached != ends) | ~np.all(np.isfinite(landing.states), axis=1) | blind)
+            rows = np.flatnonzero(self._in_batches(landing, constants, ends))
         between: list[Any] = [None] * len(states)
         for row in rows:
             span = np.array([begin[row], ends[row]])
@@ -199,11 +196,13 @@ class TaylorFlow:
 
         ``places`` are the abscissae (k,) that all go through, and where their states (k, N, m) are written.
 
-        True (m,) for those that may have made their first step blindly.
+        True (m,) for those to be made again alone: their first step may have been blind, or they were on their way
+        when another of their batch failed, which stops them all.
         """
         known = self.heyoka.taylor_outcome
         m, size, begin = len(until), self._side_by_side.batch_size, landing.reached.copy()
-        blind = np.zeros(m, dtype=bool)
+        first = landing.states.copy()
+        again = np.zeros(m, dtype=bool)
         lanes = [np.minimum(np.arange(k, k + size), m - 1) for k in range(0, m, size)]
         threads = threads_for(m)
 
@@ -215,26 +214,32 @@ class TaylorFlow:
                 integrator.state[:] = landing.states[rows].T
                 integrator.pars[:] = constants[rows, :used].T
                 integrator.step(write_tc=True)
-                first = np.abs([step for _, step in integrator.step_res])
-                blind[rows] = first > BLIND * self._allowed(integrator.tc)
+                steps = np.abs([step for _, step in integrator.step_res])
+                again[rows] = steps > BLIND * self._allowed(integrator.tc)
                 integrator.set_time(begin[rows])
-                integrator.state[:] = landing.states[rows].T
+                integrator.state[:] = first[rows].T
                 if places is None:
                     integrator.propagate_until(until[rows], max_steps=self.engine.most_steps)
                 else:
                     grid = np.repeat(places[0][:, None], size, axis=1)
                     _, places[1][..., rows] = integrator.propagate_grid(grid, max_steps=self.engine.most_steps)
                 landing.states[rows], landing.reached[rows] = integrator.state.T, integrator.time
-                landing.steps[rows] = [result[3] for result in integrator.propagate_res]
-                spent = rows[[result[0] == known.step_limit for result in integrator.propagate_res]]
-                landing.outcomes[spent] = TOO_MANY_STEPS
+                for row, (code, _, _, steps) in zip(rows, integrator.propagate_res, strict=True):
+                    landing.steps[row] = steps
+                    if code == known.success:
+                        again[row] = True
+                    elif code != known.time_limit:
+                        landing.outcomes[row] = OUTCOMES.index(self._outcome(code, landing.states[row], steps))
 
         if threads == 1:
             share(0)
         else:
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(share, range(threads)))
-        return blind
+        lost = ~np.isfinite(landing.states).all(axis=1)
+        landing.states[lost] = first[lost]
+        landing.reached = np.where(np.isfinite(landing.reached), landing.reached, begin)
+        return again
 
     def _set(self, time: float, state: np.ndarray, constants: np.ndarray) -> None:
         self.integrator.time = float(time)

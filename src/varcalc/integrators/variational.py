@@ -63,5 +63,5 @@ def variational(system: ca.Function, initial: Sequence[int], constants: Sequence
     if constants:
         rates += ca.horzcat(kind(size, len(initial)), by_constants[:, list(constants)])
     rates = ca.vertcat(system(s, state, numbers), ca.vec(rates))
-    function = ca.Function("variational", [s, augmented, numbers], [ca.densify(rates)])
+    function = ca.Function("variational", [s, augmented, numbers], [ca.densify(rates)], {"cse": True})
     return Variational(function, size, tuple(initial), tuple(constants))

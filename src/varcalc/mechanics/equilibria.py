@@ -27,7 +27,7 @@ FINEST = 1e-5
 MOST_PARTS = 4000
 TRIALS, LAST_TRIALS = 2, 64
 """Of Newton's iteration, each time that the parts are halved, and in the end."""
-NEWTON = 40
+STEPS_TO_REST = 40
 ALONE = 1e-7
 """Of the largest singular value of the slopes: a place at which one is less need not be alone."""
 SLACK = 1e-12
@@ -171,7 +171,7 @@ class _ZeroSearch:
     def _rest(self, place: np.ndarray) -> np.ndarray | None:
         """Newton's iteration; None where it does not settle."""
         step = np.full(len(place), np.inf)
-        for _ in range(NEWTON):
+        for _ in range(STEPS_TO_REST):
             pull, slope = (np.array(part) for part in self.both(place, self.numbers))
             if not (np.all(np.isfinite(pull)) and np.all(np.isfinite(slope))):
                 return None

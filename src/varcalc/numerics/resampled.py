@@ -26,6 +26,8 @@ MOST_PIECES = 256
 """Pieces at one time that are halved no further: there the function is noise."""
 SMALLEST = 1e-14
 """Width of a piece that is not halved, relative to the whole."""
+INSIDE = 8 * float(np.finfo(float).eps)
+"""Distance from an edge, relative to where the edges lie, at which the function is that of the piece within."""
 
 _NODES = -np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
 _WEIGHTS = (-1.0) ** np.arange(DEGREE + 1) * np.where(np.isin(np.arange(DEGREE + 1), (0, DEGREE)), 0.5, 1.0)
@@ -92,19 +94,21 @@ def polynomials(function: Callable[[np.ndarray], np.ndarray], edges: np.ndarray)
     """A function of x (m,) with values (n, m) between ``edges``, which ascend."""
     known: list[tuple[np.ndarray, np.ndarray]] = []
     left, right, size = edges[:-1], edges[1:], 0.0
+    room, inner = INSIDE * np.abs(edges).max(), edges[1:-1]
     halving = 0
     while len(left):
         places = np.concatenate([_NODES, _BETWEEN])
         x = 0.5 * (left + right)[:, None] + 0.5 * (right - left)[:, None] * places
-        found = np.asarray(function(np.clip(x, edges[0], edges[-1]).ravel()), dtype=float)
+        least, most = left + room * np.isin(left, inner), right - room * np.isin(right, inner)
+        found = np.asarray(function(np.clip(x, least[:, None], most[:, None]).ravel()), dtype=float)
         sampled = found.reshape(len(found), *x.shape).swapaxes(0, 1)
         values, between = sampled[:, :, : DEGREE + 1], sampled[:, :, DEGREE + 1 :]
         finite = np.abs(values[np.isfinite(values)])
         size = max(size, float(np.median(finite)) if finite.size else 0.0)
         guessed = np.stack([_interpolated(values, np.full(len(values), t)).T for t in _BETWEEN], axis=2)
         with np.errstate(invalid="ignore"):
-            room = RESOLVED * COARSER**halving * np.maximum(size, np.abs(values).max(2, keepdims=True))
-            good = np.all(np.abs(guessed - between) <= room, axis=(1, 2)) & np.isfinite(values).all((1, 2))
+            alike = RESOLVED * COARSER**halving * np.maximum(size, np.abs(values).max(2, keepdims=True))
+            good = np.all(np.abs(guessed - between) <= alike, axis=(1, 2)) & np.isfinite(values).all((1, 2))
         good |= (len(left) > MOST_PIECES) | (right - left <= SMALLEST * (edges[-1] - edges[0]))
         known += [(a, v) for a, v in zip(left[good], values[good], strict=True)]
         middle = 0.5 * (left + right)[~good]

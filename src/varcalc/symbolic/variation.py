@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import BINARY, UNARY, instructions, interpret
+from varcalc.symbolic.instructions import BINARY, KEPT_FUNCTIONS, UNARY, Instruction, instructions, program
 from varcalc.symbolic.intervals import Interval, applied, constant
 
 CHANGE = 1.5
@@ -35,6 +36,8 @@ NARROWEST = 1e-12
 LEAST_POWER = 12
 """Whole power from which on it matters by what factor its base changes."""
 NUMBERS: dict[int, Any] = {**UNARY, **BINARY}
+UNUSED = -1
+"""The target of an instruction of whose result nothing is made."""
 Rules = Mapping[int, Callable[..., np.ndarray]]
 """By what factor operations, by CasADi's codes, may go too far between samples of their operands."""
 
@@ -46,6 +49,20 @@ class Between:
     range: Interval
     first: np.ndarray
     last: np.ndarray
+
+    @cached_property
+    def factor(self) -> np.ndarray:
+        """By what factor the size goes beyond that of both samples; infinite where it comes to be zero between them."""
+        low, high = self.range
+        first, last = np.abs(self.first), np.abs(self.last)
+        size, least = np.maximum(np.abs(low), np.abs(high)), _least_size(self.range)
+        far = np.fmax(size / np.maximum(first, last), np.minimum(first, last) / least) / FACTOR
+        return np.where(low == high, 0.0, far)
+
+    @cached_property
+    def inverse(self) -> Interval:
+        """All that one divided by it can be: many quotients have one denominator."""
+        return applied(ca.OP_INV, [self.range])
 
 
 def gentle(function: ca.Function, rules: Rules) -> bool:
@@ -67,21 +84,44 @@ def excess(
     ``boxes`` hold the nonzeros of each argument, arrays that broadcast to ``shape``. Operations without one of the
     ``rules`` count as gentle.
     """
-    worst = np.zeros(shape)
-
-    def watched(operation: int, operands: Sequence[Between]) -> Between:
-        variation = rules.get(operation)
-        if variation is not None:
-            np.fmax(worst, variation(*operands), out=worst)
-        of = NUMBERS.get(operation, _unknown)
-        first = of(*(o.first for o in operands))
-        same = all(o.first is o.last for o in operands)
-        last = first if same else of(*(o.last for o in operands))
-        return Between(applied(operation, [o.range for o in operands]), first, last)
-
+    worst, work = np.zeros(shape), dict[int, Between]()
     with np.errstate(all="ignore"):
-        interpret(function, boxes, _constant, watched)
+        for i in _leading_to(function, frozenset(rules)):
+            if i.operation == ca.OP_CONST:
+                work[i.target] = _constant(i.constant)
+            elif i.operation == ca.OP_INPUT:
+                work[i.target] = boxes[i.sources[0]][i.sources[1]]
+            else:
+                operands = [work[s] for s in i.sources]
+                if i.operation in rules:
+                    np.fmax(worst, rules[i.operation](*operands), out=worst)
+                if i.target != UNUSED:
+                    work[i.target] = _carried_out(i.operation, operands)
     return worst
+
+
+@lru_cache(maxsize=KEPT_FUNCTIONS)
+def _leading_to(function: ca.Function, operations: frozenset[int]) -> tuple[Instruction, ...]:
+    """The instructions of an SX function up to operands of the ``operations``; what nothing more comes of is UNUSED."""
+    used, kept = set[int](), list[Instruction]()
+    for i in reversed(program(function).steps):
+        if i.target in used or i.operation in operations:
+            kept.append(i if i.target in used else i._replace(target=UNUSED))
+            used.discard(i.target)
+            if i.operation != ca.OP_INPUT:
+                used.update(i.sources)
+    return tuple(reversed(kept))
+
+
+def _carried_out(operation: int, operands: Sequence[Between]) -> Between:
+    of = NUMBERS.get(operation, _unknown)
+    first = of(*(o.first for o in operands))
+    same = all(o.first is o.last for o in operands)
+    last = first if same else of(*(o.last for o in operands))
+    ranges = [o.range for o in operands]
+    if operation == ca.OP_DIV:
+        operation, ranges = ca.OP_MUL, [ranges[0], operands[1].inverse]
+    return Between(applied(operation, ranges), first, last)
 
 
 def gentle_boxes(function: ca.Function, edges: np.ndarray, most: int) -> np.ndarray:
@@ -159,17 +199,12 @@ def _least_size(a: Interval) -> np.ndarray:
 
 
 def _factor(a: Between) -> np.ndarray:
-    """By what factor the size goes beyond that of both samples; infinite where it comes to be zero between them."""
-    low, high = a.range
-    first, last = np.abs(a.first), np.abs(a.last)
-    size, least = np.maximum(np.abs(low), np.abs(high)), _least_size(a.range)
-    far = np.fmax(size / np.maximum(first, last), np.minimum(first, last) / least) / FACTOR
-    return np.where(low == high, 0.0, far)
+    return a.factor
 
 
 def _from(edge: float) -> Callable[[Between], np.ndarray]:
     """The factor by which the distance from an ``edge`` of the domain goes beyond that at the samples."""
-    return lambda a: _factor(Between((a.range[0] - edge, a.range[1] - edge), a.first - edge, a.last - edge))
+    return lambda a: Between((a.range[0] - edge, a.range[1] - edge), a.first - edge, a.last - edge).factor
 
 
 def _from_one(a: Between) -> np.ndarray:
@@ -183,17 +218,17 @@ def _power(a: Between, b: Between) -> np.ndarray:
     size = np.maximum(np.abs(a.range[0]), np.abs(a.range[1]))
     high = exponent * np.log(size / np.maximum(np.abs(a.first), np.abs(a.last))) / CHANGE
     whole_power = np.where((exponent < LEAST_POWER) | (a.range[0] == a.range[1]), 0.0, high)
-    return np.where(whole, whole_power, np.where(fixed, _factor(a), np.fmax(_factor(a), _beyond(b))))
+    return np.where(whole, whole_power, np.where(fixed, a.factor, np.fmax(a.factor, _beyond(b))))
 
 
 def _divided(_: Between, b: Between) -> np.ndarray:
-    return _factor(b)
+    return b.factor
 
 
 def _length(a: Between, b: Between) -> np.ndarray:
     """The factor of the distance from the origin."""
     range_ = applied(ca.OP_HYPOT, [a.range, b.range])
-    return _factor(Between(range_, np.hypot(a.first, b.first), np.hypot(a.last, b.last)))
+    return Between(range_, np.hypot(a.first, b.first), np.hypot(a.last, b.last)).factor
 
 
 LOCAL: Rules = {

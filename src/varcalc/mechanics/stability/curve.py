@@ -11,7 +11,7 @@ import numpy as np
 from varcalc.mechanics.linearised import Linearised, standing_forces
 from varcalc.mechanics.system import System
 
-NEWTON = 12
+STEPS_ONTO_CURVE = 12
 CONVERGED = 1e-13
 """Of the box: a correction after which only round-off is left."""
 EDGE_STEPS = 32
@@ -111,7 +111,7 @@ class RestCurve:
     def step(self, here: Station, length: float) -> Station | None:
         """The equilibrium in the plane across the tangent at a ``length`` from a station; None where there is none."""
         z, change = here.z + length * here.tangent * self.size, np.full(len(here.z), np.inf)
-        for _ in range(NEWTON):
+        for _ in range(STEPS_ONTO_CURVE):
             pull, slope = self._slopes(z)
             off = length - here.tangent @ ((z - here.z) / self.size)
             if not np.all(np.isfinite(slope)) or not np.all(np.isfinite(pull)):
@@ -151,7 +151,7 @@ class RestCurve:
         """A regular zero of extended equations next to a guess, and what its parameter may be off."""
         z, width = start, np.append(self.size, np.ones(len(start) - self._n - 1))
         change = np.full(len(z), np.inf)
-        for _ in range(3 * NEWTON):
+        for _ in range(3 * STEPS_ONTO_CURVE):
             values, slopes = (np.array(part) for part in function(z))
             if not np.all(np.isfinite(slopes)):
                 return None

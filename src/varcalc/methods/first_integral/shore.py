@@ -20,7 +20,7 @@ HEIGHTS = np.array([0.5, -0.5, 1.0, -1.0, 0.1, -0.1, 0.0, 4.0, -4.0])
 PROJECTIONS = 40
 FIRST_STEP = 0.05
 """First step along the curve, relative to the width of the problem."""
-STRIDES = 30
+STEPS_ALONG_SHORE = 30
 GROWTH = 1.6
 
 
@@ -116,7 +116,7 @@ def landed(
     if sense * value > 0:
         way, value = -way, -value
     step = FIRST_STEP * size
-    for _ in range(STRIDES):
+    for _ in range(STEPS_ALONG_SHORE):
         there = shore.projected(here + step * way)
         if there is None:
             return None

@@ -28,12 +28,12 @@ SHIFTS = (0.0, 1e-8, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
 def _products(smoothness: int, degree: int, count: int, order: int) -> np.ndarray:
     """Products of all pairs of local functions and derivatives at the Gauss points.
 
-    Shape (P^2, (order + 1)^2 count), the factor of a local matrix:
-    entry (i P + j, (d D + e) count + q) is B_d[q, i] B_e[q, j].
+    Shape (count (order + 1)^2, P^2), the factor of a local matrix:
+    entry ((q D + d) D + e, i P + j) is B_d[q, i] B_e[q, j].
     """
     table = basis_at_gauss(smoothness, degree, count, order)
-    pairs = np.einsum("dqi,eqj->ijdeq", table, table)
-    return np.ascontiguousarray(pairs.reshape((degree + 1) ** 2, -1))
+    pairs = np.einsum("dqi,eqj->qdeij", table, table)
+    return np.ascontiguousarray(pairs.reshape(-1, (degree + 1) ** 2))
 
 
 class Elements:
@@ -83,9 +83,9 @@ class Elements:
         """Element matrices (E, P n, P n) of second derivatives (points, k, k), the border (size, extra), the corner."""
         E, Q, n, D, P = self.space.elements, self.count, self.space.n, self.order + 1, self.space.degree + 1
         own, scale = blocks[:, : D * n, : D * n], self.space.local_scale
-        shaped = own.reshape(E, Q, D, n, D, n).transpose(0, 2, 4, 1, 3, 5).reshape(E, D * D * Q, n * n)
-        local = _products(self.space.smoothness, self.space.degree, Q, self.order) @ shaped
-        local = local.reshape(E, P, P, n, n).transpose(0, 1, 3, 2, 4)
+        shaped = own.reshape(E, Q, D, n, D, n).transpose(0, 3, 5, 1, 2, 4).reshape(E * n * n, Q * D * D)
+        local = shaped @ _products(self.space.smoothness, self.space.degree, Q, self.order)
+        local = local.reshape(E, n, n, P, P).transpose(0, 3, 1, 4, 2)
         local = (local * scale[:, :, None, None, None] * scale[:, None, None, :, None]).reshape(E, P * n, P * n)
         border = np.zeros((self.space.size, self.extra))
         mixed = blocks[:, : D * n, D * n :].reshape(E, Q, D, n, self.extra)

@@ -25,7 +25,7 @@ from varcalc.problem.reading.sums import (
 LARGEST_DENOMINATOR = 720
 MOST_TERMS = 150
 """An equation that expands to more terms than this is left as it is."""
-CLEARINGS = 50
+MOST_MULTIPLICATIONS = 50
 
 
 def _whole_bracket(a: Atom, exponent: Fraction) -> bool:
@@ -48,7 +48,7 @@ def _bracket_powers(total: Sum) -> Sum:
 def without_denominators(total: Sum) -> tuple[Sum, set[Atom]]:
     """The sum times what makes every power non-negative, and the atoms it was multiplied by."""
     used: set[Atom] = set()
-    for _ in range(CLEARINGS):
+    for _ in range(MOST_MULTIPLICATIONS):
         least: dict[Atom, Fraction] = {}
         for m, _c in total.terms:
             for a, e in m:
