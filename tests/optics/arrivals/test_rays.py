@@ -469,3 +469,14 @@ def test_where_the_search_was_given_up_in_parts_no_shadow_is_claimed():
     assert "8 narrow parts of the search had to be given up, and one may come to B" in doubtful.reason
     assert "shadow" not in doubtful.reason
     assert doubtful.unresolved == 8
+
+
+@pytest.mark.parametrize("narrow", [10, 200])
+def test_caustics_of_a_lens_in_an_all_but_uniform_medium_are_counted(narrow):
+    """Steps from where nothing is seen of it lead over it: past both conjugate points, or into the second focus.
+
+    Of three rays between two points two are least paths and one, through the lens, is a largest one (Morse).
+    """
+    scene = optics.Scene(optics.Graded(lambda x, y: 1 + 0.6 * ca.exp(-narrow * (x**2 + y**2))))
+    rays = scene.rays((-1.0, 0.1), (2.4, 0.1), within=8.0)
+    assert [ray.index for ray in rays] == [0, 0, 1]
