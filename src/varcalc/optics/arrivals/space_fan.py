@@ -30,8 +30,8 @@ BLOCK = 16
 """Cells across a block about the middle of a surface in which it is looked for what is lit."""
 ENOUGH_LIT = 40
 """Rays of these that come in: more show the whole of it, seven or so across."""
-LOOKS_BENT = 4
-"""The same for what bends rays."""
+LOOKS_SLOW = 4
+"""The same for what bends rays, and for surfaces that are no quadrics: both take more time."""
 UNFORESEEN = 0.25
 """Of a cell: rays between four that are farther from where these foretell them have met something narrow."""
 LOOKED_AHEAD = 1.25
@@ -215,15 +215,18 @@ class SpaceFan:
     def resolution(self) -> str:
         """What is said of surfaces, of jumps and of what bends rays."""
         degrees = np.degrees(np.pi / 2 / CELLS / self._looks)
-        what = "surfaces and jumps" if self._looks == LOOKS else "what bends rays and is"
+        parting = self.propagator.surfaces or self._looks == LOOKS
+        what = "surfaces and jumps" if parting else "what bends rays and is"
         return f"{what} seen under more than {degrees:.2g}°" if self._looks > 1 else ""
 
     @property
     def _looks(self) -> int:
-        last = self.propagator.models[-1]
-        if self.propagator.surfaces or (isinstance(last, HamiltonRays) and last.jumps):
+        last, surfaces = self.propagator.models[-1], self.propagator.geometries
+        if surfaces and not all(one.quadric for one in surfaces):
+            return LOOKS_SLOW
+        if surfaces or (isinstance(last, HamiltonRays) and last.jumps):
             return LOOKS
-        return LOOKS_BENT if isinstance(last, HamiltonRays) else 1
+        return LOOKS_SLOW if isinstance(last, HamiltonRays) else 1
 
     def _first(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The faces (q,), lower corners (q, 2) and widths (q,) of the first cells."""
