@@ -469,3 +469,51 @@ def test_where_the_search_was_given_up_in_parts_no_shadow_is_claimed():
     assert "8 narrow parts of the search had to be given up, and one may come to B" in doubtful.reason
     assert "shadow" not in doubtful.reason
     assert doubtful.unresolved == 8
+
+
+@pytest.mark.parametrize("narrow", [10, 200])
+def test_caustics_of_a_lens_in_an_all_but_uniform_medium_are_counted(narrow):
+    """Steps from where nothing is seen of it lead over it: past both conjugate points, or into the second focus.
+
+    Of three rays between two points two are least paths and one, through the lens, is a largest one (Morse).
+    """
+    scene = optics.Scene(optics.Graded(lambda x, y: 1 + 0.6 * ca.exp(-narrow * (x**2 + y**2))))
+    rays = scene.rays((-1.0, 0.1), (2.4, 0.1), within=8.0)
+    assert [ray.index for ray in rays] == [0, 0, 1]
+
+
+@pytest.mark.parametrize("mirror", [True, False])
+def test_rays_that_part_at_the_crests_of_a_wavy_surface(mirror):
+    """Stationary paths by points (x, g(x)) both ends see; a ray before a crest and the next behind it both come in."""
+    rng = np.random.default_rng(1662)
+    scenes = [(0.377282571, 3.829437387, 5.400756868, 1.839710932, (-0.09986751, 1.24751824), (0.58328456, 1.30138835))]
+    for _ in range(9):
+        height, wave, phase, index = rng.uniform((0.02, 1, 0, 1.1), (0.6, 6, 6, 1.9))
+        scenes.append((height, wave, phase, index, rng.uniform((-1, 0.7), (0, 2)), rng.uniform((0, 0.7), (1, 2))))
+    for height, wave, phase, glass, A, above in scenes:
+        B, index = (above, 1.0) if mirror else ((above[0], -above[1]), glass)
+
+        def level(x, height=height, wave=wave, phase=phase):
+            return height * np.sin(wave * x + phase)
+
+        def slope(x, height=height, wave=wave, phase=phase, A=A, B=B, index=index):
+            y, rise = level(x, height, wave, phase), height * wave * np.cos(wave * x + phase)
+            ends = [(x - p[0] + (y - p[1]) * rise) / np.hypot(x - p[0], y - p[1]) for p in (A, B)]
+            return ends[0] + index * ends[1]
+
+        def clear(x, end, sign, level=level):
+            share = np.linspace(1e-6, 1, 4001)
+            way = np.outer(1 - share, (x, level(x))) + np.outer(share, end)
+            return np.all(sign * (way[:, 1] - level(way[:, 0])) > 0)
+
+        grid = np.linspace(-8, 8, 40001)
+        at = np.flatnonzero(np.diff(np.sign(slope(grid))))
+        found = [brentq(slope, grid[k], grid[k + 1], xtol=1e-15) for k in at]
+        seen = [x for x in found if clear(x, A, 1) and clear(x, B, 1 if mirror else -1)]
+        exact = [np.hypot(x - A[0], level(x) - A[1]) + index * np.hypot(x - B[0], level(x) - B[1]) for x in seen]
+        surface = optics.Implicit(
+            lambda x, y, height=height, wave=wave, phase=phase: y - height * np.sin(wave * x + phase), mirror=mirror
+        )
+        rays = optics.Scene([optics.Uniform(1.0), optics.Uniform(index)], [surface]).rays(A, B, within=9.0)
+        exact = np.sort([path for path in exact if path < 9])
+        np.testing.assert_allclose([ray.optical_path for ray in rays], exact, rtol=0, atol=1e-12)

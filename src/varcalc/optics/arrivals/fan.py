@@ -34,6 +34,10 @@ MOST_CUTS = 11
 """How often; the last interval is as narrow as round-off."""
 LEAST_ANGLE = 4 * float(np.spacing(2 * np.pi))
 """An interval of angles so narrow is not cut."""
+FARTHER = 3.0
+"""Neighbours come in no farther apart than so many times what their deviations tell."""
+TOUCHING = 1e-9
+"""Of the scene: what is closer does not part."""
 MOST_PARTINGS = 64
 """Parting directions of one source; where there are more, they are left to what looks into cells."""
 STEP_SHARE = 0.25
@@ -99,6 +103,7 @@ class Fan:
 
     def __post_init__(self) -> None:
         self.given_up = np.zeros(len(self.sources), dtype=int)
+        self._gaps = np.zeros(0, dtype=bool)
 
     def entries(self, source: np.ndarray, angles: np.ndarray) -> Beam:
         """The rays (m,) at ``angles`` where they come into the last medium; not a number where they do not."""
@@ -135,6 +140,9 @@ class Fan:
     def cells(self) -> Cells:
         """The first cells of all sources."""
         source, angles, entry = self._first_rays()
+        # as close as angles can be told, nothing comes in between rays that part
+        told_apart = np.diff(angles) <= 2 * LEAST_ANGLE
+        self._gaps = np.append(told_apart & self._far_apart(source, angles, entry), np.False_)
         parts = [self._between(rays) for rays in self._steps(source, angles, entry)]
         return Cells.joined([Cells.none(), *parts])
 
@@ -177,11 +185,11 @@ class Fan:
         course = self._course(source, entry)
         # what was looked at for something narrow alone stays where it found it
         usual = usual | self._unforeseen(source, angles, entry, usual)
-        apart = (course[1:] != course[:-1]) & (source[1:] == source[:-1])
+        apart = self._apart(source, angles, entry, course)
         kept = np.flatnonzero(usual | np.append(apart, False) | np.append(False, apart))
         source, angles, entry, course = source[kept], angles[kept], entry[kept], course[kept]
         for _ in range(MOST_CUTS if self._parting else 0):
-            parted = np.flatnonzero((course[1:] != course[:-1]) & (source[1:] == source[:-1]))
+            parted = np.flatnonzero(self._apart(source, angles, entry, course))
             parted = parted[angles[parted + 1] - angles[parted] > LEAST_ANGLE]
             if len(parted) == 0 or len(parted) > MOST_PARTINGS * n:
                 break
@@ -194,6 +202,22 @@ class Fan:
             order = np.lexsort((angles, source))
             source, angles, entry, course = source[order], angles[order], entry[order], course[order]
         return source, angles, entry
+
+    def _apart(self, source: np.ndarray, angles: np.ndarray, entry: np.ndarray, course: np.ndarray) -> np.ndarray:
+        """True (m - 1,) for neighbouring rays of one source that part: by their ``course`` (m,) or where they come in.
+
+        One meets a surface before a crest, the other behind it: they come in farther apart than neighbours do.
+        """
+        own = source[1:] == source[:-1]
+        return own & ((course[1:] != course[:-1]) | self._far_apart(source, angles, entry))
+
+    def _far_apart(self, source: np.ndarray, angles: np.ndarray, entry: np.ndarray) -> np.ndarray:
+        """True (m - 1,) for neighbouring rays that come in farther apart than their deviations foretell."""
+        if not self.propagator.surfaces:
+            return np.zeros(max(len(angles) - 1, 0), dtype=bool)
+        rate = np.linalg.norm(entry[:, MOVED], axis=1)
+        room = FARTHER * np.diff(angles) * np.maximum(rate[1:], rate[:-1]) + TOUCHING * self.bounds.size[source[1:]]
+        return np.linalg.norm(np.diff(entry[:, R], axis=0), axis=1) > room
 
     def _first_angles(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Sources and angles to begin with, ascending, and which of them stay whatever is found there.
@@ -300,6 +324,7 @@ class Fan:
         first = np.flatnonzero((np.diff(rays.rows) == 1) & (np.diff(rays.source[rays.rows]) == 0))
         started = np.isfinite(rays.start[:, PATH])
         first = first[started[first] | started[first + 1]]
+        first = first[~self._gaps[rays.rows[first]]]
         first = first[self._may_matter(rays, first)]
         pairs = np.stack([first, first + 1], axis=1)
         state = np.stack([rays.start[pairs], rays.end[pairs]], axis=2)

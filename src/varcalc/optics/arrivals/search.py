@@ -12,13 +12,14 @@ import numpy as np
 
 from varcalc.optics.arrivals.fan import Fan, FanReach
 from varcalc.optics.arrivals.narrow import NarrowSearch
-from varcalc.optics.arrivals.space import DIRECTIONS, Approaches, approaching, search
+from varcalc.optics.arrivals.space import SpaceSearch
+from varcalc.optics.arrivals.space_cells import SpaceCells
+from varcalc.optics.arrivals.space_fan import SpaceFan, SpaceReach
 from varcalc.optics.arrivals.wavefront_construction import Arrivals, PlanePairs, WavefrontConstruction
 from varcalc.optics.media.medium import Medium, Radial, Stratified
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.aimed import CARRIED_WELL, Carry, Told
 from varcalc.optics.models.constant_pull import ConstantPull
-from varcalc.optics.models.hamilton import RayFlow
 from varcalc.optics.models.invariants import Invariants
 from varcalc.optics.models.jumps import jumping
 from varcalc.optics.models.model import Builder, Model, Question, checked_model
@@ -81,17 +82,16 @@ class TwoPoint:
         """What is narrow in the last medium."""
         return NarrowSearch(self.planar)
 
-    @cached_property
-    def _approaching(self) -> RayFlow:
-        """What takes rays in space to where they come closest to a point, whichever it is."""
-        return approaching(self.full)
-
     def found(self, pairs: PointPairs) -> list[Rays]:
-        """All rays of each pair, in the planes that hold them or over the sphere of directions."""
+        """All rays of each pair, in the planes that hold them or over all directions of space."""
         if pairs.in_planes:
             return self._in_planes(pairs)
-        points = zip(pairs.sources, pairs.targets, pairs.within, strict=True)
-        return [self._over_the_sphere(pairs.take([k]), *ends) for k, ends in enumerate(points)]
+        _, source = np.unique(pairs.sources, axis=0, return_inverse=True)
+        answers: dict[int, Rays] = {}
+        for number in range(int(source.max(initial=-1)) + 1):
+            rows = np.flatnonzero(source.ravel() == number)
+            answers |= dict(zip(rows.tolist(), self._in_space(pairs.take(rows)), strict=True))
+        return [answers[k] for k in range(len(pairs))]
 
     def _in_planes(self, ends: PointPairs) -> list[Rays]:
         """See :meth:`found`."""
@@ -228,19 +228,32 @@ class TwoPoint:
             for k in range(len(known))
         ]
 
-    def _over_the_sphere(self, one: PointPairs, a: np.ndarray, b: np.ndarray, within: float) -> Rays:
-        """All rays from ``a`` to ``b`` (3,) that a net of directions leads to."""
-        distance = float(np.linalg.norm(b - a))
-        far = max(within / float(self._largest_index(one)[0]), 2 * distance)
-        fan = Approaches(self.full, lambda: self._approaching, a, b, within, far)
-        found = search(fan.minima, b, distance)
-        every = np.zeros(len(found.paths), dtype=int)
-        built = self.built(one.take(every), found.directions, found.paths, every > 0)
-        searched = (
-            f"{DIRECTIONS} directions of space, and Newton's iteration from the best ({found.looked_at} rays), "
-            f"optical paths up to {within:.6g}, no farther than {far:.6g} from B"
-        )
-        return _told([ray for ray, _ in built if ray is not None], fan.ends, fan.entered, searched)
+    def _in_space(self, ends: PointPairs) -> list[Rays]:
+        """All rays of pairs with one source, over all directions of space."""
+        distance = np.linalg.norm(ends.targets - ends.sources, axis=1)
+        far = np.maximum(ends.within / self._largest_index(ends), 2 * distance)
+        bounds = _bounds(np.zeros(len(ends), dtype=int), ends.targets, ends.within, far, distance)
+        fan = SpaceFan(self.full, ends.sources[0], SpaceReach(*(values[0] for values in vars(bounds).values())))
+        near: list[list[SpaceCells]] = [[] for _ in range(len(ends))]
+        for cells in fan.cells():
+            for target, own in zip(ends.targets, near, strict=True):
+                own.append(fan.held(cells, target))
+        answers = []
+        for k, own in enumerate(near):
+            found = SpaceSearch(fan, ends.targets[k], float(distance[k]))
+            met = found.run(SpaceCells.joined([SpaceCells.none(), *own]))
+            met = met.take(np.flatnonzero(met.path <= ends.within[k]))
+            every = np.zeros(len(met), dtype=int)
+            built = self.built(ends.take(every + k), met.heading, met.path, met.touching)
+            found.unresolved += sum(ray is not None and miss > MEETS for ray, miss in built)
+            rays = [ray for ray, miss in built if ray is not None and miss <= MEETS]
+            searched = (
+                f"all directions of space ({fan.looked_at} looked at, {found.unresolved} "
+                f"narrow cells left unresolved{', ' if fan.resolution else ''}{fan.resolution}), "
+                f"optical paths up to {ends.within[k]:.6g}, no farther than {far[k]:.6g} from B"
+            )
+            answers.append(_told(rays, fan.ends, fan.entered, searched, found.continuum, found.unresolved))
+        return answers
 
 
 def _bounds(

@@ -1,198 +1,260 @@
-"""Rays to a point in space where no plane is known to hold them: Newton's iteration from many directions.
+"""Rays to a point in space where no plane is known to hold them.
 
-Along a ray the distance to B is stationary where g = p·(r - B) = 0, and least
-where g grows. At that closest approach a ray misses B by a vector across the
-ray, and the neighbours' deviations are the derivative of that vector by the
-launching direction.
+The cells of a fan that may hold the point are parted, until in each the misses on a screen through the point are known
+well enough to say that they vanish once at most, or nowhere. Their zeros are polished on the rays themselves.
+Cells in which they keep more than one zero down to round-off are about a ray that touches a caustic at the point, or
+about one of infinitely many rays to it.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import islice
 
-import casadi as ca
 import numpy as np
 
-from varcalc.integrators.protocol import STOPPED
-from varcalc.optics.media.medium import Expression
-from varcalc.optics.models.hamilton import RayFlow, compile_rays, runs
-from varcalc.optics.models.straight import StraightRays
-from varcalc.optics.propagation.sequential import Propagator
-from varcalc.optics.rays.beam import NOTHING, Beam, RayStatus, frames, launched, moved_on, packed, unpacked
-from varcalc.optics.rays.sources import spread
+from varcalc.optics.arrivals.directions import STEP, headings
+from varcalc.optics.arrivals.space_cells import COLUMNS, MOVED, PATH, P, R, SpaceCells, screen_misses
+from varcalc.optics.arrivals.space_fan import LEAST_WIDTH, SpaceFan
+from varcalc.optics.rays.beam import Rows
 
-DIRECTIONS = 1500
-"""Directions looked at, 0.09 apart."""
-NEAREST_DIRECTIONS = 6
-"""Nearest directions among which a miss is to be the least for Newton's iteration to begin there."""
+MOST_HALVINGS = 18
+"""Halvings of the first cells; misses next to a caustic, which are of second order, are round-off then."""
+FEWEST_HALVINGS = 2
+"""The same, where there are many."""
+CROWDED = 6000
+"""Cells left after a halving: where there are more, infinitely many rays may meet the point."""
+MANY = 60
+"""Of cells that are left: where so many are about rays that meet the point as they are, infinitely many do."""
 AIMING_STEPS = 30
 """Newton's steps."""
-LONGEST_STEP = 0.2
-"""The longest of them, in radians."""
 MEETS = 4e-13
-"""A ray that comes this close to B, relative to the scene, meets it."""
+"""A ray that comes this close to the point, relative to the scene, meets it."""
+MISS_ROUND_OFF = 1e-15
+"""A miss so small, relative to the scene, is not worth another step."""
+ANGLE_ROUND_OFF = 4 * float(np.spacing(2 * np.pi))
+"""Launching angles are known no better."""
+KNOWN = 1e-8
+"""Of the scene: where round-off of the angle makes more, as of rays that graze a surface, nobody says where they go."""
+STEP_BACK = 0.75
+"""Of a step to where no ray comes: how much of it is gone back."""
+STRAYED = 3.0
+"""Widths of a cell: a ray that goes farther from where it began belongs to another."""
 SAME_RAY = 1e-8
 """Directions and optical paths, relative, closer than this are one ray."""
-
-MOST_APPROACHES = 200
-"""Of one ray; a ray that is caught in a small circle would go on for ever."""
-
-Minima = Callable[[np.ndarray], tuple[np.ndarray, Beam]]
-"""Takes directions (m, 3) to the rows of those that pass B and the rays at their closest approaches."""
+SAME_CONTINUUM = 1e-6
+"""Optical paths of the rays of one continuum agree so well, relative to their size."""
+SINGULAR = 1e-6
+"""Where the derivative of the misses shrinks to so little of what it is elsewhere, neighbours meet the point too."""
 
 
 @dataclass(frozen=True)
-class SphereSearch:
-    """The launching directions (k, 3) and optical paths (k,) of rays that meet B; ``looked_at`` counts directions."""
+class Aimed(Rows):
+    """k rays on their way to the point: the faces and places (k, 2) of their directions, σ and ``width`` of cells."""
 
-    directions: np.ndarray
-    paths: np.ndarray
-    looked_at: int
+    face: np.ndarray
+    place: np.ndarray
+    sigma: np.ndarray
+    width: np.ndarray
+
+
+@dataclass(frozen=True)
+class Met(Rows):
+    """k rays that meet the point: directions (k, 3), optical paths, and whether neighbours meet it too."""
+
+    heading: np.ndarray
+    path: np.ndarray
+    touching: np.ndarray
 
 
 @dataclass
-class Approaches:
-    """Where rays of ``source`` (d,) come closest to ``target`` (d,); remembers what became of the others.
+class SpaceSearch:
+    """The search for all rays of ``fan`` to ``target`` (3,), ``distance`` away from the source."""
 
-    They are followed to the optical path ``within`` and the distance ``far`` from the target, where the last medium is
-    graded by the ``flow`` that :func:`approaching` compiles, the same for all targets.
-    """
-
-    propagator: Propagator
-    flow: Callable[[], RayFlow]
-    source: np.ndarray
+    fan: SpaceFan
     target: np.ndarray
-    within: float
-    far: float
-    ends: Counter[RayStatus] = field(default_factory=Counter)
-    entered: int = 0
+    distance: float
+    unresolved: int = 0
+    continuum: bool = False
+    _met: list[Met] = field(default_factory=list)
 
-    def minima(self, headings: np.ndarray) -> tuple[np.ndarray, Beam]:
-        """The rows of ``headings`` (m, d) whose rays pass the target, and the rays there."""
-        propagator = self.propagator
-        start = np.tile(self.source, (len(headings), 1))
-        beam = launched(start, headings, propagator.fields[0].index(start), neighbours=True)
-        beam, status, alive = propagator.into_last_medium(beam, np.full(len(headings), self.within))
-        self.ends.update(RayStatus(int(code)) for code in status[~alive])
-        rows = np.flatnonzero(alive)
-        self.entered += len(rows)
-        leaving = propagator.shapes[-1] if propagator.shapes else NOTHING
-        last = propagator.models[-1]
-        entry = beam.take(rows)
-        found, at = (
-            self._straight(last, entry, leaving) if isinstance(last, StraightRays) else self._bent(entry, leaving)
+    def run(self, cells: SpaceCells) -> Met:
+        """The rays that meet the point, the shortest optical path first, from the first ``cells`` that may hold it."""
+        self.unresolved += int(self.fan.given_up)
+        while len(cells):
+            cells = self._round(cells)
+        if not self._met:
+            return Met(np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=bool))
+        return _distinct(Met.joined(self._met))
+
+    def _round(self, cells: SpaceCells) -> SpaceCells:
+        """Settle what can be settled; the parts of the other cells that may hold the point."""
+        known = np.flatnonzero(cells.whole & np.isfinite(cells.error))
+        again = np.ones(len(cells), dtype=bool)
+        if len(known):
+            again[known] = self._settled(cells.take(known))
+        cells = cells.take(np.flatnonzero(again))
+        if len(cells) > CROWDED and cells.depth.min() >= FEWEST_HALVINGS:
+            cells = self._without_continua(cells)
+        deep = (cells.depth >= MOST_HALVINGS) | (cells.width <= LEAST_WIDTH)
+        if np.any(deep):
+            self._closed(cells.take(np.flatnonzero(deep)))
+            cells = cells.take(np.flatnonzero(~deep))
+        if len(cells) == 0:
+            return cells
+        parts, _ = self.fan.parted(cells)
+        return self.fan.held(parts, self.target)
+
+    def _settled(self, cells: SpaceCells) -> np.ndarray:
+        """Note the zeros of the misses of ``cells``; True (k,) where these are doubtful."""
+        misses = screen_misses(cells, self.target)
+        rows = np.flatnonzero(misses.one & ~misses.over)
+        share = misses.zeros(rows)
+        off = misses.off[rows] + 0.1
+        inside = np.all((share >= -off) & (share <= 1 + off), axis=1)
+        rows, share = rows[inside], share[inside]
+        corner, length = misses.sigma[rows], cells.sigma[rows, 1] - cells.sigma[rows, 0]
+        a, b = share.T
+        sigma = (1 - a) * ((1 - b) * corner[:, 0, 0] + b * corner[:, 0, 1])
+        sigma += a * ((1 - b) * corner[:, 1, 0] + b * corner[:, 1, 1])
+        # rays that meet the screen beyond the ends belong to the cell before or behind
+        early, late = cells.sigma[rows, 0] - sigma, sigma - cells.sigma[rows, 1]
+        here = np.maximum(early, late) <= 0.1 * length
+        rows, share, sigma = rows[here], share[here], sigma[here]
+        width = cells.width[rows]
+        place = cells.low[rows] + share * width[:, None]
+        met, lost = self._polished(Aimed(cells.face[rows], place, sigma, width.astype(float)))
+        self._met.append(met)
+        doubtful = ~misses.over & ~misses.one
+        doubtful[rows] = lost
+        return doubtful
+
+    def _centres(self, cells: SpaceCells) -> Aimed:
+        return Aimed(
+            cells.face, cells.low + cells.width[:, None] / 2, cells.sigma.mean(axis=1), cells.width.astype(float)
         )
-        return rows[found], at
 
-    def _straight(self, model: StraightRays, beam: Beam, leaving: int) -> tuple[np.ndarray, Beam]:
-        """The rows of ``beam`` that pass the target in a uniform medium, and the rays there."""
-        squared = model.squared_index
-        sigma = np.sum((self.target - beam.position) * beam.momentum, axis=1) / squared
-        there = moved_on(beam, sigma, squared)
-        near = np.linalg.norm(there.position - self.target, axis=1) <= self.far
-        end = model.advance(beam, np.full(len(beam), self.within), leaving).beam.optical_path
-        end = np.where(end > beam.optical_path, end, self.within)  # nothing is met: only the limit counts
-        rows = np.flatnonzero(near & (sigma > 0) & (there.optical_path <= end))
-        return rows, there.take(rows)
+    def _closed(self, cells: SpaceCells) -> None:
+        """Cells that are not settled down to round-off: about rays that touch a caustic, or else unresolved."""
+        met, lost = self._polished(self._centres(cells), spread=True)
+        if len(met):
+            self._met.append(met)
+        if np.all(lost):
+            self.unresolved += 1
 
-    def _bent(self, beam: Beam, leaving: int) -> tuple[np.ndarray, Beam]:
-        """The same in a graded medium; a row for each time that a ray passes the target."""
-        surfaces, least = self.propagator.geometries, len(self.propagator.geometries)
-        states, d = packed(beam), self.propagator.dimension
-        constants = np.tile([*self.target, self.within, self.far], (len(beam), 1))
-        waiting = {leaving: np.flatnonzero(beam.optical_path < self.within)}
-        found: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros(0, dtype=int), states[:0])]
-        for rows, landing in islice(runs(self.flow(), surfaces, states, constants, waiting), MOST_APPROACHES):
-            nearest = rows[(landing.outcomes == STOPPED) & (landing.stopped_by == least)]
-            if len(nearest):
-                minimum = nearest[self._grows(states[nearest])]
-                found.append((minimum, states[minimum]))
-                waiting[least] = np.concatenate([waiting.get(least, nearest[:0]), nearest])
-        return np.concatenate([r for r, _ in found]), unpacked(np.concatenate([s for _, s in found]), d)
+    def _without_continua(self, cells: SpaceCells) -> SpaceCells:
+        """The ``cells`` that are not about infinitely many rays to the point; none where they do not come to an end."""
+        met, lost = self._polished(self._centres(cells), spread=True)
+        if len(met) < MANY or not np.any(met.touching):
+            self.unresolved += len(cells)
+            return cells.take([])
+        self.continuum = True
+        self._met.append(_one_each(met))
+        left = cells.take(np.flatnonzero(lost))
+        if len(left) > CROWDED:
+            self.unresolved += len(left)
+            return cells.take([])
+        return left
 
-    def _grows(self, states: np.ndarray) -> np.ndarray:
-        """True where g = p·(r - B) grows along the ray: the distance is least."""
-        d = self.propagator.dimension
-        _, gradient, _ = self.propagator.fields[-1](states[:, :d])
-        return np.sum(states[:, d : 2 * d] ** 2 + gradient / 2 * (states[:, :d] - self.target), axis=1) > 0
+    def _polished(self, aims: Aimed, *, spread: bool = False) -> tuple[Met, np.ndarray]:
+        """Those of the ``aims`` that meet the point, by Newton's iteration, and True (k,) for those that do not.
+
+        With ``spread`` neighbours may meet it too. Whatever strays from the cell it is of belongs to another.
+        """
+        course = _Course.begun(aims)
+        for _ in range(AIMING_STEPS):
+            rows = np.flatnonzero(course.going)
+            if len(rows) == 0:
+                break
+            states = self.fan.at(aims.face[rows], course.place[rows], course.sigma[rows])
+            course.looked(rows, states, self.target, self.distance)
+        rate = sum(np.linalg.norm(course.state[:, by], axis=1) for by in MOVED) / STEP
+        known = np.fmin(ANGLE_ROUND_OFF * rate, KNOWN * self.distance)
+        strayed = np.abs(course.best_place - aims.place).max(axis=1, initial=0.0) > STRAYED * aims.width
+        there = (course.miss <= MEETS * self.distance + known) & ~strayed
+        rows = np.flatnonzero(there)
+        heading, _ = headings(aims.face[rows], course.best_place[rows])
+        state = course.state[rows]
+        path = state[:, PATH] + np.sum((self.target - state[:, R]) * state[:, P], axis=1)
+        behind = ~there & (course.sigma <= 0)  # the ray would have to come from behind the last surface
+        return Met(heading, path, course.singular[rows] & spread), ~there & ~behind
 
 
-def approaching(propagator: Propagator) -> RayFlow:
-    """The ray system of the last medium with all neighbours; constants are the target and the two limits."""
-    d = propagator.dimension
+@dataclass
+class _Course:
+    """Newton's iterations of k ``aims``: where each looks next, by which ``step``, and the best place it has seen."""
 
-    def stops(state: Expression, constants: Expression) -> Expression:
-        levels = [surface.surface.level(state[:d]) for surface in propagator.geometries]
-        offset = state[:d] - constants[:d]
-        away = (ca.sumsqr(offset) / constants[d + 1] ** 2 - 1) / 2
-        return ca.vertcat(*levels, ca.dot(state[d : 2 * d], offset), state[2 * d] - constants[d], away)
+    aims: Aimed
+    place: np.ndarray
+    sigma: np.ndarray
+    step: np.ndarray
+    going: np.ndarray
+    miss: np.ndarray
+    state: np.ndarray
+    best_place: np.ndarray
+    singular: np.ndarray
 
-    return compile_rays(propagator.media[-1], d, d - 1, stops, d + 2)
+    @classmethod
+    def begun(cls, aims: Aimed) -> _Course:
+        k = len(aims)
+        return cls(
+            aims, aims.place.copy(), np.maximum(aims.sigma, 0.0), np.zeros((k, 3)), np.ones(k, dtype=bool),
+            np.full(k, np.inf), np.full((k, COLUMNS), np.nan), aims.place.copy(), np.zeros(k, dtype=bool),
+        )  # fmt: skip
+
+    def looked(self, rows: np.ndarray, states: np.ndarray, target: np.ndarray, distance: float) -> None:
+        """Take in what the ``rows`` have seen, and say where they look next; a step too far is gone back a part of."""
+        off = states[:, R] - target
+        miss = np.linalg.norm(off, axis=1)
+        there = np.isfinite(miss)
+        better = there & (miss < self.miss[rows])
+        won, seen, unseen = rows[better], rows[there], rows[~there]
+        self.miss[won], self.state[won], self.best_place[won] = miss[better], states[better], self.place[won]
+        self.step[seen], singular = _newton(states[there], off[there], self.aims.width[seen])
+        self.singular[won] = singular[better[there]]
+        self.step[unseen] *= -STEP_BACK
+        self.place[rows] += self.step[rows, :2]
+        self.sigma[rows] = np.maximum(self.sigma[rows] + self.step[rows, 2], 0.0)
+        self.step[unseen] *= -(1 - STEP_BACK) / STEP_BACK  # what is left of it
+        strayed = np.abs(self.place[rows] - self.aims.place[rows]).max(axis=1) > STRAYED * self.aims.width[rows]
+        done = (self.miss[rows] <= MISS_ROUND_OFF * distance) | ((self.miss[rows] <= MEETS * distance) & ~better)
+        self.going[rows] = ~strayed & ~done
 
 
-def search(minima: Minima, target: np.ndarray, size: float) -> SphereSearch:
-    """Rays to ``target`` (3,), each polished; one whose neighbourhood is finer than the net may be missed."""
-    net = spread(DIRECTIONS, 3)
-    headings, paths = _starts(minima, net, target)
-    misses = np.full(len(headings), np.inf)
-    count = len(net)
-    for _ in range(AIMING_STEPS):
-        if len(headings) == 0:
-            break
-        headings, paths, misses, steps = _newton(minima, headings, paths, target)
-        count += len(headings)
-        if np.all(misses <= MEETS * size):
-            break
-        going = (misses > MEETS * size) & np.isfinite(misses)
-        headings[going] += steps[going]
-        headings /= np.linalg.norm(headings, axis=1)[:, None]
+def _newton(state: np.ndarray, off: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Newton's steps (k, 3) of the place and σ, no longer than a cell, and whether neighbours meet the point too."""
+    rates = np.stack([width[:, None] * state[:, by] for by in MOVED], axis=2)
+    ahead = state[:, P] / np.linalg.norm(state[:, P], axis=1)[:, None]
+    across = rates - np.einsum("kd,ke,kec->kdc", ahead, ahead, rates)
+    miss = off - np.sum(off * ahead, axis=1)[:, None] * ahead
+    u, s, v = np.linalg.svd(across, full_matrices=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = np.einsum("kdc,kd->kc", u, miss) / s
+    along = np.where(np.isfinite(along), along, 0.0)
+    turn = -np.einsum("kcj,kc->kj", v, along)
+    longest = np.abs(turn).max(axis=1, keepdims=True)
+    turn *= np.minimum(1.0, 1 / np.maximum(longest, 1e-300))
+    after = off + np.einsum("kdc,kc->kd", rates, turn)
+    squared = np.sum(state[:, P] ** 2, axis=1)
+    shift = -np.sum(after * state[:, P], axis=1) / squared
+    return np.column_stack([turn * width[:, None], shift]), s[:, -1] <= SINGULAR * s[:, 0]
+
+
+def _one_each(met: Met) -> Met:
+    """One ray of each continuum: all of its rays have the same optical path, since it is stationary."""
+    met = met.take(np.argsort(met.path, kind="stable"))
+    return met.take(np.flatnonzero(np.append(True, np.diff(met.path) > SAME_CONTINUUM * met.path[1:])))
+
+
+def _distinct(met: Met) -> Met:
+    """The rays, none twice, by ascending optical path."""
     kept: list[int] = []
-    for k in np.argsort(paths):
-        alike = [np.linalg.norm(headings[k] - headings[j]) + abs(paths[k] / paths[j] - 1) < SAME_RAY for j in kept]
-        if misses[k] <= MEETS * size and not any(alike):
-            kept.append(int(k))
-    return SphereSearch(headings[kept], paths[kept], count)
-
-
-def _starts(minima: Minima, net: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Directions and optical paths of the passes that come closer than those of the neighbouring directions."""
-    rows, beam = minima(net)
-    order = np.lexsort((beam.optical_path, rows))
-    rows, paths = rows[order], beam.optical_path[order]
-    misses = np.linalg.norm(beam.position[order] - target, axis=1)
-    turn = np.arange(len(rows)) - np.searchsorted(rows, rows)  # the first pass of a ray, the second, ...
-    starts = []
-    near = np.argsort(-net @ net.T, axis=1)[:, 1 : NEAREST_DIRECTIONS + 1]
-    for k in range(int(turn.max(initial=-1)) + 1):
-        of = np.full(len(net), np.inf)
-        of[rows[turn == k]] = misses[turn == k]
-        starts += [int(i) for i in np.flatnonzero((turn == k) & (of[rows] <= of[near[rows]].min(axis=1)))]
-    return net[rows[starts]].copy(), paths[starts].copy()
-
-
-def _newton(
-    minima: Minima, headings: np.ndarray, paths: np.ndarray, target: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The same headings with the optical paths, misses and steps (k, 3) of the passes nearest to ``paths`` (k,)."""
-    rows, beam = minima(headings)
-    new, misses, steps = paths.copy(), np.full(len(headings), np.inf), np.zeros_like(headings)
-    across = frames(headings)
-    for k in range(len(headings)):
-        own = np.flatnonzero(rows == k)
-        if len(own) == 0:
-            continue
-        at = own[np.argmin(np.abs(beam.optical_path[own] - paths[k]))]
-        tangent = beam.momentum[at] / np.linalg.norm(beam.momentum[at])
-        screen = frames(tangent[None, :])[0]
-        offset, by_heading = screen @ (beam.position[at] - target), screen @ beam.moved[at].T
-        turn = -np.linalg.lstsq(by_heading, offset, rcond=None)[0]
-        turn *= min(1.0, LONGEST_STEP / max(float(np.linalg.norm(turn)), LONGEST_STEP))
-        new[k], misses[k], steps[k] = (
-            beam.optical_path[at],
-            np.linalg.norm(beam.position[at] - target),
-            turn @ across[k],
-        )
-    return headings, new, misses, steps
+    met = met.take(np.lexsort((~met.touching, met.path)))
+    for k in range(len(met)):
+        same = False
+        for j in reversed(kept):
+            if met.path[k] - met.path[j] > 1e3 * SAME_RAY * met.path[k]:
+                break
+            same |= bool(np.linalg.norm(met.heading[k] - met.heading[j]) < SAME_RAY)
+        if not same:
+            kept.append(k)
+    return met.take(kept)

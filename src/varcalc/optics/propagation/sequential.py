@@ -32,6 +32,10 @@ STEP_TO_END = 1e-12
 """Of the rest of a leg: a step so little shorter goes to its end."""
 STEP_TURN = 0.3
 """How far a ray turns over one step, in radians, by order of magnitude."""
+MOST_BENT = 0.5
+"""Of their distance: what neighbours may be bent by over one step of those on which conjugate points are counted."""
+LEAST_SHARE = 1e-6
+"""Of a step by order of magnitude: the shortest that is tried."""
 MOST_COUNT_STEPS = 4000
 """Steps along one leg on which conjugate points are counted."""
 CHEAPEST_FIRST: tuple[Model, ...] = (Straight(), Linear(), Parabolas(), Hamilton())
@@ -212,11 +216,11 @@ class Propagator:
 
     def _caustics(self, number: int, beam: Beam, path: np.ndarray, end: Beam) -> np.ndarray:
         """How many conjugate points (m,) rays pass from ``beam`` to ``end``, at the optical paths ``path`` (m,)."""
-        count, rows = np.zeros(len(beam), dtype=int), np.arange(len(beam))
+        count, rows, share = np.zeros(len(beam), dtype=int), np.arange(len(beam)), np.ones(len(beam))
         for _ in range(MOST_COUNT_STEPS):
             left = path[rows] - beam.optical_path
             momentum = np.linalg.norm(beam.momentum, axis=1)
-            step = stride(beam, self.fields[number], left / np.maximum(momentum, np.finfo(float).tiny))
+            step = stride(beam, self.fields[number], left / np.maximum(momentum, np.finfo(float).tiny)) * share
             last = step * momentum**2 >= left * (1 - STEP_TO_END)
             on = beam
             if not np.all(last):
@@ -225,11 +229,15 @@ class Propagator:
             if np.any(last):
                 on = on.take(np.arange(len(on)))
                 on.put(np.flatnonzero(last), end.take(rows[last]))
-            count[rows] += caustics_between(beam, on)
-            keep = np.flatnonzero(~last)
+            taken = ~(bent(beam, on, step) & (share > LEAST_SHARE))
+            count[rows[taken]] += caustics_between(beam, on)[taken]
+            beam = beam.take(np.arange(len(beam)))
+            beam.put(np.flatnonzero(taken), on.take(taken))
+            share = np.where(taken, np.minimum(2 * share, 1.0), share / 4)
+            keep = np.flatnonzero(~(last & taken))
             if len(keep) == 0:
                 break
-            rows, beam = rows[keep], on.take(keep)
+            rows, beam, share = rows[keep], beam.take(keep), share[keep]
         return count
 
     def _through(self, number: int, beam: Beam, limit: np.ndarray, leaving: np.ndarray) -> Arrival:
@@ -269,6 +277,17 @@ class Propagator:
             rays.beam.put(rows, refracted)
         rays.status[rows[total]] = RayStatus.TOTAL_REFLECTION
         rays.rows, rays.leaving = rows[~total], np.full(len(rays.status), shape)
+
+
+def bent(before: Beam, after: Beam, step: np.ndarray) -> np.ndarray:
+    """True (m,) where neighbours are bent over ``step`` (m,) so much that they may have crossed the ray, and come back.
+
+    What turns them need not be seen from where a step begins: a lens in an all but uniform medium.
+    """
+    with np.errstate(invalid="ignore"):
+        turned = np.linalg.norm(after.turned - before.turned, axis=(1, 2)) * step
+        moved = np.maximum(*(np.linalg.norm(beam.moved, axis=(1, 2)) for beam in (before, after)))
+        return turned > MOST_BENT * moved
 
 
 def _shape(surface: Surface) -> Surface:

@@ -1,0 +1,143 @@
+"""All rays in space where no plane is known to hold them, against Fermat's principle and closed forms."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from varcalc import optics
+from varcalc.optics.arrivals.directions import SIDE, headings, placed
+
+AIR = optics.Uniform(1.0)
+
+
+def test_the_lattice_of_directions():
+    rng = np.random.default_rng(1687)
+    vectors = rng.normal(size=(200, 3))
+    vectors /= np.linalg.norm(vectors, axis=1)[:, None]
+    face, place = placed(vectors)
+    assert place.min() >= 0
+    assert place.max() <= SIDE
+    there, rates = headings(face, place)
+    np.testing.assert_allclose(there, vectors, rtol=0, atol=1e-14)
+    step = SIDE * 1e-5
+    for k in (0, 1):
+        ahead, behind = (headings(face, place + sign * step * np.eye(2)[k])[0] for sign in (1, -1))
+        np.testing.assert_allclose(rates[:, k] * 2 * step, ahead - behind, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("radius", [0.45, 0.05, 0.011])
+def test_a_ball_mirrors_each_point_once_however_small_it_is(radius):
+    """Alhazen's problem for points outside: one ray, whose path is the least over the arc that both points see.
+
+    Where the ball stands between them they see no arc in common.
+    """
+    scene_of = lambda middle: optics.Scene([AIR, AIR], [optics.Sphere(middle, radius, mirror=True)])  # noqa: E731
+    rng, A = np.random.default_rng(965), np.array([-1.5, 0.0, 0.0])
+    for _ in range(6):
+        middle, B = rng.uniform(-0.4, 0.4, 3), np.array([rng.uniform(1, 1.5), *rng.uniform(-1, 1, 2)])
+        to_a, to_b = A - middle, B - middle
+        between = np.arccos(to_a @ to_b / np.linalg.norm(to_a) / np.linalg.norm(to_b))
+        first = to_a / np.linalg.norm(to_a)
+        second = to_b - (to_b @ first) * first
+        second /= np.linalg.norm(second)
+
+        def path(turn, first=first, second=second, to_a=to_a, to_b=to_b):
+            at = radius * (np.cos(turn) * first + np.sin(turn) * second)
+            return np.linalg.norm(at - to_a) + np.linalg.norm(at - to_b)
+
+        horizons = [np.arccos(radius / np.linalg.norm(to)) for to in (to_a, to_b)]
+        seen = max(0.0, between - horizons[1]), min(between, horizons[0])
+        exact = []
+        if seen[0] < seen[1]:
+            exact = [minimize_scalar(path, bounds=seen, method="bounded", options={"xatol": 1e-10}).fun]
+        rays = scene_of(middle).rays(A, B)
+        assert [ray.optical_path for ray in rays] == pytest.approx(exact, abs=1e-12)
+        assert rays.unresolved == 0
+
+
+def test_a_mirror_of_three_axes_about_its_middle():
+    """The six rays go by the vertices: 2 a along the points, 2 sqrt(b² + ε²) and 2 sqrt(c² + ε²) across."""
+    a, b, c, off = 1.0, 1.3, 1.7, 0.01
+    mirror = optics.Implicit(lambda x, y, z: (x / a) ** 2 + (y / b) ** 2 + (z / c) ** 2 - 1, mirror=True)
+    rays = optics.Scene([AIR, AIR], [mirror]).rays((off, 0, 0), (-off, 0, 0))
+    exact = np.repeat([2 * a, 2 * np.hypot(b, off), 2 * np.hypot(c, off)], 2)
+    np.testing.assert_allclose([ray.optical_path for ray in rays], exact, rtol=0, atol=1e-12)
+    assert rays.unresolved == 0
+    assert not rays.continuum
+
+
+def test_rays_by_a_closed_mirror_are_as_many_as_a_sphere_demands():
+    """Paths by points of a closed surface: least ones, saddles and largest ones count 1, -1, 1, together 2 (Morse)."""
+    rng = np.random.default_rng(1925)
+    for _ in range(12):
+        axes = rng.uniform(0.5, 2, 3)
+        ends = rng.normal(size=(2, 3))
+        ends *= axes * rng.uniform(0, 0.9, (2, 1)) / np.linalg.norm(ends, axis=1)[:, None]
+        mirror = optics.Implicit(
+            lambda x, y, z, axes=axes: (x / axes[0]) ** 2 + (y / axes[1]) ** 2 + (z / axes[2]) ** 2 - 1, mirror=True
+        )
+        rays = optics.Scene([AIR, AIR], [mirror]).rays(*ends)
+        assert rays.unresolved == 0
+        assert sum((-1) ** ray.index for ray in rays) == 2
+
+
+def test_a_ring_of_rays_is_one_for_infinitely_many():
+    """From A by a spherical mirror about the origin to -A: along the axis, 2 R, and by all of the equator."""
+    A = np.array([0.3, 0.1, 0.2])
+    rays = optics.Scene([AIR, AIR], [optics.Sphere((0, 0, 0), 1.0, mirror=True)]).rays(A, -A)
+    assert rays.continuum
+    exact = [2.0, 2.0, 2 * np.sqrt(1 + A @ A)]
+    np.testing.assert_allclose([ray.optical_path for ray in rays], exact, rtol=0, atol=1e-12)
+    assert [ray.degenerate for ray in rays] == [False, False, True]
+
+
+@pytest.mark.parametrize("narrow", [4, 16])
+def test_rays_about_a_centre_are_those_of_the_plane_when_it_is_not_told(narrow):
+    """The same index, once as of a centre, whose passages tell all of its rays, and once of three coordinates."""
+    A, B = (-1.0, 0.1, 0.2), (2.4, 0.03, -0.3)
+    told = optics.Scene(optics.Radial(lambda r: 1 + 0.6 * ca.exp(-narrow * r**2))).rays(A, B, within=8.0)
+    given = optics.Graded(lambda x, y, z: 1 + 0.6 * ca.exp(-narrow * (x**2 + y**2 + z**2)))
+    rays = optics.Scene(given).rays(A, B, within=8.0)
+    assert len(rays) == len(told) == 3
+    np.testing.assert_allclose(
+        [ray.optical_path for ray in rays], [ray.optical_path for ray in told], rtol=0, atol=1e-11
+    )
+    assert [ray.index for ray in rays] == [0, 1, 2]
+    assert rays.unresolved == 0
+
+
+def test_a_ball_of_glass_is_met_as_a_surface_and_as_a_jump_of_the_index():
+    A, B = (-2.0, 0.1, 0.1), (2.0, 0.2, 0.3)
+    lens = optics.Sphere((0, 0, 0), 0.5)
+    glass = optics.Scene([AIR, optics.Uniform(1.5), AIR], [lens, lens]).rays(A, B)
+    jump = optics.Graded(lambda x, y, z: 1 + 0.5 * ca.if_else(x**2 + y**2 + z**2 < 0.25, 1, 0))
+    rays = optics.Scene(jump).rays(A, B)
+    np.testing.assert_allclose(rays[0].optical_path, glass[0].optical_path, rtol=0, atol=1e-12)
+    assert len(rays) == len(glass) == 1
+    assert rays.unresolved == glass.unresolved == 0
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+def test_layers_behind_a_plane_hold_their_rays_in_a_vertical_plane(smooth):
+    """Above z = 0 a table, below air: the ray in space is that in the plane through both points."""
+    heights = np.linspace(-1, 3, 9)
+    table = optics.Tabulated(heights, 1.3 + 0.1 * np.sin(heights), smooth=smooth)
+    flat = optics.Scene([AIR, table], [optics.Plane((0, 0), (0, 1))]).rays((0, -1), (np.hypot(1, 0.5), 1))
+    rays = optics.Scene([AIR, table], [optics.Plane((0, 0, 0), (0, 0, 1))]).rays((0, 0, -1), (1, 0.5, 1))
+    assert len(rays) == len(flat) == 1
+    assert rays[0].optical_path == pytest.approx(flat[0].optical_path, abs=1e-11)
+    assert rays.unresolved == 0
+
+
+def test_pairs_of_one_source_are_answered_as_alone():
+    lens = optics.Sphere((0.1, 0.0, 0.2), 0.5)
+    scene = optics.Scene([AIR, optics.Uniform(1.4), AIR], [lens, lens])
+    targets = [(2.0, 0.2, 0.1), (1.0, -0.3, 0.2), (1.5, 0.0, 3.0)]
+    together = scene.arrivals((-1.5, 0.1, 0.0), targets)
+    alone = [scene.rays((-1.5, 0.1, 0.0), target) for target in targets]
+    paths = [[[ray.optical_path for ray in rays] for rays in answers] for answers in (together, alone)]
+    assert [len(own) for own in paths[0]] == [len(own) for own in paths[1]]
+    for own, other in zip(*paths, strict=True):
+        np.testing.assert_allclose(own, other, rtol=0, atol=1e-12)
+    assert not any(rays.unresolved for rays in together)
