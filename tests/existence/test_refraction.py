@@ -218,3 +218,44 @@ def test_one_corner_is_not_taken_for_three(load, length, last):
     area = c**2 / 2 + k * c**3 / 6 + top * after - after**2 / 2 - k * after**3 / 12
     solution = vc.solve(problem)
     assert solution.value == pytest.approx(float(k**2 * (c**3 + after**3) / 12 - k * area), rel=1e-11)
+
+
+def by_branches(loss, load):
+    """Huber's loss of the slope by ``if_else``, with a tenth of its square so that the slope is bounded, and a load."""
+    return vc.Problem(lambda x, y, dy: loss(dy) + dy**2 / 20 - load * y, vc.Fixed(0, 0), vc.Fixed(1, 0))
+
+
+def test_branches_that_join_smoothly_make_no_jump():
+    # the momentum is 3/2 - 3x; of it L* is p^2/2.2 up to 1.1, and 5 (p - 1)^2 + 1/2 beyond
+    exact = -mpf(2) / 3 * (mpf("1.1") ** 3 / mpf("6.6") + 5 * (mpf("0.5") ** 3 - mpf("0.1") ** 3) / 3 + mpf("0.2"))
+    huber = by_branches(lambda v: ca.if_else(ca.fabs(v) < 1, v**2 / 2, ca.fabs(v) - 0.5), 3)
+    solution = vc.solve(huber)
+    assert abs(solution.value - exact) <= solution.error.value < 1e-10
+
+
+def test_branches_that_agree_on_one_side_alone_are_refused_where_they_jump():
+    one_sided = by_branches(lambda v: ca.if_else(ca.fabs(v) < 1, v**2 / 2, v - 0.5), 3)
+    with pytest.raises(vc.VariationalError, match="jump"):
+        vc.solve(one_sided)
+
+
+def test_a_size_written_by_branches_holds_the_curve_at_its_kink():
+    core = vc.Problem(lambda x, y, dy: dy**2 / 2 + ca.if_else(y > 0, y, -y), vc.Fixed(0, 1), vc.Fixed(5, -1))
+    assert abs(vc.solve(core).value - 4 * sqrt(2) / 3) < 1e-12  # two parabolas, and y = 0 between them
+
+
+def test_a_slope_whose_cost_joins_smoothly_leaves_the_curve_whole():
+    problem = vc.Problem(lambda x, y, dy: dy**2 + ca.fmax(0, dy - 0.5) ** 2 - 3 * y, vc.Fixed(0, 0), vc.Fixed(1, 0))
+
+    def slope(p):
+        return p / 2 if p < 1 else (p + 1) / 4
+
+    def conjugate(p):
+        return p**2 / 4 if p < 1 else (p + 1) ** 2 / 8 - mpf(1) / 4
+
+    def along(function, c):  # of the momentum c - 3x, whose kink lies at x = (c - 1)/3
+        return quad(lambda x: function(c - 3 * x), [0, (c - 1) / 3, 1])
+
+    exact = -along(conjugate, findroot(lambda c: along(slope, c), mpf("1.6")))
+    solution = vc.solve(problem)
+    assert abs(solution.value - exact) <= solution.error.value < 1e-10

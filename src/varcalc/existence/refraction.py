@@ -93,7 +93,7 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     for followed in FOLLOWED:
         small = max(followed * width, ARGUMENT_ROUND_OFF)
         found = crossings(problem, curve, nodes, problem.unknown_guesses, small, np.array(sizes))
-        found = [c for c in found if not _repels(problem, curve, c)]
+        found = [c for c in _breaking(problem, found) if not _repels(problem, curve, c)]
         if last is not None and _alike(problem, found, last):  # what they led to is known
             continue
         last = found
@@ -115,6 +115,11 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     told = "; ".join(sentence(problem, c) for c in met[:2])
     message = f"{told}; curves that are broken there were tried, and none stands"
     return no_answer(problem, method, Status.NOT_CONVERGED, message)
+
+
+def _breaking(problem: Problem, found: list[Crossing]) -> list[Crossing]:
+    """The crossings but those of a slope at which L is smooth after all: the equations hold there, unbroken."""
+    return [c for c in found if not (c.switch.smooth and c.switch.depends_on(problem.symbols.dy))]
 
 
 def _alike(problem: Problem, found: list[Crossing], others: list[Crossing]) -> bool:
@@ -146,7 +151,7 @@ def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: li
             continue
         curve = solution.curve
         rides = any(c.until is not None for c in found)
-        found = met_by(solution, FOLLOWED_TO if rides else ARGUMENT_ROUND_OFF)
+        found = _breaking(problem, met_by(solution, FOLLOWED_TO if rides else ARGUMENT_ROUND_OFF))
         if not unmet(problem, found, _corners(solution)):
             return solution
     return None
