@@ -13,6 +13,7 @@ import numpy as np
 
 from varcalc.existence.approach import outdone
 from varcalc.existence.constant_speed import at_constant_speed
+from varcalc.existence.fading import attained
 from varcalc.existence.feasibility import explained
 from varcalc.existence.global_look import FINE, has_lattice, least_polygons, looked_around
 from varcalc.existence.refraction import refracted, smooth_or_refused
@@ -355,7 +356,7 @@ def _standing(method: Method, form: Form, solution: Solution, tol: float) -> Sol
     # at an extreme level no multiplier exists, and digits are lost
     if solution.status is Status.ROUND_OFF and solution.problem.constraints:
         solution = explained(solution.problem, solution)
-    return solution
+    return attained(solution)
 
 
 def _seen_between(method: Method, form: Form, solution: Solution, tol: float) -> Solution:
