@@ -239,11 +239,6 @@ def test_branches_that_agree_on_one_side_alone_are_refused_where_they_jump():
         vc.solve(one_sided)
 
 
-def test_a_size_written_by_branches_holds_the_curve_at_its_kink():
-    core = vc.Problem(lambda x, y, dy: dy**2 / 2 + ca.if_else(y > 0, y, -y), vc.Fixed(0, 1), vc.Fixed(5, -1))
-    assert abs(vc.solve(core).value - 4 * sqrt(2) / 3) < 1e-12  # two parabolas, and y = 0 between them
-
-
 def test_a_slope_whose_cost_joins_smoothly_leaves_the_curve_whole():
     problem = vc.Problem(lambda x, y, dy: dy**2 + ca.fmax(0, dy - 0.5) ** 2 - 3 * y, vc.Fixed(0, 0), vc.Fixed(1, 0))
 
@@ -259,3 +254,18 @@ def test_a_slope_whose_cost_joins_smoothly_leaves_the_curve_whole():
     exact = -along(conjugate, findroot(lambda c: along(slope, c), mpf("1.6")))
     solution = vc.solve(problem)
     assert abs(solution.value - exact) <= solution.error.value < 1e-10
+
+
+@pytest.mark.parametrize(("strength", "value"), [(0.5, 0.375), (3.0, None)])
+def test_an_end_comes_to_a_kink_of_its_cost_or_that_is_the_reason(strength, value):
+    # y(1)^2/2 + strength |y(1) - 1|: least at y(1) = strength below 1, and on the kink above
+    sprung = vc.Problem(
+        lambda x, y, dy: dy**2 / 2, vc.Fixed(0, 0), vc.Free(1),
+        end_cost=lambda x0, y0, x1, y1: strength * ca.fabs(y1 - 1),
+    )  # fmt: skip
+    solution = vc.solve(sprung, throw=False)
+    if value is None:
+        assert not solution.status.ok
+        assert "end_cost has a kink" in solution.message
+    else:
+        assert abs(solution.value - value) < 1e-12

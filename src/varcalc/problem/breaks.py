@@ -73,6 +73,17 @@ def on_curve(problem: Functional) -> tuple[Switch, ...]:
     return tuple(joined(stated, symbols, s) for s in here)
 
 
+@derived
+def kink_at_ends(problem: Functional) -> Switch | None:
+    """A kink or a jump of the cost of the ends; None where there is none."""
+    if problem.end_cost_expression is None or problem.symbols.kind is not ca.SX:
+        return None
+    ends, cost = problem.end_cost_expression
+    symbols = [*ends, problem.symbols.parameters, problem.symbols.unknowns]
+    found = (joined([cost], symbols, switch) for switch in switches([cost], symbols))
+    return next((switch for switch in found if not switch.smooth), None)
+
+
 def breakable(problem: Functional) -> bool:
     """Whether a problem has switches on the curve, and is a graph whose curves can be broken there."""
     if not on_curve(problem) or problem.order != 1 or any(problem.slides) or problem.start.periodic:

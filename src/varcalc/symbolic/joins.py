@@ -2,7 +2,7 @@
 
 The size that switches is taken for a variable of its own. Where the expression does not feel it, on the surface on
 which it is zero, the gradient is the same on either side. Branches, as of Huber's loss by ``if_else``, are held against
-each other on that surface: where their difference vanishes there is no jump, and with its gradient no kink.
+each other on that surface: where their difference and its gradient vanish there is neither a jump nor a kink.
 """
 
 from __future__ import annotations
@@ -43,7 +43,10 @@ SIDES: dict[int, Callable[..., Expression]] = {
 
 
 def joined(expressions: Sequence[Expression], symbols: Sequence[Expression], switch: Switch) -> Switch:
-    """The switch of SX ``expressions`` of ``symbols``, told to be no jump where both sides agree, and no kink."""
+    """The switch of SX ``expressions`` of ``symbols``, told to be smooth where both sides agree in value and gradient.
+
+    Branches that agree in value alone count as a jump: nothing else tells which way their kink points.
+    """
     variables = ca.vertcat(*(ca.vec(s) for s in symbols))
     if switch.stepped or variables.numel() > STARTS.shape[1]:
         return switch
@@ -57,9 +60,9 @@ def joined(expressions: Sequence[Expression], symbols: Sequence[Expression], swi
     if any(branch is None for branch in (*above, *below)):
         return switch
     difference = ca.vertcat(*above) - ca.vertcat(*below)
-    if not _none(difference, variables, switch):
-        return switch
-    return replace(switch, jumps=False, smooth=_none(ca.jacobian(difference, variables), variables, switch))
+    both = ca.horzcat(difference, ca.jacobian(difference, variables))
+    smooth = _none(both, variables, switch)
+    return replace(switch, jumps=not smooth, smooth=smooth)
 
 
 def _beside(
