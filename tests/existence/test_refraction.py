@@ -269,3 +269,20 @@ def test_an_end_comes_to_a_kink_of_its_cost_or_that_is_the_reason(strength, valu
         assert "end_cost has a kink" in solution.message
     else:
         assert abs(solution.value - value) < 1e-12
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_random_smooth_splice_is_solved_the_same_however_it_is_written(seed):
+    rng = np.random.default_rng(seed)
+    bend, place, load, end = rng.uniform(0.1, 1), rng.uniform(-0.5, 0.9), rng.uniform(-6, 6), rng.uniform(-1, 2)
+    size = [lambda x, y, v: v, lambda x, y, v: y, lambda x, y, v: y - x, lambda x, y, v: v - y][seed % 4]
+
+    def problem(added):
+        return vc.Problem(
+            lambda x, y, v: v**2 + added(size(x, y, v) - place) + load * y, vc.Fixed(0, 0), vc.Fixed(1, end)
+        )
+
+    branched = vc.solve(problem(lambda e: ca.if_else(e > 0, bend * e**2, 0)))
+    plain = vc.solve(problem(lambda e: bend * ca.fmax(e, 0) ** 2))
+    assert abs(branched.value - plain.value) <= branched.error.value + plain.error.value + 1e-13
+    assert branched.error.value < 1e-9
