@@ -5,6 +5,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import varcalc as vc
 from varcalc import mechanics, optics
@@ -75,8 +76,14 @@ WRITTEN_WRONGLY = [
     (lambda: of_ends(lambda x, y, dy: max(y, 0) + dy**2), "ca.fmax"),
     (lambda: of_ends(lambda x, y, dy: dy**2 and y), "ca.logic_and"),
     (lambda: of_ends(lambda x, y, dy: bool(y > 0) * dy**2), "ca.if_else"),
-    (lambda: of_ends(lambda x, y, dy: math.sin(y) + dy**2), "Python's math functions do not take symbols"),
-    (lambda: of_ends(lambda x, y, dy: float(y) + dy**2), "Python's math functions do not take symbols"),
+    (
+        lambda: of_ends(lambda x, y, dy: math.sin(y) + dy**2),
+        "Python's math functions and SciPy's interpolants do not take symbols",
+    ),
+    (
+        lambda: of_ends(lambda x, y, dy: float(y) + dy**2),
+        "Python's math functions and SciPy's interpolants do not take symbols",
+    ),
     (lambda: of_ends(lambda x, y, dy: int(y) + dy**2), r"leave int\(\) out"),
     (lambda: of_ends(lambda x, y, dy: np.isnan(y) + dy**2), "no such function of NumPy's"),
     (lambda: of_ends(lambda x, y, dy: y[1] + dy**2), "give the ends as many components"),
@@ -111,6 +118,27 @@ WRITTEN_WRONGLY = [
     (lambda: vc.Curve(lambda dq, q: ca.norm_2(dq), vc.At([0, 0]), vc.At([1, 1])), "put them in that order"),
     (lambda: vc.Curve(lambda q, dq: ca.norm_2(dq), START, END), "Fixed is an end of a Problem"),
     (lambda: vc.Bound(length, low=0), "Bound has no argument 'low'; did you mean 'lower'?"),
+    (
+        lambda: of_ends(
+            lambda x, y, dy, ddy: ddy**2, constraints=[vc.Bound(lambda x, y, dy, ddy: ddy, upper=1)], order=2
+        ),
+        "a Bound is on the curve and its first slope",
+    ),
+    (
+        lambda: of_ends(
+            lambda x, y, dy: ca.sumsqr(dy),
+            vc.Fixed(0, [0, 0]),
+            vc.Fixed(1, [1, 0]),
+            constraints=[vc.Bound(lambda x, y, dy: dy[0] - y[1], lower=0, upper=0)],
+        ),
+        "lower = upper is a differential equation for the curve",
+    ),
+    (lambda: of_ends(lambda x, y, dy: CubicSpline([0, 1, 2], [1, 2, 5])(x) * dy**2), "tables by ca.interpolant"),
+    (
+        lambda: mechanics.charged(1.0, 1.0, (0, 0, 1)),
+        "vector_potential must be a function of .t, q., not .*lambda t, q",
+    ),
+    (lambda: scene().trace((0, 0), (1, 0), until=2.0), "how far rays go is said by optical_path="),
     (lambda: vc.Isoperimetric(length), "or value="),
     # solving
     (lambda: vc.solve(PROBLEM, tolerance=1e-8), "solve has no argument 'tolerance'; did you mean 'tol'?"),

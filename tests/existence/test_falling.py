@@ -85,3 +85,9 @@ def test_a_functional_that_falls_with_an_unknown_alone_is_unbounded():
     problem = graph(lambda x, y, v, p: v**2 + p.T, vc.Fixed(1, 1), unknowns={"T": 1})
     with pytest.raises(vc.VariationalError, match="unbounded below"):
         vc.solve(problem)
+
+
+@pytest.mark.parametrize("lagrangian", [lambda x, y, v, p: p.T * v**2, lambda x, y, v, p: v**2 + p.T * y])
+def test_an_unknown_number_may_lead_down_for_ever(lagrangian):
+    refusal = vc.solve(graph(lagrangian, vc.Fixed(1, 1), unknowns={"T": 1.0}), throw=False)
+    assert refusal.verdict is vc.Verdict.UNBOUNDED

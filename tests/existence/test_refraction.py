@@ -218,3 +218,71 @@ def test_one_corner_is_not_taken_for_three(load, length, last):
     area = c**2 / 2 + k * c**3 / 6 + top * after - after**2 / 2 - k * after**3 / 12
     solution = vc.solve(problem)
     assert solution.value == pytest.approx(float(k**2 * (c**3 + after**3) / 12 - k * area), rel=1e-11)
+
+
+def by_branches(loss, load):
+    """Huber's loss of the slope by ``if_else``, with a tenth of its square so that the slope is bounded, and a load."""
+    return vc.Problem(lambda x, y, dy: loss(dy) + dy**2 / 20 - load * y, vc.Fixed(0, 0), vc.Fixed(1, 0))
+
+
+def test_branches_that_join_smoothly_make_no_jump():
+    # the momentum is 3/2 - 3x; of it L* is p^2/2.2 up to 1.1, and 5 (p - 1)^2 + 1/2 beyond
+    exact = -mpf(2) / 3 * (mpf("1.1") ** 3 / mpf("6.6") + 5 * (mpf("0.5") ** 3 - mpf("0.1") ** 3) / 3 + mpf("0.2"))
+    huber = by_branches(lambda v: ca.if_else(ca.fabs(v) < 1, v**2 / 2, ca.fabs(v) - 0.5), 3)
+    solution = vc.solve(huber)
+    assert abs(solution.value - exact) <= solution.error.value < 1e-10
+
+
+def test_branches_that_agree_on_one_side_alone_are_refused_where_they_jump():
+    one_sided = by_branches(lambda v: ca.if_else(ca.fabs(v) < 1, v**2 / 2, v - 0.5), 3)
+    with pytest.raises(vc.VariationalError, match="jump"):
+        vc.solve(one_sided)
+
+
+def test_a_slope_whose_cost_joins_smoothly_leaves_the_curve_whole():
+    problem = vc.Problem(lambda x, y, dy: dy**2 + ca.fmax(0, dy - 0.5) ** 2 - 3 * y, vc.Fixed(0, 0), vc.Fixed(1, 0))
+
+    def slope(p):
+        return p / 2 if p < 1 else (p + 1) / 4
+
+    def conjugate(p):
+        return p**2 / 4 if p < 1 else (p + 1) ** 2 / 8 - mpf(1) / 4
+
+    def along(function, c):  # of the momentum c - 3x, whose kink lies at x = (c - 1)/3
+        return quad(lambda x: function(c - 3 * x), [0, (c - 1) / 3, 1])
+
+    exact = -along(conjugate, findroot(lambda c: along(slope, c), mpf("1.6")))
+    solution = vc.solve(problem)
+    assert abs(solution.value - exact) <= solution.error.value < 1e-10
+
+
+@pytest.mark.parametrize(("strength", "value"), [(0.5, 0.375), (3.0, None)])
+def test_an_end_comes_to_a_kink_of_its_cost_or_that_is_the_reason(strength, value):
+    # y(1)^2/2 + strength |y(1) - 1|: least at y(1) = strength below 1, and on the kink above
+    sprung = vc.Problem(
+        lambda x, y, dy: dy**2 / 2, vc.Fixed(0, 0), vc.Free(1),
+        end_cost=lambda x0, y0, x1, y1: strength * ca.fabs(y1 - 1),
+    )  # fmt: skip
+    solution = vc.solve(sprung, throw=False)
+    if value is None:
+        assert not solution.status.ok
+        assert "end_cost has a kink" in solution.message
+    else:
+        assert abs(solution.value - value) < 1e-12
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_random_smooth_splice_is_solved_the_same_however_it_is_written(seed):
+    rng = np.random.default_rng(seed)
+    bend, place, load, end = rng.uniform(0.1, 1), rng.uniform(-0.5, 0.9), rng.uniform(-6, 6), rng.uniform(-1, 2)
+    size = [lambda x, y, v: v, lambda x, y, v: y, lambda x, y, v: y - x, lambda x, y, v: v - y][seed % 4]
+
+    def problem(added):
+        return vc.Problem(
+            lambda x, y, v: v**2 + added(size(x, y, v) - place) + load * y, vc.Fixed(0, 0), vc.Fixed(1, end)
+        )
+
+    branched = vc.solve(problem(lambda e: ca.if_else(e > 0, bend * e**2, 0)))
+    plain = vc.solve(problem(lambda e: bend * ca.fmax(e, 0) ** 2))
+    assert abs(branched.value - plain.value) <= branched.error.value + plain.error.value + 1e-13
+    assert branched.error.value < 1e-9

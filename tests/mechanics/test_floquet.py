@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
 
+import varcalc as vc
 from varcalc import mechanics
 
 
@@ -171,3 +172,17 @@ def test_what_is_refused():
         mechanics.stability_chart(mathieu(), [0.0], np.pi, {"a": [1, 0]})
     with pytest.raises(ValueError, match="period must be positive"):
         mathieu().floquet([0.0], -1.0)
+
+
+def test_a_chart_that_is_stopped_has_numbers_where_they_are_known():
+    def stopping(done, total, what):
+        if done:
+            raise KeyboardInterrupt
+
+    a, q = np.linspace(-40, 40, 61), np.linspace(0, 20, 5)
+    with pytest.raises(vc.Interrupted) as stopped:
+        mechanics.stability_chart(mathieu(), [0.0], np.pi, {"a": a, "q": q}, progress=stopping)
+    growth = stopped.value.known.growth
+    known = np.isfinite(growth[:, 0])  # of q = 0, where x'' + a x = 0
+    assert 0 < known.sum() < len(a)
+    assert np.abs(growth[known, 0] - np.sqrt(np.maximum(-a[known], 0))).max() < 1e-7

@@ -5,8 +5,11 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
+from mpmath import ellipfun
+from mpmath import ellipk as quarter
 from scipy.special import ellipj, ellipk
 
+import varcalc as vc
 from varcalc import mechanics
 from varcalc.integrators.protocol import RunOutcome
 from varcalc.study.experiments import experiment_catalogue, load_experiment
@@ -182,3 +185,21 @@ def test_no_inertia_at_rest_and_a_ring_of_equilibria():
     assert mechanics.System(lambda t, q, v: v[0] ** 4 / 4, ("x",)).hamiltonian()(0, [0.0], [8.0]) == pytest.approx(12)
     ring = mechanics.System(lambda t, q, v: ca.sumsqr(v) / 2 - (ca.sumsqr(q) - 1) ** 2, ("x", "y"))
     assert ring.equilibria([-2, -2], [2, 2.1]).unresolved > 0
+
+
+def test_a_long_motion_tells_how_far_it_has_come_and_keeps_it_when_it_is_stopped():
+    told: list[tuple[int, int]] = []
+
+    def stopping(done, total, what):
+        told.append((done, total))
+        if done == total // 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(vc.Interrupted) as stopped:
+        PENDULUM.motion([1.0], [0.0], (0, 6000.0), progress=stopping)
+    known = stopped.value.known
+    assert known.span == (0.0, 3000.0)
+    assert told == [(k, told[0][1]) for k in range(len(told))]
+    k = math.sin(0.5) ** 2  # sin(theta / 2) = sin(1/2) sn(K - t)
+    exact = 2 * math.asin(math.sin(0.5) * float(ellipfun("sn", quarter(k) - 3000, m=k)))
+    assert abs(known.q(3000.0)[0] - exact) <= known.error < 1e-9

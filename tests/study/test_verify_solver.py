@@ -246,3 +246,14 @@ def test_the_fixture_stands_for_each_problem_in_turn(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
     assert "1 failed, 4 passed, 1 skipped" in done.stdout
     assert "cylinder/other_way: an answer given out for right that is not" in done.stdout
+
+
+def test_an_error_of_a_package_of_its_own_is_a_refusal():
+    class NoConvergence(Exception):
+        pass
+
+    def solver(problem):
+        raise NoConvergence("after 100 steps")
+
+    report = vc.verify_solver(solver, problems=["soap_film/local"])
+    assert [row.message for row in report.refused] == ["NoConvergence: after 100 steps"]

@@ -1,9 +1,9 @@
-"""Kinks that are none: where what switches is not felt."""
+"""Kinks that are none: where what switches is not felt, and where branches agree."""
 
 import casadi as ca
 import pytest
 
-from varcalc.symbolic.joins import joins_smoothly
+from varcalc.symbolic.joins import joined
 from varcalc.symbolic.switches import switches
 
 y, v = ca.SX.sym("y"), ca.SX.sym("v")
@@ -21,10 +21,37 @@ y, v = ca.SX.sym("y"), ca.SX.sym("v")
         (ca.fabs(v), False),
         (ca.sqrt(ca.fabs(v)), False),
         (ca.fmax(y, 2 * y), False),
-        (ca.if_else(y > 0, y**2, 0), False),  # read as a jump, whatever it makes of it
+        (ca.if_else(y > 0, y**2, 0), True),
+        (ca.if_else(ca.fabs(v) < 0.7, v**2 / 2, 0.7 * ca.fabs(v) - 0.245), True),  # Huber's loss
+        (ca.if_else(y > v, ca.exp(y - v) - 1, ca.sin(y - v)), True),
+        (ca.sign(y - 2) * (y - 2) ** 2, True),
+        (ca.if_else(ca.logic_and(y > 1, y < 2), ((y - 1) * (y - 2)) ** 2, 0), True),
     ],
 )
-def test_a_switch_joins_smoothly_where_its_size_is_not_felt(expression, smooth):
-    found = switches([expression], [y, v])
-    assert [joins_smoothly([expression], [y, v], switch) for switch in found] == [smooth] * len(found)
+def test_a_switch_joins_smoothly_where_both_sides_have_one_gradient(expression, smooth):
+    found = [joined([expression], [y, v], switch) for switch in switches([expression], [y, v])]
+    assert [switch.smooth for switch in found] == [smooth] * len(found)
     assert found
+    assert not any(switch.jumps for switch in found)
+
+
+def test_branches_that_agree_in_value_alone_are_not_smooth():
+    expression = ca.if_else(y > 0, y, -2 * y)
+    (switch,) = (joined([expression], [y, v], s) for s in switches([expression], [y, v]))
+    assert not switch.smooth
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        ca.if_else(y > 1, y**2, 1 + 1e-8),
+        ca.if_else(ca.fabs(v) < 1, v**2 / 2, v - 0.5),  # at v = 1 they agree, at -1 they do not
+        ca.if_else(y * (y - 50) > 0, y, 0),  # at 0 they agree, at 50 they do not
+        ca.if_else(y > 1, ca.if_else(ca.fabs(v - 0.37) < 1e-3, 2 * y, 2 * y - 1), y**2),  # but for narrow ranges of v
+        ca.if_else(y > 1, ca.if_else(y > 2, 4 * y - 3, y**2), 1),
+    ],
+)
+def test_branches_that_agree_in_parts_of_the_switch_alone_jump(expression):
+    found = [joined([expression], [y, v], switch) for switch in switches([expression], [y, v])]
+    assert any(switch.jumps for switch in found)
+    assert not any(switch.jumps and switch.smooth for switch in found)

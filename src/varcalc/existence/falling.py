@@ -105,9 +105,9 @@ def falls_along(problem: Problem, x: np.ndarray, y: np.ndarray, away: np.ndarray
 
 
 def _directions(system: RitzSystem, start: np.ndarray) -> list[np.ndarray]:
-    """The directions of least curvature in the H^1 (H^2) metric at the start, each of unit size along the curve.
+    """Each unknown number, and the directions of least curvature in the H^1 (H^2) metric at the start.
 
-    One that moves unknown numbers alone is of unit size in them.
+    They are of unit size along the curve; one that moves unknown numbers alone is of unit size in them.
     """
     at = system.evaluate(start)
     hessian, metric = system.hessian(at, np.zeros(0)), system.metric(at)
@@ -120,19 +120,21 @@ def _directions(system: RitzSystem, start: np.ndarray) -> list[np.ndarray]:
     vectors = factor.T @ np.linalg.eigh(factor @ hessian @ factor.T)[1][:, :LEAST_CURVED]
     moved = (float(np.abs(system.ordinates(start + v) - system.ordinates(start)).max()) for v in vectors.T)
     sizes = [size or float(np.abs(v).max()) for size, v in zip(moved, vectors.T, strict=True)]
-    return [v / size for v, size in zip(vectors.T, sizes, strict=True) if size > 0]
+    numbers = list(np.eye(len(start))[len(start) - system.extra :])
+    return [*numbers, *(v / size for v, size in zip(vectors.T, sizes, strict=True) if size > 0)]
 
 
 def _along(form: Form, system: RitzSystem, start: np.ndarray, direction: np.ndarray) -> Fall | None:
     """The values along a line, when each doubling of the distance deepens the fall."""
     size = NEAREST * max(float(np.abs(system.ordinates(start)).max()), form.span[1] - form.span[0])
     first = system.evaluate(start)
+    moves = not np.array_equal(system.ordinates(start + direction), system.ordinates(start))
     rows = []
     for k in range(DISTANCE_DOUBLINGS):
         distance = size * 2.0**k
         at = system.evaluate(start + distance * direction)
-        if not np.isfinite(at.value) or at.legendre * first.legendre < 0:
-            break  # beyond a change of Legendre's sign L is another functional, as area is for y < 0
+        if not np.isfinite(at.value) or (moves and at.legendre * first.legendre < 0):
+            break  # where a curve changes Legendre's sign L is another functional beyond, as area is for y < 0
         rows.append((distance, at.value - first.value, at.scale))
     # the far end decides, near the start the functional may rise first; but not where round-off is all there is
     resolved = [row for row in rows if abs(row[1]) > FALL_RESOLVED * row[2]]

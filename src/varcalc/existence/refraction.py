@@ -87,7 +87,7 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     for followed in FOLLOWED:
         small = max(followed * width, ARGUMENT_ROUND_OFF)
         found = crossings(problem, curve, nodes, problem.unknown_guesses, small, np.array(sizes))
-        found = [c for c in found if not _repels(problem, curve, c)]
+        found = [c for c in _breaking(problem, found) if not _repels(problem, curve, c)]
         if last is not None and _alike(problem, found, last):  # what they led to is known
             continue
         last = found
@@ -129,6 +129,11 @@ def _least(
     return rested if rested is not None and as_held(problem, rested) else None
 
 
+def _breaking(problem: Problem, found: list[Crossing]) -> list[Crossing]:
+    """The crossings but those of a slope at which L is smooth after all: the equations hold there, unbroken."""
+    return [c for c in found if not (c.switch.smooth and c.switch.depends_on(problem.symbols.dy))]
+
+
 def _alike(problem: Problem, found: list[Crossing], others: list[Crossing]) -> bool:
     """Whether crossings are those of others but for round-off."""
     apart = SAME_PLACE * (problem.span[1] - problem.span[0])
@@ -158,7 +163,7 @@ def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: li
             continue
         curve = solution.curve
         rides = any(c.until is not None for c in found)
-        found = met_by(solution, FOLLOWED_TO if rides else ARGUMENT_ROUND_OFF)
+        found = _breaking(problem, met_by(solution, FOLLOWED_TO if rides else ARGUMENT_ROUND_OFF))
         if not unmet(problem, found, _corners(solution)):
             return solution
     return None

@@ -14,6 +14,7 @@ from varcalc.existence.falling import falling
 from varcalc.formulation import formulate
 from varcalc.formulation.singular.abscissa import powers_at_ends
 from varcalc.formulation.singular.detection import GROWN, PROBE
+from varcalc.problem.breaks import kink_at_ends
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -33,6 +34,9 @@ def second_look(problem: Functional, tol: float, failure: Solution, *, smooth: b
 
     Where the curves that were tried are not ``smooth``, nothing is asked that takes the problem to be so.
     """
+    if (kink := kink_at_ends(problem)) is not None:
+        held = f"end_cost has a kink ({kink.word}), and an end may rest on it, which no method here holds"
+        failure = replace(failure, message=f"{failure.message}; {held}: fix the end there, and compare")
     if failure.verdict in (None, Verdict.WEAK_MINIMUM, Verdict.SADDLE):
         if (fall := falling(problem)) is not None:  # asked first: it takes a hundredth of the time of what follows
             return refused(failure, fall.finding)

@@ -19,7 +19,7 @@ from varcalc.formulation.height import height
 from varcalc.problem.functional import Symbols
 from varcalc.symbolic.derived import Cache
 from varcalc.symbolic.instructions import interpret, operate
-from varcalc.symbolic.joins import joins_smoothly
+from varcalc.symbolic.joins import joined
 from varcalc.symbolic.switches import CONTINUOUS, alike, arguments, switches
 from varcalc.symbolic.tracing import Expression
 
@@ -120,11 +120,12 @@ def _kinks(form: Form) -> _Kinks | None:
     asked = [c.expression for c in (*form.conditions.integrals, *form.conditions.pathwise)]
     asked += [] if form.ends.joint is None else [form.ends.joint.cost, form.ends.joint.equations]
     moving = ca.vertcat(symbols.y, symbols.dy, symbols.ddy)
-    found = [w for w in switches([form.integrand], symbols.all) if w.depends_on(moving)]
+    every = (w for w in switches([form.integrand], symbols.all) if w.depends_on(moving))
+    found = [w for w in (joined([form.integrand], symbols.all, switch) for switch in every) if not w.smooth]
     everything = [*symbols.all, *([] if form.ends.joint is None else form.ends.joint.places)]
     if len(found) > MOST_KINKS or any(w.jumps or w.stepped for w in found) or switches(asked, everything):
         return None
-    kinks = [w.argument for w in found if not joins_smoothly([form.integrand], symbols.all, w)]
+    kinks = [w.argument for w in found]
     sizes: list[Expression] = []
     lifted: list[Expression] = []
 

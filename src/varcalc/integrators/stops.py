@@ -35,6 +35,13 @@ class Interpolant:
             total = (total + self.shape[k]) * (x if k % 2 == 0 else 1 - x)
         return self.state + total
 
+    def at(self, parts: np.ndarray) -> np.ndarray:
+        """States (p, m, N) after the same ``parts`` (p,) of every step, by one product of matrices."""
+        weights = np.cumprod(np.where(np.arange(7) % 2 == 0, parts[:, None], 1 - parts[:, None]), axis=1)
+        moved = (weights @ self.shape.reshape(7, -1)).reshape(len(parts), *self.state.shape)
+        moved += self.state
+        return moved
+
     def __getitem__(self, rows: np.ndarray) -> Interpolant:
         """Some of the steps."""
         return Interpolant(self.time[rows], self.length[rows], self.state[rows], self.shape[:, rows])
@@ -96,7 +103,7 @@ class Stops:
         ``signs`` (m, k) are those before it.
         """
         m, parts = len(signs), np.arange(1, STEP_PLACES + 1) / STEP_PLACES
-        states = np.concatenate([step(np.full(m, part)) for part in parts])
+        states = step.at(parts).reshape(STEP_PLACES * m, -1)
         levels = self._levels(len(states), states, np.tile(constants, (STEP_PLACES, 1))).reshape(STEP_PLACES, m, -1)
         crossed = levels * signs < 0
         place = crossed.any(axis=2).argmax(axis=0)

@@ -38,7 +38,12 @@ def charged(
 
     ``vector_potential(t, q)`` gives as many numbers as there are coordinates, Cartesian ones. With Gaussian units
     divide the charge in front of A by c. Source: Landau and Lifshitz, "The Classical Theory of Fields", sect. 16.
+
+    Raises TypeError where one of the potentials is no function of (t, q).
     """
+    for name, given, shown in (("vector_potential", vector_potential, "(0, 0, 0)"), ("potential", potential, "0")):
+        if not callable(given):
+            raise TypeError(f"{name} must be a function of (t, q), not {given!r}; write lambda t, q: {shown}")
 
     def lagrangian(t: Expression, q: Expression, v: Expression, *_: Any) -> Expression:
         a = vector_potential(t, q)

@@ -27,6 +27,7 @@ from varcalc.mechanics.reduced.reduced import ReducedMotion
 from varcalc.mechanics.reduced.routh import OneCoordinate, routh
 from varcalc.problem.conditions import Fixed, Holonomic, finite, sequence
 from varcalc.problem.problem import Problem
+from varcalc.progress import Interrupted, Progress
 from varcalc.spelling import spelled
 
 
@@ -234,11 +235,14 @@ class System(Moving):
         return Action(self._given, self._lagrange, held, self.parameters, self.name, self.axes)
 
     def motion(
-        self, q0: Sequence[float], v0: Sequence[float], span: tuple[float, float], *, events: Sequence[Event] = ()
-    ) -> Motion:
+        self, q0: Sequence[float], v0: Sequence[float], span: tuple[float, float], *, events: Sequence[Event] = (),
+        progress: Progress = None,
+    ) -> Motion:  # fmt: skip
         """The motion from coordinates ``q0`` and rates ``v0`` (n,) over the times ``span``, with its ``events``.
 
-        Raises ValueError for a start that breaks a constraint, and for a singular L.
+        A long one tells its ``progress`` as :data:`varcalc.progress.Progress` says; Ctrl-C raises
+        :class:`varcalc.Interrupted`, which holds the motion as far as it had come. Raises ValueError for a start that
+        breaks a constraint, and for a singular L.
         """
         first, last = ascending_span(span)
         for k, event in enumerate(given := sequence("events", events)):
@@ -247,14 +251,18 @@ class System(Moving):
         q, v = self._started(first, q0, v0)
         numbers, state = self._with_rate(first, q, v, last - first), np.concatenate([q, v])
         happened, end = self._happened(given, state, numbers, (first, last))
-        flown = course(self._flow, state, numbers, (first, end))
+        flown = course(self._flow, state, numbers, (first, end), progress)
         drift = self._drift(flown.looked, flown.states)
         error = flown.error(slice(self.n), float(np.abs(flown.states[:, : self.n]).max()))
         error += self._out_of_step(flown.looked, flown.states, drift.get("energy", 0.0))
-        return Motion(
-            (first, flown.reached), flown.run.outcome, error, drift, happened, flown.run.steps, numbers,
-            flown.trajectory, self._measured, self.axes,
+        motion = Motion(
+            (first, flown.reached), flown.run.outcome, error, drift,
+            tuple(h for h in happened if h.t <= flown.reached), flown.run.steps, numbers, flown.trajectory,
+            self._measured, self.axes,
         )  # fmt: skip
+        if flown.stopped:
+            raise Interrupted(motion)
+        return motion
 
     def ensemble(self, q0: Any, v0: Any, times: Sequence[float]) -> Ensemble:
         """Motions from many states at once: ``q0`` and ``v0`` (m, n) at the first of the ascending ``times`` (k,)."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import zip_longest
+from numbers import Real
 from typing import Any
 
 import casadi as ca
@@ -321,7 +322,8 @@ class Scene(Shown):
         if optical_path is None and until is None:
             raise ValueError("give optical_path=, until=, or both, to say where the rays are to stop")
         if until is not None and not isinstance(until, Surface):
-            raise TypeError(f"until must be a surface such as Plane or Sphere, not {until!r}")
+            remedy = "; how far rays go is said by optical_path=" if isinstance(until, Real) else ""
+            raise TypeError(f"until must be a surface such as Plane or Sphere, not {until!r}{remedy}")
         unlimited = np.broadcast_to(np.inf, len(start))
         limit = unlimited if optical_path is None else how_far("optical_path", optical_path, len(start))
         index = self._compiled.index_at_source(start)

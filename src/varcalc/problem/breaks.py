@@ -6,8 +6,6 @@ the curve comes by.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import casadi as ca
 import numpy as np
 
@@ -15,7 +13,7 @@ from varcalc.problem.conditions import Bound, Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import derived
-from varcalc.symbolic.joins import joins_smoothly
+from varcalc.symbolic.joins import joined
 from varcalc.symbolic.places import FINEST, places
 from varcalc.symbolic.switches import SWITCHING, Switch, switches
 from varcalc.symbolic.tracing import Expression
@@ -72,7 +70,18 @@ def on_curve(problem: Functional) -> tuple[Switch, ...]:
     """The switches that are a matter of where the curve goes; with an end that slides all are."""
     here = [s for s in switches_of(problem) if any(problem.slides) or not along_x(problem, s)]
     stated, symbols = _expressions(problem), problem.symbols.all
-    return tuple(replace(s, smooth=joins_smoothly(stated, symbols, s)) for s in here)
+    return tuple(joined(stated, symbols, s) for s in here)
+
+
+@derived
+def kink_at_ends(problem: Functional) -> Switch | None:
+    """A kink or a jump of the cost of the ends; None where there is none."""
+    if problem.end_cost_expression is None or problem.symbols.kind is not ca.SX:
+        return None
+    ends, cost = problem.end_cost_expression
+    symbols = [*ends, problem.symbols.parameters, problem.symbols.unknowns]
+    found = (joined([cost], symbols, switch) for switch in switches([cost], symbols))
+    return next((switch for switch in found if not switch.smooth), None)
 
 
 def breakable(problem: Functional) -> bool:

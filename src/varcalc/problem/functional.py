@@ -35,6 +35,8 @@ from varcalc.symbolic.tracing import Expression, Names, NotSymbolic, TracedFunct
 
 SPACE = 3
 """Coordinates of a place on a surface in space."""
+FIRST_SLOPE = "a Bound is on the curve and its first slope, h(x, y, dy), also with order=2"
+"""What is told of a bound that is called with more."""
 
 
 @dataclass(frozen=True)
@@ -260,12 +262,16 @@ class Functional(Shown):
                 continue
             label = f"constraints[{i}].{constraint.written}"
             names = constraint.arguments(list(place), list(rates[: len(slopes)]))
+            if isinstance(constraint, Bound) and len(slopes) > 1:
+                check_arity(label, constraint.function, len(names) + len(p), FIRST_SLOPE)
             expression = trace(
                 label, constraint.function, [*constraint.arguments(position, slopes), *p], kind,
                 order=names if len(names) > len(place) else (),
             )  # fmt: skip
             if isinstance(constraint, Holonomic) and not ca.depends_on(expression, self.symbols.y):
                 raise ValueError(f"{label} does not depend on the curve, so phi = 0 constrains nothing")
+            if isinstance(constraint, Bound) and constraint.lower == constraint.upper:
+                self._check_equation(i, expression)
             traced.append(Traced(constraint, expression))
         self.traced = tuple(traced)
         for label in ("start", "end"):
@@ -279,6 +285,14 @@ class Functional(Shown):
             self.end_cost_expression = (
                 ends,
                 trace("end_cost", self.end_cost, [*map(self.number, ends), *p], kind, order=end_names),
+            )
+
+    def _check_equation(self, index: int, expression: Expression) -> None:
+        """ValueError for a bound from both sides alike on the slope: no method solves differential equations beside."""
+        if ca.depends_on(expression, ca.vertcat(*self.symbols.slopes)):
+            raise ValueError(
+                f"constraints[{index}] (Bound) with lower = upper is a differential equation for the curve, which no "
+                "method here holds: let it eliminate a function, write y'' with order=2, or give lower < upper"
             )
 
     @property

@@ -225,13 +225,17 @@ class Problem(Functional):
         return np.nan_to_num(rise) / (self.span[1] - self.span[0])
 
     def integrand_values(
-        self, x: np.ndarray, y: np.ndarray, dy: np.ndarray, parameters: np.ndarray | None = None
-    ) -> np.ndarray:
-        """L at ``m`` points: x of shape (m,), y and dy of shape (n, m); unknowns at their guesses.
+        self, x: np.ndarray, y: np.ndarray, dy: np.ndarray, parameters: np.ndarray | None = None,
+        unknowns: np.ndarray | None = None,
+    ) -> np.ndarray:  # fmt: skip
+        """L at ``m`` points: x of shape (m,), y and dy of shape (n, m).
 
-        ``parameters`` (m, number of them) are other values of the parameters than the problem's own.
+        ``parameters`` and ``unknowns`` (m, number of them) are other values than the problem's own and its guesses.
         """
-        numbers = self.parameter_values[None] if parameters is None else parameters, self.unknown_guesses[None]
+        numbers = [
+            own[None] if given is None else given
+            for own, given in ((self.parameter_values, parameters), (self.unknown_guesses, unknowns))
+        ]
         return _integrand(self)(len(x), x[:, None], y.T, dy.T, self._level, *numbers)[:, 0]
 
     @property

@@ -14,6 +14,7 @@ import numpy as np
 from varcalc.existence.above_kinks import above_kinks
 from varcalc.existence.approach import outdone
 from varcalc.existence.constant_speed import at_constant_speed
+from varcalc.existence.fading import attained
 from varcalc.existence.feasibility import explained
 from varcalc.existence.global_look import FINE, has_lattice, least_polygons, looked_around
 from varcalc.existence.refraction import refracted, smooth_or_refused
@@ -367,7 +368,9 @@ def _standing(method: Method, form: Form, solution: Solution, tol: float) -> Sol
     # at an extreme level no multiplier exists, and digits are lost
     if solution.status is Status.ROUND_OFF and solution.problem.constraints:
         solution = explained(solution.problem, solution)
-    return solution
+    problem = solution.problem
+    free = problem.unknowns or np.isnan([end.values(problem.n) for end in (problem.start, problem.end)]).any()
+    return attained(solution) if free else solution
 
 
 def _seen_between(method: Method, form: Form, solution: Solution, tol: float) -> Solution:

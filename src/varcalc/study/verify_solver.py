@@ -16,7 +16,6 @@ from varcalc.problem.functional import Functional
 from varcalc.spelling import spelled
 from varcalc.study.plain import PlainProblem, size_of
 from varcalc.study.reference import Exact, Reference, catalogue, load
-from varcalc.study.user_file import BROKEN
 from varcalc.tables import shown, table
 
 if TYPE_CHECKING:
@@ -248,7 +247,7 @@ def judged(solver: Solver, reference: Reference, tolerance: float = 1e-6, digits
             return SolverRow(reference.name, Outcome.REFUSED, message=answer.message)
         off = float(answer.value - value)
         apart = _apart(reference, exact, answer)
-    except (*BROKEN, NotImplementedError) as error:
+    except (Exception, SystemExit) as error:  # noqa: BLE001  # packages raise errors of their own, of any class
         return SolverRow(reference.name, Outcome.REFUSED, message=f"{type(error).__name__}: {error}")
     claim = None if answer.error is None else float(answer.error)
     outcome = _outcome(off, apart, claim, tolerance, size_of(exact.value), round_off=0.0 if digits else UNCLAIMED)

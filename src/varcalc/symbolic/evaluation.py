@@ -97,8 +97,11 @@ class PointEvaluator:
     def bound(self, inputs: Sequence[np.ndarray], output: np.ndarray) -> Callable[[], None]:
         """A call that reads ``inputs`` and writes ``output``, the one result, in place: microseconds a call.
 
-        The arrays are contiguous, hold one point a row, and must not be replaced while the call is in use.
+        The arrays are contiguous, hold one point a row, and must not be replaced while the call is in use. It is taken
+        to be called often, so that for many points NumPy's form is read at once.
         """
+        if len(output) >= POINTS_FOR_NUMPY and self._read(MOST_POINTS):
+            return lambda: self._by_columns(inputs, output)
         return _InPlace(self.function.map(len(output)), inputs, [output])
 
     @cached_property

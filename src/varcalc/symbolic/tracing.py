@@ -163,8 +163,8 @@ def scalar(name: str, result: Any, kind: type) -> Expression:
         raise TypeError(f"{name} must return a CasADi expression or a number, not {result!r}") from None
     if "nan" in str(expression):
         raise TypeError(
-            f"{name} holds a constant that is not a number: Python's math functions do not take symbols; "
-            "write it with NumPy's or CasADi's"
+            f"{name} holds a constant that is not a number: Python's math functions and SciPy's interpolants do not "
+            "take symbols; write it with NumPy's or CasADi's, tables by ca.interpolant"
         )
     if expression.shape != (1, 1):
         raise ValueError(

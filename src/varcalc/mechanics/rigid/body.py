@@ -18,6 +18,7 @@ from varcalc.mechanics.rigid.inertia import Inertia, Principal, TopKind, princip
 from varcalc.mechanics.rigid.motion import RigidMotion, with_unit_quaternions
 from varcalc.mechanics.rigid.rotations import EulerAngles, entries, normalised
 from varcalc.problem.conditions import reals
+from varcalc.progress import Interrupted, Progress
 from varcalc.showing import Fact, Shown, line, listed
 from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -121,12 +122,15 @@ class RigidBody(Shown):
         orientation: EulerAngles | Sequence[float] | np.ndarray,
         angular_velocity: Sequence[float] | np.ndarray,
         span: tuple[float, float],
+        *,
+        progress: Progress = None,
     ) -> RigidMotion:
         """The motion from an ``orientation`` and an ``angular_velocity`` (3,) over the times ``span``.
 
         The orientation is a quaternion (4,) or Euler angles; the angular velocity, in radians for each unit of time,
-        is along the body's axes (that of Euler angles' rates is :meth:`EulerAngles.angular_velocity`). Raises
-        ValueError for a start that is not finite, and for times that do not ascend.
+        is along the body's axes (that of Euler angles' rates is :meth:`EulerAngles.angular_velocity`). A long motion
+        tells its ``progress``, and Ctrl-C raises :class:`varcalc.Interrupted`, which holds it as far as it had come.
+        Raises ValueError for a start that is not finite, and for times that do not ascend.
         """
         times = reals("span", span)
         if times.shape != (2,) or not np.all(np.isfinite(times)) or not times[1] > times[0]:
@@ -137,15 +141,18 @@ class RigidBody(Shown):
         unit = self.principal.moments[-1] * rate
         state = np.concatenate([q, np.array(entries(q)) @ self.inertia @ omega / unit])
         numbers = self._equations.numbers(self._numbers, RATE * rate, unit)
-        flown = course(self._flow, state, numbers, (first, last))
+        flown = course(self._flow, state, numbers, (first, last), progress)
         drift = self._drift(flown.looked, flown.states, numbers)
         error = 2 * flown.error(slice(4), 1.0) + self._out_of_step(
             flown.looked, flown.states, numbers, drift.get("energy", 0.0)
         )
-        return RigidMotion(
+        motion = RigidMotion(
             (first, flown.reached), flown.run.outcome, error, drift, flown.run.steps, numbers, flown.trajectory,
             self._measured,
         )  # fmt: skip
+        if flown.stopped:
+            raise Interrupted(motion)
+        return motion
 
     def cones(self, angular_velocity: Sequence[float] | np.ndarray) -> Cones:
         """Body cone and space cone of a symmetric body that turns freely with an ``angular_velocity`` (3,).

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 from varcalc.mechanics.stability.crossing import PassingRoots, passings
 from varcalc.mechanics.stability.surface import PiecewiseSeries
 from varcalc.mechanics.system import System
+from varcalc.progress import Interrupted, Progress, Telling, telling
 from varcalc.showing import Plotted, Shown
 from varcalc.spelling import spelled
 
@@ -79,6 +80,7 @@ class MonodromySurface:
     names: tuple[str, ...]
     low: np.ndarray
     high: np.ndarray
+    surface: PiecewiseSeries = field(default_factory=PiecewiseSeries)
 
     def numbers(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """All parameters (m, c) and the periods (m,)."""
@@ -99,10 +101,9 @@ class MonodromySurface:
         matrices *= (periods / (2 * np.pi))[:, None, None] ** (unit[:, None] - unit)
         return np.hstack([matrices.reshape(len(first), -1), logarithms[:, None]])
 
-    @cached_property
-    def surface(self) -> PiecewiseSeries:
-        """The series."""
-        return PiecewiseSeries.of(self.values, self.low, self.high)
+    def carried(self, told: Telling) -> MonodromySurface:
+        """The same with its series."""
+        return replace(self, surface=PiecewiseSeries.of(self.values, self.low, self.high, told))
 
     def check(self) -> None:
         """Refuse a place that does not stand still, and periods that are none, somewhere on the chart."""
@@ -116,15 +117,19 @@ class MonodromySurface:
         _, periods = self.numbers(np.repeat(first, len(second)), np.tile(second, len(first)))
         size = 2 * self.system.n
         matrices, logarithm = values[:, :, :-1].reshape(-1, size, size), values[:, :, -1].ravel()
+        covered = np.isfinite(logarithm)
         conserves = self.system.lagrange.forces.is_zero()
-        largest, condition = _largest(matrices, logarithm, conserves=conserves)
-        noise = SAFE * off[:, :, :-1].max(axis=2).ravel()
-        rounding = np.minimum(noise * condition, np.maximum(noise, np.sqrt(noise)))
-        rounding = rounding / np.maximum(largest, 1e-300) / periods
-        shape = len(first), len(second)
+        largest, condition = _largest(matrices[covered], logarithm[covered], conserves=conserves)
+        noise = SAFE * off[:, :, :-1].max(axis=2).ravel()[covered]
+        growth, rounding = np.full((2, len(logarithm)), np.nan)
+        rounding[covered] = np.minimum(noise * condition, np.maximum(noise, np.sqrt(noise))) / np.maximum(
+            largest, 1e-300
+        )
         with np.errstate(divide="ignore"):
-            growth = np.log(largest) / periods
-        return StabilityChart(self.names, first, second, growth.reshape(shape), rounding.reshape(shape), self)
+            growth[covered] = np.log(largest)
+        shape = len(first), len(second)
+        growth, rounding = ((rate / periods).reshape(shape) for rate in (growth, rounding))
+        return StabilityChart(self.names, first, second, growth, rounding, self)
 
     def boundaries(self, first: np.ndarray, second: np.ndarray) -> Boundaries:
         """See :attr:`StabilityChart.boundaries`."""
@@ -170,15 +175,19 @@ def stability_chart(
     q0: Sequence[float] | np.ndarray,
     period: float | Callable[[Any], Any],
     parameters: Mapping[str, Any],
+    *,
+    progress: Progress = None,
 ) -> StabilityChart:
     """Growth of small motions of a driven ``system`` about ``q0`` (n,), over one or two of its parameters.
 
     ``parameters`` takes one name or two to ascending values, (m,) and (k,); ``period`` is a number, or a function of
     the parameters, as in ``lambda p: 2 * np.pi / p.w``. Each point has the largest of Floquet's multipliers
     (Yakubovich and Starzhinskii, "Linear Differential Equations with Periodic Coefficients", ch. II). The monodromy
-    matrix is carried for so many points that Chebyshev series stand for it, and read from these everywhere. Raises
-    ValueError where ``q0`` does not stand still or the equations do not repeat themselves, somewhere on the chart,
-    and where the matrix is no smooth function of the parameters.
+    matrix is carried for so many points that Chebyshev series stand for it, and read from these everywhere.
+    ``progress`` is as :data:`varcalc.progress.Progress` says; Ctrl-C raises :class:`varcalc.Interrupted`, which holds
+    the chart with no numbers where nothing is known yet. Raises ValueError where ``q0`` does not stand still or the
+    equations do not repeat themselves, somewhere on the chart, and where the matrix is no smooth function of the
+    parameters.
 
     >>> import casadi as ca
     >>> from scipy.special import mathieu_a, mathieu_b
@@ -202,6 +211,10 @@ def stability_chart(
         raise ValueError(f"q0 must be {system.n} numbers, one for each coordinate, not {q0!r}")
     source = MonodromySurface(system, place, given, tuple(parameters), low, high)
     source.check()
+    with telling(progress, "stability chart") as told:
+        source = source.carried(told)
+    if source.surface.stopped:
+        raise Interrupted(source.chart(axes[0], axes[1]))
     if not source.surface.resolved:
         raise ValueError("parameters: the monodromy matrix is no smooth function of them there; take a smaller range")
     return source.chart(axes[0], axes[1])

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from varcalc.progress import Telling
+
 DEGREE = 23
 """Of the series, in either parameter."""
 TAIL = 4
@@ -43,17 +45,28 @@ class SeriesPatch:
 
 @dataclass(frozen=True)
 class PiecewiseSeries:
-    """Functions on a rectangle, by ``panels`` that cover it; ``resolved`` tells whether all series came to an end."""
+    """Functions on a rectangle, by ``panels`` that cover it; ``resolved`` tells whether all series came to an end.
 
-    panels: tuple[SeriesPatch, ...]
-    resolved: bool
+    ``stopped`` tells that Ctrl-C ended the search for them, and that parts are not covered.
+    """
+
+    panels: tuple[SeriesPatch, ...] = ()
+    resolved: bool = False
+    stopped: bool = False
 
     @classmethod
-    def of(cls, values: Values, low: np.ndarray, high: np.ndarray) -> PiecewiseSeries:
+    def of(cls, values: Values, low: np.ndarray, high: np.ndarray, told: Telling | None = None) -> PiecewiseSeries:
         """That of functions between the corners ``low`` and ``high`` (2,); one side may be no longer than a point."""
         waiting, kept, resolved = [(low, high)], [], True
         while waiting:
-            panel, tails = _panel(values, *waiting.pop())
+            try:
+                if told is not None:
+                    told(len(kept), len(kept) + len(waiting), "panels")
+                panel, tails = _panel(values, *waiting.pop())
+            except KeyboardInterrupt:
+                if not kept:
+                    raise
+                return cls(tuple(kept), resolved, stopped=True)
             size = np.abs(panel.coefficients).max(axis=(0, 1))
             rough = np.any(tails > RESOLVED * size, axis=1)
             if not np.any(rough) or not np.all(np.isfinite(tails)):

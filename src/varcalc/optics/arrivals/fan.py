@@ -36,7 +36,7 @@ LEAST_ANGLE = 4 * float(np.spacing(2 * np.pi))
 """An interval of angles so narrow is not cut."""
 FARTHER = 3.0
 """Neighbours come in no farther apart than so many times what their deviations tell."""
-TOUCHING = 1e-9
+ON_THE_WALL = 1e-9
 """Of the scene: what is closer does not part."""
 MOST_PARTINGS = 64
 """Parting directions of one source; where there are more, they are left to what looks into cells."""
@@ -216,7 +216,7 @@ class Fan:
         if not self.propagator.surfaces:
             return np.zeros(max(len(angles) - 1, 0), dtype=bool)
         rate = np.linalg.norm(entry[:, MOVED], axis=1)
-        room = FARTHER * np.diff(angles) * np.maximum(rate[1:], rate[:-1]) + TOUCHING * self.bounds.size[source[1:]]
+        room = FARTHER * np.diff(angles) * np.maximum(rate[1:], rate[:-1]) + ON_THE_WALL * self.bounds.size[source[1:]]
         return np.linalg.norm(np.diff(entry[:, R], axis=0), axis=1) > room
 
     def _first_angles(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

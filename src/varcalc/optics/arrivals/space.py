@@ -48,7 +48,7 @@ SINGULAR = 1e-6
 
 
 @dataclass(frozen=True)
-class Aimed(Rows):
+class AimedRays(Rows):
     """k rays on their way to the point: the faces and places (k, 2) of their directions, σ and ``width`` of cells."""
 
     face: np.ndarray
@@ -122,14 +122,14 @@ class SpaceSearch:
         rows, share, sigma = rows[here], share[here], sigma[here]
         width = cells.width[rows]
         place = cells.low[rows] + share * width[:, None]
-        met, lost = self._polished(Aimed(cells.face[rows], place, sigma, width.astype(float)))
+        met, lost = self._polished(AimedRays(cells.face[rows], place, sigma, width.astype(float)))
         self._met.append(met)
         doubtful = ~misses.over & ~misses.one
         doubtful[rows] = lost
         return doubtful
 
-    def _centres(self, cells: SpaceCells) -> Aimed:
-        return Aimed(
+    def _centres(self, cells: SpaceCells) -> AimedRays:
+        return AimedRays(
             cells.face, cells.low + cells.width[:, None] / 2, cells.sigma.mean(axis=1), cells.width.astype(float)
         )
 
@@ -155,7 +155,7 @@ class SpaceSearch:
             return cells.take([])
         return left
 
-    def _polished(self, aims: Aimed, *, spread: bool = False) -> tuple[Met, np.ndarray]:
+    def _polished(self, aims: AimedRays, *, spread: bool = False) -> tuple[Met, np.ndarray]:
         """Those of the ``aims`` that meet the point, by Newton's iteration, and True (k,) for those that do not.
 
         With ``spread`` neighbours may meet it too. Whatever strays from the cell it is of belongs to another.
@@ -183,7 +183,7 @@ class SpaceSearch:
 class _Course:
     """Newton's iterations of k ``aims``: where each looks next, by which ``step``, and the best place it has seen."""
 
-    aims: Aimed
+    aims: AimedRays
     place: np.ndarray
     sigma: np.ndarray
     step: np.ndarray
@@ -194,7 +194,7 @@ class _Course:
     singular: np.ndarray
 
     @classmethod
-    def begun(cls, aims: Aimed) -> _Course:
+    def begun(cls, aims: AimedRays) -> _Course:
         k = len(aims)
         return cls(
             aims, aims.place.copy(), np.maximum(aims.sigma, 0.0), np.zeros((k, 3)), np.ones(k, dtype=bool),

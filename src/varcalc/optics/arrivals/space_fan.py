@@ -22,7 +22,7 @@ from varcalc.optics.rays.beam import Beam, RayStatus, launched, packed, unpacked
 
 CELLS = 16
 """Cells along one side of a face of directions, to begin with."""
-LOOKS = 8
+MORE_LOOKS = 8
 """By how many times more directions along it it is looked for surfaces and for jumps of the index."""
 FINER_AT_EDGES = 2
 """How often cells are halved to begin with where some of their rays come in and others do not."""
@@ -215,7 +215,7 @@ class SpaceFan:
     def resolution(self) -> str:
         """What is said of surfaces, of jumps and of what bends rays."""
         degrees = np.degrees(np.pi / 2 / CELLS / self._looks)
-        parting = self.propagator.surfaces or self._looks == LOOKS
+        parting = self.propagator.surfaces or self._looks == MORE_LOOKS
         what = "surfaces and jumps" if parting else "what bends rays and is"
         return f"{what} seen under more than {degrees:.2g}°" if self._looks > 1 else ""
 
@@ -225,7 +225,7 @@ class SpaceFan:
         if surfaces and not all(one.quadric for one in surfaces):
             return LOOKS_SLOW
         if surfaces or (isinstance(last, HamiltonRays) and last.jumps):
-            return LOOKS
+            return MORE_LOOKS
         return LOOKS_SLOW if isinstance(last, HamiltonRays) else 1
 
     def _first(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

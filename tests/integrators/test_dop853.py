@@ -1,0 +1,39 @@
+"""Many runs of DOP853 at once, few enough for CasADi and so many that NumPy evaluates them, against closed forms."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from varcalc.integrators.dop853 import Dop853
+from varcalc.integrators.protocol import STOPPED
+from varcalc.integrators.stops import STEP_PLACES, Interpolant
+from varcalc.symbolic.evaluation import POINTS_FOR_NUMPY
+
+s, state, frequency = ca.SX.sym("s"), ca.SX.sym("Y", 2), ca.SX.sym("c", 1)
+OSCILLATOR = ca.Function("f", [s, state, frequency], [ca.vertcat(state[1], -(frequency**2) * state[0])])
+HEIGHT = ca.Function("g", [s, state, frequency], [state[0]])
+
+
+@pytest.mark.parametrize("count", [5, 4 * POINTS_FOR_NUMPY])
+def test_oscillators_come_to_where_cosines_are(count):
+    omega = np.linspace(0.5, 2.0, count)
+    starts = np.tile([1.0, 0.0], (count, 1))
+    landed = Dop853(1e-14).compile(OSCILLATOR).ensemble(starts, omega[:, None], until=7.0)
+    exact = np.stack([np.cos(7 * omega), -omega * np.sin(7 * omega)], axis=1)
+    assert np.abs(landed.states - exact).max() < 1e-12
+
+
+@pytest.mark.parametrize("count", [5, 4 * POINTS_FOR_NUMPY])
+def test_oscillators_stop_where_cosines_vanish(count):
+    omega = np.linspace(0.5, 2.0, count)
+    starts = np.tile([1.0, 0.0], (count, 1))
+    landed = Dop853(1e-14).compile(OSCILLATOR, HEIGHT).ensemble(starts, omega[:, None], until=20.0)
+    assert np.all(landed.outcomes == STOPPED)
+    assert np.abs(landed.reached - np.pi / 2 / omega).max() < 1e-12
+
+
+def test_all_places_of_a_step_at_once_are_those_one_by_one():
+    rng = np.random.default_rng(3)
+    step = Interpolant(np.zeros(4), np.ones(4), rng.normal(size=(4, 2)), rng.normal(size=(7, 4, 2)))
+    parts = np.arange(1, STEP_PLACES + 1) / STEP_PLACES
+    assert np.allclose(step.at(parts), [step(np.full(4, part)) for part in parts], rtol=0, atol=1e-14)
