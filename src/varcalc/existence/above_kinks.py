@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
@@ -47,10 +48,22 @@ def above_kinks(form: Form, method: Ritz, tol: float, curve: Sampled) -> Solutio
 def as_held(problem: Problem, solution: Solution) -> bool:
     """Whether a curve's functional, with its switches where the curve puts them, is what was found of its parts."""
     assert solution.curve is not None
-    if problem.end_cost is not None:
-        return True  # the parts are held against one another by their ends' cost as well
     x, weights = composite_gauss(solution.x, GAUSS_POINTS)
     y, dy = solution.curve(x, 0), solution.curve(x, 1)
-    values, others = (problem.integrand_values(x, y * near, dy) for near in (1.0, 1.0 + ORDINATE_ROUND_OFF))
+    unknowns = np.tile([solution.unknowns.get(name, np.nan) for name in problem.unknowns], (len(x), 1))
+    values, others = (
+        problem.integrand_values(x, y * near, dy, unknowns=unknowns) for near in (1.0, 1.0 + ORDINATE_ROUND_OFF)
+    )
     value, size, round_off = (float(v @ weights) for v in (values, np.abs(values), np.abs(others - values)))
-    return abs(value - solution.value) <= solution.error.value + HELD * size + round_off
+    cost = _end_cost(problem, solution)
+    return abs(value + cost - solution.value) <= solution.error.value + HELD * (size + abs(cost)) + round_off
+
+
+def _end_cost(problem: Problem, solution: Solution) -> float:
+    """What the ends of a curve cost."""
+    if problem.end_cost_expression is None or solution.curve is None:
+        return 0.0
+    ends, expression = problem.end_cost_expression
+    function = ca.Function("cost", [*ends, problem.symbols.parameters, problem.symbols.unknowns], [expression])
+    places = [v for x in solution.x[[0, -1]] for v in (x, solution.curve(np.array([x]), 0)[:, 0])]
+    return float(function(*places, problem.parameter_values, np.array(list(solution.unknowns.values()))))

@@ -31,7 +31,7 @@ MODES = 240
 """Coefficients of the Ritz space on which the Hessian's signs are counted."""
 SPACE_DEGREES = {1: (8, 40), 2: (9, 28)}
 """Lowest and highest degree of that space, by the order of the functional."""
-FINE_DEGREES = {1: 3, 2: 5}
+FINE_DEGREES = {1: 5, 2: 5}
 """The lowest where the extremal's own mesh alone has that many coefficients."""
 LEAST_WEIGHT = 1e-6
 """Least relative weight of a direction of the slope in the metric."""

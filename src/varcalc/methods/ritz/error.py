@@ -62,7 +62,7 @@ MOST_PANELS = 4000
 """Panels bisected at once beyond which an integrand is noise."""
 UNMOVED_CURVE = 1e-14
 """Relative distance of two curves that is made of rounding."""
-SHARED = 0.01
+SHARED = 1e-4
 """Share of the last error that two spaces on one mesh may have in common, where a curve touches a bound."""
 
 
@@ -249,7 +249,12 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     if math.isfinite(previous) and not same and (rungs.inequalities or not rungs.form.coordinates.corners):
         error = max(error, SAFETY * SHARED * previous)
     error += unit * SAFETY * richer.gap
-    found = replace(found, value=value, error=error, scale=unit * at.scale)
+    curve, scale = found.curve, unit * at.scale
+    if rungs.inequalities and not rungs.form.coordinates.corners and scale > 0:
+        # where a bound begins to hold the curve is off by d: of order d^3 in the value, and of d^2 in the curve
+        largest = float(np.abs(at.variables[:, : system.n]).max())
+        curve = max(curve, largest * min(error / scale, 1.0) ** (2 / 3))
+    found = replace(found, value=value, error=error, scale=scale, curve=curve)
     shares = _shares(rungs, system, richer.z - z)
     return Estimate(**vars(found), system=system, z=richer.z, at=at, step=None, shares=shares)
 

@@ -131,8 +131,8 @@ def optimise(
             "sb": "yes",
             "tol": ipopt.tol,
             "acceptable_iter": 1,
-            "acceptable_compl_inf_tol": ipopt.tol,
-            "acceptable_constr_viol_tol": 1e-12,
+            "acceptable_compl_inf_tol": 1e-15,  # the barrier is as low as it gets
+            "acceptable_constr_viol_tol": ipopt.tol,
             "max_iter": ipopt.iterations,
             "mu_strategy": "adaptive",
             "mu_min": 1e-16,  # what the barrier leaves is an error of the value

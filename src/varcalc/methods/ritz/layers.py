@@ -27,6 +27,10 @@ UNSEEN = 100.0
 
 What is missed there is of the order of the square of that part, which the tolerance decides.
 """
+BESIDE_VERTEX = 0.05
+"""Share of an element, beside a vertex, in which fewer than two points of a rule lie."""
+SHORTEST = 1e-3, 2e-2
+"""Shares of the interval between which that length is at any tolerance."""
 
 
 def layered(system: RitzSystem, z: np.ndarray, tol: float) -> np.ndarray | None:
@@ -34,7 +38,7 @@ def layered(system: RitzSystem, z: np.ndarray, tol: float) -> np.ndarray | None:
     vertices = system.space.vertices
     shares = (_distances(system, z) <= TOUCHES).mean(axis=2) > 0.5
     changes = vertices[1:-1][(shares[:, 1:] != shares[:, :-1]).any(axis=0)]
-    shortest = UNSEEN * np.sqrt(tol) * (vertices[-1] - vertices[0])
+    shortest = _shortest(tol) * (vertices[-1] - vertices[0])
     more = []
     for vertex in changes.tolist():
         at = int(np.searchsorted(vertices, vertex))
@@ -43,6 +47,19 @@ def layered(system: RitzSystem, z: np.ndarray, tol: float) -> np.ndarray | None:
             count = int(np.ceil(np.log(abs(width) / shortest) / np.log(SHORTER))) if abs(width) > shortest else 0
             more += [vertex + width * SHORTER**-k for k in range(1, count + 1)]
     return np.unique([*vertices, *more]) if more else None
+
+
+def hidden(tol: float) -> float:
+    """What may be hidden beside a vertex of such a layer, in units of what is summed: a bound that gives way there.
+
+    The slope differs by the length of that part, and over it: its square is integrated.
+    """
+    return float((BESIDE_VERTEX * _shortest(tol)) ** 3)
+
+
+def _shortest(tol: float) -> float:
+    """The length of the shortest element of a layer, in units of the interval."""
+    return float(np.clip(UNSEEN * np.sqrt(tol), *SHORTEST))
 
 
 def cuts(system: RitzSystem, z: np.ndarray, marked: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ from varcalc.methods.answer import AlongGraph, Extremal, SampledExtremal, answer
 from varcalc.methods.ritz.degeneracy import degenerate
 from varcalc.methods.ritz.error import CURVE, Estimate, estimate, settled
 from varcalc.methods.ritz.ipopt import Ipopt, optimise
-from varcalc.methods.ritz.layers import cuts, layered
+from varcalc.methods.ritz.layers import cuts, hidden, layered
 from varcalc.methods.ritz.newton import NO_NUMBER, Newton, load, minimise
 from varcalc.methods.ritz.starts import COMPARED, bent_anyhow, clear_of_bounds, meeting_levels
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
@@ -317,6 +317,8 @@ class _Climb:
         self.split_degree = TOUCHING_DEGREE if self.rungs.inequalities else SPLIT_DEGREE
         self.built = 0.0
         self.slow = 0.0
+        # where corners are unknown, what holds the curve begins at them
+        self.bounded = any(not c.equality for c in form.conditions.pathwise) and not form.coordinates.corners
         self.looked_beside = False
 
     def run(self, guess: Sampled | None) -> Solution:
@@ -326,7 +328,7 @@ class _Climb:
         previous = math.inf
         refuted = False
         while not isinstance(rung, str):
-            found = estimate(self.rungs, rung, previous)
+            found = self.judged(rung, previous)
             if isinstance(found, str):
                 rung = found
                 break
@@ -355,6 +357,13 @@ class _Climb:
         if isinstance(sure, str) or refuted:
             sure = replace(best[1], error=math.inf)
         return self.report(best[0], sure, rung)
+
+    def judged(self, rung: Rung, previous: float) -> Estimate | str:
+        """The errors of a rung, with what a bound may do beside a vertex where no point of a rule sees it."""
+        found = estimate(self.rungs, rung, previous)
+        if isinstance(found, str) or not self.bounded:
+            return found
+        return replace(found, error=found.error + found.scale * hidden(self.tol))
 
     def continued(self, degree: int, coefficients: np.ndarray) -> Solution | None:
         """The answer next to a known curve, without a climb; None where it is in doubt."""
@@ -424,7 +433,7 @@ class _Climb:
             return f"{rung.system.size} unknowns did not suffice"
         space = rung.system.space
         stalled = found.error > STALLED * previous or space.degree >= DEGREES[self.form.order][-1]
-        kinked = self.rungs.inequalities and space.elements > 1  # where a bound begins to hold the curve
+        kinked = self.bounded and space.elements > 1  # where a bound begins to hold the curve
         if (stalled or kinked) and space.degree >= self.split_degree:
             system, z = self.bisected(rung, found.shares)
             following = self.rungs.optimise(system, z, rung.multipliers)
@@ -444,7 +453,7 @@ class _Climb:
         space = rung.system.space
         marked = shares > BISECTED_SHARE * shares.max()
         marked = marked if marked.any() else np.ones_like(marked)
-        if self.rungs.inequalities:
+        if self.bounded:
             return self.on_mesh(rung, np.union1d(space.vertices, cuts(rung.system, rung.z, marked)))
         coarse = self.rungs.space(space.vertices, min(space.degree, self.split_degree))
         kept = np.zeros(coarse.size)
@@ -462,8 +471,7 @@ class _Climb:
 
     def layered(self, rung: Rung) -> np.ndarray | None:
         """The vertices of a mesh with layers where bounds begin to hold the curve; None where it needs none."""
-        bounds = any(not c.equality for c in self.form.conditions.pathwise)
-        if self.looked_beside or not (self.method.refine and bounds):
+        if self.looked_beside or not (self.method.refine and self.bounded):
             return None
         self.looked_beside = True
         return layered(rung.system, rung.z, self.tol)
