@@ -1,7 +1,7 @@
-"""Forms in which the size of what switches is a function of its own, held above it by bounds.
+"""Forms in which the greater of two branches is a function of its own, held above both by bounds.
 
-Where L grows with abs(g), as it does at a convex kink, the least of L with s in its place, over all s >= g and
-s >= -g, is the least of L itself (the epigraph form; Rockafellar, "Convex Analysis", 1970, sect. 4). That is smooth,
+Where L grows with max(a, b), as it does at a convex kink, the least of L with s in its place, over all s >= a and
+s >= b, is the least of L itself (the epigraph form; Rockafellar, "Convex Analysis", 1970, sect. 4). That is smooth,
 whatever the kink is of and however often a curve meets it or rests on it, and an interior-point method knows bounds.
 """
 
@@ -24,11 +24,17 @@ from varcalc.symbolic.switches import CONTINUOUS, alike, arguments, switches
 from varcalc.symbolic.tracing import Expression
 
 SAMPLES = 201
-"""Abscissae at which it is seen whether L grows with the size of what switches."""
+"""Abscissae at which it is seen whether L grows with the greater branch."""
 ABOVE = 1e-2
-"""How far above what switches its function begins, in units of its largest size on the curve and on one bent aside."""
+"""How far above both branches a function begins, in units of their largest size on the curve and on one bent aside."""
 MOST_KINKS = 6
 """Kinks that have functions of their own."""
+BRANCHES: dict[int, Callable[[Expression, Expression], tuple[Expression, Expression]]] = {
+    ca.OP_FABS: lambda a, _: (a, -a),
+    ca.OP_FMAX: lambda a, b: (a, b),
+    ca.OP_FMIN: lambda a, b: (-a, -b),
+}
+"""The branches of which an operation is the greater one; of fmin it is less that."""
 
 Restated = Callable[[Sequence[Expression]], list[Expression]]
 """Expressions in a form's symbols, stated in those with more functions."""
@@ -37,24 +43,24 @@ Restated = Callable[[Sequence[Expression]], list[Expression]]
 def epigraph_form(form: Form, curve: Sampled) -> Form | None:
     """The form with one function more for each kink of its integrand; None where it has others than convex ones.
 
-    The highest derivative of each of them, which may jump, is the size of what switches. That L grows with it is seen
-    along ``curve``, in the form's own coordinates, from where it is to be minimised.
+    The highest derivative of each of them, which may jump, is the greater branch. That L grows with it is seen along
+    ``curve``, in the form's own coordinates, from where it is to be minimised.
     """
     kinks = _kinks(form)
-    if kinks is None or not kinks.sizes:
+    if kinks is None or not kinks.tops:
         return None
     s = np.linspace(*form.span, SAMPLES)
-    sizes = kinks.sizes_along(form, curve(s), s)
-    if sizes is None:
+    greater = kinks.along(form, curve(s), s)
+    if greater is None:
         return None
     arch = height(form) * form.start.bumps.sum(axis=0)[:, None] * (1 - np.linspace(-1, 1, SAMPLES) ** 2)
-    bent = kinks.sizes_along(form, curve(s) + arch, s)
-    room = ABOVE * (sizes if bent is None else np.maximum(sizes, bent)).max(axis=1, keepdims=True)
-    old, count = form.symbols, len(kinks.sizes)
+    bent = kinks.along(form, curve(s) + arch, s)
+    room = ABOVE * np.abs(np.hstack([greater] if bent is None else [greater, bent])).max(axis=1, keepdims=True)
+    old, count = form.symbols, len(kinks.tops)
     new = replace(Symbols.make(old.kind, form.n + count, form.order, 0, 0), x=old.x)
     new = replace(new, parameters=old.parameters, unknowns=old.unknowns)
     tops = new.slopes[-1][form.n :]
-    before = [old.y, *old.slopes, ca.vertcat(*kinks.sizes)]
+    before = [old.y, *old.slopes, ca.vertcat(*kinks.tops)]
     after = [new.y[: form.n], *(slope[: form.n] for slope in new.slopes), tops]
 
     def stated(expressions: Sequence[Expression]) -> list[Expression]:
@@ -62,7 +68,7 @@ def epigraph_form(form: Form, curve: Sampled) -> Form | None:
 
     (integrand,) = stated([kinks.integrand])
     x, y, speed, slope = stated(form.lifted or (old.x, old.y, old.kind(1), old.dy))
-    bounds = [tops[k] - side * g for k, g in enumerate(stated(kinks.arguments)) for side in (1, -1)]
+    bounds = [tops[k] - branch for k, both in enumerate(kinks.branches) for branch in stated(both)]
     first = len(form.problem.constraints)
     above = (SideCondition(ca.densify(e), 0.0, math.inf, first + i) for i, e in enumerate(bounds))
     conditions = _restated(form.conditions, stated)
@@ -70,14 +76,14 @@ def epigraph_form(form: Form, curve: Sampled) -> Form | None:
         form.coordinates,
         stated=Stated(new, integrand, integrand, (x, y, speed, slope)),
         numbers=None,
-        note="the sizes of kinks are functions of their own",
+        note="the greater branches at kinks are functions of their own",
     )
     return replace(
         form,
         coordinates=coordinates,
         ends=_ends(form, new, count),
         conditions=replace(conditions, pathwise=(*conditions.pathwise, *above)),
-        start=_start(form.start, curve, s, sizes + room, form.order),
+        start=_start(form.start, curve, s, greater + room, form.order),
         cache=Cache(),
         elsewhere=None,
     )
@@ -85,28 +91,25 @@ def epigraph_form(form: Form, curve: Sampled) -> Form | None:
 
 @dataclass(frozen=True)
 class _Kinks:
-    """An integrand in which the ``sizes``, symbols, stand for the sizes of ``arguments``; these may hold such too."""
+    """An integrand in which ``tops``, symbols, stand for the greater of two ``branches``; these may hold such too."""
 
     integrand: Expression
-    arguments: tuple[Expression, ...]
-    sizes: tuple[Expression, ...]
+    branches: tuple[tuple[Expression, Expression], ...]
+    tops: tuple[Expression, ...]
 
-    def sizes_along(self, form: Form, y: np.ndarray, s: np.ndarray) -> np.ndarray | None:
-        """The sizes (kinks, m) along a curve y (n, m) at s (m,); None where L does not grow with all of them."""
-        sizes = ca.vertcat(*self.sizes)
-        symbols = form.symbols
+    def along(self, form: Form, y: np.ndarray, s: np.ndarray) -> np.ndarray | None:
+        """The greater branches (kinks, m) along a curve y (n, m) at s (m,); None where L does not grow with all."""
+        symbols, tops = form.symbols, ca.vertcat(*self.tops)
         slopes = np.gradient(y, s, axis=1)
         bends = np.gradient(slopes, s, axis=1)[: symbols.ddy.numel()]
         numbers = [np.tile(v[:, None], (1, len(s))) for v in (form.problem.parameter_values, form.start.unknowns)]
         point = [s[None], y, slopes, bends, *numbers]
-        function = ca.Function(
-            "sizes",
-            [*symbols.all, sizes],
-            [ca.vertcat(*self.arguments), ca.densify(ca.gradient(self.integrand, sizes))],
-        )
-        values = np.zeros((len(self.sizes), len(s)))
-        for _ in self.sizes:  # those of a kink within another come first
-            values = np.abs(np.asarray(function(*point, values)[0]))
+        greater = ca.vertcat(*(ca.fmax(a, b) for a, b in self.branches))
+        growth = ca.densify(ca.gradient(self.integrand, tops))
+        function = ca.Function("greater", [*symbols.all, tops], [greater, growth])
+        values = np.zeros((len(self.tops), len(s)))
+        for _ in self.tops:  # those of a kink within another come first
+            values = np.asarray(function(*point, values)[0])
         grown = np.asarray(function(*point, values)[1])
         seen = np.isfinite(values).all() and np.isfinite(grown).all()
         return values if seen and (grown >= 0.0).all() else None
@@ -126,27 +129,31 @@ def _kinks(form: Form) -> _Kinks | None:
     if len(found) > MOST_KINKS or any(w.jumps or w.stepped for w in found) or switches(asked, everything):
         return None
     kinks = [w.argument for w in found]
-    sizes: list[Expression] = []
-    lifted: list[Expression] = []
+    tops: list[Expression] = []
+    lifted: list[tuple[Expression, Expression]] = []
 
     def applied(operation: int, operands: Sequence[Expression]) -> Expression:
-        written = operate(operation, operands)
-        if operation not in CONTINUOUS or not ca.depends_on(written, ca.vertcat(moving, *sizes)):
-            return written
+        if operation not in CONTINUOUS or not ca.depends_on(operate(operation, operands), ca.vertcat(moving, *tops)):
+            return operate(operation, operands)
         (argument,) = arguments(operation, operands)
-        within = bool(sizes) and ca.depends_on(argument, ca.vertcat(*sizes))
+        within = bool(tops) and ca.depends_on(argument, ca.vertcat(*tops))
         if not (within or any(alike(argument, kink) for kink in kinks)):
-            return written
-        number = next((k for k, known in enumerate(lifted) if alike(argument, known)), len(lifted))
+            return operate(operation, operands)
+        both = BRANCHES[operation](operands[0], operands[-1])
+        number = next((k for k, known in enumerate(lifted) if _same(both, known)), len(lifted))
         if number == len(lifted):
-            lifted.append(argument)
-            sizes.append(ca.SX.sym(f"size{number}"))
-        a, b, size = operands[0], operands[-1], sizes[number]
-        return {ca.OP_FABS: size, ca.OP_FMAX: 0.5 * (a + b + size), ca.OP_FMIN: 0.5 * (a + b - size)}[operation]
+            lifted.append(both)
+            tops.append(ca.SX.sym(f"greater{number}"))
+        return -tops[number] if operation == ca.OP_FMIN else tops[number]
 
     function = ca.Function("read", symbols.all, [form.integrand])
     ((integrand,),) = interpret(function, [v.nonzeros() if v.numel() else [] for v in symbols.all], ca.SX, applied)
-    return _Kinks(integrand, tuple(lifted), tuple(sizes))
+    return _Kinks(integrand, tuple(lifted), tuple(tops))
+
+
+def _same(both: tuple[Expression, Expression], known: tuple[Expression, Expression]) -> bool:
+    """Whether two pairs of branches are the same, in either order."""
+    return any(all(alike(a, b) == 1 for a, b in zip(both, pair, strict=True)) for pair in (known, known[::-1]))
 
 
 def _restated(conditions: Conditions, stated: Restated) -> Conditions:
@@ -172,9 +179,9 @@ def _ends(form: Form, symbols: Symbols, count: int) -> Ends:
     return replace(ends, start=start, end=end, joint=joint)
 
 
-def _start(start: Start, curve: Sampled, s: np.ndarray, sizes: np.ndarray, order: int) -> Start:
-    """A curve to start from, with functions of the given ``sizes``, and bumps of what was there before."""
-    sums = sizes
+def _start(start: Start, curve: Sampled, s: np.ndarray, greater: np.ndarray, order: int) -> Start:
+    """A curve to start from, with the functions of which ``greater`` are derivatives, and bumps of what was there."""
+    sums = greater
     for _ in range(order):
         pieces = 0.5 * (sums[:, 1:] + sums[:, :-1]) * np.diff(s)
         sums = np.hstack([np.zeros((len(sums), 1)), np.cumsum(pieces, axis=1)])
@@ -182,5 +189,5 @@ def _start(start: Start, curve: Sampled, s: np.ndarray, sizes: np.ndarray, order
     def extended(at: np.ndarray) -> np.ndarray:
         return np.vstack([curve(at), *(np.interp(at, s, row) for row in sums)])
 
-    bumps = np.hstack([start.bumps, np.zeros((len(start.bumps), len(sizes)))])
+    bumps = np.hstack([start.bumps, np.zeros((len(start.bumps), len(greater)))])
     return replace(start, curve=extended, bumps=bumps)
