@@ -39,9 +39,9 @@ def above_kinks(form: Form, method: Ritz, tol: float, curve: Sampled) -> Solutio
     if not found.status.ok or found.curve is None or found.extremal is None:
         return None
     evaluate = found.curve if form.stated.is_lifted else found.extremal.evaluate
-    own = resampled(lambda x, k: evaluate(x, k)[: form.problem.n], found.x, 2)
-    solution = replace(found, method=method, curve=own, extremal=None)
     problem = form.problem
+    own = resampled(lambda x, k: evaluate(x, k)[: problem.n], found.x, 1 + problem.order)
+    solution = replace(found, method=method, curve=own, extremal=None)
     return solution if isinstance(problem, Problem) and as_held(problem, solution) else None
 
 
@@ -50,9 +50,11 @@ def as_held(problem: Problem, solution: Solution) -> bool:
     assert solution.curve is not None
     x, weights = composite_gauss(solution.x, GAUSS_POINTS)
     y, dy = solution.curve(x, 0), solution.curve(x, 1)
+    ddy = solution.curve(x, 2) if problem.order == 2 else None
     unknowns = np.tile([solution.unknowns.get(name, np.nan) for name in problem.unknowns], (len(x), 1))
     values, others = (
-        problem.integrand_values(x, y * near, dy, unknowns=unknowns) for near in (1.0, 1.0 + ORDINATE_ROUND_OFF)
+        problem.integrand_values(x, y * near, dy, unknowns=unknowns, ddy=ddy)
+        for near in (1.0, 1.0 + ORDINATE_ROUND_OFF)
     )
     value, size, round_off = (float(v @ weights) for v in (values, np.abs(values), np.abs(others - values)))
     cost = _end_cost(problem, solution)

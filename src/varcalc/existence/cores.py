@@ -120,7 +120,8 @@ def _united(problem: Problem, method: Ritz, parts: list[Solution]) -> Solution:
 def _level(problem: Problem, found: list[Crossing]) -> Switch | None:
     """The kink that the curve follows, where all it follows are kinks in the ordinate; None for anything else."""
     s, followed = problem.symbols, [c.switch for c in found if c.until is not None]
-    if problem.constraints or problem.unknowns or problem.end_cost is not None or problem.n > 1 or not followed:
+    plain = problem.n == problem.order == 1 and not (problem.constraints or problem.unknowns)
+    if not (plain and followed) or problem.end_cost is not None:
         return None
     moves = any(w.jumps or w.stepped or w.depends_on(s.dy) or not w.depends_on(s.y) for w in followed)
     return None if moves or any(along_x(problem, w) for w in switches_of(problem)) else followed[0]

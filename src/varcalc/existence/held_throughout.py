@@ -53,10 +53,10 @@ class HeldMomentum(NamedTuple):
 
 def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Crossing]) -> Solution | None:
     """The minimum that follows a kink from end to end; None where none is shown to."""
-    plain = problem.n == 1 and not problem.constraints and not problem.unknowns and problem.end_cost is None
+    plain = problem.n == problem.order == 1 and not (problem.constraints or problem.unknowns)
     followed = [c.switch for c in found if c.until is not None]
     fixed = problem.start.fixed and problem.end.fixed
-    if not (plain and fixed and followed):
+    if not (plain and fixed and followed) or problem.end_cost is not None:
         return None
     convex = proved_jointly_convex(problem)
     for switch in followed:

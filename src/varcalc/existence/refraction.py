@@ -60,7 +60,7 @@ VANISHED = 1.5
 ROUNDS = 6
 """Times that pieces are put together anew."""
 BESIDE_KINK = 1e-3
-"""Change of the slope, in units of 1 and of the slope, over which it is seen which way a kink points."""
+"""Change of the highest derivative, in units of 1 and of its own, over which it is seen which way a kink points."""
 BESIDE_JUMP = 1e-3
 """Distance from a jump, in units of what counts as on it, at which a curve runs that would run along it."""
 SAMPLES = 33
@@ -131,7 +131,7 @@ def _least(
 
 def _breaking(problem: Problem, found: list[Crossing]) -> list[Crossing]:
     """The crossings but those of a slope at which L is smooth after all: the equations hold there, unbroken."""
-    return [c for c in found if not (c.switch.smooth and c.switch.depends_on(problem.symbols.dy))]
+    return [c for c in found if not (c.switch.smooth and c.switch.depends_on(problem.symbols.highest))]
 
 
 def _alike(problem: Problem, found: list[Crossing], others: list[Crossing]) -> bool:
@@ -230,27 +230,31 @@ def _held_in_place(problem: Problem, crossing: Crossing) -> bool:
         return False
     first, last = problem.span
     whole = crossing.until - crossing.x >= (1 - NEAR_ENDS) * (last - first)
-    return whole or not crossing.switch.depends_on(problem.symbols.dy)
+    return whole or not crossing.switch.depends_on(problem.symbols.highest)
 
 
 def _repels(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
-    """Whether L has a maximum, of the kink that a curve follows, in the slope: no minimum stays there."""
-    if crossing.until is None or not crossing.switch.depends_on(problem.symbols.dy):
+    """Whether L has a maximum, of the kink that a curve follows, in the highest derivative: no minimum stays there."""
+    s = problem.symbols
+    if crossing.until is None or not crossing.switch.depends_on(s.highest):
         return False
     x = np.array([0.5 * (crossing.x + crossing.until)])
-    y, slope, s = curve(x, 0), curve(x, 1), problem.symbols
+    derivatives = [curve(x, k)[:, 0] for k in range(1 + problem.order)]
+    lower, highest = derivatives[:-1], derivatives[-1]
     switch = crossing.switch.argument - crossing.level
-    function = ca.Function("switch", s.all, [switch, ca.jacobian(switch, s.dy)])
-    blank = np.zeros(s.ddy.numel())
-    at, rate = function(x, y[:, 0], slope[:, 0], blank, problem.parameter_values, problem.unknown_guesses)
+    function = ca.Function("switch", s.all, [switch, ca.jacobian(switch, s.highest)])
+    bends = highest if problem.order == 2 else np.zeros(0)
+    at, rate = function(x, *derivatives[:2], bends, problem.parameter_values, problem.unknown_guesses)
     rates = np.asarray(rate)[0]
     size = float(rates @ rates)
     if not size > 0.0:
         return False
-    onto, along = slope[:, 0] - float(at) * rates / size, rates / np.sqrt(size)
-    step = BESIDE_KINK * max(1.0, float(np.abs(slope).max()))
-    slopes = (onto + step * np.array([[-1.0], [0.0], [1.0]]) * along).T
-    left, here, right = problem.sign * problem.integrand_values(np.repeat(x, 3), np.repeat(y, 3, axis=1), slopes)
+    onto, along = highest - float(at) * rates / size, rates / np.sqrt(size)
+    step = BESIDE_KINK * max(1.0, float(np.abs(highest).max()))
+    beside = (onto + step * np.array([[-1.0], [0.0], [1.0]]) * along).T
+    points = [np.repeat(v[:, None], 3, axis=1) for v in lower] + [beside]
+    bent = points[2] if problem.order == 2 else None
+    left, here, right = problem.sign * problem.integrand_values(np.repeat(x, 3), points[0], points[1], ddy=bent)
     return bool(left + right - 2 * here < 0.0)
 
 
@@ -270,7 +274,7 @@ def _piece(problem: Problem, crossing: Crossing) -> Refraction | Ride:
         near = NEAR_ENDS * (last - first)
         start = first if crossing.x - first < near else crossing.x
         return Ride(start, last if last - crossing.until < near else crossing.until, surface)
-    return Refraction(crossing.x, None if switch.depends_on(s.dy) else surface)
+    return Refraction(crossing.x, None if switch.depends_on(s.highest) else surface)
 
 
 def _rounded(problem: Problem, guess: Sampled | None) -> tuple[Curve, float, Points] | None:
@@ -350,7 +354,8 @@ def smooth_or_refused(solution: Solution) -> Solution:
         )
         return replace(solution, status=Status.NOT_CONVERGED, message=f"{message} there; Ritz may")
     if direct:
-        missed = [c for c in missed if c.switch.jumps or c.until is not None or c.switch.depends_on(problem.symbols.dy)]
+        highest = problem.symbols.highest
+        missed = [c for c in missed if c.switch.jumps or c.until is not None or c.switch.depends_on(highest)]
     missed = [c for c in missed if not c.switch.smooth]
     if not missed:
         return solution

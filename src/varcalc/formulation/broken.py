@@ -42,7 +42,10 @@ LENGTH_KEPT = 1e-2
 
 @dataclass(frozen=True)
 class Contact:
-    """A stretch along which a bound is touched: the constraint's number, its level, and guesses of the ends."""
+    """A stretch along which a bound is touched: the constraint's number, its level, and guesses of the ends.
+
+    At second order it may be a point, at which the bound presses with a force.
+    """
 
     index: int
     level: float
@@ -54,8 +57,8 @@ class Contact:
 class Refraction:
     """A corner where the curve goes through a surface on which the Lagrangian has a kink, or jumps.
 
-    ``surface`` is zero there, an expression in the problem's symbols for x and y; None for a switch of the slope, at
-    which the ordinate is as free as the abscissa ``x``, of which this is a guess.
+    ``surface`` is zero there, an expression in the problem's symbols for x and y, and at second order for the slope;
+    None for a switch of the highest derivative, which is as free as the abscissa ``x``, of which this is a guess.
     """
 
     x: float
@@ -98,8 +101,10 @@ def broken_form(
     symbols = extended(problem, problem.n, len(corners))
     moving = symbols.unknowns[len(problem.unknowns) :]
     marks = _marks(problem, plain, corners, moving)
-    x, speed = _piecewise(symbols.x, marks)
-    slopes = [symbols.dy / speed] + ([symbols.ddy / speed**2] if problem.order == 2 else [])
+    x, speed = _piecewise(symbols.x, marks, smoothly=problem.order == 2)
+    slopes = [symbols.dy / speed]
+    if problem.order == 2:
+        slopes += [(symbols.ddy - slopes[0] * ca.gradient(speed, symbols.x)) / speed**2]
     rewrite = unheld = rewriter(problem, symbols, x, symbols.y, slopes, speed)
     if switched:
         rewrite = _held_between(problem, symbols, marks, curve, rewrite)
@@ -109,7 +114,9 @@ def broken_form(
     if contacts is not None:
         bounds = {c.index: c for c in pathwise}
         pathwise = tuple(
-            replace(bounds[c.index], lower=c.level, upper=c.level, where=(c.start, c.end)) for c in contacts
+            replace(bounds[c.index], lower=c.level, upper=c.level, where=(c.start, c.end))
+            for c in contacts
+            if c.start < c.end
         )
     elif pathwise or rides or keeping:  # the interior-point method is kept from turning a piece inside out
         pathwise += (SideCondition(speed, LENGTH_KEPT, math.inf, -1),)
@@ -122,6 +129,7 @@ def broken_form(
     stated = Stated(symbols, integrand, integrand, (x, symbols.y, speed, symbols.dy))
     joint = end_conditions(problem, symbols, lambda k, y: (problem.span[k], y))
     surfaces = [(r.x, r.surface) for r in refractions if r.surface is not None]
+    surfaces += [(c.start, e) for c in contacts or () if c.start == c.end for e in _tangent(problem, c)]
     if surfaces:
         joint = _with_surfaces(problem, symbols, joint, corners, moving, surfaces)
     return Form(
@@ -137,12 +145,12 @@ def _points(
     problem: Problem, marks: list[tuple[float, Expression]], curve: Sampled
 ) -> Iterator[tuple[tuple[float, float], list[np.ndarray]]]:
     """Each piece between marks, and the arguments of the problem's expressions in the middle of the curve's piece."""
-    level = np.zeros(problem.symbols.ddy.numel())
     for (first, _), (last, _) in pairwise(marks):
         at = first + (last - first) * np.array([0.45, 0.5, 0.55])
         y = curve(at)
         slope = (y[:, 2] - y[:, 0]) / (at[2] - at[0])
-        yield (first, last), [at[1:2], y[:, 1], slope, level, problem.parameter_values, problem.unknown_guesses]
+        bend = 4 * (y[:, 2] - 2 * y[:, 1] + y[:, 0])[: problem.symbols.ddy.numel()] / (at[2] - at[0]) ** 2
+        yield (first, last), [at[1:2], y[:, 1], slope, bend, problem.parameter_values, problem.unknown_guesses]
 
 
 def _sides(
@@ -187,15 +195,23 @@ def _with_surfaces(
     s, kind = problem.symbols, symbols.kind
     if joint is None:
         joint = EndConditions(kind.sym("start", problem.n), kind.sym("end", problem.n), kind(0, 1), kind(0))
-    inside, equations = [], []
+    inside, equations, width = [], [], problem.span[1] - problem.span[0]
     for k, (at, surface) in enumerate(surfaces):
-        y = kind.sym(f"inside{k}", problem.n)
-        here = moving[corners.index(at)]
         count = len(problem.unknowns)
-        after = [here, y, symbols.unknowns[:count, :]]
-        equations.append(ca.substitute([surface], [s.x, s.y, s.unknowns], after)[0])
-        inside.append((at, y))
+        before, after = [s.x, s.unknowns], [moving[corners.index(at)], symbols.unknowns[:count, :]]
+        for derivative, variable in enumerate([s.y, *s.slopes[:-1]]):
+            here = kind.sym(f"inside{k}", problem.n)
+            inside.append((at, derivative, here))
+            before.append(variable)
+            after.append(here / width**derivative)  # dx/ds is 1 at corners where slopes count
+        equations.append(ca.substitute([surface], before, after)[0])
     return replace(joint, equations=ca.vertcat(joint.equations, *equations), inside=tuple(inside))
+
+
+def _tangent(problem: Problem, contact: Contact) -> list[Expression]:
+    """What is zero where a curve touches a bound in a point: on it alone, the curve might go through."""
+    s, bound = problem.symbols, problem.traced[contact.index].expression
+    return [bound - contact.level, ca.jtimes(bound, ca.vertcat(s.x, s.y), ca.vertcat(1, s.dy))]
 
 
 def _marks(
@@ -208,13 +224,18 @@ def _marks(
     return sorted([*moving, *standing], key=lambda mark: mark[0])
 
 
-def _piecewise(s: Expression, marks: list[tuple[float, Expression]]) -> tuple[Expression, Expression]:
-    """x(s), linear between the marks, and dx/ds."""
+def _piecewise(
+    s: Expression, marks: list[tuple[float, Expression]], *, smoothly: bool
+) -> tuple[Expression, Expression]:
+    """x(s), linear between the marks, or with the slope 1 at each, so that slopes are continuous; and dx/ds."""
     x: Expression = None
     speed: Expression = None
     for (s0, x0), (s1, x1) in pairwise(marks):
-        rate = (x1 - x0) / (s1 - s0)
+        along, rate = (s - s0) / (s1 - s0), (x1 - x0) / (s1 - s0)
         piece = x0 + (s - s0) * rate
+        if smoothly:
+            piece = s + (x0 - s0) + (s1 - s0) * (rate - 1) * along**2 * (3 - 2 * along)
+            rate = 1 + (rate - 1) * 6 * along * (1 - along)
         x = piece if x is None else ca.if_else(s < s0, x, piece)
         speed = rate if speed is None else ca.if_else(s < s0, speed, rate)
     return x, speed

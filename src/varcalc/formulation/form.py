@@ -52,20 +52,21 @@ class EndConditions:
 
     ``equations`` (a column, zero on admissible curves) and ``cost`` (a scalar)
     are expressions in ``start`` and ``end``, the unknown functions at the two
-    ends, in those at the knots ``inside``, each with its abscissa, and in the
-    parameters and unknowns of the form.
+    ends, in those at the knots ``inside``, or their derivatives (times the length of the
+    interval to that power), each with its abscissa and the number of times it is
+    differentiated, and in the parameters and unknowns of the form.
     """
 
     start: Expression
     end: Expression
     equations: Expression
     cost: Expression
-    inside: tuple[tuple[float, Expression], ...] = ()
+    inside: tuple[tuple[float, int, Expression], ...] = ()
 
     @property
     def places(self) -> list[Expression]:
         """The unknown functions at the ends, and at knots inside."""
-        return [self.start, self.end, *(y for _, y in self.inside)]
+        return [self.start, self.end, *(y for *_, y in self.inside)]
 
 
 @dataclass(frozen=True)
@@ -290,7 +291,7 @@ class Form:
     def held(self) -> tuple[float, ...]:
         """Abscissae where curves are held: waypoints, and where they go through surfaces of kinks and jumps."""
         inside = () if self.ends.joint is None else self.ends.joint.inside
-        return tuple(sorted([at for at, _ in (*self.conditions.waypoints, *inside)]))
+        return tuple(sorted({at for at, *_ in (*self.conditions.waypoints, *inside)}))
 
     @property
     def rides(self) -> tuple[tuple[float, float], ...]:
@@ -313,6 +314,16 @@ def _lift(form: Form) -> ca.Function:
     s = form.symbols
     arguments = [s.x, s.y, s.dy, s.unknowns, s.parameters]
     return ca.Function("lift", arguments, [ca.densify(s.kind(e)) for e in form.lifted or ()])
+
+
+@derived
+def second_lift(form: Form) -> ca.Function:
+    """The second derivatives by s of the user's abscissa and ordinates, of (s, y, dy, ddy, unknowns, parameters)."""
+    assert form.lifted is not None
+    s, (_, _, speed, slope) = form.symbols, form.lifted
+    arguments = [s.x, s.y, s.dy, s.ddy, s.unknowns, s.parameters]
+    before, rates = ca.vertcat(s.x, s.y, s.dy), ca.vertcat(1, s.dy, s.ddy)
+    return ca.Function("lift", arguments, [ca.densify(ca.jtimes(s.kind(e), before, rates)) for e in (speed, slope)])
 
 
 @derived

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
+from varcalc.formulation.form import second_lift
 from varcalc.formulation.singular import forms, number_of
 from varcalc.methods.moved_ends import by_moved_ends
 from varcalc.numerics.mesh import SpaceCurve, composite_gauss
@@ -88,6 +89,8 @@ class Extremal:
     """What was evaluated along the curve last, where the method has it at hand."""
     in_a_row: int = 0
     """How many solutions in a row, up to this one, were each begun from the one before."""
+    forces: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """Multipliers of the equations between ends and knots, where the method has them at hand."""
     samples: SampledExtremal | None = None
     """Where the problem was evaluated along the curve, where the method has that at hand."""
 
@@ -314,7 +317,7 @@ class UserCurve(SentResampled):
         return person_nodes(self.extremal, self.extremal.vertices)
 
     def __call__(self, x: np.ndarray, derivative: int) -> np.ndarray:
-        """The curve (derivative 0) or its slope (1) at x (m,), shape (n, m)."""
+        """The curve (derivative 0), its slope (1) or, at second order, that one's (2) at x (m,), shape (n, m)."""
         extremal = self.extremal
         if not extremal.form.stated.is_lifted:
             return extremal.evaluate(x, derivative)
@@ -322,6 +325,8 @@ class UserCurve(SentResampled):
         _, y, dx, dy = lifted(extremal, s)
         if derivative == 0:
             return y
+        if derivative == 2:
+            return _bend(extremal, s, dx, dy)
         with np.errstate(divide="ignore", invalid="ignore"):
             return _slope_at_ends(extremal, s, dy / dx)
 
@@ -329,6 +334,13 @@ class UserCurve(SentResampled):
         if number_of(self.extremal.form) is None:
             return super().__reduce__()
         return UserCurve, (self.extremal,)
+
+
+def _bend(extremal: Extremal, s: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:
+    """The second derivative (n, m) by the user's abscissa at s (m,), with the first ones by s."""
+    at, y, slope, bend, parameters, unknowns = sample(extremal, s)
+    ddx, ddy = (np.asarray(v) for v in second_lift(extremal.form)(at, y, slope, bend, unknowns, parameters))
+    return (ddy - dy / dx * ddx) / dx**2
 
 
 def _slope_at_ends(extremal: Extremal, s: np.ndarray, slope: np.ndarray) -> np.ndarray:

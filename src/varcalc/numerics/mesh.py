@@ -69,6 +69,21 @@ def lobatto(degree: int) -> np.ndarray:
     return np.concatenate([[-1.0], np.sort(np.real(inner)), [1.0]])
 
 
+@lru_cache(maxsize=64)
+def inner_nodes(count: int, given: int) -> tuple[np.ndarray, np.ndarray]:
+    """``count`` nodes inside [-1, 1] and weights of the Gauss rule that has ``given`` derivatives at both ends as well.
+
+    From none on: with one, the value, it is Gauss and Lobatto's (Davis and Rabinowitz, "Methods of Numerical
+    Integration", 1984, sect. 2.7).
+    """
+    from scipy.special import roots_jacobi  # few solves come here
+
+    if not count:
+        return np.zeros(0), np.zeros(0)
+    nodes, weights = roots_jacobi(count, given, given)
+    return nodes, weights / (1.0 - nodes**2) ** given
+
+
 def _jacobi(order: int, highest: int, points: np.ndarray) -> np.ndarray:
     """Jacobi polynomials P_j^(order, order) for j = 0 .. highest; shape (highest + 1, points)."""
     rows = np.empty((highest + 1, len(points)))

@@ -86,7 +86,7 @@ def kink_at_ends(problem: Functional) -> Switch | None:
 
 def breakable(problem: Functional) -> bool:
     """Whether a problem has switches on the curve, and is a graph whose curves can be broken there."""
-    if not on_curve(problem) or problem.order != 1 or any(problem.slides) or problem.start.periodic:
+    if not on_curve(problem) or any(problem.slides) or problem.start.periodic:
         return False
     return problem.start.of_space is False
 

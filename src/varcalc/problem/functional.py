@@ -81,6 +81,11 @@ class Symbols:
         return [self.dy] if self.ddy.numel() == 0 else [self.dy, self.ddy]
 
     @property
+    def highest(self) -> Expression:
+        """The highest derivatives, which may jump along a curve."""
+        return self.slopes[-1]
+
+    @property
     def all(self) -> list[Expression]:
         """Every symbol, in the order integrand functions take them."""
         return [self.x, self.y, self.dy, self.ddy, self.parameters, self.unknowns]

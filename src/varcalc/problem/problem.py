@@ -226,9 +226,9 @@ class Problem(Functional):
 
     def integrand_values(
         self, x: np.ndarray, y: np.ndarray, dy: np.ndarray, parameters: np.ndarray | None = None,
-        unknowns: np.ndarray | None = None,
+        unknowns: np.ndarray | None = None, ddy: np.ndarray | None = None,
     ) -> np.ndarray:  # fmt: skip
-        """L at ``m`` points: x of shape (m,), y and dy of shape (n, m).
+        """L at ``m`` points: x of shape (m,), y, dy and, at second order, ddy of shape (n, m).
 
         ``parameters`` and ``unknowns`` (m, number of them) are other values than the problem's own and its guesses.
         """
@@ -236,7 +236,8 @@ class Problem(Functional):
             own[None] if given is None else given
             for own, given in ((self.parameter_values, parameters), (self.unknown_guesses, unknowns))
         ]
-        return _integrand(self)(len(x), x[:, None], y.T, dy.T, self._level, *numbers)[:, 0]
+        bends = self._level if ddy is None else ddy.T
+        return _integrand(self)(len(x), x[:, None], y.T, dy.T, bends, *numbers)[:, 0]
 
     @property
     def vectorised(self) -> bool:

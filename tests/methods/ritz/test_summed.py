@@ -80,7 +80,7 @@ def test_the_hessian_of_the_lagrangian_is_that_of_the_whole_program(name):
     space = Space(np.linspace(*form.span, 4), 5, form.n, form.order, periodic=form.ends.periodic)
     system = RitzSystem(form, space, 9)
     z = 1.2 + 0.2 * np.sin(1 + np.arange(system.size))
-    program = program_of(system, z, 1 + 0.1 * np.arange(system.size), 3.0)[0]
+    program = program_of(system, z, 1 + 0.1 * np.arange(system.size), 3.0)
     factor, multipliers = ca.MX.sym("factor"), ca.MX.sym("multipliers", program.count)
     lagrangian = factor * program.objective + ca.dot(multipliers, ca.vertcat(*program.rows))
     whole = ca.Function("whole", [program.w, factor, multipliers], [ca.hessian(lagrangian, program.w)[0]])

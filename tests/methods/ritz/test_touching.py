@@ -7,6 +7,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import varcalc as vc
 from varcalc.formulation import formulate
@@ -113,3 +114,72 @@ def test_a_string_over_a_narrow_cap_follows_it(width):
     solution = vc.solve(vc.Problem(lambda x, y, v: v**2, vc.Fixed(0, 0), vc.Fixed(1, 0), [bound]))
     value = 2 * (height**2 / (c - t) + 4 * t**3 / (3 * width**4))
     assert solution.value == pytest.approx(value, rel=1e-10)
+
+
+def beam(load, bound, last=(0.0, 0.0)):
+    """A beam that is clamped level at both ends, of unit length and stiffness."""
+    return vc.Problem(
+        lambda x, y, dy, ddy: ddy**2 / 2 - load(x) * y, vc.Fixed(0, 0, 0), vc.Fixed(1, *last), [bound], order=2
+    )
+
+
+@pytest.mark.parametrize(
+    ("load", "level", "close"), [(1000.0, 0.1, 1e-5), (3000.0, 0.02, 1e-5), (100.0, 0.08, 2e-3)]
+)  # along a stretch of 0.02 the pressure is a small part of what is balanced
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_a_beam_lies_on_a_level(load, level, close, sense):
+    """It is down at x = a with y' = y'' = 0: a^4 = 72 level / load (y = load x^4/24 - load a x^3/9 + load a^2 x^2/12).
+
+    There the level presses with a force besides, and along it with the load.
+    """
+    bound = vc.Bound(lambda x, y, dy: y, **{"upper" if sense > 0 else "lower": sense * level})
+    solution = vc.solve(beam(lambda x: sense * load, bound))
+    a = (72 * level / load) ** 0.25
+    way = np.polynomial.Polynomial([0, 0, load * a**2 / 12, -load * a / 9, load / 24])
+    lost = (way.deriv(2) ** 2 / 2 - load * way).integ()(a)
+    assert solution.value == pytest.approx(2 * lost - load * level * (1 - 2 * a), abs=3 * solution.error.value + 1e-13)
+    assert solution.error.value < 1e-9
+    np.testing.assert_allclose(solution.x[[1, -2]], [a, 1 - a], atol=1e-6)
+    inside = np.linspace(a, 1 - a, 9)[1:-1]
+    np.testing.assert_allclose(np.abs(solution.multipliers[0](inside)), load, rtol=close)
+
+
+@pytest.mark.parametrize("level", [0.7e-3, 1.0e-3, 1.25e-3])
+def test_a_beam_touches_a_level_in_a_point(level):
+    """Under the load x, at c with y'(c) = 0, where y'' has no jump: each side is y = x^5/120 and a cubic."""
+
+    def side(start, end, first, last):
+        """The cubic beside x^5/120 with the given ordinates and the slope 0 at both ends."""
+        rows = [[x**k for k in range(4)] for x in (start, end)]
+        rows += [[k * x ** (k - 1) if k else 0.0 for k in range(4)] for x in (start, end)]
+        right = [first - start**5 / 120, last - end**5 / 120, -(start**4) / 24, -(end**4) / 24]
+        series = [*np.linalg.solve(rows, right), 0.0, 1 / 120]
+        return np.polynomial.Polynomial(series)
+
+    def bend(c):
+        return side(0.0, c, 0.0, level).deriv(2)(c) - side(c, 1.0, level, 0.0).deriv(2)(c)
+
+    c = brentq(bend, 0.3, 0.8, xtol=1e-15)
+    ways = [(side(0.0, c, 0.0, level), 0.0, c), (side(c, 1.0, level, 0.0), c, 1.0)]
+    parts = [(way.deriv(2) ** 2 / 2 - np.polynomial.Polynomial([0, 1]) * way).integ() for way, *_ in ways]
+    value = sum(part(b) - part(a) for part, (_, a, b) in zip(parts, ways, strict=True))
+    free = vc.solve(beam(lambda x: x, vc.Bound(lambda x, y, dy: y, upper=1.0)))
+    assert float(free.curve(np.linspace(0, 1, 501), 0).max()) > level
+    solution = vc.solve(beam(lambda x: x, vc.Bound(lambda x, y, dy: y, upper=level)))
+    assert solution.value == pytest.approx(value, rel=1e-10, abs=3 * solution.error.value)
+    assert solution.error.value < 1e-9
+    assert solution.x[1:-1] == pytest.approx([c], abs=1e-5)
+
+
+def test_the_slope_of_a_beam_rests_on_its_bound():
+    """v = y' is a parabola of length a at both ends, v = top (1 - (1 - x/a)^2), and the top between."""
+    height = 0.1
+    top = 1.2 * height
+    problem = vc.Problem(
+        lambda x, y, dy, ddy: ddy**2 / 2, vc.Fixed(0, 0, 0), vc.Fixed(1, height, 0),
+        [vc.Bound(lambda x, y, dy: dy, upper=top)], order=2,
+    )  # fmt: skip
+    a = 1.5 * (1 - height / top)  # the height is top (1 - 2 a/3)
+    solution = vc.solve(problem)
+    assert solution.value == pytest.approx(2 * 0.5 * 4 * top**2 / (3 * a), abs=3 * solution.error.value + 1e-15)
+    np.testing.assert_allclose(solution.x[[1, -2]], [a, 1 - a], atol=1e-5)

@@ -20,6 +20,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.polynomial import legendre
 
 from varcalc.formulation import SideCondition
 from varcalc.formulation.height import flat, height
@@ -28,7 +29,7 @@ from varcalc.methods.ritz.integrands import integrands, pointwise
 from varcalc.methods.ritz.newton import Descent
 from varcalc.methods.ritz.starts import bent
 from varcalc.methods.ritz.system import RitzSystem
-from varcalc.numerics.mesh import lobatto
+from varcalc.numerics.mesh import gauss, inner_nodes
 from varcalc.problem.conditions import finite, whole
 from varcalc.spelling import spelled
 
@@ -66,12 +67,16 @@ class Ipopt:
 
 @dataclass(frozen=True)
 class _Label:
-    """What a column of constraints stands for: its kind, the number of the condition, rows, elements (of bool)."""
+    """What a column of constraints stands for: its kind, the number of the condition, rows, elements (of bool).
+
+    ``rule`` has the nodes and weights, on [-1, 1], of each of these elements.
+    """
 
     kind: str
     index: int
     rows: int
     elements: np.ndarray | None
+    rule: tuple[np.ndarray, np.ndarray] | None
 
 
 @dataclass
@@ -100,13 +105,14 @@ class _Program:
         bounds: tuple[float, float],
         size: float = 1.0,
         elements: np.ndarray | None = None,
+        rule: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> None:
         """Append a column of constraints with common bounds, in units of ``size``."""
         count = row.numel()
         self.rows.append(ca.vec(row) / size)
         self.lower.append(np.full(count, bounds[0] / size))
         self.upper.append(np.full(count, bounds[1] / size))
-        self.labels.append(_Label(kind, index, count, elements))
+        self.labels.append(_Label(kind, index, count, elements, rule))
         self.sizes.append(np.full(count, size))
 
 
@@ -145,10 +151,9 @@ def optimise(
     if _only_minimised(system):
         derivatives = summed_up(system, scale, size)
         program = _Program(derivatives.unknowns, derivatives.value, Curvature(derivatives.unknowns))
-        points = lobatto(system.space.degree)
         options |= derivatives.options
     else:
-        program, points = program_of(system, z, scale, size)
+        program = program_of(system, z, scale, size)
         options["hess_lag"] = program.curvature.function(program.count)
     # beyond round-off the multipliers of bounds that hold a curve wander, and with them what is left of the gradient
     lost = _round_off(options["hess_lag"], z / scale, program.count)
@@ -163,7 +168,7 @@ def optimise(
     found = np.asarray(result["x"]).ravel() * scale
     at = system.evaluate(found)
     lam = size * np.asarray(result["lam_g"]).ravel() / np.concatenate(program.sizes) if program.rows else np.zeros(0)
-    equalities, others = _sort_multipliers(system, program, lam, points, len(multipliers))
+    equalities, others = _sort_multipliers(system, program, lam, len(multipliers))
     status = str(stats["return_status"])
     good = np.isfinite(at.value) and (status in GOOD or (status in FINISHED and _stationary(stats)))
     reason = "" if good else f"IPOPT stopped with {status}"
@@ -259,8 +264,8 @@ def _largest(*sizes: float) -> float:
     return max((abs(s) for s in sizes if np.isfinite(s) and s != 0.0), default=1.0)
 
 
-def program_of(system: RitzSystem, z: np.ndarray, scale: np.ndarray, size: float) -> tuple[_Program, np.ndarray]:
-    """The program of a minimum near ``z``, unknowns in ``scale`` and the functional in ``size``, and Lobatto nodes."""
+def program_of(system: RitzSystem, z: np.ndarray, scale: np.ndarray, size: float) -> _Program:
+    """The program of a minimum near ``z``, unknowns in ``scale`` and the functional in ``size``."""
     form = system.form
     w = ca.MX.sym("w", system.size)
     at_gauss = CurvePoints.of(system, scale)
@@ -279,10 +284,9 @@ def program_of(system: RitzSystem, z: np.ndarray, scale: np.ndarray, size: float
     )
     if form.ends.joint is not None:
         _add_ends(system, program, scale, z / scale, size)
-    nodes = lobatto(system.space.degree)
     if form.conditions.pathwise:
-        _Pathwise(system, program, scale, nodes, at_gauss, _Sizes(system, z), z / scale).add()
-    return program, nodes
+        _Pathwise(system, program, scale, at_gauss, _Sizes(system, z), z / scale).add()
+    return program
 
 
 def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray, start: np.ndarray, size: float) -> None:
@@ -308,49 +312,53 @@ class _Pathwise:
     system: RitzSystem
     program: _Program
     scale: np.ndarray
-    nodes: np.ndarray
     at_gauss: CurvePoints
     sizes: _Sizes
     start: np.ndarray
 
     def add(self) -> None:
         """Append the rows of every condition to the program."""
-        # a straight element has no nodes of its own, and the first vertex of each but the first is interior
-        inside = self.nodes[1:-1]
-        inner = CurvePoints.of(self.system, self.scale, inside) if len(inside) else None
-        vertices = CurvePoints.of(self.system, self.scale, self.nodes[:1])
-        for condition in self.system.form.conditions.pathwise:
+        system, ends = self.system, np.array([-1.0])
+        # the first vertex of each element but the first is interior
+        vertices = CurvePoints.of(system, self.scale, ends)
+        for condition in system.form.conditions.pathwise:
             size = self.sizes.of_integrand(condition)
-            elements, corners = _asked(self.system, condition)
-            if inner is not None:
-                self._append("nodes", condition, inner.kept(np.repeat(elements, len(inside))), size, elements)
-            of_place = _free_of_slopes(self.system, condition)
+            elements, corners = _asked(system, condition)
+            given = _given_at_vertices(system, condition)
+            rule = _nodes(system, condition, given)
+            if len(rule[0]):  # a straight element has no nodes of its own
+                inner = CurvePoints.of(system, self.scale, rule[0])
+                kind = "equations" if condition.equality else "nodes"
+                self._append(kind, condition, inner.kept(np.repeat(elements, len(rule[0]))), size, elements, rule)
             # the end's ordinate decides no slope; ends both given decide one that is asked all along
-            corners[0] = condition.equality and not of_place and elements[0] and not elements.all()
-            if corners.any() and (condition.equality or of_place):
+            corners[0] = condition.equality and not given and elements[0] and not elements.all()
+            if corners.any() and (condition.equality or given):
                 beside = [_beside(vertices, side) for side in (-1, 1)]
-                jumping = corners & of_place  # the slope at a vertex is that of one side only
+                jumping = corners & (given > 0)  # the highest derivative at a vertex is that of one side only
                 if jumping.any():
                     sides = [self._values(condition, side.kept(corners)) for side in beside]
                     jumping[corners] = _differ(sides, self.program.w, self.start, ORDINATE_ROUND_OFF * size)
                 # a bound that jumps there is kept on both sides
                 for points, kept in ((vertices, corners & ~jumping), *((side, jumping) for side in beside)):
                     self._append("vertices", condition, points.kept(kept), size, elements)
+                if condition.equality and given > 1:
+                    self._append("vertices", _rate(system, condition), vertices.kept(corners), size, elements)
             if not condition.equality:
-                kept = np.repeat(elements, self.system.count)
-                self._append("gauss", condition, self.at_gauss.kept(kept), size, elements)
+                kept = np.repeat(elements, system.count)
+                self._append("gauss", condition, self.at_gauss.kept(kept), size, elements, gauss(system.count))
 
     def _values(self, condition: SideCondition, points: CurvePoints) -> Any:
         function = ca.Function("pathwise", self.system.form.symbols.all, [ca.densify(condition.expression)])
         return function.map(len(points.s))(*points.arguments(self.program.w))
 
     def _append(
-        self, kind: str, condition: SideCondition, points: CurvePoints, size: float, elements: np.ndarray
-    ) -> None:
+        self, kind: str, condition: SideCondition, points: CurvePoints, size: float, elements: np.ndarray,
+        rule: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> None:  # fmt: skip
         if not len(points.s):
             return
         rows, first = np.arange(len(points.s)), 1 + self.program.count
-        self.program.add(kind, condition.index, self._values(condition, points), condition.bounds, size, elements)
+        self.program.add(kind, condition.index, self._values(condition, points), condition.bounds, size, elements, rule)
         shares = (rows, first + rows, np.full(len(rows), 1 / size))
         self.program.curvature.at_points(points, [condition.expression], shares)
 
@@ -378,12 +386,29 @@ def _asked(system: RitzSystem, condition: SideCondition) -> tuple[np.ndarray, np
     return (middle > low) & (middle < high), corners
 
 
-def _free_of_slopes(system: RitzSystem, condition: SideCondition) -> bool:
-    return not any(ca.depends_on(condition.expression, d) for d in system.form.symbols.slopes if d.numel())
+def _given_at_vertices(system: RitzSystem, condition: SideCondition) -> int:
+    """How many derivatives of a condition, from none on, the functions have in common at a vertex."""
+    slopes = system.form.symbols.slopes
+    highest = max((k for k, d in enumerate(slopes, 1) if ca.depends_on(condition.expression, d)), default=0)
+    return system.order - highest
+
+
+def _nodes(system: RitzSystem, condition: SideCondition, given: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes inside an element, with weights, that hold a polynomial with as many derivatives ``given`` at its ends."""
+    if not (condition.equality and given):
+        return inner_nodes(system.space.degree - 1, 1)
+    return inner_nodes(system.space.degree + 1 - given - system.order, given)
+
+
+def _rate(system: RitzSystem, condition: SideCondition) -> SideCondition:
+    """That a condition free of slopes stays what it is."""
+    s = system.form.symbols
+    rate = ca.jtimes(condition.expression, ca.vertcat(s.x, s.y), ca.vertcat(1, s.dy))
+    return replace(condition, expression=rate, lower=0.0, upper=0.0)
 
 
 def _sort_multipliers(
-    system: RitzSystem, program: _Program, lam: np.ndarray, nodes: np.ndarray, count: int
+    system: RitzSystem, program: _Program, lam: np.ndarray, count: int
 ) -> tuple[np.ndarray, dict[Any, Any]]:
     """Multipliers of equalities in the order of the system, and the others by their constraint."""
     others: dict[Any, Any] = {}
@@ -401,36 +426,40 @@ def _sort_multipliers(
         elif label.kind == "ends":
             ends.extend(block)
         elif label.kind != "vertices":
-            pieces.setdefault(label.index, []).append(_density(system, label, block, nodes))
+            pieces.setdefault(label.index, []).append(_density(system, label, block))
     for index, densities in pieces.items():
         # rows at nodes and at Gauss points each carry a share of one load: the shares add up
         others[index] = lambda x, parts=densities: sum((part(x) for part in parts), np.zeros(np.shape(x)))
     return np.array([*equalities, *ends])[:count], others
 
 
-def _density(
-    system: RitzSystem, label: _Label, block: np.ndarray, nodes: np.ndarray
-) -> Callable[[np.ndarray], np.ndarray]:
+def _density(system: RitzSystem, label: _Label, block: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """The multiplier mu(s) of a pathwise condition from the multipliers of its rows.
 
-    A row at a node stands for the condition near it: its multiplier is mu
-    there times the node's quadrature weight. Between nodes mu is interpolated
-    linearly; where the condition is not asked it is zero.
+    A row at a node stands for the condition near it: its multiplier is mu there times the node's quadrature weight. In
+    between it is interpolated, by each element's polynomial where the condition is an equation, else linearly: a bound
+    may cease to hold the curve within an element. Where the condition is not asked it is zero.
     """
     space, elements = system.space, label.elements
     assert elements is not None
-    if label.kind == "gauss":
-        at, weights = (v[elements].ravel() for v in space.quadrature(system.count))
-    else:
-        half = 0.5 * space.widths[elements, None]
-        edges = 0.5 * (nodes[1:] + nodes[:-1])
-        cells = np.diff(np.concatenate([[-1.0], edges, [1.0]]))[1:-1]
-        legendre = np.polynomial.legendre.Legendre.basis(space.degree)(nodes[1:-1])
-        shares = 2.0 / (space.degree * (space.degree + 1) * legendre**2) if space.degree > 1 else cells
-        at = (space.vertices[:-1][elements, None] + half * (1 + nodes[1:-1])).ravel()
-        weights = (half * shares).ravel()
-    low, high = space.vertices[:-1][elements].min(), space.vertices[1:][elements].max()
-    return lambda x: np.where((x >= low) & (x <= high), np.interp(x, at, block / weights), 0.0)
+    assert label.rule is not None
+    nodes, weights = label.rule
+    edges = np.append(space.vertices[:-1][elements], space.vertices[1:][elements][-1])
+    half = 0.5 * np.diff(edges)[:, None]
+    values = block.reshape(half.size, -1) / (half * weights)
+    if label.kind == "equations":
+        series = np.linalg.solve(legendre.legvander(nodes, len(nodes) - 1), values.T)
+        return lambda x: _in_elements(edges, series, x)
+    at = (edges[:-1, None] + half * (1 + nodes)).ravel()
+    return lambda x: np.where((x >= edges[0]) & (x <= edges[-1]), np.interp(x, at, values.ravel()), 0.0)
+
+
+def _in_elements(edges: np.ndarray, series: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Legendre series, a column an element between ``edges``, at x (m,); zero outside them."""
+    at = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+    places = (2 * x - edges[at] - edges[at + 1]) / np.diff(edges)[at]
+    values = (legendre.legvander(places, len(series) - 1) * series[:, at].T).sum(axis=-1)
+    return np.where((x >= edges[0]) & (x <= edges[-1]), values, 0.0)
 
 
 # the functional alone, with its derivatives

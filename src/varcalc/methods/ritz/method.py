@@ -141,16 +141,15 @@ class Ritz(Brief):
 
     def _held(self, form: Form, first: Solution, started: float, tol: float) -> Solution | None:
         """The answer with the contacts of a ``first`` one as equations; None where it does not count."""
-        found = touching(form, first)
-        if found is None:
-            return None
-        solution = _Climb(replace(self, elements=1, degree=None, starts=1), found.form, tol).run(None)
-        if not (solution.status.ok and found.counts(solution)):
-            return None
-        build, spent = first.stats.build + solution.stats.build, time.perf_counter() - started
-        iterations = first.stats.iterations + solution.stats.iterations
-        stats = replace(solution.stats, build=build, solve=spent - build, iterations=iterations)
-        return found.plainly(replace(solution, method=self, stats=stats))
+        for found in touching(form, first):
+            solution = _Climb(replace(self, elements=1, degree=None, starts=1), found.form, tol).run(None)
+            if not (solution.status.ok and found.counts(solution)):
+                continue
+            build, spent = first.stats.build + solution.stats.build, time.perf_counter() - started
+            iterations = first.stats.iterations + solution.stats.iterations
+            stats = replace(solution.stats, build=build, solve=spent - build, iterations=iterations)
+            return found.plainly(replace(solution, method=self, stats=stats))
+        return None
 
 
 @dataclass
@@ -304,6 +303,7 @@ class Rungs:
         return Extremal(
             form, system.space.curve(coefficients), system.unknowns(rung.z).copy(), system.space.vertices,
             np.array(lambdas), path, speed, coefficients if one else None, along,
+            forces=rung.multipliers[len(system.levels) :],
         )  # fmt: skip
 
 

@@ -462,7 +462,7 @@ class RitzSystem:
 
     def _end_positions(self) -> tuple[np.ndarray, np.ndarray]:
         """Places in z, and in (y_start, y_end, y at knots, unknowns), of the end variables that are free."""
-        numbers = [self.space.vertex_number(v, 0, a) for v in joint_vertices(self) for a in range(self.n)]
+        numbers = joint_numbers(self).ravel().tolist()
         place = {int(c): i for i, c in enumerate(self.free)}
         pairs = [(place[c], i) for i, c in enumerate(numbers) if c in place]
         pairs += [(len(self.free) + j, len(numbers) + j) for j in range(self.extra)]
@@ -473,7 +473,7 @@ class RitzSystem:
         """End cost, its gradient, the end equations, their Jacobian, all Hessians, and the sizes of the equations."""
         form = self.form
         c = self.coefficients(z)
-        places = [np.array([c[self.space.vertex_number(v, 0, a)] for a in range(self.n)]) for v in joint_vertices(self)]
+        places = list(c[joint_numbers(self)])
         out: Any = at_ends(form)(*places, self.unknowns(z), form.problem.parameter_values)
         found = [np.asarray(o) for o in out]
         # by how much each equation changes when its variables change by the size of the largest
@@ -496,11 +496,13 @@ class RitzSystem:
         return out
 
 
-def joint_vertices(system: RitzSystem) -> list[int]:
-    """The vertices whose values the ends' cost and equations are about: the ends, and knots between them."""
+def joint_numbers(system: RitzSystem) -> np.ndarray:
+    """Numbers of the coefficients (places, n) that the ends' cost and equations are about: at the ends, and inside."""
     space, joint = system.space, system.form.ends.joint
-    inside = () if joint is None else joint.inside
-    return [0, space.elements, *(int(np.argmin(np.abs(space.vertices - s))) for s, _ in inside)]
+    places = [(0, 0), (space.elements, 0)]
+    for s, derivative, _ in () if joint is None else joint.inside:
+        places.append((int(np.argmin(np.abs(space.vertices - s))), derivative))
+    return np.array([[space.vertex_number(v, k, a) for a in range(system.n)] for v, k in places])
 
 
 def _rule(spans: np.ndarray, count: int, order: int, n: int, extra: int) -> tuple[Any, ...]:

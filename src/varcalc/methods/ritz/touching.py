@@ -11,14 +11,14 @@ variations).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Contact, Form, Sampled, SideCondition, broken_form
+from varcalc.formulation import Contact, Form, SideCondition, broken_form
 from varcalc.methods.answer import Extremal
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound
@@ -41,22 +41,26 @@ GAP = 40
 HELD = 1e-9
 """Relative amount by which a bound may be missed on a free piece."""
 MOST_CONTACTS = 6
+SHORT = 0.1
+"""Share of the interval up to which what looks like a stretch is first taken for a point, where it may be one."""
+SHORTER = 0.3
+"""Share of what looks like a stretch that may be one: a curve with slopes in common leaves a level slowly."""
 
 
 def touchable(form: Form) -> bool:
-    """Whether contacts can be looked for: a plain graph of one function under bounds on its position."""
+    """Whether contacts can be looked for: a plain graph of one function under bounds not on the highest derivative."""
     problem = form.problem
-    plain = isinstance(problem, Problem) and problem.n == 1 and problem.order == 1 and not form.stated.is_lifted
+    plain = isinstance(problem, Problem) and problem.n == 1 and not form.stated.is_lifted
     levels = all(c.equality for c in form.conditions.integrals)
     # marks of what lies between the points are no breakpoints of the problem's
     if not (plain and levels) or breaks(problem) or form.conditions.waypoints or form.ends.joint is not None:
         return False
     bounds = all(isinstance(problem.constraints[c.index], Bound) and not c.equality for c in form.conditions.pathwise)
-    slope = form.symbols.dy
+    highest = form.symbols.highest
     return (
         bool(form.conditions.pathwise)
         and bounds
-        and not any(ca.depends_on(c.expression, slope) for c in form.conditions.pathwise)
+        and not any(ca.depends_on(c.expression, highest) for c in form.conditions.pathwise)
     )
 
 
@@ -79,7 +83,7 @@ class Touching:
         x = np.clip(np.concatenate([np.linspace(*self.plain.span, CONTACT_SAMPLES), *close]), *self.plain.span)
         curve = solution.curve
         for condition in self.plain.conditions.pathwise:
-            values = _along(self.plain, condition, lambda x: curve(x, 0), x)
+            values = _along(self.plain, condition, curve, x)
             room = HELD * max(float(np.abs(values).max()), 1e-300)
             if values.min() < condition.lower - room or values.max() > condition.upper + room:
                 return False
@@ -105,8 +109,13 @@ class Touching:
     def _presses(self, solution: Solution, contact: Contact) -> bool:
         """Whether lifting the bound along a contact would lower the functional (raise a maximum)."""
         bound = next(c for c in self.plain.conditions.pathwise if c.index == contact.index)
-        inside = contact.start + (contact.end - contact.start) * np.linspace(0.1, 0.9, 17)
-        push = np.asarray(solution.multipliers[contact.index](inside)) * self.plain.sign
+        if contact.start == contact.end:
+            points = [c for c in self.contacts if c.start == c.end]
+            assert solution.extremal is not None
+            push = solution.extremal.forces[2 * (points.index(contact) - len(points))]  # then that of being tangent
+        else:
+            inside = contact.start + (contact.end - contact.start) * np.linspace(0.1, 0.9, 17)
+            push = np.asarray(solution.multipliers[contact.index](inside)) * self.plain.sign
         # the multiplier in J + mu h is negative where a lower bound presses, positive where an upper one does
         return bool((-push if contact.level == bound.lower else push).mean() > 0)
 
@@ -115,17 +124,17 @@ def _signed(push: Callable[[np.ndarray], np.ndarray], sign: float) -> Callable[[
     return lambda s: sign * push(s)
 
 
-def touching(form: Form, coarse: Solution) -> Touching | None:
-    """The contacts that a coarse solution shows, as a form of their own; None when there are none to speak of."""
+def touching(form: Form, coarse: Solution) -> list[Touching]:
+    """The contacts that a coarse solution shows, as forms of their own in which they may be; none to speak of, none."""
     if coarse.curve is None or not isinstance(form.problem, Problem):
-        return None
+        return []
     curve, vertices = coarse.curve, coarse.x
     # a mesh that was marked is fine where the bound is narrow
     within = (vertices[:-1, None] + np.diff(vertices)[:, None] * (np.arange(AN_ELEMENT) / AN_ELEMENT)).ravel()
     x = np.union1d(np.linspace(*form.span, CONTACT_SAMPLES), within)
     contacts: list[Contact] = []
     for condition in form.conditions.pathwise:
-        values = _along(form, condition, lambda x: curve(x, 0), x)
+        values = _along(form, condition, curve, x)
         for level in {condition.lower, condition.upper}:
             if np.isfinite(level):
                 size = max(float(np.ptp(values)), 1e-300)
@@ -134,11 +143,36 @@ def touching(form: Form, coarse: Solution) -> Touching | None:
     contacts.sort(key=lambda c: c.start)
     apart = all(a.end < b.start for a, b in pairwise(contacts))
     if not (0 < len(contacts) <= MOST_CONTACTS and apart):
-        return None
-    marks = [m for c in contacts for m in (c.start, c.end) if form.span[0] < m < form.span[1]]
-    if not marks:
-        return None
-    return Touching(broken_form(form.problem, marks, lambda x: curve(x, 0), contacts), tuple(contacts), form)
+        return []
+    ways = [contacts]
+    if form.order > 1:
+        short = SHORT * (form.span[1] - form.span[0])
+        points = [_within(form, c, 0.0 if c.end - c.start <= short else 1.0) for c in contacts]
+        ways = [points, contacts, *([_within(form, c, share) for c in contacts] for share in (SHORTER, 0.0))]
+    ways = [way for k, way in enumerate(ways) if way not in ways[:k]]
+    return [_placed(form, way, curve) for way in ways if _marks(form, way)]
+
+
+def _within(form: Form, contact: Contact, share: float) -> Contact:
+    """The middle ``share`` of a contact along which a bound may press with forces, as none on a slope does."""
+    condition = next(c for c in form.conditions.pathwise if c.index == contact.index)
+    outer = contact.start <= form.span[0] or contact.end >= form.span[1]
+    if outer or ca.depends_on(condition.expression, form.symbols.dy):
+        return contact
+    middle, half = 0.5 * (contact.start + contact.end), 0.5 * share * (contact.end - contact.start)
+    return replace(contact, start=middle - half, end=middle + half)
+
+
+def _placed(form: Form, contacts: list[Contact], curve: Callable[[np.ndarray, int], np.ndarray]) -> Touching:
+    """The form with these contacts, begun from a curve."""
+    assert isinstance(form.problem, Problem)
+    broken = broken_form(form.problem, _marks(form, contacts), lambda x: curve(x, 0), contacts)
+    return Touching(broken, tuple(contacts), form)
+
+
+def _marks(form: Form, contacts: Iterable[Contact]) -> list[float]:
+    """The ends of contact inside the interval."""
+    return sorted({m for c in contacts for m in (c.start, c.end) if form.span[0] < m < form.span[1]})
 
 
 def _stretches(x: np.ndarray, near: np.ndarray) -> list[tuple[float, float]]:
@@ -151,11 +185,13 @@ def _stretches(x: np.ndarray, near: np.ndarray) -> list[tuple[float, float]]:
 
 
 def _along(
-    form: Form, condition: SideCondition, curve: Callable[[np.ndarray], np.ndarray] | Sampled, x: np.ndarray
+    form: Form, condition: SideCondition, curve: Callable[[np.ndarray, int], np.ndarray], x: np.ndarray
 ) -> np.ndarray:
     """A bound's function along a curve at x (m,)."""
-    blank, numbers = np.zeros((1, 1)), (form.problem.parameter_values[None], form.start.unknowns[None])
-    return _bound(form, condition.index)(len(x), x[:, None], curve(x).T, blank, np.zeros((1, 0)), *numbers)[:, 0]
+    numbers = (form.problem.parameter_values[None], form.start.unknowns[None])
+    highest = np.zeros((1, 1))  # no bound here depends on it
+    slopes = (highest, np.zeros((1, 0))) if form.order == 1 else (curve(x, 1).T, highest)
+    return _bound(form, condition.index)(len(x), x[:, None], curve(x, 0).T, *slopes, *numbers)[:, 0]
 
 
 @derived
