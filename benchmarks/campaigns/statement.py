@@ -15,23 +15,27 @@ import numpy as np
 import varcalc as vc
 from campaigns.least import Least
 
-Integrand = Callable[[Any, Any, Any], Any]
+Integrand = Callable[..., Any]
+"""Of x, y and y', and of y'' for a functional of second order."""
+End = tuple[float, float | None] | tuple[float, float | None, float]
+"""Abscissa, ordinate (None where it is free) and, at second order, slope."""
 Constraint = vc.Bound | vc.Isoperimetric
 
 
 @dataclass(frozen=True)
 class Statement:
-    """To make the integral of ``L(x, y, v)`` least between two ends (x, y), y being None where it is free.
+    """To make the integral of ``L(x, y, v)`` least between two ends.
 
     ``points`` are the abscissae about which something happens, for whoever lays a mesh by hand.
     """
 
     L: Integrand
-    start: tuple[float, float | None]
-    end: tuple[float, float | None]
+    start: End
+    end: End
     least: Least
     constraints: tuple[Constraint, ...] = ()
     points: tuple[float, ...] = ()
+    order: int = 1
 
 
 @dataclass(frozen=True)
@@ -63,20 +67,23 @@ class Disguise:
         return (x - self.x0) / self.stretch
 
     def of(self, function: Integrand) -> Integrand:
-        """A function of (x, y, v) as one of (X, Y, V)."""
+        """A function of (x, y, v) as one of (X, Y, V); at second order with a second derivative after these."""
         if self == Disguise():
             return function
         # a person writes no shift by zero and no multiplication by one
-        return lambda x, y, v: function(
+        return lambda x, y, *slopes: function(
             self.x0 + self.stretch * x if self.x0 else self.stretch * x,
             self.y0 + self.height * y if self.y0 else self.height * y,
-            self.height / self.stretch * v,
+            *(self.height / self.stretch**k * slope for k, slope in enumerate(slopes, 1)),
         )
 
-    def end(self, end: tuple[float, float | None]) -> vc.Fixed | vc.Free:
+    def end(self, end: End) -> vc.Fixed | vc.Free:
         """An end in the new coordinates."""
-        x, y = end
-        return vc.Free(self.abscissa(x)) if y is None else vc.Fixed(self.abscissa(x), float(y - self.y0) / self.height)
+        x, y, *slope = end
+        if y is None:
+            return vc.Free(self.abscissa(x))
+        slopes = [float(v) * self.stretch / self.height for v in slope]
+        return vc.Fixed(self.abscissa(x), float(y - self.y0) / self.height, *slopes)
 
     def constraint(self, constraint: Constraint) -> Constraint:
         """A constraint in the new coordinates."""
@@ -98,9 +105,9 @@ class Adversary:
 def disguised(statement: Statement, disguise: Disguise) -> Adversary:
     """A problem in other coordinates."""
     integrand = disguise.of(statement.L)
-    L: Integrand = integrand if disguise.factor == 1 else lambda x, y, v: disguise.factor * integrand(x, y, v)
+    L: Integrand = integrand if disguise.factor == 1 else lambda *point: disguise.factor * integrand(*point)
     first, last = sorted((disguise.end(statement.start), disguise.end(statement.end)), key=lambda end: end.x)
     constraints = [disguise.constraint(constraint) for constraint in statement.constraints]
-    problem = vc.Problem(L, first, last, constraints, maximise=disguise.factor < 0)
+    problem = vc.Problem(L, first, last, constraints, order=statement.order, maximise=disguise.factor < 0)
     least = statement.least.times(abs(disguise.factor) / abs(disguise.stretch))
     return Adversary(problem, least, -1 if disguise.factor < 0 else 1)

@@ -85,6 +85,37 @@ def test_the_least_value_is_that_of_the_best_polygon(family):
     assert -1e-3 * size <= above <= near * size
 
 
+@pytest.mark.parametrize("family", ["beams", "steep beams", "bent"])
+@pytest.mark.parametrize("number", range(4))
+def test_the_least_value_of_a_beam_is_that_of_finite_differences(family, number):
+    """With kinks as bounds of ordinates of their own, a quadratic programme."""
+    drawn = statement(family, number)
+    cells = 400
+    h, x = 1 / cells, np.linspace(0, 1, cells + 1)
+    y, top = ca.MX.sym("y", cells + 1), ca.MX.sym("top", cells + 1)
+    (_, y0, v0), (_, y1, v1) = drawn.start, drawn.end
+    beyond = ca.vertcat(y[1] - 2 * h * v0, y, y[-2] + 2 * h * v1)
+    slopes, bends = (beyond[2:] - beyond[:-2]) / (2 * h), (beyond[2:] - 2 * y + beyond[:-2]) / h**2
+    symbols = [ca.SX.sym(name) for name in "xyvu"]
+    # L = u^2/2 + a y + b |y| + c |v|, which the values at four points tell
+    told = ca.Function("L", symbols, [drawn.L(*symbols)])
+    at = [float(told(0.0, *point)) for point in [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)]]
+    straight, kink, friction = (at[0] - at[1]) / 2, (at[0] + at[1]) / 2, (at[2] + at[3]) / 2
+    weights = h * np.ones(cells + 1)
+    weights[[0, -1]] = h / 2
+    cost = ca.dot(weights, bends**2 / 2 + straight * y + top)
+    turned = kink * y + friction * slopes
+    rows = [top - turned, top + turned]
+    rows += [ca.densify(bound.upper - bound.h(x, y, slopes)) for bound in drawn.constraints]
+    solver = ca.nlpsol("qp", "ipopt", {"x": ca.vertcat(y, top), "f": cost, "g": ca.vertcat(*rows)},
+                       {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"})  # fmt: skip
+    low, high = np.full(2 * cells + 2, -np.inf), np.full(2 * cells + 2, np.inf)
+    low[[0, cells]] = high[[0, cells]] = y0, y1
+    start = np.concatenate([y0 + (y1 - y0) * x, np.full(cells + 1, abs(kink) + abs(friction))])
+    found = solver(x0=start, lbx=low, ubx=high, lbg=-1e-9, ubg=np.inf)
+    assert float(found["f"]) == pytest.approx(drawn.least.value, rel=5e-2)
+
+
 @pytest.mark.parametrize("family", ["walls"])
 @pytest.mark.parametrize("number", [2])
 def test_the_least_value_is_that_of_the_motion_that_arrives(family, number):

@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from campaigns.adversaries import (
+    beams,
     bottomless,
     curves,
     eigenvalues,
@@ -68,6 +69,9 @@ FAMILIES = {
     "bumps": Family("strings over narrow bumps", obstacles.bumps),
     "tents": Family("strings over sharp tents", obstacles.tents),
     "posts": Family("strings over narrow posts", obstacles.posts),
+    "beams": Family("beams over obstacles", beams.over_obstacles),
+    "steep beams": Family("beams under a bound on the slope", beams.steep),
+    "bent": Family("beams through kinks and jumps", beams.bent),
     "oscillating": Family("eigenvalues of wide and periodic wells", eigenvalues.oscillating),
     "wells": Family("eigenvalues of pairs of wells", eigenvalues.wells),
     "hills": Family("landscapes of hills", landscapes.hills),

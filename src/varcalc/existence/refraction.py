@@ -20,7 +20,7 @@ from varcalc.existence.cores import resting
 from varcalc.existence.held_throughout import held_throughout
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
 from varcalc.formulation.broken import LENGTH_KEPT
-from varcalc.methods.answer import lifted
+from varcalc.methods.answer import lifted, runs_forwards
 from varcalc.methods.crossings import (
     ARGUMENT_ROUND_OFF,
     Crossing,
@@ -215,11 +215,14 @@ def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: 
         return None
     # what is met at an end itself leaves nothing to be broken
     pieces = [_piece(problem, c) for c in found if c.until is not None or c.x not in problem.span]
-    for keeping in (False, True):
+    kept = any(isinstance(piece, Ride) for piece in pieces) or formulate(problem).conditions.pathwise
+    for keeping in (False,) if kept else (False, True):  # some of every piece is kept anyway
         form = broken_form(problem, [], partial(_ordinates, curve), None, pieces, keeping=keeping)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             solution = replace(method, starts=1).solve(form, tol=tol, guess=None)
-        if solution.status.ok and np.all(np.diff(solution.x) > 0):
+        extremal = solution.extremal
+        whole = extremal is None or not extremal.form.coordinates.corners or runs_forwards(extremal)
+        if solution.status.ok and whole and np.all(np.diff(solution.x) > 0):
             return solution
     return None
 

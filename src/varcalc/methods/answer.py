@@ -29,6 +29,8 @@ ASTRAY, ASTRAY_SHARE = 2e-2, 30.0
 """Relative error of the curve, and the same by the square root of the tolerance, with which no value counts."""
 INVERSION_STEPS = 60
 """Bisections that bring any bracket to round-off."""
+PLACES_A_PIECE = 16
+"""Places of each element at which it is seen whether a curve runs forwards."""
 ALIKE_PLACES = 7
 SAME_PLACE = 1e-6
 """Distance, in units of the curve, up to which two changes of variable send a curve to the same place."""
@@ -415,6 +417,12 @@ class _PathDensity:
         return _Density, (_resampled_density(self, person_nodes(self.extremal, self.extremal.vertices)).curve,)
 
 
+def runs_forwards(extremal: Extremal) -> bool:
+    """Whether no piece of a curve with corners at unknown abscissae has turned inside out."""
+    points = np.concatenate([composite_gauss(extremal.vertices, PLACES_A_PIECE)[0], extremal.form.span])
+    return bool(lifted(extremal, points)[2].min() > 0.0)
+
+
 def _turns_back(extremal: Extremal, value: float, error: float) -> bool:
     """Whether the abscissa decreases, by more than its error, along a curve that should be a graph.
 
@@ -424,7 +432,7 @@ def _turns_back(extremal: Extremal, value: float, error: float) -> bool:
     if speed is SEEN_FORWARD:
         return False
     if speed is None:
-        points = np.concatenate([composite_gauss(extremal.vertices, 16)[0], extremal.form.span])
+        points = np.concatenate([composite_gauss(extremal.vertices, PLACES_A_PIECE)[0], extremal.form.span])
         speed = lifted(extremal, points)[2]
         speed = speed[np.isfinite(speed)]  # an end may be singular
     return bool(speed.min() < -speed_error(value, error) * np.abs(speed).max())

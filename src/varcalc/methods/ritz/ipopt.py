@@ -40,6 +40,8 @@ STATIONARY = 1e-8
 """Infeasibilities, primal and dual in IPOPT's own scaling, below which such an end is a minimum."""
 VERTEX_OFFSET = 64 * float(np.finfo(float).eps)
 """Distance from a vertex, relative to the abscissae, at which a condition is asked on either side of it."""
+SUMMED_ROUND_OFF = 1e-13
+"""What is summed along a curve, in units of that along one bent aside, that is made of round-off."""
 ORDINATE_ROUND_OFF = 1e-12
 """Relative size of an ordinate or slope that is round-off."""
 
@@ -209,12 +211,16 @@ def _stationary(stats: dict[str, Any]) -> bool:
 
 
 def _summed(system: RitzSystem, z: np.ndarray) -> float:
-    """What is summed along a curve, without regard to sign: along a bent one where the curve is zero."""
-    curves = [z]
-    if system.form.start.bumps.size and np.abs(system.ordinates(z)).max() <= flat(system.form):
-        curves += [system.fitted(bent(system.form, height(system.form), system.form.start.bumps[0]))]
-    sizes = np.array([system.evaluate(curve).scale for curve in curves])
-    return float(sizes[np.isfinite(sizes)].max(initial=0.0)) or 1.0
+    """What is summed along a curve, without regard to sign: along a bent one where that is zero but for round-off.
+
+    Where it is summed of nothing, as along a line on which a load is counted from, there is no unit to take from it.
+    """
+    sizes = [system.evaluate(z).scale]
+    if system.form.start.bumps.size:
+        curve = system.fitted(bent(system.form, height(system.form), system.form.start.bumps[0]))
+        sizes.append(system.evaluate(curve).scale)
+    own, other = (float(size) if np.isfinite(size) else 0.0 for size in (*sizes, 0.0)[:2])
+    return (own if own > SUMMED_ROUND_OFF * other else other) or 1.0
 
 
 def _scales(system: RitzSystem, z: np.ndarray) -> np.ndarray:

@@ -44,8 +44,10 @@ MOST_ITERATIONS = 600
 """Iterations in all after which a solve is given up."""
 SPLIT_DEGREE = 16
 """Degree kept while elements are bisected."""
-COARSE, COARSE_DEGREE = 16, 4
-"""Elements and degree of the mesh on which contacts with a bound are looked for."""
+COARSE, COARSE_DEGREE = (16, 64), 4
+"""Elements and degree of meshes on which contacts with a bound are looked for; the next where one holds no curve."""
+COARSE_TOLERANCE = 1e-8
+"""Tolerance of the optimiser on it."""
 UNSEEN, ROUGHLY = 1e-3, 1e-6
 """Relative error of that mesh from which on contacts may be narrower than it, and the tolerance that shows them."""
 TOUCHING_DEGREE = 6
@@ -131,8 +133,13 @@ class Ritz(Brief):
     def _through_contacts(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
         """The answer with the ends of contact among the unknowns; None where that leads to none that counts."""
         started = time.perf_counter()
-        coarse = replace(self, elements=max(COARSE, self.elements), degree=COARSE_DEGREE, refine=False)
-        first = _Climb(coarse, form, tol).run(guess)
+        optimiser = self.optimiser if isinstance(self.optimiser, Ipopt) else Ipopt()
+        optimiser = replace(optimiser, tol=max(optimiser.tol, COARSE_TOLERANCE))
+        coarse = replace(self, degree=COARSE_DEGREE, refine=False, optimiser=optimiser)
+        tries = (_Climb(replace(coarse, elements=max(e, self.elements)), form, tol).run(guess) for e in COARSE)
+        first = next((one for one in tries if one.curve is not None), None)
+        if first is None:
+            return None
         solution = self._held(form, first, started, tol)
         if solution is None and first.error.value > UNSEEN * abs(first.value):  # what is touched is narrower than that
             first = _Climb(self, form, ROUGHLY).run(guess)

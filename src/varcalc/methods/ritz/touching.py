@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Contact, Form, SideCondition, broken_form
-from varcalc.methods.answer import Extremal
+from varcalc.methods.answer import Extremal, runs_forwards
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
@@ -74,7 +74,7 @@ class Touching:
 
     def counts(self, solution: Solution) -> bool:
         """Whether the bounds hold everywhere, and press the right way where they are touched."""
-        if solution.curve is None:
+        if solution.curve is None or solution.extremal is None or not runs_forwards(solution.extremal):
             return False
         # as closely as the bound is seen, in units of its contacts too
         close = [
@@ -154,10 +154,10 @@ def touching(form: Form, coarse: Solution) -> list[Touching]:
 
 
 def _within(form: Form, contact: Contact, share: float) -> Contact:
-    """The middle ``share`` of a contact along which a bound may press with forces, as none on a slope does."""
+    """The middle ``share`` of a contact; nothing but a bound on the ordinate presses with a force in one point."""
     condition = next(c for c in form.conditions.pathwise if c.index == contact.index)
     outer = contact.start <= form.span[0] or contact.end >= form.span[1]
-    if outer or ca.depends_on(condition.expression, form.symbols.dy):
+    if share == 1.0 or outer or (not share and ca.depends_on(condition.expression, form.symbols.dy)):
         return contact
     middle, half = 0.5 * (contact.start + contact.end), 0.5 * share * (contact.end - contact.start)
     return replace(contact, start=middle - half, end=middle + half)
