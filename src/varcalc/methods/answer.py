@@ -314,6 +314,11 @@ class UserCurve(SentResampled):
     extremal: Extremal
 
     @property
+    def order(self) -> int:
+        """That of the functional."""
+        return self.extremal.form.order
+
+    @property
     def nodes(self) -> np.ndarray:
         """Abscissae at which it may be less smooth."""
         return person_nodes(self.extremal, self.extremal.vertices)
@@ -333,9 +338,16 @@ class UserCurve(SentResampled):
             return _slope_at_ends(extremal, s, dy / dx)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        if number_of(self.extremal.form) is None:
-            return super().__reduce__()
-        return UserCurve, (self.extremal,)
+        extremal = self.extremal
+        if number_of(extremal.form) is not None:
+            return UserCurve, (extremal,)
+        if not extremal.form.stated.is_lifted and isinstance(extremal.evaluate, SpaceCurve | Resampled):
+            return _as_it_is, (extremal.evaluate,)
+        return super().__reduce__()
+
+
+def _as_it_is(curve: SpaceCurve | Resampled) -> SpaceCurve | Resampled:
+    return curve
 
 
 def _bend(extremal: Extremal, s: np.ndarray, dx: np.ndarray, dy: np.ndarray) -> np.ndarray:

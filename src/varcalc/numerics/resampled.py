@@ -22,6 +22,8 @@ RESOLVED = 4e-15
 COARSER = 1.3
 """Factor by which a distance is allowed for each time a piece was halved: a function that is no better known than that
 gains nothing by smaller pieces, and next to an infinite slope nothing else is left."""
+SMOOTHER, NOISE = 0.2, 1e-5
+"""Of what a piece misses, one half misses less unless it is noise; and noise is no more than that, in its units."""
 MOST_PIECES = 256
 """Pieces at one time that are halved no further: there the function is noise."""
 SMALLEST = 1e-14
@@ -68,7 +70,12 @@ class Resampled:
 
 
 class SentResampled(ABC):
-    """A curve that goes to another process as polynomials, by value and slope."""
+    """A curve that goes to another process as polynomials, by value and as many derivatives as there are."""
+
+    @property
+    def order(self) -> int:
+        """How often it may be differentiated."""
+        return 1
 
     @property
     @abstractmethod
@@ -80,7 +87,7 @@ class SentResampled(ABC):
         """The curve (derivative 0) or its slope (1) at x (m,), shape (n, m)."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Resampled, (resampled(self, self.nodes, 2).derivatives,)
+        return Resampled, (resampled(self, self.nodes, 1 + self.order).derivatives,)
 
 
 def resampled(curve: Callable[[np.ndarray, int], np.ndarray], edges: Iterable[float], count: int) -> Resampled:
@@ -95,7 +102,7 @@ def polynomials(function: Callable[[np.ndarray], np.ndarray], edges: np.ndarray)
     known: list[tuple[np.ndarray, np.ndarray]] = []
     left, right, size = edges[:-1], edges[1:], 0.0
     room, inner = INSIDE * np.abs(edges).max(), edges[1:-1]
-    halving = 0
+    halving, before = 0, np.full(len(left), np.inf)
     while len(left):
         places = np.concatenate([_NODES, _BETWEEN])
         x = 0.5 * (left + right)[:, None] + 0.5 * (right - left)[:, None] * places
@@ -108,9 +115,15 @@ def polynomials(function: Callable[[np.ndarray], np.ndarray], edges: np.ndarray)
         guessed = np.stack([_interpolated(values, np.full(len(values), t)).T for t in _BETWEEN], axis=2)
         with np.errstate(invalid="ignore"):
             alike = RESOLVED * COARSER**halving * np.maximum(size, np.abs(values).max(2, keepdims=True))
-            good = np.all(np.abs(guessed - between) <= alike, axis=(1, 2)) & np.isfinite(values).all((1, 2))
+            apart = np.abs(guessed - between)
+            missed = apart.max((1, 2))
+            halves = missed.reshape(2, -1) if halving else missed[None]
+            noisy = np.tile(halves.min(0), len(halves)) > SMOOTHER * before
+            noisy &= missed <= NOISE * size
+            good = (np.all(apart <= alike, axis=(1, 2)) | noisy) & np.isfinite(values).all((1, 2))
         good |= (len(left) > MOST_PIECES) | (right - left <= SMALLEST * (edges[-1] - edges[0]))
         known += [(a, v) for a, v in zip(left[good], values[good], strict=True)]
+        before = np.tile(missed[~good], 2)
         middle = 0.5 * (left + right)[~good]
         left, right = np.concatenate([left[~good], middle]), np.concatenate([middle, right[~good]])
         halving += 1

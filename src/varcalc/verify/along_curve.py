@@ -237,7 +237,8 @@ def touches(extremal: Extremal) -> bool:
     bounds = [c for c in extremal.form.conditions.pathwise if not c.equality]
     if not bounds:
         return False
-    s = composite_gauss(extremal.vertices, 16)[0]
+    # a curve may touch one in a point, which is a vertex then
+    s = np.concatenate([composite_gauss(extremal.vertices, 16)[0], extremal.vertices[1:-1]])
     function = ca.Function("h", extremal.form.symbols.all, [ca.vertcat(*(c.expression for c in bounds))])
     return bool(at_limit(np.asarray(function(*sample(extremal, s))).T, bounds, TOUCHED_AT).any())
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 
 import casadi as ca
 import numpy as np
@@ -183,3 +184,46 @@ def test_the_slope_of_a_beam_rests_on_its_bound():
     solution = vc.solve(problem)
     assert solution.value == pytest.approx(2 * 0.5 * 4 * top**2 / (3 * a), abs=3 * solution.error.value + 1e-15)
     np.testing.assert_allclose(solution.x[[1, -2]], [a, 1 - a], atol=1e-5)
+
+
+@pytest.mark.parametrize("load", [10.0, 300.0])
+def test_a_string_lies_on_a_level_up_to_its_free_end(load):
+    """y = load x (a - x/2) up to a = sqrt(2 level/load), where it comes to the level with no slope."""
+    level = 0.1
+    problem = vc.Problem(
+        lambda x, y, dy: dy**2 / 2 - load * y, vc.Fixed(0, 0), vc.Free(1), [vc.Bound(lambda x, y, dy: y, upper=level)]
+    )
+    a = math.sqrt(2 * level / load)
+    solution = vc.solve(problem)
+    value = load**2 * a**3 / 6 - load**2 * a**3 / 3 - load * level * (1 - a)
+    assert solution.value == pytest.approx(value, abs=3 * solution.error.value + 1e-15 * abs(value))
+    upon = solution.curve(np.linspace(1.01 * a, 1, 9), 0)
+    np.testing.assert_allclose(upon, level, atol=3 * solution.error.curve + 1e-12)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_what_touches_a_bound_in_points_is_a_minimum(order):
+    """Over the peak of a tent; up to two levels, in two points and in one."""
+    if order == 1:
+        tent = vc.Bound(lambda x, y, dy: y - (1 - 8 * ca.fabs(x - 0.3)), lower=0)
+        problem = vc.Problem(lambda x, y, dy: ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.Fixed(1, 0.1), [tent])
+        exact = math.hypot(0.3, 1) + math.hypot(0.7, 0.9)
+        assert vc.solve(problem).value == pytest.approx(exact, abs=1e-10)
+    else:
+        levels = vc.Bound(lambda x, y, dy: y, lower=-0.05, upper=0.1)
+        problem = vc.Problem(
+            lambda x, y, dy, ddy: ddy**2 / 2 - 2000 * y * ca.sin(3 * math.pi * x),
+            vc.Fixed(0, 0), vc.Fixed(1, 0), [levels], order=2,
+        )  # fmt: skip
+    solution = vc.solve(problem)
+    assert len(solution.x) == 2 * order + 1
+    assert vc.verify(solution).verdict is vc.Verdict.MINIMUM
+
+
+def test_a_beam_travels_with_all_its_derivatives():
+    solution = vc.solve(beam(lambda x: 1000.0, vc.Bound(lambda x, y, dy: y, upper=0.1)))
+    read = pickle.loads(pickle.dumps(solution))
+    x = np.linspace(0, 1, 31)
+    for derivative in range(3):
+        there, here = read.curve(x, derivative), solution.curve(x, derivative)
+        np.testing.assert_allclose(there, here, atol=1e-10 * np.abs(here).max())

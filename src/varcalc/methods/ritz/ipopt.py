@@ -349,9 +349,22 @@ class _Pathwise:
                     self._append("vertices", condition, points.kept(kept), size, elements)
                 if condition.equality and given > 1:
                     self._append("vertices", _rate(system, condition), vertices.kept(corners), size, elements)
+            if condition.equality and given and condition.where is not None:
+                self._keep_free_ends(condition, size, elements)
             if not condition.equality:
                 kept = np.repeat(elements, system.count)
                 self._append("gauss", condition, self.at_gauss.kept(kept), size, elements, gauss(system.count))
+
+    def _keep_free_ends(self, condition: SideCondition, size: float, elements: np.ndarray) -> None:
+        """Append that a stretch that comes to a free end keeps its condition there."""
+        system, space = self.system, self.system.space
+        for vertex, element, node in ((0, 0, -1.0), (space.elements, -1, 1.0)):
+            numbers = [space.vertex_number(vertex, 0, a) for a in range(system.n)]
+            if elements[element] and np.isin(numbers, system.free).any():
+                at = np.zeros(space.elements, dtype=bool)
+                at[element] = True
+                points = CurvePoints.of(system, self.scale, np.array([node])).kept(at)
+                self._append("vertices", condition, points, size, elements)
 
     def _values(self, condition: SideCondition, points: CurvePoints) -> Any:
         function = ca.Function("pathwise", self.system.form.symbols.all, [ca.densify(condition.expression)])
