@@ -23,6 +23,7 @@ from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
 from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
+from varcalc.methods.ritz.degeneracy import rises_throughout
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.resampled import polynomials
 from varcalc.problem.breaks import breakable, on_curve, switches_of
@@ -226,7 +227,7 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
             return solution
         failure = failure or solution
         found = None if guide is None else _guided(problem, guide(), tol, guess, told)
-        if found is not None and found.status.ok:
+        if found is not None and found.status.ok and (not degenerate or _monotone(found)):
             return found
         if degenerate:
             return solution
@@ -237,6 +238,12 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
             return solution
     assert failure is not None
     return _guided(problem, _collocation(), tol, guess, told) or failure
+
+
+def _monotone(solution: Solution) -> bool:
+    """Whether the curve shows that no point is conjugate to its start, however soft a mode of it is."""
+    extremal = solution.extremal
+    return extremal is not None and rises_throughout(extremal.form, extremal.evaluate)
 
 
 def _kinked(problem: Functional, method: Ritz, tol: float) -> Solution | None:

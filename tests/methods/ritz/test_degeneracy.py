@@ -59,6 +59,26 @@ def test_a_continuum_is_degenerate(name, method):
     assert "second variation vanishes" in solution.message
 
 
+@pytest.mark.parametrize("mesh", [(30, 5), (100, 9), (200, 5)])
+@pytest.mark.parametrize("name", [name for name in CONTINUA if name not in ("periodic", "centre to circle")])
+def test_a_fine_mesh_does_not_hide_it(name, mesh):
+    solution = vc.solve(CONTINUA[name], vc.Ritz(*mesh), throw=False)
+    assert solution.verdict is vc.Verdict.DEGENERATE
+
+
+@pytest.mark.parametrize("name", ["periodic", "centre to circle"])
+def test_nor_does_one_whose_ends_are_coupled(name):
+    assert vc.solve(CONTINUA[name], vc.Ritz(30, 5), throw=False).verdict is vc.Verdict.DEGENERATE
+
+
+def test_a_fine_mesh_holds_a_minimum_just_before_the_conjugate_point():
+    for before in (0.3, 1e-3):
+        problem = vc.Problem(oscillator, vc.Fixed(0, 0), vc.Fixed(math.pi - before, 1))
+        solution = vc.solve(problem, vc.Ritz(100, 9))
+        # y = sin x / sin b, with the value y y' / 2 at the end
+        assert solution.value == pytest.approx(0.5 / math.tan(math.pi - before), rel=1e-9)
+
+
 def test_a_looser_tolerance_does_not_hide_it():
     for tol in (1e-2, 1e-6, 1e-12):
         for name in ("scalar", "loaded", "antipodes", "column"):

@@ -11,12 +11,14 @@ begun at another point. Such a family is one minimum written down in many places
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from varcalc.methods.ritz.elements import DENSE, Elements, round_off, softest
 from varcalc.methods.ritz.error import SOFT_MODE
 from varcalc.methods.ritz.newton import NullSpace, Step, newton_step
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
@@ -24,6 +26,7 @@ from varcalc.numerics.stacked import positive
 from varcalc.solution import Verdict
 
 if TYPE_CHECKING:
+    from varcalc.formulation import Form
     from varcalc.methods.ritz.method import Rungs
 
 ZERO = 1e-9
@@ -37,8 +40,6 @@ PLACED = 1e-10
 """Change of the functional, relative to what is summed, that a curve in its place may still make by being moved."""
 EIGENVALUE_KEPT = 0.9
 """Share of an eigenvalue that a richer space leaves when it is resolved."""
-MOST_UNKNOWNS = 800
-"""Unknowns up to which eigenvalues are computed."""
 IN_SPAN = 1e-3
 """Part of a zero mode, in the norm of the leading term, that rigid motions may leave over."""
 UNMOVED = 1e-8
@@ -63,14 +64,15 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
     threshold = min(max(ZERO, curve**2), LOOSEST)
     previous, z = math.inf, z + step.change
     following: Step | None = step
-    while following is not None and system.size <= MOST_UNKNOWNS:
-        eigenvalues, modes = _soft_modes(system, z, following.multipliers)
+    while following is not None:
+        eigenvalues, modes, noise = _soft_modes(system, z, following.multipliers)
+        threshold = max(threshold, noise)
         lowest = eigenvalues.min(initial=math.inf)
         if lowest < -threshold:
             return Verdict.SADDLE, f"no minimum: in a richer space the second variation is negative ({lowest:.2g})"
         if lowest <= threshold:
             zero = modes[:, eigenvalues <= threshold]
-            if _rises_throughout(system, z):
+            if rises_throughout(system.form, system.space.curve(system.coefficients(z))):
                 return _unplaced(system, z)
             return None if _are_rigid_motions(system, z, zero) else _sentence(zero.shape[1], lowest)
         if not lowest < EIGENVALUE_KEPT * previous:
@@ -82,19 +84,17 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
     return None
 
 
-def _rises_throughout(system: RitzSystem, z: np.ndarray) -> bool:
-    """Whether the slope of one function has one sign from end to end, where the integrand does not hold s.
+def rises_throughout(form: Form, curve: Callable[[np.ndarray, int], np.ndarray]) -> bool:
+    """Whether the slope of a ``curve`` in a form has one sign from end to end, where the integrand does not hold s.
 
     That slope solves Jacobi's equation then, and a solution without a zero shows that no point is conjugate to the
     start (Gelfand and Fomin, sect. 26), however soft the mode: that of a kink that is hardly held falls exponentially
     toward the ends. A slope that goes to zero there in a straight line has zeros: the ends are conjugate.
     """
-    form = system.form
     if form.n > 1 or form.order > 1 or ca.depends_on(form.integrand, form.symbols.x):
         return False
     if form.conditions.integrals or not form.bare:
         return False
-    curve = system.space.curve(system.coefficients(z))
     s = np.linspace(*form.span, RISE_PLACES)
     slope = curve(s, 1)[0]
     slope = slope * np.sign(slope.sum())
@@ -134,15 +134,17 @@ def _sentence(count: int, lowest: float) -> Doubt:
     )
 
 
-def _soft_modes(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues of the second variation below SOFT_MODE, and their modes, of length one in the leading term.
+def _soft_modes(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Eigenvalues of the second variation below SOFT_MODE, their modes, of length one in the leading term, and noise.
 
     None are found where the leading term is not positive all along: then it measures nothing.
     """
     at = system.evaluate(z)
-    nothing = np.zeros(0), np.zeros((system.size, 0))
+    nothing = np.zeros(0), np.zeros((system.size, 0)), 0.0
     if not np.isfinite(at.hessians).all() or at.legendre <= 0.0:
         return nothing
+    if system.size > DENSE and isinstance(system.assembly, Elements):
+        return softest(system, at, z, multipliers, SOFT_MODE)
     null = NullSpace(at.jacobian)
     hessian, leading = (null.reduced(m) for m in (system.hessian(at, multipliers), system.leading_term(at, z)))
     if not positive(leading[None])[0]:
@@ -152,7 +154,7 @@ def _soft_modes(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> t
     eigenvalues, vectors = np.linalg.eigh(np.linalg.solve(factor, half.T))
     soft = eigenvalues < SOFT_MODE
     modes = np.linalg.solve(factor.T, vectors[:, soft])
-    return eigenvalues[soft], null.basis @ modes if null.count else modes
+    return eigenvalues[soft], null.basis @ modes if null.count else modes, round_off(hessian, modes)
 
 
 # rigid motions

@@ -10,17 +10,29 @@ Hessian is positive on the conditions' null space.
 
 from __future__ import annotations
 
+import math
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from varcalc.numerics.mesh import Space, basis_at_gauss
+from varcalc.numerics.roots import EPSILON
 
 if TYPE_CHECKING:
     from varcalc.methods.ritz.system import Evaluation, RitzSystem
 
-SHIFTS = (0.0, 1e-8, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
+Parts = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Matrices of the elements, the border of the unknown numbers, the corner."""
+DENSE = 120
+"""Unknowns up to which dense matrices are the faster ones."""
+SOFTEST = 6
+"""Modes looked for in a mesh of many elements: a continuum of more directions is one of these as well."""
+NEARLY_SINGULAR = 1e-9
+"""Generalised eigenvalues below this are symmetries (zero modes), not curvature."""
+DAMPING = 1e-6
+"""Shift that keeps a step along a symmetry from being made of round-off."""
+SHIFTS = (0.0, NEARLY_SINGULAR, 1e-8, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
 """Multiples of the metric added until the model is convex."""
 
 
@@ -120,49 +132,136 @@ def bands(system: RitzSystem, local: np.ndarray) -> np.ndarray:
     return flat.reshape(width, count)
 
 
-def solvable(system: RitzSystem) -> bool:
-    """Whether the banded route applies: several elements, no wrap-around, no cost or equation that couples the ends."""
-    return system.space.elements > 1 and not system.space.periodic and system.form.ends.joint is None
+def banded(system: RitzSystem) -> bool:
+    """Whether bands serve: many unknowns, several elements, no wrap-around, nothing that couples the ends."""
+    coupled = system.space.periodic or system.form.ends.joint is not None
+    return system.size > DENSE and system.space.elements > 1 and not coupled
 
 
 def banded_step(
     system: RitzSystem, at: Evaluation, multipliers: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float, float] | None:
-    """Change of the unknowns, new multipliers, predicted decrease and shift; None when no shift makes it convex."""
-    import scipy.linalg
+) -> tuple[np.ndarray, np.ndarray, float, float, float] | None:
+    """What a ``Step`` holds: change, multipliers, decrement, shift and compliance; None when no shift makes it convex.
 
-    local, border, corner = system.parts(system.combined(at, multipliers))
+    The compliance is not told (0), but along a zero mode it is infinite; the step is held there, and needs no shift.
+    """
+    own = system.parts(system.combined(at, multipliers))
     free, extra, count = len(system.free), system.extra, len(at.conditions)
-    matrix = bands(system, local)
 
     @cache
-    def metric() -> tuple[np.ndarray, np.ndarray]:
+    def metric() -> Parts:
         """What shifts the model: asked for where it is not convex, which is seldom."""
-        weighed, _, weighed_corner = system.parts(system.metric_blocks(at))
-        return bands(system, weighed), weighed_corner
+        return system.parts(system.metric_blocks(at))
 
+    @cache
+    def eliminated(shift: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        parts = own if not shift else (own[0] + shift * metric()[0], own[1], own[2] + shift * metric()[2])
+        return _eliminated(system, parts, at, -at.gradient[:free])
+
+    shift = next((s for s in SHIFTS if eliminated(s) is not None), None)
+    if shift is None:
+        return None
+    zero_mode = shift == NEARLY_SINGULAR
+    found = eliminated(DAMPING if zero_mode else shift)
+    assert found is not None
+    solved, sides, schur = found
+    below = np.concatenate([-at.gradient[free:], -at.conditions])
+    tail = np.linalg.solve(schur, below - sides.T @ solved[:, 0]) if len(schur) else np.zeros(0)
+    change = np.concatenate([solved[:, 0] - solved[:, 1:] @ tail, tail[:extra]])
+    new = tail[extra:]
+    # half the squared length of the step in the Hessian, from the first row of the system
+    slope = at.gradient + new @ at.jacobian if count else at.gradient
+    decrement = -0.5 * float(change @ slope)
+    return (change, new, decrement, 0.0, math.inf) if zero_mode else (change, new, decrement, shift, 0.0)
+
+
+def _eliminated(
+    system: RitzSystem, parts: Parts, at: Evaluation, right: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """The bands solved for ``right`` and the border, the border, its Schur complement; None of a form not positive.
+
+    It is positive on the null space of the conditions.
+    """
+    import scipy.linalg
+
+    local, border, corner = parts
+    free, extra, count = len(system.free), system.extra, len(at.conditions)
     small = np.zeros((extra + count, extra + count))
+    small[:extra, :extra] = corner
     small[:extra, extra:] = at.jacobian[:, free:].T
     small[extra:, :extra] = at.jacobian[:, free:]
     sides = np.column_stack([border[system.free], at.jacobian[:, :free].T])
-    right = np.column_stack([-at.gradient[:free], sides])
-    below = np.concatenate([-at.gradient[free:], -at.conditions])
-    for shift in SHIFTS:
-        shifted = matrix + shift * metric()[0] if shift else matrix
-        try:
-            factor = scipy.linalg.cholesky_banded(shifted, lower=True, check_finite=False)
-        except np.linalg.LinAlgError:
-            continue
-        solved = scipy.linalg.cho_solve_banded((factor, True), right, check_finite=False)
-        small[:extra, :extra] = corner + shift * metric()[1] if shift else corner
-        schur = small - sides.T @ solved[:, 1:]
-        eigenvalues = np.linalg.eigvalsh(schur) if len(schur) else np.zeros(0)
-        if (eigenvalues < 0).sum() != count or not eigenvalues.all() or not np.isfinite(solved).all():
-            continue
-        tail = np.linalg.solve(schur, below - sides.T @ solved[:, 0]) if len(schur) else np.zeros(0)
-        change = np.concatenate([solved[:, 0] - solved[:, 1:] @ tail, tail[:extra]])
-        new = tail[extra:]
-        # half the squared length of the step in the Hessian, from the first row of the system
-        slope = at.gradient + new @ at.jacobian if count else at.gradient
-        return change, new, -0.5 * float(change @ slope), shift
-    return None
+    try:
+        factor = scipy.linalg.cholesky_banded(bands(system, local), lower=True, check_finite=False)
+    except np.linalg.LinAlgError:
+        return None
+    solved = scipy.linalg.cho_solve_banded((factor, True), np.column_stack([right, sides]), check_finite=False)
+    schur = small - sides.T @ solved[:, 1:]
+    eigenvalues = np.linalg.eigvalsh(schur) if len(schur) else np.zeros(0)
+    if (eigenvalues < 0).sum() != count or not eigenvalues.all() or not np.isfinite(solved).all():
+        return None
+    return solved, sides, schur
+
+
+def stiff(system: RitzSystem, at: Evaluation, z: np.ndarray, multipliers: np.ndarray, share: float) -> bool:
+    """Whether no mode of the second variation costs less than a ``share`` of its leading term, in a banded system."""
+    parts = system.parts(system.combined(at, multipliers) - share * system.leading_blocks(at, z))
+    return _eliminated(system, parts, at, np.zeros(len(system.free))) is not None
+
+
+def softest(
+    system: RitzSystem, at: Evaluation, z: np.ndarray, multipliers: np.ndarray, share: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """The eigenvalues of the second variation below a ``share`` of its leading term, at most ``SOFTEST``, and modes.
+
+    The last is their round-off.
+
+    By Lanczos' iteration on the inverse (Parlett, "The Symmetric Eigenvalue Problem", sect. 15.6), along the
+    conditions: nothing but sparse factors is as large as the mesh.
+    """
+    from scipy import sparse
+    from scipy.sparse.linalg import LinearOperator, eigsh, splu
+
+    leading = _sparse(system, system.parts(system.leading_blocks(at, z)))
+    places, block = system.end_curvature(at, multipliers)
+    rows, columns = (v.ravel() for v in np.meshgrid(places, places, indexing="ij"))
+    ends = sparse.coo_array((block.ravel(), (rows, columns)), leading.shape)
+    hessian = (_sparse(system, system.parts(system.combined(at, multipliers))) + ends).tocsc()
+    conditions = sparse.csc_array(at.jacobian)
+    whole = sparse.block_array([[hessian + share * leading, conditions.T], [conditions, None]], format="csc")
+    factors, size = splu(whole), system.size
+
+    def inverted(load: np.ndarray) -> np.ndarray:
+        return factors.solve(np.concatenate([load.ravel(), np.zeros(len(at.conditions))]))[:size]
+
+    inverse = LinearOperator((size, size), matvec=inverted, dtype=float)
+    start = inverted(np.asarray(leading.sum(axis=1)).ravel())
+    asked = min(SOFTEST, size - len(at.conditions) - 1)
+    found = eigsh(hessian, asked, leading, -share, OPinv=inverse, v0=start)
+    soft = found[0] < share
+    return found[0][soft], found[1][:, soft], round_off(hessian, found[1][:, soft])
+
+
+def round_off(hessian: Any, modes: np.ndarray) -> float:
+    """What rounding the entries of a matrix may change its quadratic form by, on the ``modes`` (N, count)."""
+    sizes = np.abs(modes)
+    return EPSILON * float((sizes * (abs(hessian) @ sizes)).sum(0).max(initial=0.0))
+
+
+def _sparse(system: RitzSystem, parts: Parts) -> Any:
+    """Element matrices, border and corner as one sparse matrix in the unknowns."""
+    from scipy import sparse
+
+    local, border, corner = parts
+    place = np.full(system.space.size, -1)
+    place[system.free] = np.arange(len(system.free))
+    numbers = place[system.space.numbers.reshape(system.space.elements, -1)]
+    rows = np.broadcast_to(numbers[:, :, None], local.shape)
+    columns = np.broadcast_to(numbers[:, None, :], local.shape)
+    keep = (rows >= 0) & (columns >= 0)
+    free = len(system.free)
+    own = sparse.coo_array((local[keep], (rows[keep], columns[keep])), (free, free))
+    if not system.extra:
+        return own.tocsc()
+    beside = border[system.free]
+    return sparse.block_array([[own, beside], [beside.T, corner]], format="csc")

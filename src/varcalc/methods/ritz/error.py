@@ -24,6 +24,7 @@ from numpy.polynomial import legendre
 
 from varcalc.formulation import Reported
 from varcalc.formulation.height import FLAT, flat
+from varcalc.methods.ritz.elements import banded, stiff
 from varcalc.methods.ritz.newton import SQUARED_ROUND_OFF, NullSpace, Step, newton_step
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.mesh import gauss
@@ -154,8 +155,12 @@ class Estimate(NewtonEstimate):
     def suspect(self) -> bool:
         """Whether some mode of the second variation may cost next to nothing."""
         step, at, system = self.step, self.at, self.system
+        if step is None or not step.definite:
+            return False
+        if step.compliance == 0.0 and banded(system):
+            return at.legendre > 0.0 and not stiff(system, at, self.z, step.multipliers, SOFT_MODE)
         # where no load moves the curve far, none does
-        if step is None or not step.definite or step.compliance < SUSPECT:
+        if step.compliance < SUSPECT:
             return False
         if step.reduced is None or not at.legendre > 0.0:
             return True

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.methods.ritz.elements import banded_step, solvable
+from varcalc.methods.ritz.elements import DAMPING, NEARLY_SINGULAR, banded, banded_step
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.stacked import applied, positive, solutions
 from varcalc.problem.conditions import whole
@@ -41,8 +41,6 @@ They go along a bent valley, where what each gains says nothing of what is left.
 ARMIJO = 1e-4
 SHRINK = 0.5
 SMALLEST_STEP = 1e-10
-DENSE = 120
-"""Unknowns up to which dense matrices are the faster ones."""
 LARGEST_DENSE = 800
 """Unknowns up to which a dense factorisation is still worth its cube."""
 RUNAWAY = 1e9
@@ -56,8 +54,6 @@ EXPECTED = 2
 """Iterations after which it is asked whether only that is left."""
 SETTLING = 5
 """Iterations in which the size of the functional is learnt."""
-DAMPING = 1e-6
-"""Shift that keeps a step along a symmetry from being made of round-off."""
 FEASIBLE = 1e-6
 """Relative miss of a condition at which a step may be the last one."""
 MET = 1e-10
@@ -66,8 +62,6 @@ PENALTY = 1e-3
 """Least weight of a condition's miss in the merit function, in units of the functional by the condition."""
 INEFFECTIVE = 1e-14
 """Relative derivative of a level, by what is summed to it, that is made of round-off."""
-NEARLY_SINGULAR = 1e-9
-"""Generalised eigenvalues below this are symmetries (zero modes), not curvature."""
 ROUND_OFF = 1e-14
 """The same where the factorisation went through: a small eigenvalue may be true, and its step needed whole."""
 SHIFT = -1.5
@@ -143,7 +137,7 @@ def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
         return None
     if len(system.levels) and not effective(system, at):
         return None
-    if system.size > DENSE and solvable(system):
+    if banded(system):
         found = banded_step(system, at, multipliers)
         if found is not None and (found[3] == 0.0 or len(at.conditions) == 0 or system.size > LARGEST_DENSE):
             return Step(*found)

@@ -375,7 +375,9 @@ class RitzSystem:
     def hessian(self, at: Evaluation, multipliers: np.ndarray) -> np.ndarray:
         """Dense Hessian of the Lagrangian function in the free unknowns."""
         full = self.assembly.matrices(self._lagrangian(at, multipliers) * self.second)
-        return full if at.ends is None else full + self._end_hessian(at, multipliers)
+        places, block = self.end_curvature(at, multipliers)
+        full[np.ix_(places, places)] += block
+        return full
 
     def leading(self, curvature: np.ndarray) -> np.ndarray:
         """The leading term of a (weighted) pointwise form: that of the highest slope, on the interval's length of y."""
@@ -387,10 +389,11 @@ class RitzSystem:
         return out
 
     def leading_term(self, at: Evaluation, z: np.ndarray) -> np.ndarray:
-        """The Gram matrix of the leading term of L, in which an unknown number is measured by what it costs.
+        """The Gram matrix of the leading term of L, in which an unknown number is measured by what it costs."""
+        return self.assembled(self.leading_blocks(at, z))
 
-        Its unit is the change that would cost the whole functional.
-        """
+    def leading_blocks(self, at: Evaluation, z: np.ndarray) -> np.ndarray:
+        """The same as blocks (.., points, k, k); an unknown number's unit is the change that costs all of L."""
         hessians = at.hessians[..., 0, :, :]
         blocks = self.leading(hessians * self.weights[..., None, None])
         if self.extra:
@@ -398,7 +401,7 @@ class RitzSystem:
             own = np.abs(self.weights @ hessians[:, numbers, numbers])
             own = np.maximum(own, at.scale / self._sizes_of_numbers(z) ** 2)
             blocks[:, numbers, numbers] = self._spread(own)
-        return self.assembled(blocks)
+        return blocks
 
     def _spread(self, diagonal: np.ndarray) -> np.ndarray:
         """What belongs to the unknown numbers, (.., extra), in shares of the points, (.., points, extra)."""
@@ -485,15 +488,15 @@ class RitzSystem:
         """The cost of the ends, 0 where there is none."""
         return 0.0 if self.form.ends.joint is None else float(self._evaluate_ends(z)[0][0, 0])
 
-    def _end_hessian(self, evaluation: Evaluation, multipliers: np.ndarray) -> np.ndarray:
-        assert evaluation.ends is not None
+    def end_curvature(self, evaluation: Evaluation, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places among the unknowns, and the second derivatives there of what the ends add to the Lagrangian."""
+        if evaluation.ends is None:
+            return np.zeros(0, int), np.zeros((0, 0))
         total = evaluation.ends[4].copy()
         for r in range(evaluation.ends[2].size):
             total += multipliers[len(self.equalities) + r] * evaluation.ends[5 + r]
         z, v = self._end_positions()
-        out = np.zeros((self.size, self.size))
-        out[np.ix_(z, z)] = total[np.ix_(v, v)]
-        return out
+        return z, total[np.ix_(v, v)]
 
 
 def joint_numbers(system: RitzSystem) -> np.ndarray:
