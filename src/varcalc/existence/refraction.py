@@ -76,8 +76,9 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     if not (isinstance(problem, Problem) and breakable(problem)):
         return None
     rounded = _rounded(problem, guess)
-    if rounded is None:
-        return None
+    if rounded is None:  # rounding off the greater of two convex branches may leave nothing convex
+        form = formulate(problem)
+        return above_kinks(form, method, tol, guess or form.start.curve)
     curve, width, points = rounded
     nodes = np.linspace(*problem.span, 49)
     sizes, _ = units([switch.argument for switch in on_curve(problem)], problem.symbols.all, points)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from varcalc.formulation.form import Conditions, EndConditions, Ends, Form, Sampled, SideCondition, Start, Stated
 from varcalc.formulation.height import height
 from varcalc.problem.functional import Symbols
+from varcalc.symbolic.branches import multiple
 from varcalc.symbolic.derived import Cache
 from varcalc.symbolic.instructions import interpret, operate
 from varcalc.symbolic.joins import joined
@@ -50,12 +52,14 @@ def epigraph_form(form: Form, curve: Sampled) -> Form | None:
     if kinks is None or not kinks.tops:
         return None
     s = np.linspace(*form.span, SAMPLES)
-    greater = kinks.along(form, curve(s), s)
-    if greater is None:
+    seen = kinks.along(form, curve(s), s)
+    if seen is None:
         return None
+    greater, sizes = seen
     arch = height(form) * form.start.bumps.sum(axis=0)[:, None] * (1 - np.linspace(-1, 1, SAMPLES) ** 2)
     bent = kinks.along(form, curve(s) + arch, s)
-    room = ABOVE * np.abs(np.hstack([greater] if bent is None else [greater, bent])).max(axis=1, keepdims=True)
+    # one branch may be zero wherever it is the greater
+    room = ABOVE * np.hstack([sizes] if bent is None else [sizes, bent[1]]).max(axis=1, keepdims=True)
     old, count = form.symbols, len(kinks.tops)
     new = replace(Symbols.make(old.kind, form.n + count, form.order, 0, 0), x=old.x)
     new = replace(new, parameters=old.parameters, unknowns=old.unknowns)
@@ -97,22 +101,26 @@ class _Kinks:
     branches: tuple[tuple[Expression, Expression], ...]
     tops: tuple[Expression, ...]
 
-    def along(self, form: Form, y: np.ndarray, s: np.ndarray) -> np.ndarray | None:
-        """The greater branches (kinks, m) along a curve y (n, m) at s (m,); None where L does not grow with all."""
+    def along(self, form: Form, y: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """The greater branches (kinks, m) along a curve y (n, m) at s (m,), and the larger sizes of either branch.
+
+        None where L does not grow with all of the greater ones.
+        """
         symbols, tops = form.symbols, ca.vertcat(*self.tops)
         slopes = np.gradient(y, s, axis=1)
         bends = np.gradient(slopes, s, axis=1)[: symbols.ddy.numel()]
         numbers = [np.tile(v[:, None], (1, len(s))) for v in (form.problem.parameter_values, form.start.unknowns)]
         point = [s[None], y, slopes, bends, *numbers]
         greater = ca.vertcat(*(ca.fmax(a, b) for a, b in self.branches))
+        larger = ca.vertcat(*(ca.fmax(ca.fabs(a), ca.fabs(b)) for a, b in self.branches))
         growth = ca.densify(ca.gradient(self.integrand, tops))
-        function = ca.Function("greater", [*symbols.all, tops], [greater, growth])
+        function = ca.Function("greater", [*symbols.all, tops], [greater, larger, growth])
         values = np.zeros((len(self.tops), len(s)))
         for _ in self.tops:  # those of a kink within another come first
             values = np.asarray(function(*point, values)[0])
-        grown = np.asarray(function(*point, values)[1])
-        seen = np.isfinite(values).all() and np.isfinite(grown).all()
-        return values if seen and (grown >= 0.0).all() else None
+        sizes, grown = map(np.asarray, function(*point, values)[1:])
+        seen = np.isfinite(values).all() and np.isfinite(sizes).all() and np.isfinite(grown).all()
+        return (values, sizes) if seen and (grown >= 0.0).all() else None
 
 
 def _kinks(form: Form) -> _Kinks | None:
@@ -140,20 +148,28 @@ def _kinks(form: Form) -> _Kinks | None:
         if not (within or any(alike(argument, kink) for kink in kinks)):
             return operate(operation, operands)
         both = BRANCHES[operation](operands[0], operands[-1])
-        number = next((k for k, known in enumerate(lifted) if _same(both, known)), len(lifted))
-        if number == len(lifted):
+        greater = next((g for g in map(partial(_greater, both), lifted, tops) if g is not None), None)
+        if greater is None:
+            greater = ca.SX.sym(f"greater{len(tops)}")
             lifted.append(both)
-            tops.append(ca.SX.sym(f"greater{number}"))
-        return -tops[number] if operation == ca.OP_FMIN else tops[number]
+            tops.append(greater)
+        return -greater if operation == ca.OP_FMIN else greater
 
     function = ca.Function("read", symbols.all, [form.integrand])
     ((integrand,),) = interpret(function, [v.nonzeros() if v.numel() else [] for v in symbols.all], ca.SX, applied)
     return _Kinks(integrand, tuple(lifted), tuple(tops))
 
 
-def _same(both: tuple[Expression, Expression], known: tuple[Expression, Expression]) -> bool:
-    """Whether two pairs of branches are the same, in either order."""
-    return any(all(alike(a, b) == 1 for a, b in zip(both, pair, strict=True)) for pair in (known, known[::-1]))
+def _greater(
+    both: tuple[Expression, Expression], known: tuple[Expression, Expression], top: Expression
+) -> Expression | None:
+    """The greater of two branches by the ``top`` of others, which part at the same kink; None where they do not."""
+    (a, b), (first, last) = both, known
+    share = multiple(a - b, first - last)
+    if share == 0.0:
+        return None
+    base = last if share > 0.0 else first
+    return top if abs(share) == 1.0 and alike(b, base) == 1 else b + abs(share) * (top - base)
 
 
 def _restated(conditions: Conditions, stated: Restated) -> Conditions:

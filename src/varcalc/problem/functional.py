@@ -29,6 +29,7 @@ from varcalc.problem.conditions import (
 )
 from varcalc.showing import Fact, Shown, brief, line
 from varcalc.spelling import check_names, spelled
+from varcalc.symbolic.branches import continued
 from varcalc.symbolic.derived import Cache, derived
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression, Names, NotSymbolic, TracedFunction, check_arity, name_of, scalar, trace
@@ -253,15 +254,41 @@ class Functional(Shown):
         names |= {k: s.unknowns[i] for i, k in enumerate(self.unknowns)}
         return [Names(names)] if names else []
 
-    def _trace(self, kind: type) -> None:
+    def _trace(self, kind: type, *, as_given: bool = False) -> None:
+        """Call the functions; where their branches meet is written by fmax, unless they are to be left ``as_given``."""
         self.symbols = Symbols.common(kind, self.n, self.order, len(self.parameters), len(self.unknowns))
-        p = self._names()
-        slopes = [self.number(d) for d in self.symbols.slopes]
-        position = self.handed(self.symbols.x, self.symbols.y)
+        p, symbols = self._names(), self.symbols
+        slopes = [self.number(d) for d in symbols.slopes]
+        position = self.handed(symbols.x, symbols.y)
         place, rates, end_names = self.written
         order = [*place, *rates[: len(slopes)]]
-        self.integrand = trace("lagrangian", self.lagrangian, [*position, *slopes, *p], kind, order=order)
-        traced = []
+        lagrangian = trace("lagrangian", self.lagrangian, [*position, *slopes, *p], kind, order=order)
+        traced = self._traced_constraints(kind)
+        for label in ("start", "end"):
+            phi = self.traced_slide(label, symbols.x, symbols.y, kind)
+            if phi is not None and not ca.depends_on(phi, ca.vertcat(*self.position(symbols.x, symbols.y))):
+                raise ValueError(f"{label}.phi {self.slide_idle}")
+        if self.surface is not None:
+            self.surface_expressions = _traced_surface(self.surface, [*position, *p], kind)
+        ends, cost = list[Expression](), None
+        if self.end_cost is not None:
+            ends = self._end_symbols()
+            cost = trace("end_cost", self.end_cost, [*map(self.number, ends), *p], kind, order=end_names)
+        if not as_given:
+            watched = ca.vertcat(symbols.y, *symbols.slopes)
+            lagrangian = continued(lagrangian, symbols.all, watched)
+            traced = [Traced(t.constraint, continued(t.expression, symbols.all, watched)) for t in traced]
+            if cost is not None:
+                cost = continued(cost, [*ends, symbols.parameters, symbols.unknowns], ca.vertcat(*ends))
+        self.integrand, self.traced = lagrangian, tuple(traced)
+        self.end_cost_expression = None if cost is None else (ends, cost)
+
+    def _traced_constraints(self, kind: type) -> list[Traced]:
+        """What the functions of the constraints give."""
+        p, slopes = self._names(), [self.number(d) for d in self.symbols.slopes]
+        position = self.handed(self.symbols.x, self.symbols.y)
+        place, rates, _ = self.written
+        traced: list[Traced] = []
         for i, constraint in enumerate(self.constraints):
             if isinstance(constraint, Through):
                 continue
@@ -278,19 +305,7 @@ class Functional(Shown):
             if isinstance(constraint, Bound) and constraint.lower == constraint.upper:
                 self._check_equation(i, expression)
             traced.append(Traced(constraint, expression))
-        self.traced = tuple(traced)
-        for label in ("start", "end"):
-            phi = self.traced_slide(label, self.symbols.x, self.symbols.y, kind)
-            if phi is not None and not ca.depends_on(phi, ca.vertcat(*self.position(self.symbols.x, self.symbols.y))):
-                raise ValueError(f"{label}.phi {self.slide_idle}")
-        if self.surface is not None:
-            self.surface_expressions = _traced_surface(self.surface, [*position, *p], kind)
-        if self.end_cost is not None:
-            ends = self._end_symbols()
-            self.end_cost_expression = (
-                ends,
-                trace("end_cost", self.end_cost, [*map(self.number, ends), *p], kind, order=end_names),
-            )
+        return traced
 
     def _check_equation(self, index: int, expression: Expression) -> None:
         """ValueError for a bound from both sides alike on the slope: no method solves differential equations beside."""
@@ -400,10 +415,10 @@ class Functional(Shown):
         return end.stated(put(TracedFunction(function, (), name_of(end.function))))
 
     def retraced(self) -> Self:
-        """A copy whose functions have been called again, with a cache of its own."""
+        """A copy whose functions have been called again and are left as they are given, with a cache of its own."""
         other = copy.copy(self)
         other.cache, other.original = Cache(), None
-        other._trace(self.symbols.kind)  # noqa: SLF001  of the same class
+        other._trace(self.symbols.kind, as_given=True)  # noqa: SLF001  of the same class
         return other
 
     def on_surface(self, q: np.ndarray) -> np.ndarray:
