@@ -22,7 +22,7 @@ from varcalc.methods.ritz.elements import DENSE, Elements, round_off, softest
 from varcalc.methods.ritz.error import SOFT_MODE
 from varcalc.methods.ritz.newton import NullSpace, Step, newton_step
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
-from varcalc.numerics.stacked import positive
+from varcalc.numerics.stacked import applied, positive
 from varcalc.solution import Verdict
 
 if TYPE_CHECKING:
@@ -93,7 +93,8 @@ def rises_throughout(form: Form, curve: Callable[[np.ndarray, int], np.ndarray])
     """
     if form.n > 1 or form.order > 1 or ca.depends_on(form.integrand, form.symbols.x):
         return False
-    if form.conditions.integrals or not form.bare:
+    inside = form.conditions.pathwise or form.conditions.integrals or form.held or len(form.start.unknowns)
+    if inside or not form.ends.separate or form.refused:  # knots do no harm: the integrand does not change there
         return False
     s = np.linspace(*form.span, RISE_PLACES)
     slope = curve(s, 1)[0]
@@ -176,9 +177,15 @@ def _are_rigid_motions(system: RitzSystem, z: np.ndarray, modes: np.ndarray) -> 
         return False
     at = system.evaluate(z)
     span = np.column_stack([m.velocity for m in motions])
-    root = np.linalg.cholesky(system.leading_term(at, z)).T
-    shares = np.linalg.lstsq(root @ span, root @ modes, rcond=1e-10)[0]
-    left = np.linalg.norm(root @ (modes - span @ shares), axis=0)  # the modes are of length one
+    values, vectors = np.linalg.eigh(system.leading_blocks(at, z))
+    roots = np.sqrt(np.maximum(values, 0.0))[..., None] * vectors.swapaxes(-1, -2)
+
+    def along(directions: np.ndarray) -> np.ndarray:
+        """Directions (N, m) with as many rows as make the product of two that of the leading term."""
+        return np.array([applied(roots, system.moved(v)).ravel() for v in directions.T]).T
+
+    shares = np.linalg.lstsq(along(span), along(modes), rcond=1e-10)[0]
+    left = np.linalg.norm(along(modes - span @ shares), axis=0)  # the modes are of length one
     return bool(np.all(left <= IN_SPAN)) and all(_invariant(system, z, at, motions, share) for share in shares.T)
 
 

@@ -1,8 +1,9 @@
 """Several elements: from their unknowns to points and back, and Newton steps whose cost is linear in their number.
 
 The coefficients are numbered along the mesh, so the Hessian is banded but for
-a border of the unknown numbers and the side conditions. It is factored by
-banded Cholesky and the border eliminated (bordered systems: Govaerts,
+a border: unknown numbers, side conditions, and coefficients that are coupled
+across the mesh, at the ends or where a curve closes. It is factored by banded
+Cholesky and the border eliminated (bordered systems: Govaerts,
 "Numerical Methods for Bifurcations of Dynamical Equilibria", sect. 3.4); by
 Haynsworth's inertia formula the small Schur complement tells whether the
 Hessian is positive on the conditions' null space.
@@ -11,8 +12,9 @@ Hessian is positive on the conditions' null space.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -30,8 +32,14 @@ SOFTEST = 6
 """Modes looked for in a mesh of many elements: a continuum of more directions is one of these as well."""
 NEARLY_SINGULAR = 1e-9
 """Generalised eigenvalues below this are symmetries (zero modes), not curvature."""
+COMPLIANT = 1e8
+"""Compliance from which a positive matrix may be so by round-off alone, unless the leading term vanishes somewhere."""
 DAMPING = 1e-6
 """Shift that keeps a step along a symmetry from being made of round-off."""
+CUTS = (0, 1, 3, 7, 15, 31)
+"""Vertices at which bands are cut, in turn."""
+FAINT_PIVOT = 1e-5
+"""Share of its diagonal entry that tells of a piece between cuts that all but ends in its conjugate point."""
 SHIFTS = (0.0, NEARLY_SINGULAR, 1e-8, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
 """Multiples of the metric added until the model is convex."""
 
@@ -118,24 +126,95 @@ class Elements:
 # banded steps
 
 
-def bands(system: RitzSystem, local: np.ndarray) -> np.ndarray:
-    """Element matrices as the lower bands of the matrix in the free coefficients; (width, free)."""
-    place = np.full(system.space.size, -1)
-    place[system.free] = np.arange(len(system.free))
-    numbers = place[system.space.numbers.reshape(system.space.elements, -1)]
-    rows = np.broadcast_to(numbers[:, :, None], local.shape)
-    columns = np.broadcast_to(numbers[:, None, :], local.shape)
+@lru_cache(maxsize=64)
+def generic_load(count: int) -> tuple[np.ndarray, float]:
+    """A vector with a part in every direction, and its length.
+
+    Its entries are the fractional parts of multiples of the golden ratio, about zero.
+    """
+    parts = np.arange(1, count + 1) * (0.5 * (1 + math.sqrt(5))) % 1.0 - 0.5
+    return parts, max(float(np.linalg.norm(parts)), 1e-300)
+
+
+@dataclass(frozen=True)
+class Bordered:
+    """A matrix in the unknowns: lower ``bands`` of those ``inside``, their columns ``beside``, ``corner`` of the rest.
+
+    The rest, the ``border``, are few: unknown numbers, coefficients that are coupled across the mesh, and vertices
+    that cut it. Both are places among the unknowns.
+    """
+
+    inside: np.ndarray
+    border: np.ndarray
+    bands: np.ndarray
+    beside: np.ndarray
+    corner: np.ndarray
+
+
+def bordered(system: RitzSystem, parts: Parts, cuts: int = 0) -> Bordered:
+    """The matrix of element matrices, border and corner, with the coefficients at ``cuts`` vertices in the border."""
+    local, sides, corner = parts
+    apart = np.isin(system.free, np.concatenate([system.coupled, _at_cuts(system.space, cuts)]))
+    inside, beyond = system.free[~apart], system.free[apart]
+    size, own = system.space.size, system.space.numbers.reshape(system.space.elements, -1)
+    place, mark = np.full(size, -1), np.full(size, -1)
+    place[inside], mark[beyond] = np.arange(len(inside)), np.arange(len(beyond))
+    across = np.zeros((size, len(beyond)))
+    for e in np.flatnonzero((mark[own] >= 0).any(1)):
+        held = mark[own[e]] >= 0
+        np.add.at(across, (own[e][:, None], mark[own[e][held]]), local[e][:, held])
+    whole = np.hstack([across, sides])
+    corner = np.vstack([whole[beyond], np.hstack([sides[beyond].T, corner])])
+    border = np.concatenate([np.flatnonzero(apart), np.arange(len(system.free), system.size)])
+    bands = _bands(place[own], local, len(inside))
+    return Bordered(np.flatnonzero(~apart), border, bands, whole[inside], corner)
+
+
+def _at_cuts(space: Space, cuts: int) -> np.ndarray:
+    """The coefficients at vertices, or just before them, that cut a mesh into parts alike."""
+    before = np.arange(1, cuts + 1) * space.elements // (cuts + 1)
+    m = space.smoothness
+    return np.concatenate([space.numbers[before - 1, m : 2 * m].ravel(), space.numbers[before, :m].ravel()])
+
+
+def _bands(places: np.ndarray, local: np.ndarray, count: int) -> np.ndarray:
+    """Element matrices, whose rows are at ``places`` or nowhere (-1), as the lower bands of one (count, count)."""
+    rows, columns = (np.broadcast_to(v, local.shape) for v in (places[:, :, None], places[:, None, :]))
     keep = (rows >= columns) & (columns >= 0)
     below, across = (rows - columns)[keep], columns[keep]
-    width, count = int(below.max()) + 1, len(system.free)
-    flat = np.bincount(below * count + across, local[keep], width * count)
-    return flat.reshape(width, count)
+    width = int(below.max()) + 1
+    return np.bincount(below * count + across, local[keep], width * count).reshape(width, count)
 
 
-def banded(system: RitzSystem) -> bool:
-    """Whether bands serve: many unknowns, several elements, no wrap-around, nothing that couples the ends."""
-    coupled = system.space.periodic or system.form.ends.joint is not None
-    return system.size > DENSE and system.space.elements > 1 and not coupled
+class Eliminated(NamedTuple):
+    """A ``matrix`` with conditions beside its border: what its bands were ``solved`` for, ``sides`` and complement.
+
+    ``solved`` has a column for each of the ``loads`` (N, 2), the step's and a generic one, and those of the sides.
+    """
+
+    matrix: Bordered
+    loads: np.ndarray
+    solved: np.ndarray
+    sides: np.ndarray
+    schur: np.ndarray
+
+    def answer(self, number: int, conditions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The change of the unknowns that answers a load and mends ``conditions``, and the multipliers."""
+        inside, border = self.matrix.inside, self.matrix.border
+        own, beside = self.solved[:, number], self.solved[:, 2:]
+        below = np.concatenate([self.loads[border, number], -conditions]) - self.sides.T @ own
+        tail = np.linalg.solve(self.schur, below) if len(below) else below
+        change = np.zeros(len(inside) + len(border))
+        change[inside], change[border] = own - beside @ tail, tail[: len(border)]
+        return change, tail[len(border) :]
+
+    def uncertain(self, system: RitzSystem, parts: Parts) -> bool:
+        """Whether the matrix may be positive by round-off alone: along what a generic load moves it may be none."""
+        stiffest, load = np.abs([*self.matrix.bands[0], *self.matrix.corner.diagonal()]).max(), self.loads[:, 1]
+        moved, _ = self.answer(1, np.zeros(len(self.schur) - len(self.matrix.border)))
+        if not np.linalg.norm(moved) * stiffest > COMPLIANT * np.linalg.norm(load):
+            return False
+        return float(moved @ load) <= round_off(_sparse(system, parts), moved[:, None])
 
 
 def banded_step(
@@ -146,7 +225,6 @@ def banded_step(
     The compliance is not told (0), but along a zero mode it is infinite; the step is held there, and needs no shift.
     """
     own = system.parts(system.combined(at, multipliers))
-    free, extra, count = len(system.free), system.extra, len(at.conditions)
 
     @cache
     def metric() -> Parts:
@@ -154,59 +232,64 @@ def banded_step(
         return system.parts(system.metric_blocks(at))
 
     @cache
-    def eliminated(shift: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    def eliminated(shift: float) -> Eliminated | None:
         parts = own if not shift else (own[0] + shift * metric()[0], own[1], own[2] + shift * metric()[2])
-        return _eliminated(system, parts, at, -at.gradient[:free])
+        return _eliminated(system, parts, at, multipliers)
 
     shift = next((s for s in SHIFTS if eliminated(s) is not None), None)
     if shift is None:
         return None
-    zero_mode = shift == NEARLY_SINGULAR
+    whole = eliminated(0.0)
+    if whole is not None and at.legendre > 0.0 and whole.uncertain(system, own):
+        shift = NEARLY_SINGULAR
+    zero_mode = shift == NEARLY_SINGULAR and eliminated(DAMPING) is not None  # else round-off made it positive
     found = eliminated(DAMPING if zero_mode else shift)
-    assert found is not None
-    solved, sides, schur = found
-    below = np.concatenate([-at.gradient[free:], -at.conditions])
-    tail = np.linalg.solve(schur, below - sides.T @ solved[:, 0]) if len(schur) else np.zeros(0)
-    change = np.concatenate([solved[:, 0] - solved[:, 1:] @ tail, tail[:extra]])
-    new = tail[extra:]
+    if found is None:
+        return None
+    change, new = found.answer(0, at.conditions)
     # half the squared length of the step in the Hessian, from the first row of the system
-    slope = at.gradient + new @ at.jacobian if count else at.gradient
+    slope = at.gradient + new @ at.jacobian if len(new) else at.gradient
     decrement = -0.5 * float(change @ slope)
     return (change, new, decrement, 0.0, math.inf) if zero_mode else (change, new, decrement, shift, 0.0)
 
 
-def _eliminated(
-    system: RitzSystem, parts: Parts, at: Evaluation, right: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """The bands solved for ``right`` and the border, the border, its Schur complement; None of a form not positive.
+def _eliminated(system: RitzSystem, parts: Parts, at: Evaluation, multipliers: np.ndarray) -> Eliminated | None:
+    """The bands of a form, to which the ends add their own, solved for the step; None where it is not positive.
 
-    It is positive on the null space of the conditions.
+    It is positive on the null space of the conditions. Prescribed integrals may be what makes it so: the bands are cut
+    at vertices then, between which they are positive if there are enough (Jacobi's condition holds on short pieces).
     """
     import scipy.linalg
 
-    local, border, corner = parts
-    free, extra, count = len(system.free), system.extra, len(at.conditions)
-    small = np.zeros((extra + count, extra + count))
-    small[:extra, :extra] = corner
-    small[:extra, extra:] = at.jacobian[:, free:].T
-    small[extra:, :extra] = at.jacobian[:, free:]
-    sides = np.column_stack([border[system.free], at.jacobian[:, :free].T])
-    try:
-        factor = scipy.linalg.cholesky_banded(bands(system, local), lower=True, check_finite=False)
-    except np.linalg.LinAlgError:
-        return None
-    solved = scipy.linalg.cho_solve_banded((factor, True), np.column_stack([right, sides]), check_finite=False)
-    schur = small - sides.T @ solved[:, 1:]
-    eigenvalues = np.linalg.eigvalsh(schur) if len(schur) else np.zeros(0)
-    if (eigenvalues < 0).sum() != count or not eigenvalues.all() or not np.isfinite(solved).all():
-        return None
-    return solved, sides, schur
+    places, block = system.end_curvature(at, multipliers)
+    enough = CUTS if len(system.levels) else CUTS[:1]
+    for cuts in enough:
+        matrix = bordered(system, parts, cuts)
+        where = np.searchsorted(matrix.border, places)
+        matrix.corner[np.ix_(where, where)] += block
+        try:
+            factor = scipy.linalg.cholesky_banded(matrix.bands, lower=True, check_finite=False)
+        except np.linalg.LinAlgError:
+            continue
+        if cuts < enough[-1] and (factor[0] ** 2 <= FAINT_PIVOT * matrix.bands[0]).any():
+            continue  # what is left of the border would be made of round-off
+        count, across = len(at.conditions), at.jacobian[:, matrix.border]
+        small = np.block([[matrix.corner, across.T], [across, np.zeros((count, count))]])
+        sides = np.column_stack([matrix.beside, at.jacobian[:, matrix.inside].T])
+        loads = np.column_stack([-at.gradient, generic_load(system.size)[0]])
+        right = np.hstack([loads[matrix.inside], sides])
+        solved = scipy.linalg.cho_solve_banded((factor, True), right, check_finite=False)
+        schur = small - sides.T @ solved[:, 2:]
+        eigenvalues = np.linalg.eigvalsh(schur) if len(schur) else np.zeros(0)
+        positive = (eigenvalues < 0).sum() == count and eigenvalues.all() and np.isfinite(solved).all()
+        return Eliminated(matrix, loads, solved, sides, schur) if positive else None
+    return None
 
 
 def stiff(system: RitzSystem, at: Evaluation, z: np.ndarray, multipliers: np.ndarray, share: float) -> bool:
     """Whether no mode of the second variation costs less than a ``share`` of its leading term, in a banded system."""
     parts = system.parts(system.combined(at, multipliers) - share * system.leading_blocks(at, z))
-    return _eliminated(system, parts, at, np.zeros(len(system.free))) is not None
+    return _eliminated(system, parts, at, multipliers) is not None
 
 
 def softest(

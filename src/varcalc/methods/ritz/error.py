@@ -24,7 +24,7 @@ from numpy.polynomial import legendre
 
 from varcalc.formulation import Reported
 from varcalc.formulation.height import FLAT, flat
-from varcalc.methods.ritz.elements import banded, stiff
+from varcalc.methods.ritz.elements import stiff
 from varcalc.methods.ritz.newton import SQUARED_ROUND_OFF, NullSpace, Step, newton_step
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.mesh import gauss
@@ -157,7 +157,7 @@ class Estimate(NewtonEstimate):
         step, at, system = self.step, self.at, self.system
         if step is None or not step.definite:
             return False
-        if step.compliance == 0.0 and banded(system):
+        if step.compliance == 0.0 and system.banded:
             return at.legendre > 0.0 and not stiff(system, at, self.z, step.multipliers, SOFT_MODE)
         # where no load moves the curve far, none does
         if step.compliance < SUSPECT:

@@ -18,7 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.methods.ritz.elements import DAMPING, NEARLY_SINGULAR, banded, banded_step
+from varcalc.methods.ritz.elements import (
+    COMPLIANT,
+    DAMPING,
+    NEARLY_SINGULAR,
+    banded_step,
+    generic_load,
+)
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.stacked import applied, positive, solutions
 from varcalc.problem.conditions import whole
@@ -70,8 +76,6 @@ DEPENDENT = 1e-13
 """Share of the largest gradient of a condition by which another has to differ from it."""
 MANY_ITERATIONS, HALVINGS = 20, 6
 """Newton steps, and halvings of one, after which one value of many is left to a solve of its own."""
-COMPLIANT = 1e8
-"""Compliance from which a positive matrix may be so by round-off alone, unless the leading term vanishes somewhere."""
 
 
 @spelled
@@ -137,7 +141,7 @@ def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
         return None
     if len(system.levels) and not effective(system, at):
         return None
-    if banded(system):
+    if system.banded:
         found = banded_step(system, at, multipliers)
         if found is not None and (found[3] == 0.0 or len(at.conditions) == 0 or system.size > LARGEST_DENSE):
             return Step(*found)
@@ -295,16 +299,6 @@ def _dposv() -> Callable[..., Any]:
 def load() -> None:
     """Load what takes a tenth of a second once in a process, and is no part of a solve."""
     _dposv()
-
-
-@lru_cache(maxsize=64)
-def generic_load(count: int) -> tuple[np.ndarray, float]:
-    """A vector with a part in every direction, and its length.
-
-    Its entries are the fractional parts of multiples of the golden ratio, about zero.
-    """
-    parts = np.arange(1, count + 1) * (0.5 * (1 + math.sqrt(5))) % 1.0 - 0.5
-    return parts, max(float(np.linalg.norm(parts)), 1e-300)
 
 
 def first_multipliers(at: Evaluation) -> np.ndarray:

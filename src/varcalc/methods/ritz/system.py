@@ -15,13 +15,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
 
 from varcalc.formulation import Form, Reported, Sampled
-from varcalc.methods.ritz.elements import Elements
+from varcalc.methods.ritz.elements import DENSE, Elements
 from varcalc.methods.ritz.integrands import CompiledIntegrands, Integrands, NumericIntegrand, at_ends
 from varcalc.numerics.mesh import Space, basis_at_gauss, gauss
 
@@ -230,6 +230,18 @@ class RitzSystem:
         other.source = other.integrands_at(other.x)
         return other
 
+    @property
+    def banded(self) -> bool:
+        """Whether bands serve: many unknowns, several elements."""
+        return self.size > DENSE and self.space.elements > 1
+
+    @cached_property
+    def coupled(self) -> np.ndarray:
+        """The coefficients that are coupled across the mesh: by conditions of the ends, and where a curve closes."""
+        closing = self.space.numbers[0, : self.space.smoothness if self.space.periodic else 0]
+        across = closing if self.form.ends.joint is None else joint_numbers(self)
+        return np.concatenate([closing.ravel(), across.ravel()])
+
     # unknowns <-> coefficients
 
     def pack(self, coefficients: np.ndarray, unknowns: np.ndarray) -> np.ndarray:
@@ -375,8 +387,9 @@ class RitzSystem:
     def hessian(self, at: Evaluation, multipliers: np.ndarray) -> np.ndarray:
         """Dense Hessian of the Lagrangian function in the free unknowns."""
         full = self.assembly.matrices(self._lagrangian(at, multipliers) * self.second)
-        places, block = self.end_curvature(at, multipliers)
-        full[np.ix_(places, places)] += block
+        if at.ends is not None:
+            places, block = self.end_curvature(at, multipliers)
+            full[np.ix_(places, places)] += block
         return full
 
     def leading(self, curvature: np.ndarray) -> np.ndarray:
