@@ -23,7 +23,6 @@ from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
 from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
-from varcalc.methods.ritz.degeneracy import rises_throughout
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.resampled import polynomials
 from varcalc.problem.breaks import breakable, on_curve, switches_of
@@ -227,7 +226,7 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
             return solution
         failure = failure or solution
         found = None if guide is None else _guided(problem, guide(), tol, guess, told)
-        if found is not None and found.status.ok and (not degenerate or _monotone(found)):
+        if found is not None and found.status.ok:
             return found
         if degenerate:
             return solution
@@ -240,16 +239,10 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
     return _guided(problem, _collocation(), tol, guess, told) or failure
 
 
-def _monotone(solution: Solution) -> bool:
-    """Whether the curve shows that no point is conjugate to its start, however soft a mode of it is."""
-    extremal = solution.extremal
-    return extremal is not None and rises_throughout(extremal.form, extremal.evaluate)
-
-
 def _kinked(problem: Functional, method: Ritz, tol: float) -> Solution | None:
-    """The minimum of a problem with convex kinks whose curves cannot be broken there; None for any other."""
+    """The minimum of a problem with convex kinks at which no broken curve was found; None for any other."""
     kinks = isinstance(problem, Problem) and problem.order == 1 and not problem.start.periodic
-    if not kinks or breakable(problem) or all(switch.smooth for switch in on_curve(problem)):
+    if not kinks or all(switch.smooth for switch in on_curve(problem)):
         return None
     form = formulate(problem)
     return above_kinks(form, method, tol, form.start.curve)

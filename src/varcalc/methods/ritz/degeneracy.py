@@ -11,7 +11,6 @@ begun at another point. Such a family is one minimum written down in many places
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -26,7 +25,6 @@ from varcalc.numerics.stacked import applied, positive
 from varcalc.solution import Verdict
 
 if TYPE_CHECKING:
-    from varcalc.formulation import Form
     from varcalc.methods.ritz.method import Rungs
 
 ZERO = 1e-9
@@ -72,7 +70,7 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
             return Verdict.SADDLE, f"no minimum: in a richer space the second variation is negative ({lowest:.2g})"
         if lowest <= threshold:
             zero = modes[:, eigenvalues <= threshold]
-            if rises_throughout(system.form, system.space.curve(system.coefficients(z))):
+            if _rises_throughout(system, z):
                 return _unplaced(system, z)
             return None if _are_rigid_motions(system, z, zero) else _sentence(zero.shape[1], lowest)
         if not lowest < EIGENVALUE_KEPT * previous:
@@ -84,18 +82,20 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
     return None
 
 
-def rises_throughout(form: Form, curve: Callable[[np.ndarray, int], np.ndarray]) -> bool:
-    """Whether the slope of a ``curve`` in a form has one sign from end to end, where the integrand does not hold s.
+def _rises_throughout(system: RitzSystem, z: np.ndarray) -> bool:
+    """Whether the slope of one function has one sign from end to end, where the integrand does not hold s.
 
     That slope solves Jacobi's equation then, and a solution without a zero shows that no point is conjugate to the
     start (Gelfand and Fomin, sect. 26), however soft the mode: that of a kink that is hardly held falls exponentially
     toward the ends. A slope that goes to zero there in a straight line has zeros: the ends are conjugate.
     """
+    form = system.form
     if form.n > 1 or form.order > 1 or ca.depends_on(form.integrand, form.symbols.x):
         return False
     inside = form.conditions.pathwise or form.conditions.integrals or form.held or len(form.start.unknowns)
     if inside or not form.ends.separate or form.refused:  # knots do no harm: the integrand does not change there
         return False
+    curve = system.space.curve(system.coefficients(z))
     s = np.linspace(*form.span, RISE_PLACES)
     slope = curve(s, 1)[0]
     slope = slope * np.sign(slope.sum())

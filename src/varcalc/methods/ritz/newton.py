@@ -337,13 +337,14 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
     guarded = at.legendre > 0.0 and len(at.conditions) == 0
     # conditions have to be met whatever the tolerance of the value
     last = CONVERGED if len(at.conditions) else min(max(CONVERGED, (ENOUGH * tol) ** (2 / 3)), NEARBY)
-    largest, direct, before = at.scale, True, 0.0
+    begun, largest, direct, before = at.scale, at.scale, True, 0.0
     for iteration in range(1, newton.iterations + 1):
         step = newton_step(system, at, multipliers)
         if step is None:
             return Descent(z, multipliers, at.value, iteration, "the Newton step is not defined (degenerate Hessian)")
         multipliers = step.multipliers
-        decrement = _decrement(system, at, step, largest)
+        # along a zero mode the functional need not stop falling, however large its terms become
+        decrement = _decrement(system, at, step, largest, begun if math.isinf(step.compliance) else math.inf)
         late = iteration > EXPECTED
         quick = decrement <= min(last, QUICK * before)
         crawls = decrement > max(CRAWLING * before, NO_DECREMENT) and before > 0.0
@@ -373,15 +374,15 @@ def _ended(system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, iterat
     return Descent(z, step.multipliers, at.value, iteration, _unmet(system, at), direct)
 
 
-def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float) -> float:
+def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float, most: float) -> float:
     """The relative Newton decrement, infinite away from the conditions or where the Hessian was shifted.
 
     A functional whose minimum is zero loses its own scale on the way; what it
-    began with (``largest``) then is the measure.
+    began with (``largest``) then is the measure. It is ``most`` what it may be measured by, where that is not zero.
     """
     if not step.definite or (len(at.conditions) and missed(system, at, FEASIBLE)):
         return math.inf
-    scale = max(at.scale, VANISHING * largest)
+    scale = min(max(at.scale, VANISHING * largest), most or math.inf)
     if len(at.conditions):
         scale += float(np.abs(step.multipliers) @ system.sizes(at))
     return step.decrement / scale if scale > 0 else 0.0
