@@ -18,6 +18,7 @@ import numpy as np
 
 from varcalc.formulation import formulate
 from varcalc.formulation.singular import forms
+from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
@@ -37,6 +38,8 @@ CHORD_POINTS = 33
 SLIDE_STARTS = 6
 """Places from which |phi| is made least."""
 MISS_TOLERANCE = 1e-3
+CLOSE = 1e-9
+"""IPOPT's own tolerance: far below a miss that counts, and far above what round-off leaves of the least weight."""
 
 
 def explained(problem: Functional, failure: Solution) -> Solution:
@@ -132,7 +135,7 @@ def _extreme(problem: Functional, constraint: Isoperimetric, greatest: bool) -> 
             maximise=greatest,
         )  # fmt: skip
     for form in filter(None, forms(bare)):
-        solution = Ritz(starts=3).solve(form, tol=1e-10, guess=None)
+        solution = Ritz(starts=3, optimiser=Ipopt(tol=CLOSE)).solve(form, tol=1e-10, guess=None)
         if solution.status.ok:
             return solution.value
     return math.inf if greatest else -math.inf
@@ -168,7 +171,9 @@ def contradiction(problem: Functional) -> Contradiction | None:
     sizes = _sizes(problem)
     misses = []
     for weight in SLOPE_WEIGHTS:
-        solution = Ritz(starts=3).solve(formulate(_elastic(problem, sizes, weight)), tol=MISS_TOLERANCE, guess=None)
+        solution = Ritz(starts=3, optimiser=Ipopt(tol=CLOSE)).solve(
+            formulate(_elastic(problem, sizes, weight)), tol=MISS_TOLERANCE, guess=None
+        )
         if not solution.status.ok:
             return None
         misses.append(solution.unknowns[_name(problem)])
