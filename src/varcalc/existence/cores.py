@@ -15,6 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.existence.held_throughout import Curve, on_level
 from varcalc.formulation import formulate
 from varcalc.formulation.height import FLAT, flat, height
 from varcalc.methods.crossings import Crossing
@@ -28,13 +29,10 @@ from varcalc.solution import ErrorEstimate, Solution, Status
 from varcalc.symbolic.switches import Switch, held
 from varcalc.symbolic.tracing import Expression
 
-Curve = Callable[[np.ndarray, int], np.ndarray]
-
 BUMPS = (1e-2, 1e-4)
 """Heights of the bumps, in units of the curve's extent, by which it is seen that a level holds a curve."""
 GAUSS_POINTS = 24
 SAMPLES = 101
-LEVEL_STEPS = 8
 BESIDE_LEVEL = 1e-6
 """Distance, in units of the height that the functional feels, at which a side of the level is looked at."""
 ON_LEVEL = 1e-12
@@ -73,8 +71,9 @@ def _part(
 ) -> Solution | None:
     """The least curve of one part that stays on one side of the level; on it at ends that are not the problem's."""
     side = _side(problem, switch, curve, span)
+    level = on_level(problem, switch, curve)
     ends = [
-        end if at == whole else Fixed(at, _on_level(problem, switch, curve, at))
+        end if at == whole else Fixed(at, float(level(np.array([at]), 0)[0, 0]))
         for end, at, whole in zip((problem.start, problem.end), span, problem.span, strict=True)
     ]
     first, last = (end.values(1)[0] for end in ends)
@@ -84,16 +83,6 @@ def _part(
     inner = _one_sided(problem, switch, side, curve, (ends[0], ends[1]), span)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         return replace(method, starts=1).solve(formulate(inner), tol=tol, guess=lambda x: curve(x, 0))
-
-
-def _on_level(problem: Problem, switch: Switch, curve: Curve, x: float) -> float:
-    """The ordinate of the level at x, by Newton's method from the curve."""
-    s = problem.symbols
-    step = ca.Function("step", [s.x, s.y, s.parameters], [s.y - switch.argument / ca.gradient(switch.argument, s.y)])
-    y = float(curve(np.array([x]), 0)[0, 0])
-    for _ in range(LEVEL_STEPS):
-        y = float(step(x, y, problem.parameter_values))
-    return y
 
 
 def _united(problem: Problem, method: Ritz, parts: list[Solution]) -> Solution:

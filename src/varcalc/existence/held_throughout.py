@@ -61,7 +61,11 @@ def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Cr
     convex = proved_jointly_convex(problem)
     for switch in followed:
         moving = switch.depends_on(problem.symbols.dy)
-        along = _following(problem, switch, curve) if moving else _on_level(problem, switch, curve)
+        along = (
+            _following(problem, switch, curve)
+            if moving
+            else resampled(on_level(problem, switch, curve), problem.span, 2)
+        )
         if along is None or not _between_ends(problem, along):
             continue
         momentum = _momentum(problem, along)
@@ -77,7 +81,7 @@ def _between_ends(problem: Problem, along: Curve) -> bool:
     return bool((np.abs(along(np.array(problem.span), 0)[0] - ends) <= room).all())
 
 
-def _on_level(problem: Problem, switch: Switch, curve: Curve) -> Curve:
+def on_level(problem: Problem, switch: Switch, curve: Curve) -> Curve:
     """The curve along which a switch that does not feel the slope is zero, by Newton's method from another."""
     s = problem.symbols
     rates = [ca.gradient(switch.argument, v) for v in (s.x, s.y)]
@@ -90,7 +94,7 @@ def _on_level(problem: Problem, switch: Switch, curve: Curve) -> Curve:
             y = y - np.asarray(function(x[None], y, numbers)[0])
         return y if derivative == 0 else np.asarray(function(x[None], y, numbers)[1])
 
-    return resampled(along, problem.span, 2)
+    return along
 
 
 def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:

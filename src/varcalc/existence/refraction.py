@@ -7,7 +7,7 @@ these places then become unknowns, with Weierstrass and Erdmann's conditions of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -17,7 +17,7 @@ import numpy as np
 
 from varcalc.existence.above_kinks import above_kinks, as_held
 from varcalc.existence.cores import resting
-from varcalc.existence.held_throughout import held_throughout
+from varcalc.existence.held_throughout import Curve, held_throughout
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
 from varcalc.formulation.broken import LENGTH_KEPT
 from varcalc.methods.answer import lifted, runs_forwards
@@ -41,7 +41,6 @@ from varcalc.symbolic.derived import Cache
 from varcalc.symbolic.switches import smoothed, units
 from varcalc.symbolic.tracing import Expression
 
-Curve = Callable[[np.ndarray, int], np.ndarray]
 Points = Sequence[Sequence[np.ndarray]]
 
 ROUNDED = (0.3, 0.05, 0.01, 2e-3)

@@ -252,7 +252,7 @@ class Space:
         return self._numbering[1]
 
     @cached_property
-    def _local_scale(self) -> np.ndarray:
+    def local_scale(self) -> np.ndarray:
         """Factor from a coefficient to its local function, shape (elements, degree + 1).
 
         Vertex coefficients are derivatives times the length of the interval to
@@ -267,12 +267,7 @@ class Space:
 
     def local(self, coefficients: np.ndarray) -> np.ndarray:
         """Coefficients by element, scaled to the local basis; shape (.., elements, degree + 1, n)."""
-        return coefficients[..., self.numbers] * self._local_scale[:, :, None]
-
-    @property
-    def local_scale(self) -> np.ndarray:
-        """Factor from coefficient to local function, shape (elements, degree + 1)."""
-        return self._local_scale
+        return coefficients[..., self.numbers] * self.local_scale[:, :, None]
 
     def quadrature(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Abscissae and weights of the composite Gauss rule, each of shape (elements, count)."""

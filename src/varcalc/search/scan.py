@@ -44,6 +44,8 @@ FLAT_MISS = 1e-12
 """Relative miss and derivative of trajectories that all meet the end: a continuum of extremals."""
 TOUCHING_MISS = 1e-14
 """A miss at an extremum of the map that round-off explains: two extremals in one."""
+CLEAR_OF_ZERO = 2.0
+"""Times the way between two shots about an extremum within which no tangent of the map comes to zero."""
 FALSI_ITERATIONS = 80
 CLUSTER_WIDTH = 1.0
 """Distance in u within which lost trajectories are told of as one interval."""
@@ -133,8 +135,8 @@ class _Scan:
                     waiting += [(a, middle, depth + 1), (middle, b, depth + 1)]
 
     def extremum(self, left: TrialTrajectory, right: TrialTrajectory) -> TrialTrajectory:
-        """Where the derivative of the map vanishes between two shots, by regula falsi (Illinois)."""
-        lowest = _root(lambda s: s.slope, left, right, self.map.shoot)
+        """Where the derivative of the map vanishes between two shots, or where one is whose miss tells enough."""
+        lowest = _root(lambda s: s.slope, left, right, self.map.shoot, _told_apart)
         return self.shots.setdefault(lowest.u, lowest)
 
 
@@ -218,27 +220,39 @@ def _settle(state: _Scan, zeros: list[float], double: list[float]) -> None:
                 zeros.append(_root(lambda s: s.miss, low, high, state.map.shoot).u)
 
 
+def _told_apart(low: TrialTrajectory, high: TrialTrajectory) -> bool:
+    """Whether the map has a zero between two shots about an extremum, or by both of its tangents is far from one."""
+    reach = CLEAR_OF_ZERO * abs(high.u - low.u)
+    far = (abs(shot.miss) > reach * abs(shot.slope) for shot in (low, high))
+    return low.miss * high.miss < 0 or all(far)
+
+
 def _root(
     of: Callable[[TrialTrajectory], float],
     low: TrialTrajectory,
     high: TrialTrajectory,
     shoot: Callable[[float], TrialTrajectory],
+    enough: Callable[[TrialTrajectory, TrialTrajectory], bool] = lambda low, high: False,
 ) -> TrialTrajectory:
-    """The shot between two where a function of it changes sign, by regula falsi in the Illinois variant."""
-    a, b, fa, fb = low.u, high.u, of(low), of(high)
+    """The shot between two where a function of it changes sign, by regula falsi in the Illinois variant.
+
+    The best one so far where two about the place are ``enough``.
+    """
+    fa, fb = of(low), of(high)
     best = low if abs(fa) < abs(fb) else high
     for k in range(FALSI_ITERATIONS):
+        a, b = low.u, high.u
         u = 0.5 * (a + b) if k % 4 == 3 else b - fb * (b - a) / (fb - fa)
-        if of(best) == 0.0 or not min(a, b) < u < max(a, b):
+        if of(best) == 0.0 or not min(a, b) < u < max(a, b) or enough(low, high):
             break
         here = shoot(u)
         value = of(here)
         if not math.isfinite(value):
             break
         best = here if abs(value) < abs(of(best)) else best
-        a, fa = (b, fb) if value * fb < 0 else (a, 0.5 * fa)
-        b, fb = u, value
-        if abs(b - a) <= 4 * np.finfo(float).eps * abs(u):
+        low, fa = (high, fb) if value * fb < 0 else (low, 0.5 * fa)
+        high, fb = here, value
+        if abs(high.u - low.u) <= 4 * np.finfo(float).eps * abs(u):
             break
     return best
 
