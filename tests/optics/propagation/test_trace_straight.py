@@ -192,3 +192,15 @@ def test_a_ray_just_below_a_crest_of_a_surface_meets_it(dimension, wave):
     np.testing.assert_array_less(off, 1e-12 + 1e-13 * wave + 4e-16 / steepness)
     over = scene.trace(sources[0] + (1e-9 + depth[0]) * np.eye(dimension)[-1], np.eye(dimension)[0], until=crests)
     assert over.status == RayStatus.MISSED
+
+
+def test_all_rays_into_a_bowl_that_ends_meet_it():
+    # beyond a rim the level is no number: what is known of its slope inside tells nothing of a stretch that leads there
+    down = np.random.default_rng(3).normal(size=(400, 3)) * (1, 1, -1)
+    down[:, 2] = -np.abs(down[:, 2])
+    bowl = optics.Asphere((0, 0, 0), (0, 0, 1), 5.0, 0.3, (1e-3,))
+    bundle = optics.Scene(AIR).trace((0, 0, 2), down, until=bowl)
+    assert np.all(bundle.status == RayStatus.ARRIVED)
+    squared = np.sum(bundle.points[:, :2] ** 2, axis=1)
+    sag = squared / 5 / (1 + np.sqrt(1 - 1.3 * squared / 25)) + 1e-3 * squared**2
+    np.testing.assert_allclose(bundle.points[:, 2], sag, rtol=0, atol=4e-15)

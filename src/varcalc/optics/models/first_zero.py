@@ -15,10 +15,12 @@ from varcalc.numerics.roots import EPSILON, bracketed_newton
 from varcalc.optics.rays.beam import Beam, Rows
 from varcalc.optics.surfaces import Geometry
 
-STRETCHES = np.concatenate([[0.0], np.geomspace(1e-6, 1e4, 70)])
+STRETCHES = np.concatenate([[0.0, 1e-3], np.geomspace(1e-2, 1e4, 42)])
 """Ends of the first stretches of a ray, in units of its distance from the surface and from the origin."""
 SAMPLED = 0.025
 """Of the way to its end: a stretch so short is not halved where nothing encloses the level there."""
+LEAST_SAMPLED = 1e-4
+"""The same in those units, close to where a ray starts."""
 TOUCHING_STRETCH = 1e-12
 """Of those units: two zeros in a shorter stretch are a ray that touches the surface."""
 LOOKED_INTO = 16
@@ -119,10 +121,12 @@ class FirstZero:
                 one, other = at + sign * length * down, at + sign * length * up
                 least = np.fmax(least, np.fmin(np.fmin(one, other), at))
                 greatest = np.fmin(greatest, np.fmax(np.fmax(one, other), at))
-        settled = (least > 0) | (greatest < 0) | (down > 0) | (up < 0)
-        known = np.isfinite(down) & np.isfinite(up) & np.isfinite(stretches.at_low + stretches.at_high)
-        shortest = np.where(known, TOUCHING_STRETCH * self.unit[stretches.row], SAMPLED * stretches.high)
-        return settled | (length <= shortest)
+        ends_known = np.isfinite(stretches.at_low + stretches.at_high)
+        settled = (least > 0) | (greatest < 0) | (ends_known & ((down > 0) | (up < 0)))
+        known = ends_known & np.isfinite(down) & np.isfinite(up)
+        unit = self.unit[stretches.row]
+        sampled = np.maximum(SAMPLED * stretches.high, LEAST_SAMPLED * unit)
+        return settled | (length <= np.where(known, TOUCHING_STRETCH * unit, sampled))
 
     def _halved(self, stretches: _Stretches) -> _Stretches:
         """Both halves of each."""
