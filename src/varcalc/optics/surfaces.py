@@ -23,6 +23,7 @@ from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
 from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.intervals import Interval, enclosures
 
 Expression = Any
 """A CasADi SX expression."""
@@ -322,6 +323,8 @@ class Geometry:
     quadric: bool = field(init=False)
     """True where the level is a polynomial of second degree along every straight line."""
     _call: PointEvaluator = field(init=False, repr=False, compare=False)
+    _plain: PointEvaluator = field(init=False, repr=False, compare=False)
+    _along: ca.Function = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         position = ca.SX.sym("r", self.dimension)
@@ -332,6 +335,10 @@ class Geometry:
         results = [ca.SX(self.surface.belongs(position)), level, gradient, hessian]
         function = ca.Function("surface", [position], [ca.densify(result) for result in results])
         object.__setattr__(self, "_call", PointEvaluator(function))
+        object.__setattr__(self, "_plain", PointEvaluator(ca.Function("level", [position], results[:2])))
+        heading = ca.SX.sym("p", self.dimension)
+        slope = ca.jtimes(level, position, heading)
+        object.__setattr__(self, "_along", ca.Function("along", [position, heading], [level, slope]))
 
     def level(self, points: np.ndarray) -> np.ndarray:
         """The level (m,) at points (m, d)."""
@@ -358,6 +365,21 @@ class Geometry:
     def belongs(self, points: np.ndarray) -> np.ndarray:
         """True (m,) where a zero of the level at the point belongs to the surface."""
         return self._call(len(points), points)[:, 0] > 0
+
+    def belonging(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What :meth:`belongs` and :meth:`level` say of points (m, d), and nothing else."""
+        table = self._plain(len(points), points)
+        return table[:, 0] > 0, table[:, 1]
+
+    def enclosed(self, low: np.ndarray, high: np.ndarray, directions: np.ndarray) -> tuple[Interval, Interval]:
+        """What the level and its slope along ``directions`` (m, d) can be in boxes from ``low`` to ``high`` (m, d).
+
+        Infinite where no enclosure is known.
+        """
+        boxes = [list(zip(low.T, high.T, strict=True)), list(zip(directions.T, directions.T, strict=True))]
+        shape = np.shape(low[:, 0])
+        found = [np.broadcast_to(end, shape) for (both,) in enclosures(self._along, boxes) for end in both]
+        return (found[0], found[1]), (found[2], found[3])
 
     def normal(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The unit normal (m, d) and its derivative by position (m, d, d), tangential part."""

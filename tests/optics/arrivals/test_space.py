@@ -3,9 +3,10 @@
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 from varcalc import optics
+from varcalc.optics.arrivals import space
 from varcalc.optics.arrivals.directions import SIDE, headings, placed
 
 AIR = optics.Uniform(1.0)
@@ -141,3 +142,33 @@ def test_pairs_of_one_source_are_answered_as_alone():
     for own, other in zip(*paths, strict=True):
         np.testing.assert_allclose(own, other, rtol=0, atol=1e-12)
     assert not any(rays.unresolved for rays in together)
+
+
+@pytest.mark.parametrize("crowded", [space.CROWDED, 200])
+def test_rays_by_a_mirror_of_steep_waves_are_kept_where_cells_are_left(monkeypatch, crowded):
+    """Along the crests a reflected path is straight: paths are hypotenuses of those in the section across them."""
+    monkeypatch.setattr(space, "CROWDED", crowded)
+    height, wave, A, B = 0.1, 11.0, np.array([-0.4, 2.0]), np.array([0.4, 0.4])
+
+    def level(x):
+        return height * np.sin(wave * x)
+
+    def slope(x):
+        y, rise = level(x), height * wave * np.cos(wave * x)
+        return sum((x - p[0] + (y - p[1]) * rise) / np.hypot(x - p[0], y - p[1]) for p in (A, B))
+
+    def clear(x, end):
+        share = np.linspace(1e-6, 1, 4001)
+        way = np.outer(1 - share, (x, level(x))) + np.outer(share, end)
+        return np.all(way[:, 1] > level(way[:, 0]))
+
+    grid = np.linspace(-3, 3, 20001)
+    at = np.flatnonzero(np.diff(np.sign(slope(grid))))
+    seen = [x for k in at if clear(x := brentq(slope, grid[k], grid[k + 1], xtol=1e-15), A) and clear(x, B)]
+    across = [np.hypot(x - A[0], level(x) - A[1]) + np.hypot(x - B[0], level(x) - B[1]) for x in seen]
+    mirror = optics.Implicit(lambda x, y, z: z - height * ca.sin(wave * x) + 0 * y, mirror=True)
+    rays = optics.Scene(optics.Uniform(1.0), mirror).rays((A[0], 0, A[1]), (B[0], 1.4, B[1]), within=3.2)
+    exact = np.sort([path for path in np.hypot(across, 1.4) if path < 3.2])
+    assert len(exact) > 4
+    assert (rays.unresolved > 0) == (crowded == 200)
+    np.testing.assert_allclose([ray.optical_path for ray in rays], exact, rtol=0, atol=1e-12)

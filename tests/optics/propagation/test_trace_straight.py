@@ -170,3 +170,37 @@ def test_the_axial_ray_of_a_cartesian_oval_goes_to_the_focus_like_the_others():
     bundle = scene.trace(far, np.column_stack([np.cos(angles), np.sin(angles)]), optical_path=4.25)
     assert np.all(bundle.status == optics.RayStatus.ARRIVED)
     np.testing.assert_allclose(bundle.points, np.tile(near, (4, 1)), atol=1e-14)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("wave", [1.0, 30.0, 1000.0])
+def test_a_ray_just_below_a_crest_of_a_surface_meets_it(dimension, wave):
+    # a ray along x at the height 1 - d meets cos(k (x - 50)) where its angle is arccos(1 - d) before that of a crest
+    depth = np.array([10.0**-k for k in range(13)])
+    scene = optics.Scene(AIR)
+    crests = optics.Implicit(
+        (lambda x, h: h - ca.cos(wave * (x - 50)))
+        if dimension == 2
+        else (lambda x, y, h: h - ca.cos(wave * (x - 50)) + 0 * y)
+    )
+    sources = np.zeros((len(depth), dimension))
+    sources[:, 0], sources[:, -1] = 50 - 2.5 / wave, 1 - depth
+    bundle = scene.trace(sources, np.eye(dimension)[0], until=crests)
+    met = -2 * np.arcsin(np.sqrt(depth / 2))
+    steepness = np.sin(-met)  # the height is round-off at 1e-16
+    off = np.abs(wave * (bundle.points[:, 0] - 50) - met)
+    np.testing.assert_array_less(off, 1e-12 + 1e-13 * wave + 4e-16 / steepness)
+    over = scene.trace(sources[0] + (1e-9 + depth[0]) * np.eye(dimension)[-1], np.eye(dimension)[0], until=crests)
+    assert over.status == RayStatus.MISSED
+
+
+def test_all_rays_into_a_bowl_that_ends_meet_it():
+    # beyond a rim the level is no number: what is known of its slope inside tells nothing of a stretch that leads there
+    down = np.random.default_rng(3).normal(size=(400, 3)) * (1, 1, -1)
+    down[:, 2] = -np.abs(down[:, 2])
+    bowl = optics.Asphere((0, 0, 0), (0, 0, 1), 5.0, 0.3, (1e-3,))
+    bundle = optics.Scene(AIR).trace((0, 0, 2), down, until=bowl)
+    assert np.all(bundle.status == RayStatus.ARRIVED)
+    squared = np.sum(bundle.points[:, :2] ** 2, axis=1)
+    sag = squared / 5 / (1 + np.sqrt(1 - 1.3 * squared / 25)) + 1e-3 * squared**2
+    np.testing.assert_allclose(bundle.points[:, 2], sag, rtol=0, atol=4e-15)

@@ -146,6 +146,7 @@ class SpaceSearch:
         met, lost = self._polished(self._centres(cells), spread=True)
         if len(met) < MANY or not np.any(met.touching):
             self.unresolved += len(cells)
+            self._met.append(met)
             return cells.take([])
         self.continuum = True
         self._met.append(_one_each(met))

@@ -2,7 +2,7 @@
 
 Along a straight ray the level of a plane, sphere or conic is a polynomial of
 second degree, and its zeros are written down; that of any other surface is
-looked at in many places, and its first change of sign bracketed.
+enclosed (:mod:`varcalc.optics.models.first_zero`).
 """
 
 from __future__ import annotations
@@ -12,15 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.numerics.roots import EPSILON, bracketed_newton, first_ahead, quadratic_ahead
+from varcalc.numerics.roots import first_ahead, quadratic_ahead
 from varcalc.optics.media.medium import Field, Medium
+from varcalc.optics.models.first_zero import FirstZero
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model
 from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, first_met, moved_on
 from varcalc.optics.rays.leg import Leg, straight_leg
 from varcalc.optics.surfaces import Geometry
 
-SAMPLE_DISTANCES = np.concatenate([np.geomspace(1e-6, 1e-2, 20, endpoint=False), np.geomspace(1e-2, 1e4, 600)])
-"""Where a general surface is looked for along a ray, in units of the ray's distance from it and from the origin."""
 ROWS_TOGETHER = 1024
 """Rays looked at together; bounds the memory."""
 
@@ -53,8 +52,9 @@ class StraightRays:
 
         ``leaving`` is the number of the surface all of them start from.
         """
-        far = [self._distance(beam, k, leaving == k) for k in range(len(self.surfaces))]
-        struck, sigma, status = first_met(far, (limit - beam.optical_path) / self.squared_index)
+        end = (limit - beam.optical_path) / self.squared_index
+        far = [self._distance(beam, k, end, leaving == k) for k in range(len(self.surfaces))]
+        struck, sigma, status = first_met(far, end)
         return Arrival(moved_on(beam, sigma, self.squared_index), struck, status)
 
     def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:  # noqa: ARG002
@@ -65,13 +65,17 @@ class StraightRays:
         """See :meth:`varcalc.optics.models.model.Carrier.leg`."""
         return straight_leg(beam, self.squared_index, (path - float(beam.optical_path[0])) / self.squared_index)
 
-    def _distance(self, beam: Beam, number: int, leaving: bool) -> np.ndarray:
-        """σ (m,) at which each ray first meets surface ``number``; infinite where it does not."""
+    def _distance(self, beam: Beam, number: int, end: np.ndarray, leaving: bool) -> np.ndarray:
+        """σ (m,) at which each ray first meets surface ``number``; infinite where not before ``end``."""
         geometry = self.surfaces[number]
         if geometry.quadric:
             return _first_of_two(beam, geometry, leaving)
-        parts = [beam.take(np.arange(k, min(k + ROWS_TOGETHER, len(beam)))) for k in range(0, len(beam), ROWS_TOGETHER)]
-        return np.concatenate([np.zeros(0), *(_first_of_many(part, geometry, leaving) for part in parts)])
+        far = np.empty(len(beam))
+        for first in range(0, len(beam), ROWS_TOGETHER):
+            part = beam.take(np.arange(first, min(first + ROWS_TOGETHER, len(beam))))
+            rows = slice(first, first + len(part))
+            far[rows] = FirstZero.of(geometry, part).found(end[rows], leaving=leaving)
+        return far
 
 
 def _first_of_two(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
@@ -84,36 +88,3 @@ def _first_of_two(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
             where = np.flatnonzero(valid)
             valid[where] = geometry.belongs(beam.position[where] + row[where, None] * beam.momentum[where])
     return first_ahead(np.where(met, candidates, np.inf))
-
-
-def _first_of_many(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
-    """The first change of sign of a general level along each ray."""
-    m, d = beam.position.shape
-    level, slope, _ = geometry.along(beam.position, beam.momentum)
-    away = geometry.distance(beam.position)
-    # a ray that has come far may stand at the origin, as at the vertex of a surface
-    size = np.maximum(
-        np.linalg.norm(beam.position, axis=1), beam.optical_path / np.sum(beam.momentum**2, axis=1) ** 0.5
-    )
-    unit = (np.where(np.isfinite(away), away, 0.0) + np.where(size > 0, size, 1.0)) / np.linalg.norm(
-        beam.momentum, axis=1
-    )
-    sigma = unit[:, None] * SAMPLE_DISTANCES
-    places = beam.position[:, None, :] + sigma[:, :, None] * beam.momentum[:, None, :]
-    levels = geometry.level(places.reshape(-1, d)).reshape(m, -1)
-    first = np.sign(slope if leaving else level)
-    levels = np.column_stack([first, levels])
-    sigma = np.column_stack([np.zeros(m), sigma])
-    belongs = np.column_stack([np.ones(m, bool), geometry.belongs(places.reshape(-1, d)).reshape(m, -1)])
-    with np.errstate(all="ignore"):
-        crossed = (levels[:, 1:] * levels[:, :-1] <= 0) & np.isfinite(levels[:, 1:] * levels[:, :-1]) & belongs[:, 1:]
-    rows, far = np.flatnonzero(np.any(crossed, axis=1)), np.full(m, np.inf)
-    place, met = np.argmax(crossed[rows], axis=1), beam.take(rows)
-    low, high, sign = sigma[rows, place], sigma[rows, place + 1], np.sign(levels[rows, place])
-
-    def before(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        level, slope, _ = geometry.along(met.position + at[:, None] * met.momentum, met.momentum)
-        return sign * level, sign * slope
-
-    far[rows], _ = bracketed_newton(before, low, high, (low + high) / 2, relative=4 * EPSILON)
-    return far
