@@ -1,5 +1,6 @@
 """The infimum lies in the interval: closed forms at the doubles of the problem, in 60 digits."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import casadi as ca
@@ -9,6 +10,7 @@ import pytest
 
 import varcalc as vc
 from varcalc.certificates import Means, Scope
+from varcalc.certificates.shifts import pinned
 
 
 def between(certificate, exact):
@@ -367,6 +369,40 @@ def test_the_greatest_area_over_a_shore_in_the_gauge_of_constant_speed():
     certificate = vc.certify(vc.solve(problem))
     assert between(certificate, 9 / (2 * mpmath.pi))
     assert certificate.scope is Scope.WEAK
+
+
+SHORE = vc.OnSurface(lambda q: q[1], guess=(1, 0))
+
+
+@pytest.mark.parametrize(
+    "start", [vc.OnSurface(lambda q: q[1], guess=(-1, 0)), vc.At((None, 0.0))], ids=["slides", "free"]
+)
+def test_curves_that_may_be_shifted(start):
+    """Dido's semicircle of length 3 anywhere on the shore: 9/(2 pi)."""
+    length = vc.Isoperimetric(lambda q, dq: ca.norm_2(dq), 3.0)
+    certificate = vc.certify(vc.solve(vc.Curve(lambda q, dq: q[1] * dq[0], start, SHORE, [length], maximise=True)))
+    assert between(certificate, 9 / (2 * mpmath.pi))
+
+
+def shore_of(phi):
+    length = vc.Isoperimetric(lambda q, dq: ca.norm_2(dq), 3.0)
+    start, end = (vc.OnSurface(phi, guess=(x, 0.3)) for x in (-1, 1))
+    return vc.Curve(lambda q, dq: q[1] * dq[0], start, end, [length], maximise=True)
+
+
+@pytest.mark.parametrize("phi", [lambda q: 3 * q[1] - 1, lambda q: q[1] * (q[1] - 4), lambda q: q[1] - 0.1 * q[0]])
+def test_a_start_is_pinned_only_where_it_is_known_exactly(phi):
+    """3 y = 1 has no double for its root, y (y - 4) two, and on a slope a curve is not shifted freely."""
+    solution = vc.solve(shore_of(lambda q: q[1]))
+    assert pinned(solution) is not None
+    assert pinned(replace(solution, problem=shore_of(phi))) is None
+
+
+def test_a_curve_that_is_not_known_well_enough_is_brought_nearer():
+    """A ray low over the half-plane: the hyperbolic distance of two points 0.1 above it, 2 apart."""
+    certificate = certified(lambda x, y, v: ca.sqrt(1 + v**2) / y, vc.Fixed(0, 0.1), vc.Fixed(2, 0.1))
+    assert between(certificate, 2 * mpmath.asinh(1 / mpmath.mpf(0.1)))
+    assert certificate.width < 1e-16
 
 
 def test_what_is_all_but_flat_between_the_points_that_are_looked_at():

@@ -43,12 +43,16 @@ SHORTEST = 2.0**-14
 
 @dataclass(frozen=True)
 class Samples:
-    """Abscissae x (N + 1,), states (m, N + 1), controls (n, N + 1) and momenta (m, N + 1) at the nodes of a piece."""
+    """Abscissae x (N + 1,), states (m, N + 1), controls (n, N + 1) and momenta (m, N + 1) at the nodes of a piece.
+
+    ``forces`` (m, N + 1) are the derivatives of H by the states, which the momenta are integrated from.
+    """
 
     x: np.ndarray
     states: np.ndarray
     controls: np.ndarray
     momenta: np.ndarray
+    forces: np.ndarray
     hessian: np.ndarray
     turning: np.ndarray
     """Gradients (N + 1, levels, ...) of what is integrated to levels, by the other states and the controls."""
@@ -99,15 +103,15 @@ def sampled(statement: Statement) -> list[Samples]:
         halves = [(s, 0.5 * float(s.x[0] + s.x[-1])) for s in coarse]
         parts = [_samples(statement, a, b) for s, c in halves for a, b in ((float(s.x[0]), c), (c, float(s.x[-1])))]
         done = sorted([s for s in done if not any(s is c for c in coarse)] + parts, key=lambda s: float(s.x[0]))
-    return _carried_on(statement, done)
+    return carried_on(statement, done)
 
 
 def sampled_on(statement: Statement, edges: Sequence[float]) -> list[Samples]:
     """The curve of a statement at the nodes of given pieces."""
-    return _carried_on(statement, [_samples(statement, a, b) for a, b in pairwise(edges)])
+    return carried_on(statement, [_samples(statement, a, b) for a, b in pairwise(edges)])
 
 
-def _carried_on(statement: Statement, samples: list[Samples]) -> list[Samples]:
+def carried_on(statement: Statement, samples: list[Samples]) -> list[Samples]:
     """The samples with momenta of numbers that go on from piece to piece."""
     first, reached = statement.n * statement.order, np.zeros((len(statement.along.numbers), 1))
     joined = []
@@ -134,11 +138,19 @@ def _largest(statement: Statement, samples: Sequence[Samples]) -> np.ndarray:
 
 
 def _samples(statement: Statement, a: float, b: float) -> Samples:
-    along, order = statement.along, statement.order
+    return samples_of(statement, a, b, np.array(statement.along.evaluate(_nodes_of(a, b), 0), dtype=float))
+
+
+def _nodes_of(a: float, b: float) -> np.ndarray:
     x = 0.5 * (a + b) + 0.5 * (b - a) * nodes(DEGREE)
     x[0], x[-1] = a, b
-    y = np.array(along.evaluate(x, 0), dtype=float)
-    half = 0.5 * (b - a)
+    return x
+
+
+def samples_of(statement: Statement, a: float, b: float, y: np.ndarray) -> Samples:
+    """The samples of a piece from a to b of the functions ``y`` (n, N + 1) at its nodes."""
+    along, order = statement.along, statement.order
+    x, half = _nodes_of(a, b), 0.5 * (b - a)
     rows = [y]
     for _ in range(order):
         rows.append(rows[-1] @ differentiation(DEGREE).T / half)
@@ -146,7 +158,8 @@ def _samples(statement: Statement, a: float, b: float) -> Samples:
     states, controls = np.vstack([*rows[:-1], numbers]), rows[-1]
     # at the ends as from within: L may jump there
     gradient, hessian, turning = statement.sampled(nodes_within(a, b), states, controls)
-    return Samples(x, states, controls, _momenta(statement, gradient, half), hessian, turning)
+    forces = gradient[:, : statement.bare].T
+    return Samples(x, states, controls, _momenta(statement, gradient, half), forces, hessian, turning)
 
 
 def nodes_within(a: float, b: float) -> np.ndarray:
@@ -236,12 +249,26 @@ def pieces(statement: Statement, samples: list[Samples], joints: np.ndarray) -> 
             _function(s.states[i], joints[k, i::n][:order], joints[k + 1, i::n][:order], half) for i in range(n)
         ]
         numbers = [found.arb_poly([found.arb(float(c))]) for c in statement.along.numbers]
-        p = [
-            anchored(polynomial(row, size), *ends)
-            for row, size, *ends in zip(s.momenta, momentum_sizes, *momenta[k], strict=True)
-        ]
+        p = _integrals(statement, s, momentum_sizes, half, momenta[k])
         built.append(Piece(centre, half, functions, numbers, p, order, statement.switches(centre, half)))
     return built
+
+
+def _integrals(
+    statement: Statement, s: Samples, sizes: Sequence[float], half: Ball, ends: tuple[list[Ball], list[Ball]]
+) -> list[Poly]:
+    """The momenta of a piece with given values at its ends, integrated exactly: what they miss is round-off of forces.
+
+    Differentiated they would miss their own round-off by far more, on a short piece or where they are large.
+    """
+    found: list[Poly] = []
+    n, length = statement.n, 2 * s.half
+    for i, (force, size, first, last) in enumerate(zip(s.forces, sizes, *ends, strict=True)):
+        rate = polynomial(force, size / length)
+        if statement.order == 2 and n <= i < 2 * n:
+            rate = rate - found[i - n]
+        found.append(anchored((rate * half).integral(), first, last))
+    return found
 
 
 def _function(values: np.ndarray, start: np.ndarray, end: np.ndarray, half: Ball) -> Poly:

@@ -60,7 +60,7 @@ def field(
     unit = 2.0 ** round(math.log2(stiffness)) if 0.0 < stiffness < math.inf else 1.0
     samples = [replace(s, hessian=s.hessian / unit) for s in samples]
     lowered = lowered / unit
-    start, end = _boundary(statement, (bends[0] / unit, bends[1] / unit))
+    start, end = boundary(statement, (bends[0] / unit, bends[1] / unit))
     held = np.hstack([np.eye(statement.states), np.zeros((statement.states, statement.states))])
     cuts = [0, *parted(statement, samples), len(samples)]
     parts = []
@@ -102,7 +102,7 @@ def _on_pieces(
     """U and M on consecutive pieces, under conditions at both ends."""
     m = statement.states
     with np.errstate(all="ignore"):
-        maps = [_solved(statement, s, lowered) for s in samples]
+        maps = [propagator(statement, s, lowered)[1] for s in samples]
         if not all(np.isfinite(f).all() for f in maps):
             return None
         minus = _family(maps, ends[0], m, at_end=True)
@@ -131,8 +131,11 @@ def _below(condition: np.ndarray, family: np.ndarray, sign: int) -> bool:
     return not len(free) or bool(np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).min() > 0)
 
 
-def _solved(statement: Statement, samples: Samples, lowered: np.ndarray) -> np.ndarray:
-    """Solutions (z, pi) at the nodes of a piece from those at its first: (N + 1, 2m, 2m)."""
+def propagator(statement: Statement, samples: Samples, lowered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Jacobi's equation on a piece: its matrix at all nodes but the first, and (N + 1, 2m, 2m) from those at the first.
+
+    The latter are the solutions (z, pi) that are the identity there.
+    """
     m, count = statement.states, len(samples.x) - 1
     A, B = turned_dynamics(statement, samples)
     H = samples.hessian - np.diag(lowered)
@@ -150,10 +153,10 @@ def _solved(statement: Statement, samples: Samples, lowered: np.ndarray) -> np.n
     for j in range(count):
         system[j * size : (j + 1) * size, j * size : (j + 1) * size] -= G[j + 1]
     inner = np.linalg.solve(system, -np.kron(D[1:, :1], np.eye(size)))
-    return np.concatenate([np.eye(size)[None], inner.reshape(count, size, size)])
+    return system, np.concatenate([np.eye(size)[None], inner.reshape(count, size, size)])
 
 
-def _boundary(statement: Statement, bends: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def boundary(statement: Statement, bends: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Rows (m, 2m) that vanish on families of the start, and of the end: z = 0, and pi = -+ M_zz z where z is free."""
     m = statement.states
     rows = []

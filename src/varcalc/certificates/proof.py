@@ -13,6 +13,7 @@ from varcalc.certificates.balls import Ball, above, below, flint, largest, worki
 from varcalc.certificates.bounds import Bounds, bounds
 from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
 from varcalc.certificates.choice import Told, proved_tube, silent
+from varcalc.certificates.closer import closer
 from varcalc.certificates.convexity import convex_in_slope
 from varcalc.certificates.curve import end_values
 from varcalc.certificates.ends import prove_ends
@@ -21,11 +22,12 @@ from varcalc.certificates.integrals import Unproved, total
 from varcalc.certificates.jets import Undecided
 from varcalc.certificates.kinks import Kinked, kinks
 from varcalc.certificates.levels import allowed_for, meeting
-from varcalc.certificates.nearness import Attained, Nearness, nearness
+from varcalc.certificates.nearness import Attained, Nearness, TooFar, nearness
 from varcalc.certificates.pathwise import Pathwise, pathwise
 from varcalc.certificates.rayleigh import lowest_of_all
 from varcalc.certificates.regular import Regular, check_forward, regular
 from varcalc.certificates.setting import Setting, setting_along
+from varcalc.certificates.shifts import pinned
 from varcalc.certificates.statement import Statement
 from varcalc.certificates.tube import Prover, Tube
 from varcalc.formulation.singular import forms, number_of
@@ -33,6 +35,7 @@ from varcalc.methods.collocation.method import Collocation
 from varcalc.problem.conditions import Bound, Isoperimetric, whole
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.exact import exactly
+from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.progress import Interrupted, Progress, telling
 from varcalc.solution import Solution, Status, VariationalError
@@ -48,6 +51,9 @@ BITS = 128
 TERMS = 24
 """Length to which Arb keeps series: more than any Taylor form here has terms."""
 
+STEPS_NEARER = 2
+"""Steps of Newton's method by which a curve is brought nearer to its extremal where the tube asks for it."""
+
 CURVE, NEARBY, BOUNDS = "the curve", "a problem that bounds this one from below", "the bounds"
 """What is told while it is done."""
 COORDINATES = "the end where L is infinite is regular in alpha and z, by which the tube and the distances are meant"
@@ -60,6 +66,8 @@ MULTIPLIERS = "the multipliers of the levels have their signs, so that L with th
 KINKS_MET = (
     "kinks and jumps that the curve meets are covered as c(x) |e|, c(x) positive, in graphs without other conditions"
 )
+SHIFTED = "shifted curves have the same value: they are meant shifted so that all have one start"
+CLOSED = "closed Curves are not covered: each may begin at any of its points, so that none is strictly the least"
 SIGNS = "the multipliers of the bounds have their signs, so that L with them is no more than L within the bounds"
 WITHIN = "the curve of the upper bound lies within all bounds"
 SHARES = "an abscissa that slides is a number, and distances are meant at equal shares of the interval"
@@ -159,6 +167,10 @@ def _proof(solution: Solution, told: Told) -> Certificate:
             if kinked.met:
                 raise
     told(CURVE)
+    alike = pinned(solution)
+    if alike is not None:
+        found = _proof(_solved_nearby(*alike, told), told)
+        return replace(found, proved=(*found.proved, Hypothesis(SHIFTED, Means.CONSTRUCTION)))
     found = _regular_curve(solution)
     return _of_length(solution, found, told) if isinstance(found, Regular) else _of_curve(solution, found, told)
 
@@ -229,7 +241,7 @@ def _under_equations(solution: Solution, along: AlongCurve, told: Told) -> Certi
     raise reason
 
 
-def _solved_nearby(problem: Problem, guess: Callable[..., Any], told: Told) -> Solution:
+def _solved_nearby(problem: Functional, guess: Callable[..., Any], told: Told) -> Solution:
     """The extremal of a problem that stands for another, near that one's curve."""
     told(NEARBY)
     try:
@@ -289,7 +301,25 @@ def certified(solution: Solution, along: AlongCurve, told: Told = silent) -> Cer
 def _bounded(
     solution: Solution, setting: Setting, told: Told, held: Bounds | Kinked | Inequalities | Pathwise | None = None
 ) -> tuple[Ball, Ball, Certificate]:
-    """The two numbers as balls, and the certificate; ``held`` are the bounds along the curve."""
+    """The two numbers as balls, and the certificate; ``held`` are the bounds along the curve.
+
+    A curve that is not known well enough for its tube is brought nearer to its extremal.
+    """
+    for _ in range(STEPS_NEARER):
+        try:
+            return _in_tube(solution, setting, told, held)
+        except TooFar:
+            nearer = closer(setting, solution.value)
+            if nearer is None:
+                raise
+            setting = nearer
+    return _in_tube(solution, setting, told, held)
+
+
+def _in_tube(
+    solution: Solution, setting: Setting, told: Told, held: Bounds | Kinked | Inequalities | Pathwise | None
+) -> tuple[Ball, Ball, Certificate]:
+    """The two numbers as balls, and the certificate, with the curve of a setting in the middle of the tube."""
     prover = proved_tube(setting, told)
     told(BOUNDS)
     setting = replace(prover.setting, along=allowed_for(prover.setting, prover))
@@ -347,7 +377,7 @@ def _out_of_reach(along: AlongCurve) -> str:
         KINKS_MET: form.coordinates.corners > 0,
         f"curves in coordinates of their own ({form.coordinates.note}) are not covered": form.lift is not None
         and (form.coordinates.energetic or not any(form.problem.slides)),
-        "closed curves in space are not covered": form.coordinates.gauged and form.ends.periodic,
+        CLOSED: form.coordinates.gauged and form.ends.periodic,
         "ends that slide are not covered of Lagrangians of second order": form.ends.equations > 0 and form.order == 2,
         "periodic ends that cost something are not covered": form.ends.joint is not None and form.ends.periodic,
         "curves that are broken where L is not smooth are not covered": form.broken_at_switches,

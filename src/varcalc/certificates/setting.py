@@ -55,7 +55,11 @@ def setting_along(along: AlongCurve, value: float, beside: Any = 0) -> Setting:
     strange = without_enclosure(stated.function)
     if strange:
         raise Unproved(f"the Lagrangian holds {strange}, of which no enclosure is known")
-    samples = sampled(stated)
+    return setting_of(stated, sampled(stated), value)
+
+
+def setting_of(stated: Statement, samples: list[Samples], value: float) -> Setting:
+    """The setting of a statement's curve, sampled; Unproved where the Lagrangian is not enclosed on it."""
     if not all(np.isfinite(s.hessian).all() and np.isfinite(s.momenta).all() for s in samples):
         raise Unproved("the Lagrangian or its derivatives are no numbers on the curve")
     stated = tied(stated, samples)
