@@ -375,8 +375,9 @@ class RitzSystem:
     def hessian(self, at: Evaluation, multipliers: np.ndarray) -> np.ndarray:
         """Dense Hessian of the Lagrangian function in the free unknowns."""
         full = self.assembly.matrices(self._lagrangian(at, multipliers) * self.second)
-        places, block = self.end_curvature(at, multipliers)
-        full[np.ix_(places, places)] += block
+        if at.ends is not None:
+            places, block = self.end_curvature(at, multipliers)
+            full[np.ix_(places, places)] += block
         return full
 
     def leading(self, curvature: np.ndarray) -> np.ndarray:
