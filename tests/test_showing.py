@@ -324,3 +324,11 @@ def test_labels():
     ]  # fmt: skip
     for awkward in ("50%", "a b", "cost$", "x^2", "{y}", "h_max", "#1"):
         MATHTEXT.parse(Axis(awkward, "$/m").label)
+
+
+@pytest.mark.parametrize("receiver", [(1.0, 0.1), (10.0, 0.4)], ids=["lit", "shadow"])
+def test_what_was_searched_for_rays_has_the_unit_of_the_scene(receiver):
+    rays = SEA.rays((0.0, 0.0), receiver)
+    assert re.search(r"optical paths up to [\d.]+ km", rays.searched)
+    assert bool(rays) == (not rays.reason)
+    assert rays or rays.searched in rays.reason

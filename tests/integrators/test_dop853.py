@@ -6,7 +6,7 @@ import pytest
 
 from varcalc.integrators.dop853 import Dop853
 from varcalc.integrators.protocol import STOPPED
-from varcalc.integrators.stops import STEP_PLACES, Interpolant
+from varcalc.integrators.stops import STEP_PLACES, Interpolant, Stops
 from varcalc.symbolic.evaluation import POINTS_FOR_NUMPY
 
 s, state, frequency = ca.SX.sym("s"), ca.SX.sym("Y", 2), ca.SX.sym("c", 1)
@@ -37,3 +37,24 @@ def test_all_places_of_a_step_at_once_are_those_one_by_one():
     step = Interpolant(np.zeros(4), np.ones(4), rng.normal(size=(4, 2)), rng.normal(size=(7, 4, 2)))
     parts = np.arange(1, STEP_PLACES + 1) / STEP_PLACES
     assert np.allclose(step.at(parts), [step(np.full(4, part)) for part in parts], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("fine", [0.0, 40.0])
+def test_no_stop_is_met_in_a_step_that_is_not_looked_at(fine):
+    """Steps along circles that reach the wall x = c + 0.1 sin(fine y), the waves of which are shorter than steps."""
+    rng = np.random.default_rng(5)
+    wall = ca.Function("g", [s, state, frequency], [state[0] - frequency - 0.1 * ca.sin(fine * state[1])])
+    circle = ca.Function("f", [s, state, frequency], [ca.vertcat(state[1], -state[0])])
+    start, lengths = rng.uniform(0, 2 * np.pi, 4000), rng.uniform(0.01, 0.7, 4000)
+    angles = start + np.linspace(0, 1, 400)[:, None] * lengths
+    x, y, c = np.cos(angles), -np.sin(angles), rng.uniform(-1.2, 1.2, 4000)
+    levels = x - c - 0.1 * np.sin(fine * y)
+    ends = [np.stack([x[k], y[k]], axis=1) for k in (0, -1)]
+    rates = [np.stack([y[k], -x[k]], axis=1) for k in (0, -1)]
+    looked = Stops(circle, wall).may_stop(
+        (ends[0], ends[1]), (rates[0], rates[1]), lengths, c[:, None], np.sign(levels[:1].T)
+    )
+    met = np.any(levels * np.sign(levels[0]) < 0, axis=0)
+    assert met.sum() > 300
+    assert np.all(looked[met])
+    assert not looked.all()

@@ -1,6 +1,7 @@
 """Motions: against closed forms, with events, constraints and their reactions; ensembles; the catalogue."""
 
 import math
+import pickle
 
 import casadi as ca
 import numpy as np
@@ -203,3 +204,12 @@ def test_a_long_motion_tells_how_far_it_has_come_and_keeps_it_when_it_is_stopped
     k = math.sin(0.5) ** 2  # sin(theta / 2) = sin(1/2) sn(K - t)
     exact = 2 * math.asin(math.sin(0.5) * float(ellipfun("sn", quarter(k) - 3000, m=k)))
     assert abs(known.q(3000.0)[0] - exact) <= known.error < 1e-9
+
+
+def test_a_motion_goes_to_another_process():
+    """As a kink ends one run and begins the next: x'' = -sign x from x = 1 has the period 4 sqrt 2."""
+    swing = mechanics.System(lambda t, q, v: v[0] ** 2 / 2 - ca.fabs(q[0]), ("x",))
+    sent = pickle.loads(pickle.dumps(swing.motion([1.0], [0.0], (0, 4 * math.sqrt(2)))))
+    assert abs(sent.q(4 * math.sqrt(2))[0] - 1) < 1e-13
+    assert abs(sent.q(2 * math.sqrt(2))[0] + 1) < 1e-13
+    assert abs(sent.q(1.0)[0] - 0.5) < 1e-13

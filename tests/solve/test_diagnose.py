@@ -9,6 +9,7 @@ import mpmath
 import pytest
 
 import varcalc as vc
+from varcalc.solve import examination
 
 
 def graph(lagrangian, first, last, constraints=(), **more):
@@ -95,3 +96,11 @@ def test_the_refusal_beyond_the_fold_says_what_was_searched():
 def test_what_is_no_problem_is_refused():
     with pytest.raises(TypeError, match="must be a Problem or a Curve"):
         vc.diagnose(3)
+
+
+def test_a_functional_of_many_extremals_is_told_by_the_first_of_them(monkeypatch):
+    monkeypatch.setattr(examination, "VERIFIED", 1)
+    told = [finding.sentence for finding in vc.diagnose(soap_film(0.5)).findings]
+    assert sum("extremal 1 of 2" in sentence for sentence in told) == 1
+    assert not any("extremal 2 of 2" in sentence for sentence in told)
+    assert sum(sentence.startswith("1 further extremal,") for sentence in told) == 1

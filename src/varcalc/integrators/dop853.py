@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -174,8 +175,9 @@ def _note() -> None:
     """Tell, once, that large ensembles would be quicker with heyoka, unless it is there and this method was chosen."""
     if not installed("heyoka"):
         logging.getLogger("varcalc").warning(
-            "heyoka is not installed: large bundles of rays and motions go by DOP853 on arrays, which is up to twenty "
-            "times slower, to the same digits. Where there is a wheel for it: python -m pip install heyoka"
+            "heyoka is not installed: large bundles of rays and motions go by DOP853 on arrays, to the same digits, "
+            "and up to twenty times slower than by heyoka once it has compiled them. Where there is a wheel for it: "
+            "python -m pip install heyoka"
         )
 
 
@@ -196,11 +198,13 @@ class _Workspace:
     def __init__(self, rates: PointEvaluator, m: int) -> None:
         system = rates.function
         size = system.numel_in(1)
-        self.time, self.state, self.rates, self.sum = np.zeros(m), *(np.zeros((m, size)) for _ in range(3))
-        self.constants = np.zeros((m, system.numel_in(2)))
+        self.order: Literal["C", "F"] = rates.order(m)
+        self.time, self.constants = np.zeros(m), np.zeros((m, system.numel_in(2)), order=self.order)
+        self.state, self.rates, self.sum = (np.zeros((m, size), order=self.order) for _ in range(3))
         self.call = rates.bound([self.time[:, None], self.state, self.constants], self.rates)
-        self.stages = np.zeros((16, m, size))  # times the step
-        self.flat = self.stages.reshape(16, -1)
+        # times the step
+        stages = np.zeros((13, m, size)) if self.order == "C" else np.zeros((13, size, m)).transpose(0, 2, 1)
+        self.stages: np.ndarray = stages
 
     def slope(self, time: np.ndarray, state: np.ndarray) -> np.ndarray:
         """dY/ds (m, N), in memory that the next call overwrites."""
@@ -237,6 +241,7 @@ class _Runs:
         """Memory for as many runs as there are now."""
         self.work = self.flow.spare.pop(len(self.rows), None) or _Workspace(self.flow.rates, len(self.rows))
         self.work.constants[:] = self.constants
+        self.state = np.asarray(self.state, order=self.work.order)
 
     def _give_back(self) -> None:
         if len(self.work.time) <= SPARSE:
@@ -245,7 +250,7 @@ class _Runs:
     def go(self) -> None:
         """Carry all runs to their ends."""
         with np.errstate(all="ignore"):
-            self.slope = self.work.slope(self.time, self.state).copy()
+            self.slope = self.work.slope(self.time, self.state).copy("K")
             self._end(np.asarray(~np.isfinite(self.slope).all(axis=1)), NOT_FINITE)
             self._end(self.live & (self.time == self.bound), COMPLETED)
             self.step = self._first_steps()
@@ -302,13 +307,11 @@ class _Runs:
         error = self._error(new)
         factor = np.fmin(np.fmax(SAFETY * error ** (-1 / 8), SHRINK), GROW)
         taken = self.live & (error < 1)
-        shape = None
-        if self.kept is not None or self.flow.stops is not None:
-            shape = self._shape(h, new, following)
+        looked = self._looked_at(taken, h, new, following)
+        step = self._interpolant(looked, h, new, following) if len(looked) else None
         if self.refused.any():
             factor = np.where(taken & self.refused, np.minimum(1.0, factor), factor)
         self.step, self.refused = np.abs(h) * factor, self.live & ~taken
-        before = self.time, self.state
         if taken.all():
             self.time, self.state, self.slope = end, new, following
         else:
@@ -316,8 +319,8 @@ class _Runs:
             self.time, self.state = np.where(taken, end, self.time), np.where(column, new, self.state)
             self.slope = np.where(column, following, self.slope)
         self.landing.steps[self.rows[taken]] += 1
-        if shape is not None:
-            self._record(*before, h, shape, taken)
+        if step is not None:
+            self._record(looked, step)
         self._end(self.live & (self.time == self.bound), COMPLETED)
         if self.landing.rounds + 1 >= self.flow.engine.most_steps:
             self._end(self.live & (self.landing.steps[self.rows] >= self.flow.engine.most_steps), TOO_MANY_STEPS)
@@ -326,48 +329,56 @@ class _Runs:
         """The state after the step, and the rate there."""
         stages, places, *_ = _tables()
         work, column = self.work, h[:, None]
-        k, flat, total, state, rates = work.stages, work.flat, work.sum, work.state, work.rates
-        row = total.reshape(-1)
+        k, total, state, rates = work.stages, work.sum, work.state, work.rates
         times = self.time + places[:, None] * h
         times[12] = end
         np.multiply(self.slope, column, out=k[0])
         for s in range(1, 13):
-            np.dot(stages[s, :s], flat[:s], out=row)
+            _combined(stages[s, :s], k[:s], total)
             np.add(self.state, total, out=state)
             work.time[:] = times[s]
             work.call()
             np.multiply(rates, column, out=k[s])
-        return state.copy(), rates.copy()
+        return state.copy("K"), rates.copy("K")
 
     def _error(self, new: np.ndarray) -> np.ndarray:
         """The error (m,) of the step relative to the tolerance: that of order 5, corrected by that of order 3."""
-        errors, m = _tables()[2], len(new)
+        errors = _tables()[2]
         scale = self.floor + np.maximum(np.abs(self.state), np.abs(new)) * self.tolerance
-        off = (errors @ self.work.flat[:13]).reshape(2, m, -1) / scale
-        fifth, third = np.einsum("kmn,kmn->km", off, off)
+        off = [_combined(weights, self.work.stages[:13]) / scale for weights in errors]
+        fifth, third = (np.einsum("mn,mn->m", part, part) for part in off)
         denominator = fifth + 0.01 * third
         return np.where(denominator == 0, 0.0, fifth / np.sqrt(denominator * new.shape[1]))
 
-    def _shape(self, h: np.ndarray, new: np.ndarray, following: np.ndarray) -> np.ndarray:
-        """The coefficients (7, m, N) of the interpolant of order 7: Hairer, Norsett, Wanner, sect. II.6."""
-        _, _, _, extra, places, dense = _tables()
-        k, flat, m, column = self.work.stages, self.work.flat, len(self.time), h[:, None]
-        for s, (row, place) in enumerate(zip(extra, places, strict=True), start=13):
-            within = self.state + (row[:s] @ flat[:s]).reshape(m, -1)
-            np.multiply(self.work.slope(self.time + place * h, within), column, out=k[s])
-        rise = new - self.state
-        out = np.empty((7, *rise.shape))
-        out[0], out[1], out[2] = rise, k[0] - rise, 2 * rise - (column * following + k[0])
-        out[3:] = (dense @ flat).reshape(4, m, -1)
-        return out
+    def _looked_at(self, taken: np.ndarray, h: np.ndarray, new: np.ndarray, following: np.ndarray) -> np.ndarray:
+        """The runs whose step has to be known between its ends: it is kept, or may meet a stop."""
+        if self.kept is not None:
+            return np.flatnonzero(taken)
+        if self.flow.stops is None:
+            return np.zeros(0, dtype=int)
+        ends, rates = (self.state, new), (self.slope, following)
+        return np.flatnonzero(taken & self.flow.stops.may_stop(ends, rates, h, self.constants, self.signs))
 
-    def _record(self, time: np.ndarray, state: np.ndarray, h: np.ndarray, shape: np.ndarray, taken: np.ndarray) -> None:
-        """Keep the interpolants of the steps that were taken, and end the runs that have met a stop."""
-        at = np.flatnonzero(taken)
-        if len(at) == 0:
-            return
-        step = Interpolant(time, h, state, shape)
-        step = step if len(at) == len(time) else step[at]
+    def _interpolant(self, at: np.ndarray, h: np.ndarray, new: np.ndarray, following: np.ndarray) -> Interpolant:
+        """The interpolant of order 7 of the steps of some runs: Hairer, Norsett, Wanner, sect. II.6."""
+        _, _, _, extra, places, dense = _tables()
+        time, state, length, constants = self.time[at], self.state[at], h[at], self.constants[at]
+        m, column = len(at), length[:, None]
+        k = np.empty((16, m, state.shape[1]))
+        k[:13] = self.work.stages[:13, at]
+        for s, (row, place) in enumerate(zip(extra, places, strict=True), start=13):
+            within = state + _combined(row[:s], k[:s])
+            np.multiply(self.flow.rates(m, (time + place * length)[:, None], within, constants), column, out=k[s])
+        rise = new[at] - state
+        shape = np.empty((7, *rise.shape))
+        shape[0], shape[1] = rise, k[0] - rise
+        shape[2] = 2 * rise - (column * following[at] + k[0])
+        for row, out in zip(dense, shape[3:], strict=True):
+            out[:] = _combined(row, k)
+        return Interpolant(time, length, state, shape)
+
+    def _record(self, at: np.ndarray, step: Interpolant) -> None:
+        """Keep the interpolants of the steps of some runs, and end those that have met a stop."""
         if self.kept is not None:
             self.kept.append((self.rows[at], step))
         if self.flow.stops is None:
@@ -375,9 +386,9 @@ class _Runs:
         which, part, stop = self.flow.stops.first(step, self.constants[at], self.signs[at])
         if len(which) == 0:
             return
-        met = at[which]
+        met, begun_at = at[which], step[which]
         short = Dop853Flow(self.flow.engine, self.flow.system, None).ensemble(
-            state[met], self.constants[met], start=time[met], until=time[met] + part * h[met]
+            begun_at.state, self.constants[met], start=begun_at.time, until=begun_at.time + part * begun_at.length
         )
         there, shift = self.flow.stops.polished(short.states, self.constants[met], stop)
         self.state[met], self.time[met] = there, short.reached + shift
@@ -385,6 +396,14 @@ class _Runs:
         ended = np.zeros(len(self.rows), dtype=bool)
         ended[met] = True
         self._end(ended, STOPPED)
+
+
+def _combined(weights: np.ndarray, stages: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
+    """The sum (m, N) of ``stages`` (k, m, N) by their ``weights`` (k,), on one core.
+
+    BLAS would take all cores for what takes microseconds, and so would every other of the threads at work.
+    """
+    return np.einsum("k,kmn->mn", weights, stages, out=out)
 
 
 @dataclass(frozen=True)

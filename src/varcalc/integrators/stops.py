@@ -10,7 +10,10 @@ import numpy as np
 
 from varcalc.integrators.protocol import check_system
 from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.intervals import Interval, enclosures
 
+STRAYING = 2.0
+"""By how many times the greater rate at the two ends of a step a solution may leave the line between them."""
 STEP_PLACES = 12
 """Places along a step where the stopping functions are looked at."""
 ROUNDS = 60
@@ -94,6 +97,26 @@ class Stops:
         signs = np.sign(level)
         signs[:, list(leaving)] = np.sign(slope[:, list(leaving)])
         return signs
+
+    def may_stop(
+        self, states: tuple[np.ndarray, np.ndarray], rates: tuple[np.ndarray, np.ndarray], lengths: np.ndarray,
+        constants: np.ndarray, signs: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
+        """True (m,) for runs that may meet a stop within a step, which are few: only there has it to be looked for.
+
+        The functions are enclosed over the box in which the step lies, by ``states`` (m, N) and ``rates`` (m, N) at
+        its two ends and its ``lengths`` (m,); ``signs`` (m, k) are those before it.
+        """
+        first, last = states
+        reach = STRAYING * np.abs(lengths)[:, None] * np.maximum(*np.abs(rates))
+        strayed = np.maximum((reach - np.abs(last - first)) / 2, 0.0)
+        low, high = np.minimum(first, last) - strayed, np.maximum(first, last) + strayed
+        box: list[Interval] = list(zip(low.T, high.T, strict=True))
+        ranges = enclosures(self._levels.function, [box, [(c, c) for c in constants.T]])[0]
+        beyond = np.zeros(len(signs), dtype=bool)
+        for sign, (least, greatest) in zip(signs.T, ranges, strict=True):
+            beyond |= ~np.where(sign > 0, least > 0, (sign == 0) | (greatest < 0))
+        return beyond
 
     def first(
         self, step: Interpolant, constants: np.ndarray, signs: np.ndarray

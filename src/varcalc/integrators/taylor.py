@@ -91,6 +91,10 @@ class TaylorFlow:
 
     compiled = True
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Compiled code stays in its process: what is sent is compiled anew, to the same numbers, when it is called."""
+        return self.engine.compile, (self.system, None if self.stops is None else self.stops.stops)
+
     @cached_property
     def equations(self) -> list[tuple[Any, Any]]:
         """dY/ds = f as heyoka takes it."""

@@ -302,8 +302,7 @@ class Scene(Shown):
         """The rays with the names and units of the scene, where it has any."""
         if not (self.names or self.units):
             return rays
-        axes = self.axes(self.dimension or 2)
-        return replace(rays, found=tuple(replace(ray, axes=axes) for ray in rays), axes=axes)
+        return rays.along(self.axes(self.dimension or 2))
 
     def _starts(self, points: Any, directions: Any, optical_path: Any, until: Surface | None) -> Starts:
         """Where rays start, off every surface, along which unit directions, and how far they go, checked.

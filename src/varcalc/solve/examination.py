@@ -14,11 +14,14 @@ from varcalc.existence.second_look import none_found, regular
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.search import extremals
+from varcalc.showing import counted
 from varcalc.solution import Finding, Solution, Status, Verdict
 from varcalc.solve.ladder import solve
 
 HOPELESS = {Verdict.INFEASIBLE, Verdict.SINGULAR}
 """Verdicts that leave nothing to search for."""
+VERIFIED = 8
+"""Extremals that are told one by one: a functional without a bound may have hundreds, each slow to verify."""
 
 
 class ProblemExamination:
@@ -51,7 +54,7 @@ class ProblemExamination:
     def _extremals(self, solution: Solution) -> Iterator[Finding]:
         found = extremals(self.problem, progress=False)
         self.evidence["extremals"] = found
-        for number, extremal in enumerate(found, start=1):
+        for number, extremal in enumerate(found[:VERIFIED], start=1):
             check = extremal.verification
             sentence = (
                 f"extremal {number} of {len(found)}: value {extremal.value:.12g}, index {check.index:g}, "
@@ -61,6 +64,10 @@ class ProblemExamination:
             yield Finding(
                 check.verdict if alone else None, sentence, {"value": extremal.value, "index": float(check.index)}
             )
+        if len(found) > VERIFIED:
+            more = counted(len(found) - VERIFIED, "further extremal")
+            ends = f"{found[VERIFIED].value:.12g} to {found[-1].value:.12g}"
+            yield Finding(None, f"{more}, with values from {ends}, not verified one by one")
         if len(found):
             yield Finding(None, f"searched: {found.searched}")
         elif solution.status.ok or solution.verdict is Verdict.NO_EXTREMAL:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from threading import Lock
-from typing import Any
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -97,12 +97,16 @@ class PointEvaluator:
     def bound(self, inputs: Sequence[np.ndarray], output: np.ndarray) -> Callable[[], None]:
         """A call that reads ``inputs`` and writes ``output``, the one result, in place: microseconds a call.
 
-        The arrays are contiguous, hold one point a row, and must not be replaced while the call is in use. It is taken
-        to be called often, so that for many points NumPy's form is read at once.
+        The arrays hold one point a row, are contiguous, in the order of :meth:`order`, and must not be replaced while
+        the call is in use. It is taken to be called often, so that for many points NumPy's form is read at once.
         """
-        if len(output) >= POINTS_FOR_NUMPY and self._read(MOST_POINTS):
+        if self.order(len(output)) == "F":
             return lambda: self._by_columns(inputs, output)
         return _InPlace(self.function.map(len(output)), inputs, [output])
+
+    def order(self, count: int) -> Literal["C", "F"]:
+        """How arrays of so many points lie in memory for :meth:`bound`: by columns for NumPy, by points for CasADi."""
+        return "F" if count >= POINTS_FOR_NUMPY and self._read(MOST_POINTS) else "C"
 
     @cached_property
     def occupied(self) -> np.ndarray:

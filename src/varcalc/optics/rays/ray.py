@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from varcalc.axes import Axis, unit_of_length
+from varcalc.axes import Axis, measured, unit_of_length
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.rays.beam import AT_END, RayStatus
 from varcalc.optics.rays.derivatives import path_derivatives
@@ -199,6 +200,14 @@ class Rays(Plotted, Sequence[Ray]):
         paths = [f"{ray.optical_path:.12g}" for ray in self.found]
         return line("Rays", [f"[{', '.join(paths[:MOST_PATHS])}{', ...' if len(paths) > MOST_PATHS else ''}]"])
 
+    def along(self, axes: tuple[Axis, ...]) -> Rays:
+        """The same rays in a scene with such axes, whose unit the lengths of what was searched have too."""
+        unit = unit_of_length(axes)
+        found = tuple(replace(ray, axes=axes) for ray in self.found)
+        searched = SEARCHED_LENGTH.sub(lambda length: measured(length[0], unit), self.searched)
+        reason = self.reason.replace(self.searched, searched)
+        return replace(self, found=found, reason=reason, searched=searched, axes=axes)
+
     def _headline(self) -> str:
         if not self.found:
             return f"No ray: {self.reason}"
@@ -233,6 +242,8 @@ def direction(vector: np.ndarray) -> str:
     return f"({', '.join(f'{x:.6g}' for x in vector)})"
 
 
+SEARCHED_LENGTH = re.compile(r"(?:(?<=optical paths up to )|(?<=no farther than ))[-+.e\d]*\d")
+"""A length in the words of a search, which knows of no units."""
 SHADOW = "shadow: no ray of the source comes to B"
 """Why there is no ray where nothing is in the way."""
 
