@@ -38,7 +38,7 @@ CHORD_POINTS = 33
 SLIDE_STARTS = 6
 """Places from which |phi| is made least."""
 MISS_TOLERANCE = 1e-3
-CLOSE = 1e-9
+MISS_KNOWN_TO = 1e-9
 """IPOPT's own tolerance: far below a miss that counts, and far above what round-off leaves of the least weight."""
 
 
@@ -135,7 +135,7 @@ def _extreme(problem: Functional, constraint: Isoperimetric, greatest: bool) -> 
             maximise=greatest,
         )  # fmt: skip
     for form in filter(None, forms(bare)):
-        solution = Ritz(starts=3, optimiser=Ipopt(tol=CLOSE)).solve(form, tol=1e-10, guess=None)
+        solution = Ritz(starts=3, optimiser=Ipopt(tol=MISS_KNOWN_TO)).solve(form, tol=1e-10, guess=None)
         if solution.status.ok:
             return solution.value
     return math.inf if greatest else -math.inf
@@ -171,7 +171,7 @@ def contradiction(problem: Functional) -> Contradiction | None:
     sizes = _sizes(problem)
     misses = []
     for weight in SLOPE_WEIGHTS:
-        solution = Ritz(starts=3, optimiser=Ipopt(tol=CLOSE)).solve(
+        solution = Ritz(starts=3, optimiser=Ipopt(tol=MISS_KNOWN_TO)).solve(
             formulate(_elastic(problem, sizes, weight)), tol=MISS_TOLERANCE, guess=None
         )
         if not solution.status.ok:

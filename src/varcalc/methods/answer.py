@@ -34,6 +34,9 @@ PLACES_A_PIECE = 16
 ALIKE_PLACES = 7
 SAME_PLACE = 1e-6
 """Distance, in units of the curve, up to which two changes of variable send a curve to the same place."""
+RISE_PLACES = 1001
+RISE_NOISE, RISE_LEAST, BEND_LEAST = 1e-6, 1e-5, 1e-4
+"""Slope below zero, relative to the largest, that is made of rounding, and slope and bend at an end that are none."""
 
 
 SEEN_FORWARD = np.ones(1)
@@ -531,3 +534,25 @@ def answer(
     )
     known = extremal.coefficients
     return defined(found, extremal.evaluate(nodes, 0) if known is None else known)
+
+
+def rises_throughout(form: Form, curve: Callable[[np.ndarray, int], np.ndarray]) -> bool:
+    """Whether the slope of a curve of one function has one sign from end to end, where the integrand does not hold s.
+
+    That slope solves Jacobi's equation then, and a solution without a zero shows that no point is conjugate to the
+    start (Gelfand and Fomin, sect. 26), however soft the mode: that of a kink that is hardly held falls exponentially
+    toward the ends. A slope that goes to zero there in a straight line has zeros: the ends are conjugate.
+    """
+    if form.n > 1 or form.order > 1 or ca.depends_on(form.integrand, form.symbols.x):
+        return False
+    inside = form.conditions.pathwise or form.conditions.integrals or form.held or len(form.start.unknowns)
+    if inside or not form.ends.separate or form.refused:  # knots do no harm: the integrand does not change there
+        return False
+    s = np.linspace(*form.span, RISE_PLACES)
+    slope = curve(s, 1)[0]
+    slope = slope * np.sign(slope.sum())
+    bend = np.abs(np.gradient(slope))
+    size = slope.max()
+    if not size > 0.0 or slope.min() < -RISE_NOISE * size:
+        return False
+    return all(slope[k] > RISE_LEAST * size or bend[k] <= BEND_LEAST * bend.max() for k in (0, -1))

@@ -22,7 +22,7 @@ from varcalc.symbolic.instructions import Call, interpret, operate
 from varcalc.symbolic.switches import CONTINUOUS, SWITCHING, alike, arguments
 from varcalc.symbolic.tracing import Expression
 
-COMPARED = {ca.OP_LT, ca.OP_LE, ca.OP_SIGN}
+TWO_SIDED = {ca.OP_LT, ca.OP_LE, ca.OP_SIGN}
 """Operations that jump from one number to another where their argument changes its sign."""
 JUMPING = SWITCHING - CONTINUOUS
 TRIED = np.modf(np.outer(np.sqrt(np.arange(2.0, 34.0)), np.sqrt(np.arange(3.0, 43.0))))[0] * 2 - 1
@@ -90,7 +90,7 @@ class _Reader:
         if operation != ca.OP_ADD:  # two halves of if_else are added, and make one kink together
             operands = [self.closed(o.written, o.sides) if o.half else o for o in operands]
         written = operate(operation, [o.written for o in operands])
-        if operation in COMPARED and not any(o.sides for o in operands):
+        if operation in TWO_SIDED and not any(o.sides for o in operands):
             return self._opened(operation, written, *arguments(operation, [o.written for o in operands]))
         sides: Sides = {}
         for jump in sorted({jump for o in operands for jump in o.sides}):

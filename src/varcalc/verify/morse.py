@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from varcalc.methods.answer import rises_throughout
 from varcalc.solution import Finding
 from varcalc.verify.accessory import Accessory
 from varcalc.verify.along_curve import AlongCurve
@@ -111,6 +112,9 @@ def _whole(along: AlongCurve) -> JacobiIndex:
     forward = _carried(canonical(accessory), balanced(accessory, start.plane))
     points = forward.points
     name = "conjugate" if start.fixed else "focal"
+    if start.fixed and end.fixed and rises_throughout(along.form, along.evaluate):
+        # round-off of fields that grow by more than all digits may show points where there are none
+        return JacobiIndex(0, 0, "", np.zeros(0), "the slope of the curve is a Jacobi field without a zero")
     if end.fixed:
         return JacobiIndex(len(points), len(forward.at_end), "", points, f"{len(points)} {name} points inside")
     if start.fixed:

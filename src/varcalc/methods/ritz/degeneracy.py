@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from varcalc.methods.answer import rises_throughout
 from varcalc.methods.ritz.elements import DENSE, Elements, round_off, softest
 from varcalc.methods.ritz.error import SOFT_MODE
 from varcalc.methods.ritz.newton import NullSpace, Step, newton_step
@@ -31,9 +32,6 @@ ZERO = 1e-9
 """Eigenvalues of the second variation, in units of its leading term, that are none."""
 LOOSEST = 1e-6
 """The same where the curve is known poorly."""
-RISE_PLACES = 1001
-RISE_NOISE, RISE_LEAST, BEND_LEAST = 1e-6, 1e-5, 1e-4
-"""Slope below zero, relative to the largest, that is made of rounding, and slope and bend at an end that are none."""
 PLACED = 1e-10
 """Change of the functional, relative to what is summed, that a curve in its place may still make by being moved."""
 EIGENVALUE_KEPT = 0.9
@@ -70,7 +68,7 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
             return Verdict.SADDLE, f"no minimum: in a richer space the second variation is negative ({lowest:.2g})"
         if lowest <= threshold:
             zero = modes[:, eigenvalues <= threshold]
-            if _rises_throughout(system, z):
+            if rises_throughout(system.form, system.space.curve(system.coefficients(z))):
                 return _unplaced(system, z)
             return None if _are_rigid_motions(system, z, zero) else _sentence(zero.shape[1], lowest)
         if not lowest < EIGENVALUE_KEPT * previous:
@@ -80,30 +78,6 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
         following = newton_step(system, system.evaluate(z), following.multipliers)
         z = z if following is None else z + following.change
     return None
-
-
-def _rises_throughout(system: RitzSystem, z: np.ndarray) -> bool:
-    """Whether the slope of one function has one sign from end to end, where the integrand does not hold s.
-
-    That slope solves Jacobi's equation then, and a solution without a zero shows that no point is conjugate to the
-    start (Gelfand and Fomin, sect. 26), however soft the mode: that of a kink that is hardly held falls exponentially
-    toward the ends. A slope that goes to zero there in a straight line has zeros: the ends are conjugate.
-    """
-    form = system.form
-    if form.n > 1 or form.order > 1 or ca.depends_on(form.integrand, form.symbols.x):
-        return False
-    inside = form.conditions.pathwise or form.conditions.integrals or form.held or len(form.start.unknowns)
-    if inside or not form.ends.separate or form.refused:  # knots do no harm: the integrand does not change there
-        return False
-    curve = system.space.curve(system.coefficients(z))
-    s = np.linspace(*form.span, RISE_PLACES)
-    slope = curve(s, 1)[0]
-    slope = slope * np.sign(slope.sum())
-    bend = np.abs(np.gradient(slope))
-    size = slope.max()
-    if not size > 0.0 or slope.min() < -RISE_NOISE * size:
-        return False
-    return all(slope[k] > RISE_LEAST * size or bend[k] <= BEND_LEAST * bend.max() for k in (0, -1))
 
 
 def _unplaced(system: RitzSystem, z: np.ndarray) -> Doubt | None:
