@@ -135,7 +135,7 @@ def _extreme(problem: Functional, constraint: Isoperimetric, greatest: bool) -> 
             maximise=greatest,
         )  # fmt: skip
     for form in filter(None, forms(bare)):
-        solution = Ritz(starts=3, optimiser=Ipopt(tol=MISS_KNOWN_TO)).solve(form, tol=1e-10, guess=None)
+        solution = Ritz(starts=3).solve(form, tol=1e-10, guess=None)
         if solution.status.ok:
             return solution.value
     return math.inf if greatest else -math.inf
