@@ -96,6 +96,8 @@ def test_curves_in_space():
     assert not proved_jointly_convex(vc.Curve(length, start, surface))
 
 
-def test_a_lagrangian_of_tabulated_data_is_not_looked_into():
+def test_a_lagrangian_of_tabulated_data_is_convex_where_the_data_are_nowhere_negative():
     table = ca.interpolant("n", "linear", [[0.0, 0.5, 1.0]], [1.0, 2.0, 3.0])
-    assert not stated(lambda x, y, dy: table(x) * dy**2)
+    assert stated(lambda x, y, dy: table(x) * dy**2)
+    assert not stated(lambda x, y, dy: (table(x) - 1.5) * dy**2)
+    assert not stated(lambda x, y, dy: table(y) * dy**2)

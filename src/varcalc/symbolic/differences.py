@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import BINARY, UNARY, interpret, operate
+from varcalc.symbolic.instructions import in_numbers, interpret, operate
 from varcalc.symbolic.tracing import Expression
 
 SMALL_POWER = 8
@@ -75,7 +75,7 @@ def _constant(number: float) -> Carried:
 
 
 def _carried(operation: int, operands: Sequence[Carried]) -> Carried:
-    probe = float((UNARY if len(operands) == 1 else BINARY)[operation](*(np.float64(o.probe) for o in operands)))
+    probe = float(in_numbers(operation)(*(np.float64(o.probe) for o in operands)))
     base = operate(operation, [o.base for o in operands])
     if all(o.change.is_zero() for o in operands):
         same = all(o.value is o.base for o in operands)

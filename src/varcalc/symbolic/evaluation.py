@@ -17,7 +17,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import BINARY, NAMES, UNARY, instructions
+from varcalc.symbolic.instructions import BINARY, NAMES, UNARY, Call, instructions
 
 TOGETHER = 64
 """Points that CasADi evaluates in one go, at most."""
@@ -33,6 +33,8 @@ POINTS_AN_INSTRUCTION, MOST_POINTS = 20, 3000
 """After so many points it has paid to read an instruction; and to read a function, however long it is."""
 COLUMN = 4096
 """Points in a column: with it the columns at work stay in the cache."""
+MANY = -2
+"""In the place of a second operand: the first holds as many as there are."""
 
 Columns = Callable[..., list[Any]]
 """A function of columns: see :attr:`PointEvaluator.columns`."""
@@ -204,7 +206,7 @@ class _Instructions:
         inputs, results = ([0, *np.cumsum(sizes).tolist()] for sizes in (self._widths, _nonzeros(function)))
         self._count = int(results[-1])
         self._constants: list[float] = []
-        self._steps: list[tuple[Callable[..., Any] | None, int, int, int]] = []
+        self._steps: list[tuple[Callable[..., Any] | None, int, Any, int]] = []
         place: dict[int, int] = {}  # of CasADi's work entries: from 0 on what is computed, then inputs and constants
         first = function.sz_w()
         for i in instructions(function):
@@ -221,6 +223,9 @@ class _Instructions:
                 one = i.operation in UNARY
                 operation = UNARY[i.operation] if one else BINARY[i.operation]
                 self._steps.append((operation, i.target, left, -1 if one else right))
+            elif isinstance(i.operation, Call):
+                self._steps.append((i.operation.at, i.target, tuple(place[s] for s in i.sources), MANY))
+                place[i.target] = i.target
             else:
                 raise ValueError(f"{function.name()} uses `{NAMES.get(i.operation)}`, which NumPy has no form of")
         self._computed = first
@@ -241,6 +246,8 @@ class _Instructions:
             for operation, target, left, right in self._steps:
                 if right >= 0:
                     work[target] = operation(work[left], work[right])  # pyright: ignore[reportOptionalCall]
+                elif right == MANY:
+                    work[target] = operation(*(work[k] for k in left))  # pyright: ignore[reportOptionalCall]
                 elif operation is not None:
                     work[target] = operation(work[left])
                 else:

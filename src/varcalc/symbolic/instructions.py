@@ -50,9 +50,25 @@ class Call(int):
 
     def at(self, *operands: np.ndarray | float) -> np.ndarray:
         """The result for arrays of numbers, or for numbers, that broadcast."""
-        given = np.broadcast_arrays(*operands)
-        each = [float(self(list(map(float, row)), ca.DM)) for row in zip(*map(np.ravel, given), strict=True)]
-        return np.reshape(each, given[0].shape)
+        f, given = self.function, np.broadcast_arrays(*operands)
+        shape, rows = given[0].shape, np.array([np.ravel(g) for g in given], dtype=float)
+        columns, first, count = list[Any](), 0, rows.shape[1]
+        for k in range(f.n_in()):
+            last = first + f.nnz_in(k)
+            if f.nnz_in(k) not in (0, f.size1_in(k)):  # no dense column
+                each = [float(self(list(map(float, row)), ca.DM)) for row in rows.T]
+                return np.reshape(each, shape)
+            columns.append(rows[first:last] if last > first else ca.DM(f.size1_in(k), count * f.size2_in(k)))
+            first = last
+        # the results of all points, side by side
+        results = [np.reshape(r.nonzeros(), (count, -1)) for r in _mapped(f, count)(columns) if r.nnz()]
+        return np.hstack(results)[:, self.result].reshape(shape)
+
+
+@lru_cache(maxsize=KEPT_FUNCTIONS)
+def _mapped(function: ca.Function, count: int) -> Callable[[Sequence[np.ndarray]], Sequence[Any]]:
+    """A function at many points: columns side by side to results side by side."""
+    return function.map(count).call
 
 
 class Instruction(NamedTuple):

@@ -13,7 +13,8 @@ from collections.abc import Callable, Sequence
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import UNARY, interpret
+from varcalc.symbolic.instructions import UNARY, Call, interpret
+from varcalc.symbolic.look_up import enclosed
 
 Interval = tuple[np.ndarray, np.ndarray]
 """Least and greatest values, of one shape."""
@@ -39,10 +40,14 @@ def constant(value: float) -> Interval:
 
 def applied(operation: int, operands: Sequence[Interval]) -> Interval:
     """An enclosure of an operation, given by CasADi's code, on enclosures of its operands."""
-    rule = RULES.get(operation)
-    if rule is None:
+    if isinstance(operation, Call):
+        found = enclosed(operation.function, *operands[0]) if len(operands) == 1 else None
+    else:
+        rule = RULES.get(operation)
+        found = rule(*operands) if rule is not None else None
+    if found is None:
         return EVERYTHING
-    low, high = rule(*operands)
+    low, high = found
     # not a number: the operation is undefined somewhere in the box
     return np.fmax(low, -math.inf), np.fmin(high, math.inf)
 

@@ -37,7 +37,7 @@ def _up_to(largest: float, rule: Callable[..., np.ndarray]) -> Callable[..., np.
 
 
 RULES: Rules = {
-    **{operation: rule for operation, rule in VARYING.items() if operation not in SEEN_FROM_AFAR},
+    **{operation: rule for operation, rule in VARYING.items() if operation not in SEEN_FROM_AFAR | {ca.OP_CALL}},
     **{operation: _up_to(LOG_OF_NOTHING, VARYING[operation]) for operation in (ca.OP_COSH, ca.OP_SINH)},
     **{operation: _up_to(math.exp(LOG_OF_NOTHING), VARYING[operation]) for operation in (ca.OP_INV, ca.OP_DIV)},
 }

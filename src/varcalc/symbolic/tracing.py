@@ -11,6 +11,7 @@ from typing import Any
 
 import casadi as ca
 
+from varcalc.symbolic.look_up import within_knots
 from varcalc.symbolic.names import Names
 from varcalc.symbolic.remedies import BROKEN, NotSymbolic, complaint
 
@@ -161,7 +162,8 @@ def scalar(name: str, result: Any, kind: type) -> Expression:
         expression = result if isinstance(result, kind) else kind(result)
     except (NotImplementedError, TypeError):
         raise TypeError(f"{name} must return a CasADi expression or a number, not {result!r}") from None
-    if "nan" in str(expression):
+    written = str(expression)
+    if "nan" in written:
         raise TypeError(
             f"{name} holds a constant that is not a number: Python's math functions and SciPy's interpolants do not "
             "take symbols; write it with NumPy's or CasADi's, tables by ca.interpolant"
@@ -171,4 +173,6 @@ def scalar(name: str, result: Any, kind: type) -> Expression:
             f"{name} must return a scalar, but its result has shape {expression.shape}; "
             "use ca.dot or ca.sumsqr for products of vectors"
         )
+    if isinstance(expression, ca.SX) and "{" in written:  # CasADi's mark of the result of a call
+        expression = within_knots(expression)
     return ca.densify(expression) if expression.nnz() == 0 else expression

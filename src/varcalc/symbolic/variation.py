@@ -16,8 +16,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import BINARY, KEPT_FUNCTIONS, UNARY, Instruction, instructions, program
+from varcalc.symbolic.instructions import BINARY, KEPT_FUNCTIONS, UNARY, Call, Instruction, instructions, program
 from varcalc.symbolic.intervals import Interval, applied, constant
+from varcalc.symbolic.look_up import cells, knots
 
 CHANGE = 1.5
 """By how much the argument of a function of scale 1 (exp, sin, tanh) may change."""
@@ -35,6 +36,8 @@ NARROWEST = 1e-12
 """Width of a box, relative to where it lies, that is not looked into."""
 LEAST_POWER = 12
 """Whole power from which on it matters by what factor its base changes."""
+UNSEEN_CELLS = 2.0
+"""Cells of a table that may lie between two samples."""
 NUMBERS: dict[int, Any] = {**UNARY, **BINARY}
 UNUSED = -1
 """The target of an instruction of whose result nothing is made."""
@@ -93,7 +96,9 @@ def excess(
                 work[i.target] = boxes[i.sources[0]][i.sources[1]]
             else:
                 operands = [work[s] for s in i.sources]
-                if i.operation in rules:
+                if isinstance(i.operation, Call) and i.operation in rules:
+                    np.fmax(worst, _cells(i.operation, operands), out=worst)
+                elif i.operation in rules:
                     np.fmax(worst, rules[i.operation](*operands), out=worst)
                 if i.target != UNUSED:
                     work[i.target] = _carried_out(i.operation, operands)
@@ -114,7 +119,7 @@ def _leading_to(function: ca.Function, operations: frozenset[int]) -> tuple[Inst
 
 
 def _carried_out(operation: int, operands: Sequence[Between]) -> Between:
-    of = NUMBERS.get(operation, _unknown)
+    of = operation.at if isinstance(operation, Call) and _is_table(operation) else NUMBERS.get(operation, _unknown)
     first = of(*(o.first for o in operands))
     same = all(o.first is o.last for o in operands)
     last = first if same else of(*(o.last for o in operands))
@@ -146,8 +151,20 @@ def gentle_boxes(function: ca.Function, edges: np.ndarray, most: int) -> np.ndar
 
 
 def _unknown(*operands: np.ndarray) -> np.ndarray:
-    """What a table makes of its operands: no number that is known here."""
+    """What a function that is no formula makes of its operands: no number that is known here."""
     return np.full(np.broadcast_shapes(*(np.shape(o) for o in operands)), np.nan)
+
+
+def _is_table(operation: Call) -> bool:
+    """Whether a call looks up one number in a table: then what it can be between samples is known."""
+    return operation.function.n_in() == 1 and len(knots(operation.function)) == 1
+
+
+def _cells(operation: Call, operands: Sequence[Between]) -> np.ndarray:
+    """By how many times more cells of a table than may lie unseen there are between samples; 0 of what is no table."""
+    edges = knots(operation.function)
+    counts = [cells(operation.function, k, *o.range) for k, o in zip(range(len(edges)), operands, strict=False)]
+    return np.asarray(sum(counts, np.zeros(())) / UNSEEN_CELLS)
 
 
 def _constant(value: float) -> Between:
@@ -234,7 +251,7 @@ def _length(a: Between, b: Between) -> np.ndarray:
 LOCAL: Rules = {
     ca.OP_EXP: _exponent, ca.OP_EXPM1: _exponent, ca.OP_SINH: _beyond, ca.OP_COSH: _beyond, ca.OP_SIN: _phase,
     ca.OP_COS: _phase, ca.OP_TAN: _phase, ca.OP_TANH: _step, ca.OP_ERF: _step, ca.OP_ATAN: _slow_step,
-    ca.OP_ASINH: _on_own_scale,
+    ca.OP_ASINH: _on_own_scale, ca.OP_CALL: lambda *_: np.zeros(()),
 }  # fmt: skip
 """By what factor an operation that varies on a scale of its own may go too far between samples, by CasADi's codes."""
 VARYING: Rules = {

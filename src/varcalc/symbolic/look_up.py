@@ -1,0 +1,186 @@
+"""Look-up tables in expressions: CasADi's interpolants, which have values between their knots alone.
+
+CasADi makes a spline 0 beyond its last knots, even where round-off alone has led there, and continues lines for ever.
+Neither is what was measured, so that a person's tables are called by functions that are no numbers there.
+
+CasADi does not hand out knots, but writes them down where a function is serialized for debugging, each field after its
+name, and so it does for what an interpolant's derivatives are called as.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from varcalc.symbolic.instructions import Call, interpret, operate
+
+INTERPOLANTS = {"LinearInterpolant", "BSplineInterpolant"}
+"""CasADi's names of the kinds of tables."""
+WITHIN = "_within_knots"
+"""The end of the name of what a table is called by, and of its derivatives."""
+ON_A_KNOT = 1e-12
+"""How far beyond its outermost knots, relative to the distance between them, a table is what it is there."""
+KEPT_TABLES = 64
+GRID, OFFSET = b"Interpolant::grid", b"Interpolant::offset"
+"""The fields that hold the knots of all arguments, one after the other, and where those of each begin."""
+WITHIN_CELL = 16
+"""Places in a cell at which a table is sampled."""
+NUMBER, WHOLE = b"d", b"J"
+"""What comes before a number, and before a whole number, of eight bytes each."""
+
+
+def within_knots(expression: ca.SX) -> ca.SX:
+    """The expression with the tables in it made no numbers beyond their knots."""
+    variables = ca.vertcat(*ca.symvar(expression))
+    function = ca.Function("read", [variables], [expression])
+    if ca.OP_CALL not in map(function.instruction_id, range(function.n_instructions())):
+        return expression
+    ((result,),) = interpret(function, [variables.elements()], ca.SX, _operate)
+    return result
+
+
+def _operate(operation: int, operands: Sequence[ca.SX]) -> ca.SX:
+    if not isinstance(operation, Call) or operation.function.name().endswith(WITHIN):
+        return operate(operation, operands)
+    return operate(Call.of(_bounded(operation.function), operation.result), operands)
+
+
+@lru_cache(maxsize=KEPT_TABLES)
+def _bounded(function: ca.Function) -> ca.Function:
+    """What is called in the place of a function: of a table one that is no number beyond its knots."""
+    if function.class_name() not in INTERPOLANTS:
+        return function
+    edges = _written(function)
+    return _table(function, edges) if len(edges) == function.nnz_in(0) else function
+
+
+def _table(function: ca.Function, edges: Sequence[np.ndarray]) -> ca.Function:
+    place = ca.SX.sym("x", len(edges))
+    lowest, highest = (ca.DM([e[end] for e in edges]) for end in (0, -1))
+    beyond = ON_A_KNOT * (highest - lowest)
+    inside = ca.mmin(ca.fmin(place - lowest, highest - place) + beyond) >= 0
+    # a factor, so that derivatives are no numbers either
+    value = function(ca.fmin(ca.fmax(place, lowest), highest)) * ca.if_else(inside, 1.0, math.nan)
+    return ca.Function(function.name() + WITHIN, [place], [value], {"never_inline": True})
+
+
+def knots(function: ca.Function) -> tuple[np.ndarray, ...]:
+    """The knots along each argument of what a table, or a derivative of one, is called by; none of another function."""
+    return _written(function) if function.name().endswith(WITHIN) else ()
+
+
+@lru_cache(maxsize=KEPT_TABLES)
+def _written(function: ca.Function) -> tuple[np.ndarray, ...]:
+    written = function.serialize({"debug": True}).encode()
+    nibbles = np.frombuffer(written, np.uint8)[: len(written) // 2 * 2] - ord("a")
+    stream = (nibbles[::2] | nibbles[1::2] << 4).tobytes()
+    grid, offsets = _vector(stream, GRID, NUMBER), _vector(stream, OFFSET, WHOLE)
+    if grid is None or offsets is None or not len(offsets) or offsets[-1] != len(grid):
+        return ()
+    places = offsets.astype(int)
+    return tuple(grid[a:b] for a, b in pairwise(places))
+
+
+def _vector(stream: bytes, name: bytes, kind: bytes) -> np.ndarray | None:
+    """The vector written after the first field of a name; None where there is none."""
+    at = stream.find(name)
+    head = at + len(name)
+    if at < 0 or stream[head : head + 2] != b"V" + WHOLE:
+        return None
+    (count,) = struct.unpack_from("<q", stream, head + 2)
+    body = stream[head + 10 : head + 10 + 9 * count]
+    if len(body) != 9 * count or body[::9] != kind * count:
+        return None
+    numbers = np.frombuffer(body, np.uint8).reshape(count, 9)[:, 1:].tobytes()
+    return np.frombuffer(numbers, "<f8" if kind == NUMBER else "<i8")
+
+
+def cells(function: ca.Function, argument: int, least: np.ndarray, greatest: np.ndarray) -> np.ndarray:
+    """How many cells of a table lie between places of one of its arguments, parts of them counted as such.
+
+    Beyond the knots there are cells of the sizes of the last ones, of which nothing is known.
+    """
+    edges = knots(function)[argument]
+    counts = np.arange(float(len(edges)))
+    before = np.maximum(edges[0] - least, 0.0) / (edges[1] - edges[0])
+    after = np.maximum(greatest - edges[-1], 0.0) / (edges[-1] - edges[-2])
+    return np.interp(greatest, edges, counts) - np.interp(least, edges, counts) + before + after
+
+
+def enclosed(function: ca.Function, least: np.ndarray, greatest: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """The least and greatest values of a table of one argument between places; None of any other function.
+
+    It is told from samples, a line between neighbours and what the second derivative, which is linear in a cell of a
+    cubic spline, can bend it away from there.
+    """
+    if not (function.n_in() == function.n_out() == function.nnz_in(0) == function.nnz_out(0) == 1 and knots(function)):
+        return None
+    samples = _samples(function)
+    first_knot, last_knot = samples.places[0], samples.places[-1]
+    outside = (greatest < first_knot) | (least > last_knot)
+    least, greatest = (np.clip(v, first_knot, last_knot) for v in (least, greatest))
+    first, last = np.searchsorted(samples.places, least), np.searchsorted(samples.places, greatest, "right")
+    ends = [samples.at(place) for place in (least, greatest)]
+    bend = samples.bends.within(first - 1, last + 1) * np.minimum((greatest - least) / samples.finest, 1.0) ** 2
+    low = np.fmin(np.minimum(*ends) - bend, samples.least.within(first, last))
+    high = np.fmax(np.maximum(*ends) + bend, samples.greatest.within(first, last))
+    return np.where(outside, math.nan, low), np.where(outside, math.nan, high)
+
+
+class _Extreme:
+    """The extremes of numbers from one place to another, both counted, by those of 2^k neighbours."""
+
+    def __init__(self, values: np.ndarray, of: np.ufunc) -> None:
+        self._of, rows = of, [values]
+        while 2 ** len(rows) <= len(values):
+            step, before = 2 ** (len(rows) - 1), rows[-1]
+            rows.append(of(before, np.append(before[step:], np.full(step, before[-1]))))
+        self._rows = np.array(rows)
+
+    def within(self, first: np.ndarray, stop: np.ndarray) -> np.ndarray:
+        """The extremes from ``first`` up to before ``stop``; not a number where there are none."""
+        first, stop = np.maximum(first, 0), np.minimum(stop, self._rows.shape[1])
+        level = np.maximum(np.frexp(np.maximum(stop - first, 1))[1] - 1, 0)
+        start, end = np.minimum(first, self._rows.shape[1] - 1), np.maximum(stop - 2**level, 0)
+        return np.where(stop > first, self._of(self._rows[level, start], self._rows[level, end]), math.nan)
+
+
+class _Samples:
+    """A table of one argument at ``places``, ``finest`` the least distance between them.
+
+    ``least`` and ``greatest`` of the values, ``bends`` of how far it may leave the lines between them.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        (edges,) = knots(function)
+        inner = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(WITHIN_CELL) / WITHIN_CELL)
+        self.places, self._function = np.append(inner.ravel(), edges[-1]), function
+        self.finest = float(np.diff(self.places).min())
+        values = self.at(self.places)
+        bend = _bend(values)
+        self.bends = _Extreme(bend, np.maximum)
+        self.least, self.greatest = _Extreme(values - bend, np.minimum), _Extreme(values + bend, np.maximum)
+
+    def at(self, places: np.ndarray) -> np.ndarray:
+        """The table at places of any shape."""
+        flat = np.ravel(places)
+        return np.asarray(self._function.map(len(flat))(flat[None])).reshape(np.shape(places))
+
+
+def _bend(values: np.ndarray) -> np.ndarray:
+    """By how much a cubic on each cell may leave the lines between its samples, at each of them."""
+    within = np.column_stack([values[:-1].reshape(-1, WITHIN_CELL), values[WITHIN_CELL::WITHIN_CELL]])
+    bent = np.abs(np.diff(within, 2)).max(1) * (WITHIN_CELL / (WITHIN_CELL - 2)) / 8
+    around = np.repeat(bent, WITHIN_CELL)
+    return np.maximum(np.append(around, around[-1]), np.append(around[0], around))
+
+
+@lru_cache(maxsize=KEPT_TABLES)
+def _samples(function: ca.Function) -> _Samples:
+    return _Samples(function)

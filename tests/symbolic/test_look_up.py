@@ -1,0 +1,99 @@
+import math
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+import varcalc as vc
+from varcalc.symbolic.instructions import Call, instructions
+from varcalc.symbolic.look_up import cells, enclosed, knots, within_knots
+
+Y = ca.SX.sym("y")
+FIRST, SECOND = np.array([0.0, 0.5, 0.7, 2.0]), np.array([-1.0, 0.0, 2.0, 3.0, 7.0])
+
+
+def called_in(expression):
+    function = ca.Function("f", [Y], [expression])
+    return [i.operation.function for i in instructions(function) if isinstance(i.operation, Call)]
+
+
+@pytest.mark.parametrize("kind", ["linear", "bspline"])
+def test_knots_of_a_table_and_of_its_derivatives_are_read(kind):
+    table = ca.interpolant("n", kind, [FIRST, SECOND], np.arange(20.0) ** 2)
+    bounded = within_knots(table(ca.vertcat(Y, Y**2)))
+    functions = called_in(ca.vertcat(bounded, ca.gradient(bounded, Y), ca.hessian(bounded, Y)[0]))
+    assert len(functions) > 2
+    for function in functions:
+        first, second = knots(function)
+        assert first.tolist() == FIRST.tolist()
+        assert second.tolist() == SECOND.tolist()
+    (wide,) = called_in(bounded)
+    assert cells(wide, 1, np.array([-2.0, 0.0, 1.0]), np.array([0.0, 1.0, 11.0])) == pytest.approx([2, 0.5, 3.5])
+
+
+@pytest.mark.parametrize("kind", ["linear", "bspline"])
+def test_a_table_is_no_number_beyond_its_knots(kind):
+    table = ca.interpolant("n", kind, [FIRST], FIRST**2)
+    bounded = within_knots(table(Y))
+    assert str(within_knots(bounded)) == str(bounded)
+    value = ca.Function("f", [Y], [bounded, ca.gradient(bounded, Y)])
+    for within in (0.0, 2.0, math.nextafter(2.0, 3.0), -1e-16):  # round-off beyond the last knot is on it
+        assert float(value(within)[0]) == pytest.approx(float(table(round(within))), abs=1e-14)
+    assert np.isnan(np.array(value(2.001))).all()
+    assert np.isnan(np.array(value(-0.001))).all()
+
+
+@pytest.mark.parametrize("kind", ["linear", "bspline"])
+def test_a_table_is_enclosed(kind):
+    random = np.random.default_rng(1)
+    for count in (4, 9, 60):
+        edges = np.cumsum(random.uniform(0.1, 1, count))
+        (table,) = called_in(within_knots(ca.interpolant("n", kind, [edges], random.standard_normal(count))(Y)))
+        for width in (1e-4, 0.1, 4.0):
+            least = random.uniform(edges[0] - 0.2, edges[-1], 100)
+            greatest = least + width * random.uniform(0, 1, 100)
+            for a, b, low, high in zip(least, greatest, *enclosed(table, least, greatest), strict=True):
+                places = np.linspace(max(a, edges[0]), min(edges[-1], b), 300)
+                values = np.array(table(places[None])).ravel()
+                assert np.isnan(low) if b < edges[0] else low <= values.min() + 1e-12 <= high + 2e-12
+                assert np.isnan(high) if b < edges[0] else values.max() <= high + 1e-12
+
+
+def test_what_is_narrower_than_a_mesh_in_a_table_is_seen():
+    # a v^2 from 0 to 1 is least at a v = const: 1 / (integral of 1 / a), the logarithm of a line between two knots
+    values, h = np.ones(2001), 1 / 2000
+    values[777] = 1e-3
+    table = ca.interpolant("a", "linear", [np.linspace(0, 1, 2001)], values)
+    exact = 1 / (1 - 2 * h + 2 * h * math.log(1000) / (1 - 1e-3))
+    solution = vc.solve(vc.Problem(lambda x, y, dy: table(x) * dy**2, vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    assert solution.value == pytest.approx(exact, abs=1e-9)
+    assert abs(solution.value - exact) <= solution.error.value
+
+
+@pytest.mark.parametrize("kind", ["linear", "bspline"])
+def test_no_curve_leaves_a_table_of_the_ordinate(kind):
+    # a bspline is 0 beyond its knots, and a way through nothing takes no time
+    heights = np.linspace(-1, 2, 21)
+    table = ca.interpolant("n", kind, [heights], 1 + 0.3 * np.sin(7 * np.linspace(0, 1, 21)))
+
+    def index(y):
+        return float(table(y))
+
+    edges = [0.0, *heights[(heights > 1e-9) & (heights < 1 - 1e-9)], 1.0]
+
+    def over(integrand, c):  # n / sqrt(1 + y'^2) = c along the ray, by Beltrami
+        return sum(quad(integrand, a, b, args=(c,), epsabs=1e-13)[0] for a, b in pairwise(edges))
+
+    c = brentq(lambda c: over(lambda y, c: c / math.sqrt(index(y) ** 2 - c**2), c) - 1, 0.1, 0.69, xtol=1e-15)
+    exact = over(lambda y, c: index(y) ** 2 / math.sqrt(index(y) ** 2 - c**2), c)
+    solution = vc.solve(vc.Problem(lambda x, y, dy: table(y) * ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    assert solution.value == pytest.approx(exact, abs=1e-9)
+
+
+def test_an_end_beyond_a_table_is_refused():
+    table = ca.interpolant("n", "bspline", [FIRST], 1 + FIRST)
+    with pytest.raises(ValueError, match=r"end = Fixed.*outside the domain"):
+        vc.Problem(lambda x, y, dy: table(y) * dy**2, vc.Fixed(0, 0), vc.Fixed(1, 3))
