@@ -332,3 +332,13 @@ def test_what_was_searched_for_rays_has_the_unit_of_the_scene(receiver):
     assert re.search(r"optical paths up to [\d.]+ km", rays.searched)
     assert bool(rays) == (not rays.reason)
     assert rays or rays.searched in rays.reason
+
+
+def test_places_of_rest_and_small_motions_print_what_is_asked_of_them():
+    pendulum = mechanics.System(lambda t, q, v: v[0] ** 2 / 2 + ca.cos(q[0]), ("theta",))
+    printed = str(pendulum.equilibria([-1.0], [4.0]))
+    assert printed.startswith("2 places of rest")
+    assert "3.14159265359" in printed
+    assert "unresolved" not in printed
+    assert "0.540302+0.841471j" in str(pendulum.floquet([0.0], 1.0))  # exp(i)
+    assert repr(vc.Fixed(0, np.array(1))) == "Fixed(x=0, y=1, dy=None)"

@@ -144,7 +144,8 @@ def grid(rng: Random) -> None:
 # command lines
 
 WORDS = (
-    "list", "run", "verify", "extremals", "diagnose", "certify", "chart", "sweep", "trace", "move", "figure", "rnu",
+    "list", "run", "verify", "extremals", "diagnose", "certify", "chart", "sweep", "trace", "move", "figure", "report",
+    "rnu",
     "nowhere", "nowhere.py", "broken.py", "brachistochrone/nowhere", "measured.json", "broken.json", "folder",
     "--json", "-o", "--output", "p.png", "p.gif", "no/p.png", "--tol", "1e-8", "0", "-1", "nan", "x", "--store",
     "--cores", "--repeats", "--digits", "k=1:2:3", "g=1:2", "=", "--range", "--scenes", "--figures", "--help", "-h",

@@ -151,7 +151,7 @@ def _number(value: np.generic) -> str:
 
 @brief.register
 def _array(value: np.ndarray) -> str:
-    return brief(value.tolist()) if value.ndim == 1 and value.size <= MOST_ENTRIES else f"array{value.shape}"
+    return brief(value.tolist()) if value.ndim < 2 and value.size <= MOST_ENTRIES else f"array{value.shape}"
 
 
 @brief.register

@@ -62,7 +62,7 @@ def test_every_curve_and_every_difference_is_drawn(graph):
     np.testing.assert_allclose(differences, [1e-9, 1e-6], rtol=1e-3)
     assert [text.get_text() for text in upper.get_legend().get_texts()] == ["closed form", "A", "B"]
     assert {"A", "B"} <= {text.get_text() for text in lower.texts}
-    assert upper.get_title(loc="left") == "shortest path    J = 5"
+    assert upper.get_title(loc="left") == "shortest path: J = 5"
     assert (upper.get_ylabel(), lower.get_xlabel()) == ("y", "x")
 
 

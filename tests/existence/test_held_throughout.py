@@ -141,3 +141,15 @@ def test_what_slips_is_not_held():
     # x^2 would need a momentum that changes by 4 where friction allows for 2
     solution = solved(lambda x, y, dy: dy**2 + ca.fabs(dy - 2 * x), (0, 0), (1, 1))
     assert solution.value < 4 / 3 - 0.04
+
+
+def test_a_switch_that_no_slope_leads_onto_is_not_followed_for_ever():
+    """The slopes along it were no numbers from the start on, and SciPy went on trying its first step."""
+    width, level = 0.753326886, 0.57167
+    problem = vc.Problem(
+        lambda x, y, dy: ca.fmin((x + dy) ** (y * dy), ca.fmin(dy, -level)) + dy**2,
+        vc.Fixed(-0.506015171, -1),
+        vc.Fixed(0.247311715, 1),
+    )
+    solution = vc.solve(problem, tol=1e-6)
+    assert abs(solution.value - (4 / width - level * width)) <= solution.error.value + 1e-14

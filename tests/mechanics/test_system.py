@@ -204,3 +204,10 @@ def test_other_parameters_make_another_system_that_shares_what_is_compiled():
     assert other.between([0.0], [0.1], 1.0).parameters == {"k": 4.0}
     with pytest.raises(ValueError, match="finite"):
         one.with_parameters({"k": math.inf})
+
+
+def test_energy_of_what_switches_with_the_rates():
+    """L_vv is 1 on both sides, and yet L is of no degree: v L_v - L is v²/2 + 1 beyond v = 1, not v²/2."""
+    hurried = mechanics.System(lambda t, q, v: v[0] ** 2 / 2 + ca.fmax(v[0] - 1, 0), ("x",))
+    assert hurried.energy(0.0, [0.0], [2.0]) == 3.0
+    assert hurried.energy(0.0, [0.0], [0.5]) == 0.125

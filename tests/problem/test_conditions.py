@@ -81,3 +81,8 @@ def test_conditions_are_frozen() -> None:
     with pytest.raises(AttributeError):
         end.x = 2  # type: ignore[misc]
     assert end == vc.Fixed(0, 1)
+
+
+def test_a_matrix_of_casadi_is_no_number():
+    with pytest.raises(TypeError, match=r"Fixed.x must be a number, not DM\(\[1, 2\]\)"):
+        vc.Fixed(ca.DM([1, 2]), 0)

@@ -76,7 +76,7 @@ def comparison_picture(
     if lowest is not None or not in_plane:
         (lowest or panels[-1]).set_xlabel(comparison.problem.abscissa.label, color=INK)
     panels[0].set_title(
-        f"{title or comparison.problem.name}    J = {_value(comparison):.14g}",
+        f"{title or comparison.problem.name}: J = {_value(comparison):.14g}",
         loc="left",
         color=INK,
         fontsize=12,

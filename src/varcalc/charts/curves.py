@@ -36,7 +36,7 @@ MOST_LABELS = 8
 def solution_drawing(solution: Solution) -> Drawing:
     """The curve of a solution. Raises ValueError where it has none."""
     solution.interval  # noqa: B018  refuses what has no curve, before anything is drawn
-    title = f"{solution.problem.name}    J = {solution.value:.12g}"
+    title = f"{solution.problem.name}: J = {solution.value:.12g}"
     return Drawing(title, lambda: _panels(solution.problem, [(solution, "")]))
 
 

@@ -116,6 +116,8 @@ def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
         return v
 
     first, unit = problem.start.values(1), height(formulate(problem))
+    if not np.isfinite(slopes(np.array(span[:1]), first[:, None])).all():
+        return None  # SciPy would choose no first step, and try it for ever
     path = solve_ivp(
         lambda x, y: slopes(np.array([x]), y[:, None])[:, 0], span, first, "DOP853",
         dense_output=True, rtol=FOLLOWED_TOLERANCE, atol=FOLLOWED_TOLERANCE * unit,

@@ -43,7 +43,7 @@ LOOK = 1e-6
 """The tolerance of a look, where that of the engine is smaller."""
 SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0
 """A new step is so much of the one that just meets the tolerance, and so many times the last at least and at most."""
-TOGETHER = 2048
+TOGETHER = 4096
 """Runs that take their steps together."""
 NOTED = 2000
 """So many runs at a time would be worth the compilation by heyoka: its absence is told."""
@@ -176,7 +176,7 @@ def _note() -> None:
     if not installed("heyoka"):
         logging.getLogger("varcalc").warning(
             "heyoka is not installed: large bundles of rays and motions go by DOP853 on arrays, to the same digits, "
-            "and up to twenty times slower than by heyoka once it has compiled them. Where there is a wheel for it: "
+            "and up to twelve times slower than by heyoka once it has compiled them. Where there is a wheel for it: "
             "python -m pip install heyoka"
         )
 

@@ -18,6 +18,8 @@ STEP_PLACES = 12
 """Places along a step where the stopping functions are looked at."""
 ROUNDS = 60
 """Newton's steps and bisections that bring any bracket to round-off."""
+LAST_CHANGE = 1e-10
+"""Of a step: a zero of its interpolant, which is some digits off, that is known so far is polished on the stop."""
 POLISHES = 2
 """Newton's steps from an interpolant, which is some digits off, onto the stop itself."""
 
@@ -151,7 +153,7 @@ class Stops:
             low, high = np.where(here > 0, at, low), np.where(here > 0, high, at)
             newton = at - here / rate
             better = np.where((newton >= low) & (newton <= high), newton, (low + high) / 2)
-            still = np.abs(better - at) > 4 * np.finfo(float).eps
+            still = np.abs(better - at) > LAST_CHANGE
             at = better
             if not still.any():
                 break

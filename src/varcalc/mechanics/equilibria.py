@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -12,7 +13,7 @@ from varcalc.mechanics.constraints import Held
 from varcalc.mechanics.lagrange import Lagrange
 from varcalc.mechanics.linearised import check_holonomic, standing_forces
 from varcalc.numerics.stacked import applied
-from varcalc.showing import Shown
+from varcalc.showing import Fact, Shown
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.intervals import Interval, enclosures
 from varcalc.symbolic.tracing import Expression
@@ -32,6 +33,8 @@ ALONE = 1e-7
 """Of the largest singular value of the slopes: a place at which one is less need not be alone."""
 SLACK = 1e-12
 """For the round-off of what is enclosed."""
+TOLD_PLACES = 12
+"""Places that a print shows."""
 ONE_PLACE = 1e-7
 """Of the box: two places so near are one."""
 
@@ -46,6 +49,18 @@ class Equilibria(Shown):
     places: np.ndarray
     searched: str
     unresolved: int
+
+    def _headline(self) -> str:
+        return f"{len(self.places)} {'place' if len(self.places) == 1 else 'places'} of rest"
+
+    def _facts(self) -> Iterator[Fact]:
+        for k, place in enumerate(self.places[:TOLD_PLACES]):
+            yield Fact("" if k else "at", ", ".join(f"{q:.12g}" for q in place))
+        if len(self.places) > TOLD_PLACES:
+            yield Fact("", f"and {len(self.places) - TOLD_PLACES} more")
+        yield Fact("searched", self.searched)
+        if self.unresolved:
+            yield Fact("unresolved", f"{self.unresolved} parts of the box, in which there may be more")
 
 
 def equilibria(

@@ -12,6 +12,7 @@ import numpy as np
 
 from varcalc.problem.conditions import told
 from varcalc.symbolic.names import with_names
+from varcalc.symbolic.switches import switches
 from varcalc.symbolic.tracing import LAST, Expression, called, check_arity, trace
 
 PLACES = 12
@@ -95,9 +96,12 @@ class Lagrange:
 
     @cached_property
     def energy(self) -> Expression:
-        """v·L_v - L, Jacobi's integral; of an L of second degree in v without what is of first, which cancels."""
+        """v·L_v - L, Jacobi's integral; of an L of second degree in v without what is of first, which cancels.
+
+        What switches with v is of no degree, though L_vv may be constant on either side.
+        """
         v = self.symbols.v
-        if ca.depends_on(self.mass, v):
+        if ca.depends_on(self.mass, v) or any(s.depends_on(v) for s in switches([self.value], self.symbols.all)):
             return ca.dot(v, self.momenta) - self.value
         return ca.bilin(self.mass, v, v) / 2 - ca.substitute(self.value, v, ca.SX.zeros(v.numel()))
 

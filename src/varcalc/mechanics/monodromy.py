@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +13,7 @@ from varcalc import integrators
 from varcalc.integrators.protocol import COMPLETED, Flow
 from varcalc.integrators.variational import Variational, variational
 from varcalc.numerics.spectrum import Spectrum
-from varcalc.showing import Shown
+from varcalc.showing import Fact, Shown
 
 SYMPLECTIC = 1e-8
 """Of what is multiplied: how far a matrix that keeps the symplectic form may be off it."""
@@ -20,6 +21,8 @@ ONE_SIGNATURE = 1e-6
 """Multipliers so near to each other have one signature between them."""
 OUTSIDE_CIRCLE = 1e-5
 """How far a multiplier may lie outside the unit circle for being rounded, where several are the same."""
+TOLD_MULTIPLIERS = 6
+"""Multipliers that a print shows."""
 DEFINITE = 1e-8
 """Of the form: what is less has no sign."""
 
@@ -36,6 +39,15 @@ class Floquet(Shown):
     period: float
     monodromy: np.ndarray
     form: np.ndarray
+
+    def _headline(self) -> str:
+        return f"Small motions over a period of {self.period:.12g}"
+
+    def _facts(self) -> Iterator[Fact]:
+        yield Fact("stable", "yes" if self.stable else "no")
+        yield Fact("growth", f"{self.growth:.6g}, the rate at which motions part at most")
+        told = ", ".join(f"{m:.6g}" for m in self.multipliers[:TOLD_MULTIPLIERS])
+        yield Fact("multipliers", told + (", ..." if len(self.multipliers) > TOLD_MULTIPLIERS else ""))
 
     @cached_property
     def _spectrum(self) -> Spectrum:

@@ -63,7 +63,7 @@ def finite(name: str, value: Any) -> float:
         raise wrong
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RuntimeError):  # RuntimeError: a DM of several entries
         raise wrong from None
     if not math.isfinite(number):
         raise ValueError(f"{name} must be finite, not {number}")

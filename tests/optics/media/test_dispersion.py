@@ -88,3 +88,11 @@ def test_what_is_refused():
         optics.Scene(AIR, wavelength=-0.5)
     with pytest.raises(ValueError, match="wavelength must lie between"):
         optics.standard_atmosphere(5.0)
+
+
+def test_the_index_at_many_wavelengths_is_an_array():
+    glass, wavelengths = optics.GLASSES["N-BK7"], np.array([[0.4, 0.5], [0.6, 0.7]])
+    assert np.array_equal(glass.index(wavelengths), [[glass.index(w) for w in row] for row in wavelengths])
+    assert np.array_equal(optics.Cauchy([1.5, 0.004]).index([0.5]), [1.5 + 0.004 / 0.25])
+    with pytest.raises(ValueError, match="wavelength must lie between"):
+        glass.index([0.5, 587.6])

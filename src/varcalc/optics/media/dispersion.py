@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.optics.validation import numbers
+from varcalc.problem.conditions import is_vector
 from varcalc.showing import Brief
 from varcalc.spelling import listed, near, spelled
 
@@ -21,7 +22,12 @@ class Dispersion(ABC):
 
     @abstractmethod
     def index(self, wavelength: Any) -> Any:
-        """n at ``wavelength``, in micrometres in vacuum: a number, which is checked, or a symbol."""
+        """n at ``wavelength``, in micrometres in vacuum: a number, which is checked, an array of them, or a symbol."""
+
+    def _each(self, wavelengths: Any) -> np.ndarray:
+        """n at each of an array of wavelengths."""
+        found = numbers("wavelength", wavelengths)
+        return np.array([self.index(one) for one in found.flat]).reshape(found.shape)
 
 
 @spelled
@@ -57,8 +63,10 @@ class Sellmeier(Brief, Dispersion):
     def index(self, wavelength: Any) -> Any:
         """n at ``wavelength`` in micrometres; ValueError outside the range of the formula, and at a resonance.
 
-        Where ``wavelength`` is a symbol, so is n.
+        Where ``wavelength`` is a symbol or an array, so is n.
         """
+        if is_vector(wavelength):
+            return self._each(wavelength)
         check_wavelength(wavelength, self.range)
         squared = 1 + sum(b * wavelength**2 / (wavelength**2 - c) for b, c in zip(self.B, self.C, strict=True))
         if isinstance(wavelength, ca.SX):
@@ -95,8 +103,10 @@ class Cauchy(Brief, Dispersion):
     def index(self, wavelength: Any) -> Any:
         """n at ``wavelength`` in micrometres; ValueError outside the range of the formula.
 
-        Where ``wavelength`` is a symbol, so is n.
+        Where ``wavelength`` is a symbol or an array, so is n.
         """
+        if is_vector(wavelength):
+            return self._each(wavelength)
         check_wavelength(wavelength, self.range)
         index = sum(a * wavelength ** (-2 * k) for k, a in enumerate(self.A))
         return index if isinstance(wavelength, ca.SX) else float(index)
