@@ -35,12 +35,14 @@ def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
     """
     if count <= FEW_POINTS:
         return _unwritable(*legendre.leggauss(count))
-    nodes, rates = legendre.leggauss(count)[0].astype(np.longdouble), np.zeros(0)
+    nodes: np.ndarray = legendre.leggauss(count)[0].astype(np.longdouble)
+    rates = np.zeros(0)
     for _ in range(2):
-        before, here = np.ones_like(nodes), nodes
+        before: np.ndarray = np.ones_like(nodes)
+        here: np.ndarray = nodes
         for k in range(1, count):
             before, here = here, ((2 * k + 1) * nodes * here - k * before) / (k + 1)
-        slope = count * (before - nodes * here) / (1 - nodes**2)
+        slope: np.ndarray = count * (before - nodes * here) / (1 - nodes**2)
         rates = 2 / ((1 - nodes**2) * slope**2)
         nodes = nodes - here / slope
     # exactly symmetric, so that what is symmetric stays so
@@ -219,8 +221,7 @@ class Space:
             numbers = (starts[:, None] + offsets).reshape(E, self.degree + 1, n)
             return numbers, E * stride + m * n
         numbers = np.empty((E, self.degree + 1, n), dtype=int)
-        count = 0
-        left = np.arange(m * n).reshape(m, n)
+        left: np.ndarray = np.arange(m * n).reshape(m, n)
         count = m * n
         first = left
         for e in range(E):
@@ -230,7 +231,7 @@ class Space:
             if self.periodic and e == E - 1:
                 numbers[e, m : 2 * m] = first
                 break
-            right = count + np.arange(m * n).reshape(m, n)
+            right: np.ndarray = count + np.arange(m * n).reshape(m, n)
             count += m * n
             numbers[e, m : 2 * m] = right
             left = right

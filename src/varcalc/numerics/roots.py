@@ -27,7 +27,8 @@ def scanned_root(function: Callable[[np.ndarray], np.ndarray], low: float, high:
     Taken as met where the function is not farther than ``close`` from zero. None when the ends do not bracket a root
     or no change of sign is left between places at which the function is a number.
     """
-    at, spread = np.linspace(low, high, 2 * len(SPREAD) + 3), abs(high - low)
+    at: np.ndarray = np.linspace(low, high, 2 * len(SPREAD) + 3)
+    spread = abs(high - low)
     for _ in range(SCANS):
         values = function(at)
         at, values = at[np.isfinite(values)], values[np.isfinite(values)]

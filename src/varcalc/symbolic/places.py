@@ -37,7 +37,8 @@ def places(
     cuts = [x for x in known if span[0] < x < span[1]]
     edges = np.unique([*np.linspace(*span, CUTS + 1), *cuts])
     beside = FINEST * (span[1] - span[0]) * np.isin(edges, cuts)  # there the argument is on neither side
-    low, high = edges[:-1] + beside[:-1], edges[1:] - beside[1:]
+    low: np.ndarray = edges[:-1] + beside[:-1]
+    high: np.ndarray = edges[1:] - beside[1:]
     found: list[float] = []
     while len(low):
         if len(low) > MOST_PIECES or len(found) > MOST_BREAKS:
