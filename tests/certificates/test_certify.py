@@ -429,3 +429,23 @@ def test_several_functions_near_a_conjugate_point():
     terms = zip((mpmath.mpf(1), mpmath.sqrt(mpmath.mpf(w2))), map(mpmath.mpf, Y), strict=True)
     assert between(certificate, sum(w * y**2 * mpmath.cot(w * mpmath.mpf(T)) / 2 for w, y in terms))
     assert certificate.scope is Scope.ALL
+
+
+def test_round_off_in_the_last_coefficients_of_a_curve_does_not_widen_the_interval(bounds):
+    """int v^2/2 + 10 e^y of which a quartic is made the minimiser, on one box: Taylor's remainders of it were large."""
+
+    def quartic(x):
+        return 0.21875 + 0.8125 * x + 0.125 * x**2 + 0.234375 * x**3 + 0.875 * x**4
+
+    def slope(x):
+        return 0.8125 + 0.25 * x + 0.703125 * x**2 + 3.5 * x**3
+
+    def lagrangian(x, y, v):
+        return v**2 / 2 + 10 * ca.exp(y) - 10 * ca.exp(quartic(x)) * y - slope(x) * v
+
+    with mpmath.workdps(40):
+        exact = mpmath.quad(lambda x: 10 * mpmath.exp(quartic(x)) * (1 - quartic(x)) - slope(x) ** 2 / 2, [0, 1])
+    certificate = vc.certify(vc.solve(vc.Problem(lagrangian, vc.Fixed(0, quartic(0.0)), vc.Fixed(1, quartic(1.0)))))
+    low, high = bounds(certificate)
+    assert low <= exact <= high
+    assert certificate.width < 1e-17
