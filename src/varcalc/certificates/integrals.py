@@ -85,8 +85,7 @@ def along_curve(
 def _on_box(
     statement: Statement, piece: Piece, box: Box, sizes: tuple[np.ndarray, np.ndarray]
 ) -> tuple[Ball, Ball, list[Ball], list[Ball]]:
-    """The integral of H over a box and its remainder; bounds of |r| and |q|, and the part that remainders are of them.
-    """
+    """The integral of H over a box and its remainder; bounds of |r| and |q|, and what of these the remainders are."""
     views = [_terms(statement, piece, Around(box, TERMS + whole, whole)) for whole in (False, True)]
     (L, r, q), (L_, r_, q_) = views
     main, rest = integral(L, L_, TERMS)
