@@ -429,3 +429,53 @@ def test_several_functions_near_a_conjugate_point():
     terms = zip((mpmath.mpf(1), mpmath.sqrt(mpmath.mpf(w2))), map(mpmath.mpf, Y), strict=True)
     assert between(certificate, sum(w * y**2 * mpmath.cot(w * mpmath.mpf(T)) / 2 for w, y in terms))
     assert certificate.scope is Scope.ALL
+
+
+def test_round_off_in_the_last_coefficients_of_a_curve_does_not_widen_the_interval(bounds):
+    """int v^2/2 + 10 e^y of which a quartic is made the minimiser, on one box: Taylor's remainders of it were large."""
+
+    def quartic(x):
+        return 0.21875 + 0.8125 * x + 0.125 * x**2 + 0.234375 * x**3 + 0.875 * x**4
+
+    def slope(x):
+        return 0.8125 + 0.25 * x + 0.703125 * x**2 + 3.5 * x**3
+
+    def lagrangian(x, y, v):
+        return v**2 / 2 + 10 * ca.exp(y) - 10 * ca.exp(quartic(x)) * y - slope(x) * v
+
+    with mpmath.workdps(40):
+        exact = mpmath.quad(lambda x: 10 * mpmath.exp(quartic(x)) * (1 - quartic(x)) - slope(x) ** 2 / 2, [0, 1])
+    certificate = vc.certify(vc.solve(vc.Problem(lagrangian, vc.Fixed(0, quartic(0.0)), vc.Fixed(1, quartic(1.0)))))
+    low, high = bounds(certificate)
+    assert low <= exact <= high
+    assert certificate.width < 1e-17
+
+
+def test_three_functions_whose_field_turns_fast_are_certified(bounds):
+    """Of v.K v/2 + 30 cosh(d.y) a cubic each is made the minimiser; Q changes by orders of magnitude near the ends."""
+    K, d = np.array([[9.0, 3.0, -2.0], [3.0, 2.0, 0.0], [-2.0, 0.0, 1.5]]), (1.0, -0.75, 0.5)
+    cubics = [(0.25, 0.5, -0.5, 1.0), (0.0, -1.0, 0.5, 0.25), (0.5, 0.25, -0.75, 0.5)]
+
+    def y0(x, k):
+        return [(a + x * (b + x * (c + x * e)), b + x * (2 * c + 3 * e * x))[k] for a, b, c, e in cubics]
+
+    def momenta(x):
+        return [sum(float(K[i, j]) * y0(x, 1)[j] for j in range(3)) for i in range(3)]
+
+    def along(x):
+        return sum(c * v for c, v in zip(d, y0(x, 0), strict=True))
+
+    def lagrangian(x, y, v):
+        load = 30 * ca.sinh(along(x)) * ca.dot(ca.DM(d), y)
+        return ca.bilin(K, v, v) / 2 + 30 * ca.cosh(ca.dot(ca.DM(d), y)) - load - ca.dot(ca.vertcat(*momenta(x)), v)
+
+    def rate(x):
+        kinetic = -sum(p * v for p, v in zip(momenta(x), y0(x, 1), strict=True)) / 2
+        return kinetic + 30 * (mpmath.cosh(along(x)) - along(x) * mpmath.sinh(along(x)))
+
+    with mpmath.workdps(40):
+        exact = mpmath.quad(rate, [0, 1])
+    certificate = vc.certify(vc.solve(vc.Problem(lagrangian, vc.Fixed(0, y0(0.0, 0)), vc.Fixed(1, y0(1.0, 0)))))
+    low, high = bounds(certificate)
+    assert low <= exact <= high
+    assert certificate.width < 1e-15

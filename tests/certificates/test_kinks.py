@@ -178,6 +178,11 @@ def test_what_is_no_subgradient_is_refused(factor):
         kinked.prove()
 
 
+TURNED_OVER = (
+    "what a kink is multiplied by|kinks and jumps that the curve meets|the Lagrangian is not enclosed.*switches"
+)
+
+
 @pytest.mark.parametrize(
     "lagrangian",
     [
@@ -189,7 +194,7 @@ def test_what_is_no_subgradient_is_refused(factor):
 def test_a_kink_that_is_not_convex_is_not_taken_for_one(lagrangian):
     """Through y = 0 from x = -1 on: nothing is proved where the kink is turned over."""
     solution = vc.solve(vc.Problem(lagrangian, vc.Fixed(-1, -1), vc.Fixed(1, 2)))
-    with pytest.raises(vc.VariationalError, match="no certificate: what a kink is multiplied by"):
+    with pytest.raises(vc.VariationalError, match=f"no certificate: ({TURNED_OVER})"):
         vc.certify(solution)
 
 
@@ -216,5 +221,5 @@ def test_a_kink_beside_a_level_is_refused_for_that():
     level = vc.Isoperimetric(lambda x, y, v: y, 0.5)
     problem = vc.Problem(lambda x, y, v: v**2 / 2 + ca.fabs(v), vc.Fixed(0, 0), vc.Fixed(1, 0), [level])
     solution = vc.solve(problem)
-    with pytest.raises(vc.VariationalError, match="kinks and jumps that the curve meets are covered as"):
+    with pytest.raises(vc.VariationalError, match="kinks and jumps that the curve meets are covered where"):
         vc.certify(solution)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.certificates.balls import Around, Ball, Box, Series, enclosed, flint, integral, largest
+from varcalc.certificates.balls import Around, Ball, Box, Series, coefficient, enclosed, flint, integral, largest
 from varcalc.certificates.curve import Piece
 from varcalc.certificates.field import dynamics
 from varcalc.certificates.jets import Undecided
@@ -19,6 +19,10 @@ TERMS = 20
 MOST_BOXES = 600
 MOST_PARTS = 12
 """Parts that a box is cut into at once."""
+ROUGH_RESIDUALS = 1e6
+"""What a residual's remainder may come to anyway, in units of the value's: then it is about 1e-13 of the value."""
+SHORT_ENOUGH = 2.0**-4
+"""Share of a piece from which on boxes are not cut for the sake of residuals: round-off has been left behind."""
 
 
 class Unproved(Exception):
@@ -43,6 +47,9 @@ def along_curve(
 ) -> Along:
     """Integrate H and bound the residuals; each remainder is held below its share of ``tolerance``.
 
+    Residuals that are bounded by their remainders are bounded on shorter boxes: on long ones round-off in the last
+    coefficients of a curve grows with the power that the remainder is of.
+
     Raises Unproved where H cannot be enclosed.
     """
     length = float((pieces[-1].centre + pieces[-1].half - pieces[0].centre + pieces[0].half).mid())
@@ -54,9 +61,14 @@ def along_curve(
         tried += 1
         reason, parts = "it is too rough there", 2
         try:
-            main, rest, r, q = _on_box(statement, pieces[k], box, sizes)
+            main, rest, bounds, remainders = _on_box(statement, pieces[k], box, sizes)
             excess = float(abs(rest).upper()) / allowed
-            if excess <= 1.0 and r.is_finite() and q.is_finite():
+            r, q = bounds
+            tight = box.width <= SHORT_ENOUGH or all(
+                bool(2 * part <= bound) or bool(part <= ROUGH_RESIDUALS * allowed)
+                for part, bound in zip(remainders, bounds, strict=True)
+            )
+            if tight and excess <= 1.0 and r.is_finite() and q.is_finite():
                 value += (main + rest) * box.unit
                 residuals.append((r, q))
                 boxes.append((k, box))
@@ -72,19 +84,22 @@ def along_curve(
 
 def _on_box(
     statement: Statement, piece: Piece, box: Box, sizes: tuple[np.ndarray, np.ndarray]
-) -> tuple[Ball, Ball, Ball, Ball]:
+) -> tuple[Ball, Ball, list[Ball], list[Ball]]:
+    """The integral of H over a box and its remainder; bounds of |r| and |q|, and what of these the remainders are."""
     views = [_terms(statement, piece, Around(box, TERMS + whole, whole)) for whole in (False, True)]
     (L, r, q), (L_, r_, q_) = views
     main, rest = integral(L, L_, TERMS)
     if not (main.is_finite() and rest.is_finite()):
         raise Undecided("it is not a number throughout")
-    bounds = []
+    bounds, remainders = [], []
     for centred, whole, unit in ((r, r_, sizes[0]), (q, q_, sizes[1])):
-        squares = flint().arb(0)
+        squares, largest_part = flint().arb(0), flint().arb(0)
         for c, w, size in zip(centred, whole, unit[: len(centred)].tolist(), strict=True):
             squares += (abs(enclosed(c, w, TERMS - 1)).upper() * size) ** 2
+            largest_part = largest([largest_part, coefficient(w, TERMS - 1) * size])
         bounds.append(squares.sqrt().upper())
-    return main, rest, *bounds
+        remainders.append(largest_part)
+    return main, rest, bounds, remainders
 
 
 def _terms(statement: Statement, piece: Piece, around: Around) -> tuple[Series, list[Series], list[Series]]:

@@ -1,12 +1,9 @@
-"""Kinks that a Lagrangian names, convex ones: |e| is at least sigma e for any sigma(x) between -1 and 1.
+"""Kinks that a Lagrangian names, convex ones: lines of support take their place below, and the curve itself is above.
 
-With c |e| in L, c(x) >= 0, the Lagrangian with c sigma e in its place is smooth and nowhere more than L, so what is
-proved of its integral bounds that of L from below (Ekeland and Temam, "Convex Analysis and Variational Problems", ch.
-III). Where the curve keeps off the kink sigma is the sign of e; where it follows the kink sigma is what the
-Euler-Lagrange equation asks for, a subgradient. Of L's integral itself along the solution's curve the rest is a bound.
-
-A power p > 1 of M = |e| or fmax(e, 0) is no kink, but has no second derivative there: M^p is at least its tangent
-p m^(p-1) M - (p-1) m^p at any m(x) >= 0, and M at least e, -e or 0, whichever the curve is at.
+With c phi(e) in L, c(x) >= 0 and phi convex, the Lagrangian with a line of support of phi in its place is smooth and
+nowhere more than L, so what is proved of its integral bounds that of L from below (Ekeland and Temam, "Convex Analysis
+and Variational Problems", ch. III). Where the curve follows a kink its slope is what the Euler-Lagrange equation asks
+for, a subgradient. Of L's integral itself along the solution's curve the rest is a bound.
 """
 
 from __future__ import annotations
@@ -24,10 +21,11 @@ from scipy.optimize import brentq
 
 from varcalc.certificates.balls import Around, Ball, Box, differentiation, flint, nodes
 from varcalc.certificates.bounds import positive
+from varcalc.certificates.convex_terms import FOLLOWED, ConvexTerm
 from varcalc.certificates.curve import DEGREE, Piece, joint_states, nodes_within, pieces, sampled
-from varcalc.certificates.degree import degrees
 from varcalc.certificates.integrals import Unproved, along_curve
 from varcalc.certificates.jets import Jet, Undecided, head, jets
+from varcalc.certificates.kink_reading import convex_terms
 from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement, statement
@@ -37,64 +35,19 @@ from varcalc.problem.conditions import Through
 from varcalc.problem.functional import rebuilt
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
-from varcalc.symbolic.instructions import Program, operate
+from varcalc.symbolic.instructions import Program
 from varcalc.symbolic.tracing import Expression, TracedFunction
 from varcalc.verify.along_curve import AlongCurve, in_form
 from varcalc.verify.given_curve import DISTINCT_NODES, distinct
 
-FOLLOWED = 1e-6
-"""Size of e, relative to its largest, within which a piece of the curve follows a kink."""
 SAMPLES = 33
 """Points of a piece at which signs are looked at."""
 MARGIN, NOISE = 1e-13, 1e-11
 """What a subgradient is shrunk by to stay within its bounds; coefficients, relative to it, that are left out."""
+PLAUSIBLE = 1.5
+"""Size of a subgradient from which on the curve does not follow the kink."""
 MOST_BOXES = 400
 """Boxes of one piece of which signs are looked at."""
-DEEPEST = 20
-"""Operations down to which the arguments of two kinks are compared."""
-POWERS = {ca.OP_POW, ca.OP_CONSTPOW}
-KINKS = {ca.OP_FABS, ca.OP_FMAX, ca.OP_FMIN}
-
-
-@dataclass(frozen=True)
-class Kink:
-    """``factor`` times the size of ``argument``, expressions in the symbols of the problem.
-
-    With a ``power`` beyond 1 it is that power of M, the size or, ``one_sided``, the positive part of the argument.
-    """
-
-    factor: Expression
-    argument: Expression
-    power: float = 1.0
-    one_sided: bool = False
-
-    @property
-    def convex(self) -> bool:
-        """Whether it is one of those that are bounded from below here, for a factor that is not negative."""
-        return self.power > 1.0 or (self.power == 1.0 and not self.one_sided)
-
-    def expression(self, sign: int) -> Expression:
-        """What the kink adds where the argument has a sign."""
-        if self.power == 1.0:
-            return float(sign) * self.factor * self.argument
-        return self.factor * self.branch(sign) ** self.power if self.rises(sign) else ca.SX(0)
-
-    def rises(self, sign: int) -> bool:
-        """Whether a power of M is not zero where the argument has a sign."""
-        return sign > 0 or (sign < 0 and not self.one_sided)
-
-    def branch(self, sign: int) -> Expression:
-        """M where the argument has a sign."""
-        return float(sign) * self.argument
-
-    def tangent(self, sign: int, at: Expression) -> Expression:
-        """What is nowhere more than the factor times M^p: the tangent where M is ``at``, on the side of a sign."""
-        p = self.power
-        if not self.rises(sign):
-            return ca.SX(0)
-        # p = 2 and 3 as they are carried out exactly
-        slope = at if p == 2.0 else at ** (p - 1.0)
-        return self.factor * slope * (p * self.branch(sign) - (p - 1.0) * at)
 
 
 @dataclass(frozen=True)
@@ -103,7 +56,7 @@ class Kinked:
 
     along: AlongCurve
     smooth: Expression
-    kinks: Sequence[Kink]
+    kinks: Sequence[ConvexTerm]
 
     @cached_property
     def edges(self) -> list[float]:
@@ -111,21 +64,23 @@ class Kinked:
         vertices = distinct(self.along.vertices)
         mesh = np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(vertices)])
         crossings: list[float] = []
-        for k, values in enumerate(self._arguments(mesh).T):
-            seen = np.abs(values) > FOLLOWED * self._sizes[k]
-            changes = np.flatnonzero((values[1:] * values[:-1] < 0) & (seen[1:] | seen[:-1]))
-            crossings += [self._crossing(k, mesh[i], mesh[i + 1]) for i in changes]
+        for k, arguments in enumerate(self._arguments(mesh).T):
+            for at in self.kinks[k].breaks:
+                values = arguments - at
+                seen = np.abs(values) > FOLLOWED * self._sizes[k]
+                changes = np.flatnonzero((values[1:] * values[:-1] < 0) & (seen[1:] | seen[:-1]))
+                crossings += [self._crossing(k, at, mesh[i], mesh[i + 1]) for i in changes]
         # of what all but coincides the vertex is taken: beside it the curve is another polynomial
         alike = DISTINCT_NODES * (vertices[-1] - vertices[0])
         apart = [x for x in crossings if np.abs(vertices - x).min() > alike]
         # a mesh may end a bit of round-off before or after the interval does
         return [self.along.span[0], *distinct(np.append(vertices, apart))[1:-1].tolist(), self.along.span[1]]
 
-    def _crossing(self, number: int, a: float, b: float) -> float:
-        """Where a kink's argument changes its sign between a and b; that of the two where it all but vanishes."""
+    def _crossing(self, number: int, at: float, a: float, b: float) -> float:
+        """Where a kink's argument goes through a break between a and b; that of the two where it all but does."""
 
         def argument(x: float) -> float:
-            return float(self._arguments(np.array([x]))[0, number])
+            return float(self._arguments(np.array([x]))[0, number]) - at
 
         first, last = argument(a), argument(b)
         if first * last < 0:
@@ -145,46 +100,52 @@ class Kinked:
         return np.abs(self._arguments(np.linspace(a, b, 8 * SAMPLES)[1:-1])).max(axis=0)
 
     @cached_property
-    def signs(self) -> list[list[int]]:
-        """Of each piece the sign of each kink's argument, 0 where the curve follows the kink."""
+    def sides(self) -> list[list[int]]:
+        """Of each piece the side of each kink that the curve is on."""
         rows = []
         for a, b in pairwise(self.edges):
-            values = self._arguments(np.linspace(a, b, SAMPLES)[1:-1])
-            largest = values[np.abs(values).argmax(axis=0), np.arange(len(self.kinks))]
-            rows.append(np.where(np.abs(largest) > FOLLOWED * self._sizes, np.sign(largest), 0).astype(int).tolist())
-        plain = [k for k, kink in enumerate(self.kinks) if kink.power == 1.0]
-        if any([row[k] for k in plain].count(0) > 1 for row in rows):
+            columns = self._arguments(np.linspace(a, b, SAMPLES)[1:-1]).T
+            rows.append([k.side(*one) for k, *one in zip(self.kinks, columns, self._sizes.tolist(), strict=True)])
+        if any(sum(k.follows(side) for k, side in zip(self.kinks, row, strict=True)) > 1 for row in rows):
             raise Unproved("a curve that follows several kinks at once is not covered")
         return rows
 
     @cached_property
     def subgradients(self) -> list[list[np.ndarray]]:
-        """Coefficients, in powers of each piece's own variable, of the factor sigma of each kink; of a power, of m."""
-        rows = [[np.array([float(sign)]) for sign in row] for row in self.signs]
-        for number, row in enumerate(self.signs):
-            for k, (sign, kink) in enumerate(zip(row, self.kinks, strict=True)):
-                if kink.power > 1.0:
-                    rows[number][k] = self._place(number, k) if kink.rises(sign) else np.zeros(1)
-                elif not sign:
+        """Coefficients, in powers of each piece's own variable, of each kink's sigma or of the place m of its line."""
+        rows = [[np.zeros(1) for _ in row] for row in self.sides]
+        for number, row in enumerate(self.sides):
+            for k, (side, kink) in enumerate(zip(row, self.kinks, strict=True)):
+                if kink.follows(side):
                     rows[number][k] = self._subgradient(number, k)
+                elif kink.between(side) is not None:
+                    rows[number][k] = self._place(number, k)
         return rows
 
     def _place(self, number: int, k: int) -> np.ndarray:
-        """m of a power: M along the curve, a little more than nothing where it vanishes."""
-        values = np.abs(self._arguments(nodes_within(*self._piece(number)))[:, k])
-        size = MARGIN * self._sizes[k]
+        """m of a line of support: the argument along the curve, a little within the part that the line is of."""
+        between, size = self.kinks[k].between(self.sides[number][k]), MARGIN * self._sizes[k]
+        assert between is not None
+        low, high = (None if end is None else float(end.mid()) for end in between)
+        values = self._arguments(nodes_within(*self._piece(number)))[:, k]
         series: Any = np.polynomial.Chebyshev.fit(nodes(DEGREE), values, DEGREE, domain=[-1, 1])
         powers: np.ndarray = series.trim(size).convert(kind=np.polynomial.Polynomial).coef
-        lowest = float(np.polynomial.polynomial.polyval(np.linspace(-1.0, 1.0, 8 * SAMPLES), powers).min())
-        powers[0] += size + max(0.0, -lowest)
+        reached = np.polynomial.polynomial.polyval(np.linspace(-1.0, 1.0, 8 * SAMPLES), powers)
+        under = 0.0 if low is None else size + max(0.0, low - float(reached.min()))
+        over = 0.0 if high is None else size + max(0.0, float(reached.max()) - high)
+        if low is not None and high is not None:
+            powers *= 1.0 - (under + over) / (high - low)
+            powers[0] += (high * under + low * over) / (high - low)
+        else:
+            powers[0] += under - over
         return powers
 
     def _subgradient(self, number: int, k: int) -> np.ndarray:
         """Sigma of a kink that is followed, from the Euler-Lagrange equation on that piece."""
         s, kink = self.along.symbols, self.kinks[k]
-        (a, b), row = self._piece(number), self.signs[number]
-        rest = self.smooth + sum(other.expression(sign) for sign, other in zip(row, self.kinks, strict=True))
-        size = kink.factor * kink.argument
+        (a, b), row = self._piece(number), self.sides[number]
+        rest = self.smooth + sum(other.expression(side) for side, other in zip(row, self.kinks, strict=True))
+        size = kink.turn(row[k])
         by_y, by_v = ca.depends_on(kink.argument, s.y), ca.depends_on(kink.argument, s.dy)
         if by_y and by_v:
             raise Unproved("a curve that follows a kink in both the curve and its slope is not covered")
@@ -194,14 +155,17 @@ class Kinked:
         scale = (bend**2).sum(axis=1)
         if by_y:
             rate = differentiation(DEGREE) @ momentum / (0.5 * (b - a))
-            return _shrunk(((rate - force) * bend).sum(axis=1) / scale)
+            sigma = ((rate - force) * bend).sum(axis=1) / scale
+            # where a mesh is fine about a kink that is gone through the curve seems to follow it on a piece
+            return _shrunk(sigma if np.abs(sigma).max() < PLAUSIBLE else self._between(number, k, 0.0 * sigma))
         grown = 0.5 * (b - a) * np.linalg.solve(differentiation(DEGREE)[1:, 1:], force[1:])
         p = np.vstack([np.zeros((1, force.shape[1])), grown])
         return _shrunk(self._between(number, k, ((p - momentum) * bend).sum(axis=1) / scale))
 
     def _between(self, number: int, k: int, values: np.ndarray) -> np.ndarray:
         """Sigma up to a constant as it goes on from the pieces beside: momenta are continuous."""
-        beside = [self.signs[n][k] if 0 <= n < len(self.signs) else 0 for n in (number - 1, number + 1)]
+        followed, there = self.sides[number][k], range(len(self.sides))
+        beside = [int(np.sign(self.sides[n][k] - followed)) if n in there else 0 for n in (number - 1, number + 1)]
         missed = [side - values[at] for side, at in zip(beside, (0, -1), strict=True) if side]
         if not missed:
             return values - 0.5 * (values.max() + values.min())
@@ -210,7 +174,8 @@ class Kinked:
     @property
     def met(self) -> bool:
         """Whether the curve follows a kink, or goes through one."""
-        return len({tuple(row) for row in self.signs}) > 1 or 0 in self.signs[0]
+        rows = self.sides
+        return len({*map(tuple, rows)}) > 1 or any(k.on(side) for k, side in zip(self.kinks, rows[0], strict=True))
 
     def guess(self, at: Any) -> np.ndarray:
         """A curve close to the solution's, in far less time than it takes where corners were unknown."""
@@ -241,17 +206,15 @@ class Kinked:
         return found
 
     def _stated(self, *, below: bool) -> Expression:
-        """The Lagrangian with sigma e for each |e|, and for powers their tangents ``below``, or what the curve has."""
-        total, rows = self.smooth, list(zip(self.signs, self.subgradients, strict=True))
+        """The Lagrangian with lines of support for kinks: ``below``, or only where the curve follows a break."""
+        found = self.smooth
         for k, kink in enumerate(self.kinks):
-            given = [self._polynomial(n, powers[k]) for n, (_, powers) in enumerate(rows)]
-            if kink.power == 1.0:
-                total = total + self._pieced(given) * kink.factor * kink.argument
-                continue
-            sides = [signs[k] for signs, _ in rows]
-            tangents = [kink.tangent(*each) for each in zip(sides, given, strict=True)]
-            total = total + self._pieced(tangents if below else [kink.expression(sign) for sign in sides])
-        return total
+            parts = [
+                (kink.below if below else kink.along)(row[k], self._polynomial(number, powers[k]))
+                for number, (row, powers) in enumerate(zip(self.sides, self.subgradients, strict=True))
+            ]
+            found = found + self._pieced(parts)
+        return found
 
     def _polynomial(self, number: int, powers: np.ndarray) -> Expression:
         """A polynomial in the variable of a piece."""
@@ -270,21 +233,21 @@ class Kinked:
         return found
 
     def prove(self) -> None:
-        """Prove that no sigma leaves [-1, 1], and that no kink is turned over; Unproved where that may be."""
+        """Prove each sigma in [-1, 1], and each line of support one of the part it is of; Unproved where it may not."""
         found = flint()
-        for number, row in enumerate(self.subgradients):
+        for number, (sides, row) in enumerate(zip(self.sides, self.subgradients, strict=True)):
             a, b = self._piece(number)
             # the piece's own variable, whose numbers are rounded, may leave [-1, 1] a little
             low, high = ((2 * found.arb(x) - (a + b)) / (b - a) for x in (a, b))
-            for kink, powers in zip(self.kinks, row, strict=True):
-                ways = (1, -1) if len(powers) > 1 and kink.power == 1.0 else ()
-                place = found.arb_poly([found.arb(float(c)) for c in powers])
-                if kink.power > 1.0 and powers.any() and not positive(place, low.lower(), high.upper()):
-                    raise Unproved("the place of a tangent is not proved positive")
-                for way in ways:
-                    poly = 1 - way * found.arb_poly([found.arb(float(c)) for c in powers])
-                    if not positive(poly, low.lower(), high.upper()):
-                        raise Unproved("what takes the place of a kink is not proved to be a subgradient of it")
+            for kink, side, powers in zip(self.kinks, sides, row, strict=True):
+                poly, between = found.arb_poly([found.arb(float(c)) for c in powers]), kink.between(side)
+                least, most = (found.arb(-1), found.arb(1)) if kink.follows(side) else between or (None, None)
+                told = "what takes the place of a kink is not proved to be a subgradient of it"
+                told = "a line of support is not proved to touch the part it is of" if between else told
+                above = [] if least is None else [poly - least]
+                for rest in [*above, *([] if most is None else [most - poly])]:
+                    if not positive(rest, low.lower(), high.upper()):
+                        raise Unproved(told)
 
     def above(self, setting: Setting) -> Attained:
         """A curve near the solution's, with the value of L; ``setting`` is that of :meth:`lower`."""
@@ -303,7 +266,7 @@ class Kinked:
 
     def _excess(self, stated: Statement, piece: Piece) -> Ball:
         """The integral over a piece of c (|e| - sigma e), from above; Unproved where c may be negative."""
-        total, signs = flint().arb(0), self.signs[int(np.searchsorted(self.edges, float(piece.centre.mid()))) - 1]
+        total, sides = flint().arb(0), self.sides[int(np.searchsorted(self.edges, float(piece.centre.mid()))) - 1]
         waiting, most = deque([piece.box()]), MOST_BOXES
         while waiting:
             box, most = waiting.popleft(), most - 1
@@ -311,12 +274,14 @@ class Kinked:
                 factors, arguments = self._on(stated, piece, box)
             except Undecided as undecided:
                 raise Unproved(f"a kink is not enclosed near {box.at:.6g}: {undecided}") from None
-            unknown = any(sign and e.contains(0) for sign, e in zip(signs, arguments, strict=True))
-            if unknown and most > 0 and not box.narrow:
+            if not all(factor >= 0 for factor in factors):
+                raise Unproved("what a kink is multiplied by is not proved positive")
+            off = [kink.beyond(e, side) for kink, e, side in zip(self.kinks, arguments, sides, strict=True)]
+            known = all(kink.on(side) or one.is_zero() for kink, one, side in zip(self.kinks, off, sides, strict=True))
+            if not known and most > 0 and not box.narrow:
                 waiting += box.halves()
             else:
-                each = zip(self.kinks, factors, arguments, signs, strict=True)
-                total += 2 * box.unit * sum(_beyond(*one) for one in each)
+                total += 2 * box.unit * sum((f * one).upper() for f, one in zip(factors, off, strict=True))
         return total
 
     def _on(self, stated: Statement, piece: Piece, box: Box) -> list[list[Ball]]:
@@ -325,18 +290,6 @@ class Kinked:
         states, controls = piece.lifted(around)
         arguments = stated.arguments(Jet(around.abscissa()), [Jet(s) for s in states], [Jet(s) for s in controls])
         return [[flint().arb(0) + head(jet.value) for jet in row] for row in jets(self._program, arguments[:-2], 0)]
-
-
-def _beyond(kink: Kink, factor: Ball, argument: Ball, sign: int) -> Ball:
-    """How much c |e| may exceed c sigma e; c M^p what the curve's side makes of it."""
-    if not factor >= 0:
-        raise Unproved("what a kink is multiplied by is not proved positive")
-    if (sign > 0 and argument >= 0) or (sign < 0 and argument <= 0):
-        return flint().arb(0)
-    if kink.power > 1.0:
-        largest_size = abs(argument).upper()
-        return (2 * factor * largest_size**kink.power).upper() if largest_size > 0 else flint().arb(0)
-    return (2 * factor * abs(argument)).upper()
 
 
 def _shrunk(values: np.ndarray) -> np.ndarray:
@@ -357,97 +310,8 @@ def kinks(solution: Solution) -> Kinked | None:
     if not plain or not all(isinstance(c, Through) for c in problem.constraints):
         return None
     form = graph_form(problem)
-    read = _read(form.symbols.all, form.integrand, ca.vertcat(form.symbols.y, form.symbols.dy))
+    read = convex_terms(form.symbols, form.integrand, problem.parameter_values.tolist())
     if read is None:
         return None
     extremal = Extremal(form, solution.curve, np.zeros(0), distinct(solution.x), np.zeros(0), {})
     return Kinked(in_form(extremal), *read)
-
-
-def _read(symbols: list[Expression], integrand: Expression, curve: Expression) -> tuple[Expression, list[Kink]] | None:
-    """An integrand as smooth terms and kinks of the curve; None where these come in another way, or there are none."""
-    read = _Read(curve)
-    entries = [ca.vertsplit(s) if s.numel() else [] for s in symbols]
-    total = Program(ca.Function("L", symbols, [integrand])).run(entries, ca.SX, read.applied)[0][0]
-    total = read.with_sizes(total)
-    column = ca.vertcat(*read.symbols)
-    kept = [k for k, symbol in enumerate(read.symbols) if ca.depends_on(total, symbol)]
-    if not kept:
-        return None
-    function = ca.Function("L", [*symbols, column], [total])
-    watched = [[False] * int(s.numel()) for s in symbols]
-    factors = ca.vertsplit(ca.densify(ca.gradient(total, column)))
-    nested = ca.depends_on(ca.vertcat(*(read.found[k].argument for k in kept)), column)
-    if nested or degrees(function, [*watched, [True] * len(factors)])[0][0] > 1.0:
-        return None
-    if any(ca.depends_on(factors[k], curve) or not read.found[k].convex for k in kept):
-        return None
-    smooth = ca.substitute([total], [column], [ca.SX.zeros(len(factors))])[0]
-    return smooth, [replace(read.found[k], factor=factors[k]) for k in kept]
-
-
-class _Read:
-    """Kinks as they are found, each with a symbol in its place."""
-
-    def __init__(self, curve: Expression) -> None:
-        self.curve = curve
-        self.found: list[Kink] = []
-        self.symbols: list[Expression] = []
-
-    def place(self, e: Expression, power: float = 1.0, *, one_sided: bool = False) -> Expression:
-        """The symbol of a power of |e|, or ``one_sided`` of the positive part of e."""
-        if power % 2 == 0 and not one_sided:
-            return e**power
-        for kink, symbol in zip(self.found, self.symbols, strict=True):
-            same = kink.power == power and kink.one_sided == one_sided
-            if same and ca.is_equal(kink.argument, e, DEEPEST):
-                return symbol
-        self.found.append(Kink(ca.SX(0), e, power, one_sided))
-        self.symbols.append(ca.SX.sym("size"))
-        return self.symbols[-1]
-
-    def applied(self, operation: int, operands: Sequence[Expression]) -> Expression:
-        """An operation, with symbols in place of what has a kink in the curve."""
-        a, b = operands[0], operands[-1]
-        if operation in KINKS and ca.depends_on(ca.vertcat(a, b), ca.vertcat(self.curve, *self.symbols)):
-            if operation == ca.OP_FABS:
-                return self.place(a)
-            if operation == ca.OP_FMAX and (a.is_zero() or b.is_zero()):
-                return self.place(b if a.is_zero() else a, one_sided=True)
-            # fmax and fmin are half the sum, and half the size of the difference more or less
-            return (a + b) / 2 + (1 if operation == ca.OP_FMAX else -1) * self.place(a - b) / 2
-        raised = self._raised(operation, a, b)
-        return operate(operation, operands) if raised is None else raised
-
-    def _raised(self, operation: int, a: Expression, b: Expression) -> Expression | None:
-        """The power that an operation makes of a size; None where it makes another thing."""
-        for base, other in ((a, b), (b, a)):
-            kink = self._of(base)
-            if kink is None:
-                continue
-            if operation == ca.OP_SQ:
-                return self.place(kink.argument, 2.0 * kink.power, one_sided=kink.one_sided)
-            if operation in POWERS and base is a and b.is_constant() and float(b) > 0:
-                return self.place(kink.argument, float(b) * kink.power, one_sided=kink.one_sided)
-            if operation == ca.OP_MUL:
-                more = self._of(other)
-                if more is not None and more.one_sided == kink.one_sided and self._alike(more.argument, kink.argument):
-                    return self.place(kink.argument, kink.power + more.power, one_sided=kink.one_sided)
-                if other.is_op(ca.OP_SQ) and self._alike(other.dep(0), kink.argument):
-                    return self.place(kink.argument, kink.power + 2.0, one_sided=kink.one_sided)
-        return None
-
-    def _of(self, e: Expression) -> Kink | None:
-        """What a symbol stands for; None for another expression."""
-        return next((k for k, symbol in zip(self.found, self.symbols, strict=True) if ca.is_equal(symbol, e)), None)
-
-    def _alike(self, a: Expression, b: Expression) -> bool:
-        return bool(ca.is_equal(a, b, DEEPEST))
-
-    def with_sizes(self, total: Expression) -> Expression:
-        """An expression with half of e and of |e| in place of each positive part of e."""
-        for kink, symbol in list(zip(self.found, self.symbols, strict=True)):
-            if kink.one_sided and kink.power == 1.0 and ca.depends_on(total, symbol):
-                half = (kink.argument + self.place(kink.argument)) / 2
-                total = ca.substitute([total], [symbol], [half])[0]
-        return total

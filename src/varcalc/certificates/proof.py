@@ -61,10 +61,10 @@ FORWARD = "the curve y0 is a graph: its abscissa grows"
 FORTH = "a curve that runs back is no shorter than a graph: the abscissa does not occur in the metric"
 EXPRESSION = "L is CasADi's expression, in which products of the numbers of a function may be rounded"
 RAYLEIGH = "L and the prescribed integrand are homogeneous of second degree: what is proved near y0 holds of all curves"
-SUBGRADIENTS = "sigma e, sigma(x) between -1 and 1, is in place of each |e| of L, so that it is nowhere more than L"
+SUBGRADIENTS = "lines of support, which hang on x, are in place of convex terms of L, so that it is nowhere more than L"
 MULTIPLIERS = "the multipliers of the levels have their signs, so that L with them is no more than L where these hold"
 KINKS_MET = (
-    "kinks and jumps that the curve meets are covered as c(x) |e|, c(x) positive, in graphs without other conditions"
+    "kinks and jumps that the curve meets are covered where these are convex, in graphs without other conditions"
 )
 SHIFTED = "shifted curves have the same value: they are meant shifted so that all have one start"
 CLOSED = "closed Curves are not covered: each may begin at any of its points, so that none is strictly the least"

@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from varcalc.certificates.balls import Around, Ball, Box, Series, enclosed, flint, polynomial
+from varcalc.certificates.balls import Around, Ball, Box, Series, coefficient, enclosed, flint, polynomial
 from varcalc.certificates.curve import Piece
 from varcalc.certificates.field import JacobiFields, dynamics
 from varcalc.certificates.integrals import Unproved
@@ -120,9 +120,14 @@ class Prover:
     def wide(self, boxes: Sequence[tuple[int, Box]]) -> bool:
         """Whether the inequality fails at the middle of a box already, so that smaller boxes would not help."""
         try:
-            return not all(_positive([p[0] for p in self._pivots(k, Around(box, 2, False), 2)]) for k, box in boxes)
+            return not all(self._holds_at_middle(k, box) for k, box in boxes)
         except Undecided:
             return True
+
+    def _holds_at_middle(self, k: int, box: Box) -> bool:
+        demands, matrices = self._demands(k, Around(box, 2, False), 2)
+        heads = [[[v[0] for v in row] for row in matrix] for matrix in matrices]
+        return _positive([d[0] for d in demands]) and all(definite([flint().arb_mat(matrix)]) for matrix in heads)
 
     def prove(self, boxes: Sequence[tuple[int, Box]], deepest: int) -> None:
         """Prove the inequality on boxes, which are halved where needed, ``deepest`` times one within the other.
@@ -148,22 +153,23 @@ class Prover:
             waiting += [(number, b, depth + 1) for b in reversed(box.halves())]
 
     def _holds(self, k: int, box: Box) -> bool:
-        centred, whole = (self._pivots(k, Around(box, TERMS + 1 + w, w), TERMS + 1 + w) for w in (False, True))
-        return _positive([enclosed(c, w, TERMS) for c, w in zip(centred, whole, strict=True)])
+        views = [self._demands(k, Around(box, TERMS + 1 + w, w), TERMS + 1 + w) for w in (False, True)]
+        (demands, matrices), (beside, rests) = views
+        return _enclosed_positive(demands, beside) and all(map(_definite, matrices, rests))
 
-    def _pivots(self, k: int, around: Around, terms: int) -> list[Series]:
-        """What must be positive, as series: the pivots of the matrix less diag(kappa, mu), and what rho must meet."""
+    def _demands(self, k: int, around: Around, terms: int) -> tuple[list[Series], list[Matrix]]:
+        """What must be positive, as series, and what positive definite: what rho must meet, and the inequality."""
         statement, tube = self.statement, self.tube
         m, n = statement.states, statement.n
         zero = flint().arb_series([0], terms)
         U, M = self.slopes[k].series(around)
         second, A, B = self._second(k, around, M)
-        demands = [U] if m == 1 else []
+        demands, matrices = [U] if m == 1 else [], []
         mixed = [[second[i][m + j] for j in range(n)] for i in range(m)]
         mixed = _less_scaled(_times(mixed, U), _product(M, B), tube.sizes)
         uu = [[zero + second[m + i][m + j] for j in range(n)] for i in range(n)]
         if tube.delta < np.inf:
-            demands += _eliminated(_less(uu, tube.stiffness[k]))
+            matrices.append(_less(uu, tube.stiffness[k]))
             room = tube.tilt[k] ** 2 * (U * U)
             demands.append(zero + room - sum(v * v for row in mixed for v in row))
         zz = self._bent(second, U, M, A, around)
@@ -171,7 +177,7 @@ class Prover:
         across = _transposed(mixed)
         full = [[*a, *b] for a, b in zip(corner, across, strict=True)]
         full += [[*a, *b] for a, b in zip(mixed, zz, strict=True)]
-        return demands + _eliminated([[zero + v for v in row] for row in full])
+        return demands, [*matrices, [[zero + v for v in row] for row in full]]
 
     def _bent(self, second: Matrix, U: Series, M: Matrix, A: Matrix, around: Around) -> Matrix:
         """(H_zz - kappa) U^2 - (U M' - M U') - (M A + A^T M) U, in units of the states; U is a scalar or 1."""
@@ -260,6 +266,51 @@ def _eliminated(matrix: Matrix) -> list[Series]:
         pivots.append(head)
         work = [[head * v - row[0] * w for v, w in zip(row[1:], across, strict=True)] for row in rest]
     return pivots
+
+
+def _enclosed_positive(centred: Sequence[Series], whole: Sequence[Series]) -> bool:
+    return _positive([enclosed(c, w, TERMS) for c, w in zip(centred, whole, strict=True)])
+
+
+def _definite(centred: Matrix, whole: Matrix) -> bool:
+    """Whether a matrix of Taylor forms is proved positive definite: in a frame, or by its pivots as such forms.
+
+    The pivots of many rows widen much, and those in a frame widen with all that the matrix changes by in a box.
+    """
+    if len(centred) > 2 and definite(_coefficients(centred, whole)):
+        return True
+    return _enclosed_positive(*map(_eliminated, (centred, whole)))
+
+
+def _coefficients(centred: Matrix, whole: Matrix) -> list[Any]:
+    """The matrices by which the powers of t come in a Taylor form, the last one over all of the box."""
+    rows = [[[coefficient(v, k) for v in row] for row in centred] for k in range(TERMS)]
+    return [flint().arb_mat(grid) for grid in (*rows, [[coefficient(v, TERMS) for v in row] for row in whole])]
+
+
+def definite(coefficients: Sequence[Any]) -> bool:
+    """Whether the sum of symmetric matrices times powers of t is proved positive definite for t in [-1, 1].
+
+    It is looked at in a frame in which the first of them is all but the identity, where elimination loses little.
+    """
+    first, found = coefficients[0], flint()
+    size = first.nrows()
+    middle = np.array([[float(first[i, j].mid()) for j in range(size)] for i in range(size)])
+    try:
+        frame = found.arb_mat(np.linalg.inv(np.linalg.cholesky(middle)).tolist())
+    except np.linalg.LinAlgError:
+        return False
+    total = found.arb_mat(size, size)
+    for k, matrix in enumerate(coefficients):
+        turned = frame * matrix * frame.transpose()
+        total += turned * found.arb(0, 1) if k else turned
+    work = [[total[i, j] for j in range(size)] for i in range(size)]
+    while work:
+        (head, *across), *rest = work
+        if not head > 0:
+            return False
+        work = [[v - row[0] * w / head for v, w in zip(row[1:], across, strict=True)] for row in rest]
+    return True
 
 
 def _positive(balls: Sequence[Ball]) -> bool:
