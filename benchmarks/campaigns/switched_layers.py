@@ -72,7 +72,7 @@ def switched(rng: np.random.Generator) -> Scenery:
         return ca.if_else(y > height, ca.if_else(y > height + depth, 1 - fall * depth, above) if kind else above, 1.0)
 
     return Scenery(
-        optics.Stratified(lambda y: ca.sqrt(squared(y))), lambda y: np.interp(y, *pieces), np.zeros_like,
+        optics.Stratified(lambda y: ca.sqrt(squared(y))), lambda y: np.interp(y, *pieces), lambda y: 0.0 * y,
         rng.uniform(0, 0.4), (-0.4, 0.4), 4 / np.sqrt(fall), 3.0, pieces=pieces,
     )  # fmt: skip
 

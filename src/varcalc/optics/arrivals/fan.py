@@ -198,15 +198,15 @@ class Fan:
         apart = self._apart(looks)
         through = self._looked(*self._at_windows(looks))
         looks = looks.take(np.flatnonzero(usual | np.append(apart, False) | np.append(False, apart)))
-        looks = self._closed_in(_Look.joined([looks, through]).ordered())
+        looks = self._closed_in(_FanRays.joined([looks, through]).ordered())
         for _ in range(MOST_WINDOWS if len(through) else 0):  # beside one there may be others, narrower
             through = self._looked(*self._at_windows(looks))
             if len(through) == 0:
                 break
-            looks = self._closed_in(_Look.joined([looks, through]).ordered())
+            looks = self._closed_in(_FanRays.joined([looks, through]).ordered())
         return looks.source, looks.angles, looks.entry
 
-    def _looked(self, source: np.ndarray, angles: np.ndarray) -> _Look:
+    def _looked(self, source: np.ndarray, angles: np.ndarray) -> _FanRays:
         """The rays (m,) at ``angles``, and what became of them."""
         beam, rays = self._entered(source, angles)
         entry = _states(beam)
@@ -215,9 +215,9 @@ class Fan:
         met = np.count_nonzero(np.isfinite(behind), axis=1)
         ended = NOT_ENTERED - rays.status * (behind.shape[1] + 1) - met
         course = np.where(np.isfinite(entry[:, PATH]), self._course(source, entry), ended)
-        return _Look(source, angles, entry, course, behind)
+        return _FanRays(source, angles, entry, course, behind)
 
-    def _closed_in(self, looks: _Look) -> _Look:
+    def _closed_in(self, looks: _FanRays) -> _FanRays:
         """The ``looks`` and closer ones on either side of directions that part them."""
         for _ in range(MOST_CUTS if self._parting else 0):
             parted = np.flatnonzero(self._apart(looks))
@@ -229,10 +229,10 @@ class Fan:
             share = np.arange(1, PARTS_OF_INTERVAL) / PARTS_OF_INTERVAL
             low, high = looks.angles[parted, None], looks.angles[parted + 1, None]
             more = self._looked(np.repeat(looks.source[parted], len(share)), (low + share * (high - low)).ravel())
-            looks = _Look.joined([looks, more]).ordered()
+            looks = _FanRays.joined([looks, more]).ordered()
         return looks
 
-    def _at_windows(self, looks: _Look) -> tuple[np.ndarray, np.ndarray]:
+    def _at_windows(self, looks: _FanRays) -> tuple[np.ndarray, np.ndarray]:
         """Sources and angles (k,) of rays that a surface turns back between two that get through it, or the reverse.
 
         What is left of the normal momentum behind a surface is smooth in the angle, however often a graded medium turns
@@ -258,11 +258,11 @@ class Fan:
             found.append(middle.take(np.flatnonzero(~alike)))
             again = np.flatnonzero(alike & again)
             left, middle, right = left.take(again), middle.take(again), right.take(again)
-            left, right = _Look.joined([left, middle]), _Look.joined([middle, right])
-        every = _Look.joined(found)
+            left, right = _FanRays.joined([left, middle]), _FanRays.joined([middle, right])
+        every = _FanRays.joined(found)
         return every.source, every.angles
 
-    def _apart(self, looks: _Look) -> np.ndarray:
+    def _apart(self, looks: _FanRays) -> np.ndarray:
         """True (m - 1,) for neighbouring rays of one source that part: by their course or where they come in.
 
         One meets a surface before a crest, the other behind it: they come in farther apart than neighbours do.
@@ -450,7 +450,7 @@ class Fan:
 
 
 @dataclass(frozen=True)
-class _Look(Rows):
+class _FanRays(Rows):
     """m rays of the fan where they come into the last medium: sources, angles, states (m, 10) and courses.
 
     ``behind`` (m, surfaces) is what is left of their normal momenta behind surfaces, as :class:`UnderWay` has it.
@@ -462,20 +462,20 @@ class _Look(Rows):
     course: np.ndarray
     behind: np.ndarray
 
-    def same_way(self, other: _Look) -> np.ndarray:
+    def same_way(self, other: _FanRays) -> np.ndarray:
         """The numbers of the rays that come to the same surfaces as those of ``other``, and as far through them."""
         known = np.isfinite(self.behind)
         alike = (known == np.isfinite(other.behind)) & ((self.behind > 0) == (other.behind > 0))
         return np.flatnonzero(np.all(alike, axis=1) & np.any(known, axis=1))
 
-    def doubtful(self, left: _Look, right: _Look) -> np.ndarray:
+    def doubtful(self, left: _FanRays, right: _FanRays) -> np.ndarray:
         """Where (m,) a surface may do otherwise to rays between ``left`` and ``right``; these are the middle ones."""
         three = np.abs(np.stack([left.behind, self.behind, right.behind]))
         off = np.abs(self.behind - (left.behind + right.behind) / 2)
         with np.errstate(invalid="ignore"):
             return np.any(three.min(axis=0) <= SURELY * off, axis=1)
 
-    def ordered(self) -> _Look:
+    def ordered(self) -> _FanRays:
         """By source, then by angle."""
         return self.take(np.lexsort((self.angles, self.source)))
 
