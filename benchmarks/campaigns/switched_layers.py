@@ -25,7 +25,7 @@ def hyperbolic_duct(rng: np.random.Generator) -> Scenery:
         return 1 / np.cosh(np.clip(u, -FARTHEST, FARTHEST)) ** 2
 
     def g(y: np.ndarray) -> np.ndarray:
-        return 1 + sum(2 * a * bell((y - c) / s) for a, c, s in terms)
+        return sum((2 * a * bell((y - c) / s) for a, c, s in terms), np.ones_like(y))
 
     def slope(y: np.ndarray) -> np.ndarray:
         return sum((-4 * a * bell((y - c) / s) * np.tanh((y - c) / s) / s for a, c, s in terms), np.zeros_like(y))
@@ -65,7 +65,7 @@ def switched(rng: np.random.Generator) -> Scenery:
     else:
         pieces = (np.array([-1e4, height, height + depth, 1e4]), np.array([1.0, 1.0, *[1 - fall * depth] * 2]))
 
-    def squared(y):
+    def squared(y: ca.SX) -> ca.SX:
         if kind == 1:
             return 1.5 - fall * ca.fabs(y - height / 4)
         above = 1 - fall * (y - height)
