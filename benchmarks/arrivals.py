@@ -18,7 +18,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from campaigns import layer_fans, layer_pairs, plane_fans, plane_pairs, ray_campaign
+from campaigns import layer_fans, layer_pairs, plane_fans, plane_pairs, ray_campaign, switched_layers
 from campaigns.arrival_pairs import (
     TURNS,
     Drawn,
@@ -29,6 +29,7 @@ from campaigns.arrival_pairs import (
     linear_pair,
     linear_scene,
 )
+from campaigns.graded_lenses import graded_lens_pair
 from campaigns.ray_campaign import campaign
 from varcalc import optics
 
@@ -39,7 +40,8 @@ NEAR_EVERY = 3
 """Every third pair lies within a millionth of the caustic, down to round-off."""
 WITHIN = 40.0
 """Optical path up to which the layers are searched: more than any arrival has."""
-RANDOM = [*layer_fans.FAMILIES, *plane_fans.FAMILIES]
+LAYERED = {**layer_fans.FAMILIES, **switched_layers.FAMILIES}
+RANDOM = [*LAYERED, *plane_fans.FAMILIES]
 """Names of the families that are held against fans."""
 AGREED = 4e-16
 """What the closed forms' own round-off may add to a claimed error, relative to the optical path."""
@@ -102,7 +104,7 @@ def tally(family: str, drawn: list[Drawn], answers: list[optics.Rays], seconds: 
 def known(count: int) -> list[Tally]:
     """The families with closed forms, ``count`` pairs each.
 
-    Between mirrors they are a fifth: there every pair has a scene of its own.
+    Between mirrors and through graded lenses they are a fifth: there every pair has a scene of its own.
     """
     rng = np.random.default_rng(SEED)
     pairs = [linear_pair(rng, number % NEAR_EVERY == 0) for number in range(count)]
@@ -121,11 +123,16 @@ def known(count: int) -> list[Tally]:
     begun_mirrors = time.perf_counter()
     between = [scene.rays(pair.source, pair.receiver) for scene, pair in guides]
     mirrors = time.perf_counter() - begun_mirrors
+    rods = [graded_lens_pair(rng) for _ in range(count // 5)]
+    begun_rods = time.perf_counter()
+    through = [lens.scene().rays(pair.source, pair.receiver, within=within) for lens, pair, within in rods]
+    lenses = time.perf_counter() - begun_rods
     return [
         tally("n² = 1 - 2y", pairs, one, middle - begun),
         tally("layers", receivers, other, ended - middle),
         tally("fish-eye", arcs, third, last - ended),
         tally("between mirrors", [pair for _, pair in guides], between, mirrors),
+        tally("graded lenses", [pair for _, pair, _ in rods], through, lenses),
     ]
 
 
@@ -138,9 +145,9 @@ def drawn(media: int, families: Sequence[str]) -> Iterator[Tally]:
 
 
 def _of_family(name: str, media: int) -> Tally:
-    layered = name in layer_fans.FAMILIES
-    every, asked = (layer_fans if layered else plane_fans).FAMILIES, (layer_pairs if layered else plane_pairs).asked
-    return by_fans(campaign(name, every[name], media, asked))
+    if name in LAYERED:
+        return by_fans(campaign(name, LAYERED[name], media, layer_pairs.asked))
+    return by_fans(campaign(name, plane_fans.FAMILIES[name], media, plane_pairs.asked))
 
 
 @dataclass(frozen=True)

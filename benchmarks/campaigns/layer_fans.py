@@ -39,7 +39,7 @@ class Scenery:
     ``low`` and ``high`` bound the medium; ``heights`` those of receivers, ``spread`` is the tangent of rays that turn.
     """
 
-    medium: optics.Stratified | optics.Tabulated
+    medium: optics.Medium
     g: Callable[[np.ndarray], np.ndarray]
     slope: Callable[[np.ndarray], np.ndarray]
     source: float

@@ -202,7 +202,7 @@ class Scene(Shown):
 
     def rays(
         self, A: Any, B: Any, *, within: float | None = None, wavelength: float | None = None,
-        model: Model | None = None,
+        model: Model | None = None, progress: Progress = None,
     ) -> Rays:  # fmt: skip
         """All rays from A to B, each polished to round-off, none twice and none false.
 
@@ -225,6 +225,8 @@ class Scene(Shown):
         model : Model, optional
             What finds and carries the rays, such as ``optics.Invariants()``; the cheapest that applies in each medium
             when left out. Each ray names it.
+        progress : callable or bool, optional
+            As :data:`varcalc.progress.Progress` says: told of what is left of the search.
 
         Returns
         -------
@@ -242,10 +244,10 @@ class Scene(Shown):
         [(0.494521305498, 0), (0.730223565894, 1)]
         """
         if wavelength is not None:
-            return self.at_wavelength(wavelength).rays(A, B, within=within, model=model)
+            return self.at_wavelength(wavelength).rays(A, B, within=within, model=model, progress=progress)
         if np.array(A).ndim != 1 or np.array(B).ndim != 1:
             A, B = point("A", A), point("B", B)
-        return self._named(self._pairs.arrivals("A", A, "B", B, within, model)[0])
+        return self._named(self._pairs.arrivals("A", A, "B", B, within, model, progress)[0])
 
     def usual_range(self, A: Any, B: Any) -> float:
         """The optical path up to which :meth:`rays` looks for rays from A to B when ``within`` is left out.

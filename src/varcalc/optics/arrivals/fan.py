@@ -17,8 +17,8 @@ import numpy as np
 from varcalc.optics.arrivals.cells import CROSSED, MOVED, PATH, Cells, P, R, between, parted
 from varcalc.optics.media.medium import Field
 from varcalc.optics.models.hamilton import HamiltonRays
-from varcalc.optics.propagation.sequential import Propagator, stride
-from varcalc.optics.rays.beam import Beam, RayStatus, launched, packed, unpacked
+from varcalc.optics.propagation.sequential import Propagator, UnderWay, stride
+from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, packed, unpacked
 
 FIRST_ANGLES = 64
 """Rays of a source to begin with."""
@@ -40,6 +40,16 @@ ON_THE_WALL = 1e-9
 """Of the scene: what is closer does not part."""
 MOST_PARTINGS = 64
 """Parting directions of one source; where there are more, they are left to what looks into cells."""
+SURELY = 2.0
+"""Times what the middle between two rays is off a straight line: no more do rays between them differ from that."""
+MOST_CLOSER = 40
+"""Halvings of the interval between two rays that a surface lets through, or turns back."""
+MOST_DOUBTFUL = 4096
+"""Of these intervals at once, for each source; where there are more, they are given up and counted."""
+NOT_ENTERED = -2.0
+"""Courses of rays that do not come into the last medium are no larger: each way to end has a number."""
+MOST_WINDOWS = 8
+"""How often it is looked for windows beside those that were found."""
 STEP_SHARE = 0.25
 """How far a ray goes in one step: of the size of the scene, or of the distance from it."""
 FRONT_SLACK = 0.25
@@ -107,18 +117,20 @@ class Fan:
 
     def entries(self, source: np.ndarray, angles: np.ndarray) -> Beam:
         """The rays (m,) at ``angles`` where they come into the last medium; not a number where they do not."""
+        return self._entered(source, angles)[0]
+
+    def _entered(self, source: np.ndarray, angles: np.ndarray) -> tuple[Beam, UnderWay]:
+        """See :meth:`entries`; and how the rays came there or ended before."""
         start = self.sources[source]
         headings = np.column_stack([np.cos(angles), np.sin(angles)])
         beam = launched(start, headings, self.propagator.fields[0].index(start), neighbours=True)
         self.looked_at += len(angles)
-        if not self.propagator.surfaces:
-            self.entered += len(angles)
-            return beam
-        beam, status, alive = self.propagator.into_last_medium(beam, self.bounds.path[source])
-        self.ends.update(RayStatus(int(code)) for code in status[~alive])
+        rays = self.propagator.into_last_medium(beam, self.bounds.path[source])
+        beam, alive = rays.beam, rays.alive
+        self.ends.update(RayStatus(int(code)) for code in rays.status[~alive])
         self.entered += int(np.sum(alive))
         # one that touches a surface without going through it parts its neighbours: it is the edge of those that come in
-        return beam.known(alive & np.all(np.isfinite(beam.moved), axis=(1, 2)))
+        return beam.known(alive & np.all(np.isfinite(beam.moved), axis=(1, 2))), rays
 
     def at(self, source: np.ndarray, angles: np.ndarray, sigma: np.ndarray, path: np.ndarray) -> Beam:
         """The rays (m,) at ``angles``, ``sigma`` behind the last surface; ``path`` is their optical path there, about.
@@ -180,36 +192,84 @@ class Fan:
     def _first_rays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Source, angle and entry (m, 10) of rays all round each source, ascending, the first once more at the end."""
         source, angles, usual = self._first_angles()
-        n = len(self.sources)
-        entry = _states(self.entries(source, angles))
-        course = self._course(source, entry)
+        looks = self._looked(source, angles)
         # what was looked at for something narrow alone stays where it found it
-        usual = usual | self._unforeseen(source, angles, entry, usual)
-        apart = self._apart(source, angles, entry, course)
-        kept = np.flatnonzero(usual | np.append(apart, False) | np.append(False, apart))
-        source, angles, entry, course = source[kept], angles[kept], entry[kept], course[kept]
+        usual = usual | self._unforeseen(source, angles, looks.entry, usual)
+        apart = self._apart(looks)
+        through = self._looked(*self._at_windows(looks))
+        looks = looks.take(np.flatnonzero(usual | np.append(apart, False) | np.append(False, apart)))
+        looks = self._closed_in(_FanRays.joined([looks, through]).ordered())
+        for _ in range(MOST_WINDOWS if len(through) else 0):  # beside one there may be others, narrower
+            through = self._looked(*self._at_windows(looks))
+            if len(through) == 0:
+                break
+            looks = self._closed_in(_FanRays.joined([looks, through]).ordered())
+        return looks.source, looks.angles, looks.entry
+
+    def _looked(self, source: np.ndarray, angles: np.ndarray) -> _FanRays:
+        """The rays (m,) at ``angles``, and what became of them."""
+        beam, rays = self._entered(source, angles)
+        entry = _states(beam)
+        behind = rays.behind
+        assert behind is not None
+        met = np.count_nonzero(np.isfinite(behind), axis=1)
+        ended = NOT_ENTERED - rays.status * (behind.shape[1] + 1) - met
+        course = np.where(np.isfinite(entry[:, PATH]), self._course(source, entry), ended)
+        return _FanRays(source, angles, entry, course, behind)
+
+    def _closed_in(self, looks: _FanRays) -> _FanRays:
+        """The ``looks`` and closer ones on either side of directions that part them."""
         for _ in range(MOST_CUTS if self._parting else 0):
-            parted = np.flatnonzero(self._apart(source, angles, entry, course))
-            parted = parted[angles[parted + 1] - angles[parted] > LEAST_ANGLE]
-            if len(parted) == 0 or len(parted) > MOST_PARTINGS * n:
+            parted = np.flatnonzero(self._apart(looks))
+            parted = parted[looks.angles[parted + 1] - looks.angles[parted] > LEAST_ANGLE]
+            if len(parted) > MOST_PARTINGS * len(self.sources):  # those of rays that end before come last
+                parted = parted[np.maximum(looks.course[parted], looks.course[parted + 1]) > NOT_ENTERED]
+            if len(parted) == 0 or len(parted) > MOST_PARTINGS * len(self.sources):
                 break
             share = np.arange(1, PARTS_OF_INTERVAL) / PARTS_OF_INTERVAL
-            new = (angles[parted, None] + share * (angles[parted + 1] - angles[parted])[:, None]).ravel()
-            of = np.repeat(source[parted], PARTS_OF_INTERVAL - 1)
-            source, angles = np.concatenate([source, of]), np.concatenate([angles, new])
-            more = _states(self.entries(of, new))
-            entry, course = np.concatenate([entry, more]), np.concatenate([course, self._course(of, more)])
-            order = np.lexsort((angles, source))
-            source, angles, entry, course = source[order], angles[order], entry[order], course[order]
-        return source, angles, entry
+            low, high = looks.angles[parted, None], looks.angles[parted + 1, None]
+            more = self._looked(np.repeat(looks.source[parted], len(share)), (low + share * (high - low)).ravel())
+            looks = _FanRays.joined([looks, more]).ordered()
+        return looks
 
-    def _apart(self, source: np.ndarray, angles: np.ndarray, entry: np.ndarray, course: np.ndarray) -> np.ndarray:
-        """True (m - 1,) for neighbouring rays of one source that part: by their ``course`` (m,) or where they come in.
+    def _at_windows(self, looks: _FanRays) -> tuple[np.ndarray, np.ndarray]:
+        """Sources and angles (k,) of rays that a surface turns back between two that get through it, or the reverse.
+
+        What is left of the normal momentum behind a surface is smooth in the angle, however often a graded medium turns
+        rays on the way: the middle between two tells whether it may come to nothing between them; where it may, both
+        halves are looked at.
+        """
+        low = np.flatnonzero(looks.source[1:] == looks.source[:-1])
+        found, (left, right) = [looks.take([])], (looks.take(low), looks.take(low + 1))
+        met = left.same_way(right)
+        left, right = left.take(met), right.take(met)
+        for _ in range(MOST_CLOSER):
+            wide = np.flatnonzero(right.angles - left.angles > LEAST_ANGLE)
+            if len(wide) == 0:
+                break
+            if len(wide) > MOST_DOUBTFUL * len(self.sources):
+                np.add.at(self.given_up, np.unique(left.source[wide]), 1)
+                break
+            left, right = left.take(wide), right.take(wide)
+            middle = self._looked(left.source, (left.angles + right.angles) / 2)
+            again = middle.doubtful(left, right)
+            alike = np.zeros(len(middle), dtype=bool)
+            alike[left.same_way(middle)] = True
+            found.append(middle.take(np.flatnonzero(~alike)))
+            again = np.flatnonzero(alike & again)
+            left, middle, right = left.take(again), middle.take(again), right.take(again)
+            left, right = _FanRays.joined([left, middle]), _FanRays.joined([middle, right])
+        every = _FanRays.joined(found)
+        return every.source, every.angles
+
+    def _apart(self, looks: _FanRays) -> np.ndarray:
+        """True (m - 1,) for neighbouring rays of one source that part: by their course or where they come in.
 
         One meets a surface before a crest, the other behind it: they come in farther apart than neighbours do.
         """
-        own = source[1:] == source[:-1]
-        return own & ((course[1:] != course[:-1]) | self._far_apart(source, angles, entry))
+        source, course = looks.source, looks.course
+        far = self._far_apart(source, looks.angles, looks.entry)
+        return (source[1:] == source[:-1]) & ((course[1:] != course[:-1]) | far)
 
     def _far_apart(self, source: np.ndarray, angles: np.ndarray, entry: np.ndarray) -> np.ndarray:
         """True (m - 1,) for neighbouring rays that come in farther apart than their deviations foretell."""
@@ -387,6 +447,37 @@ class Fan:
     def _slack(self) -> np.ndarray:
         """What is added to n² (n,) in ∫ n² dσ, that its level lines be smooth also where n = 0."""
         return FRONT_SLACK * self.propagator.fields[0].index(self.sources) ** 2
+
+
+@dataclass(frozen=True)
+class _FanRays(Rows):
+    """m rays of the fan where they come into the last medium: sources, angles, states (m, 10) and courses.
+
+    ``behind`` (m, surfaces) is what is left of their normal momenta behind surfaces, as :class:`UnderWay` has it.
+    """
+
+    source: np.ndarray
+    angles: np.ndarray
+    entry: np.ndarray
+    course: np.ndarray
+    behind: np.ndarray
+
+    def same_way(self, other: _FanRays) -> np.ndarray:
+        """The numbers of the rays that come to the same surfaces as those of ``other``, and as far through them."""
+        known = np.isfinite(self.behind)
+        alike = (known == np.isfinite(other.behind)) & ((self.behind > 0) == (other.behind > 0))
+        return np.flatnonzero(np.all(alike, axis=1) & np.any(known, axis=1))
+
+    def doubtful(self, left: _FanRays, right: _FanRays) -> np.ndarray:
+        """Where (m,) a surface may do otherwise to rays between ``left`` and ``right``; these are the middle ones."""
+        three = np.abs(np.stack([left.behind, self.behind, right.behind]))
+        off = np.abs(self.behind - (left.behind + right.behind) / 2)
+        with np.errstate(invalid="ignore"):
+            return np.any(three.min(axis=0) <= SURELY * off, axis=1)
+
+    def ordered(self) -> _FanRays:
+        """By source, then by angle."""
+        return self.take(np.lexsort((self.angles, self.source)))
 
 
 @dataclass(frozen=True)

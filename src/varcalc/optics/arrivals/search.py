@@ -15,8 +15,9 @@ from varcalc.optics.arrivals.narrow import NarrowSearch
 from varcalc.optics.arrivals.space import SpaceSearch
 from varcalc.optics.arrivals.space_cells import SpaceCells
 from varcalc.optics.arrivals.space_fan import SpaceFan, SpaceReach
+from varcalc.optics.arrivals.stages import Stage, quietly
 from varcalc.optics.arrivals.wavefront_construction import Arrivals, PlanePairs, WavefrontConstruction
-from varcalc.optics.media.medium import Medium, Radial, Stratified
+from varcalc.optics.media.medium import Graded, Medium, Radial, Stratified, as_layers, looks_up
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.aimed import CARRIED_WELL, Carry, Told
 from varcalc.optics.models.constant_pull import ConstantPull
@@ -29,7 +30,7 @@ from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, spreading
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.rays.ray import SHADOW, Ray, Rays, no_rays
 from varcalc.optics.validation import matched, numbers, rows
-from varcalc.progress import Progress, telling
+from varcalc.progress import Progress, Telling, telling
 
 FLAT_SPREADING = 1e-9
 """A spreading so small beside that of a uniform medium is that of a conjugate point."""
@@ -82,18 +83,27 @@ class TwoPoint:
         """What is narrow in the last medium."""
         return NarrowSearch(self.planar)
 
-    def found(self, pairs: PointPairs) -> list[Rays]:
-        """All rays of each pair, in the planes that hold them or over all directions of space."""
+    @cached_property
+    def looked_up(self) -> bool:
+        """Whether a medium is looked up in a table of CasADi's, whose knots and ends are not known."""
+        return any(looks_up(medium, self.full.dimension) for medium in self.full.media)
+
+    def found(self, pairs: PointPairs, stage: Stage = quietly) -> list[Rays]:
+        """All rays of each pair, in the planes that hold them or over all directions of space.
+
+        How many pairs are done is told, and what is being done.
+        """
         if pairs.in_planes:
-            return self._in_planes(pairs)
+            return self._in_planes(pairs, stage)
         _, source = np.unique(pairs.sources, axis=0, return_inverse=True)
         answers: dict[int, Rays] = {}
         for number in range(int(source.max(initial=-1)) + 1):
             rows = np.flatnonzero(source.ravel() == number)
-            answers |= dict(zip(rows.tolist(), self._in_space(pairs.take(rows)), strict=True))
+            own = self._in_space(pairs.take(rows), _later(stage, len(answers)))
+            answers |= dict(zip(rows.tolist(), own, strict=True))
         return [answers[k] for k in range(len(pairs))]
 
-    def _in_planes(self, ends: PointPairs) -> list[Rays]:
+    def _in_planes(self, ends: PointPairs, stage: Stage) -> list[Rays]:
         """See :meth:`found`."""
         flat = [np.einsum("kad,kd->ka", ends.axes, points - ends.origin) for points in (ends.sources, ends.targets)]
         distance = np.linalg.norm(ends.targets - ends.sources, axis=1)
@@ -104,7 +114,7 @@ class TwoPoint:
         aimed, given_up, said = self.narrow.aimed(origins, bounds)
         fan = Fan(self.planar, origins, bounds, aimed)
         fan.given_up += given_up
-        found = WavefrontConstruction(fan, PlanePairs(source, flat[1], ends.within, distance)).run()
+        found = WavefrontConstruction(fan, PlanePairs(source, flat[1], ends.within, distance)).run(stage)
         rays = self._rays(ends, found)
         searched = f"all directions of the plane ({fan.looked_at} looked at, %d narrow cells left unresolved"
         searched += f"{fan.resolution}{said}), "
@@ -228,7 +238,7 @@ class TwoPoint:
             for k in range(len(known))
         ]
 
-    def _in_space(self, ends: PointPairs) -> list[Rays]:
+    def _in_space(self, ends: PointPairs, stage: Stage) -> list[Rays]:
         """All rays of pairs with one source, over all directions of space."""
         distance = np.linalg.norm(ends.targets - ends.sources, axis=1)
         far = np.maximum(ends.within / self._largest_index(ends), 2 * distance)
@@ -236,12 +246,13 @@ class TwoPoint:
         fan = SpaceFan(self.full, ends.sources[0], SpaceReach(*(values[0] for values in vars(bounds).values())))
         near: list[list[SpaceCells]] = [[] for _ in range(len(ends))]
         for cells in fan.cells():
+            stage(0, "laying out rays")
             for target, own in zip(ends.targets, near, strict=True):
                 own.append(fan.held(cells, target))
         answers = []
         for k, own in enumerate(near):
             found = SpaceSearch(fan, ends.targets[k], float(distance[k]))
-            met = found.run(SpaceCells.joined([SpaceCells.none(), *own]))
+            met = found.run(SpaceCells.joined([SpaceCells.none(), *own]), _later(stage, k))
             met = met.take(np.flatnonzero(met.path <= ends.within[k]))
             every = np.zeros(len(met), dtype=int)
             built = self.built(ends.take(every + k), met.heading, met.path, met.touching)
@@ -288,6 +299,22 @@ def _told(
     return no_rays(reason, searched, unresolved)
 
 
+def _beside_tables(rays: Rays) -> Rays:
+    """The same, and that the search knows neither the knots nor the ends of a table that a medium is looked up in."""
+    said = f"{rays.searched}; not the knots and ends of tables of CasADi's, where rays may part"
+    return replace(rays, searched=said, unresolved=rays.unresolved + 1)
+
+
+def _of_all(told: Telling, total: int, done: int, what: str) -> None:
+    """Tell that ``done`` of ``total`` pairs lie behind."""
+    told(done, total, what)
+
+
+def _later(stage: Stage, before: int) -> Stage:
+    """The stages of a part of the pairs, ``before`` which as many were done."""
+    return lambda done, what: stage(before + done, what)
+
+
 @dataclass
 class PairSearch:
     """The search for the rays of pairs of points in one scene; what is compiled is kept."""
@@ -295,12 +322,16 @@ class PairSearch:
     compiled: CompiledScene
     _problems: dict[tuple[int, bool, Model | None], TwoPoint] = field(default_factory=dict, init=False, repr=False)
     _complete: dict[int, ConstantPull | RangeFunction | None] = field(default_factory=dict, init=False, repr=False)
+    _layers: dict[int, PairSearch | None] = field(default_factory=dict, init=False, repr=False)
 
     def arrivals(
         self, source: str, A: Any, receiver: str, B: Any, within: Any, model: Any, progress: Progress = False
     ) -> list[Rays]:
         """The rays of each pair; the arguments go by the names ``source`` and ``receiver`` in messages."""
         starts, ends = self._pairs(source, A, receiver, B)
+        layers = self._as_layers(starts.shape[1])
+        if model is None and layers is not None:
+            return layers.arrivals(source, A, receiver, B, within, model, progress)
         if within is not None and not (numbers("within", within).ndim == 0 and within > 0):
             raise ValueError(f"within must be a positive optical path, not {within!r}")
         limit = self._usual_range(starts, ends) if within is None else np.full(len(starts), float(within))
@@ -313,7 +344,8 @@ class PairSearch:
             for first in range(0, len(order), PAIRS_TOGETHER):
                 told(first, len(order))
                 rows = order[first : first + PAIRS_TOGETHER]
-                found = self._found(self._with_planes(starts[rows], ends[rows], limit[rows]), checked_model(model))
+                some = self._with_planes(starts[rows], ends[rows], limit[rows])
+                found = self._found(some, checked_model(model), _later(partial(_of_all, told, len(order)), first))
                 for row, rays in zip(rows, found, strict=True):
                     answers[row] = rays
             told(len(order), len(order))
@@ -321,7 +353,9 @@ class PairSearch:
 
     def usual_range(self, source: str, A: Any, receiver: str, B: Any) -> float:
         """The optical path up to which rays of one pair are looked for when nobody says."""
-        return float(self._usual_range(*self._pairs(source, A, receiver, B))[0])
+        a, b = self._pairs(source, A, receiver, B)
+        layers = self._as_layers(a.shape[1])
+        return layers.usual_range(source, A, receiver, B) if layers else float(self._usual_range(a, b)[0])
 
     def _pairs(self, source: str, A: Any, receiver: str, B: Any) -> tuple[np.ndarray, np.ndarray]:
         """A and B as arrays (k, d), checked."""
@@ -347,7 +381,7 @@ class PairSearch:
         self.compiled.index_at_source(a)
         return a, b
 
-    def _found(self, ends: PointPairs, model: Model | None) -> list[Rays]:
+    def _found(self, ends: PointPairs, model: Model | None, stage: Stage) -> list[Rays]:
         """The rays of each of the pairs, by the model's own search where it has one, by the scene's otherwise.
 
         Left to choose, what is known of the one medium is asked, which passes over nothing: the equation of parabolas
@@ -364,8 +398,8 @@ class PairSearch:
                 answers[row] = rays
         left = [k for k, answer in enumerate(answers) if answer is None]
         if left:
-            for k, rays in zip(left, problem.found(ends.take(left)), strict=True):
-                answers[k] = rays
+            for k, rays in zip(left, problem.found(ends.take(left), stage), strict=True):
+                answers[k] = _beside_tables(rays) if problem.looked_up else rays
         return [answer for answer in answers if answer is not None]
 
     def _question(self, problem: TwoPoint, one: PointPairs) -> Question:
@@ -374,6 +408,16 @@ class PairSearch:
         a, b, within = one.sources[0], one.targets[0], float(one.within[0])
         return Question(media, surfaces, a, b, within, _builder(problem, one), lambda: problem.found(one)[0])
 
+    def _as_layers(self, dimension: int) -> PairSearch | None:
+        """The search in the scene read as layers, where its one medium is ``Graded`` and depends on the height."""
+        medium = self.compiled.media[0]
+        if self.compiled.surfaces or not isinstance(medium, Graded):
+            return None
+        if dimension not in self._layers:
+            read = as_layers(medium, dimension)
+            self._layers[dimension] = PairSearch(CompiledScene((read,), (), dimension)) if read else None
+        return self._layers[dimension]
+
     def _known(self, dimension: int) -> ConstantPull | RangeFunction | None:
         """What knows all rays of the scene, where there is one medium and no surface."""
         medium = self.compiled.media[0]
@@ -381,7 +425,8 @@ class PairSearch:
             return None
         if dimension not in self._complete:
             known = ConstantPull.of(medium, dimension)
-            if known is None and isinstance(medium, Stratified | Tabulated | Radial) and not jumping(medium, dimension):
+            reduced = isinstance(medium, Stratified | Tabulated | Radial) and not looks_up(medium, dimension)
+            if known is None and reduced and not jumping(medium, dimension):
                 known = RangeFunction(medium)
             self._complete[dimension] = known
         return self._complete[dimension]

@@ -15,6 +15,7 @@ import numpy as np
 from varcalc.optics.arrivals.directions import STEP, headings
 from varcalc.optics.arrivals.space_cells import COLUMNS, MOVED, PATH, P, R, SpaceCells, screen_misses
 from varcalc.optics.arrivals.space_fan import LEAST_WIDTH, SpaceFan
+from varcalc.optics.arrivals.stages import Stage, quietly
 from varcalc.optics.rays.beam import Rows
 
 MOST_HALVINGS = 18
@@ -77,10 +78,11 @@ class SpaceSearch:
     continuum: bool = False
     _met: list[Met] = field(default_factory=list)
 
-    def run(self, cells: SpaceCells) -> Met:
+    def run(self, cells: SpaceCells, stage: Stage = quietly) -> Met:
         """The rays that meet the point, the shortest optical path first, from the first ``cells`` that may hold it."""
         self.unresolved += int(self.fan.given_up)
         while len(cells):
+            stage(0, f"{len(cells)} cells left")
             cells = self._round(cells)
         if not self._met:
             return Met(np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=bool))

@@ -139,10 +139,10 @@ class SpaceCells(Rows):
         as well: what is bent at once, a quarter of the way along, is in the middle where it is foretold.
         """
         control, ahead, along = self.control(), state[..., P], HALVES if state.shape[3] == 3 else HALVES[::2]
-        foretold = np.einsum("ia,jb,kc,qabcd->qijkd", HALVES, HALVES, along, control)
+        foretold = _at(control, HALVES, HALVES, along)
         parts = [state[..., R] - foretold]
         for by, weights in zip(MOVED, ((SLOPES, HALVES), (HALVES, SLOPES)), strict=True):
-            slope = np.einsum("ia,jb,kc,qabcd->qijkd", *weights, along, control)
+            slope = _at(control, *weights, along)
             parts.append(SLOPE_SHARE * (self.width[:, None, None, None, None] * state[..., by] - slope))
         with np.errstate(invalid="ignore", divide="ignore"):
             ahead = ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)
@@ -221,6 +221,12 @@ class SpaceCells(Rows):
         ahead[~np.any(ahead, axis=1)] = (0.0, 0.0, 1.0)
         ahead = _unit(ahead)
         return np.concatenate([ahead[:, None], frames(ahead)], axis=1)
+
+
+def _at(control: np.ndarray, first: np.ndarray, second: np.ndarray, third: np.ndarray) -> np.ndarray:
+    """Sums (q, i, j, k, 3) of control points (q, 4, 4, 4, 3), by weights (i, 4), (j, 4) and (k, 4) along the axes."""
+    weights = np.kron(np.kron(first, second), third)
+    return (weights @ control.reshape(len(control), -1, 3)).reshape(-1, len(first), len(second), len(third), 3)
 
 
 def _on_screen(miss: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -90,8 +90,9 @@ class SpaceFan:
         if not self.propagator.surfaces:
             self.entered += len(face)
             return _states(beam)
-        beam, status, alive = self.propagator.into_last_medium(beam, np.full(len(face), self.bounds.path))
-        self.ends.update(RayStatus(int(code)) for code in status[~alive])
+        rays = self.propagator.into_last_medium(beam, np.full(len(face), self.bounds.path))
+        beam, alive = rays.beam, rays.alive
+        self.ends.update(RayStatus(int(code)) for code in rays.status[~alive])
         self.entered += int(np.sum(alive))
         return _states(beam.known(alive & np.all(np.isfinite(beam.moved), axis=(1, 2))))
 

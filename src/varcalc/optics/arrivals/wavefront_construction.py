@@ -16,6 +16,7 @@ from varcalc.optics.arrivals.cells import PATH, Cells
 from varcalc.optics.arrivals.fan import FIRST_ANGLES, LEAST_ANGLE, Fan
 from varcalc.optics.arrivals.misses import Misses, Seeds, misses, seeds
 from varcalc.optics.arrivals.newton import MEETS, TOUCHES_CAUSTIC, Aims, ClosestApproach, as_they_are, flattest, met
+from varcalc.optics.arrivals.stages import Stage, quietly
 from varcalc.optics.rays.beam import Rows
 
 MOST_HALVINGS = 24
@@ -81,13 +82,15 @@ class WavefrontConstruction:
         self.crossings: list[Aims] = []
         self.folds: list[Aims] = []
 
-    def run(self) -> Arrivals:
+    def run(self, stage: Stage = quietly) -> Arrivals:
         """All arrivals, those of one pair by ascending optical path."""
+        stage(0, "laying out rays")
         cells = self.fan.cells()
         self.unresolved += self.fan.given_up[self.pairs.source]
         cell, pair = self._first(cells)
         self._note_continua(cells, cell, pair)
         while len(cell):
+            stage(0, f"{len(cell)} cells left")
             cells, cell, pair = self._round(cells, cell, pair)
         continua = self._continua()
         parts = [(continua, np.ones(len(continua.miss), dtype=bool)), *self._polished(continua)]

@@ -298,6 +298,28 @@ def switching(medium: Medium, dimension: int) -> bool:
     return any(switch.depends_on(position) for switch in switches([squared_index], [position]))
 
 
+def looks_up(medium: Medium, dimension: int) -> bool:
+    """Whether n² is looked up in a table of CasADi's (``interpolant``), which has values and no formula."""
+    position = ca.SX.sym("r", dimension)
+    try:
+        function = ca.Function("squared", [position], [ca.SX(medium.squared_index(position))])
+    except (TypeError, NotImplementedError):  # see switching
+        return False
+    return any(function.instruction_id(k) == ca.OP_CALL for k in range(function.n_instructions()))
+
+
+def as_layers(medium: Graded, dimension: int) -> Stratified | None:
+    """The same index as layers, where it depends on the last coordinate and on no other."""
+    position = ca.SX.sym("r", dimension)
+    depends = ca.which_depends(ca.SX(medium.index(position)), position, 1)
+    if not depends[-1] or any(depends[:-1]):
+        return None
+    rest = [0.0] * (dimension - 1)
+    if medium.parameters:
+        return Stratified(lambda height, p: medium.n(*rest, height, p), medium.parameters)
+    return Stratified(lambda height: medium.n(*rest, height))
+
+
 def _traced(
     name: str, n: Callable[..., Expression], arguments: list[Expression], parameters: Mapping[str, Expression]
 ) -> Expression:

@@ -21,7 +21,7 @@ import numpy as np
 from varcalc import integrators
 from varcalc.integrators import NONE, OUTCOMES, Flow, Landing, RunOutcome
 from varcalc.integrators.protocol import COMPLETED, NOT_FINITE, STOPPED, TOO_MANY_STEPS
-from varcalc.optics.media.medium import Expression, Medium, switching
+from varcalc.optics.media.medium import Expression, Medium, looks_up, switching
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.equations import force_of, ray_rates, ray_system
 from varcalc.optics.models.jumps import jumping
@@ -40,6 +40,8 @@ MOST_CROSSINGS = 100_000
 """Heights of the table crossed by one ray."""
 SHORTEST_RUN = 1e-13
 """Of a leg: the shortest part of it that is integrated."""
+NO_INDEX = 1e-12
+"""Where n² is less beside a table of CasADi's, rays have left it."""
 FAR_SPHERE = 1e6
 """Rays that have come so many times farther than the scene is large meet nothing any more."""
 MOMENTUM_BROKEN = 1e-8
@@ -266,6 +268,11 @@ class HamiltonRays:
         return isinstance(self.medium, Tabulated) or switching(self.medium, self.dimension)
 
     @cached_property
+    def _looked_up(self) -> bool:
+        """Whether n² is looked up in a table of CasADi's, which ends somewhere."""
+        return looks_up(self.medium, self.dimension)
+
+    @cached_property
     def _steady(self) -> bool:
         """Whether the level of the one surface grows along every ray at a constant rate: no force acts across it."""
         if len(self.surfaces) != 1 or isinstance(self.medium, Tabulated):
@@ -405,6 +412,9 @@ class HamiltonRays:
         def stops(state: Expression, bound: Expression) -> Expression:
             levels = [surface.surface.level(state[:d]) for surface in self.surfaces]
             end = state[2 * d] - bound if limited else (ca.sumsqr(state[:d]) / bound**2 - 1) / 2
-            return ca.vertcat(*levels, end)
+            if not self._looked_up:
+                return ca.vertcat(*levels, end)
+            # beyond a table there is no index, and no optical path that comes to its limit
+            return ca.vertcat(*levels, end, self.medium.squared_index(state[:d]) - NO_INDEX)
 
         return compile_rays(self.medium, d, neighbours, stops, 1)

@@ -19,7 +19,17 @@ from varcalc.optics.models.linear import Linear
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model
 from varcalc.optics.models.parabolas import Parabolas
 from varcalc.optics.models.straight import Straight
-from varcalc.optics.rays.beam import AT_END, NOTHING, Arrival, Beam, RayStatus, at_surface, caustics_between, moved_on
+from varcalc.optics.rays.beam import (
+    AT_END,
+    NOTHING,
+    Arrival,
+    Beam,
+    RayStatus,
+    at_surface,
+    behind,
+    caustics_between,
+    moved_on,
+)
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Geometry, Surface, touched
 from varcalc.optics.validation import by_chunks
@@ -63,6 +73,8 @@ class UnderWay:
     """m rays on their way: where they are, the surface each has ``struck`` last, and how it ended or goes on.
 
     ``rows`` are those that come into the next medium, ``leaving`` (m,) the surfaces from which rays start.
+    ``behind`` (m, surfaces), if it is wanted, are the squares of the normal momenta behind each surface, not above 0
+    where it turns rays back; not numbers where they do not come to it.
     """
 
     beam: Beam
@@ -70,6 +82,7 @@ class UnderWay:
     status: np.ndarray
     leaving: np.ndarray
     rows: np.ndarray
+    behind: np.ndarray | None = None
 
     @classmethod
     def started(cls, beam: Beam, leaving: np.ndarray | int = NOTHING) -> UnderWay:
@@ -77,6 +90,13 @@ class UnderWay:
         arrived = np.full(len(beam), int(RayStatus.ARRIVED))
         nothing = np.full(len(beam), NOTHING)
         return cls(beam, nothing, arrived, np.broadcast_to(leaving, len(beam)), np.arange(len(beam)))
+
+    @property
+    def alive(self) -> np.ndarray:
+        """True (m,) for the rays that come into the next medium."""
+        alive = np.zeros(len(self.status), dtype=bool)
+        alive[self.rows] = True
+        return alive
 
 
 @dataclass(frozen=True)
@@ -167,14 +187,13 @@ class Propagator:
             rays.status[(rays.status == RayStatus.ARRIVED) & (rays.struck != self.stop)] = RayStatus.MISSED
         return rays.beam, rays.status
 
-    def into_last_medium(self, beam: Beam, limit: np.ndarray) -> tuple[Beam, np.ndarray, np.ndarray]:
-        """The rays where they enter the last medium, their status, and True (m,) for those which do."""
+    def into_last_medium(self, beam: Beam, limit: np.ndarray) -> UnderWay:
+        """The rays where they enter the last medium, or end before."""
         rays = UnderWay.started(beam)
+        rays.behind = np.full((len(beam), len(self.surfaces)), np.nan)
         for _ in self.passages(rays, limit, len(self.surfaces)):
             pass
-        entered = np.zeros(len(beam), dtype=bool)
-        entered[rays.rows] = True
-        return rays.beam, rays.status, entered
+        return rays
 
     def followed(self, beam: Beam, path: float) -> tuple[list[Leg], RayStatus]:
         """The legs of one ray, with its neighbours, up to the optical path ``path``; and how it ended."""
@@ -269,7 +288,10 @@ class Propagator:
         rows = rows[here]
         before, after = self.fields[number : number + 2]
         mirror = self.surfaces[number].mirror
-        refracted, total = at_surface(rays.beam.take(rows), self.geometries[shape], before, after, mirror=mirror)
+        come = rays.beam.take(rows)
+        if rays.behind is not None and not mirror:
+            rays.behind[rows, number] = behind(come, self.geometries[shape].normal(come.position)[0], before, after)
+        refracted, total = at_surface(come, self.geometries[shape], before, after, mirror=mirror)
         if len(rows) == len(rays.status):
             rays.beam = refracted
         else:

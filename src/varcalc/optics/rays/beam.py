@@ -228,6 +228,15 @@ def at_surface(
     return leaving, total
 
 
+def behind(beam: Beam, normal: np.ndarray, before: SquaredIndex, after: SquaredIndex) -> np.ndarray:
+    """The square (m,) of the normal momentum of rays behind a surface of ``normal`` (m, d): n₂² - |tangential|².
+
+    Where it is not positive they are totally reflected.
+    """
+    into = np.sum(beam.momentum * normal, axis=1)
+    return into**2 + after(beam.position)[0] - before(beam.position)[0]
+
+
 def moved_on(beam: Beam, sigma: np.ndarray, squared_index: float) -> Beam:
     """The rays after ``sigma`` (m,) on their straight lines."""
     return replace(

@@ -1,0 +1,87 @@
+"""Rays that get through a surface in narrow windows of directions, layers written as ``Graded``, tables of CasADi's."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from varcalc import optics
+
+
+def test_rays_through_narrow_windows_of_total_reflection_are_found() -> None:
+    """A rod between two faces: rays are y cos wσ + p/w sin wσ, and get out where p² at the second face is below n²."""
+    axis, fall, length, before, behind = 1.493, 0.7175, 5.0744, 1.0175, 1.027
+    (x, y), (far, high), within = (-2.6308, 0.9254), (6.2014, 0.8638), 30.4
+
+    def ends(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Heights at the receiver and σ in the rod; not numbers where rays do not get there."""
+        start, p, w = y - x * np.tan(angles), before * np.sin(angles), axis * fall
+        with np.errstate(all="ignore"):
+            sigma = length / np.sqrt(axis**2 * (1 - (fall * start) ** 2) - p**2)
+            climb = p * np.cos(w * sigma) - w * start * np.sin(w * sigma)
+            last = start * np.cos(w * sigma) + p / w * np.sin(w * sigma)
+            return last + (far - length) * climb / np.sqrt(behind**2 - climb**2) - high, sigma
+
+    angles = np.linspace(-1.2, 1.2, 1_000_000)
+    off, sigma = ends(angles)
+    crossed = np.flatnonzero((off[1:] * off[:-1] < 0) & (np.abs(np.diff(off)) < 0.05))
+    rod = optics.Stratified(lambda height: axis * ca.sqrt(1 - (fall * height) ** 2))
+    faces = [optics.Plane((0, 0), (1, 0)), optics.Plane((length, 0), (1, 0))]
+    scene = optics.Scene([optics.Uniform(before), rod, optics.Uniform(behind)], faces)
+    rays = scene.rays((x, y), (far, high), within=within)
+    own = np.array([np.arctan2(*ray.tangents[0][::-1]) for ray in rays])
+    close = crossed[sigma[crossed] < 16.0]
+    assert len(close) == 9  # the last two in windows of less than 0.003 radians
+    assert all(np.abs(own - angle).min() < 1e-5 for angle in angles[close])
+    assert rays.unresolved == 0
+
+
+def test_a_graded_index_of_the_height_is_searched_as_layers() -> None:
+    """n = 1/√y has rays of all steepness that come to where it is infinite: a fan left cells unresolved."""
+    pair = (0.0, 1.0), (1.2, 0.7)
+    rays = optics.Scene(optics.Graded(lambda x, y: 1 / ca.sqrt(y))).rays(*pair)
+    layers = optics.Scene(optics.Stratified(lambda y: 1 / ca.sqrt(y))).rays(*pair)
+    assert rays.unresolved == 0
+    assert [ray.optical_path for ray in rays] == [ray.optical_path for ray in layers]
+
+
+def test_a_graded_index_of_the_height_keeps_its_parameters() -> None:
+    medium = optics.Graded(lambda x, y, z, p: ca.sqrt(1 - 2 * p.fall * ca.tanh(z)), parameters={"fall": 0.3})
+    rays = optics.Scene(medium).rays((0, 0, 0), (0.3, 0.1, 0.2))
+    step = 1e-6
+    paths = [
+        optics.Scene(medium.with_parameters({"fall": 0.3 + s})).rays((0, 0, 0), (0.3, 0.1, 0.2)) for s in (-step, step)
+    ]
+    rate = (paths[1][0].optical_path - paths[0][0].optical_path) / (2 * step)
+    assert rays[0].derivatives["fall"] == pytest.approx(rate, rel=1e-7)
+
+
+@pytest.fixture(name="table")
+def fixture_table() -> optics.Stratified:
+    heights = np.linspace(-1, 0, 9)
+    found = ca.interpolant("n", "bspline", [heights], 1.3 + 0.01 * np.sin(4 * heights))
+    return optics.Stratified(found)
+
+
+def test_rays_end_where_a_table_of_casadi_ends(table: optics.Stratified) -> None:
+    """Beyond its knots a spline of CasADi's is 0, and no optical path grows to its limit."""
+    bundle = optics.Scene(table).trace((0, -0.5), [(1, 1), (1, 2)], optical_path=20.0)
+    assert not np.any(bundle.arrived)
+
+
+def test_what_a_table_of_casadi_may_hide_is_counted(table: optics.Stratified) -> None:
+    rays = optics.Scene(table).rays((0, -0.5), (0.4, -0.3))
+    assert len(rays) == 1
+    assert rays.unresolved == 1
+    assert "tables of CasADi's" in rays.searched
+    with pytest.raises(optics.DoesNotApply, match="looked up"):
+        optics.Scene(table).rays((0, -0.5), (0.4, -0.3), model=optics.Invariants())
+
+
+def test_the_search_of_one_pair_in_space_tells_how_far_it_has_come() -> None:
+    ball = optics.Scene([optics.Uniform(1.0)], [optics.Sphere((0, 0, 0), 1.0, mirror=True)])
+    told: list[str] = []
+    rays = ball.rays((2, 0.3, 0), (1.5, 1.2, 0.4), progress=lambda done, total, what: told.append(what))
+    assert len(rays) == 1
+    assert any("cells left" in what for what in told)
