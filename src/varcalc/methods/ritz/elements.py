@@ -38,6 +38,7 @@ DAMPING = 1e-6
 """Shift that keeps a step along a symmetry from being made of round-off."""
 CUTS = (0, 1, 3, 7, 15, 31)
 """Vertices at which bands are cut, in turn."""
+KEPT_PATTERNS = 8
 FAINT_PIVOT = 1e-5
 """Share of its diagonal entry that tells of a piece between cuts that all but ends in its conjugate point."""
 SHIFTS = (0.0, NEARLY_SINGULAR, 1e-8, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
@@ -154,20 +155,53 @@ class Bordered:
 def bordered(system: RitzSystem, parts: Parts, cuts: int = 0) -> Bordered:
     """The matrix of element matrices, border and corner, with the coefficients at ``cuts`` vertices in the border."""
     local, sides, corner = parts
+    pattern, own = _pattern(system, cuts), system.space.numbers.reshape(system.space.elements, -1)
+    across = np.zeros((system.space.size, len(pattern.beyond)))
+    for e in pattern.beside:
+        marked = pattern.marked[own[e]]
+        np.add.at(across, (own[e][:, None], marked[marked >= 0]), local[e][:, marked >= 0])
+    whole = np.hstack([across, sides])
+    corner = np.vstack([whole[pattern.beyond], np.hstack([sides[pattern.beyond].T, corner])])
+    bands = np.bincount(pattern.entries, local.ravel()[pattern.kept], pattern.width * len(pattern.inside))
+    shaped = bands.reshape(pattern.width, len(pattern.inside))
+    return Bordered(pattern.places, pattern.border, shaped, whole[pattern.inside], corner)
+
+
+class _Pattern(NamedTuple):
+    """Where element matrices go: the same for every matrix of a system.
+
+    Coefficients ``inside`` the bands and ``beyond`` them, ``marked`` (size,) with their number or -1, the elements
+    ``beside`` these; the ``places`` of both among the unknowns, the second with the unknown numbers as the ``border``;
+    the entries of all element matrices that are ``kept`` and the ``entries`` of the bands, ``width`` rows, they go to.
+    """
+
+    inside: np.ndarray
+    beyond: np.ndarray
+    marked: np.ndarray
+    beside: np.ndarray
+    places: np.ndarray
+    border: np.ndarray
+    kept: np.ndarray
+    entries: np.ndarray
+    width: int
+
+
+@lru_cache(maxsize=KEPT_PATTERNS)
+def _pattern(system: RitzSystem, cuts: int) -> _Pattern:
     apart = np.isin(system.free, np.concatenate([system.coupled, _at_cuts(system.space, cuts)]))
     inside, beyond = system.free[~apart], system.free[apart]
     size, own = system.space.size, system.space.numbers.reshape(system.space.elements, -1)
-    place, mark = np.full(size, -1), np.full(size, -1)
-    place[inside], mark[beyond] = np.arange(len(inside)), np.arange(len(beyond))
-    across = np.zeros((size, len(beyond)))
-    for e in np.flatnonzero((mark[own] >= 0).any(1)):
-        held = mark[own[e]] >= 0
-        np.add.at(across, (own[e][:, None], mark[own[e][held]]), local[e][:, held])
-    whole = np.hstack([across, sides])
-    corner = np.vstack([whole[beyond], np.hstack([sides[beyond].T, corner])])
+    place, marked = np.full(size, -1), np.full(size, -1)
+    place[inside], marked[beyond] = np.arange(len(inside)), np.arange(len(beyond))
+    places = place[own]
+    rows, columns = np.broadcast_arrays(places[:, :, None], places[:, None, :])
+    kept = np.flatnonzero((rows >= columns) & (columns >= 0))
+    below, across = (rows - columns).ravel()[kept], columns.ravel()[kept]
     border = np.concatenate([np.flatnonzero(apart), np.arange(len(system.free), system.size)])
-    bands = _bands(place[own], local, len(inside))
-    return Bordered(np.flatnonzero(~apart), border, bands, whole[inside], corner)
+    return _Pattern(
+        inside, beyond, marked, np.flatnonzero((marked[own] >= 0).any(1)), np.flatnonzero(~apart), border,
+        kept, below * len(inside) + across, int(below.max()) + 1,
+    )  # fmt: skip
 
 
 def _at_cuts(space: Space, cuts: int) -> np.ndarray:
@@ -175,15 +209,6 @@ def _at_cuts(space: Space, cuts: int) -> np.ndarray:
     before = np.arange(1, cuts + 1) * space.elements // (cuts + 1)
     m = space.smoothness
     return np.concatenate([space.numbers[before - 1, m : 2 * m].ravel(), space.numbers[before, :m].ravel()])
-
-
-def _bands(places: np.ndarray, local: np.ndarray, count: int) -> np.ndarray:
-    """Element matrices, whose rows are at ``places`` or nowhere (-1), as the lower bands of one (count, count)."""
-    rows, columns = (np.broadcast_to(v, local.shape) for v in (places[:, :, None], places[:, None, :]))
-    keep = (rows >= columns) & (columns >= 0)
-    below, across = (rows - columns)[keep], columns[keep]
-    width = int(below.max()) + 1
-    return np.bincount(below * count + across, local[keep], width * count).reshape(width, count)
 
 
 class Eliminated(NamedTuple):
