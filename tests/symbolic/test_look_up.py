@@ -93,6 +93,16 @@ def test_no_curve_leaves_a_table_of_the_ordinate(kind):
     assert solution.value == pytest.approx(exact, abs=1e-9)
 
 
+def test_a_narrow_spike_in_a_table_of_the_ordinate_is_not_missed():
+    # whoever crosses it pays: more than the straight line costs without it
+    heights = np.linspace(-1, 2, 301)
+    values = np.where(np.arange(301) == 150, 4.0, 1.0)
+    table = ca.interpolant("n", "linear", [heights], values)
+    ray = vc.Problem(lambda x, y, dy: table(y) * ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.Fixed(1, 1))
+    solution = vc.solve(ray, vc.Ritz(), throw=False)
+    assert not (solution.status.ok and solution.value < math.sqrt(2) + 1e-3)
+
+
 def test_an_end_beyond_a_table_is_refused():
     table = ca.interpolant("n", "bspline", [FIRST], 1 + FIRST)
     with pytest.raises(ValueError, match=r"end = Fixed.*outside the domain"):

@@ -44,7 +44,7 @@ from varcalc.solution import (
 from varcalc.solve.warm_start import resolved
 from varcalc.spelling import spelled
 from varcalc.symbolic.derived import Cache
-from varcalc.verify.between import Unseen, as_stated, balanced, unseen
+from varcalc.verify.between import Unseen, as_stated, balanced, of_powers_alone, unseen
 from varcalc.verify.slopes import vouched
 
 FINER_DEGREE = 8
@@ -388,7 +388,8 @@ def _seen_between(method: Method, form: Form, solution: Solution, tol: float) ->
         if not again.status.ok and not isinstance(method, Ritz) and balanced(solution, missed):
             return solution
         lasting = all(as_stated(s, missed) for s in (solution, again) if s.status.ok)
-        if lasting and again.extremal is None and form.coordinates.energetic and solution.status.ok:
+        fails = lasting and again.extremal is None and solution.status.ok
+        if fails and form.coordinates.energetic and of_powers_alone(solution):
             return solution  # coordinates made for what roots and reciprocals do beside an end see it themselves
         if not lasting or again.extremal is None:
             why = NO_LENGTH if not lasting else f"on a mesh that can there was no answer: {again.message}"

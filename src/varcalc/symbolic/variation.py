@@ -36,7 +36,7 @@ NARROWEST = 1e-12
 """Width of a box, relative to where it lies, that is not looked into."""
 LEAST_POWER = 12
 """Whole power from which on it matters by what factor its base changes."""
-UNSEEN_CELLS = 2.0
+UNSEEN_CELLS = 0.6
 """Cells of a table that may lie between two samples."""
 NUMBERS: dict[int, Any] = {**UNARY, **BINARY}
 UNUSED = -1

@@ -87,6 +87,12 @@ def unseen(solution: Solution) -> Unseen | None:
     return _in_integrals(extremal, VARYING, everywhere=False) or _beyond_bounds(extremal)
 
 
+def of_powers_alone(solution: Solution) -> bool:
+    """Whether nothing but roots, reciprocals and powers may have hidden something between a solution's samples."""
+    extremal = solution.extremal
+    return extremal is None or _in_integrals(extremal, LOCAL, everywhere=False) is None
+
+
 def as_stated(solution: Solution, missed: Unseen | None = None) -> bool:
     """Whether the person's own L has the value that a metric's length has, summed where a mesh sees what was missed.
 
