@@ -37,7 +37,7 @@ NARROWEST = 1e-12
 LEAST_POWER = 12
 """Whole power from which on it matters by what factor its base changes."""
 UNSEEN_CELLS = 0.6
-"""Cells of a table that may lie between two samples."""
+"""Cells of a table that may lie between two samples; three times as many at the middle of a box show it nothing."""
 NUMBERS: dict[int, Any] = {**UNARY, **BINARY}
 UNUSED = -1
 """The target of an instruction of whose result nothing is made."""
