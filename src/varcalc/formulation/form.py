@@ -277,9 +277,14 @@ class Form:
 
     def runs_back(self, unknowns: np.ndarray) -> bool:
         """Whether no curve with these ``unknowns`` (m,) runs forwards: an end that slides has passed the other."""
-        slides = self.stated.is_lifted and len(unknowns) > len(self.problem.unknowns)
-        width = _width(self) if slides else None
+        width = self.width
         return width is not None and not float(width(unknowns, self.problem.parameter_values)) > 0
+
+    @property
+    def width(self) -> ca.Function | None:
+        """The interval's length as a function of (unknowns, parameters) where an end slides; None elsewhere."""
+        slides = self.stated.is_lifted and len(self.start.unknowns) > len(self.problem.unknowns)
+        return _width(self) if slides else None
 
     @property
     def bare(self) -> bool:

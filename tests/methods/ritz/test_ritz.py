@@ -286,6 +286,24 @@ PROBLEMS = {
 }  # fmt: skip
 
 
+@pytest.mark.parametrize("optimiser", [None, vc.Ipopt()])
+@pytest.mark.parametrize(("slope", "intercept", "guess"), [(-0.3, 1, 1), (-1.23, 1.15, 5), (0.9, -1.91, 9)])
+def test_no_step_carries_an_end_that_slides_past_the_other(slope, intercept, guess, optimiser):
+    """Backwards, lengths are negative and have no lower bound."""
+    line = vc.OnCurve(lambda x, y: y - intercept - slope * x, x=guess)
+    shortest = vc.Problem(lambda x, y, v: ca.sqrt(1 + v**2), vc.Fixed(0, 0), line)
+    solution = vc.solve(shortest, vc.Ritz(optimiser=optimiser))
+    assert solution.value == pytest.approx(abs(intercept) / math.hypot(1, slope), rel=1e-11)
+    assert solution.x[-1] == pytest.approx(-slope * intercept / (1 + slope**2), rel=1e-5)
+
+
+def test_no_step_carries_a_start_that_slides_past_the_end():
+    length = vc.Problem(
+        lambda x, y, v: ca.sqrt(1 + v**2), vc.OnCurve(lambda x, y: y - 1 - 0.3 * x, x=-1), vc.Fixed(0, 0)
+    )
+    assert vc.solve(length).value == pytest.approx(1 / math.sqrt(1.09), rel=1e-11)
+
+
 @pytest.mark.parametrize("name", PROBLEMS)
 @pytest.mark.parametrize(("elements", "degree"), [(7, 3), (20, 5)])
 def test_banded_and_dense_steps_agree(name, elements, degree):

@@ -292,6 +292,9 @@ def program_of(system: RitzSystem, z: np.ndarray, scale: np.ndarray, size: float
         _add_ends(system, program, scale, z / scale, size)
     if form.conditions.pathwise:
         _Pathwise(system, program, scale, at_gauss, _Sizes(system, z), z / scale).add()
+    if form.width is not None:  # beyond that a curve runs backwards, and what is positive sums to less than nothing
+        unknowns = at_gauss.arguments(w)[5][:, 0]
+        program.add("width", -1, form.width(unknowns, form.problem.parameter_values), (0.0, np.inf))
     return program
 
 
@@ -444,7 +447,7 @@ def _sort_multipliers(
             others["integral", label.index] = float(block[0])
         elif label.kind == "ends":
             ends.extend(block)
-        elif label.kind != "vertices":
+        elif label.kind not in ("vertices", "width"):
             pieces.setdefault(label.index, []).append(_density(system, label, block))
     for index, densities in pieces.items():
         # rows at nodes and at Gauss points each carry a share of one load: the shares add up

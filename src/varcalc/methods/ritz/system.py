@@ -314,7 +314,7 @@ class RitzSystem:
             gradient = self.assembly.gradient(slopes[..., 0, :] * self.first)
             rows = [self.assembly.gradient(slopes[..., 1 + j, :] * self.first) for j in range(len(self.levels))]
             legendre = least_eigenvalue(hessians[..., 0, self.top, self.top])
-        value = self._one_sided(values[..., 0], variables)
+        value = self._admitted(values[..., 0], variables, z)
         jacobian = np.stack(rows, axis=-2) if rows else np.empty((*gradient.shape[:-1], 0, self.size))
         return Evaluation(
             value, sizes[..., 0], values[..., 1:] - self.levels, gradient, jacobian, legendre, variables,
@@ -325,10 +325,17 @@ class RitzSystem:
         """The integrals of functions given at the points, (.., points, functions)."""
         return self.weights @ values if self.places is None else (self.weights[:, None] @ values)[:, 0]
 
-    def _one_sided(self, value: Any, variables: np.ndarray) -> Any:
-        """The value, infinite where a function that is positive is negative somewhere."""
+    def _admitted(self, value: Any, variables: np.ndarray, z: np.ndarray) -> Any:
+        """The value, infinite where a function that is positive is negative somewhere, or an end has passed the other.
+
+        Backwards, lengths are negative: a step that carries the end there would find no lower bound.
+        """
         for a in self.form.coordinates.one_sided:
             value = np.where(variables[..., a].min(-1) < 0, np.inf, value)[()]
+        if self.form.width is not None:
+            numbers = self.unknowns(z)
+            back = [self.form.runs_back(own) for own in numbers.reshape(-1, self.extra)]
+            value = np.where(np.reshape(back, numbers.shape[:-1]), np.inf, value)[()]
         return value
 
     def measured(self, z: np.ndarray) -> tuple[Any, np.ndarray]:
@@ -336,7 +343,7 @@ class RitzSystem:
         variables = self.variables(z)
         with np.errstate(invalid="ignore", over="ignore"):
             values = self._sums(self.source.values(variables))
-        value = self._one_sided(values[..., 0], variables)
+        value = self._admitted(values[..., 0], variables, z)
         if self.form.ends.joint is not None:
             value = value + np.array([self.end_cost(own) for own in z])
         return value, values[..., 1:] - self.levels
