@@ -134,8 +134,9 @@ def test_where_convexity_is_proved_nothing_is_looked_for():
 
 
 def test_what_is_not_looked_for_is_said():
-    loop = vc.Curve(lambda q, dq: ca.norm_2(dq), vc.At((0, 0)), vc.At((1, 1)))
-    assert "not looked for: the curve is given by a parameter" in vc.solve(loop).searched
+    sphere = vc.Holonomic(lambda q: ca.sumsqr(q) - 1)
+    arc = vc.Curve(lambda q, dq: ca.norm_2(dq), vc.At((1, 0, 0)), vc.At((0, 1, 0)), [sphere])
+    assert "not looked for: the curve is held to a surface" in vc.solve(arc).searched
 
 
 def test_printed_answers_are_five_lines():

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from varcalc.numerics.mesh import gauss
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Verdict
+
+if TYPE_CHECKING:
+    from varcalc.existence.polygons import Landscape
 
 LINE_DEGREE = 12
 LINE_POINTS = 8
@@ -82,7 +86,7 @@ def falling(problem: Functional) -> Fall | None:
     return None
 
 
-def falls_along(problem: Problem, x: np.ndarray, y: np.ndarray, away: np.ndarray) -> Fall | None:
+def falls_along(landscape: Landscape, x: np.ndarray, y: np.ndarray, away: np.ndarray) -> Fall | None:
     """The line of polygons y + t ``away`` on vertices x (m,), of one function, where it leads down for ever."""
     nodes, weights = gauss(LINE_POINTS)
     steps = np.diff(x)
@@ -95,13 +99,13 @@ def falls_along(problem: Problem, x: np.ndarray, y: np.ndarray, away: np.ndarray
     far = np.concatenate([[0.0], 2.0 ** np.arange(-DOUBLINGS_FALLING, 1)])[:, None, None]
     slopes = (np.diff(y) / steps)[:, None] + far * (np.diff(away) / steps)[:, None]
     with np.errstate(all="ignore"):
-        values = problem.sign * problem.integrand_on(s, between(y) + far * between(away), slopes)
+        values = landscape.values(s, between(y) + far * between(away), slopes)
         sums = np.einsum("tkq,k,q->t", np.broadcast_to(values, (len(far), *s.shape)), 0.5 * steps, weights)
         falls = sums[2:] - sums[0]
         deepens = bool(np.all((falls[1:] <= DEEPENING * falls[:-1]) | (falls[1:] == -np.inf)))
     if not math.isfinite(sums[0]) or not deepens or not falls[-1] < -DEEP_FALL * (abs(sums[0]) + abs(falls[0]) * 1e-3):
         return None
-    return Fall(float(np.abs(away).max()) * far[2:, 0, 0], problem.sign * sums[2:])
+    return Fall(float(np.abs(away).max()) * far[2:, 0, 0], landscape.sign * sums[2:])
 
 
 def _directions(system: RitzSystem, start: np.ndarray) -> list[np.ndarray]:

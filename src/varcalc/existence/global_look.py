@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 
@@ -18,19 +18,31 @@ import casadi as ca
 import numpy as np
 
 from varcalc.existence.broken_curve import with_rival
-from varcalc.existence.polygons import FAR, NEAR, PIECES, Lattice, PolygonLattice, Valley, across_the_landscape
+from varcalc.existence.polygons import (
+    FAR,
+    NEAR,
+    PIECES,
+    Graphs,
+    Landscape,
+    Lattice,
+    PolygonLattice,
+    Valley,
+    across_the_landscape,
+    at_ends,
+)
 from varcalc.formulation import Sampled
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
-from varcalc.problem.convexity import proved_jointly_convex
+from varcalc.problem.conditions import Holonomic, Isoperimetric
+from varcalc.problem.convexity import proved_jointly_convex, proved_quadratic
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import PROVED, Solution
 
 FAR_LOWER = 0.5
 """How far below the chord a polygon lies that is worth starting from, in units of what the chord sums."""
-FOLLOWED, FOLLOWED_ACROSS = 3, 4
-"""Valleys that are followed from one curve, and across a landscape."""
+FOLLOWED, FOLLOWED_ACROSS, FOLLOWED_IN_DIRECTIONS = 3, 4, 4
+"""Valleys that are followed from one curve, across a landscape, and in all directions from one."""
 DESCENTS = 4
 """Times that a lower curve is looked around in its turn."""
 LOWER = 1e-9
@@ -48,6 +60,9 @@ FINE = Ritz(elements=64, starts=1)
 """The same from a curve that is steep in one place."""
 ACROSS = Ritz(elements=24, degree=3, refine=False, starts=1), Ritz(elements=24, starts=1)
 """The two ways from a polygon of a landscape, which has as many pieces."""
+QUADRATIC = "L is proved to be of second degree in the curve and its slope"
+ONE_CURVE, SAMPLES = 0.05, 33
+"""Departure from the known curve, in units of the larger extent, of one in the same valley; places where it is told."""
 ROUGHLY = 0.05
 """How far above the known value a rough one may be, in units of what is summed, for the valley to be lower."""
 
@@ -75,33 +90,95 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
     Where lower valleys are ``followed``, what ``polish`` finds in one is the answer; else it is only told of.
     """
     problem = solution.problem
+    if proved_jointly_convex(problem):
+        return replace(solution, searched=f"{PROVED} in the curve and its slope: there is no other valley")
+    if followed and proved_quadratic(problem):
+        return replace(solution, searched=f"{QUADRATIC}: there is one valley")
     reason = _not_looked(problem)
     if reason:
         return replace(solution, searched=f"other valleys were not looked for: {reason}")
-    if proved_jointly_convex(problem):
-        return replace(solution, searched=f"{PROVED} in the curve and its slope: there is no other valley")
-    assert isinstance(problem, Problem)
-    best, number, reach, across, walled = solution, 0, 0.0, False, False
+    best, seen = solution, _LookedAt()
     for _ in range(DESCENTS):
-        with np.errstate(all="ignore"):
-            lattice: Lattice | None = PolygonLattice(problem, partial(_ordinates, best))
-            worth = partial(_worth_following, best, lattice)
-            valleys = list(islice(filter(worth, lattice.valleys()), FOLLOWED))
-            walled = walled or bool(lattice.walls.any())
-        reach = lattice.reach
-        lower = _lower(best, lattice, valleys, (ROUGH, EXACT), polish)
-        number += len(valleys)
-        if lower is None:
-            with np.errstate(all="ignore"):
-                lattice = across_the_landscape(problem, partial(_ordinates, best))
-                valleys = [] if lattice is None else lattice.distinct()[:FOLLOWED_ACROSS]
-            across = lattice is not None
-            number += len(valleys)
-            lower = None if lattice is None else _followed(best, lattice, valleys, ACROSS, polish)
+        lower = _lower(best, seen, polish) if _is_graph(problem) else _lower_in_directions(best, seen, polish)
         if lower is None or not lower.status.ok or lower.local or not followed:
-            return _told(best, lower, _looked(reach, number, across, walled))
+            return _told(best, lower, seen.sentence)
         best = replace(lower, method=solution.method)
-    return _told(best, None, _looked(reach, number, across, walled))
+    return _told(best, None, seen.sentence)
+
+
+@dataclass
+class _LookedAt:
+    """What was looked at: the lattices, in how many directions, and the ``number`` of other valleys."""
+
+    number: int = 0
+    reach: float = 0.0
+    across: bool = False
+    walled: bool = False
+    directions: int = 0
+    instead: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """The lattices, as far as L is convex in the slope, and the other valleys."""
+        nodes = 2 * (len(NEAR) + FAR) + 1
+        looked = f"all polygons on a lattice of {PIECES} by {nodes}"
+        if self.directions:
+            one = self.directions == 1
+            looked += f" in {'the one direction' if one else f'{self.directions} directions'} from the curve"
+        else:
+            looked += f" within {self.reach:.4g} of the curve"
+        looked += ", and those across its hills and wells," if self.across else ""
+        looked += f"{'' if self.across else ','} as far as L is convex in the slope," if self.walled else ""
+        looked += f"{'' if looked.endswith(',') else ','} {self.instead}," if self.instead else ""
+        valleys = "1 other valley" if self.number == 1 else f"{self.number} other valleys"
+        return f"{looked} were compared, and " + (f"{valleys} followed" if self.number else "showed no other valley")
+
+
+def _lower(best: Solution, seen: _LookedAt, polish: Polish) -> Solution | None:
+    """A lower solution, the known one marked or refused for what is lower; None for neither."""
+    problem = best.problem
+    assert isinstance(problem, Problem)
+    landscape = Graphs(problem)
+    with np.errstate(all="ignore"):
+        lattice: Lattice | None = PolygonLattice(landscape, partial(_ordinates, best))
+        worth = partial(_worth_following, best, lattice)
+        valleys = list(islice(filter(worth, lattice.valleys()), FOLLOWED))
+        seen.walled = seen.walled or lattice.walled
+    seen.reach, seen.number = lattice.reach, seen.number + len(valleys)
+    if (lower := _lower_about(best, lattice, valleys, polish)) is not None:
+        return lower
+    with np.errstate(all="ignore"):
+        lattice = across_the_landscape(landscape, partial(_ordinates, best))
+        valleys = [] if lattice is None else lattice.distinct()[:FOLLOWED_ACROSS]
+    seen.across, seen.number = lattice is not None, seen.number + len(valleys)
+    return None if lattice is None else _followed(best, lattice, valleys, ACROSS, polish)
+
+
+def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish) -> Solution | None:
+    """The same where no lattice holds all curves: in each direction from the known one."""
+    from varcalc.existence.directions import in_directions  # few solves need it
+
+    found: list[tuple[float, Lattice, Valley, tuple[Ritz, Ritz]]] = []
+    seen.directions, seen.instead = 0, _instead(best.problem)
+    for landscape in in_directions(best):
+        with np.errstate(all="ignore"):
+            about = PolygonLattice(landscape, np.zeros_like)
+            if not math.isfinite(about.own_value):
+                continue
+            seen.directions += 1
+            seen.walled = seen.walled or about.walled
+            worth = partial(_worth_following, best, about)
+            ways = [(about, valley, (ROUGH, EXACT)) for valley in islice(filter(worth, about.valleys()), FOLLOWED)]
+            if not landscape.approximate and (fallen := _fallen(best, about, [v for _, v, _ in ways])) is not None:
+                return fallen
+            across = across_the_landscape(landscape, np.zeros_like)
+            seen.across = seen.across or across is not None
+            ways += [] if across is None else [(across, v, ACROSS) for v in across.distinct()[:FOLLOWED_ACROSS]]
+        found += [((v.value - lattice.own_value) / lattice.summed, lattice, v, way) for lattice, v, way in ways]
+    found = sorted(found, key=lambda f: f[0])[:FOLLOWED_IN_DIRECTIONS]
+    seen.number += len(found)
+    followed = (_followed(best, lattice, [valley], way, polish) for _, lattice, valley, way in found)
+    return next((lower for lower in followed if lower is not None), None)
 
 
 def _worth_following(best: Solution, lattice: Lattice, valley: Valley) -> bool:
@@ -113,18 +190,18 @@ def _worth_following(best: Solution, lattice: Lattice, valley: Valley) -> bool:
         return True
     if not valley.value < best.problem.sign * best.value - SURELY_LOWER * lattice.summed:
         return False
-    return _is_lower(_along(lattice.problem, valley), best, 0.0, SURELY_LOWER)
+    return _is_lower(_along(lattice.landscape, valley), best, 0.0, SURELY_LOWER)
 
 
 def least_polygons(problem: Functional) -> list[Valley]:
     """The least polygons about the chord, where they are far lower, to start from where the chord led nowhere."""
-    if _not_looked(problem) or not (problem.start.fixed and problem.end.fixed):
+    if not has_lattice(problem) or not (problem.start.fixed and problem.end.fixed):
         return []
     assert isinstance(problem, Problem)
     ends = [float(end.values(1)[0]) for end in (problem.start, problem.end)]
     levels = abs(ends[1] - ends[0]) / (PIECES * NEAR[1])  # so that polygons rest on the level of either end
     with np.errstate(all="ignore"):
-        lattice = PolygonLattice(problem, lambda x: np.interp(x, problem.span, ends), levels)
+        lattice = PolygonLattice(Graphs(problem), lambda x: np.interp(x, problem.span, ends), levels)
         enough = float(lattice.own_costs.sum()) - FAR_LOWER * lattice.summed
         found = [valley for valley in lattice.valleys() if valley.value < enough][:FOLLOWED]
     return found if ca.depends_on(problem.integrand, problem.symbols.x) else list(map(_in_the_middle, found))
@@ -140,16 +217,6 @@ def _in_the_middle(valley: Valley) -> Valley:
     return replace(valley, y=valley.y[0] + np.concatenate([[0.0], np.cumsum(turned)]))
 
 
-def _looked(reach: float, number: int, across: bool, walled: bool) -> str:
-    """What was looked at: the lattices, as far as L is convex in the slope, and the ``number`` of other valleys."""
-    nodes = 2 * (len(NEAR) + FAR) + 1
-    looked = f"all polygons on a lattice of {PIECES} by {nodes} within {reach:.4g} of the curve"
-    looked += ", and those across its hills and wells," if across else ""
-    looked += f"{'' if across else ','} as far as L is convex in the slope," if walled else ""
-    valleys = "1 other valley" if number == 1 else f"{number} other valleys"
-    return f"{looked} were compared, and " + (f"{valleys} followed" if number else "showed no other valley")
-
-
 def _told(best: Solution, lower: Solution | None, looked: str) -> Solution:
     """The solution with what was looked at, and marked local where something ``lower`` is known."""
     if lower is None:
@@ -161,20 +228,21 @@ def _told(best: Solution, lower: Solution | None, looked: str) -> Solution:
     return replace(lower, searched=looked)
 
 
-def _lower(
-    best: Solution, lattice: Lattice, valleys: list[Valley], ways: tuple[Ritz, Ritz], polish: Polish
-) -> Solution | None:
+def _instead(problem: Functional) -> str:
+    """What stands for the functional itself along such polygons; empty where it does itself."""
+    told = ["a level by its multiplier"] if any(isinstance(c, Isoperimetric) for c in problem.constraints) else []
+    told += ["bent as the curve is"] if problem.order > 1 else []
+    return " and ".join(told)
+
+
+def _lower_about(best: Solution, lattice: Lattice, valleys: list[Valley], polish: Polish) -> Solution | None:
     """A solution in a valley that is lower, the known one marked or refused for what is lower; None for neither."""
     rivalled = with_rival(best)  # a jump is no polygon, and its cost is known exactly
     if rivalled is not best:
         return rivalled
-    sign = best.problem.sign
-    with np.errstate(all="ignore"):
-        fall = next(filter(None, map(lattice.fall, valleys)), None) or lattice.fall_far_out()
-    if fall is not None:
-        message = f"a local {'maximum' if sign < 0 else 'minimum'} only: {fall.finding.sentence}"
-        return replace(best, local=True, lower=-sign * math.inf, message=message)
-    if (found := _followed(best, lattice, valleys, ways, polish)) is not None:
+    if (fallen := _fallen(best, lattice, valleys)) is not None:
+        return fallen
+    if (found := _followed(best, lattice, valleys, (ROUGH, EXACT), polish)) is not None:
         return found
     for start in _displaced(best, lattice):
         found = polish(FINE, start)
@@ -183,19 +251,36 @@ def _lower(
     return None
 
 
+def _fallen(best: Solution, lattice: Lattice, valleys: list[Valley]) -> Solution | None:
+    """The solution marked for a line of curves that leads down for ever; None where none was seen."""
+    sign = best.problem.sign
+    with np.errstate(all="ignore"):
+        fall = next(filter(None, map(lattice.fall, valleys)), None) or lattice.fall_far_out()
+    if fall is None:
+        return None
+    message = f"a local {'maximum' if sign < 0 else 'minimum'} only: {fall.finding.sentence}"
+    return replace(best, local=True, lower=-sign * math.inf, message=message)
+
+
 def _followed(
     best: Solution, lattice: Lattice, valleys: list[Valley], ways: tuple[Ritz, Ritz], polish: Polish
 ) -> Solution | None:
     """The first solution in a valley that is lower, or the known one marked for a polygon that is; None for neither."""
     sign, (rough_way, exact_way) = best.problem.sign, ways
     for valley in valleys:
-        rough = polish(rough_way, valley)
+        start = lattice.landscape.along(valley)
+        rough = polish(rough_way, start)
         # a coarse mesh may say of a steep curve no more than that it is far lower
-        if sign * (rough.value - best.value) < ROUGHLY * lattice.summed:
-            found = polish(exact_way, valley)
+        low = sign * (rough.value - best.value) < ROUGHLY * lattice.summed
+        if low and not _departure(rough, best) < ONE_CURVE:
+            # what a coarse mesh does not hold asks for many elements
+            many = exact_way if rough.status.ok else ACROSS[1]
+            found = polish(many, start)
+            if not found.status.ok and many != exact_way:
+                found = polish(exact_way, start)
             if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
                 return found
-        value = _along(lattice.problem, valley)
+        value = _along(lattice.landscape, valley)
         if _is_lower(value, best, 0.0, SURELY_LOWER):
             message = (
                 f"a local {'maximum' if sign < 0 else 'minimum'} only: a polygon has the value {value:.6g}, and leads "
@@ -203,6 +288,17 @@ def _followed(
             )
             return replace(best, local=True, message=message)  # its value says nothing of what is lowest there
     return None
+
+
+def _departure(solution: Solution, best: Solution) -> float:
+    """How far a curve goes from the known one, in units of the larger extent; at rest, of the known ordinates."""
+    curves = best.curve, solution.curve
+    if curves[0] is None or curves[1] is None:
+        return math.inf
+    places = [np.linspace(s.x.min(), s.x.max(), SAMPLES) for s in (best, solution)]
+    own, other = curves[0](places[0], 0), curves[1](places[1], 0)
+    extent = max(float(np.ptp(rows, axis=1).max()) for rows in (own, other)) or float(np.abs(own).max())
+    return float(np.abs(other - own).max()) / extent if extent > 0 else 0.0
 
 
 def _displaced(best: Solution, lattice: Lattice) -> Iterable[Sampled]:
@@ -221,32 +317,45 @@ def _is_lower(value: float, best: Solution, error: float, share: float) -> bool:
     return sign * value < sign * best.value - margin
 
 
-def _along(problem: Problem, valley: Valley) -> float:
-    """The functional along a polygon, made worse by what two rules differ by."""
+def _along(landscape: Landscape, valley: Valley) -> float:
+    """The functional along a polygon, made worse by what two rules differ by; infinite where it keeps no level."""
+    if landscape.approximate:
+        return landscape.sign * math.inf
     sums = []
     for count in POLYGON_RULES:
         x, weights = composite_gauss(valley.x, count)
         slope = np.repeat(np.diff(valley.y) / np.diff(valley.x), count)
-        sums.append(float(problem.integrand_values(x, valley(x), slope[None]) @ weights))
-    return sums[1] + problem.sign * RULES_APART * abs(sums[1] - sums[0])
+        sums.append(float(landscape.values(x, valley(x)[0], slope) @ weights))
+    return landscape.sign * (sums[1] + at_ends(landscape, valley.y) + RULES_APART * abs(sums[1] - sums[0]))
 
 
 def has_lattice(problem: Functional) -> bool:
-    """Whether other valleys of a problem can be looked for."""
-    return not _not_looked(problem)
+    """Whether one lattice of polygons holds all curves about a solution."""
+    return not _not_looked(problem) and _is_graph(problem)
+
+
+def _is_graph(problem: Functional) -> bool:
+    """Whether curves are graphs of one function between two given abscissae, under no condition."""
+    ends = (problem.start, problem.end)
+    plain = isinstance(problem, Problem) and problem.n == 1 and not (problem.constraints or problem.unknowns)
+    plain = plain and problem.order == 1
+    return plain and problem.end_cost is None and not any(e.slides or e.periodic for e in ends)
 
 
 def _not_looked(problem: Functional) -> str:
     """Why there is no lattice for a problem; empty where there is one."""
-    if not isinstance(problem, Problem):
-        return "the curve is given by a parameter"
-    reasons = {
-        "a table is looked up": not problem.vectorised,
-        f"there are {problem.n} unknown functions": problem.n > 1,
-        "the functional is of second order": problem.order > 1,
-        "there are constraints": bool(problem.constraints),
-        "more than a curve is sought": bool(problem.unknowns),
-        "the ends have a cost": problem.end_cost is not None,
-        "an end is not at a given abscissa": any(e.slides or e.periodic for e in (problem.start, problem.end)),
-    }
-    return next((reason for reason, holds in reasons.items() if holds), "")
+    if any(isinstance(c, Holonomic) for c in problem.constraints):
+        return "the curve is held to a surface"
+    return "" if _takes_columns(problem) else "what is stated holds an operation that NumPy has no form of"
+
+
+def _takes_columns(problem: Functional) -> bool:
+    """Whether what is stated is a function of columns."""
+    if isinstance(problem, Problem) and _is_graph(problem):
+        return problem.vectorised
+    from varcalc.existence.directions import columns
+
+    try:
+        return columns(problem) is not None
+    except (TypeError, ValueError):
+        return False

@@ -15,10 +15,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from varcalc.existence.falling import Fall, falls_along
+from varcalc.formulation import Sampled
 from varcalc.problem.problem import Problem
 
 PIECES = 10
@@ -65,6 +67,63 @@ CLOSER_LEVELS = 8
 """Times as many levels at which the cheapest ones for a curve at rest are looked for."""
 
 
+class Landscape(Protocol):
+    """A functional of first order of curves that one function describes, as it is minimised.
+
+    ``span`` is the interval, ``sign`` -1 where it is maximised, ``held`` tells which ends are fixed, ``closed`` that
+    they are one, ``approximate`` that the values are not the functional's own: they show valleys, no more. At the
+    ``waypoints`` a curve is where the known one is.
+    """
+
+    span: tuple[float, float]
+    sign: float
+    held: tuple[bool, bool]
+    closed: bool
+    approximate: bool
+    waypoints: tuple[float, ...]
+
+    def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """L on arrays that broadcast."""
+        ...
+
+    def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
+        """What ordinates at the start (0) or the end (1) add."""
+        ...
+
+    def extent(self, y: np.ndarray) -> float:
+        """The unit in which departures from a curve with ordinates y (m,) are measured."""
+        ...
+
+    def along(self, valley: Sampled) -> Sampled:
+        """The curve of the problem that a function of x, which gives (1, m), stands for."""
+        ...
+
+
+class Graphs:
+    """The landscape of the graphs of one function."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem, self.span, self.sign = problem, problem.span, problem.sign
+        self.held, self.closed = (problem.start.fixed, problem.end.fixed), False
+        self.approximate, self.waypoints = False, ()
+
+    def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """L as it is minimised, on arrays that broadcast."""
+        return self.sign * self.problem.integrand_on(x, y, v)
+
+    def at_end(self, side: int, y: np.ndarray) -> np.ndarray:  # noqa: ARG002  no end costs anything
+        """Nothing."""
+        return np.zeros(np.shape(y))
+
+    def extent(self, y: np.ndarray) -> float:
+        """The larger of the curve's extent and its interval."""
+        return max(float(np.ptp(y)), self.span[1] - self.span[0])
+
+    def along(self, valley: Sampled) -> Sampled:
+        """The function itself."""
+        return valley
+
+
 @dataclass(frozen=True)
 class Valley:
     """A least polygon through some node: vertices ``x`` and ``y``, its value on the lattice; ``edge``: it leaves it."""
@@ -82,36 +141,54 @@ class Valley:
 class Lattice:
     """Polygons through ``nodes`` (K + 1, J), ascending ordinates at the abscissae x; ``own`` are those of a curve."""
 
-    def __init__(self, problem: Problem, x: np.ndarray, nodes: np.ndarray, own: np.ndarray, reach: float) -> None:
-        self.problem, self.x, self.nodes, self.own, self.reach = problem, x, nodes, own, reach
+    def __init__(
+        self, landscape: Landscape, x: np.ndarray, nodes: np.ndarray, own: np.ndarray, reach: float, steep: float
+    ) -> None:
+        self.landscape, self.x, self.nodes, self.own, self.reach, self.steep = landscape, x, nodes, own, reach, steep
         self.c = nodes[np.arange(len(x)), own]
         self.steps = np.diff(x)
         self.middle, self.centre = 0.5 * (x[1:] + x[:-1]), 0.5 * (self.c[1:] + self.c[:-1])
         self.slope = np.diff(self.c) / self.steps
-        self.steep = max(float(np.ptp(self.c)), x[-1] - x[0]) / (x[-1] - x[0])
 
     @cached_property
     def costs(self) -> np.ndarray:
         """What each piece adds that leads from one node to another, (K, J, J), by the midpoint rule."""
         first, last, h = self.nodes[:-1, :, None], self.nodes[1:, None, :], self.steps[:, None, None]
-        values = values_of(self.problem, self.middle[:, None, None], 0.5 * (first + last), (last - first) / h)
+        values = values_of(self.landscape, self.middle[:, None, None], 0.5 * (first + last), (last - first) / h)
         return np.where(np.isfinite(values), values, np.inf) * h
 
     @cached_property
     def walls(self) -> np.ndarray:
         """The nodes (K + 1, J) at which L is concave in the slope: beyond them it is another functional."""
         v = np.gradient(self.c, self.x)[:, None]
-        walls = concave_at(self.problem, self.x[:, None], self.nodes, v, self.steep)
+        walls = concave_at(self.landscape, self.x[:, None], self.nodes, v, self.steep)
+        walls[np.isin(self.x, self.landscape.waypoints)] = True
         walls[np.arange(len(self.x)), self.own] = False
         return walls
 
+    @property
+    def walled(self) -> bool:
+        """Whether there are walls where curves are admitted: L is concave there."""
+        if not self.walls.any():
+            return False
+        v = np.gradient(self.c, self.x)[:, None]
+        admitted = np.isfinite(values_of(self.landscape, self.x[:, None], self.nodes, v))
+        return bool((self.walls & admitted)[~np.isin(self.x, self.landscape.waypoints)].any())
+
     def valleys(self) -> list[Valley]:
         """The least polygons through nodes at which a row has a minimum, but for the curve's own, the lowest first."""
-        count, J = len(self.steps), self.nodes.shape[1]
         costs = np.where(self.walls[1:, None, :], np.inf, self.costs)
+        paths = self._closed_paths(costs) if self.landscape.closed else self._paths(costs)
+        return [self._valley(path, value) for path, value in sorted(paths.items(), key=lambda p: p[1])]
+
+    def _paths(self, costs: np.ndarray) -> dict[tuple[int, ...], float]:
+        """The numbers of the nodes of these polygons, and their values."""
+        count, J = len(self.steps), self.nodes.shape[1]
         forward, backward = np.full((2, count + 1, J), np.inf)
-        forward[0, slice(None) if not self.problem.start.fixed else self.own[0]] = 0.0
-        backward[count, slice(None) if not self.problem.end.fixed else self.own[-1]] = 0.0
+        for side, row in enumerate((forward[0], backward[count])):
+            own = self.own[-side]
+            begun = own if self.landscape.held[side] else slice(None)
+            row[begun] = self.landscape.at_end(side, self.nodes[-side])[begun]
         for k in range(count):
             np.min(forward[k][:, None] + costs[k], axis=0, out=forward[k + 1])
         for k in range(count - 1, -1, -1):
@@ -135,7 +212,25 @@ class Lattice:
             passed |= set(enumerate(path))
             if len(paths) == MOST_PATHS:
                 break
-        return [self._valley(path, value) for path, value in sorted(paths.items(), key=lambda p: p[1])]
+        return paths
+
+    def _closed_paths(self, costs: np.ndarray) -> dict[tuple[int, ...], float]:
+        """The same of polygons that end where they began: the least one from each node of the first row."""
+        J = self.nodes.shape[1]
+        forward = [np.where(np.eye(J, dtype=bool), 0.0, np.inf)]
+        for own in costs:
+            forward.append((forward[-1][:, :, None] + own).min(axis=1))
+        closed = np.pad(forward[-1].diagonal(), 1, constant_values=np.inf)
+        inner = closed[1:-1]
+        least = (inner <= closed[:-2]) & (inner <= closed[2:]) & (inner < self.ceiling)
+        least[self.own[0]] = False
+        paths: dict[tuple[int, ...], float] = {}
+        for j in np.flatnonzero(least).tolist():
+            path = [j]
+            for i in range(len(costs) - 1, -1, -1):
+                path.insert(0, int(np.argmin(forward[i][j] + costs[i][:, path[0]])))
+            paths[tuple(path)] = float(inner[j])
+        return paths
 
     def _valley(self, path: tuple[int, ...], value: float) -> Valley:
         numbers = np.array(path)
@@ -153,9 +248,14 @@ class Lattice:
         return float(np.abs(self.own_costs).sum())
 
     @property
+    def own_value(self) -> float:
+        """The functional along the curve's own polygon."""
+        return float(self.own_costs.sum()) + at_ends(self.landscape, self.c)
+
+    @property
     def ceiling(self) -> float:
         """The value from which on a valley is not worth following."""
-        return float(self.own_costs.sum()) + WORTH_FOLLOWING * self.summed
+        return self.own_value + WORTH_FOLLOWING * self.summed
 
     def distinct(self) -> list[Valley]:
         """The lowest valleys of which none comes near another, or the curve's own polygon, all along."""
@@ -169,9 +269,9 @@ class Lattice:
 
     def fall(self, valley: Valley) -> Fall | None:
         """The line from the curve's polygon through a valley that leaves the lattice, where it leads down for ever."""
-        if not valley.edge or not (self.problem.start.fixed and self.problem.end.fixed):
+        if not valley.edge or not all(self.landscape.held):
             return None
-        return falls_along(self.problem, self.x, self.c, valley.y - self.c)
+        return falls_along(self.landscape, self.x, self.c, valley.y - self.c)
 
     def fall_far_out(self) -> Fall | None:
         """The line from the curve's polygon over arches, where it leads down for ever, however late it begins to.
@@ -179,19 +279,19 @@ class Lattice:
         Of v^2/2 - c y^3 that is beyond a distance of some 1/c. Where L is concave in the slope it is another
         functional.
         """
-        if not (self.problem.start.fixed and self.problem.end.fixed):
+        if not all(self.landscape.held):
             return None
         arch = np.sin(math.pi * (self.x - self.x[0]) / (self.x[-1] - self.x[0]))
         sizes = self.steep * (self.x[-1] - self.x[0]) * np.concatenate([FARTHEST, -FARTHEST])[:, None]
         curves = self.c + sizes * arch
         heights, slopes = 0.5 * (curves[:, 1:] + curves[:, :-1]), np.diff(curves) / self.steps
-        sums = values_of(self.problem, self.middle, heights, slopes) @ self.steps
+        sums = values_of(self.landscape, self.middle, heights, slopes) @ self.steps
         deep = sums < float(self.own_costs.sum()) - FALLEN * self.summed
         for k in np.flatnonzero(deep).tolist():
             # of what is steep no curvature is told: it is looked at with the curve's own slopes as well
             about = (slopes[k], self.slope)
-            if not any(concave_at(self.problem, self.middle, heights[k], v, self.steep).any() for v in about):
-                return falls_along(self.problem, self.x, self.c, sizes[k] * arch)
+            if not any(concave_at(self.landscape, self.middle, heights[k], v, self.steep).any() for v in about):
+                return falls_along(self.landscape, self.x, self.c, sizes[k] * arch)
         return None
 
     def apart(self, valley: Valley) -> bool:
@@ -199,24 +299,30 @@ class Lattice:
         away = valley.y - self.c
         shares = np.vstack([BETWEEN, [[0.0]], [[1.0]]])
         y = self.centre + shares * 0.5 * (away[1:] + away[:-1])
-        values = values_of(self.problem, self.middle, y, self.slope + shares * np.diff(away) / self.steps)
+        values = values_of(self.landscape, self.middle, y, self.slope + shares * np.diff(away) / self.steps)
         sums = (values * self.steps).sum(1)
+        for side in (0, 1):
+            sums = sums + self.landscape.at_end(side, self.c[-side] + shares[:, 0] * away[-side])
         own, there = sums[-2], sums[-1]
         if not np.isfinite(sums).all():
             return True
         return bool(sums[:-2].max() > max(own, there) + NO_RIDGE * abs(own)) or (valley.edge and there < own)
 
 
-def values_of(problem: Problem, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """L as it is minimised, on arrays that broadcast."""
-    shape = np.broadcast_shapes(x.shape, y.shape, v.shape)
-    return np.broadcast_to(problem.sign * problem.integrand_on(x, y, v), shape)
+def at_ends(landscape: Landscape, y: np.ndarray) -> float:
+    """What the ends of a polygon with ordinates y (m,) add."""
+    return sum(float(landscape.at_end(side, y[-side])) for side in (0, 1))
 
 
-def concave_at(problem: Problem, x: np.ndarray, y: np.ndarray, v: np.ndarray, steep: float) -> np.ndarray:
-    """Where L is concave in the slope about v, or no number; ``steep`` is the problem's unit of slopes."""
+def values_of(landscape: Landscape, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """L as it is minimised, on arrays that broadcast, in their common shape."""
+    return np.broadcast_to(landscape.values(x, y, v), np.broadcast_shapes(x.shape, y.shape, v.shape))
+
+
+def concave_at(landscape: Landscape, x: np.ndarray, y: np.ndarray, v: np.ndarray, steep: float) -> np.ndarray:
+    """Where L is concave in the slope about v, or no number; ``steep`` is the landscape's unit of slopes."""
     steps = STEEPER * np.maximum(steep, np.abs(v)) * np.arange(-1, 2).reshape(3, *np.ones(np.ndim(y), dtype=int))
-    left, own, right = values_of(problem, x, y, v + steps)
+    left, own, right = values_of(landscape, x, y, v + steps)
     return ~(left - 2 * own + right >= CONCAVE * (np.abs(left) + 2 * np.abs(own) + np.abs(right)))
 
 
@@ -224,27 +330,28 @@ class PolygonLattice(Lattice):
     """Polygons about a curve: K pieces, and at each of the vertices J departures, the middle one 0."""
 
     def __init__(
-        self, problem: Problem, ordinates: Callable[[np.ndarray], np.ndarray], unit: float | None = None
+        self, landscape: Landscape, ordinates: Callable[[np.ndarray], np.ndarray], unit: float | None = None
     ) -> None:
-        a, b = problem.span
-        x = np.linspace(a, b, PIECES + 1)
+        a, b = landscape.span
+        x = np.union1d(np.linspace(a, b, PIECES + 1), landscape.waypoints)
         c = ordinates(x)
-        extent = max(float(np.ptp(c)), b - a)
-        unit = unit or _unit(problem, x, c, extent)
+        extent = landscape.extent(c)
+        unit = unit or _unit(landscape, x, c, extent)
         last = unit * NEAR[-1]
         # each further out than the last by a factor, and the factor grows
         far = math.log(max(REACH * extent / last, OUTWARD**FAR)) - FAR * math.log(OUTWARD)
         growing = np.exp(far / (FAR * (FAR - 1) / 2) * np.arange(FAR))
         side = np.concatenate([unit * NEAR, last * np.cumprod(OUTWARD * growing)])
         departures = np.concatenate([-side[::-1], [0.0], side])
-        super().__init__(problem, x, c[:, None] + departures, np.full(len(x), len(side)), float(side[-1]))
+        own = np.full(len(x), len(side))
+        super().__init__(landscape, x, c[:, None] + departures, own, float(side[-1]), extent / (b - a))
 
 
-def _unit(problem: Problem, x: np.ndarray, c: np.ndarray, extent: float) -> float:
+def _unit(landscape: Landscape, x: np.ndarray, c: np.ndarray, extent: float) -> float:
     """A shift of the whole curve beyond which its functional turns; the ``extent`` where it does not."""
     middle, centre, slope = 0.5 * (x[1:] + x[:-1]), 0.5 * (c[1:] + c[:-1]), np.diff(c) / np.diff(x)
     shifts = extent * np.concatenate([-UNITS[::-1], [0.0], UNITS])
-    values = values_of(problem, middle[:, None], centre[:, None] + shifts, slope[:, None])
+    values = values_of(landscape, middle[:, None], centre[:, None] + shifts, slope[:, None])
     sums = np.where(np.isfinite(values), values, np.inf).sum(0)
     noise = TURN_NOISE * float(np.abs(values[:, len(UNITS)]).sum())
     found: list[float] = []
@@ -258,33 +365,34 @@ def _unit(problem: Problem, x: np.ndarray, c: np.ndarray, extent: float) -> floa
     return min(about) if about else max(found, default=extent)
 
 
-def across_the_landscape(problem: Problem, ordinates: Callable[[np.ndarray], np.ndarray]) -> Lattice | None:
+def across_the_landscape(landscape: Landscape, ordinates: Callable[[np.ndarray], np.ndarray]) -> Lattice | None:
     """The lattice of levels, with the curve's own ordinates among them; None where L has no two minima in y."""
-    x = np.linspace(*problem.span, PIECES_ACROSS + 1)
+    x = np.union1d(np.linspace(*landscape.span, PIECES_ACROSS + 1), landscape.waypoints)
     c = ordinates(x)
-    turns = _turns(problem, x, c)
+    extent = landscape.extent(c)
+    turns = _turns(landscape, x, c, extent)
     if turns is None:
         return None
     low, high = min(turns.min(), c.min()), max(turns.max(), c.max())
     room = LEVEL_MARGIN * (high - low)
     levels = np.linspace(low - room, high + room, LEVELS)
-    levels = np.union1d(levels, _rests(problem, x, levels))
+    levels = np.union1d(levels, _rests(landscape, x, levels))
     nodes = np.column_stack([c, np.broadcast_to(levels, (len(x), len(levels)))])
     order = np.argsort(nodes, axis=1, kind="stable")
-    return Lattice(problem, x, np.take_along_axis(nodes, order, 1), np.argmin(order, axis=1), float(high - low))
+    nodes, own = np.take_along_axis(nodes, order, 1), np.argmin(order, axis=1)
+    return Lattice(landscape, x, nodes, own, float(high - low), extent / float(np.ptp(x)))
 
 
-def _turns(problem: Problem, x: np.ndarray, c: np.ndarray) -> np.ndarray | None:
+def _turns(landscape: Landscape, x: np.ndarray, c: np.ndarray, unit: float) -> np.ndarray | None:
     """The ordinates at which L turns as y goes either way from the curve; None where no line has two minima."""
     middle, centre, slope = 0.5 * (x[1:] + x[:-1]), 0.5 * (c[1:] + c[:-1]), np.diff(c) / np.diff(x)
-    unit = max(float(np.ptp(c)), float(np.ptp(x)))
     y = centre[:, None] + unit * np.concatenate([-DEPARTURES[::-1], [0.0], DEPARTURES])
-    values = values_of(problem, middle[:, None], y, slope[:, None])
+    values = values_of(landscape, middle[:, None], y, slope[:, None])
     change = np.diff(values)
     told = np.isfinite(change) & (np.abs(change) > NO_CHANGE * (np.abs(values[:, 1:]) + np.abs(values[:, :-1])))
     found: list[np.ndarray] = []
     several = False
-    for row, at, rates in zip(told, y, change, strict=True):
+    for row, at, rates, own in zip(told, y, change, values, strict=True):
         steps = np.flatnonzero(row)
         signs = np.sign(rates[steps])
         turning = np.flatnonzero(signs[1:] != signs[:-1])
@@ -295,14 +403,19 @@ def _turns(problem: Problem, x: np.ndarray, c: np.ndarray) -> np.ndarray | None:
         several = several or int((signs[turning] < 0).sum()) + sum(feet) > 1
         nearest = np.argsort(np.abs(steps[turning] - len(DEPARTURES)), kind="stable")[:NEAREST_TURNS]
         found.append(at[steps[turning[nearest]] + 1])
+        # what descends to where curves may not go is lowest there
+        last = [(steps[0], steps[0] - 1, feet[0]), (steps[-1] + 1, steps[-1] + 2, feet[1])]
+        edges = [k for k, beyond, foot in last if foot and beyond in range(len(own)) and own[beyond] == np.inf]
+        found.append(at[edges])
     return np.concatenate(found) if several else None
 
 
-def _rests(problem: Problem, x: np.ndarray, levels: np.ndarray) -> np.ndarray:
+def _rests(landscape: Landscape, x: np.ndarray, levels: np.ndarray) -> np.ndarray:
     """The levels on which a curve at rest costs least among its neighbours, by a parabola through three."""
     y = np.linspace(levels[0], levels[-1], CLOSER_LEVELS * len(levels))
-    values = values_of(problem, 0.5 * (x[1:] + x[:-1])[:, None], y, np.zeros(1)).sum(0)
+    values = values_of(landscape, 0.5 * (x[1:] + x[:-1])[:, None], y, np.zeros(1)).sum(0)
     inner = values[1:-1]
     k = 1 + np.flatnonzero((inner < values[:-2]) & (inner <= values[2:]))
     before, here, after = values[k - 1], values[k], values[k + 1]
-    return y[k] + 0.5 * (y[1] - y[0]) * (before - after) / (before - 2 * here + after)
+    aside = 0.5 * (y[1] - y[0]) * (before - after) / (before - 2 * here + after)
+    return y[k] + np.where(np.isfinite(aside), aside, 0.0)  # beside a place where curves may not go

@@ -31,19 +31,41 @@ def proved_jointly_convex(problem: Functional) -> bool:
     return _proved(problem, problem.span, tuple(problem.parameters.values()))
 
 
+def proved_quadratic(problem: Functional) -> bool:
+    """Whether a functional is proved to be of second degree, and what it is made least over a plane of curves.
+
+    A minimum among the curves near it is then one among all of them: along any line the functional is a parabola.
+    """
+    if any(problem.slides) or problem.symbols.kind is not ca.SX:
+        return False
+    integrand, constraints, cost = _shapes(problem, problem.span, tuple(problem.parameters.values()))
+    levels = all(low == high and s.bare and s.part.affine for (low, high), s in constraints)
+    return integrand.bare and levels and (cost is None or cost.bare)
+
+
 @derived
 def _proved(problem: Functional, span: tuple[float, float], values: tuple[float, ...]) -> bool:
     if isinstance(problem, Curve) and any(_on_speed(problem, t) for t in problem.traced):
         return False
+    integrand, constraints, cost = _shapes(problem, span, values)
+    aims = [integrand] if cost is None else [integrand, cost]
+    return all(s.concave if problem.maximise else s.convex for s in aims) and all(
+        (low == -math.inf or s.concave) and (high == math.inf or s.convex) for (low, high), s in constraints
+    )
+
+
+@derived
+def _shapes(
+    problem: Functional, span: tuple[float, float], values: tuple[float, ...]
+) -> tuple[Shape, list[tuple[tuple[float, float], Shape]], Shape | None]:
+    """The shapes of L, of each constraint, with what it lies between, and of the cost of the ends, if there is one."""
     s = problem.symbols
     curve: list[list[Entry]] = [[None] * symbol.numel() for symbol in (s.y, s.dy, s.ddy)]
     numbers: list[list[Entry]] = [[*values], [None] * s.unknowns.numel()]
     (integrand,), *constraints = shapes(whole(problem), [[span], *curve, *numbers])
-    return (
-        (integrand.concave if problem.maximise else integrand.convex)
-        and all(_admits_convexly(t, shape) for t, (shape,) in zip(problem.traced, constraints, strict=True))
-        and _ends_convexly(problem, span, numbers)
-    )
+    bounds = [(0.0, 0.0) if isinstance(t.constraint, Holonomic) else t.constraint.interval for t in problem.traced]
+    admitted = [(interval, shape) for interval, (shape,) in zip(bounds, constraints, strict=True)]
+    return integrand, admitted, _shape_of_end_cost(problem, span, numbers)
 
 
 def _on_speed(problem: Functional, traced: Traced) -> bool:
@@ -51,22 +73,16 @@ def _on_speed(problem: Functional, traced: Traced) -> bool:
     return isinstance(traced.constraint, Bound) and ca.depends_on(traced.expression, problem.symbols.dy)
 
 
-def _admits_convexly(traced: Traced, shape: Shape) -> bool:
-    """Whether what satisfies a constraint, of whose expression the ``shape`` is known, is a convex set."""
-    constraint = traced.constraint
-    low, high = (0.0, 0.0) if isinstance(constraint, Holonomic) else constraint.interval
-    return (low == -math.inf or shape.concave) and (high == math.inf or shape.convex)
-
-
-def _ends_convexly(problem: Functional, span: tuple[float, float], numbers: Sequence[Sequence[Entry]]) -> bool:
-    """Whether what the ends cost is convex in where the curve meets them; concave, of a cost to be made greatest."""
+def _shape_of_end_cost(
+    problem: Functional, span: tuple[float, float], numbers: Sequence[Sequence[Entry]]
+) -> Shape | None:
+    """The shape of what the ends cost, in where the curve meets them; None where they cost nothing."""
     if problem.end_cost_expression is None:
-        return True
+        return None
     ends, cost = problem.end_cost_expression
     s = problem.symbols
     curve: list[list[Entry]] = [[None] * symbol.numel() for symbol in ends]
     if not isinstance(problem, Curve):
         curve[0], curve[2] = [span[0]], [span[1]]
     function = ca.Function("end_cost", [*ends, s.parameters, s.unknowns], [cost])
-    shape = shapes(function, [*curve, *numbers])[0][0]
-    return shape.concave if problem.maximise else shape.convex
+    return shapes(function, [*curve, *numbers])[0][0]

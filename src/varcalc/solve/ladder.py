@@ -152,7 +152,7 @@ long way, many may."""
 def _polished(problem: Functional, tol: float, method: Ritz, start: Sampled) -> Solution:
     """The answer of the direct method next to a curve."""
     known = _broken(problem, method, tol, start)
-    return known if known is not None else _made_out(_attempt(problem, method, tol, start))
+    return known if known is not None else _made_out(_first_answer(problem, method, tol, start))
 
 
 def reconsidered(solution: Solution, method: Method | None, tol: float) -> Solution:
@@ -292,6 +292,16 @@ def _broken(problem: Functional, method: Method, tol: float, guess: Guess) -> So
 
 
 def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
+    """The first answer of a method that stands, over all forms; else the failure that got furthest, explained."""
+    found = _first_answer(problem, method, tol, guess)
+    asked = problem.constraints or any(problem.slides)
+    if found.status.ok or not asked or found.verdict in {Verdict.NOT_ATTAINED, Verdict.DEGENERATE, Verdict.INFEASIBLE}:
+        return found
+    hopeless = all(form is not None and form.refused for form in forms(problem))
+    return found if hopeless else explained(problem, found)
+
+
+def _first_answer(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
     """The first answer of a method that stands, over all forms; else the failure that got furthest."""
     failure: Solution | None = None
     try:
@@ -316,9 +326,7 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
             if failure is None or (math.isnan(failure.value) and not math.isnan(solution.value)) or solution.verdict:
                 failure = solution
     assert failure is not None
-    hopeless = all(form is not None and form.refused for form in candidates)
-    asked = problem.constraints or any(problem.slides)
-    return explained(problem, failure) if asked and not hopeless else failure
+    return failure
 
 
 def _in_form(way: Method, form: Form, tol: float, start: Sampled | None) -> Solution:

@@ -1,0 +1,166 @@
+"""Departures from a known curve in one direction, each told by one function, of which a lattice of polygons holds all.
+
+Where there are several unknown functions, a parameter along the curve, conditions or a cost of the ends, no lattice
+holds all curves. One holds those that depart from the known curve c in a direction d, c + t d, of which t is the one
+function. The directions are the axes, and sums and differences of two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import Sampled
+from varcalc.problem.conditions import Bound, Isoperimetric, Through
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Curve
+from varcalc.solution import Solution
+from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import Columns, PointEvaluator
+
+MOST_DIRECTIONS = 9
+"""Directions that are looked along: all of three functions."""
+SAMPLES = 65
+"""Places of the curve by which its size is told."""
+ON_BOUND = 1e-7
+"""How far beyond a bound, in units of its own size or 1, a curve may lie that rests on it."""
+
+
+class AlongDirection:
+    """The landscape of the curves c + t d about the curve c of a solution; t is 0 along that.
+
+    A level is replaced by its multiplier, so that what is lower need not keep it. At second order they bend as c does.
+    Beyond a bound nothing is admitted.
+    """
+
+    def __init__(self, solution: Solution, direction: np.ndarray, unit: float) -> None:
+        problem = solution.problem
+        assert solution.curve is not None
+        self.problem, self.curve, self.direction, self.sign = problem, solution.curve, direction, problem.sign
+        self.span = float(solution.x.min()), float(solution.x.max())
+        self.closed, self._unit = bool(problem.start.periodic), unit
+        levels = any(isinstance(c, Isoperimetric) for c in problem.constraints)
+        # a level is one that these curves do not keep, and bending costs something
+        self.approximate = levels or problem.order > 1
+        self.waypoints = tuple(c.x for c in problem.constraints if isinstance(c, Through))
+        self.held = self._holds(problem.start), self._holds(problem.end)
+        self._multipliers = [
+            m if isinstance(c, Isoperimetric) else 0.0
+            for c, m in zip(problem.constraints, solution.multipliers, strict=False)
+            if isinstance(c, Isoperimetric | Bound)
+        ]
+        self._numbers = problem.parameter_values.tolist(), list(solution.unknowns.values())
+        self._known: dict[bytes, list[np.ndarray]] = {}
+
+    def _holds(self, end: object) -> bool:
+        """Whether an end lets no curve depart there."""
+        slides, values = end.slides, end.values(self.problem.n)  # pyright: ignore[reportAttributeAccessIssue]
+        return not self.closed and bool(slides or np.isfinite(values[self.direction != 0]).any())
+
+    def along(self, valley: Sampled) -> Sampled:
+        """The curve of the problem that a function of x, which gives (1, m), stands for."""
+        return lambda x: self.curve(np.atleast_1d(x), 0) + self.direction[:, None] * valley(np.atleast_1d(x))
+
+    def _own(self, x: np.ndarray) -> list[np.ndarray]:
+        """The curve and its derivatives at x, each (n, *x.shape)."""
+        key = x.tobytes()
+        if key not in self._known:
+            with np.errstate(all="ignore"):
+                self._known[key] = [self.curve(x.ravel(), k) for k in range(self.problem.order + 1)]
+        return [rows.reshape(-1, *x.shape) for rows in self._known[key]]
+
+    def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """L with its levels by their multipliers, as it is minimised; infinite beyond a bound."""
+        own, slopes, *bends = self._own(x)
+        directions = self.direction.tolist()
+        place = [c + y * d if d else c for c, d in zip(own, directions, strict=True)]
+        rates = [c + v * d if d else c for c, d in zip(slopes, directions, strict=True)]
+        bent = [row for rows in bends for row in rows]
+        total, *others = columns(self.problem)(x, place, rates, bent, *self._numbers)
+        found = self.sign * total
+        kept = [c for c in self.problem.constraints if isinstance(c, Isoperimetric | Bound)]
+        for constraint, multiplier, value in zip(kept, self._multipliers, others, strict=True):
+            if isinstance(constraint, Isoperimetric):
+                found = found - self.sign * multiplier * value
+                continue
+            low, high = (b - s * ON_BOUND * max(1.0, abs(b)) for b, s in zip(constraint.interval, (1, -1), strict=True))
+            found = np.where((value >= low) & (value <= high), found, np.inf)
+        return found
+
+    def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
+        """The cost of the ends where the end departs by y from the known curve; of the start, what that adds to it."""
+        cost, own = _end_cost(self.problem), self.curve(np.array(self.span), 0)
+        if cost is None:
+            return np.zeros(np.shape(y))
+        departures = np.ravel(y)
+        ends = [np.repeat(own[:, [k]], 1 + len(departures), axis=1) for k in (0, 1)]
+        ends[side][:, 1:] += np.outer(self.direction, departures)
+        places = np.array(self.span)[:, None]
+        numbers = [np.array(own)[None] for own in self._numbers]
+        found = cost(1 + len(departures), places[:1], ends[0].T, places[1:], ends[1].T, *numbers)[:, 0]
+        return (self.sign * (found[1:] if side else found[1:] - found[0])).reshape(np.shape(y))
+
+    def extent(self, y: np.ndarray) -> float:  # noqa: ARG002  it is the same about any curve
+        """The unit of the departures."""
+        return self._unit
+
+
+def in_directions(solution: Solution) -> Iterator[AlongDirection]:
+    """The departures from a solution that are looked at."""
+    problem, curve = solution.problem, solution.curve
+    assert curve is not None
+    first, last = float(solution.x.min()), float(solution.x.max())
+    rows = curve(np.linspace(first, last, SAMPLES), 0)
+    extents = np.ptp(rows, axis=1)
+    sizes = np.where(extents > 0, extents, np.abs(rows).max(axis=1))
+    if isinstance(problem, Curve):
+        sizes, width = np.full(problem.n, sizes.max() or 1.0), 0.0
+    else:
+        width = last - first
+        sizes = np.where(sizes > 0, sizes, width)
+    across = _axes(problem, rows) * sizes
+    for direction in _directions(across):
+        yield AlongDirection(solution, direction, max(1.0, width / float(np.abs(direction).max())))
+
+
+def _axes(problem: Functional, rows: np.ndarray) -> np.ndarray:
+    """Unit vectors that span the departures: along a Curve between two places those across the way are all."""
+    axes = np.eye(problem.n)
+    way = rows[:, -1] - rows[:, 0]
+    if not isinstance(problem, Curve) or problem.n == 1 or not way.any():
+        return axes
+    return np.linalg.svd(way[None] / np.abs(way).max())[2][1:]
+
+
+def _directions(axes: np.ndarray) -> np.ndarray:
+    """The axes, then sums and differences of two, as many as are looked along."""
+    mixed = [a + sign * b for a, b in combinations(axes, 2) for sign in (1.0, -1.0)]
+    return np.array([*axes, *mixed])[:MOST_DIRECTIONS]
+
+
+@derived
+def columns(problem: Functional) -> Columns:
+    """L and what is bounded or levelled, of columns that NumPy broadcasts.
+
+    Raises TypeError or ValueError where NumPy has no form of it.
+    """
+    return PointEvaluator(ca.Function("L", problem.symbols.all, [problem.integrand, *_told_of(problem)])).columns
+
+
+def _told_of(problem: Functional) -> list[ca.SX]:
+    """What is bounded or levelled."""
+    return [t.expression for t in problem.traced if isinstance(t.constraint, Isoperimetric | Bound)]
+
+
+@derived
+def _end_cost(problem: Functional) -> PointEvaluator | None:
+    """The cost of the ends as a function of (x0, y0, x1, y1, parameters, unknowns)."""
+    if problem.end_cost_expression is None:
+        return None
+    ends, cost = problem.end_cost_expression
+    ends = ends if len(ends) == 4 else [ca.SX.sym("t0"), ends[0], ca.SX.sym("t1"), ends[1]]
+    symbols = problem.symbols
+    return PointEvaluator(ca.Function("end_cost", [*ends, symbols.parameters, symbols.unknowns], [cost]))
