@@ -49,6 +49,8 @@ from varcalc.verify.slopes import vouched
 
 FINER_DEGREE = 8
 """Degree at most with which a finer mesh is begun."""
+FINER_STARTS = 2
+"""Curves at most from which it is begun: the known one is what it is for."""
 NO_LENGTH = "the functional is not the length of a metric that it is taken for"
 MOST_ELEMENTS = 1000
 """Elements on which an extremal is held: one that needs more is singular somewhere."""
@@ -423,8 +425,9 @@ def _on_finer_mesh(method: Method, form: Form, solution: Solution, missed: Unsee
     knots = tuple(sorted({*form.conditions.knots, *vertices[1:-1].tolist(), *missed.marks.tolist()}))
     form = replace(form, conditions=replace(form.conditions, knots=knots), cache=Cache())
     finer = method
-    if isinstance(method, Ritz) and method.refine and method.degree is None:
-        finer = replace(method, degree=min(solution.stats.degree, FINER_DEGREE))
+    if isinstance(method, Ritz):
+        degree = min(solution.stats.degree, FINER_DEGREE) if method.refine and method.degree is None else method.degree
+        finer = replace(method, degree=degree, starts=min(method.starts, FINER_STARTS))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         again = finer.solve(form, tol=tol, guess=lambda s: start(s, 0))
     return replace(again, method=method)

@@ -208,7 +208,13 @@ def of_length(lagrangian):
 
 def test_lengths_of_a_chain_many_at_once(monkeypatch):
     alone = []
-    monkeypatch.setattr(ritz.Ritz, "solve", lambda *a, solve=ritz.Ritz.solve, **k: alone.append(a) or solve(*a, **k))
+
+    def counted(method, form, *, tol, guess, solve=ritz.Ritz.solve):
+        if guess is None:  # what is begun from a curve follows another valley
+            alone.append(form)
+        return solve(method, form, tol=tol, guess=guess)
+
+    monkeypatch.setattr(ritz.Ritz, "solve", counted)
     sizes = np.linspace(1.1, 2.5, 60)
     found = vc.sweep(of_length(lambda x, y, dy, p: weight(x, y, dy)), {"size": sizes.tolist()}, vc.Ritz(), tol=1e-9)
     assert (

@@ -47,7 +47,7 @@ They go along a bent valley, where what each gains says nothing of what is left.
 ARMIJO = 1e-4
 SHRINK = 0.5
 SMALLEST_STEP = 1e-10
-LARGEST_DENSE = 800
+LARGEST_DENSE = 300
 """Unknowns up to which a dense factorisation is still worth its cube."""
 RUNAWAY = 1e9
 """Factor of its starting size below which a functional is taken to have no lower bound."""
