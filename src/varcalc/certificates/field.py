@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -31,12 +32,15 @@ class JacobiFields:
     evenness: float
 
 
+@lru_cache(maxsize=64)
 def dynamics(n: int, order: int, states: int) -> tuple[np.ndarray, np.ndarray]:
     """A and B of z' = A z + B u."""
     A, B = np.zeros((states, states)), np.zeros((states, n))
     B[(order - 1) * n : order * n] = np.eye(n)
     if order == 2:
         A[:n, n : 2 * n] = np.eye(n)
+    A.setflags(write=False)
+    B.setflags(write=False)
     return A, B
 
 
