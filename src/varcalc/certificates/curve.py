@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from varcalc.certificates.balls import (
+    ROUND_OFF,
     Around,
     Ball,
     Box,
@@ -97,7 +98,11 @@ def sampled(statement: Statement) -> list[Samples]:
     done = [_samples(statement, a, b) for a, b in pairwise(edges)]
     shortest = SHORTEST * (edges[-1] - edges[0])
     while len(done) < MOST_PIECES:
-        coarse = [s for s in done if s.half > shortest and not (_resolved(s, _largest(statement, done)) and _smooth(s))]
+        coarse = [
+            s
+            for s in done
+            if s.half > shortest and not (_resolved(s, _largest(statement, done), statement) and _smooth(s))
+        ]
         if not coarse:
             break
         halves = [(s, 0.5 * float(s.x[0] + s.x[-1])) for s in coarse]
@@ -194,12 +199,16 @@ def _integrated(values: np.ndarray) -> np.ndarray:
     return np.r_[0.0, np.linalg.solve(differentiation(DEGREE)[1:, 1:], values[1:])]
 
 
-def _resolved(samples: Samples, sizes: np.ndarray) -> bool:
+def _resolved(samples: Samples, sizes: np.ndarray, statement: Statement) -> bool:
     rows = np.vstack([samples.states, samples.momenta])
     if not np.isfinite(rows).all():
         return True  # nothing is gained by smaller pieces; the balls will tell
-    coefficients = np.abs(transform(DEGREE) @ rows.T)
-    return bool((coefficients[-3:].max(axis=0) <= RESOLVED * sizes[:, 0]).all())
+    coefficients, noise = np.abs(transform(DEGREE) @ rows.T), RESOLVED * sizes[:, 0]
+    if statement.order == 2:
+        # slopes of a curve that is large beside what it varies by are round-off of the curve, by Markov's inequality
+        n = statement.n
+        noise[n : 2 * n] = np.maximum(noise[n : 2 * n], ROUND_OFF * DEGREE**2 * sizes[:n, 0] / samples.half)
+    return bool((coefficients[-3:].max(axis=0) <= noise).all())
 
 
 def _smooth(samples: Samples) -> bool:
