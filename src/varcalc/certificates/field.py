@@ -19,7 +19,7 @@ from varcalc.certificates.balls import differentiation, nodes, transform
 from varcalc.certificates.curve import DEGREE, Samples
 from varcalc.certificates.statement import Statement
 
-GAINED, GROWN = 1e-9, 1e-6
+GAINED, HYPERBOLIC = 1e-9, 1e-6
 """What Q gains over a period, relative to it: that it gains none is not proved where numbers are rounded. What a
 solution grows by at least from one period to the next, relative to those that do not grow."""
 
@@ -124,10 +124,10 @@ def _around(statement: Statement, samples: Sequence[Samples], lowered: np.ndarra
             return None
         values, vectors = np.linalg.eig(period)
         order, sizes = np.argsort(-np.abs(values)), np.sort(np.abs(values))[::-1]
-        if not sizes[m - 1] > (1.0 + GROWN) * sizes[m]:
+        if not sizes[m - 1] > (1.0 + HYPERBOLIC) * sizes[m]:
             return None
         grown = vectors[:, order[:m]]
-        left = np.linalg.svd(np.hstack([grown.real, grown.imag]))[0][:, :m]
+        left = np.linalg.svd(np.hstack([np.real(grown), np.imag(grown)]))[0][:, :m]
         Q = _symmetric(left[m:] @ np.linalg.inv(left[:m]))
         rows = []
         for f in maps:

@@ -207,11 +207,10 @@ def _within_bounds(solution: Solution, told: Told) -> Certificate:
         raise Unproved("bounds are covered where the method knows its curve in coordinates of its own")
     held = bounds(along_curve_of(solution.extremal))
     held.prove_signs()
-    along = held.with_multipliers()
-    reason = _out_of_reach(along)
+    reason = _out_of_reach(held.plain)
     if reason:
         raise Unproved(reason)
-    found = _bounded(solution, setting_along(along, solution.value), told, held)[2]
+    found = _bounded(solution, setting_along(held.plain, solution.value, held.terms), told, held)[2]
     signs = (Hypothesis(SIGNS, Means.BALLS), Hypothesis(WITHIN, Means.BALLS))
     return replace(found, proved=(*found.proved, *signs))
 
