@@ -64,7 +64,8 @@ RAYLEIGH = "L and the prescribed integrand are homogeneous of second degree: wha
 SUBGRADIENTS = "lines of support, which hang on x, are in place of convex terms of L, so that it is nowhere more than L"
 MULTIPLIERS = "the multipliers of the levels have their signs, so that L with them is no more than L where these hold"
 KINKS_MET = (
-    "kinks and jumps that the curve meets are covered where these are convex, in graphs without other conditions"
+    "kinks and jumps that the curve meets are covered where these are convex, in graphs without conditions other than "
+    "waypoints and prescribed integrals"
 )
 SHIFTED = "shifted curves have the same value: they are meant shifted so that all have one start"
 CLOSED = "closed Curves are not covered: each may begin at any of its points, so that none is strictly the least"
