@@ -132,8 +132,36 @@ def round_a_disc():
     return (2 * mpmath.sqrt(far**2 - mpmath.mpf("0.25")) + arc / 2) ** 2 / 2
 
 
+def area_under_a_ceiling(h, c):
+    """int v^2/2 between zeros over an area c under y <= h: parabolas that reach h at s, by h - c = 2 h s/3."""
+    s = (1 - c / h) * 3 / 2
+    return (2 * h / s**2) ** 2 * s**3 / 3
+
+
+def area_under_slopes(a, c):
+    """int v^2/2 between zeros over an area c with |v| <= a: v is a up to s, and falls to 0 in the middle."""
+
+    def area(s):
+        return a * s * (1 - s) + a * (1 - 2 * s) ** 2 / 6
+
+    s = mpmath.findroot(lambda s: area(s) - c, (0.01, 0.45), "anderson")
+    return a**2 * s + a**2 * (0.5 - s) / 3
+
+
+def slopes_about_a_waypoint(h):
+    """int v^2/2 - 4 y between zeros at 0 and 2 by (1, h), |v| <= 1: v is 1, and 1 - 4 u on the last sqrt((1 - h)/2)."""
+    u = mpmath.sqrt((1 - h) / 2)
+    s = 1 - u
+    line = s / 2 - 2 * s**2
+    return 2 * (line + mpmath.quad(lambda t: (1 - 4 * t) ** 2 / 2 - 4 * (s + t - 2 * t**2), [0, u]))
+
+
 def load(x, y, v):
     return v**2 / 2 - 8 * y
+
+
+def bare(x, y, v):
+    return v**2 / 2
 
 
 def loads(x, y, v):
@@ -160,6 +188,20 @@ WITHIN = {
     "a waypoint below the bound": (
         load, vc.Fixed(0, 0), vc.Fixed(1, 0), [LOW, vc.Through(0.5, 0.1)],
         through_a_waypoint,
+    ),
+    "slopes about a waypoint": (
+        lambda x, y, v: v**2 / 2 - 4 * y, vc.Fixed(0, 0), vc.Fixed(2, 0),
+        [vc.Bound(lambda x, y, v: v, lower=-1, upper=1), vc.Through(1.0, 0.6)],
+        lambda: slopes_about_a_waypoint(mpmath.mpf(0.6)),
+    ),
+    "an area under a ceiling": (
+        bare, vc.Fixed(0, 0), vc.Fixed(1, 0), [LOW, vc.Isoperimetric(lambda x, y, v: y, 0.15)],
+        lambda: area_under_a_ceiling(mpmath.mpf(0.2), mpmath.mpf(0.15)),
+    ),
+    "an area under slopes": (
+        bare, vc.Fixed(0, 0), vc.Fixed(1, 0),
+        [vc.Bound(lambda x, y, v: v, lower=-0.9, upper=0.9), vc.Isoperimetric(lambda x, y, v: y, 0.18)],
+        lambda: area_under_slopes(mpmath.mpf(0.9), mpmath.mpf(0.18)),
     ),
     "a ceiling and a floor": (
         lambda x, y, v: v**2 / 2 - 20 * ca.sin(2 * np.pi * x) * y, vc.Fixed(0, 0), vc.Fixed(1, 0),
@@ -191,7 +233,10 @@ def test_what_is_held_within_bounds(lagrangian, start, end, bounds, exact):
     assert certificate.width < 1e-5
 
 
-@pytest.mark.parametrize("name", ["slopes on both sides", "a ceiling and a floor", "an end that is free on the bound"])
+@pytest.mark.parametrize(
+    "name",
+    ["slopes on both sides", "a ceiling and a floor", "an end that is free on the bound", "an area under a ceiling"],
+)
 @pytest.mark.parametrize("power", [2, 5, 9])
 def test_a_wrong_curve_within_bounds_widens_the_interval_or_is_refused(name, power):
     lagrangian, start, end, bounds, exact = WITHIN[name]

@@ -8,6 +8,7 @@ solution; where it does not touch they are zero.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain, groupby, pairwise
@@ -20,6 +21,7 @@ from varcalc.certificates.balls import Around, Ball, Poly, differentiation, encl
 from varcalc.certificates.curve import DEGREE, Piece, integrated, nodes_within
 from varcalc.certificates.integrals import Unproved, along_curve
 from varcalc.certificates.jets import Jet, Undecided, jets, without_enclosure
+from varcalc.certificates.levels import meeting
 from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement, statement
@@ -107,7 +109,7 @@ class Bounds:
         a, b = self._edges[number : number + 2]
         x, L = nodes_within(a, b), self._integrand
         heights = ca.vertcat(*(along.paths[side.number] for side in sides))
-        by_y, by_v = (v[:, :, 0] for v in along.function(ca.gradient(L, s.y), ca.gradient(L, s.dy))(x))
+        by_y, by_v = (v[:, :, 0] for v in self.plain.function(ca.gradient(L, s.y), ca.gradient(L, s.dy))(x))
         bends = along.function(ca.jacobian(heights, s.y))(x)[0]
         force = differentiation(DEGREE) @ by_v / (0.5 * (b - a)) - by_y
         return np.array([np.linalg.lstsq(bend.T, row, rcond=None)[0] for bend, row in zip(bends, force, strict=True)])
@@ -133,7 +135,7 @@ class Bounds:
         reached, missed, offsets, lengths = 0.0, {}, [], []
         for number in run:
             a, b = self._edges[number : number + 2]
-            by_y, by_v = (v[:, :, 0] for v in along.function(*map(ca.densify, columns))(nodes_within(a, b)))
+            by_y, by_v = (v[:, :, 0] for v in self.plain.function(*map(ca.densify, columns))(nodes_within(a, b)))
             p = reached + 0.5 * (b - a) * integrated(by_y)
             reached = p[-1]
             missed[number] = p - by_v
@@ -203,25 +205,75 @@ class Bounds:
         size = float(setting.sizes[0][0])
         lift = 2.0**-50 * size
         ways = self._chord(setting) if any(map(self._of_slope, chain(*self.touched))) else self._off(setting)
+        if stated.levels:
+            ways = self._level(ways, setting)
         for _ in range(LIFTS):
             pieces = [_lifted(piece, way, stated, lift) for piece, way in zip(setting.pieces, ways, strict=True)]
-            if all(self._within(stated, piece) for piece in pieces):
-                return Attained(along_curve(stated, pieces, setting.sizes, tolerance).value, pieces)
+            if all(self._within(stated, piece, ()) for piece in pieces):
+                along = along_curve(stated, pieces, setting.sizes, tolerance)
+                found = self._met(replace(setting, statement=stated, pieces=pieces, along=along))
+                if found is not None:
+                    return found
             lift *= 8.0
         raise Unproved("no curve near the one that was found is proved to lie within its bounds")
 
+    def _met(self, own: Setting) -> Attained | None:
+        """The curve of a setting as what is attained; beside levels one near it that meets these, if it is within."""
+        stated, value = own.statement, own.along.value
+        if not stated.levels:
+            return Attained(value, own.pieces)
+        met = meeting(own)
+        moved = met.moved()
+        if not all(self._within(stated, piece, moved) for piece in own.pieces):
+            return None
+        value += met.correction()
+        for c, condition in zip(self.along.lambdas, self.along.form.conditions.integrals, strict=True):
+            value -= flint().arb(float(c)) * condition.lower
+        # by how much what is integrated is less or more than along the other curve is not known
+        moved[stated.bare : stated.states] = [flint().arb("inf")] * stated.levels
+        return Attained(value, own.pieces, moved)
+
+    def _level(self, ways: list[list[Poly]], setting: Setting) -> list[list[Poly]]:
+        """The ways with bumps on pieces that touch nothing, so that they all but leave what is integrated as it is."""
+        stated, bump = setting.statement, flint().arb_poly([1, 0, -1])
+        free = [k for k, piece in enumerate(setting.pieces) if not self.touched[self._number(piece)]]
+        offered = [(k, i) for k in free for i in range(stated.n)]
+        if not offered:
+            raise Unproved("a curve that touches bounds all along is not covered beside prescribed integrals")
+        effects = np.array([_effect(setting, k, [bump * (j == i) for j in range(stated.n)]) for k, i in offered]).T
+        missed = sum((_effect(setting, k, way) for k, way in enumerate(ways)), np.zeros(stated.levels))
+        chosen: list[int] = []
+        rest = effects / np.abs(effects).max(axis=1, keepdims=True)
+        for _ in range(stated.levels):
+            best = int(np.linalg.norm(rest, axis=0).argmax())
+            along = rest[:, best] / np.linalg.norm(rest[:, best])
+            rest = rest - np.outer(along, along @ rest)
+            chosen.append(best)
+        shares = np.linalg.lstsq(effects[:, chosen], -missed, rcond=None)[0]
+        levelled = [list(way) for way in ways]
+        for at, share in zip(chosen, shares.tolist(), strict=True):
+            k, i = offered[at]
+            levelled[k][i] = levelled[k][i] + bump * flint().arb(share)
+        return levelled
+
+    def _number(self, piece: Piece) -> int:
+        """The number of the part between edges that a piece lies in."""
+        return int(np.searchsorted(self._edges, float(piece.centre.mid()))) - 1
+
     def _chord(self, setting: Setting) -> list[list[Poly]]:
-        """The way to the straight line between the ends, whose slopes are between those of the curve."""
-        found, (a, b) = flint(), self.along.span
-        first, last = (setting.joints[k][: self.along.n] for k in (0, -1))
-        ways = []
+        """The way to the straight lines between what the curve is held at, whose slopes are between its own."""
+        found, n, (a, b) = flint(), self.along.n, self.along.span
+        starts = [float(s.x[0]) for s in setting.samples]
+        knots = [a, *sorted(setting.statement.waypoints), b]
+        values = [setting.joints[0], *(setting.joints[starts.index(x)] for x in knots[1:-1]), setting.joints[-1]]
+        size, ways = found.arb(float(setting.sizes[0][0])), []
         for piece in setting.pieces:
-            share = found.arb_poly([(piece.centre - a) / (found.arb(b) - a), piece.half / (found.arb(b) - a)])
-            lines = [
-                found.arb(float(u)) + share * (found.arb(float(v)) - float(u)) for u, v in zip(first, last, strict=True)
-            ]
-            size = float(setting.sizes[0][0])
-            ways.append([(line - f) * (1 / found.arb(size)) for line, f in zip(lines, piece.functions, strict=True)])
+            k = int(np.searchsorted(knots, float(piece.centre.mid()))) - 1
+            low, high = found.arb(knots[k]), found.arb(knots[k + 1])
+            share = found.arb_poly([piece.centre - low, piece.half]) * (1 / (high - low))
+            lines = [found.arb(float(u)) + share * (found.arb(float(v)) - float(u))
+                     for u, v in zip(values[k][:n], values[k + 1][:n], strict=True)]  # fmt: skip
+            ways.append([(line - f) * (1 / size) for line, f in zip(lines, piece.functions, strict=True)])
         return ways
 
     def _off(self, setting: Setting) -> list[list[Poly]]:
@@ -273,21 +325,21 @@ class Bounds:
     @cached_property
     def _program(self) -> Program:
         along = self.along
-        function = ca.Function(
-            "bounds", [*along.symbols.all, *along.multiplier_symbols[:1]], [ca.vertcat(*along.paths)]
-        )
+        function = ca.Function("bounds", along.symbols.all, [ca.vertcat(*along.paths)])
         strange = without_enclosure(function)
         if strange:
             raise Unproved(f"a bound holds {strange}, of which no enclosure is known")
         return Program(function)
 
-    def _within(self, stated: Statement, piece: Piece) -> bool:
-        """Whether a piece is proved to lie within all bounds."""
+    def _within(self, stated: Statement, piece: Piece, moved: Sequence[Ball]) -> bool:
+        """Whether a piece, ``moved`` by no more than that, is proved to lie within all bounds."""
         waiting = [(piece.box(), 0)]
         while waiting:
             box, depth = waiting.pop()
             try:
-                views = [self._values(stated, piece, Around(box, TERMS + whole, whole)) for whole in (False, True)]
+                views = [
+                    self._values(stated, piece, Around(box, TERMS + whole, whole), moved) for whole in (False, True)
+                ]
                 if all(self._inside(k, enclosed(c, w, TERMS)) for k, (c, w) in enumerate(zip(*views, strict=True))):
                     continue
             except Undecided:
@@ -303,10 +355,26 @@ class Bounds:
             not np.isfinite(at) or bool(sign * (value - at) >= 0) for at, sign in ((limit.lower, 1), (limit.upper, -1))
         )
 
-    def _values(self, stated: Statement, piece: Piece, around: Around) -> list[Any]:
+    def _values(self, stated: Statement, piece: Piece, around: Around, moved: Sequence[Ball]) -> list[Any]:
         states, controls = piece.lifted(around)
+        if moved:
+            room = [flint().arb(0, 1) * far for far in moved]
+            states = [v + far for v, far in zip(states, room[: stated.bare], strict=True)]
+            controls = [v + far for v, far in zip(controls, room[stated.states :], strict=True)]
         arguments = stated.arguments(Jet(around.abscissa()), [Jet(s) for s in states], [Jet(s) for s in controls])
-        return [flint().arb_series([0], around.terms) + jet.value for jet in jets(self._program, arguments[:-1], 0)[0]]
+        return [flint().arb_series([0], around.terms) + jet.value for jet in jets(self._program, arguments[:-2], 0)[0]]
+
+
+def _effect(setting: Setting, k: int, way: list[Poly]) -> np.ndarray:
+    """What a way of the functions on a piece changes of what is integrated to levels, in numbers and to first order."""
+    s, bare = setting.samples[k], setting.statement.bare
+    places = [flint().arb(float(t)) for t in nodes(DEGREE)]
+    total = np.zeros((len(s.x), setting.statement.levels))
+    for i, poly in enumerate(way):
+        slope = poly.derivative()
+        values, rates = (np.array([float(p(t).mid()) for t in places]) for p in (poly, slope))
+        total += s.turning[:, :, i] * values[:, None] + s.turning[:, :, bare + i] * rates[:, None] / s.half
+    return s.half * integrated(total)[-1]
 
 
 def _lifted(piece: Piece, way: list[Poly], stated: Statement, lift: float) -> Piece:
@@ -362,7 +430,7 @@ def bounds(along: AlongCurve) -> Bounds:
         raise Unproved("bounds are covered of Lagrangians of first order alone, between ends that do not slide")
     if form.coordinates.energetic and any(ca.depends_on(path, velocities) for path in along.paths):
         raise Unproved("bounds on the direction of a Curve are not covered")
-    if along.rides or any(c.equality for c in along.limits) or along.integrals or form.ends.equations:
+    if along.rides or any(c.equality for c in along.limits) or form.ends.equations:
         raise Unproved("bounds beside other conditions are not covered")
     if any(ca.depends_on(path, velocities) and ca.depends_on(path, s.y) for path in along.paths):
         raise Unproved("bounds on what hangs on both the curve and its slope are not covered")
