@@ -64,6 +64,28 @@ def test_an_action_that_is_not_convex_is_certified_in_a_tube():
     assert holds(certificate, 2 * side - (2 - 2 * c) * mpmath.mpf(9) / 2)
 
 
+def test_an_action_that_a_bound_alone_keeps_from_falling():
+    """The oscillator with a load, for a time beyond pi under a ceiling: y + 1 is (1 + h) cos(s - x) up to it."""
+    h = mpmath.mpf(0.3)
+    ceiling = vc.Bound(lambda x, y, v: y, upper=0.3)
+    certificate = certified(lambda x, y, v: (v**2 - y**2) / 2 - y, vc.Fixed(0, 0), vc.Fixed(4, 0), ceiling)
+    s = mpmath.acos(1 / (1 + h))
+    side = mpmath.quad(
+        lambda t: ((1 + h) ** 2 * mpmath.sin(t) ** 2 - ((1 + h) * mpmath.cos(t) - 1) ** 2) / 2
+        - (1 + h) * mpmath.cos(t) + 1, [0, s]
+    )  # fmt: skip
+    assert holds(certificate, 2 * side - (4 - 2 * s) * (h**2 / 2 + h))
+    assert certificate.scope is Scope.TUBE
+
+
+def test_what_is_left_of_a_curve_that_vanishes_has_no_size():
+    """A pendulum that hangs upside down for a time below pi, solved to 1e-28 of zero."""
+    ceiling = vc.Bound(lambda x, y, v: y, upper=0.5)
+    certificate = certified(lambda x, y, v: v**2 / 2 + ca.cos(y), vc.Fixed(0, 0), vc.Fixed(3, 0), ceiling)
+    assert holds(certificate, 3)
+    assert certificate.tube > 1e-3
+
+
 def test_a_bound_that_is_not_touched():
     ceiling = vc.Bound(lambda x, y, v: y, upper=3)
     certificate = certified(lambda x, y, v: v**2 / 2 - 4 * y, vc.Fixed(0, 0), vc.Fixed(2, 0), ceiling)

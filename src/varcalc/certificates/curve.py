@@ -38,6 +38,8 @@ BENT = 1e-5
 MOST_PIECES = 64
 VERTEX_ROUND_OFF = 8 * float(np.finfo(float).eps)
 """Distance from a vertex, relative to where it lies, from which on round-off takes no place to the piece beside."""
+NOTHING = 1e-24
+"""Size of a curve, relative to the length of the interval, that is taken for none."""
 SHORTEST = 2.0**-14
 """Length of a piece, relative to the interval, below which it is not cut."""
 
@@ -379,7 +381,7 @@ def state_sizes(samples: Sequence[Samples], statement: Statement) -> np.ndarray:
     length = float(samples[-1].x[-1] - samples[0].x[0])
     rows = np.hstack([s.states for s in samples])
     spread = max(float(np.ptp(rows[:n], axis=1).max()), 1e-3 * float(np.abs(rows[:n]).max()))
-    unit = spread if spread**2 > np.finfo(float).tiny else length  # H in that unit would be zero
+    unit = spread if spread > NOTHING * length else length  # what is left of a curve that vanishes has no size
     sizes = [unit / length**k for k in range(order) for _ in range(n)]
     sizes += [max(abs(float(c)), 1e-3) for c in statement.along.numbers]
     if statement.levels:

@@ -28,17 +28,15 @@ from varcalc.certificates.jets import Jet, Undecided, head, jets
 from varcalc.certificates.kink_reading import convex_terms
 from varcalc.certificates.levels import meeting
 from varcalc.certificates.nearness import Attained
-from varcalc.certificates.setting import Setting, setting_of
+from varcalc.certificates.setting import Setting, as_graph, setting_of
 from varcalc.certificates.statement import Statement, statement
-from varcalc.formulation.graph import graph_form
-from varcalc.methods.answer import Extremal
 from varcalc.problem.conditions import Isoperimetric, Through
 from varcalc.problem.functional import rebuilt
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.instructions import Program
 from varcalc.symbolic.tracing import Expression, TracedFunction
-from varcalc.verify.along_curve import AlongCurve, in_form
+from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.given_curve import DISTINCT_NODES, distinct
 
 SAMPLES = 33
@@ -329,17 +327,11 @@ def _shrunk(values: np.ndarray) -> np.ndarray:
 def kinks(solution: Solution) -> Kinked | None:
     """What is convex in a graph's Lagrangian but has kinks; None where there are none, or of another kind."""
     problem = solution.problem
-    if not isinstance(problem, Problem) or problem.symbols.kind is not ca.SX or solution.curve is None:
+    if not isinstance(problem, Problem) or problem.symbols.kind is not ca.SX or problem.order == 2:
         return None
-    plain = problem.order == 1 and not any(problem.slides) and problem.end_cost is None and not problem.unknowns
     covered = all(isinstance(c, Through) or (isinstance(c, Isoperimetric) and c.equality) for c in problem.constraints)
-    form = graph_form(problem)
-    levels = form.conditions.integrals
-    if not plain or not covered or (levels and len(solution.multipliers) != len(problem.constraints)):
+    along = as_graph(solution) if covered and problem.end_cost is None else None
+    if along is None:
         return None
-    read = convex_terms(form.symbols, form.integrand, problem.parameter_values.tolist())
-    if read is None:
-        return None
-    lambdas = np.array([-form.sign * solution.multipliers[c.index] for c in levels])
-    extremal = Extremal(form, solution.curve, np.zeros(0), distinct(solution.x), lambdas, {})
-    return Kinked(in_form(extremal), *read)
+    read = convex_terms(along.symbols, along.integrand, problem.parameter_values.tolist())
+    return None if read is None else Kinked(along, *read)
