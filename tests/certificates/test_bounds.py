@@ -78,6 +78,22 @@ def test_an_action_that_a_bound_alone_keeps_from_falling():
     assert certificate.scope is Scope.TUBE
 
 
+def test_a_length_below_a_ceiling_is_certified_in_a_tube():
+    """The greatest area over [0, 1] in a length of 1.25 below 0.3: arcs R (1 - cos t) high that touch the ceiling."""
+    held = [vc.Bound(lambda x, y, v: y, upper=0.3), vc.Isoperimetric(lambda x, y, v: ca.sqrt(1 + v**2), 1.25)]
+    certificate = certified(lambda x, y, v: -y, vc.Fixed(0, 0), vc.Fixed(1, 0), *held)
+    h = mpmath.mpf(0.3)
+
+    def radius(t):
+        return h / (1 - mpmath.cos(t))
+
+    t = mpmath.findroot(lambda t: 2 * radius(t) * (t - mpmath.sin(t)) - 0.25, (0.8, 1.4), "anderson")
+    R, s = radius(t), radius(t) * mpmath.sin(t)
+    below = s * (h - R) + R**2 * (t + mpmath.sin(t) * mpmath.cos(t)) / 2
+    assert holds(certificate, -(2 * below + (1 - 2 * s) * h))
+    assert certificate.scope is Scope.TUBE
+
+
 def test_what_is_left_of_a_curve_that_vanishes_has_no_size():
     """A pendulum that hangs upside down for a time below pi, solved to 1e-28 of zero."""
     ceiling = vc.Bound(lambda x, y, v: y, upper=0.5)

@@ -314,3 +314,22 @@ def test_a_kink_of_one_of_two_functions(bounds):
     low, high = bounds(vc.certify(solution))
     assert low <= dead_core(2, 1, 4) + mpmath.coth(4) / 2 <= high
     assert high - low < 1e-5
+
+
+def test_a_kink_beside_an_integral_of_second_degree_is_certified_in_a_tube(bounds):
+    """int v^2/2 + |v| between zeros, int y^2 = c: a quarter of a wave h sin(w x) on either side of a flat top.
+
+    Along the top the momentum falls from 1 to -1 by w^2 h.
+    """
+    level = vc.Isoperimetric(lambda x, y, v: y**2, 0.3)
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + ca.fabs(v), vc.Fixed(0, 0), vc.Fixed(1, 0), [level])
+    certificate = vc.certify(vc.solve(problem))
+
+    def missed(w, h):
+        top = 1 - mpmath.pi / w
+        return [h**2 * (mpmath.pi / (2 * w) + top) - mpmath.mpf(0.3), w**2 * h * top - 2]
+
+    w, h = mpmath.findroot(missed, (4.0, 0.65))
+    low, high = bounds(certificate)
+    assert low <= h**2 * w * mpmath.pi / 4 + 2 * h <= high
+    assert certificate.scope is Scope.TUBE

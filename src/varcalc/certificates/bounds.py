@@ -258,8 +258,6 @@ class Bounds:
         value += met.correction()
         for c, condition in zip(self.along.lambdas, self.along.form.conditions.integrals, strict=True):
             value -= flint().arb(float(c)) * condition.lower
-        # by how much what is integrated is less or more than along the other curve is not known
-        moved[stated.bare : stated.states] = [flint().arb("inf")] * stated.levels
         return Attained(value, own.pieces, moved)
 
     def _level(self, ways: list[list[Poly]], setting: Setting) -> list[list[Poly]]:

@@ -262,8 +262,6 @@ class Kinked:
             moved, value = met.moved(), value + met.correction()
             for c, condition in zip(self.along.lambdas, self.along.form.conditions.integrals, strict=True):
                 value -= flint().arb(float(c)) * condition.lower
-            # by how much what is integrated is less or more than along the other curve is not known
-            moved[own.bare : own.states] = [flint().arb("inf")] * own.levels
         value += sum((self._excess(own, piece, moved) for piece in found.pieces), flint().arb(0))
         return Attained(value, found.pieces, moved)
 
