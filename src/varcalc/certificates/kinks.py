@@ -290,7 +290,8 @@ class Kinked:
             if not known and most > 0 and not box.narrow:
                 waiting += box.halves()
             else:
-                total += 2 * box.unit * sum((f * one).upper() for f, one in zip(factors, off, strict=True))
+                more = [one + kink.slack for kink, one in zip(self.kinks, off, strict=True)]
+                total += 2 * box.unit * sum((f * one).upper() for f, one in zip(factors, more, strict=True))
         return total
 
     def _on(self, stated: Statement, piece: Piece, box: Box, moved: Sequence[Ball]) -> list[list[Ball]]:
