@@ -252,7 +252,7 @@ def grown(setting: Setting, far: Sequence[Ball]) -> list[Ball]:
         near = [[v + w for v, w in zip(values, part, strict=False)]
                 for values, part in ((states, room), (controls, room[stated.states :]))]  # fmt: skip
         places = [*range(stated.bare), *range(stated.states, stated.states + stated.n)]
-        for j, jet in enumerate(stated.level_jets(around.abscissa(), *near, 1)):
+        for j, jet in enumerate(stated.level_jets(around.abscissa(), near[0], near[1], 1)):
             rate = sum(
                 (abs(head(jet.first.get(i, 0) * far[p] + found.arb(0))) for i, p in enumerate(places)), found.arb(0)
             )
