@@ -17,7 +17,7 @@ import casadi as ca
 
 Coefficients = tuple[Fraction, ...]
 """Of a polynomial in powers, from the constant on; without zeros at the end."""
-ROUND_OFF = Fraction(1, 2**50)
+ALL_BUT = Fraction(1, 2**50)
 """What parts may miss each other by where they meet, relative to their terms there, to be taken for continuous."""
 HIGHEST = 8
 """Highest degree of a polynomial."""
@@ -68,7 +68,7 @@ class PiecewisePolynomial:
         raised = [Fraction(0)]
         for at, (a, b) in zip(self.breaks, pairwise(self.parts), strict=True):
             apart, sizes = value(a, at) - value(b, at), [abs(c * at**k) for part in (a, b) for k, c in enumerate(part)]
-            if abs(apart) > ROUND_OFF * max(sizes, default=Fraction(0)):
+            if abs(apart) > ALL_BUT * max(sizes, default=Fraction(0)):
                 return None
             raised.append(raised[-1] + apart)
         lowered = [max(raised) - by for by in raised]
