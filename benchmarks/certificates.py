@@ -273,6 +273,27 @@ def unequal(random: np.random.Generator) -> tuple[vc.Problem, Any]:
     return vc.Problem(lambda x, y, v: v**2 / 2, vc.Fixed(0, 0), vc.Fixed(T, 0), [level]), value
 
 
+def bounded(random: np.random.Generator) -> tuple[vc.Problem, Any]:
+    """A load with slopes within a, or an area c under a ceiling h: straight lines, and parabolas between them.
+
+    int v^2/2 - f y between zeros is int v^2/2 - f (T/2 - x) v, v = f (T/2 - x) cut at a; int v^2/2 over an area c is
+    (2 h/s^2)^2 s^3/3 where the ceiling is reached at s = 3/2 (T - c/h).
+    """
+    T, h = (float(v) for v in random.uniform([0.5, 0.1], [3, 1]))
+    L, H = map(mpmath.mpf, (T, h))
+    if random.random() < 0.5:
+        f = float(random.uniform(1.05, 8.0)) * 2 * h / T
+        F = mpmath.mpf(f)
+        s = L / 2 - H / F
+        value = H**2 * s - F * H * s * (L - s) - F**2 * (L / 2 - s) ** 3 / 3
+        slopes = [vc.Bound(lambda x, y, v: v, lower=-h, upper=h)]
+        return vc.Problem(lambda x, y, v: v**2 / 2 - f * y, vc.Fixed(0, 0), vc.Fixed(T, 0), slopes), value
+    c = float(random.uniform(0.7, 0.98)) * h * T
+    s = (L - mpmath.mpf(c) / H) * 3 / 2
+    held = [vc.Bound(lambda x, y, v: y, upper=h), vc.Isoperimetric(lambda x, y, v: y, c)]
+    return vc.Problem(lambda x, y, v: v**2 / 2, vc.Fixed(0, 0), vc.Fixed(T, 0), held), (2 * H / s**2) ** 2 * s**3 / 3
+
+
 def sphere(random: np.random.Generator) -> tuple[vc.Problem, Any]:
     """The least energy between two points of a sphere, which whole numbers lie on exactly: (angle times radius)^2/2."""
     m, n, p, q = (int(v) for v in random.integers(1, 5, 4))
@@ -303,6 +324,7 @@ FAMILIES: dict[str, Callable[[np.random.Generator], tuple[vc.Problem, Any]]] = {
     "unequal": unequal,
     "spectrum": spectrum,
     "sphere": sphere,
+    "bounded": bounded,
 }
 """The families by name; of the first two all are convex."""
 MORE = 100

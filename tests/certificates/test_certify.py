@@ -96,6 +96,33 @@ def test_periodic_ends():
     assert between(certificate, -(mpmath.mpf(1) / 3 - (c - 2 * s) / (2 * s)) / 2)
 
 
+def ring_under_thrust(P, T):
+    """The least int (y'')^2/2 - P y'^2 + y^2/2 - x y around [0, T]: y is x and what falls by T over the period."""
+    rates = mpmath.polyroots([1, 0, 2 * P, 0, 1], asc=True)
+    rows = [[r**k * (mpmath.exp(r * T) - 1) for r in rates] for k in range(4)]
+    factors = mpmath.lu_solve(mpmath.matrix(rows), mpmath.matrix([-T, 0, 0, 0]))
+
+    def load(x):
+        return x * (x + mpmath.re(sum(c * mpmath.exp(r * x) for c, r in zip(factors, rates, strict=True))))
+
+    return -mpmath.quad(load, [0, T]) / 2  # a form less a load is half of what the load does
+
+
+@pytest.mark.parametrize(("P", "T"), [(0.0, 1), (0.9, 6), (1.05, 6)])
+def test_periodic_ends_of_second_order(P, T):
+    """Beyond P = 1.004 the wave of length 6 buckles; around 1 the curve lies near 1/2 and varies by far less."""
+    ring = vc.Periodic(0, T)
+    problem = vc.Problem(lambda x, y, v, a: a**2 / 2 - P * v**2 + y**2 / 2 - x * y, ring, ring, order=2)
+    solution = vc.solve(problem, vc.Collocation())
+    if P < 1:
+        certificate = vc.certify(solution)
+        assert between(certificate, ring_under_thrust(mpmath.mpf(P), T))
+        assert certificate.width < 1e-15
+    else:
+        with pytest.raises(vc.VariationalError, match="conjugate point"):
+            vc.certify(solution)
+
+
 def test_breakpoints_are_gone_through_piece_by_piece():
     """int a(x) v^2 with a = 1, 3: the values of springs in series, 1/(1/1 + 1/3) over [0, 2]."""
     certificate = certified(
@@ -310,6 +337,21 @@ def test_an_end_that_slides_on_a_circle_is_a_minimum_on_the_near_side_alone(gues
         assert certificate.scope is Scope.TUBE  # the circle is no convex set
     else:
         with pytest.raises(vc.VariationalError, match="no certificate"):
+            vc.certify(solution)
+
+
+@pytest.mark.parametrize("sides", [(1, 2), (-1, 2), (-1, 4)])
+def test_both_ends_that_slide_on_circles_are_a_minimum_between_these_alone(sides):
+    """The circles of radius 1 about 0 and 3 are 1 apart, where the squares in their equations are of -1."""
+    left = vc.OnSurface(lambda q: ca.sumsqr(q) - 1, (sides[0], 0))
+    right = vc.OnSurface(lambda q: (q[0] - 3) ** 2 + q[1] ** 2 - 1, (sides[1], 0))
+    solution = vc.solve(vc.Curve(lambda q, dq: ca.norm_2(dq), left, right), vc.Collocation())
+    if sides == (1, 2):
+        certificate = vc.certify(solution)
+        assert between(certificate, 1)
+        assert certificate.width < 1e-20
+    else:
+        with pytest.raises(vc.VariationalError, match="conjugate point"):
             vc.certify(solution)
 
 

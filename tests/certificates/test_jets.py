@@ -102,6 +102,18 @@ def test_functions_of_two_arguments(name):
             all_hold(jet, exact, points + random.uniform(-1, 1, 2) * radii)
 
 
+@pytest.mark.parametrize("power", [0, 1, 2, 3, 7, -2])
+def test_a_whole_power_of_a_ball_about_zero_is_a_number(power):
+    """Of a number, not a series, as what ends cost is; python-flint's own power of [-1, 1] is none."""
+    middle = 3 if power < 0 else 0
+    with working(128, 4), mpmath.workdps(50):
+        symbols, ball = [ca.SX.sym(name) for name in "uc"], flint().arb(middle, 1)
+        arguments = [[Jet(ball, {0: flint().arb(1)})], [Jet(flint().arb(power))]]
+        jet = jets(Program(ca.Function("f", symbols, [symbols[0] ** symbols[1]])), arguments, 2)[0][0]
+        for inside in (-0.9, 0.1, 0.3):
+            all_hold(jet, lambda u: u**power, [middle + inside])
+
+
 def test_series_hold_the_taylor_coefficients():
     """exp(sin(x)) about 0.5, against mpmath's Taylor series."""
     with working(200, 8):

@@ -217,9 +217,119 @@ def test_a_kink_that_is_written_twice(bounds):
     assert certificate.width < 1e-11
 
 
-def test_a_kink_beside_a_level_is_refused_for_that():
-    level = vc.Isoperimetric(lambda x, y, v: y, 0.5)
+def test_a_kink_beside_a_level_that_is_an_inequality_is_refused_for_that():
+    level = vc.Isoperimetric(lambda x, y, v: y, lower=0.5)
     problem = vc.Problem(lambda x, y, v: v**2 / 2 + ca.fabs(v), vc.Fixed(0, 0), vc.Fixed(1, 0), [level])
     solution = vc.solve(problem)
     with pytest.raises(vc.VariationalError, match="kinks and jumps that the curve meets are covered where"):
         vc.certify(solution)
+
+
+def top_of_an_area(c):
+    """int v^2/2 + |v| between zeros over an area c: v = b (s - x) up to s = 1/2 - 1/b, and flat."""
+
+    def area(b):
+        s = mpmath.mpf("0.5") - 1 / b
+        return b * s**3 * 2 / 3 + (1 - 2 * s) * b * s**2 / 2
+
+    b = mpmath.findroot(lambda b: area(b) - c, (2.1, 40), "anderson")
+    s = mpmath.mpf("0.5") - 1 / b
+    return b**2 * s**3 / 3 + b * s**2
+
+
+def rest_over_an_area(k, h, c):
+    """int v^2/2 + k |y - h| between zeros over an area c: parabolas that reach h at s, by h - c = 2 h s/3."""
+    s = (1 - c / h) * 3 / 2
+    b = 2 * h / s**2
+    return b**2 * s**3 / 3 + k * b * s**3 / 3
+
+
+def pulled_loss(k, h, c):
+    """int v^2/2 + k Huber(y) from (0, 0) to (1, 1) over an area c: y'' = k y + m up to h, at s, and k h + m."""
+    w = mpmath.sqrt(k)
+
+    def low(x, a, m):
+        return a * mpmath.sinh(w * x) + m / k * (mpmath.cosh(w * x) - 1)
+
+    def slope(x, a, m):
+        return a * w * mpmath.cosh(w * x) + m / w * mpmath.sinh(w * x)
+
+    def high(x, a, m, s):
+        return h + slope(s, a, m) * (x - s) + (k * h + m) * (x - s) ** 2 / 2
+
+    def missed(a, m, s):
+        area = mpmath.quad(lambda x: low(x, a, m), [0, s]) + mpmath.quad(lambda x: high(x, a, m, s), [s, 1])
+        return [low(s, a, m) - h, high(1, a, m, s) - 1, area - c]
+
+    a, m, s = mpmath.findroot(missed, (1.5, -4.0, 0.05))
+    near = mpmath.quad(lambda x: (slope(x, a, m) ** 2 + k * low(x, a, m) ** 2) / 2, [0, s])
+    return near + mpmath.quad(
+        lambda x: (slope(s, a, m) + (k * h + m) * (x - s)) ** 2 / 2 + k * h * (high(x, a, m, s) - h / 2), [s, 1]
+    )
+
+
+LEVELS = {
+    "a flat top": (lambda x, y, v: v**2 / 2 + ca.fabs(v), 0, 0.3, {}, lambda: top_of_an_area(mpmath.mpf(0.3))),
+    "a maximum": (
+        lambda x, y, v: -(v**2) / 2 - ca.fabs(v), 0, 0.3, {"maximise": True}, lambda: -top_of_an_area(mpmath.mpf(0.3))
+    ),
+    "a height that is rested on": (
+        lambda x, y, v: v**2 / 2 + 9 * ca.fabs(y - 0.25), 0, 0.18, {},
+        lambda: rest_over_an_area(9, mpmath.mpf(0.25), mpmath.mpf(0.18)),
+    ),
+    "Huber's loss": (
+        lambda x, y, v: v**2 / 2 + 5 * ca.if_else(ca.fabs(y) < 0.25, y**2 / 2, 0.25 * (ca.fabs(y) - 0.125)), 1, 0.7, {},
+        lambda: pulled_loss(5, mpmath.mpf(0.25), mpmath.mpf(0.7)),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("lagrangian", "height", "area", "options", "exact"), LEVELS.values(), ids=LEVELS)
+def test_kinks_beside_a_prescribed_integral(lagrangian, height, area, options, exact, bounds):
+    level = vc.Isoperimetric(lambda x, y, v: y, area)
+    certificate = vc.certify(vc.solve(vc.Problem(lagrangian, vc.Fixed(0, 0), vc.Fixed(1, height), [level], **options)))
+    low, high = bounds(certificate)
+    assert low <= exact() <= high
+    assert certificate.scope is Scope.ALL
+    assert certificate.width < 1e-7
+
+
+@pytest.mark.parametrize("power", [2, 5, 9])
+def test_a_wrong_curve_beside_a_prescribed_integral_widens_the_interval_or_is_refused(power, holds_of_a_wave):
+    lagrangian, height, area, _, exact = LEVELS["a flat top"]
+    level = vc.Isoperimetric(lambda x, y, v: y, area)
+    solution = vc.solve(vc.Problem(lagrangian, vc.Fixed(0, 0), vc.Fixed(1, height), [level]))
+    assert holds_of_a_wave(solution, 10.0**-power, exact())
+
+
+def test_a_kink_of_one_of_two_functions(bounds):
+    """The places where the first comes to zero and leaves it are known to the mesh alone."""
+    solution = vc.solve(
+        vc.Problem(
+            lambda x, y, v: ca.sumsqr(v) / 2 + 2 * ca.fabs(y[0]) + y[1] ** 2 / 2,
+            vc.Fixed(0, (1, 0)),
+            vc.Fixed(4, (1, 1)),
+        )
+    )
+    low, high = bounds(vc.certify(solution))
+    assert low <= dead_core(2, 1, 4) + mpmath.coth(4) / 2 <= high
+    assert high - low < 1e-5
+
+
+def test_a_kink_beside_an_integral_of_second_degree_is_certified_in_a_tube(bounds):
+    """int v^2/2 + |v| between zeros, int y^2 = c: a quarter of a wave h sin(w x) on either side of a flat top.
+
+    Along the top the momentum falls from 1 to -1 by w^2 h.
+    """
+    level = vc.Isoperimetric(lambda x, y, v: y**2, 0.3)
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + ca.fabs(v), vc.Fixed(0, 0), vc.Fixed(1, 0), [level])
+    certificate = vc.certify(vc.solve(problem))
+
+    def missed(w, h):
+        top = 1 - mpmath.pi / w
+        return [h**2 * (mpmath.pi / (2 * w) + top) - mpmath.mpf(0.3), w**2 * h * top - 2]
+
+    w, h = mpmath.findroot(missed, (4.0, 0.65))
+    low, high = bounds(certificate)
+    assert low <= h**2 * w * mpmath.pi / 4 + 2 * h <= high
+    assert certificate.scope is Scope.TUBE

@@ -19,6 +19,8 @@ Told: TypeAlias = Callable[[str], Any]
 """Who is told what comes next."""
 KAPPAS = tuple(10.0 ** (0.5 - 0.5 * k) for k in range(18))
 """Values of kappa that are tried, in units of H_uu, from the greatest."""
+FEW_KAPPAS = 4
+"""After how many that bear no field the smallest is tried: where that bears none either, none does."""
 MARGIN = 1.5
 """How many times kappa and mu Jacobi's equation is lowered by: what is over pays for rounding and for the tube."""
 CONVEX_ENOUGH = 0.3
@@ -135,20 +137,30 @@ def _greatest(
     setting: Setting, stiffness: float, bends: tuple[np.ndarray, np.ndarray]
 ) -> tuple[float, float, JacobiFields] | None:
     """The field of the greatest kappa that is even enough."""
-    m, scales = setting.statement.states, np.concatenate(setting.sizes)
     fields: list[tuple[float, float, JacobiFields]] = []
-    for share in KAPPAS:
-        kappa, mu = share * stiffness, min(0.1 * share, 0.25) * stiffness
-        lowered = MARGIN * np.r_[np.full(m, kappa), np.full(len(scales) - m, mu)] / scales**2
-        found = field(setting.statement, setting.samples, lowered, bends)
-        if found is not None and bears(setting.statement, setting.joints, found):
-            fields.append((kappa, mu, found))
-            if found.evenness > EVEN:
+    for number, share in enumerate(KAPPAS):
+        if number == FEW_KAPPAS and not fields and _bearing(setting, stiffness, bends, KAPPAS[-1]) is None:
+            return None  # what bears a field with a greater kappa bears one with a smaller
+        found = _bearing(setting, stiffness, bends, share)
+        if found is not None:
+            fields.append(found)
+            if found[2].evenness > EVEN:
                 break
     if not fields:
         return None
     enough = NEARLY_AS_EVEN * max(f.evenness for *_, f in fields)
     return next(f for f in fields if f[2].evenness >= enough)
+
+
+def _bearing(
+    setting: Setting, stiffness: float, bends: tuple[np.ndarray, np.ndarray], share: float
+) -> tuple[float, float, JacobiFields] | None:
+    """The field of one kappa, where there is one that leaves the terms of the ends positive."""
+    m, scales = setting.statement.states, np.concatenate(setting.sizes)
+    kappa, mu = share * stiffness, min(0.1 * share, 0.25) * stiffness
+    lowered = MARGIN * np.r_[np.full(m, kappa), np.full(len(scales) - m, mu)] / scales**2
+    found = field(setting.statement, setting.samples, lowered, bends)
+    return (kappa, mu, found) if found is not None and bears(setting.statement, setting.joints, found) else None
 
 
 def _tube(setting: Setting, found: JacobiFields | None, kappa: float, mu: float, delta: float) -> Tube:

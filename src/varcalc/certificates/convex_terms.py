@@ -74,6 +74,11 @@ class ConvexTerm(ABC):
     def beyond(self, argument: Ball, side: int) -> Ball:
         """How far the function may be off what it is on a side, for arguments that are not proved to lie there."""
 
+    @property
+    def slack(self) -> float:
+        """What the function may be more than the convex one that its lines of support are of."""
+        return 0.0
+
 
 @dataclass(frozen=True)
 class Power(ConvexTerm):
@@ -143,12 +148,18 @@ class BrokenTerm(ConvexTerm):
     """A convex ``function`` that is a polynomial between breaks: Huber's loss, a size, the greatest of some lines.
 
     ``branches`` are its parts as they are written, of the symbol ``variable``. Side 2 k is part k, 2 k + 1 the break
-    after it.
+    after it. Parts that meet but for round-off are those of the function when they are ``lowered`` by no less.
     """
 
     function: PiecewisePolynomial
     branches: tuple[Expression, ...]
     variable: Expression
+    lowered: float = 0.0
+
+    @property
+    def slack(self) -> float:
+        """Twice what parts are lowered by."""
+        return 2.0 * self.lowered
 
     @property
     def breaks(self) -> Sequence[float]:
@@ -186,8 +197,8 @@ class BrokenTerm(ConvexTerm):
         return ca.substitute([self.branches[part]], [self.variable], [at])[0]
 
     def _beside(self, side: int) -> tuple[Expression, Expression]:
-        """The lines before and after a break."""
-        return self._branch(side // 2, self.argument), self._branch(side // 2 + 1, self.argument)
+        """The lines before and after a break, lowered."""
+        return tuple(self._branch(side // 2 + k, self.argument) - self.lowered for k in (0, 1))
 
     def expression(self, side: int) -> Expression:
         """The part, or the mean of the lines beside a break."""
@@ -206,10 +217,10 @@ class BrokenTerm(ConvexTerm):
         if self.on(side):
             return self.expression(side) + given * self.turn(side)
         if self.between(side) is None:
-            return self.expression(side)
+            return self.expression(side) - self.factor * self.lowered
         rate = ca.gradient(self.branches[side // 2], self.variable)
         slope = ca.substitute([rate], [self.variable], [given])[0]
-        return self.factor * (self._branch(side // 2, given) + slope * (self.argument - given))
+        return self.factor * (self._branch(side // 2, given) - self.lowered + slope * (self.argument - given))
 
     def beyond(self, argument: Ball, side: int) -> Ball:
         """What the parts on which the argument may lie are off that of the side, or off those beside a break."""

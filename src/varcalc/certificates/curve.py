@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from varcalc.certificates.balls import (
+    ROUND_OFF,
     Around,
     Ball,
     Box,
@@ -37,6 +38,8 @@ BENT = 1e-5
 MOST_PIECES = 64
 VERTEX_ROUND_OFF = 8 * float(np.finfo(float).eps)
 """Distance from a vertex, relative to where it lies, from which on round-off takes no place to the piece beside."""
+NOTHING = 1e-24
+"""Size of a curve, relative to the length of the interval, that is taken for none."""
 SHORTEST = 2.0**-14
 """Length of a piece, relative to the interval, below which it is not cut."""
 
@@ -97,7 +100,11 @@ def sampled(statement: Statement) -> list[Samples]:
     done = [_samples(statement, a, b) for a, b in pairwise(edges)]
     shortest = SHORTEST * (edges[-1] - edges[0])
     while len(done) < MOST_PIECES:
-        coarse = [s for s in done if s.half > shortest and not (_resolved(s, _largest(statement, done)) and _smooth(s))]
+        coarse = [
+            s
+            for s in done
+            if s.half > shortest and not (_resolved(s, _largest(statement, done), statement) and _smooth(s))
+        ]
         if not coarse:
             break
         halves = [(s, 0.5 * float(s.x[0] + s.x[-1])) for s in coarse]
@@ -176,30 +183,34 @@ def _momenta(statement: Statement, gradient: np.ndarray, half: float) -> np.ndar
     for i in range(n):
         force = gradient[:, i]
         if statement.order == 1:
-            p = half * _integrated(force)
+            p = half * integrated(force)
             momenta[i] = p + (gradient[:, m + i] - p).mean()
             continue
         # p1' = H_y, p2' = H_y' - p1 and p2 = H_y'': what is left is of first degree in x
-        first = half * _integrated(force)
-        second = half * _integrated(gradient[:, n + i] - first)
+        first = half * integrated(force)
+        second = half * integrated(gradient[:, n + i] - first)
         slope, constant = np.polyfit(xi, gradient[:, m + i] - second, 1)
         momenta[i], momenta[n + i] = first - slope / half, second + constant + slope * xi
     for i in range(n * statement.order, m):
-        momenta[i] = half * _integrated(gradient[:, i])
+        momenta[i] = half * integrated(gradient[:, i])
     return momenta
 
 
-def _integrated(values: np.ndarray) -> np.ndarray:
-    """The integral from -1 to each node of the polynomial through values at the nodes."""
-    return np.r_[0.0, np.linalg.solve(differentiation(DEGREE)[1:, 1:], values[1:])]
+def integrated(values: np.ndarray) -> np.ndarray:
+    """The integral from -1 to each node of the polynomial through values (N + 1, ...) at the nodes."""
+    return np.concatenate([0.0 * values[:1], np.linalg.solve(differentiation(DEGREE)[1:, 1:], values[1:])])
 
 
-def _resolved(samples: Samples, sizes: np.ndarray) -> bool:
+def _resolved(samples: Samples, sizes: np.ndarray, statement: Statement) -> bool:
     rows = np.vstack([samples.states, samples.momenta])
     if not np.isfinite(rows).all():
         return True  # nothing is gained by smaller pieces; the balls will tell
-    coefficients = np.abs(transform(DEGREE) @ rows.T)
-    return bool((coefficients[-3:].max(axis=0) <= RESOLVED * sizes[:, 0]).all())
+    coefficients, noise = np.abs(transform(DEGREE) @ rows.T), RESOLVED * sizes[:, 0]
+    if statement.order == 2:
+        # slopes of a curve that is large beside what it varies by are round-off of the curve, by Markov's inequality
+        n = statement.n
+        noise[n : 2 * n] = np.maximum(noise[n : 2 * n], ROUND_OFF * DEGREE**2 * sizes[:n, 0] / samples.half)
+    return bool((coefficients[-3:].max(axis=0) <= noise).all())
 
 
 def _smooth(samples: Samples) -> bool:
@@ -291,15 +302,45 @@ def _joint_momenta(
 ) -> list[tuple[list[Ball], list[Ball]]]:
     """The momenta at both ends of each piece: shared where pieces meet, and at free ends what the ends ask for.
 
-    What is held at a waypoint has momenta of its own on either side.
+    What is held at a waypoint has momenta of its own on either side. Those of the functions go on from piece to piece
+    by their forces: what is missed is left to the controls, as on a short piece it would be a large force.
     """
     rows = _shared_momenta(statement, samples, joints)
     found = [(list(a), list(b)) for a, b in pairwise(rows)]
-    for k, given in _held_inside(statement, samples):
-        for i in np.flatnonzero(~np.isnan(given)):
-            found[k - 1][1][i] = flint().arb(float(samples[k - 1].momenta[i, -1]))
-            found[k][0][i] = flint().arb(float(samples[k].momenta[i, 0]))
+    waypoints = _held_inside(statement, samples)
+    for i in range(statement.n):
+        cuts = [0, *(k for k, given in waypoints if not np.isnan(given[i])), len(samples)]
+        for first, last in pairwise(cuts):
+            at_end = (first == 0, last == len(samples))
+            known = [
+                float(row[i].mid()) if reached and not (statement.held[end][i] or statement.periodic) else None
+                for end, (reached, row) in enumerate(zip(at_end, (rows[0], rows[-1]), strict=True))
+            ]
+            carried = _carried(samples[first:last], i, known, ring=statement.periodic and all(at_end))
+            balls = [flint().arb(v) for v in carried]
+            balls = [rows[0][i] if known[0] is not None else balls[0], *balls[1:-1],
+                     rows[-1][i] if known[1] is not None else balls[-1]]  # fmt: skip
+            for k, (start, end) in enumerate(pairwise(balls), first):
+                found[k][0][i], found[k][1][i] = start, end
     return found
+
+
+def _carried(samples: list[Samples], i: int, known: list[float | None], *, ring: bool) -> list[float]:
+    """The momenta of function i where pieces meet, that grow by its force, from what they are ``known`` to be.
+
+    ``ring`` tells that the last is the first. Where neither end is known their mean is that of the samples.
+    """
+    x = np.array([float(s.x[0]) for s in samples] + [float(samples[-1].x[-1])])
+    own = np.array([s.momenta[i, 0] for s in samples])
+    grown = np.r_[0.0, np.cumsum([s.momenta[i, -1] - s.momenta[i, 0] for s in samples])]
+    lengths, (first, last) = np.diff(x), known
+    if ring or (first is not None and last is not None):
+        reached = 0.0 if ring or first is None or last is None else last - first
+        grown = grown + (reached - grown[-1]) * (x - x[0]) / (x[-1] - x[0])
+    if first is None:
+        first = float(((own - grown[:-1]) * lengths).sum() / lengths.sum()) if last is None else last - grown[-1]
+    values: list[float] = (first + grown).tolist()
+    return [*values[:-1], values[0]] if ring else values
 
 
 def _shared_momenta(statement: Statement, samples: list[Samples], joints: np.ndarray) -> list[list[Ball]]:
@@ -340,7 +381,7 @@ def state_sizes(samples: Sequence[Samples], statement: Statement) -> np.ndarray:
     length = float(samples[-1].x[-1] - samples[0].x[0])
     rows = np.hstack([s.states for s in samples])
     spread = max(float(np.ptp(rows[:n], axis=1).max()), 1e-3 * float(np.abs(rows[:n]).max()))
-    unit = spread if spread**2 > np.finfo(float).tiny else length  # H in that unit would be zero
+    unit = spread if spread > NOTHING * length else length  # what is left of a curve that vanishes has no size
     sizes = [unit / length**k for k in range(order) for _ in range(n)]
     sizes += [max(abs(float(c)), 1e-3) for c in statement.along.numbers]
     if statement.levels:

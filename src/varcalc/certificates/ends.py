@@ -91,9 +91,12 @@ def bears(stated: Statement, joints: np.ndarray, field: JacobiFields) -> bool:
     cost = stated.cost
     jet = None if cost is None else cost.jet(*end_values(stated, joints), 2)
     sides = [np.linalg.solve(U.T, M.T) for U, M in ((field.U[0, 0], field.M[0, 0]), (field.U[-1, -1], field.M[-1, -1]))]
-    first, last = ((0.5 * (Q + Q.T)).tolist() for Q in sides)
-    matrix = np.array([[float(v.mid()) for v in row] for row in _matrix(stated, jet, (first, last))])
-    return stated.periodic or not matrix.size or bool(np.linalg.eigvalsh(matrix).min() > 0)
+    first, last = ((0.5 * (Q + Q.T)) for Q in sides)
+    if stated.periodic:
+        gained = (last - first)[: stated.bare, : stated.bare]
+        return bool(np.linalg.eigvalsh(gained).min() > 0)
+    matrix = np.array([[float(v.mid()) for v in row] for row in _matrix(stated, jet, (first.tolist(), last.tolist()))])
+    return not matrix.size or bool(np.linalg.eigvalsh(matrix).min() > 0)
 
 
 def _matrix(stated: Statement, jet: Jet | None, Q: tuple[list[list[Any]], ...]) -> list[list[Ball]]:

@@ -10,13 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
-from varcalc.certificates.balls import differentiation, transform
+from varcalc.certificates.balls import differentiation, nodes, transform
 from varcalc.certificates.curve import DEGREE, Samples
 from varcalc.certificates.statement import Statement
+
+GAINED, HYPERBOLIC = 1e-9, 1e-6
+"""What Q gains over a period, relative to it: that it gains none is not proved where numbers are rounded. What a
+solution grows by at least from one period to the next, relative to those that do not grow."""
 
 
 @dataclass(frozen=True)
@@ -31,12 +36,15 @@ class JacobiFields:
     evenness: float
 
 
+@lru_cache(maxsize=64)
 def dynamics(n: int, order: int, states: int) -> tuple[np.ndarray, np.ndarray]:
     """A and B of z' = A z + B u."""
     A, B = np.zeros((states, states)), np.zeros((states, n))
     B[(order - 1) * n : order * n] = np.eye(n)
     if order == 2:
         A[:n, n : 2 * n] = np.eye(n)
+    A.setflags(write=False)
+    B.setflags(write=False)
     return A, B
 
 
@@ -60,6 +68,10 @@ def field(
     unit = 2.0 ** round(math.log2(stiffness)) if 0.0 < stiffness < math.inf else 1.0
     samples = [replace(s, hessian=s.hessian / unit) for s in samples]
     lowered = lowered / unit
+    if statement.periodic and statement.states == statement.n * statement.order > 1:
+        ring = _around(statement, samples, lowered)
+        if ring is not None:
+            return JacobiFields(np.broadcast_to(np.eye(statement.states), ring.shape), unit * ring, 1.0)
     start, end = boundary(statement, (bends[0] / unit, bends[1] / unit))
     held = np.hstack([np.eye(statement.states), np.zeros((statement.states, statement.states))])
     cuts = [0, *parted(statement, samples), len(samples)]
@@ -94,6 +106,44 @@ def parted(statement: Statement, samples: Sequence[Samples]) -> list[int]:
     waypoints = statement.waypoints
     places = ((k, waypoints.get(float(s.x[0]))) for k, s in enumerate(samples) if k)
     return [k for k, given in places if given is not None and not np.isnan(given).any()]
+
+
+def _around(statement: Statement, samples: Sequence[Samples], lowered: np.ndarray) -> np.ndarray | None:
+    """Q of the family that grows from one period to the next, and so repeats itself but for a little that it gains.
+
+    None where as many solutions grow as do not (Yakubovich and Starzhinskii, "Linear Differential Equations with
+    Periodic Coefficients", 1975, ch. III).
+    """
+    m, maps = statement.states, []
+    with np.errstate(all="ignore"):
+        maps = [propagator(statement, s, lowered)[1] for s in samples]
+        period = np.eye(2 * m)
+        for f in maps:
+            period = f[-1] @ period
+        if not np.isfinite(period).all():
+            return None
+        values, vectors = np.linalg.eig(period)
+        order, sizes = np.argsort(-np.abs(values)), np.sort(np.abs(values))[::-1]
+        if not sizes[m - 1] > (1.0 + HYPERBOLIC) * sizes[m]:
+            return None
+        grown = vectors[:, order[:m]]
+        left = np.linalg.svd(np.hstack([np.real(grown), np.imag(grown)]))[0][:, :m]
+        Q = _symmetric(left[m:] @ np.linalg.inv(left[:m]))
+        rows = []
+        for f in maps:
+            found = f @ np.vstack([np.eye(m), Q])
+            if not (np.linalg.det(found[:, :m]) > 0).all():
+                return None
+            rows.append(_symmetric(found[:, m:] @ np.linalg.inv(found[:, :m])))
+            Q = rows[-1][-1]
+    rows[-1][-1] = rows[0][0]
+    share = (np.arange(len(rows))[:, None] + 0.5 * (1.0 + nodes(DEGREE))) / len(rows)
+    gained = np.diag(GAINED * np.abs(np.array(rows)).max(axis=(0, 1)).diagonal())
+    return np.array(rows) + share[:, :, None, None] * gained
+
+
+def _symmetric(matrices: np.ndarray) -> np.ndarray:
+    return 0.5 * (matrices + matrices.swapaxes(-1, -2))
 
 
 def _on_pieces(

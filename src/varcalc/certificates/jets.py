@@ -195,7 +195,7 @@ def _plain_power(a: Series, exponent: Any) -> Series:
     whole = exponent.unique_fmpz()
     if whole is not None:
         n = int(whole)
-        return a**n if n >= 0 else reciprocal(a ** (-n))
+        return _whole_power(a, n) if n >= 0 else _whole_power(reciprocal(a), -n)
     twice = (2 * exponent).unique_fmpz()
     _positive(a, "pow")
     if twice is not None:
@@ -203,6 +203,14 @@ def _plain_power(a: Series, exponent: Any) -> Series:
         n = int(twice)
         return root**n if n > 0 else reciprocal(root ** (-n))
     return _exp(exponent * a.log())
+
+
+def _whole_power(a: Series, n: int) -> Series:
+    """a^n for n >= 0, by squares; python-flint's own power of a ball about zero is not a number."""
+    if n < 2:
+        return a if n else flint().arb(1)
+    half = _whole_power(a, n // 2)
+    return half * half * a if n % 2 else half * half
 
 
 def _root(a: Series, order: int) -> Chain:

@@ -21,6 +21,8 @@ from varcalc.problem.functional import Symbols
 from varcalc.symbolic.instructions import Program, operate
 from varcalc.symbolic.tracing import Expression
 
+LOST = 2.0**-48
+"""What numbers may be rounded by at most, relative to them, where parts are lowered that all but meet."""
 DEEPEST = 20
 """Operations down to which expressions are compared."""
 KINKS = {ca.OP_FABS, ca.OP_FMAX, ca.OP_FMIN}
@@ -322,9 +324,22 @@ def convex_terms(
         read = _linear(symbols, curve, total, reader)
     except NotPiecewise:
         return None
-    if read is None or not read[1] or any(isinstance(t, BrokenTerm) and not t.function.convex for t in read[1]):
+    terms = [] if read is None else [_joined(t) if isinstance(t, BrokenTerm) else t for t in read[1]]
+    known = [t for t in terms if t is not None]
+    return None if read is None or not known or len(known) < len(terms) else (read[0], known)
+
+
+def _joined(term: BrokenTerm) -> BrokenTerm | None:
+    """A term as one of a convex function, whose parts may meet up to round-off; None where it is of none."""
+    if term.function.convex:
+        return term
+    found = term.function.joined()
+    if found is None or not found[0].convex:
         return None
-    return read
+    function, lowered = found
+    # more than what a number that is taken away from another may be rounded by
+    size = max(abs(float(c)) for part in term.function.parts for c in part)
+    return replace(term, function=function, lowered=float(max(lowered)) * (1 + LOST) + LOST * size)
 
 
 def _linear(

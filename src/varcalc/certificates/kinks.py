@@ -22,28 +22,29 @@ from scipy.optimize import brentq
 from varcalc.certificates.balls import Around, Ball, Box, differentiation, flint, nodes
 from varcalc.certificates.bounds import positive
 from varcalc.certificates.convex_terms import FOLLOWED, ConvexTerm
-from varcalc.certificates.curve import DEGREE, Piece, joint_states, nodes_within, pieces, sampled
-from varcalc.certificates.integrals import Unproved, along_curve
+from varcalc.certificates.curve import DEGREE, Piece, nodes_within, sampled
+from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, Undecided, head, jets
 from varcalc.certificates.kink_reading import convex_terms
+from varcalc.certificates.levels import meeting
 from varcalc.certificates.nearness import Attained
-from varcalc.certificates.setting import Setting
+from varcalc.certificates.setting import Setting, as_graph, setting_of
 from varcalc.certificates.statement import Statement, statement
-from varcalc.formulation.graph import graph_form
-from varcalc.methods.answer import Extremal
-from varcalc.problem.conditions import Through
+from varcalc.problem.conditions import Isoperimetric, Through
 from varcalc.problem.functional import rebuilt
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.instructions import Program
 from varcalc.symbolic.tracing import Expression, TracedFunction
-from varcalc.verify.along_curve import AlongCurve, in_form
+from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.given_curve import DISTINCT_NODES, distinct
 
 SAMPLES = 33
 """Points of a piece at which signs are looked at."""
 MARGIN, NOISE = 1e-13, 1e-11
 """What a subgradient is shrunk by to stay within its bounds; coefficients, relative to it, that are left out."""
+ROUGH = 1e-2
+"""What a subgradient may be more than 1 by in size between the nodes, where it is shrunk."""
 PLAUSIBLE = 1.5
 """Size of a subgradient from which on the curve does not follow the kink."""
 MOST_BOXES = 400
@@ -145,6 +146,7 @@ class Kinked:
         s, kink = self.along.symbols, self.kinks[k]
         (a, b), row = self._piece(number), self.sides[number]
         rest = self.smooth + sum(other.expression(side) for side, other in zip(row, self.kinks, strict=True))
+        rest += sum(float(c) * g for c, g in zip(self.along.lambdas, self.along.integrals, strict=True))
         size = kink.turn(row[k])
         by_y, by_v = ca.depends_on(kink.argument, s.y), ca.depends_on(kink.argument, s.dy)
         if by_y and by_v:
@@ -253,25 +255,32 @@ class Kinked:
         """A curve near the solution's, with the value of L; ``setting`` is that of :meth:`lower`."""
         vertices = np.array([float(s.x[0]) for s in setting.samples] + [self.edges[-1]])
         own = statement(replace(self.along, integrand=self._stated(below=False), vertices=vertices))
-        samples = sampled(own)
-        built = pieces(own, samples, joint_states(own, samples))
-        tolerance = 1e-19 * (float(abs(setting.along.value).upper()) or 1.0)
-        value = along_curve(own, built, setting.sizes, tolerance).value
-        return Attained(value + sum((self._excess(own, piece) for piece in built), flint().arb(0)), built)
+        found = setting_of(own, sampled(own), float(setting.along.value.mid()))
+        value, moved = found.along.value, [flint().arb(0)] * (own.states + own.n)
+        if own.levels:
+            met = meeting(found)
+            moved, value = met.moved(), value + met.correction()
+            for c, condition in zip(self.along.lambdas, self.along.form.conditions.integrals, strict=True):
+                value -= flint().arb(float(c)) * condition.lower
+        value += sum((self._excess(own, piece, moved) for piece in found.pieces), flint().arb(0))
+        return Attained(value, found.pieces, moved)
 
     @cached_property
     def _program(self) -> Program:
         rows = [ca.vertcat(*(k.factor for k in self.kinks)), ca.vertcat(*(k.argument for k in self.kinks))]
         return Program(ca.Function("kinks", self.along.symbols.all, list(map(ca.densify, rows))))
 
-    def _excess(self, stated: Statement, piece: Piece) -> Ball:
-        """The integral over a piece of c (|e| - sigma e), from above; Unproved where c may be negative."""
+    def _excess(self, stated: Statement, piece: Piece, moved: Sequence[Ball]) -> Ball:
+        """The integral over a piece of c (|e| - sigma e), from above, of a curve that is ``moved`` a little.
+
+        Unproved where c may be negative.
+        """
         total, sides = flint().arb(0), self.sides[int(np.searchsorted(self.edges, float(piece.centre.mid()))) - 1]
         waiting, most = deque([piece.box()]), MOST_BOXES
         while waiting:
             box, most = waiting.popleft(), most - 1
             try:
-                factors, arguments = self._on(stated, piece, box)
+                factors, arguments = self._on(stated, piece, box, moved)
             except Undecided as undecided:
                 raise Unproved(f"a kink is not enclosed near {box.at:.6g}: {undecided}") from None
             if not all(factor >= 0 for factor in factors):
@@ -281,13 +290,17 @@ class Kinked:
             if not known and most > 0 and not box.narrow:
                 waiting += box.halves()
             else:
-                total += 2 * box.unit * sum((f * one).upper() for f, one in zip(factors, off, strict=True))
+                more = [one + kink.slack for kink, one in zip(self.kinks, off, strict=True)]
+                total += 2 * box.unit * sum((f * one).upper() for f, one in zip(factors, more, strict=True))
         return total
 
-    def _on(self, stated: Statement, piece: Piece, box: Box) -> list[list[Ball]]:
+    def _on(self, stated: Statement, piece: Piece, box: Box, moved: Sequence[Ball]) -> list[list[Ball]]:
         """The factors and the arguments of the kinks on a box."""
-        around = Around(box, 1, whole=True)
+        around, room = Around(box, 1, whole=True), [flint().arb(0, 1) * far for far in moved]
         states, controls = piece.lifted(around)
+        if stated.levels:
+            states = [v + far for v, far in zip(states, room[: stated.bare], strict=True)]
+            controls = [v + far for v, far in zip(controls, room[stated.states :], strict=True)]
         arguments = stated.arguments(Jet(around.abscissa()), [Jet(s) for s in states], [Jet(s) for s in controls])
         return [[flint().arb(0) + head(jet.value) for jet in row] for row in jets(self._program, arguments[:-2], 0)]
 
@@ -296,7 +309,16 @@ def _shrunk(values: np.ndarray) -> np.ndarray:
     """A polynomial in powers, within [-1, 1] where ``values`` at the nodes all but are."""
     series: Any = np.polynomial.Chebyshev.fit(nodes(DEGREE), values, DEGREE, domain=[-1, 1]).trim(NOISE)
     # as it is with what was left out: next to a piece beside the kink it is 1 or -1
-    size = max(1.0, float(np.abs(series(np.linspace(-1.0, 1.0, 8 * SAMPLES))).max()))
+    t = np.linspace(-1.0, 1.0, 8 * SAMPLES)
+    reached = np.abs(series(t))
+    if reached[1:-1].max() > 1.0 + ROUGH:
+        # round-off, on a short piece about where the curve comes to the kink: any subgradient will do
+        inside = 1.0 - nodes(DEGREE) ** 2
+        mean = float((values * inside).sum() / inside.sum())
+        return np.array([(1 - MARGIN) * min(1.0, max(-1.0, mean)), 0.0])
+    # between two points it may be more, by what its second derivative makes of half their distance
+    between = float(np.abs(series.deriv(2)(t)).max()) * (t[1] - t[0]) ** 2 / 8 if len(series.coef) > 2 else 0.0
+    size = max(1.0, float(reached[0]), float(reached[-1]), float(reached[1:-1].max()) + between)
     powers: np.ndarray = series.convert(kind=np.polynomial.Polynomial).coef
     return np.r_[powers * ((1 - MARGIN) / size), 0.0]
 
@@ -304,14 +326,11 @@ def _shrunk(values: np.ndarray) -> np.ndarray:
 def kinks(solution: Solution) -> Kinked | None:
     """What is convex in a graph's Lagrangian but has kinks; None where there are none, or of another kind."""
     problem = solution.problem
-    if not isinstance(problem, Problem) or problem.symbols.kind is not ca.SX or solution.curve is None:
+    if not isinstance(problem, Problem) or problem.symbols.kind is not ca.SX or problem.order == 2:
         return None
-    plain = problem.order == 1 and not any(problem.slides) and problem.end_cost is None and not problem.unknowns
-    if not plain or not all(isinstance(c, Through) for c in problem.constraints):
+    covered = all(isinstance(c, Through) or (isinstance(c, Isoperimetric) and c.equality) for c in problem.constraints)
+    along = as_graph(solution) if covered and problem.end_cost is None else None
+    if along is None:
         return None
-    form = graph_form(problem)
-    read = convex_terms(form.symbols, form.integrand, problem.parameter_values.tolist())
-    if read is None:
-        return None
-    extremal = Extremal(form, solution.curve, np.zeros(0), distinct(solution.x), np.zeros(0), {})
-    return Kinked(in_form(extremal), *read)
+    read = convex_terms(along.symbols, along.integrand, problem.parameter_values.tolist())
+    return None if read is None else Kinked(along, *read)

@@ -7,6 +7,7 @@ SIAM 2009, sect. 8.4): it needs not be known for which.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -109,14 +110,9 @@ class Meeting:
         for step, bump in zip(room, self.bumps, strict=True):
             for place, size in zip(self._places(bump), bump.sizes(), strict=True):
                 far[place] += (abs(step) * size).upper()
-        grown = [abs(miss).upper() for miss in self.missed()]
-        for k, box in self.setting.along.boxes if stated.levels else ():
-            around = Around(box, 1, whole=True)
-            moved = [(e, bump.series(around)) for e, bump in zip(room, self.bumps, strict=True)]
-            for j, jet in enumerate(self._at(k, around, moved, 1)[1:]):
-                rate = sum((abs(head(jet.first.get(i, 0) * w + found.arb(0))) for i, w in enumerate(far)), found.arb(0))
-                grown[j] = (grown[j] + 2 * box.unit * rate).upper()
-        return [*far[:bare], *grown, *far[bare:]]
+        row = [*far[:bare], *([found.arb(0)] * stated.levels), *far[bare:]]
+        missed = [abs(miss).upper() for miss in self.missed()]
+        return [*far[:bare], *map(operator.add, missed, grown(self.setting, row)), *far[bare:]]
 
     @cached_property
     def _steps(self) -> tuple[list[Ball], list[list[Ball]]]:
@@ -243,6 +239,25 @@ class Meeting:
 def meeting(setting: Setting) -> Meeting:
     """What is prescribed about the curve of a setting."""
     return Meeting(setting, bumps_for(setting))
+
+
+def grown(setting: Setting, far: Sequence[Ball]) -> list[Ball]:
+    """By how much what is integrated to levels, up to any x, differs where states and controls do by ``far``."""
+    stated, found = setting.statement, flint()
+    room = [found.arb(0, 1) * size for size in far]
+    total = [found.arb(0)] * stated.levels
+    for k, box in setting.along.boxes:
+        around = Around(box, 1, whole=True)
+        states, controls = setting.pieces[k].lifted(around)
+        near = [[v + w for v, w in zip(values, part, strict=False)]
+                for values, part in ((states, room), (controls, room[stated.states :]))]  # fmt: skip
+        places = [*range(stated.bare), *range(stated.states, stated.states + stated.n)]
+        for j, jet in enumerate(stated.level_jets(around.abscissa(), near[0], near[1], 1)):
+            rate = sum(
+                (abs(head(jet.first.get(i, 0) * far[p] + found.arb(0))) for i, p in enumerate(places)), found.arb(0)
+            )
+            total[j] = (total[j] + 2 * box.unit * rate).upper()
+    return total
 
 
 def allowed_for(setting: Setting, prover: Prover) -> Along:

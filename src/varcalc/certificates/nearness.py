@@ -14,7 +14,7 @@ from varcalc.certificates.curve import Piece
 from varcalc.certificates.field import dynamics
 from varcalc.certificates.integrals import Unproved, total, worst
 from varcalc.certificates.jets import head
-from varcalc.certificates.levels import meeting
+from varcalc.certificates.levels import grown, meeting
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.tube import Tube
 
@@ -105,22 +105,36 @@ class Attained:
 
     def stays(self, setting: Setting, tube: Tube, *, slopes: bool) -> bool:
         """Whether the curve is proved to lie in the tube of a setting, with ``slopes`` its controls too."""
+        stated = setting.statement
+        n, m = stated.n, stated.states
+        far = self._far(setting)
+        if far is None:
+            return False
+        moved = [a + b for a, b in zip(far, self.moved or [flint().arb(0)] * (m + n), strict=True)]
+        widths = [*(tube.delta * tube.sizes[0]).tolist(), *(min(tube.rho) * tube.sizes[1]).tolist()]
+        return all(moved[place] < widths[place] for place in range(m + n if slopes else m))
+
+    def _far(self, setting: Setting) -> list[Ball] | None:
+        """How far the pieces are from the curve of a setting, each state and control; None if that is not known."""
         stated, k = setting.statement, 0
         n, order, m = stated.n, stated.order, stated.states
-        moved = self.moved or [flint().arb(0)] * (m + n)
-        widths = [*(tube.delta * tube.sizes[0]).tolist(), *(min(tube.rho) * tube.sizes[1]).tolist()]
-        kept = range(m + n if slopes else m)
-        for piece in self.pieces if self.pieces is not setting.pieces else ():
+        far = [flint().arb(0)] * (m + n)
+        if self.pieces is setting.pieces:
+            return far
+        for piece in self.pieces:
             while not piece.centre < setting.pieces[k].centre + setting.pieces[k].half:
                 k += 1
             rows = _apart(piece, setting.pieces[k])
             if rows is None:
-                return False
+                return None
             for i, row in enumerate(rows):
                 places = [*(i + d * n for d in range(order)), m + i] if i < n else [n * (order - 1) + i]
-                if not all(far + moved[p] < widths[p] for p, far in zip(places, row, strict=True) if p in kept):
-                    return False
-        return all(moved[place] < widths[place] for place in kept)
+                for place, size in zip(places, row, strict=True):
+                    far[place] = largest([far[place], size])
+        if stated.levels:
+            missed = [abs(miss) for miss in meeting(setting).missed()]
+            far[stated.bare : m] = [a + b for a, b in zip(grown(setting, far), missed, strict=True)]
+        return far
 
 
 def _apart(piece: Piece, other: Piece) -> list[list[Ball]] | None:

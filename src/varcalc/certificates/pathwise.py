@@ -6,7 +6,8 @@ Multiplier Methods", 1982, sect. 2.2, at each x). Of the upper bound the curve i
 e(x) near zero with phi = 0 is proved by Newton's interval operator at all points of a box at once (Moore, Kearfott and
 Cloud, "Introduction to Interval Analysis", SIAM 2009, sect. 8.4), and e' by differentiating the equation.
 
-Ends are doubles, and seldom lie on phi = 0 exactly. Then phi is held to the line between its values at the ends.
+Ends and waypoints are doubles, and seldom lie on phi = 0 exactly: phi is then held to the lines between its values
+there.
 """
 
 from __future__ import annotations
@@ -91,13 +92,15 @@ class Pathwise:
 
     @cached_property
     def shift(self) -> Ball:
-        """The integral of :attr:`terms` along admissible curves, on which phi is the line between its end values."""
+        """The integral of :attr:`terms` along admissible curves, on which phi is the lines between given values."""
         found, total = flint(), flint().arb(0)
-        for rows, weight, (first, slope) in zip(self.multipliers, self._weights, self._lines, strict=True):
+        for k, (rows, weight) in enumerate(zip(self.multipliers, self._weights, strict=True)):
             for powers, (a, b) in zip(rows, self._pieces, strict=True):
                 middle, half = (found.arb(a) + found.arb(b)) / 2, (found.arb(b) - found.arb(a)) / 2
                 x = found.arb_poly([middle, half])
-                phi = first + slope * (x - self.along.span[0])
+                start, lines = self._lines(0.5 * (a + b))
+                first, slope = lines[k]
+                phi = first + slope * (x - start)
                 mu = _in_powers([found.arb(float(c)) for c in powers], _own_variable(x, a, b))
                 integral = ((mu + phi * (weight / 2)) * phi).integral()
                 total += (integral(found.arb(1)) - integral(found.arb(-1))) * half
@@ -107,20 +110,32 @@ class Pathwise:
     def told(self) -> list[Hypothesis]:
         """What the theorem needs of the equations, and where the ends lie if that is not on them."""
         found = [Hypothesis(VANISHING, Means.CONSTRUCTION), Hypothesis(EQUATIONS_MET, Means.BALLS)]
-        off = largest([value for first, slope in self._lines for value in (first, first + slope * self.along.length)])
+        off = largest([value for row in self._given for value in row])
         return found if off.is_zero() else [*found, Hypothesis(OFF.format(float(off)), Means.CONSTRUCTION)]
 
     @cached_property
-    def _lines(self) -> list[list[Ball]]:
-        """Of each equation its value at the start and the slope of the line to that at the end."""
-        stated, found, given = statement(self.along), flint(), self.along.form.ends
-        places = [np.r_[np.asarray(end)[0], self.along.numbers].tolist() for end in (given.start, given.end)]
-        ends = [
-            self._jets(stated, found.arb(x), list(map(found.arb, place)), 0)
-            for x, place in zip(self.along.span, places, strict=True)
+    def _knots(self) -> list[float]:
+        """Where the functions are given: at the ends and at waypoints."""
+        return [self.along.span[0], *sorted(statement(self.along).waypoints), self.along.span[1]]
+
+    @cached_property
+    def _given(self) -> list[list[Ball]]:
+        """The value of each equation where the functions are given."""
+        stated, found, ends = statement(self.along), flint(), self.along.form.ends
+        inside = [stated.waypoints[x] for x in self._knots[1:-1]]
+        places = [np.asarray(ends.start)[0], *inside, np.asarray(ends.end)[0]]
+        rows = [np.r_[place, self.along.numbers].tolist() for place in places]
+        return [
+            [jet.value for jet in self._jets(stated, found.arb(x), list(map(found.arb, row)), 0)]
+            for x, row in zip(self._knots, rows, strict=True)
         ]
-        length = found.arb(self.along.span[1]) - self.along.span[0]
-        return [[a.value, (b.value - a.value) / length] for a, b in zip(*ends, strict=True)]
+
+    def _lines(self, x: float) -> tuple[Ball, list[tuple[Ball, Ball]]]:
+        """Where the lines about x begin, and of each equation its value there and the slope of the line."""
+        k = int(np.searchsorted(self._knots, x)) - 1
+        a, b = (flint().arb(at) for at in self._knots[k : k + 2])
+        values = zip(self._given[k], self._given[k + 1], strict=True)
+        return a, [(first, (last - first) / (b - a)) for first, last in values]
 
     @cached_property
     def _program(self) -> Program:
@@ -194,9 +209,9 @@ class Pathwise:
             for jet, by in zip(found, e, strict=True):
                 states = [s + jet.first.get(i, 0) * by if i < stated.n else s for i, s in enumerate(states)]
             found = self._jets(stated, x, states, 1)
+        start, lines = self._lines(float(piece.centre.mid()))
         values = [
-            zero + jet.value - first - slope * (x - self.along.span[0])
-            for jet, (first, slope) in zip(found, self._lines, strict=True)
+            zero + jet.value - first - slope * (x - start) for jet, (first, slope) in zip(found, lines, strict=True)
         ]
         return values, [[zero + jet.first.get(i, 0) for i in range(stated.n)] for jet in found]
 
@@ -251,7 +266,8 @@ def pathwise(along: AlongCurve) -> Iterator[Pathwise]:
     reasons = {
         "conditions all along the curve are covered of Lagrangians of first order alone": along.order == 2,
         "conditions all along the curve beside prescribed integrals are not covered": bool(along.integrals),
-        "conditions all along the curve beside waypoints are not covered": bool(form.held),
+        "conditions all along the curve are not covered where the Lagrangian is not smooth": not {*form.held}
+        <= {at for at, _ in form.conditions.waypoints},
         "conditions all along the curve are covered between ends that are wholly given": bool(np.isnan(ends).any())
         or not form.ends.separate,
     }

@@ -17,6 +17,8 @@ import casadi as ca
 
 Coefficients = tuple[Fraction, ...]
 """Of a polynomial in powers, from the constant on; without zeros at the end."""
+ALL_BUT = Fraction(1, 2**50)
+"""What parts may miss each other by where they meet, relative to their terms there, to be taken for continuous."""
 HIGHEST = 8
 """Highest degree of a polynomial."""
 
@@ -57,6 +59,21 @@ class PiecewisePolynomial:
                 return False
         ends = [None, *self.breaks, None]
         return all(_bends_up(part, *ends[k : k + 2]) for k, part in enumerate(self.parts))
+
+    def joined(self) -> tuple[PiecewisePolynomial, list[Fraction]] | None:
+        """The function with its parts lowered so that they meet where they do but for round-off, and by how much each.
+
+        None where they do not.
+        """
+        raised = [Fraction(0)]
+        for at, (a, b) in zip(self.breaks, pairwise(self.parts), strict=True):
+            apart, sizes = value(a, at) - value(b, at), [abs(c * at**k) for part in (a, b) for k, c in enumerate(part)]
+            if abs(apart) > ALL_BUT * max(sizes, default=Fraction(0)):
+                return None
+            raised.append(raised[-1] + apart)
+        lowered = [max(raised) - by for by in raised]
+        parts = tuple(total(part, (by,), -1) for part, by in zip(self.parts, lowered, strict=True))
+        return PiecewisePolynomial(self.breaks, parts), lowered
 
     def combined(self, other: PiecewisePolynomial, rule: Callable[..., Coefficients]) -> PiecewisePolynomial:
         """A rule for polynomials carried out between the breaks of both."""

@@ -26,7 +26,7 @@ from varcalc.certificates.nearness import Attained, Nearness, TooFar, nearness
 from varcalc.certificates.pathwise import Pathwise, pathwise
 from varcalc.certificates.rayleigh import lowest_of_all
 from varcalc.certificates.regular import Regular, check_forward, regular
-from varcalc.certificates.setting import Setting, setting_along
+from varcalc.certificates.setting import Setting, as_graph, setting_along
 from varcalc.certificates.shifts import pinned
 from varcalc.certificates.statement import Statement
 from varcalc.certificates.tube import Prover, Tube
@@ -64,7 +64,8 @@ RAYLEIGH = "L and the prescribed integrand are homogeneous of second degree: wha
 SUBGRADIENTS = "lines of support, which hang on x, are in place of convex terms of L, so that it is nowhere more than L"
 MULTIPLIERS = "the multipliers of the levels have their signs, so that L with them is no more than L where these hold"
 KINKS_MET = (
-    "kinks and jumps that the curve meets are covered where these are convex, in graphs without other conditions"
+    "kinks and jumps that the curve meets are covered where these are convex, in graphs without conditions other than "
+    "waypoints and prescribed integrals"
 )
 SHIFTED = "shifted curves have the same value: they are meant shifted so that all have one start"
 CLOSED = "closed Curves are not covered: each may begin at any of its points, so that none is strictly the least"
@@ -203,17 +204,21 @@ def _of_curve(solution: Solution, along: AlongCurve, told: Told) -> Certificate:
 
 def _within_bounds(solution: Solution, told: Told) -> Certificate:
     """The certificate of a curve that bounds hold, as it was found."""
-    if solution.extremal is None:
+    along = as_graph(solution) if solution.extremal is None else along_curve_of(solution.extremal)
+    if along is None:
         raise Unproved("bounds are covered where the method knows its curve in coordinates of its own")
-    held = bounds(along_curve_of(solution.extremal))
-    held.prove_signs()
-    along = held.with_multipliers()
-    reason = _out_of_reach(along)
-    if reason:
-        raise Unproved(reason)
-    found = _bounded(solution, setting_along(along, solution.value), told, held)[2]
-    signs = (Hypothesis(SIGNS, Means.BALLS), Hypothesis(WITHIN, Means.BALLS))
-    return replace(found, proved=(*found.proved, *signs))
+    reason = Unproved("")
+    for held in bounds(along):
+        held.prove_signs()
+        if _out_of_reach(held.plain):
+            raise Unproved(_out_of_reach(held.plain))
+        try:
+            found = _bounded(solution, setting_along(held.plain, solution.value, held.terms), told, held)[2]
+        except Unproved as unproved:
+            reason = unproved
+        else:
+            return replace(found, proved=(*found.proved, *(Hypothesis(what, Means.BALLS) for what in (SIGNS, WITHIN))))
+    raise reason
 
 
 def _under_inequalities(solution: Solution, along: AlongCurve, told: Told) -> Certificate:

@@ -15,7 +15,12 @@ from varcalc.certificates.ends import tied
 from varcalc.certificates.integrals import Along, Unproved, along_curve
 from varcalc.certificates.jets import without_enclosure
 from varcalc.certificates.statement import Statement, statement
-from varcalc.verify.along_curve import AlongCurve
+from varcalc.formulation.graph import graph_form
+from varcalc.methods.answer import Extremal
+from varcalc.problem.problem import Problem
+from varcalc.solution import Solution
+from varcalc.verify.along_curve import AlongCurve, in_form
+from varcalc.verify.given_curve import distinct
 
 VALUE_TOLERANCE = 1e-19
 """Share of the value that the remainders of its integral may come to."""
@@ -71,6 +76,22 @@ def setting_of(stated: Statement, samples: list[Samples], value: float) -> Setti
     sizes = states, controls
     tolerance = VALUE_TOLERANCE * (abs(value) or 1.0)
     return Setting(stated, samples, joints, exact, sizes, along_curve(stated, exact, sizes, tolerance), tolerance)
+
+
+def as_graph(solution: Solution) -> AlongCurve | None:
+    """The curve of a graph in the user's own coordinates, whichever it was solved in.
+
+    None where its ends slide, where numbers are optimised with it, or where its multipliers are lost.
+    """
+    problem = solution.problem
+    if not isinstance(problem, Problem) or any(problem.slides) or problem.unknowns or solution.curve is None:
+        return None
+    form = graph_form(problem)
+    levels = form.conditions.integrals
+    if levels and len(solution.multipliers) != len(problem.constraints):
+        return None
+    lambdas = np.array([-form.sign * solution.multipliers[c.index] for c in levels])
+    return in_form(Extremal(form, solution.curve, np.zeros(0), distinct(solution.x), lambdas, {}))
 
 
 def on_halves(setting: Setting, rough: Sequence[int]) -> Setting:

@@ -231,12 +231,18 @@ class Statement:
         u = [Jet(value, {self.bare + i: flint().arb(1)} if order else None) for i, value in enumerate(controls)]
         return self.arguments(Jet(x), z, u)
 
+    @cached_property
+    def _fixed(self) -> tuple[list[Jet], list[Jet]]:
+        """The parameters and the multipliers."""
+        values = self.along.form.problem.parameter_values, self.along.lambdas
+        parameters, lambdas = ([Jet(flint().arb(float(v))) for v in row] for row in values)
+        return parameters, lambdas
+
     def arguments(self, x: Jet, z: list[Jet], u: list[Jet]) -> list[list[Jet]]:
         """What H takes."""
         n = self.n
         y, slopes, numbers = z[:n], z[n : n * self.order], z[n * self.order :]
-        fixed = [self.along.form.problem.parameter_values, self.along.lambdas]
-        parameters, lambdas = ([Jet(flint().arb(float(v))) for v in values] for values in fixed)
+        parameters, lambdas = self._fixed
         first, second = (slopes, u) if self.order == 2 else (u, [])
         return [[x], y, first, second, parameters, numbers, lambdas, []]
 

@@ -130,14 +130,32 @@ class Prover:
         return _positive([d[0] for d in demands]) and all(definite([flint().arb_mat(matrix)]) for matrix in heads)
 
     def prove(self, boxes: Sequence[tuple[int, Box]], deepest: int) -> None:
-        """Prove the inequality on boxes, which are halved where needed, ``deepest`` times one within the other.
+        """Prove the inequality on boxes, as many at once as it holds on, or halved ``deepest`` times where needed.
 
         Raises :class:`TooWide`.
         """
-        waiting, cuts = [(number, box, 0) for number, (_, box) in reversed(list(enumerate(boxes)))], 0
+        number, run, cuts = 0, 1, 0
+        while number < len(boxes):
+            run = min(run, _in_a_row(boxes, number))
+            if run == 1:
+                cuts = self._prove_halved(number, *boxes[number], deepest, cuts)
+            elif not self._held(*_joined(boxes[number : number + run])):
+                run //= 2
+                continue
+            number, run = number + run, 2 * run
+
+    def _held(self, k: int, box: Box) -> bool:
+        try:
+            return self._holds(k, box)
+        except Undecided:
+            return False
+
+    def _prove_halved(self, number: int, k: int, whole: Box, deepest: int, cuts: int) -> int:
+        """Prove the inequality on one box; how often boxes have been cut, of which ``cuts`` before."""
+        waiting = [(whole, 0)]
         while waiting:
-            number, box, depth = waiting.pop()
-            k, reason = boxes[number][0], ""
+            box, depth = waiting.pop()
+            reason = ""
             try:
                 if self._holds(k, box):
                     continue
@@ -150,7 +168,8 @@ class Prover:
                     f"diag(kappa, mu) in the tube near {box.at:.6g}{reason}",
                     number,
                 )
-            waiting += [(number, b, depth + 1) for b in reversed(box.halves())]
+            waiting += [(b, depth + 1) for b in reversed(box.halves())]
+        return cuts
 
     def _holds(self, k: int, box: Box) -> bool:
         views = [self._demands(k, Around(box, TERMS + 1 + w, w), TERMS + 1 + w) for w in (False, True)]
@@ -228,6 +247,24 @@ class Prover:
             A,
             B,
         )
+
+
+def _in_a_row(boxes: Sequence[tuple[int, Box]], first: int) -> int:
+    """How many boxes of one piece follow each other from that number on."""
+    last = first
+    while last + 1 < len(boxes) and _adjoin(*boxes[last : last + 2]):
+        last += 1
+    return last + 1 - first
+
+
+def _adjoin(left: tuple[int, Box], right: tuple[int, Box]) -> bool:
+    return left[0] == right[0] and bool(left[1].high == right[1].low)
+
+
+def _joined(boxes: Sequence[tuple[int, Box]]) -> tuple[int, Box]:
+    """Boxes in a row as one."""
+    (k, first), (_, last) = boxes[0], boxes[-1]
+    return k, Box(first.centre, first.half, first.low, last.high)
 
 
 def _less_scaled(a: Matrix, b: Matrix, sizes: tuple[np.ndarray, np.ndarray]) -> Matrix:
