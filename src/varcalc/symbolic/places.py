@@ -20,13 +20,14 @@ MOST_PIECES = 4096
 MOST_BREAKS = 256
 FINEST = 1e-13
 """Width of a piece, relative to the interval, that is a point."""
+TINY = float(np.finfo(float).tiny)
 
 
 def places(
     switch: Switch, variable: Expression, span: tuple[float, float], known: Sequence[float] = (),
     parameters: Expression = NONE, values: Sequence[float] = (),
 ) -> list[float] | None:  # fmt: skip
-    """Where the argument of a switch in one ``variable`` is zero, or a whole number; None where that is too often.
+    """Where the argument of a switch in one ``variable`` is at its levels; None where that is too often.
 
     The argument may itself jump at places ``known`` so far, of what is carried out before, and depend on
     ``parameters`` with given ``values``.
@@ -40,15 +41,16 @@ def places(
     low: np.ndarray = edges[:-1] + beside[:-1]
     high: np.ndarray = edges[1:] - beside[1:]
     found: list[float] = []
+    most = MOST_BREAKS + len(switch.levels)
     while len(low):
-        if len(low) > MOST_PIECES or len(found) > MOST_BREAKS:
+        if len(low) > MOST_PIECES or len(found) > most:
             return None
         (value,), slope = enclosures(function, [[(low, high)], numbers])
         least, greatest = (np.broadcast_to(v, low.shape) for v in value)
-        hit = np.floor(greatest) >= np.ceil(least) if switch.stepped else (least <= 0) & (greatest >= 0)
+        hit = switch.met(least, greatest) > 0
         hit &= (least < greatest) | (low == high)  # constant there, it does not switch inside
         single = hit & _one_way(slope, low.shape)
-        if switch.stepped and (greatest - least)[single].sum() > MOST_BREAKS:
+        if switch.met(least, greatest)[single].sum() > most + np.count_nonzero(single):
             return None
         for a, b in zip(low[single].tolist(), high[single].tolist(), strict=True):
             found += _crossings(function, switch, a, b, values)
@@ -70,7 +72,7 @@ def _one_way(slope: list[Interval], shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _crossings(function: ca.Function, switch: Switch, a: float, b: float, values: Sequence[float]) -> list[float]:
-    """Where an argument that only rises or falls between a and b meets zero, or whole numbers."""
+    """Where an argument that only rises or falls between a and b is at a level."""
     from scipy.optimize import brentq
 
     def at(x: float) -> float:
@@ -78,13 +80,12 @@ def _crossings(function: ca.Function, switch: Switch, a: float, b: float, values
 
     first, last = at(a), at(b)
     low, high = min(first, last), max(first, last)
-    levels = np.arange(np.ceil(low), np.floor(high) + 1) if switch.stepped else np.zeros(1)
     out = []
-    for level in levels.tolist():
+    for level in switch.within(low, high).tolist():
         if level in (first, last):
             out.append(a if level == first else b)
-        elif low < level < high:
-            out.append(float(brentq(lambda x, level=level: at(x) - level, a, b, xtol=1e-15, rtol=1e-15)))
+        else:
+            out.append(float(brentq(lambda x, level=level: at(x) - level, a, b, xtol=TINY, rtol=1e-15)))
     return out
 
 

@@ -70,13 +70,14 @@ def test_rays_end_where_a_table_of_casadi_ends(table: optics.Stratified) -> None
     assert not np.any(bundle.arrived)
 
 
-def test_what_a_table_of_casadi_may_hide_is_counted(table: optics.Stratified) -> None:
-    rays = optics.Scene(table).rays((0, -0.5), (0.4, -0.3))
-    assert len(rays) == 1
-    assert rays.unresolved == 1
-    assert "tables of CasADi's" in rays.searched
-    with pytest.raises(optics.DoesNotApply, match="looked up"):
-        optics.Scene(table).rays((0, -0.5), (0.4, -0.3), model=optics.Invariants())
+def test_all_rays_of_a_table_of_casadi_are_found_by_quadrature(table: optics.Stratified) -> None:
+    scene = optics.Scene(table)
+    rays = scene.rays((0, -0.5), (0.4, -0.3))
+    assert rays.unresolved == 0
+    integrated = scene.trace((0, -0.5), [rays[0].tangents[0]], optical_path=rays[0].optical_path)
+    assert integrated.points[0] == pytest.approx((0.4, -0.3), abs=1e-12)
+    own = scene.rays((0, -0.5), (0.4, -0.3), model=optics.Invariants())
+    assert [ray.optical_path for ray in own] == pytest.approx([ray.optical_path for ray in rays], rel=1e-14)
 
 
 def test_the_search_of_one_pair_in_space_tells_how_far_it_has_come() -> None:

@@ -17,7 +17,7 @@ from varcalc.optics.arrivals.space_cells import SpaceCells
 from varcalc.optics.arrivals.space_fan import SpaceFan, SpaceReach
 from varcalc.optics.arrivals.stages import Stage, quietly
 from varcalc.optics.arrivals.wavefront_construction import Arrivals, PlanePairs, WavefrontConstruction
-from varcalc.optics.media.medium import Graded, Medium, Radial, Stratified, as_layers, looks_up
+from varcalc.optics.media.medium import Graded, Medium, Radial, Stratified, as_layers
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.aimed import CARRIED_WELL, Carry, Told
 from varcalc.optics.models.constant_pull import ConstantPull
@@ -82,11 +82,6 @@ class TwoPoint:
     def narrow(self) -> NarrowSearch:
         """What is narrow in the last medium."""
         return NarrowSearch(self.planar)
-
-    @cached_property
-    def looked_up(self) -> bool:
-        """Whether a medium is looked up in a table of CasADi's, whose knots and ends are not known."""
-        return any(looks_up(medium, self.full.dimension) for medium in self.full.media)
 
     def found(self, pairs: PointPairs, stage: Stage = quietly) -> list[Rays]:
         """All rays of each pair, in the planes that hold them or over all directions of space.
@@ -299,12 +294,6 @@ def _told(
     return no_rays(reason, searched, unresolved)
 
 
-def _beside_tables(rays: Rays) -> Rays:
-    """The same, and that the search knows neither the knots nor the ends of a table that a medium is looked up in."""
-    said = f"{rays.searched}; not the knots and ends of tables of CasADi's, where rays may part"
-    return replace(rays, searched=said, unresolved=rays.unresolved + 1)
-
-
 def _of_all(told: Telling, total: int, done: int, what: str) -> None:
     """Tell that ``done`` of ``total`` pairs lie behind."""
     told(done, total, what)
@@ -399,7 +388,7 @@ class PairSearch:
         left = [k for k, answer in enumerate(answers) if answer is None]
         if left:
             for k, rays in zip(left, problem.found(ends.take(left), stage), strict=True):
-                answers[k] = _beside_tables(rays) if problem.looked_up else rays
+                answers[k] = rays
         return [answer for answer in answers if answer is not None]
 
     def _question(self, problem: TwoPoint, one: PointPairs) -> Question:
@@ -425,7 +414,7 @@ class PairSearch:
             return None
         if dimension not in self._complete:
             known = ConstantPull.of(medium, dimension)
-            reduced = isinstance(medium, Stratified | Tabulated | Radial) and not looks_up(medium, dimension)
+            reduced = isinstance(medium, Stratified | Tabulated | Radial)
             if known is None and reduced and not jumping(medium, dimension):
                 known = RangeFunction(medium)
             self._complete[dimension] = known

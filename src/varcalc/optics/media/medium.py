@@ -23,7 +23,7 @@ from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.symbolic.switches import switches
+from varcalc.symbolic.switches import switches, tables
 
 Expression = Any
 """A CasADi SX expression."""
@@ -298,14 +298,10 @@ def switching(medium: Medium, dimension: int) -> bool:
     return any(switch.depends_on(position) for switch in switches([squared_index], [position]))
 
 
-def looks_up(medium: Medium, dimension: int) -> bool:
-    """Whether n² is looked up in a table of CasADi's (``interpolant``), which has values and no formula."""
+def in_pieces(medium: Medium, dimension: int) -> bool:
+    """Whether n² has kinks, jumps or knots of tables, which a step of an integration would go over."""
     position = ca.SX.sym("r", dimension)
-    try:
-        function = ca.Function("squared", [position], [ca.SX(medium.squared_index(position))])
-    except (TypeError, NotImplementedError):  # see switching
-        return False
-    return any(function.instruction_id(k) == ca.OP_CALL for k in range(function.n_instructions()))
+    return switching(medium, dimension) or bool(tables(ca.SX(medium.squared_index(position)), position))
 
 
 def as_layers(medium: Graded, dimension: int) -> Stratified | None:
