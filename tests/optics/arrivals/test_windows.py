@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -44,6 +46,26 @@ def test_a_graded_index_of_the_height_is_searched_as_layers() -> None:
     layers = optics.Scene(optics.Stratified(lambda y: 1 / ca.sqrt(y))).rays(*pair)
     assert rays.unresolved == 0
     assert [ray.optical_path for ray in rays] == [ray.optical_path for ray in layers]
+
+
+@pytest.mark.parametrize(("axis", "dimension"), [(0, 2), (0, 3), (1, 3), (2, 3)])
+def test_a_graded_index_of_any_one_coordinate_is_searched_as_layers(axis: int, dimension: int) -> None:
+    """n² = a - b y from a kink at -1 upwards: from y = 0 at the momentum w a ray is back after σ = 4 w / b.
+
+    ∫ n² dσ = (4aw - 8w³/3) / b.
+    """
+    a, b, sine = 1.5, 0.8, 0.3
+    w, p = math.sqrt(a) * sine, math.sqrt(a * (1 - sine**2))
+
+    def index(*place: ca.SX) -> ca.SX:
+        return ca.sqrt(a + b - b * ca.fabs(place[axis] + 1))
+
+    ahead = np.roll(np.eye(dimension)[0], axis + 1)
+    rays = optics.Scene(optics.Graded(index)).rays(np.zeros(dimension), p * 4 * w / b * ahead, within=4.0)
+    own = [ray for ray in rays if abs(ray.tangents[0][axis] - sine) < 1e-12]
+    assert [ray.optical_path for ray in own] == pytest.approx([(4 * a * w - 8 * w**3 / 3) / b], rel=1e-13)
+    assert [ray.tangents[0] @ ahead for ray in own] == pytest.approx([math.sqrt(1 - sine**2)], rel=1e-13)
+    assert rays.unresolved == 0
 
 
 def test_a_graded_index_of_the_height_keeps_its_parameters() -> None:

@@ -441,13 +441,14 @@ class PairSearch:
         return PlaneSection.of(self.compiled.media, self.compiled.surfaces)
 
     def _as_layers(self, dimension: int) -> PairSearch | None:
-        """The search in the scene read as layers, where its one medium is ``Graded`` and depends on the height."""
+        """The search in the scene read as layers, where its one medium is ``Graded`` and depends on its height."""
         medium = self.compiled.media[0]
         if self.compiled.surfaces or not isinstance(medium, Graded):
             return None
         if dimension not in self._layers:
-            read = as_layers(medium, dimension)
-            self._layers[dimension] = PairSearch(CompiledScene((read,), (), dimension)) if read else None
+            read, axis = as_layers(medium, dimension) or (None, -1)
+            upright = read is not None and axis == dimension - 1
+            self._layers[dimension] = PairSearch(CompiledScene((read,), (), dimension)) if upright else None
         return self._layers[dimension]
 
     def _known(self, dimension: int) -> ConstantPull | RangeFunction | None:
@@ -457,9 +458,12 @@ class PairSearch:
             return None
         if dimension not in self._complete:
             known = ConstantPull.of(medium, dimension)
+            axis = dimension - 1
+            if isinstance(medium, Graded):
+                medium, axis = as_layers(medium, dimension) or (medium, axis)
             reduced = isinstance(medium, Stratified | Tabulated | Radial)
             if known is None and reduced and not jumping(medium, dimension):
-                known = RangeFunction(medium)
+                known = RangeFunction(medium, axis)
             self._complete[dimension] = known
         return self._complete[dimension]
 

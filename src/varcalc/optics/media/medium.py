@@ -304,16 +304,17 @@ def in_pieces(medium: Medium, dimension: int) -> bool:
     return switching(medium, dimension) or bool(tables(ca.SX(medium.squared_index(position)), position))
 
 
-def as_layers(medium: Graded, dimension: int) -> Stratified | None:
-    """The same index as layers, where it depends on the last coordinate and on no other."""
+def as_layers(medium: Graded, dimension: int) -> tuple[Stratified, int] | None:
+    """The same index as layers, and the number of the one coordinate that it depends on; None of any other."""
     position = ca.SX.sym("r", dimension)
-    depends = ca.which_depends(ca.SX(medium.index(position)), position, 1)
-    if not depends[-1] or any(depends[:-1]):
+    axes = np.flatnonzero(ca.which_depends(ca.SX(medium.index(position)), position, 1))
+    if len(axes) != 1:
         return None
-    rest = [0.0] * (dimension - 1)
+    axis = int(axes[0])
+    before, after = [0.0] * axis, [0.0] * (dimension - 1 - axis)
     if medium.parameters:
-        return Stratified(lambda height, p: medium.n(*rest, height, p), medium.parameters)
-    return Stratified(lambda height: medium.n(*rest, height))
+        return Stratified(lambda height, p: medium.n(*before, height, *after, p), medium.parameters), axis
+    return Stratified(lambda height: medium.n(*before, height, *after)), axis
 
 
 def _traced(

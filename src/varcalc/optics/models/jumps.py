@@ -181,8 +181,10 @@ def layers_of(medium: Medium, dimension: int) -> Layers | None:
     """The layers of a table, or of an index of the height with tables in it; None of other media, and with kinks."""
     if isinstance(medium, Layers):
         return medium
-    layers = as_layers(medium, dimension) if isinstance(medium, Graded) else medium
-    if not isinstance(layers, Stratified) or switching(layers, dimension):
+    layers, axis = (
+        (as_layers(medium, dimension) or (None, -1)) if isinstance(medium, Graded) else (medium, dimension - 1)
+    )
+    if not isinstance(layers, Stratified) or axis != dimension - 1 or switching(layers, dimension):
         return None
     u = ca.SX.sym("u")
     squared = ca.SX(layers.squared_index(ca.vertcat(0, u)))
