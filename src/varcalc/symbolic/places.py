@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import casadi as ca
@@ -18,8 +18,11 @@ CUTS = 16
 MOST_PIECES = 4096
 """Pieces at one time beyond which places are too many to be found."""
 MOST_BREAKS = 256
-FINEST = 1e-13
-"""Width of a piece, relative to the interval, that is a point."""
+FINEST, LEAST_PLACE = 1e-13, 1e-8
+"""Width of a piece that is a point, relative to where it is, or to so much of the interval beside 0.
+
+Where pieces are too many, as at double zeros of long formulas, one is a point that is so narrow beside the interval.
+"""
 TINY = float(np.finfo(float).tiny)
 
 
@@ -37,12 +40,16 @@ def places(
     numbers = [(np.array(v), np.array(v)) for v in values]
     cuts = [x for x in known if span[0] < x < span[1]]
     edges = np.unique([*np.linspace(*span, CUTS + 1), *cuts])
-    beside = FINEST * (span[1] - span[0]) * np.isin(edges, cuts)  # there the argument is on neither side
+    widths = _PointWidths(span[1] - span[0])
+    beside = widths.at(edges) * np.isin(edges, cuts)  # there the argument is on neither side
     low: np.ndarray = edges[:-1] + beside[:-1]
     high: np.ndarray = edges[1:] - beside[1:]
     found: list[float] = []
     most = MOST_BREAKS + len(switch.levels)
     while len(low):
+        if len(low) > MOST_PIECES and np.all(high - low <= widths.most):
+            found += _apart(np.sort((low + high) / 2).tolist(), lambda _: 4 * widths.most)
+            break
         if len(low) > MOST_PIECES or len(found) > most:
             return None
         (value,), slope = enclosures(function, [[(low, high)], numbers])
@@ -55,12 +62,23 @@ def places(
         for a, b in zip(low[single].tolist(), high[single].tolist(), strict=True):
             found += _crossings(function, switch, a, b, values)
         rest = hit & ~single
-        fine = rest & (high - low <= FINEST * (span[1] - span[0]))
+        fine = rest & (high - low <= widths.at((low + high) / 2))
         found += (0.5 * (low[fine] + high[fine])).tolist()
         low, high = low[rest & ~fine], high[rest & ~fine]
         middle = 0.5 * (low + high)
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-    return _apart(sorted(found), 4 * FINEST * (span[1] - span[0]))
+    return _apart(sorted(found), lambda x: 4 * float(widths.at(np.array(x))))
+
+
+class _PointWidths:
+    """How wide pieces of an interval of some width are that count as points."""
+
+    def __init__(self, width: float) -> None:
+        self.most, self._least = FINEST * width, LEAST_PLACE * width
+
+    def at(self, x: np.ndarray) -> np.ndarray:
+        """The width (m,) of points about ``x`` (m,)."""
+        return FINEST * np.maximum(np.abs(x), self._least)
 
 
 def _one_way(slope: list[Interval], shape: tuple[int, ...]) -> np.ndarray:
@@ -89,6 +107,6 @@ def _crossings(function: ca.Function, switch: Switch, a: float, b: float, values
     return out
 
 
-def _apart(found: list[float], least: float) -> list[float]:
-    """Abscissae in order, those nearer to each other than ``least`` taken for one."""
-    return [*found[:1], *(b for a, b in pairwise(found) if b - a > least)]
+def _apart(found: list[float], room: Callable[[float], float]) -> list[float]:
+    """Abscissae in order, those nearer to each other than the room at the second taken for one."""
+    return [*found[:1], *(b for a, b in pairwise(found) if b - a > room(b))]

@@ -153,3 +153,17 @@ def test_many_receivers_of_a_table_are_answered_as_each_alone():
             [ray.optical_path for ray in alone], rel=1e-12
         )
         assert together[k].unresolved == alone.unresolved
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-7, 1e-5, 1.0, 1e3])
+def test_kinks_and_knots_are_placed_whatever_the_unit_of_length(scale):
+    """At a tenth of a micrometre, in metres, two kinks were taken for one, and tables lost their knots."""
+    kinks = optics.Stratified(lambda y: ca.sqrt(1.5 - 0.1 * ca.fabs((y / scale) ** 2 - 1)))
+    assert Profile(kinks, 1.0, 0.3 * scale).stops == pytest.approx(np.array([-scale, scale]), rel=1e-14)
+    knots = np.linspace(0, 3, 7) * scale
+    table = ca.interpolant("n", "linear", [knots], 1.2 + 0.1 * np.sin(np.arange(7.0)))
+    profile = Profile(optics.Stratified(lambda y: table(ca.sqrt(y**2))), 1.0, 0.3 * scale)
+    assert profile.stops / scale == pytest.approx(np.linspace(-3, 3, 13), rel=1e-12, abs=1e-5)
+    height = np.array([-2.2, 0.3, 1.7]) * scale
+    expected = np.interp(np.abs(height), knots, 1.2 + 0.1 * np.sin(np.arange(7.0))) ** 2
+    assert profile.at(height)[0] == pytest.approx(expected, rel=1e-14)
