@@ -86,6 +86,15 @@ class WavefrontConstruction:
 
     def run(self, stage: Stage = quietly) -> Arrivals:
         """All arrivals, those of one pair by ascending optical path."""
+        with np.errstate(over="ignore", invalid="ignore"):  # cells of rays that go too far out for numbers, or to rest
+            self._settle_all(stage)
+        continua = self._continua()
+        parts = [(continua, np.ones(len(continua.miss), dtype=bool)), *self._polished(continua)]
+        meeting, touching = ClosestApproach.joined([found for found, _ in parts]), np.concatenate([t for _, t in parts])
+        return self._told(meeting, touching, len(continua.miss))
+
+    def _settle_all(self, stage: Stage) -> None:
+        """Lay out the rays, and part cells until all are settled."""
         stage(0, "laying out rays")
         cells = self.fan.cells()
         self.unresolved += self.fan.given_up[self.pairs.source]
@@ -94,10 +103,6 @@ class WavefrontConstruction:
         while len(cell):
             stage(0, f"{len(cell)} cells left")
             cells, cell, pair = self._round(cells, cell, pair)
-        continua = self._continua()
-        parts = [(continua, np.ones(len(continua.miss), dtype=bool)), *self._polished(continua)]
-        meeting, touching = ClosestApproach.joined([found for found, _ in parts]), np.concatenate([t for _, t in parts])
-        return self._told(meeting, touching, len(continua.miss))
 
     def _first(self, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
         """Cells and pairs whose points may be in them."""
