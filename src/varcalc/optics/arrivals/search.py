@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from typing import Any
 
@@ -22,6 +22,7 @@ from varcalc.optics.media.medium import Graded, Radial, Stratified, as_layers
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.aimed import CARRIED_WELL, Carry, Told
 from varcalc.optics.models.constant_pull import ConstantPull
+from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.invariants import Invariants
 from varcalc.optics.models.jumps import jumping
 from varcalc.optics.models.model import Builder, Model, Question, checked_model
@@ -87,6 +88,11 @@ class TwoPoint:
     def narrow(self) -> NarrowSearch:
         """What is narrow in the last medium."""
         return NarrowSearch(self.planar)
+
+    @cached_property
+    def over_knots(self) -> bool:
+        """Whether rays are carried over knots of tables."""
+        return any(isinstance(model, HamiltonRays) and model.steps_over_knots for model in self.full.models)
 
     def found(self, pairs: PointPairs, stage: Stage = quietly) -> list[Rays]:
         """All rays of each pair, in the planes that hold them or over all directions of space.
@@ -304,6 +310,12 @@ def _told(
     return no_rays(reason, searched, unresolved)
 
 
+def _over_knots(rays: Rays) -> Rays:
+    """The same, and that rays were carried over the knots of tables, where they may part."""
+    said = f"{rays.searched}; steps went over the knots of tables, beside which rays may part"
+    return replace(rays, searched=said, unresolved=rays.unresolved + 1)
+
+
 def _off_line(ends: PointPairs, headings: np.ndarray) -> np.ndarray:
     """How far (m,) rays along unit ``headings`` (m, d) leave the lines of pairs (m,) whose planes may be turned.
 
@@ -426,7 +438,7 @@ class PairSearch:
         left = [k for k, answer in enumerate(answers) if answer is None]
         if left:
             for k, rays in zip(left, problem.found(ends.take(left), stage), strict=True):
-                answers[k] = rays
+                answers[k] = _over_knots(rays) if problem.over_knots else rays
         return [answer for answer in answers if answer is not None]
 
     def _question(self, problem: TwoPoint, one: PointPairs) -> Question:
@@ -447,8 +459,8 @@ class PairSearch:
             return None
         if dimension not in self._layers:
             read, axis = as_layers(medium, dimension) or (None, -1)
-            upright = read is not None and axis == dimension - 1
-            self._layers[dimension] = PairSearch(CompiledScene((read,), (), dimension)) if upright else None
+            scene = CompiledScene((read,), (), dimension) if read and axis == dimension - 1 else None
+            self._layers[dimension] = PairSearch(scene) if scene else None
         return self._layers[dimension]
 
     def _known(self, dimension: int) -> ConstantPull | RangeFunction | None:

@@ -291,17 +291,23 @@ def _has_root(value: Expression) -> bool:
 def switching(medium: Medium, dimension: int) -> bool:
     """Whether n² has kinks or jumps in the position, told from its expression."""
     position = ca.SX.sym("r", dimension)
-    try:
-        squared_index = ca.SX(medium.squared_index(position))
-    except (TypeError, NotImplementedError):  # an index that is no expression of SX symbols has none that can be read
-        return False
-    return any(switch.depends_on(position) for switch in switches([squared_index], [position]))
+    squared_index = _squared_index(medium, position)
+    return squared_index is not None and any(s.depends_on(position) for s in switches([squared_index], [position]))
 
 
-def in_pieces(medium: Medium, dimension: int) -> bool:
-    """Whether n² has kinks, jumps or knots of tables, which a step of an integration would go over."""
+def looking_up(medium: Medium, dimension: int) -> bool:
+    """Whether n² is looked up in tables, told from its expression."""
     position = ca.SX.sym("r", dimension)
-    return switching(medium, dimension) or bool(tables(ca.SX(medium.squared_index(position)), position))
+    squared_index = _squared_index(medium, position)
+    return squared_index is not None and bool(tables(squared_index, position))
+
+
+def _squared_index(medium: Medium, position: Expression) -> Expression | None:
+    """n² as an SX expression; None of an index that is none, in which nothing can be read."""
+    try:
+        return ca.SX(medium.squared_index(position))
+    except (TypeError, NotImplementedError):
+        return None
 
 
 def as_layers(medium: Graded, dimension: int) -> tuple[Stratified, int] | None:

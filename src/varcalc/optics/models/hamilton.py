@@ -21,7 +21,7 @@ import numpy as np
 from varcalc import integrators
 from varcalc.integrators import NONE, OUTCOMES, Flow, Landing, RunOutcome
 from varcalc.integrators.protocol import COMPLETED, NOT_FINITE, STOPPED, TOO_MANY_STEPS
-from varcalc.optics.media.medium import Expression, Medium, switching
+from varcalc.optics.media.medium import Expression, Medium, looking_up, switching
 from varcalc.optics.media.tabulated import Layers
 from varcalc.optics.models.equations import force_of, ray_rates, ray_system
 from varcalc.optics.models.jumps import jumping, layers_of
@@ -265,6 +265,11 @@ class HamiltonRays:
     def _layers(self) -> Layers | None:
         """The layers of a table, or of an index of the height with tables in it."""
         return layers_of(self.medium, self.dimension)
+
+    @cached_property
+    def steps_over_knots(self) -> bool:
+        """Whether n² is looked up in tables of several arguments, or of no height: steps go over their knots."""
+        return self._layers is None and looking_up(self.medium, self.dimension)
 
     @cached_property
     def _pieced(self) -> bool:

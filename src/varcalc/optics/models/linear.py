@@ -103,9 +103,8 @@ class Motions:
         up, down = np.where(grows == 0, 0.0, grows * np.expm1(x)), decays * np.expm1(-x)
         squares = np.where(grows == 0, 0.0, grows**2 * np.expm1(2 * x)) - decays**2 * np.expm1(-2 * x)
         told = (up - down) / w, p + up + down, squares / (2 * w) + 2 * grows * decays * self.sigma
-        return tuple(
-            np.where(x > GROWN_ALIKE, one, other) for one, other in zip(told, (far, momentum, path), strict=True)
-        )
+        alike = x > GROWN_ALIKE
+        return np.where(alike, told[0], far), np.where(alike, told[1], momentum), np.where(alike, told[2], path)
 
 
 def motions(curvature: float, sigma: np.ndarray) -> Motions:

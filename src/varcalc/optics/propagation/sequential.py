@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from varcalc import integrators
-from varcalc.optics.media.medium import Field, Medium, Radial, Stratified, in_pieces
+from varcalc.optics.media.medium import Field, Medium, Radial, Stratified, looking_up, switching
 from varcalc.optics.models.hamilton import Hamilton
 from varcalc.optics.models.invariants import Invariants
 from varcalc.optics.models.jumps import layers_of
@@ -60,7 +60,8 @@ def carrier(model: Model | None, medium: Medium, dimension: int, surfaces: Seque
     if model is not None:
         return model.carrier(medium, dimension, surfaces)
     reduced = isinstance(medium, Stratified | Radial)
-    over = reduced and in_pieces(medium, dimension) and layers_of(medium, dimension) is None
+    pieces = reduced and (switching(medium, dimension) or looking_up(medium, dimension))
+    over = pieces and layers_of(medium, dimension) is None
     *cheaper, last = BY_PIECES if over else CHEAPEST_FIRST
     for candidate in cheaper:
         try:
