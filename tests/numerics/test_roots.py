@@ -77,3 +77,9 @@ def test_where_growing_functions_vanish_however_far_from_the_guess() -> None:
     roots = np.array([0.0, 1e-6, 1.0, 1e5])
     found = growing(lambda x: (x**3 - roots**3, 3 * x**2), np.array([1.0, 1.0, 1e-3, 1.0]), 1e-15)
     np.testing.assert_allclose(found, roots, rtol=1e-14, atol=1e-15)
+
+
+def test_where_exponentials_vanish_however_far_beyond_they_are_begun() -> None:
+    """Newton's steps from x0 go back by one each: what ends after a hundred of them is no zero."""
+    found = growing(lambda x: (np.exp(x) - 5.0, np.exp(x)), np.array([1.0, 300.0, 700.0]), 1e-15)
+    np.testing.assert_allclose(found, np.log(5.0), rtol=1e-14)

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 import varcalc as vc
 from varcalc.symbolic.instructions import Call, instructions
-from varcalc.symbolic.look_up import cells, enclosed, knots, within_knots
+from varcalc.symbolic.look_up import cells, enclosed, in_cells, knots, within_knots
 
 Y = ca.SX.sym("y")
 FIRST, SECOND = np.array([0.0, 0.5, 0.7, 2.0]), np.array([-1.0, 0.0, 2.0, 3.0, 7.0])
@@ -107,3 +107,22 @@ def test_an_end_beyond_a_table_is_refused():
     table = ca.interpolant("n", "bspline", [FIRST], 1 + FIRST)
     with pytest.raises(ValueError, match=r"end = Fixed.*outside the domain"):
         vc.Problem(lambda x, y, dy: table(y) * dy**2, vc.Fixed(0, 0), vc.Fixed(1, 3))
+
+
+@pytest.mark.parametrize(("kind", "degree", "tables"), [("linear", None, 2), ("bspline", 3, 2), ("bspline", 5, 0)])
+def test_tables_of_one_argument_are_cubics_in_cells(kind, degree, tables):
+    """One table in the argument of another; a spline of another degree stays what it is."""
+    y, options = ca.SX.sym("y"), {"degree": [degree]} if degree else {}
+    outer = ca.interpolant("outer", kind, [np.linspace(0, 2, 13)], np.exp(np.linspace(0, 2, 13)), options)
+    edges = np.linspace(0, 2, 14) ** 1.5
+    inner = ca.interpolant("inner", kind, [edges], np.sqrt(np.linspace(0.1, 3.9, 14)), options)
+    written = within_knots(ca.sin(outer(inner(y))) + inner(y) ** 2)
+    cells = in_cells(written, y)
+    assert len(cells.tables) == tables
+    places = np.random.default_rng(7).uniform(edges[0], edges[-1], 50)
+    there = ca.Function("there", [y, cells.constants], [cells.expression])
+    own = [float(there(place, row)) for place, row in zip(places, cells.at(places[:, None]), strict=True)]
+    plain = ca.Function("plain", [y], [written])
+    assert own == pytest.approx([float(plain(place)) for place in places], rel=1e-12)
+    if tables:
+        assert np.all(np.isnan(cells.at(np.array([[edges[0] - 0.1], [edges[-1] + 0.1]]))))

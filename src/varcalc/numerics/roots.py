@@ -16,6 +16,8 @@ NEIGHBOURS = 3
 NEWTON_STEPS = 100
 SHARES = np.linspace(0.0, 1.0, 65)
 DOUBLINGS = 80
+FAR_BEYOND = 8.0
+"""Times what a growing function must grow to vanish: values that are larger are far beyond."""
 NARROWING = 6
 CUTS = 257
 """Places of a scan that looks for an extremum: 128^-6 = 2e-13 of the first bracket after all."""
@@ -123,8 +125,9 @@ def growing(
 ) -> np.ndarray:
     """Where functions that never fall, and are negative at 0, vanish: places in the shape of ``guess``, not negative.
 
-    ``function`` takes places to values and derivatives. The guess is doubled until it is beyond; Newton's steps,
-    kept inside the bracket, end where they are within ``relative`` of the place.
+    ``function`` takes places to values and derivatives. The guess is doubled until it is beyond, and halved while the
+    value is far beyond, as of what grows exponentially, on which Newton's steps are short; these, kept inside the
+    bracket, end where they are within ``relative`` of the place.
     """
     low, high = np.zeros(np.shape(guess)), np.maximum(guess, 0.0)
     with np.errstate(all="ignore"):
@@ -133,6 +136,14 @@ def growing(
             if not np.any(short):
                 break
             low, high = np.where(short, high, low), np.where(short, 2 * high, high)
+        most = -FAR_BEYOND * function(np.zeros_like(low))[0]
+        for _ in range(DOUBLINGS):
+            far = ~(function(high)[0] <= most) & (most > 0)
+            if not np.any(far):
+                break
+            middle = (low + high) / 2
+            beyond = ~(function(middle)[0] < 0)
+            low, high = np.where(far & ~beyond, middle, low), np.where(far & beyond, middle, high)
 
         def falling(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             value, rate = function(at)

@@ -53,6 +53,8 @@ class Call(int):
         f, given = self.function, np.broadcast_arrays(*operands)
         shape, rows = given[0].shape, np.array([np.ravel(g) for g in given], dtype=float)
         columns, first, count = list[Any](), 0, rows.shape[1]
+        if count == 0:
+            return np.zeros(shape)
         for k in range(f.n_in()):
             last = first + f.nnz_in(k)
             if f.nnz_in(k) not in (0, f.size1_in(k)):  # no dense column

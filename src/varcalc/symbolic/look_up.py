@@ -12,13 +12,15 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import Call, interpret, operate
+from varcalc.symbolic.instructions import Call, Expression, interpret, operate
 
 INTERPOLANTS = {"LinearInterpolant", "BSplineInterpolant"}
 """CasADi's names of the kinds of tables."""
@@ -31,6 +33,12 @@ GRID, OFFSET = b"Interpolant::grid", b"Interpolant::offset"
 """The fields that hold the knots of all arguments, one after the other, and where those of each begin."""
 WITHIN_CELL = 16
 """Places in a cell at which a table is sampled."""
+CUBIC_CHECKS, SAME_VALUE = 6, 1e-13
+"""Parts of a cell on whose edges a table must be a cubic, or a line, and how well, relative to its largest value."""
+SAME_DEPTH = 8
+"""To which depth expressions are compared."""
+CUBIC = 5
+"""Constants of a cubic in a cell: a knot and four coefficients."""
 NUMBER, WHOLE = b"d", b"J"
 """What comes before a number, and before a whole number, of eight bytes each."""
 
@@ -131,6 +139,103 @@ def enclosed(function: ca.Function, least: np.ndarray, greatest: np.ndarray) -> 
     low = np.fmin(np.minimum(*ends) - bend, samples.least.within(first, last))
     high = np.fmax(np.maximum(*ends) + bend, samples.greatest.within(first, last))
     return np.where(outside, math.nan, low), np.where(outside, math.nan, high)
+
+
+@dataclass(frozen=True)
+class InCells:
+    """An ``expression`` of ``symbols`` and of ``constants``, with a cubic in the place of each table of one argument.
+
+    The constants say in which cell of each table that is: its lower knot, and the coefficients of the powers of what
+    the argument is above it.
+    """
+
+    expression: Expression
+    symbols: Expression
+    constants: Expression
+    tables: tuple[CubicTable, ...]
+
+    def at(self, places: np.ndarray) -> np.ndarray:
+        """The constants (m, k) of the cells around places (m, symbols); no numbers beyond the knots of a table."""
+        if not self.tables:
+            return np.zeros((len(places), 0))
+        arguments = ca.Function("arguments", [self.symbols], [ca.vertcat(*(table.argument for table in self.tables))])
+        found = np.asarray(arguments.map(len(places))(places.T))
+        return np.hstack([table.at(argument) for table, argument in zip(self.tables, found, strict=True)])
+
+
+@dataclass(frozen=True)
+class CubicTable:
+    """A table of one ``argument`` between ``edges`` (k,), its cubics with the coefficients ``powers`` (k - 1, 4)."""
+
+    argument: Expression
+    edges: np.ndarray
+    powers: np.ndarray
+
+    def at(self, argument: np.ndarray) -> np.ndarray:
+        """Lower knots and coefficients (m, 5) around values of the argument (m,); no numbers beyond the knots."""
+        cell = np.clip(np.searchsorted(self.edges, argument, "right") - 1, 0, len(self.powers) - 1)
+        inside = (argument >= self.edges[0]) & (argument <= self.edges[-1])
+        return np.where(inside[:, None], np.column_stack([self.edges[cell], self.powers[cell]]), math.nan)
+
+    def same(self, other: CubicTable) -> bool:
+        """Whether both have the same values."""
+        arrays = ((self.edges, other.edges), (self.powers, other.powers))
+        equal = all(np.array_equal(one, two) for one, two in arrays)
+        return equal and bool(ca.is_equal(self.argument, other.argument, SAME_DEPTH))
+
+
+def in_cells(expression: Expression, symbols: Expression) -> InCells:
+    """An SX ``expression`` of a column of ``symbols`` in cells; tables that are no cubics stay what they are."""
+    function = ca.Function("read", [symbols], [expression])
+    tables: list[CubicTable] = []
+    constants: list[Expression] = []
+
+    def applied(operation: int, operands: Sequence[_InCell]) -> _InCell:
+        written = operate(operation, [o.written for o in operands])
+        powers = _cubics(operation.function) if isinstance(operation, Call) else None
+        if not isinstance(operation, Call) or powers is None:
+            return _InCell(written, operate(operation, [o.in_cell for o in operands]))
+        table = CubicTable(operands[0].written, knots(operation.function)[0], powers)
+        number = next((k for k, known in enumerate(tables) if known.same(table)), len(tables))
+        if number == len(tables):
+            tables.append(table)
+            constants.append(ca.SX.sym(f"cell{number}", CUBIC))
+        knot, a, b, c, d = constants[number].elements()
+        above = operands[0].in_cell - knot
+        return _InCell(written, a + above * (b + above * (c + above * d)))
+
+    given = [[_InCell(symbol, symbol) for symbol in symbols.elements()]]
+    (results,) = interpret(function, given, lambda c: _InCell(ca.SX(c), ca.SX(c)), applied)
+    return InCells(
+        ca.vertcat(*(r.in_cell for r in results)), symbols, ca.vertcat(ca.SX(0, 1), *constants), tuple(tables)
+    )
+
+
+class _InCell(NamedTuple):
+    """An expression as it was written, and in one cell of every table."""
+
+    written: Expression
+    in_cell: Expression
+
+
+def _cubics(function: ca.Function) -> np.ndarray | None:
+    """The coefficients (cells, 4) of a table of one argument, lines among them; None of what is no such table."""
+    if not (function.n_in() == function.n_out() == function.nnz_in(0) == function.nnz_out(0) == 1 and knots(function)):
+        return None
+    (edges,) = knots(function)
+    widths, shares = np.diff(edges), np.arange(CUBIC_CHECKS + 1) / CUBIC_CHECKS
+    samples = np.asarray(function.map(len(widths) * len(shares))((edges[:-1, None] + widths[:, None] * shares).ravel()))
+    values = samples.reshape(len(widths), len(shares))
+    values[:-1, -1] = values[1:, 0]
+    size = np.abs(values).max()
+    line = values[:, :1] + (values[:, -1:] - values[:, :1]) * shares
+    if np.abs(values - line).max() <= SAME_VALUE * size:
+        return np.column_stack([values[:, 0], (values[:, -1] - values[:, 0]) / widths, *np.zeros((2, len(widths)))])
+    third = CUBIC_CHECKS // 3
+    powers = np.linalg.solve(np.vander(shares[::third], increasing=True), values[:, ::third].T)
+    if not np.abs(values - (np.vander(shares, 4, increasing=True) @ powers).T).max() <= SAME_VALUE * size:
+        return None
+    return (powers / widths ** np.arange(4)[:, None]).T
 
 
 class _Extreme:

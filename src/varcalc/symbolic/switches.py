@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import NAMES, in_numbers, interpret, operate
+from varcalc.symbolic.instructions import NAMES, Call, in_numbers, interpret, operate
+from varcalc.symbolic.look_up import knots
 from varcalc.symbolic.tracing import Expression
 
 ONE_SIDED = {ca.OP_FABS, ca.OP_SIGN}
@@ -30,10 +31,11 @@ WORDS = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}
 
 @dataclass(frozen=True)
 class Switch:
-    """A place where an expression is not smooth: where ``argument`` is zero, or, ``stepped``, any whole number.
+    """A place where an expression is not smooth: where ``argument`` is one of the ``levels``.
 
-    ``word`` is what was written there (``fabs``, ``fmax``, ``<``), ``jumps`` whether the operation itself jumps,
-    ``smooth`` whether what is made of it has no kink there.
+    Those are zero, any whole number of what is ``stepped``, or the knots of a table. ``word`` is what was written there
+    (``fabs``, ``fmax``, ``<``), ``jumps`` whether the operation itself jumps, ``smooth`` whether what is made of it has
+    no kink there.
     """
 
     argument: Expression
@@ -41,6 +43,21 @@ class Switch:
     jumps: bool
     stepped: bool = False
     smooth: bool = False
+    levels: tuple[float, ...] = (0.0,)
+
+    def met(self, least: np.ndarray, greatest: np.ndarray) -> np.ndarray:
+        """How many of the levels lie between values of the argument, the ends among them; floats."""
+        if self.stepped:
+            return np.floor(greatest) - np.ceil(least) + 1
+        first, last = np.searchsorted(self.levels, least, "left"), np.searchsorted(self.levels, greatest, "right")
+        return np.where(least <= greatest, last - first, 0.0)
+
+    def within(self, least: float, greatest: float) -> np.ndarray:
+        """The levels between two values, the ends among them."""
+        if self.stepped:
+            return np.arange(np.ceil(least), np.floor(greatest) + 1)
+        levels = np.array(self.levels)
+        return levels[(levels >= least) & (levels <= greatest)]
 
     def depends_on(self, symbols: Expression) -> bool:
         """Whether the place moves with any of the ``symbols``."""
@@ -63,6 +80,25 @@ def switches(expressions: Sequence[Expression], symbols: Sequence[Expression]) -
         return operate(operation, operands)
 
     interpret(function, [s.nonzeros() if s.numel() else [] for s in symbols], ca.SX, applied)
+    return tuple(found)
+
+
+def tables(expression: Expression, symbols: Expression) -> tuple[Switch, ...]:
+    """The tables in an SX ``expression`` of a column of ``symbols``: less smooth where an argument is at a knot."""
+    function = ca.Function("read", [symbols], [expression])
+    if ca.OP_CALL not in map(function.instruction_id, range(function.n_instructions())):
+        return ()
+    found: list[Switch] = []
+
+    def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+        if isinstance(operation, Call):
+            for argument, edges in zip(operands, knots(operation.function)):  # noqa: B905  what is no table has none
+                levels = tuple(edges.tolist())
+                if not any(levels == known.levels and ca.is_equal(argument, known.argument, 8) for known in found):
+                    found.append(Switch(argument, "interpolant", jumps=False, levels=levels))
+        return operate(operation, operands)
+
+    interpret(function, [symbols.elements()], ca.SX, applied)
     return tuple(found)
 
 

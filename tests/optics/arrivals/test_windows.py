@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -46,6 +48,26 @@ def test_a_graded_index_of_the_height_is_searched_as_layers() -> None:
     assert [ray.optical_path for ray in rays] == [ray.optical_path for ray in layers]
 
 
+@pytest.mark.parametrize(("axis", "dimension"), [(0, 2), (0, 3), (1, 3), (2, 3)])
+def test_a_graded_index_of_any_one_coordinate_is_searched_as_layers(axis: int, dimension: int) -> None:
+    """n² = a - b y from a kink at -1 upwards: from y = 0 at the momentum w a ray is back after σ = 4 w / b.
+
+    ∫ n² dσ = (4aw - 8w³/3) / b.
+    """
+    a, b, sine = 1.5, 0.8, 0.3
+    w, p = math.sqrt(a) * sine, math.sqrt(a * (1 - sine**2))
+
+    def index(*place: ca.SX) -> ca.SX:
+        return ca.sqrt(a + b - b * ca.fabs(place[axis] + 1))
+
+    ahead = np.roll(np.eye(dimension)[0], axis + 1)
+    rays = optics.Scene(optics.Graded(index)).rays(np.zeros(dimension), p * 4 * w / b * ahead, within=4.0)
+    own = [ray for ray in rays if abs(ray.tangents[0][axis] - sine) < 1e-12]
+    assert [ray.optical_path for ray in own] == pytest.approx([(4 * a * w - 8 * w**3 / 3) / b], rel=1e-13)
+    assert [ray.tangents[0] @ ahead for ray in own] == pytest.approx([math.sqrt(1 - sine**2)], rel=1e-13)
+    assert rays.unresolved == 0
+
+
 def test_a_graded_index_of_the_height_keeps_its_parameters() -> None:
     medium = optics.Graded(lambda x, y, z, p: ca.sqrt(1 - 2 * p.fall * ca.tanh(z)), parameters={"fall": 0.3})
     rays = optics.Scene(medium).rays((0, 0, 0), (0.3, 0.1, 0.2))
@@ -70,13 +92,14 @@ def test_rays_end_where_a_table_of_casadi_ends(table: optics.Stratified) -> None
     assert not np.any(bundle.arrived)
 
 
-def test_what_a_table_of_casadi_may_hide_is_counted(table: optics.Stratified) -> None:
-    rays = optics.Scene(table).rays((0, -0.5), (0.4, -0.3))
-    assert len(rays) == 1
-    assert rays.unresolved == 1
-    assert "tables of CasADi's" in rays.searched
-    with pytest.raises(optics.DoesNotApply, match="looked up"):
-        optics.Scene(table).rays((0, -0.5), (0.4, -0.3), model=optics.Invariants())
+def test_all_rays_of_a_table_of_casadi_are_found_by_quadrature(table: optics.Stratified) -> None:
+    scene = optics.Scene(table)
+    rays = scene.rays((0, -0.5), (0.4, -0.3))
+    assert rays.unresolved == 0
+    integrated = scene.trace((0, -0.5), [rays[0].tangents[0]], optical_path=rays[0].optical_path)
+    assert integrated.points[0] == pytest.approx((0.4, -0.3), abs=1e-12)
+    own = scene.rays((0, -0.5), (0.4, -0.3), model=optics.Invariants())
+    assert [ray.optical_path for ray in own] == pytest.approx([ray.optical_path for ray in rays], rel=1e-14)
 
 
 def test_the_search_of_one_pair_in_space_tells_how_far_it_has_come() -> None:

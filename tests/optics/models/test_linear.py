@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from varcalc import optics
 from varcalc.optics import RayStatus
@@ -107,3 +108,49 @@ def test_squares_are_written_without_roots(value):
         first, second = there(0.3)
         assert float(first) == pytest.approx(float(second), rel=1e-15)
         assert "sqrt" not in str(squared(written))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("limit", [20.0, 500.0, 1e8])
+def test_rays_of_a_saddle_stop_at_their_optical_paths(limit):
+    """n^2 = 3 + x^2 - y^2, x'' = x and y'' = -y: rays were said to stop at 500 that went on to 1e98."""
+    scene = optics.Scene(optics.Graded(lambda x, y: ca.sqrt(3 + x**2 - y**2)))
+    turn = np.linspace(-3, 3, 40)
+    bundle = scene.trace((0.0, 0.1), np.column_stack([np.cos(turn), np.sin(turn)]), optical_path=limit)
+    assert bundle.arrived.all()
+    assert bundle.optical_path == pytest.approx(np.full(40, limit), rel=1e-12)
+    p, q = np.sqrt(2.99) * np.cos(turn), np.sqrt(2.99) * np.sin(turn)
+    sigma = np.arcsinh(bundle.points[:, 0] / p)
+    assert bundle.points[:, 1] == pytest.approx(0.1 * np.cos(sigma) + q * np.sin(sigma), abs=1e-7)
+    path = p**2 * (sigma + np.sinh(sigma) * np.cosh(sigma)) / 2
+    path += q**2 * (sigma + np.sin(sigma) * np.cos(sigma)) / 2 + 0.01 * (sigma - np.sin(sigma) * np.cos(sigma)) / 2
+    path -= 0.1 * q * np.sin(sigma) ** 2
+    assert path == pytest.approx(np.full(40, limit), rel=1e-12)
+
+
+def test_the_optical_path_of_a_ray_that_comes_to_a_saddle_loses_no_digits_to_what_grows():
+    """In n^2 = 3 + x^2 - y^2 from (2, 0) along p = (-2, √3): x = 2 exp(-σ) and y = √3 sin σ."""
+    scene = optics.Scene(optics.Graded(lambda x, y: ca.sqrt(3 + x**2 - y**2)))
+    for sigma in (2.0, 9.0):
+        path = 2 * (1 - np.exp(-2 * sigma)) + 1.5 * (sigma + np.sin(sigma) * np.cos(sigma))
+        bundle = scene.trace((2.0, 0.0), [(-2.0, np.sqrt(3.0))], optical_path=path)
+        assert bundle.points[0, 1] == pytest.approx(np.sqrt(3) * np.sin(sigma), abs=1e-11)
+
+
+@pytest.mark.filterwarnings("error")
+def test_rays_beside_a_saddle_are_found_without_warnings():
+    """p(σ) is known where a ray comes to B after σ, and |p|² = n²(A) is one equation: its first five zeros."""
+
+    def excess(s):
+        return (2.5 / np.sinh(s)) ** 2 + ((0.3 - 0.1 * np.cos(s)) / np.sin(s)) ** 2 - 2.99
+
+    s = np.linspace(0.01, 8.0, 80001)
+    ahead = excess(s)
+    change = np.flatnonzero((ahead[1:] * ahead[:-1] < 0) & (np.abs(ahead[1:]) < 100))
+    sigma = np.array([brentq(excess, s[k], s[k + 1], xtol=1e-15) for k in change])
+    p, q = 2.5 / np.sinh(sigma), (0.3 - 0.1 * np.cos(sigma)) / np.sin(sigma)
+    path = p**2 * (sigma + np.sinh(sigma) * np.cosh(sigma)) / 2 - 0.1 * q * np.sin(sigma) ** 2
+    path += q**2 * (sigma + np.sin(sigma) * np.cos(sigma)) / 2 + 0.01 * (sigma - np.sin(sigma) * np.cos(sigma)) / 2
+    rays = optics.Scene(optics.Graded(lambda x, y: ca.sqrt(3 + x**2 - y**2))).rays((0, 0.1), (2.5, 0.3))
+    found = [ray.optical_path for ray in rays if ray.optical_path < 13.0]
+    assert found == pytest.approx(sorted(path[path < 13.0]), rel=1e-11)

@@ -2,11 +2,13 @@
 
 import math
 
+import casadi as ca
 import mpmath as mp
 import numpy as np
 import pytest
 
 from varcalc import optics
+from varcalc.optics.models.reduction import Profile
 from varcalc.optics.models.tables import TableProfile
 
 HEIGHTS = np.array([-4.1, -2.7, -2.2, -0.4, 0.3, 1.9, 3.0])
@@ -20,10 +22,18 @@ def exact(medium, u):
     return sum(mp.mpf(float(c)) * above**i for i, c in enumerate(medium.coefficients[k]))
 
 
+def looked_up(heights, index, smooth):
+    """n of a height by a table of CasADi's of n^2."""
+    table = ca.interpolant("squared", "bspline" if smooth else "linear", [heights], index**2)
+    return lambda y: ca.sqrt(table(y))
+
+
+@pytest.mark.parametrize("casadi", [True, False])
 @pytest.mark.parametrize("smooth", [True, False])
-def test_changes_are_exact_however_small_and_through_any_number_of_layers(smooth):
-    medium = optics.Tabulated(HEIGHTS, INDEX, smooth=smooth)
-    profile, rng = TableProfile(medium), np.random.default_rng(5)
+def test_changes_are_exact_however_small_and_through_any_number_of_layers(smooth, casadi):
+    medium, rng = optics.Tabulated(HEIGHTS, INDEX, smooth=smooth), np.random.default_rng(5)
+    other = optics.Stratified(looked_up(HEIGHTS, INDEX, smooth))
+    profile = Profile(other, 1.0, 0.0) if casadi else TableProfile(medium)
     base = rng.uniform(HEIGHTS[0], HEIGHTS[-1], 60)
     base[:6] = HEIGHTS[1:]  # from a height of the table both ways
     x = np.where(rng.uniform(size=60) < 0.5, -1, 1) * 10.0 ** rng.uniform(-12, 0.5, 60)
@@ -62,13 +72,27 @@ def reached(squared, heights, start, cosine, up, distance):
         x, y, w = x + t * math.sqrt(p2), h, w + slopes[k] / 2 * t
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_all_rays_of_a_table_of_parabolas(seed):
+def stratified(heights, index):
+    return optics.Stratified(looked_up(heights, index, False))
+
+
+def graded(heights, index):
+    return optics.Graded(lambda x, y: looked_up(heights, index, False)(y))
+
+
+def tabulated(heights, index):
+    return optics.Tabulated(heights, index, smooth=False)
+
+
+@pytest.mark.parametrize(
+    ("seed", "medium"), [*((k, tabulated) for k in range(4)), (1, stratified), (2, graded), (3, stratified)]
+)
+def test_all_rays_of_a_table_of_parabolas(seed, medium):
     rng = np.random.default_rng(seed)
     heights = np.sort(rng.uniform(-5, 0, 7))
     index = 1 + 0.05 * rng.uniform(size=7)
     (start, end), distance = rng.uniform(heights[1], heights[-2], 2), float(rng.uniform(5, 60))
-    rays = optics.Scene(optics.Tabulated(heights, index, smooth=False)).rays((0, start), (distance, end))
+    rays = optics.Scene(medium(heights, index)).rays((0, start), (distance, end))
 
     def beyond(angle):
         there = reached(index**2, heights, start, math.cos(angle), angle > 0, distance)
@@ -86,6 +110,28 @@ def test_all_rays_of_a_table_of_parabolas(seed):
             found.append(low)
     assert rays.unresolved == 0
     assert sorted(math.atan2(*ray.tangents[0][::-1]) for ray in rays) == pytest.approx(found, abs=1e-9)
+
+
+@pytest.mark.parametrize("medium", [stratified, graded])
+def test_rays_are_carried_to_surfaces_in_pieces_of_parabolas(medium):
+    heights = np.array([-3.0, -1.8, -1.1, -0.2, 0.4, 2.0])
+    index = np.array([1.3, 1.25, 1.4, 1.32, 1.37, 1.2])
+    scene = optics.Scene([medium(heights, index), optics.Uniform(1.0)], [optics.Plane((2.5, 0), (1, 0))])
+    angles = np.linspace(-0.5, 0.5, 21)
+    bundle = scene.trace((0, -0.3), [(math.cos(t), math.sin(t)) for t in angles], until=scene.surfaces[0])
+    there = [reached(index**2, heights, -0.3, math.cos(t), t > 0, 2.5) for t in angles]
+    assert all(y is not None for y in there)
+    assert bundle.points[:, 1] == pytest.approx(there, abs=1e-13)
+
+
+def test_rays_about_a_centre_of_a_table_are_lines_of_the_squared_plane():
+    """n = r: w = z^2 maps rays to straight lines, and their optical paths are half the lengths of these."""
+    radii = np.linspace(0.5, 3, 9)
+    scene = optics.Scene(optics.Radial(ca.interpolant("n", "linear", [radii], radii)))
+    for a, b in ((1.0, 1.2 * np.exp(1.0j)), (0.8 * np.exp(0.2j), 2.0 * np.exp(-0.9j))):
+        rays = scene.rays((a.real, a.imag), (b.real, b.imag), within=6.0)
+        assert [ray.optical_path for ray in rays] == pytest.approx([abs(b**2 - a**2) / 2], rel=1e-13)
+        assert rays.unresolved == 0
 
 
 @pytest.mark.parametrize(("strength", "ends"), [(1e-6, (-1000, -300)), (1e-6, (-4800, -10)), (-1e-6, (-300, -1000))])
@@ -107,3 +153,17 @@ def test_many_receivers_of_a_table_are_answered_as_each_alone():
             [ray.optical_path for ray in alone], rel=1e-12
         )
         assert together[k].unresolved == alone.unresolved
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-7, 1e-5, 1.0, 1e3])
+def test_kinks_and_knots_are_placed_whatever_the_unit_of_length(scale):
+    """At a tenth of a micrometre, in metres, two kinks were taken for one, and tables lost their knots."""
+    kinks = optics.Stratified(lambda y: ca.sqrt(1.5 - 0.1 * ca.fabs((y / scale) ** 2 - 1)))
+    assert Profile(kinks, 1.0, 0.3 * scale).stops == pytest.approx(np.array([-scale, scale]), rel=1e-14)
+    knots = np.linspace(0, 3, 7) * scale
+    table = ca.interpolant("n", "linear", [knots], 1.2 + 0.1 * np.sin(np.arange(7.0)))
+    profile = Profile(optics.Stratified(lambda y: table(ca.sqrt(y**2))), 1.0, 0.3 * scale)
+    assert profile.stops / scale == pytest.approx(np.linspace(-3, 3, 13), rel=1e-12, abs=1e-5)
+    height = np.array([-2.2, 0.3, 1.7]) * scale
+    expected = np.interp(np.abs(height), knots, 1.2 + 0.1 * np.sin(np.arange(7.0))) ** 2
+    assert profile.at(height)[0] == pytest.approx(expected, rel=1e-14)

@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 from varcalc.optics.arrivals.cells import MOVED, P
 from varcalc.optics.arrivals.fan import AXES_OFF, FIRST_ANGLES, LEAST_ANGLE, LOOKS, AimedDirections, Fan, FanReach
 from varcalc.optics.arrivals.wavefront_construction import PlanePairs, WavefrontConstruction
-from varcalc.optics.media.tabulated import Tabulated
+from varcalc.optics.media.tabulated import Layers
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.propagation.sequential import Propagator
 from varcalc.optics.rays.beam import Rows
@@ -84,7 +84,7 @@ class NarrowSearch:
     def _squared(self) -> ca.Function | None:
         """n² of a point, where rays are bent by it and it can be read."""
         last = self.propagator.models[-1]
-        if not isinstance(last, HamiltonRays) or isinstance(last.medium, Tabulated):
+        if not isinstance(last, HamiltonRays) or isinstance(last.medium, Layers):
             return None
         place = ca.SX.sym("r", 2)
         try:

@@ -12,15 +12,17 @@ import numpy as np
 
 from varcalc.optics.arrivals.fan import Fan, FanReach
 from varcalc.optics.arrivals.narrow import NarrowSearch
+from varcalc.optics.arrivals.sections import PlaneSection
 from varcalc.optics.arrivals.space import SpaceSearch
 from varcalc.optics.arrivals.space_cells import SpaceCells
 from varcalc.optics.arrivals.space_fan import SpaceFan, SpaceReach
 from varcalc.optics.arrivals.stages import Stage, quietly
 from varcalc.optics.arrivals.wavefront_construction import Arrivals, PlanePairs, WavefrontConstruction
-from varcalc.optics.media.medium import Graded, Medium, Radial, Stratified, as_layers, looks_up
+from varcalc.optics.media.medium import Graded, Radial, Stratified, as_layers
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.aimed import CARRIED_WELL, Carry, Told
 from varcalc.optics.models.constant_pull import ConstantPull
+from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.invariants import Invariants
 from varcalc.optics.models.jumps import jumping
 from varcalc.optics.models.model import Builder, Model, Question, checked_model
@@ -37,8 +39,10 @@ FLAT_SPREADING = 1e-9
 EPS = float(np.finfo(float).eps)
 PAIRS_TOGETHER = 4096
 """Pairs of points searched for together."""
-SAME_DIRECTION = 1e-14
-"""Directions that differ by less, relative to the scene, are the same."""
+BESIDE_LINE = 1e-6
+"""Of its heading: a ray leaves the line through both points."""
+BESIDE_FOCUS = 1e-4
+"""Headings of rays that may be one, seen twice where many come together."""
 MEETS = 1e-7
 """Of the distance of two points: a ray that ends farther from the second when it is carried anew is none of theirs."""
 USUAL_RANGE = 5.0
@@ -54,6 +58,7 @@ class PointPairs(Rows):
     """k pairs of points: sources and targets (k, d), and ``within`` (k,), the largest optical paths of their rays.
 
     The planes that hold the rays go through ``origin`` (k, d) along ``axes`` (k, 2, d); (k, 0, d) where none does.
+    Those that are ``turning`` (k,) are any about the line through both points.
     """
 
     sources: np.ndarray
@@ -61,6 +66,7 @@ class PointPairs(Rows):
     within: np.ndarray
     origin: np.ndarray
     axes: np.ndarray
+    turning: np.ndarray
 
     @property
     def in_planes(self) -> bool:
@@ -84,9 +90,9 @@ class TwoPoint:
         return NarrowSearch(self.planar)
 
     @cached_property
-    def looked_up(self) -> bool:
-        """Whether a medium is looked up in a table of CasADi's, whose knots and ends are not known."""
-        return any(looks_up(medium, self.full.dimension) for medium in self.full.media)
+    def over_knots(self) -> bool:
+        """Whether rays are carried over knots of tables."""
+        return any(isinstance(model, HamiltonRays) and model.steps_over_knots for model in self.full.models)
 
     def found(self, pairs: PointPairs, stage: Stage = quietly) -> list[Rays]:
         """All rays of each pair, in the planes that hold them or over all directions of space.
@@ -135,14 +141,19 @@ class TwoPoint:
         aims = found.meeting.aims
         turned = np.column_stack([np.cos(aims.angle), np.sin(aims.angle)])
         heading = np.einsum("ma,mad->md", turned, ends.axes[aims.pair])
-        path = found.meeting.state[:, 4]
-        built = self.built(ends.take(aims.pair), heading, path, found.touching)
+        # where the plane may be turned about the line of both points, a ray stands for all that it is turned into
+        rows = np.flatnonzero(_off_line(ends.take(aims.pair), heading) >= -BESIDE_LINE)
+        pair, heading, touching = aims.pair[rows], heading[rows], found.touching[rows]
+        built = self.built(ends.take(pair), heading, found.meeting.state[rows, 4], touching)
         rays: list[list[Ray]] = [[] for _ in range(len(ends))]
-        for k, (ray, miss) in zip(aims.pair, built, strict=True):
-            if ray is not None and miss <= MEETS:
-                rays[k].append(ray)
-            elif ray is not None:
+        for k, (ray, miss) in zip(pair, built, strict=True):
+            if ray is not None and miss > MEETS:
                 found.unresolved[k] += 1
+            elif ray is not None and _told_apart(ray, rays[k]):
+                rays[k].append(ray)
+        for k in np.flatnonzero(ends.turning):
+            headings = np.array([ray.tangents[0] for ray in rays[k]]).reshape(-1, ends.sources.shape[1])
+            found.continuum[k] |= np.any(_off_line(ends.take(np.full(len(headings), k)), headings) > BESIDE_LINE)
         return rays
 
     def built(
@@ -299,10 +310,38 @@ def _told(
     return no_rays(reason, searched, unresolved)
 
 
-def _beside_tables(rays: Rays) -> Rays:
-    """The same, and that the search knows neither the knots nor the ends of a table that a medium is looked up in."""
-    said = f"{rays.searched}; not the knots and ends of tables of CasADi's, where rays may part"
+def _over_knots(rays: Rays) -> Rays:
+    """The same, and that rays were carried over the knots of tables, where they may part."""
+    said = f"{rays.searched}; steps went over the knots of tables, beside which rays may part"
     return replace(rays, searched=said, unresolved=rays.unresolved + 1)
+
+
+def _off_line(ends: PointPairs, headings: np.ndarray) -> np.ndarray:
+    """How far (m,) rays along unit ``headings`` (m, d) leave the lines of pairs (m,) whose planes may be turned.
+
+    It is negative on one side, and none where the planes may not be turned.
+    """
+    if not np.any(ends.turning):
+        return np.zeros(len(headings))
+    along, across = np.einsum("mad,md->am", ends.axes, ends.targets - ends.sources)
+    side = along[:, None] * ends.axes[:, 1] - across[:, None] * ends.axes[:, 0]
+    off = np.sum(headings * side, axis=1) / np.hypot(along, across)
+    return np.where(ends.turning, off, 0.0)
+
+
+def _told_apart(ray: Ray, others: list[Ray]) -> bool:
+    """Whether a ray that ends on a caustic is none of others: beside a focus directions are known far worse than paths.
+
+    Those are left out of the others that are known worse.
+    """
+    for other in others if ray.degenerate else []:
+        near = np.linalg.norm(ray.tangents[0] - other.tangents[0]) <= BESIDE_FOCUS
+        if near and other.degenerate and abs(ray.optical_path - other.optical_path) <= ray.error + other.error:
+            if ray.error >= other.error:
+                return False
+            others.remove(other)
+            return True
+    return True
 
 
 def _of_all(told: Telling, total: int, done: int, what: str) -> None:
@@ -399,7 +438,7 @@ class PairSearch:
         left = [k for k, answer in enumerate(answers) if answer is None]
         if left:
             for k, rays in zip(left, problem.found(ends.take(left), stage), strict=True):
-                answers[k] = _beside_tables(rays) if problem.looked_up else rays
+                answers[k] = _over_knots(rays) if problem.over_knots else rays
         return [answer for answer in answers if answer is not None]
 
     def _question(self, problem: TwoPoint, one: PointPairs) -> Question:
@@ -408,14 +447,20 @@ class PairSearch:
         a, b, within = one.sources[0], one.targets[0], float(one.within[0])
         return Question(media, surfaces, a, b, within, _builder(problem, one), lambda: problem.found(one)[0])
 
+    @cached_property
+    def _section(self) -> PlaneSection | None:
+        """What the planes hold that hold all rays between two points in space."""
+        return PlaneSection.of(self.compiled.media, self.compiled.surfaces)
+
     def _as_layers(self, dimension: int) -> PairSearch | None:
-        """The search in the scene read as layers, where its one medium is ``Graded`` and depends on the height."""
+        """The search in the scene read as layers, where its one medium is ``Graded`` and depends on its height."""
         medium = self.compiled.media[0]
         if self.compiled.surfaces or not isinstance(medium, Graded):
             return None
         if dimension not in self._layers:
-            read = as_layers(medium, dimension)
-            self._layers[dimension] = PairSearch(CompiledScene((read,), (), dimension)) if read else None
+            read, axis = as_layers(medium, dimension) or (None, -1)
+            scene = CompiledScene((read,), (), dimension) if read and axis == dimension - 1 else None
+            self._layers[dimension] = PairSearch(scene) if scene else None
         return self._layers[dimension]
 
     def _known(self, dimension: int) -> ConstantPull | RangeFunction | None:
@@ -425,9 +470,12 @@ class PairSearch:
             return None
         if dimension not in self._complete:
             known = ConstantPull.of(medium, dimension)
-            reduced = isinstance(medium, Stratified | Tabulated | Radial) and not looks_up(medium, dimension)
+            axis = dimension - 1
+            if isinstance(medium, Graded):
+                medium, axis = as_layers(medium, dimension) or (medium, axis)
+            reduced = isinstance(medium, Stratified | Tabulated | Radial)
             if known is None and reduced and not jumping(medium, dimension):
-                known = RangeFunction(medium)
+                known = RangeFunction(medium, axis)
             self._complete[dimension] = known
         return self._complete[dimension]
 
@@ -456,19 +504,22 @@ class PairSearch:
 
     def _with_planes(self, a: np.ndarray, b: np.ndarray, within: np.ndarray) -> PointPairs:
         """The pairs with the planes that hold their rays: all of them in one, each in its own, or none."""
-        medium, (k, d) = self.compiled.media[0], a.shape
-        origin, axes = np.zeros((k, d)), np.broadcast_to(np.eye(2), (k, 2, 2)) if d == 2 else np.zeros((k, 0, 3))
-        if d == 3 and len(self.compiled.media) == 1 and _planar(medium) is not None:
-            origin, axes = (np.array(part) for part in zip(*map(_section, [medium] * k, a, b), strict=True))
-        return PointPairs(a, b, within, origin, axes)
+        k, d = a.shape
+        turning, origin = np.zeros(k, dtype=bool), np.zeros((k, d))
+        axes = np.broadcast_to(np.eye(2), (k, 2, 2)) if d == 2 else np.zeros((k, 0, 3))
+        if d == 3 and self._section is not None:
+            origin, axes = (np.array(part) for part in zip(*map(self._section.between, a, b), strict=True))
+            turning = self._section.turning(a, b)
+        return PointPairs(a, b, within, origin, axes, turning)
 
     def _problem(self, pairs: PointPairs, model: Model | None) -> TwoPoint:
         """The problem of the pairs."""
         d = pairs.sources.shape[1]
         key, full = (d, pairs.in_planes, model), self.compiled.propagator(None, d, model)
         if key not in self._problems:
-            flat = _planar(self.compiled.media[0]) if d == 3 and pairs.in_planes else None
-            self._problems[key] = TwoPoint(Propagator((flat,), (), None, 2, model) if flat else full, full)
+            flat = self._section if d == 3 and pairs.in_planes else None
+            planar = Propagator(flat.media, flat.surfaces, None, 2, model) if flat else full
+            self._problems[key] = TwoPoint(planar, full)
         return self._problems[key]
 
     def _usual_range(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -487,42 +538,6 @@ class PairSearch:
         for geometry in self.compiled.geometries(a.shape[1]):
             lengths += [geometry.distance(a), geometry.distance(b)]
         return USUAL_RANGE * largest * sum(np.where(np.isfinite(length), length, 0.0) for length in lengths)
-
-
-def _planar(medium: Medium) -> Medium | None:
-    """The medium in the planes that hold its rays in space; None where no planes do.
-
-    Layers keep a ray in the vertical plane of its direction, a centre in the plane through it.
-    """
-    if isinstance(medium, Radial):
-        return replace(medium, center=None)
-    return medium if medium.is_uniform or isinstance(medium, Stratified) else None
-
-
-def _section(medium: Medium, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The plane that holds every ray from ``a`` to ``b`` in space: an origin (3,) and orthonormal axes (2, 3).
-
-    Where ``a`` and ``b`` do not fix the plane it is any of those that do, and its rays stand for those of the others.
-    """
-    if isinstance(medium, Stratified):
-        up = np.array([0.0, 0.0, 1.0])
-        return np.array([a[0], a[1], 0.0]), np.stack([_beside(up, b - a), up])
-    if isinstance(medium, Radial):
-        center = medium.middle(3)
-        first, other = (a - center, b - center) if np.linalg.norm(a - center) > 0 else (b - center, b - center)
-        first = first / np.linalg.norm(first)
-        return center, np.stack([first, _beside(first, other)])
-    ahead = (b - a) / np.linalg.norm(b - a)
-    return a, np.stack([ahead, _beside(ahead, ahead)])
-
-
-def _beside(axis: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """The unit vector at right angles to ``axis`` in the plane of both; any, where they are parallel."""
-    rest = other - np.dot(other, axis) * axis
-    if np.linalg.norm(rest) <= SAME_DIRECTION * np.linalg.norm(other):
-        rest = np.eye(3)[np.argmin(np.abs(axis))]
-        rest = rest - np.dot(rest, axis) * axis
-    return rest / np.linalg.norm(rest)
 
 
 def _builder(problem: TwoPoint, pair: PointPairs) -> Builder:

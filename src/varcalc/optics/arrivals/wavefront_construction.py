@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.optics.arrivals.cells import PATH, Cells
+from varcalc.optics.arrivals.cells import PATH, Cells, P, R
 from varcalc.optics.arrivals.fan import FIRST_ANGLES, LEAST_ANGLE, Fan
 from varcalc.optics.arrivals.misses import Misses, Seeds, misses, seeds
 from varcalc.optics.arrivals.newton import MEETS, TOUCHES_CAUSTIC, Aims, ClosestApproach, as_they_are, flattest, met
@@ -37,6 +37,8 @@ MEETS_UNAIMED = 1e-11
 """Of the scene: a ray that was aimed nowhere and comes so close to a point, to which a continuum leads, is of one."""
 TOLD_APART = 4 * LEAST_ANGLE
 """Neighbouring angles that are cut no more."""
+SIDES = 4
+"""Corners of a cell."""
 SAME_RAY = 1e-9
 """Angles, and optical paths relative to their size, that differ by less are of one ray."""
 
@@ -84,6 +86,15 @@ class WavefrontConstruction:
 
     def run(self, stage: Stage = quietly) -> Arrivals:
         """All arrivals, those of one pair by ascending optical path."""
+        with np.errstate(over="ignore", invalid="ignore"):  # cells of rays that go too far out for numbers, or to rest
+            self._settle_all(stage)
+        continua = self._continua()
+        parts = [(continua, np.ones(len(continua.miss), dtype=bool)), *self._polished(continua)]
+        meeting, touching = ClosestApproach.joined([found for found, _ in parts]), np.concatenate([t for _, t in parts])
+        return self._told(meeting, touching, len(continua.miss))
+
+    def _settle_all(self, stage: Stage) -> None:
+        """Lay out the rays, and part cells until all are settled."""
         stage(0, "laying out rays")
         cells = self.fan.cells()
         self.unresolved += self.fan.given_up[self.pairs.source]
@@ -92,10 +103,6 @@ class WavefrontConstruction:
         while len(cell):
             stage(0, f"{len(cell)} cells left")
             cells, cell, pair = self._round(cells, cell, pair)
-        continua = self._continua()
-        parts = [(continua, np.ones(len(continua.miss), dtype=bool)), *self._polished(continua)]
-        meeting, touching = ClosestApproach.joined([found for found, _ in parts]), np.concatenate([t for _, t in parts])
-        return self._told(meeting, touching, len(continua.miss))
 
     def _first(self, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
         """Cells and pairs whose points may be in them."""
@@ -139,9 +146,12 @@ class WavefrontConstruction:
         cell, pair = cell[again], pair[again]
         crowded = np.bincount(pair, minlength=len(self.pairs)) > CROWDED
         deep = cells.depth[cell] >= np.where(crowded[pair], FEWEST_HALVINGS, MOST_HALVINGS)
-        # between rays that part at a jump, as close as angles can be told, there is none
-        apart = ~cells.smooth[cell] & (cells.angle[cell, 1] - cells.angle[cell, 0] <= TOLD_APART)
+        # between rays as close as angles can be told there is none where they part at a jump, nor far from where they
+        # are: beside one at grazing incidence, where deviations are infinite, cubics say nothing
+        told_apart = cells.angle[cell, 1] - cells.angle[cell, 0] <= TOLD_APART
+        apart = ~cells.smooth[cell] & told_apart
         deep |= apart
+        apart |= deep & told_apart & ~self._near(cells, cell, pair)
         np.add.at(self.unresolved, pair[deep & ~apart], 1)
         cell, pair = cell[~deep], pair[~deep]
         used, cell = np.unique(cell, return_inverse=True)
@@ -152,6 +162,23 @@ class WavefrontConstruction:
         first, last = np.searchsorted(parent, cell, side="left"), np.searchsorted(parent, cell, side="right")
         part, which = _ranges(first, last)
         return parts, *self._inside(low, high, parts.source, part, pair[which])
+
+    def _near(self, cells: Cells, cell: np.ndarray, pair: np.ndarray) -> np.ndarray:
+        """True (k,) where a cell may hold the point of the pair by its corners alone.
+
+        Rays between two are not farther from these than they are from each other, and the point lies about as far
+        across from all of them.
+        """
+        state, point = cells.state[cell], self.pairs.target[pair]
+        corners, ahead = state[..., R], state[..., P]
+        room = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=2).max(axis=1)[:, None]
+        low, high = corners.min(axis=(1, 2)) - room, corners.max(axis=(1, 2)) + room
+        about = np.all((point >= low) & (point <= high), axis=1)
+        off = point[:, None, None] - corners
+        across = (ahead[..., 0] * off[..., 1] - ahead[..., 1] * off[..., 0]) / np.linalg.norm(ahead, axis=3)
+        least, most = np.abs(across).min(axis=(1, 2)), np.abs(across).max(axis=(1, 2))
+        aside = (np.abs(np.sign(across).sum(axis=(1, 2))) == SIDES) & (least > most - least)
+        return ~cells.whole[cell] | (about & ~aside)
 
     def _settled(self, cells: Cells, pair: np.ndarray) -> np.ndarray:
         """Note zeros and extrema of the misses in ``cells`` (k), one pair each; True (k,) where they are doubtful."""

@@ -23,7 +23,7 @@ from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.symbolic.switches import switches
+from varcalc.symbolic.switches import switches, tables
 
 Expression = Any
 """A CasADi SX expression."""
@@ -291,33 +291,36 @@ def _has_root(value: Expression) -> bool:
 def switching(medium: Medium, dimension: int) -> bool:
     """Whether n² has kinks or jumps in the position, told from its expression."""
     position = ca.SX.sym("r", dimension)
-    try:
-        squared_index = ca.SX(medium.squared_index(position))
-    except (TypeError, NotImplementedError):  # an index that is no expression of SX symbols has none that can be read
-        return False
-    return any(switch.depends_on(position) for switch in switches([squared_index], [position]))
+    squared_index = _squared_index(medium, position)
+    return squared_index is not None and any(s.depends_on(position) for s in switches([squared_index], [position]))
 
 
-def looks_up(medium: Medium, dimension: int) -> bool:
-    """Whether n² is looked up in a table of CasADi's (``interpolant``), which has values and no formula."""
+def looking_up(medium: Medium, dimension: int) -> bool:
+    """Whether n² is looked up in tables, told from its expression."""
     position = ca.SX.sym("r", dimension)
+    squared_index = _squared_index(medium, position)
+    return squared_index is not None and bool(tables(squared_index, position))
+
+
+def _squared_index(medium: Medium, position: Expression) -> Expression | None:
+    """n² as an SX expression; None of an index that is none, in which nothing can be read."""
     try:
-        function = ca.Function("squared", [position], [ca.SX(medium.squared_index(position))])
-    except (TypeError, NotImplementedError):  # see switching
-        return False
-    return any(function.instruction_id(k) == ca.OP_CALL for k in range(function.n_instructions()))
-
-
-def as_layers(medium: Graded, dimension: int) -> Stratified | None:
-    """The same index as layers, where it depends on the last coordinate and on no other."""
-    position = ca.SX.sym("r", dimension)
-    depends = ca.which_depends(ca.SX(medium.index(position)), position, 1)
-    if not depends[-1] or any(depends[:-1]):
+        return ca.SX(medium.squared_index(position))
+    except (TypeError, NotImplementedError):
         return None
-    rest = [0.0] * (dimension - 1)
+
+
+def as_layers(medium: Graded, dimension: int) -> tuple[Stratified, int] | None:
+    """The same index as layers, and the number of the one coordinate that it depends on; None of any other."""
+    position = ca.SX.sym("r", dimension)
+    axes = np.flatnonzero(ca.which_depends(ca.SX(medium.index(position)), position, 1))
+    if len(axes) != 1:
+        return None
+    axis = int(axes[0])
+    before, after = [0.0] * axis, [0.0] * (dimension - 1 - axis)
     if medium.parameters:
-        return Stratified(lambda height, p: medium.n(*rest, height, p), medium.parameters)
-    return Stratified(lambda height: medium.n(*rest, height))
+        return Stratified(lambda height, p: medium.n(*before, height, *after, p), medium.parameters), axis
+    return Stratified(lambda height: medium.n(*before, height, *after)), axis
 
 
 def _traced(

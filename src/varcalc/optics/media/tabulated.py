@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -18,9 +19,79 @@ CHECKED_PLACES = 33
 """Places in each layer at which n² is asked to be positive."""
 
 
+class Layers(ABC):
+    """n² in layers between ``heights`` that ascend, and where rays go on that come to one of these."""
+
+    heights: Sequence[float]
+
+    @abstractmethod
+    def constants(self, layers: np.ndarray) -> np.ndarray:
+        """What :meth:`written` needs to know of the ``layers`` (m,): lower and upper height, then others; (m, k)."""
+
+    @abstractmethod
+    def written(self, height: Expression, constants: Expression) -> Expression:
+        """n² at a height in the layer of which there are the ``constants``."""
+
+    @abstractmethod
+    def slope(self, layers: np.ndarray, above: np.ndarray) -> np.ndarray:
+        """dn²/dy (m,) in ``layers`` (m,), ``above`` their lower heights."""
+
+    @property
+    @abstractmethod
+    def kinked(self) -> bool:
+        """Whether n² has kinks at the heights."""
+
+    @property
+    def layers(self) -> int:
+        """How many there are between the heights."""
+        return len(self.heights) - 1
+
+    def starts(self, heights: np.ndarray, climb: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Where rays at ``heights`` (m,) with vertical momenta ``climb`` (m,) start: arrays (m,).
+
+        The layers; the numbers of the heights on which they start, or -1; True for rays along a kink to
+        which both sides turn them back; True for those that leave the layers at once. A ray along a height
+        goes to the side to which it is pulled.
+        """
+        knots = np.asarray(self.heights)
+        above = self.layer_of(heights, np.ones(len(heights), dtype=bool))
+        upwards = self.slope(above, heights - knots[above]) >= 0
+        layer = self.layer_of(heights, (climb > 0) | ((climb == 0) & upwards))
+        on = np.where(heights == knots[layer], layer, np.where(heights == knots[layer + 1], layer + 1, -1))
+        pull = self.slope(layer, heights - knots[layer])
+        away = ((on == layer + 1) & (pull > 0)) | ((on == layer) & (pull < 0))
+        edge = (on == 0) | (on == self.layers)
+        stuck = away & ~edge & (climb == 0) & self.kinked
+        return layer, on, stuck, away & edge & (climb == 0)
+
+    def crossed(
+        self, layer: np.ndarray, knot: np.ndarray, climb: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where rays (m,) that come to heights, ``knot`` (m,), from the layers ``layer`` (m,) go on.
+
+        The layers that follow, those that only touch a height staying in theirs; True for rays that stay in
+        them; and by how much the momentum of a neighbour upwards changes for each unit of length that it is
+        above: n² may have a kink there, which it comes to at another σ than the ray.
+        """
+        knots = np.asarray(self.heights)
+        following = np.where(climb > 0, knot, np.where(climb < 0, knot - 1, layer))
+        inside = (following >= 0) & (following < self.layers)
+        beyond = np.clip(following, 0, self.layers - 1)
+        slopes = [self.slope(k, knots[knot] - knots[k]) for k in (layer, beyond)]
+        kick = np.divide((slopes[1] - slopes[0]) / 2, climb, out=np.zeros(len(climb)), where=climb != 0)
+        return following, inside, kick
+
+    def layer_of(self, heights: np.ndarray, climbing: np.ndarray) -> np.ndarray:
+        """The layers (m,) that rays at ``heights`` (m,) are in, or come into where they are between two."""
+        knots = np.asarray(self.heights)
+        above = np.searchsorted(knots, heights, side="right") - 1
+        below = np.searchsorted(knots, heights, side="left") - 1
+        return np.clip(np.where(climbing, above, below), 0, self.layers - 1)
+
+
 @spelled
 @dataclass(frozen=True, repr=False)
-class Tabulated(Brief, Medium):
+class Tabulated(Brief, Medium, Layers):
     """An index given at some heights, the last coordinate; rays end where they leave the table.
 
     The index at each height is a parameter of the medium: ``n0``, ``n1``, ... in the order of the heights.
@@ -105,11 +176,6 @@ class Tabulated(Brief, Medium):
         shares = self._fitted(np.array(self.heights), np.eye(len(self.heights)))  # of each n² in each coefficient
         return np.einsum("ka,kan->kn", powers, shares[layer]) * np.array(self.n)
 
-    @property
-    def layers(self) -> int:
-        """How many there are between the heights."""
-        return len(self.heights) - 1
-
     def index(self, position: Expression) -> Expression:
         """n at the height of ``position``; not a number outside the table."""
         height = position[position.numel() - 1]
@@ -119,66 +185,28 @@ class Tabulated(Brief, Medium):
     def squared_index(self, position: Expression) -> Expression:
         """n² at the height of ``position``; the end layers go on outside the table."""
         height = position[position.numel() - 1]
-        squared = cubic(height, ca.DM(self.constants(np.array([0]))[0]))
+        squared = self.written(height, ca.DM(self.constants(np.array([0]))[0]))
         for layer in range(1, self.layers):
-            above = cubic(height, ca.DM(self.constants(np.array([layer]))[0]))
+            above = self.written(height, ca.DM(self.constants(np.array([layer]))[0]))
             squared = ca.if_else(height >= self.heights[layer], above, squared)
         return squared
 
     def constants(self, layers: np.ndarray) -> np.ndarray:
-        """What :func:`cubic` needs to know of the ``layers`` (m,): lower and upper height, coefficients; (m, 6)."""
+        """See :meth:`Layers.constants`: the heights, and the coefficients of the cubic; (m, 6)."""
         heights = np.asarray(self.heights)
         return np.column_stack([heights[layers], heights[layers + 1], self.coefficients[layers]])
 
+    def written(self, height: Expression, constants: Expression) -> Expression:
+        """See :meth:`Layers.written`."""
+        above = height - constants[0]
+        return constants[2] + above * (constants[3] + above * (constants[4] + above * constants[5]))
+
+    @property
+    def kinked(self) -> bool:
+        """See :attr:`Layers.kinked`."""
+        return not self.smooth
+
     def slope(self, layers: np.ndarray, above: np.ndarray) -> np.ndarray:
-        """dn²/dy (m,) in ``layers`` (m,), ``above`` their lower heights."""
+        """See :meth:`Layers.slope`."""
         _, first, second, third = self.coefficients[layers].T
         return first + above * (2 * second + 3 * above * third)
-
-    def starts(self, heights: np.ndarray, climb: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Where rays at ``heights`` (m,) with vertical momenta ``climb`` (m,) start: arrays (m,).
-
-        The layers; the numbers of the heights of the table on which they start, or -1; True for rays along a kink to
-        which both sides turn them back; True for those that leave the table at once. A ray along a height
-        goes to the side to which it is pulled.
-        """
-        knots = np.asarray(self.heights)
-        above = self.layer_of(heights, np.ones(len(heights), dtype=bool))
-        upwards = self.slope(above, heights - knots[above]) >= 0
-        layer = self.layer_of(heights, (climb > 0) | ((climb == 0) & upwards))
-        on = np.where(heights == knots[layer], layer, np.where(heights == knots[layer + 1], layer + 1, -1))
-        pull = self.slope(layer, heights - knots[layer])
-        away = ((on == layer + 1) & (pull > 0)) | ((on == layer) & (pull < 0))
-        edge = (on == 0) | (on == self.layers)
-        stuck = away & ~edge & (climb == 0) & (not self.smooth)
-        return layer, on, stuck, away & edge & (climb == 0)
-
-    def crossed(
-        self, layer: np.ndarray, knot: np.ndarray, climb: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Where rays (m,) that come to heights of the table, ``knot`` (m,), from the layers ``layer`` (m,) go on.
-
-        The layers that follow, those that only touch a height staying in theirs; True for rays that stay in the
-        table; and by how much the momentum of a neighbour upwards changes for each unit of length that it is
-        above: n² may have a kink there, which it comes to at another σ than the ray.
-        """
-        knots = np.asarray(self.heights)
-        following = np.where(climb > 0, knot, np.where(climb < 0, knot - 1, layer))
-        inside = (following >= 0) & (following < self.layers)
-        beyond = np.clip(following, 0, self.layers - 1)
-        slopes = [self.slope(k, knots[knot] - knots[k]) for k in (layer, beyond)]
-        kick = np.divide((slopes[1] - slopes[0]) / 2, climb, out=np.zeros(len(climb)), where=climb != 0)
-        return following, inside, kick
-
-    def layer_of(self, heights: np.ndarray, climbing: np.ndarray) -> np.ndarray:
-        """The layers (m,) that rays at ``heights`` (m,) are in, or come into where they are between two."""
-        knots = np.asarray(self.heights)
-        above = np.searchsorted(knots, heights, side="right") - 1
-        below = np.searchsorted(knots, heights, side="left") - 1
-        return np.clip(np.where(climbing, above, below), 0, self.layers - 1)
-
-
-def cubic(height: Expression, constants: Expression) -> Expression:
-    """n² in one layer, from its :meth:`Tabulated.constants`."""
-    above = height - constants[0]
-    return constants[2] + above * (constants[3] + above * (constants[4] + above * constants[5]))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from varcalc.optics.media.medium import Expression, Medium
-from varcalc.optics.media.tabulated import Tabulated, cubic
+from varcalc.optics.media.tabulated import Layers
 
 
 @dataclass(frozen=True)
@@ -55,23 +55,22 @@ def ray_rates(force: Force, state: Expression, dimension: int) -> Expression:
     return ca.cse(ca.densify(ca.vertcat(*rates)))
 
 
-def force_of(medium: Medium, position: Expression, constants: Expression) -> Force:
-    """The force of ``medium``; of one layer of a table, whose ``constants`` are given."""
-    if isinstance(medium, Tabulated):
-        return force(cubic(position[position.numel() - 1], constants), position)
+def force_of(medium: Medium, layers: Layers | None, position: Expression, constants: Expression) -> Force:
+    """The force of ``medium``; where it has ``layers``, that of one of them, whose ``constants`` are given."""
+    if layers is not None:
+        return force(layers.written(position[position.numel() - 1], constants), position)
     known = medium.through(position)
     return force(medium.squared_index(position), position) if known is None else force_through(*known, position)
 
 
 def ray_system(medium: Medium, dimension: int, neighbours: int, *, by_path: bool = False) -> ca.Function:
-    """Hamilton's ray equations with ``neighbours`` deviations, as the engines take a system.
+    """Hamilton's ray equations with ``neighbours`` deviations, as the engines take a system, of a medium in one piece.
 
-    The state is r, p, S, then δr and δp of each neighbour. There are no
-    constants, but for those of one layer where the medium is a table. The abscissa is σ, or the optical path, whose
-    rate by σ is n²; deviations are those at the same σ.
+    The state is r, p, S, then δr and δp of each neighbour, and there are no constants. The abscissa is σ, or the
+    optical path, whose rate by σ is n²; deviations are those at the same σ.
     """
     s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * dimension + 1 + 2 * dimension * neighbours)
-    constants = ca.SX.sym("c", 6 if isinstance(medium, Tabulated) else 0)
-    here = force_of(medium, state[:dimension], constants)
+    none = ca.SX.sym("c", 0)
+    here = force_of(medium, None, state[:dimension], none)
     rates = ray_rates(here, state, dimension)
-    return ca.Function("rays", [s, state, constants], [ca.cse(rates * (1 / here.squared)) if by_path else rates])
+    return ca.Function("rays", [s, state, none], [ca.cse(rates * (1 / here.squared)) if by_path else rates])

@@ -21,10 +21,10 @@ import numpy as np
 from varcalc import integrators
 from varcalc.integrators import NONE, OUTCOMES, Flow, Landing, RunOutcome
 from varcalc.integrators.protocol import COMPLETED, NOT_FINITE, STOPPED, TOO_MANY_STEPS
-from varcalc.optics.media.medium import Expression, Medium, looks_up, switching
-from varcalc.optics.media.tabulated import Tabulated
+from varcalc.optics.media.medium import Expression, Medium, looking_up, switching
+from varcalc.optics.media.tabulated import Layers
 from varcalc.optics.models.equations import force_of, ray_rates, ray_system
-from varcalc.optics.models.jumps import jumping
+from varcalc.optics.models.jumps import jumping, layers_of
 from varcalc.optics.models.model import Carrier, Model
 from varcalc.optics.models.switched import SwitchedFlow
 from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, RayStatus, packed, unpacked
@@ -40,8 +40,6 @@ MOST_CROSSINGS = 100_000
 """Heights of the table crossed by one ray."""
 SHORTEST_RUN = 1e-13
 """Of a leg: the shortest part of it that is integrated."""
-NO_INDEX = 1e-12
-"""Where n² is less beside a table of CasADi's, rays have left it."""
 FAR_SPHERE = 1e6
 """Rays that have come so many times farther than the scene is large meet nothing any more."""
 MOMENTUM_BROKEN = 1e-8
@@ -57,6 +55,7 @@ _ONE_RUN = Lock()
 
 def compile_rays(
     medium: Medium,
+    layers: Layers | None,
     dimension: int,
     neighbours: int,
     stops: Callable[[Expression, Expression], Expression],
@@ -64,24 +63,24 @@ def compile_rays(
 ) -> RayFlow:
     """Compile the rays of ``medium`` with ``stops``, of the state and so many ``constants``.
 
-    In a table there is one stop more, the last: the ray has left it. Where n² has kinks or jumps they end runs.
+    In ``layers`` there is one stop more, the last: the ray has left them. Where n² has kinks or jumps they end runs.
     """
     d = dimension
-    if not isinstance(medium, Tabulated) and switching(medium, d):
+    if layers is None and switching(medium, d):
         return SwitchedFlow(medium, d, neighbours, stops, constants)
-    table = medium if isinstance(medium, Tabulated) else None
     s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * d + 1 + 2 * d * neighbours)
-    numbers = ca.SX.sym("c", constants + (6 if table else 0))
-    if table:
+    own = layers.constants(np.zeros(1, dtype=int)).shape[1] if layers else 0
+    numbers = ca.SX.sym("c", constants + own)
+    if layers:
         layer, height = numbers[constants:], state[d - 1]
         ends = ca.vertcat(height - layer[0], height - layer[1])
     else:
         layer, ends = ca.SX(0, 1), ca.SX(0, 1)
-    here = force_of(medium, state[:d], layer)
+    here = force_of(medium, layers, state[:d], layer)
     rates = ca.Function("rays", [s, state, numbers], [ray_rates(here, state, d)])
     levels = ca.vertcat(stops(state, numbers[:constants]), ends)
     flow = integrators.for_many().compile(rates, ca.Function("stops", [s, state, numbers], [levels]))
-    return LayeredFlow(flow, table, d, levels.numel() - 2) if table else flow
+    return LayeredFlow(flow, layers, d, levels.numel() - 2) if layers else flow
 
 
 @dataclass(frozen=True)
@@ -89,7 +88,7 @@ class LayeredFlow:
     """A flow for one layer, handed on from layer to layer; ``stops`` is the number of stops beside the heights."""
 
     flow: Flow
-    table: Tabulated
+    table: Layers
     dimension: int
     stops: int
 
@@ -263,19 +262,24 @@ class HamiltonRays:
         return there
 
     @cached_property
-    def _pieced(self) -> bool:
-        """Whether rays are carried piece by piece, from one height of a table or kink of the index to the next."""
-        return isinstance(self.medium, Tabulated) or switching(self.medium, self.dimension)
+    def _layers(self) -> Layers | None:
+        """The layers of a table, or of an index of the height with tables in it."""
+        return layers_of(self.medium, self.dimension)
 
     @cached_property
-    def _looked_up(self) -> bool:
-        """Whether n² is looked up in a table of CasADi's, which ends somewhere."""
-        return looks_up(self.medium, self.dimension)
+    def steps_over_knots(self) -> bool:
+        """Whether n² is looked up in tables of several arguments, or of no height: steps go over their knots."""
+        return self._layers is None and looking_up(self.medium, self.dimension)
+
+    @cached_property
+    def _pieced(self) -> bool:
+        """Whether rays are carried piece by piece, from one height of a table or kink of the index to the next."""
+        return self._layers is not None or switching(self.medium, self.dimension)
 
     @cached_property
     def _steady(self) -> bool:
         """Whether the level of the one surface grows along every ray at a constant rate: no force acts across it."""
-        if len(self.surfaces) != 1 or isinstance(self.medium, Tabulated):
+        if len(self.surfaces) != 1 or self._layers is not None:
             return False
         r, p = ca.SX.sym("r", self.dimension), ca.SX.sym("p", self.dimension)
         level = self.surfaces[0].surface.level(r)
@@ -323,7 +327,7 @@ class HamiltonRays:
 
     def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:
         """See :meth:`varcalc.optics.models.model.Carrier.onward`; in a table rays go to ``path``."""
-        if not isinstance(self.medium, Tabulated):
+        if self._layers is None:
             flow = self._timed_flow(beam.deviations)
             begin, none, crossed = packed(beam), np.zeros((len(beam), 0)), beam.crossed
             if isinstance(flow, SwitchedFlow):
@@ -373,7 +377,7 @@ class HamiltonRays:
             return self._timed_flows[neighbours]
 
     def _timed(self, neighbours: int) -> Flow | SwitchedFlow:
-        if not isinstance(self.medium, Tabulated) and self._pieced:
+        if self._layers is None and self._pieced:
             return SwitchedFlow(self.medium, self.dimension, neighbours, lambda state, constants: ca.SX(0, 1), 0)
         return integrators.for_many().compile(ray_system(self.medium, self.dimension, neighbours))
 
@@ -412,9 +416,6 @@ class HamiltonRays:
         def stops(state: Expression, bound: Expression) -> Expression:
             levels = [surface.surface.level(state[:d]) for surface in self.surfaces]
             end = state[2 * d] - bound if limited else (ca.sumsqr(state[:d]) / bound**2 - 1) / 2
-            if not self._looked_up:
-                return ca.vertcat(*levels, end)
-            # beyond a table there is no index, and no optical path that comes to its limit
-            return ca.vertcat(*levels, end, self.medium.squared_index(state[:d]) - NO_INDEX)
+            return ca.vertcat(*levels, end)
 
-        return compile_rays(self.medium, d, neighbours, stops, 1)
+        return compile_rays(self.medium, self._layers, d, neighbours, stops, 1)

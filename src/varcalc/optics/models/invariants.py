@@ -17,7 +17,7 @@ import numpy as np
 from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionBounds, bounds, ways
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import TAU, reached
-from varcalc.optics.media.medium import Field, Medium, Radial, Stratified, looks_up
+from varcalc.optics.media.medium import Field, Medium, Radial, Stratified
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.jumps import jumping
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model, Question
@@ -62,11 +62,6 @@ class Invariants(Model):
             raise DoesNotApply(
                 "Invariants needs an index of the height alone (Stratified) or of the distance from a centre (Radial), "
                 f"not {type(medium).__name__}; take Hamilton()"
-            )
-        if looks_up(medium, dimension):
-            raise DoesNotApply(
-                "Invariants needs an index in formulas, not one that is looked up in a table of CasADi's; take "
-                "Hamilton(), or Tabulated with the numbers of the table"
             )
         if jumping(medium, dimension):
             raise DoesNotApply(

@@ -20,11 +20,13 @@ from varcalc.numerics.roots import first_ahead, growing, quadratic_ahead
 from varcalc.optics.media.medium import Medium, switching
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model
-from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, first_met
+from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, RayStatus, first_met
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Geometry
 from varcalc.symbolic.evaluation import PointEvaluator
 
+GROWN_ALIKE = 1.0
+"""Of wσ: beyond it cosh and sinh are alike."""
 SERIES_UP_TO = 1.0
 """Up to it Stumpff's third function is summed, since its closed form cancels."""
 SERIES_TERMS = 14
@@ -73,19 +75,42 @@ def _levels(medium: Medium, geometry: Geometry) -> PointEvaluator:
 
 @dataclass(frozen=True)
 class Motions:
-    """F₀ = cos(wσ), F₁ and F₂ of one principal direction (m,), and the integrals of F₀² and F₁² from 0 to σ."""
+    """F₀ = cos(wσ), F₁ and F₂ of one principal direction (m,), and the integrals of F₀² and F₁² from 0 to σ.
 
+    Where F₀ = cosh(wσ), of the ``rate`` w and not 0, they grow alike, and what they are made to at last differs by
+    far less: momenta are then told by αe^{wσ} + βe^{-wσ}, which for a decaying one has no part that grows.
+    """
+
+    sigma: np.ndarray
+    rate: float
     zeroth: np.ndarray
     first: np.ndarray
     second: np.ndarray
     of_zeroth: np.ndarray
     of_first: np.ndarray
 
+    def gone(self, p: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How far rays go with the momenta ``p`` and pulls ``a`` (m,) at first, their momenta after it, and ∫ p² dσ.
+
+        What is too large for a number is infinite.
+        """
+        far, momentum = p * self.first + a * self.second, p * self.zeroth + a * self.first
+        path = p**2 * self.of_zeroth + p * a * self.first**2 + a**2 * self.of_first
+        if self.rate == 0:
+            return far, momentum, path
+        w, x = self.rate, self.rate * self.sigma
+        grows, decays = (p + a / w) / 2, (p - a / w) / 2
+        up, down = np.where(grows == 0, 0.0, grows * np.expm1(x)), decays * np.expm1(-x)
+        squares = np.where(grows == 0, 0.0, grows**2 * np.expm1(2 * x)) - decays**2 * np.expm1(-2 * x)
+        told = (up - down) / w, p + up + down, squares / (2 * w) + 2 * grows * decays * self.sigma
+        alike = x > GROWN_ALIKE
+        return np.where(alike, told[0], far), np.where(alike, told[1], momentum), np.where(alike, told[2], path)
+
 
 def motions(curvature: float, sigma: np.ndarray) -> Motions:
     """Those of κ = ``curvature`` at ``sigma`` (m,), without cancellation."""
     if curvature == 0:
-        return Motions(np.ones_like(sigma), sigma, sigma**2 / 2, sigma, sigma**3 / 3)
+        return Motions(sigma, 0.0, np.ones_like(sigma), sigma, sigma**2 / 2, sigma, sigma**3 / 3)
     w = np.sqrt(abs(curvature))
     sine, cosine = (np.sin, np.cos) if curvature < 0 else (np.sinh, np.cosh)
     half, other = sine(w * sigma / 2), cosine(w * sigma / 2)
@@ -96,7 +121,9 @@ def motions(curvature: float, sigma: np.ndarray) -> Motions:
     near = ~(np.abs(x) > SERIES_UP_TO)
     if np.any(near):
         third[near] = _third(x[near])
-    return Motions(zeroth, first, 2 * (half / w) ** 2, (sigma + zeroth * first) / 2, 2 * sigma**3 * third)
+    rate = float(w) if curvature > 0 else 0.0
+    second, of_zeroth = 2 * (half / w) ** 2, (sigma + zeroth * first) / 2
+    return Motions(sigma, rate, zeroth, first, second, of_zeroth, 2 * sigma**3 * third)
 
 
 def _third(x: np.ndarray) -> np.ndarray:
@@ -149,7 +176,8 @@ class LinearRays:
         if len(limited):
             end[limited] = paths.reaching(limit - beam.optical_path, limited)
         struck, sigma, status = first_met(far, end)
-        return Arrival(paths.at(sigma), struck, status)
+        there = paths.at(sigma)
+        return Arrival(there, struck, np.where(np.isfinite(there.optical_path), status, int(RayStatus.SINGULAR)))
 
     def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:  # noqa: ARG002
         """See :meth:`varcalc.optics.models.model.Carrier.onward`."""
@@ -215,27 +243,33 @@ class _Paths:
         beam, position, momentum = self.beam, self.position.copy(), np.empty_like(self.momentum)
         moved, turned = beam.moved @ self.directions, beam.turned @ self.directions
         path, known = beam.optical_path.copy(), self._motions(sigma)
-        for k, curvature in enumerate(self.curvatures):
-            f, p, a = known[curvature], self.momentum[:, k], self.pull[:, k]
-            position[:, k] += p * f.first + a * f.second
-            momentum[:, k] = p * f.zeroth + a * f.first
-            path += p**2 * f.of_zeroth + p * a * f.first**2 + a**2 * f.of_first
-            here, ahead = moved[:, :, k].copy(), turned[:, :, k].copy()
-            moved[:, :, k] = here * f.zeroth[:, None] + ahead * f.first[:, None]
-            turned[:, :, k] = ahead * f.zeroth[:, None] + curvature * here * f.first[:, None]
+        with np.errstate(over="ignore", invalid="ignore"):  # see _motions
+            for k, curvature in enumerate(self.curvatures):
+                f = known[curvature]
+                far, momentum[:, k], grown = f.gone(self.momentum[:, k], self.pull[:, k])
+                position[:, k] += far
+                path += grown
+                here, ahead = moved[:, :, k].copy(), turned[:, :, k].copy()
+                moved[:, :, k] = here * f.zeroth[:, None] + ahead * f.first[:, None]
+                turned[:, :, k] = ahead * f.zeroth[:, None] + curvature * here * f.first[:, None]
+        parts = position, momentum, path, moved, turned
+        finite = np.all([np.isfinite(part).reshape(len(path), -1).all(axis=1) for part in parts], axis=0)
+        for part in parts:  # what has gone too far out for numbers is none
+            part[~finite] = np.nan
         back = self.directions.T
         return Beam(position @ back, momentum @ back, path, moved @ back, turned @ back)
 
     def _motions(self, sigma: np.ndarray) -> dict[float, Motions]:
-        return {float(curvature): motions(float(curvature), sigma) for curvature in set(self.curvatures)}
+        with np.errstate(over="ignore", invalid="ignore"):  # rays that go too far out for numbers
+            return {float(curvature): motions(float(curvature), sigma) for curvature in set(self.curvatures)}
 
     def path(self, sigma: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The optical path ∫ |p|² dσ (k,) from the start to ``sigma`` (k,), and its derivative, of the ``rows``."""
         total, rate, known = np.zeros(len(rows)), np.zeros(len(rows)), self._motions(sigma)
         for k, curvature in enumerate(self.curvatures):
-            f, p, a = known[curvature], self.momentum[rows, k], self.pull[rows, k]
-            total += p**2 * f.of_zeroth + p * a * f.first**2 + a**2 * f.of_first
-            rate += (p * f.zeroth + a * f.first) ** 2
+            _, momentum, path = known[curvature].gone(self.momentum[rows, k], self.pull[rows, k])
+            total += path
+            rate += momentum**2
         return total, rate
 
     def reaching(self, length: np.ndarray, rows: np.ndarray) -> np.ndarray:

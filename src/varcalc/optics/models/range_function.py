@@ -32,9 +32,13 @@ ACROSS = 1000
 
 @dataclass
 class RangeFunction:
-    """All rays between points in one medium of layers or about a centre, without surfaces; what is compiled is kept."""
+    """All rays between points in one medium of layers or about a centre, without surfaces; what is compiled is kept.
+
+    The height above layers is the coordinate number ``axis``.
+    """
 
     medium: Medium
+    axis: int = -1
     _profiles: dict[float, tuple[RayPotential, PassageTables]] = field(default_factory=dict, init=False, repr=False)
 
     def applies(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -54,7 +58,7 @@ class RangeFunction:
         there the ``careful`` way, if there is one. Those of which enough is known are not carried where ``tell`` makes
         rays of them.
         """
-        frames_ = Frames.of(self.medium, a, b)
+        frames_ = Frames.of(self.medium, a, b, self.axis)
         found: list[Launches | None] = [None] * len(a)
         for unit in np.unique(frames_.unit):
             rows = np.flatnonzero(frames_.unit == unit)
@@ -149,8 +153,8 @@ class Frames:
     unit: np.ndarray
 
     @classmethod
-    def of(cls, medium: Medium, a: np.ndarray, b: np.ndarray) -> Frames:
-        """The frames of points ``a`` and ``b`` (q, d)."""
+    def of(cls, medium: Medium, a: np.ndarray, b: np.ndarray, axis: int = -1) -> Frames:
+        """The frames of points ``a`` and ``b`` (q, d); heights are their coordinates number ``axis``."""
         d = a.shape[1]
         if isinstance(medium, Radial):
             start, end = a - medium.middle(d), b - medium.middle(d)
@@ -163,9 +167,9 @@ class Frames:
             length = np.linalg.norm(across, axis=1)
             distance = np.arctan2(length, along)
         else:
-            up, unit = np.tile(np.eye(d)[-1], (len(a), 1)), np.ones(len(a))
-            heights = np.stack([a[:, -1], b[:, -1]], axis=1)
-            across = np.column_stack([(b - a)[:, :-1], np.zeros(len(a))])
+            up, unit = np.tile(np.eye(d)[axis], (len(a), 1)), np.ones(len(a))
+            heights = np.stack([a[:, axis], b[:, axis]], axis=1)
+            across = np.where(np.arange(d) == np.arange(d)[axis], 0.0, b - a)
             length = distance = np.linalg.norm(across, axis=1)
         upright = length <= UPRIGHT * np.linalg.norm(b - a, axis=1)  # what is left of it has no direction
         with np.errstate(all="ignore"):

@@ -27,9 +27,9 @@ from varcalc.numerics.one_coordinate.motions import MotionPoint
 from varcalc.numerics.one_coordinate.potential import NOT_FOLLOWED, PLACES, Potential
 from varcalc.numerics.one_coordinate.quadrature import BY_C, TAU
 from varcalc.optics.media.medium import Expression, Medium, Radial
-from varcalc.optics.models.jumps import LOG_RADIUS_LIMIT, switched
+from varcalc.optics.models.jumps import LOG_RADIUS_LIMIT, CellsBetween, pieces
 from varcalc.optics.rays.beam import Beam, frames
-from varcalc.symbolic.differences import carry, displaced
+from varcalc.symbolic.differences import carry, displaced, fixed
 from varcalc.symbolic.evaluation import Columns, PointEvaluator
 from varcalc.symbolic.variation import gentle_boxes
 
@@ -119,25 +119,27 @@ class Profile(RayPotential):
     _changes: Columns = field(init=False, repr=False, compare=False)
     _index: Columns = field(init=False, repr=False, compare=False)
     _stops: np.ndarray = field(init=False, repr=False, compare=False)
+    _cells: CellsBetween = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         u, base, x = ca.SX.sym("u"), ca.SX.sym("base"), ca.SX.sym("x")
-        g = self._squared(u)
-        slope = ca.gradient(g, u)
-        values = ca.Function("g", [u], [g, ca.densify(slope)])
-        carried = carry(values, [displaced(base, x, self.probe)])
-        results = [carried[0].change, carried[1].change]
-        object.__setattr__(self, "_changes", PointEvaluator(ca.Function("changes", [base, x], results)).columns)
-        index = self._plain.index(self._position(u))
-        results = [g, ca.densify(slope), ca.SX(index)]
-        object.__setattr__(self, "_index", PointEvaluator(ca.Function("index", [u], results)).columns)
-        object.__setattr__(self, "_stops", self._switched(g, u))
-
-    def _switched(self, g: Expression, u: Expression) -> np.ndarray:
-        """Where g has kinks or jumps; none where there are too many to be placed."""
         far = LOG_RADIUS_LIMIT if self.about_centre else NOT_FOLLOWED * max(1.0, abs(self.probe))
-        found = switched(g, u, far)
-        return np.zeros(0) if found is None else found
+        whole = ca.vertcat(self._squared(u), ca.SX(self._plain.index(self._position(u))))
+        stops, cells = pieces(whole, u, far)
+        g, index = cells.written.expression.elements()
+        slope, constants = ca.densify(ca.gradient(g, u)), cells.written.constants
+        probes = cells.constants[cells.of(np.array(self.probe))].tolist()
+        same = [fixed(symbol, probe) for symbol, probe in zip(constants.elements(), probes, strict=True)]
+        values = ca.Function("g", [u, *constants.elements()], [g, slope])
+        changes = [one.change for one in carry(values, [displaced(base, x, self.probe), *same])]
+        compiled = (
+            ("_changes", ca.Function("changes", [base, x, constants], changes)),
+            ("_index", ca.Function("index", [u, constants], [g, slope, index])),
+        )
+        for name, function in compiled:
+            object.__setattr__(self, name, PointEvaluator(function).columns)
+        object.__setattr__(self, "_stops", stops)
+        object.__setattr__(self, "_cells", cells)
 
     @property
     def stops(self) -> np.ndarray:
@@ -180,18 +182,39 @@ class Profile(RayPotential):
 
     def _table(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g, its slope and n at u; g is not a number where there is no index."""
-        g, slope, n = (_shaped(c, np.shape(u)) for c in self._index(u))
+        g, slope, n = (_shaped(c, np.shape(u)) for c in self._index(u, self._cells.columns(self._cells.of(u))))
         return g, slope, n
 
     def changes(self, base: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See :meth:`Potential.changes`."""
-        gain, bend = (_shaped(c, np.shape(x)) for c in self._changes(base, x))
+        """See :meth:`Potential.changes`: through the knots of tables that lie between, cell by cell."""
+        first, last = self._cells.of(base), self._cells.of(base + x)
+        gain, bend = (_shaped(c, np.shape(x)) for c in self._changes(base, x, self._cells.columns(first)))
+        if np.all(first == last):
+            return gain, bend
+        gain, bend, first, last, base, x = (np.array(a) for a in np.broadcast_arrays(gain, bend, first, last, base, x))
+        crossing = np.nonzero(first != last)
+        gain[crossing], bend[crossing] = self._through(*(a[crossing] for a in (first, last, base, x)))
+        return gain, bend
+
+    def _through(
+        self, first: np.ndarray, last: np.ndarray, base: np.ndarray, x: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The changes from ``base`` in the cells ``first`` over ``x`` into the cells ``last``."""
+        cells, up = self._cells, first < last
+        leave, enter = np.where(up, first, first - 1), np.where(up, last - 1, last)
+        to_leave = cells.edges[leave] - base
+        # what is left of x is told from x, which may be far smaller than the place
+        rest = (x - to_leave) - (cells.edges[enter] - cells.edges[leave])
+        old, new = (cells.columns(cell) for cell in (first, last))
+        out, back = self._changes(base, to_leave, old), self._changes(cells.edges[enter], rest, new)
+        left, entered = self._index(cells.edges[leave], old), self._index(cells.edges[enter], new)
+        gain, bend = (out[k] + (entered[k] - left[k]) + back[k] for k in range(2))
         return gain, bend
 
     def sound(self, u: np.ndarray) -> np.ndarray:
         """True where g is a number and n not negative; where n² is negative rays turn before."""
         g, slope, n = self._table(u)
-        return np.isfinite(g) & np.isfinite(slope) & ~(n < 0)
+        return np.isfinite(g) & np.isfinite(slope) & ~(n < 0) & self._cells.inside(u)
 
     def sigma_rate(self, u: np.ndarray) -> np.ndarray:
         """See :meth:`RayPotential.sigma_rate`: r² about a centre."""

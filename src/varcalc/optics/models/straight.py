@@ -20,6 +20,8 @@ from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, first_met, moved_on
 from varcalc.optics.rays.leg import Leg, straight_leg
 from varcalc.optics.surfaces import Geometry
 
+MOST_REST = 1e-3
+"""Of the way to a surface: by how much more, or less, round-off can be to blame for."""
 ROWS_TOGETHER = 1024
 """Rays looked at together; bounds the memory."""
 
@@ -87,4 +89,21 @@ def _first_of_two(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
         for row, valid in zip(candidates, met, strict=True):
             where = np.flatnonzero(valid)
             valid[where] = geometry.belongs(beam.position[where] + row[where, None] * beam.momentum[where])
-    return first_ahead(np.where(met, candidates, np.inf))
+    first = first_ahead(np.where(met, candidates, np.inf))
+    rows = np.flatnonzero(np.isfinite(first))
+    if len(rows):
+        first[rows] += _rest(beam, geometry, rows, first[rows])
+    return first
+
+
+def _rest(beam: Beam, geometry: Geometry, rows: np.ndarray, far: np.ndarray) -> np.ndarray:
+    """How far rays (k,) are from a quadratic level's zero where they are said to meet it after ``far`` (k,).
+
+    From afar a small surface is told by the difference of two large numbers, from its own place it is not.
+    """
+    momentum = beam.momentum[rows]
+    level, slope, bend = geometry.along(beam.position[rows] + far[:, None] * momentum, momentum)
+    with np.errstate(all="ignore"):
+        root = np.sqrt(slope**2 - 2 * bend * level)
+        rest = -2 * level / (slope + np.copysign(root, slope))
+    return np.where(np.abs(rest) < MOST_REST * far, rest, 0.0)

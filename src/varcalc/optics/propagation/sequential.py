@@ -12,9 +12,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from varcalc import integrators
-from varcalc.optics.media.medium import Field, Medium, Radial, Stratified, switching
+from varcalc.optics.media.medium import Field, Medium, Radial, Stratified, looking_up, switching
 from varcalc.optics.models.hamilton import Hamilton
 from varcalc.optics.models.invariants import Invariants
+from varcalc.optics.models.jumps import layers_of
 from varcalc.optics.models.linear import Linear
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model
 from varcalc.optics.models.parabolas import Parabolas
@@ -50,16 +51,18 @@ MOST_COUNT_STEPS = 4000
 """Steps along one leg on which conjugate points are counted."""
 CHEAPEST_FIRST: tuple[Model, ...] = (Straight(), Linear(), Parabolas(), Hamilton())
 """The models tried where none is asked for, by what they cost for a bundle; the last applies everywhere."""
-OVER_KINKS: tuple[Model, ...] = (Straight(), Parabolas(), Invariants(), Hamilton())
-"""The same where n² has kinks or jumps, which a step of an integration would go over."""
+BY_PIECES: tuple[Model, ...] = (Straight(), Parabolas(), Invariants(), Hamilton())
+"""The same where n² has kinks, jumps or knots of tables, which a step of an integration would go over."""
 
 
 def carrier(model: Model | None, medium: Medium, dimension: int, surfaces: Sequence[Geometry]) -> Carrier:
     """``model``, or the cheapest that applies, at work in ``medium``; :class:`DoesNotApply` where it cannot be."""
     if model is not None:
         return model.carrier(medium, dimension, surfaces)
-    kinked = isinstance(medium, Stratified | Radial) and switching(medium, dimension)
-    *cheaper, last = OVER_KINKS if kinked else CHEAPEST_FIRST
+    reduced = isinstance(medium, Stratified | Radial)
+    pieces = reduced and (switching(medium, dimension) or looking_up(medium, dimension))
+    over = pieces and layers_of(medium, dimension) is None
+    *cheaper, last = BY_PIECES if over else CHEAPEST_FIRST
     for candidate in cheaper:
         try:
             return candidate.carrier(medium, dimension, surfaces)
