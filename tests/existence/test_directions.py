@@ -182,3 +182,17 @@ def test_what_falls_for_ever_in_one_of_two_functions_is_told():
     )
     found = vc.solve(falling, throw=False)
     assert found.verdict is vc.Verdict.UNBOUNDED or (found.local and found.lower == -math.inf)
+
+
+def test_a_well_beside_a_curve_along_which_nothing_is_summed():
+    """From rest at zero into a well of depth 18 about (3, 0), on a way long enough."""
+    resting = vc.Problem(
+        lambda x, y, v: ca.sumsqr(v) / 2 + y[0] ** 2 * ((y[0] - 3) ** 2 - 2) + y[1] ** 2,
+        vc.Fixed(0, [0, 0]), vc.Fixed(9, [0, 0]),
+    )  # fmt: skip
+    found = vc.solve(resting)
+    assert not found.local
+    x = (np.arange(20_000) + 0.5) * 9 / 20_000
+    y = 3.3 * np.tanh(np.minimum(x, 9 - x) / 0.4)
+    polygon = (np.gradient(y, x) ** 2 / 2 + y**2 * ((y - 3) ** 2 - 2)).mean() * 9
+    assert found.value < polygon

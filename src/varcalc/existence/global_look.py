@@ -120,6 +120,8 @@ class _LookedAt:
     @property
     def sentence(self) -> str:
         """The lattices, as far as L is convex in the slope, and the other valleys."""
+        if not (self.directions or self.reach):
+            return "other valleys were not looked for: along the curve's own polygon L is no number"
         nodes = 2 * (len(NEAR) + FAR) + 1
         looked = f"all polygons on a lattice of {PIECES} by {nodes}"
         if self.directions:
@@ -174,7 +176,7 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish) -> Sol
             across = across_the_landscape(landscape, np.zeros_like)
             seen.across = seen.across or across is not None
             ways += [] if across is None else [(across, v, ACROSS) for v in across.distinct()[:FOLLOWED_ACROSS]]
-        found += [((v.value - lattice.own_value) / lattice.summed, lattice, v, way) for lattice, v, way in ways]
+        found += [(v.value - lattice.own_value, lattice, v, way) for lattice, v, way in ways]
     found = sorted(found, key=lambda f: f[0])[:FOLLOWED_IN_DIRECTIONS]
     seen.number += len(found)
     followed = (_followed(best, lattice, [valley], way, polish) for _, lattice, valley, way in found)
