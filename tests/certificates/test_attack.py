@@ -190,7 +190,8 @@ def test_numbers_are_not_put_together_in_levels_costs_and_where_ends_slide(bound
     percent, three = mpmath.mpf(0.03), mpmath.mpf(0.1) * mpmath.mpf(0.3)
     c = percent / three
     level = vc.Isoperimetric(lambda x, y, v: 0.1 * (0.3 * y), 0.03)
-    line = vc.OnCurve(lambda x, y: 0.1 * (0.3 * x) + 0.03 * y - 0.03, x=1.0)
+    # from the foot itself, a number that doubles hold: the numbers lie apart by a multiple of what an end misses
+    line = vc.OnCurve(lambda x, y: 0.1 * (0.3 * x) + 0.03 * y - 0.03, x=0.5)
     found = {
         vc.Problem(lambda x, y, v: v**2, vc.Fixed(0, 0), vc.Fixed(1, 1), [level]): 1 + 12 * (c - 0.5) ** 2,
         vc.Problem(
@@ -204,7 +205,8 @@ def test_numbers_are_not_put_together_in_levels_costs_and_where_ends_slide(bound
     for problem, exact in found.items():
         low, high = bounds(vc.certify(vc.solve(problem)))
         assert low <= exact <= high
-        assert high - low < 1e-20
+        # put together, the numbers would give values 2e-17 away and more
+        assert high - low < (1e-18 if any(problem.slides) else 1e-20)
 
 
 def test_where_the_function_is_lost_the_theorem_says_of_what_it_is(bounds):

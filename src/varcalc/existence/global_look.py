@@ -99,7 +99,12 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
         return replace(solution, searched=f"other valleys were not looked for: {reason}")
     best, seen = solution, _LookedAt()
     for _ in range(DESCENTS):
-        lower = _lower(best, seen, polish) if _is_graph(problem) else _lower_in_directions(best, seen, polish)
+        if _is_graph(problem):
+            lower = _lower(best, seen, polish)
+        else:
+            # whoever holds the method to one mesh has the answer on that
+            one_mesh = isinstance(solution.method, Ritz) and not solution.method.refine
+            lower = _lower_in_directions(best, seen, polish if followed and not one_mesh else None)
         if lower is None or not lower.status.ok or lower.local or not followed:
             return _told(best, lower, seen.sentence)
         best = replace(lower, method=solution.method)
@@ -116,6 +121,7 @@ class _LookedAt:
     walled: bool = False
     directions: int = 0
     instead: str = ""
+    unfollowed: bool = False
 
     @property
     def sentence(self) -> str:
@@ -133,7 +139,11 @@ class _LookedAt:
         looked += f"{'' if self.across else ','} as far as L is convex in the slope," if self.walled else ""
         looked += f"{'' if looked.endswith(',') else ','} {self.instead}," if self.instead else ""
         valleys = "1 other valley" if self.number == 1 else f"{self.number} other valleys"
-        return f"{looked} were compared, and " + (f"{valleys} followed" if self.number else "showed no other valley")
+        if self.number or not self.unfollowed:
+            return f"{looked} were compared, and " + (
+                f"{valleys} followed" if self.number else "showed no other valley"
+            )
+        return f"{looked} were compared, and other valleys not followed"
 
 
 def _lower(best: Solution, seen: _LookedAt, polish: Polish) -> Solution | None:
@@ -156,8 +166,11 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish) -> Solution | None:
     return None if lattice is None else _followed(best, lattice, valleys, ACROSS, polish)
 
 
-def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish) -> Solution | None:
-    """The same where no lattice holds all curves: in each direction from the known one."""
+def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None) -> Solution | None:
+    """The same where no lattice holds all curves: in each direction from the known one.
+
+    Without ``polish`` polygons are compared, and no valley is followed.
+    """
     from varcalc.existence.directions import in_directions  # few solves need it
 
     found: list[tuple[float, Lattice, Valley, tuple[Ritz, Ritz]]] = []
@@ -178,6 +191,10 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish) -> Sol
             ways += [] if across is None else [(across, v, ACROSS) for v in across.distinct()[:FOLLOWED_ACROSS]]
         found += [(v.value - lattice.own_value, lattice, v, way) for lattice, v, way in ways]
     found = sorted(found, key=lambda f: f[0])[:FOLLOWED_IN_DIRECTIONS]
+    if polish is None:
+        seen.unfollowed = bool(found)
+        polygons = (_by_polygon(best, lattice, valley) for _, lattice, valley, _ in found)
+        return next((lower for lower in polygons if lower is not None), None)
     seen.number += len(found)
     followed = (_followed(best, lattice, [valley], way, polish) for _, lattice, valley, way in found)
     return next((lower for lower in followed if lower is not None), None)
@@ -282,14 +299,21 @@ def _followed(
                 found = polish(exact_way, start)
             if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
                 return found
-        value = _along(lattice.landscape, valley)
-        if _is_lower(value, best, 0.0, SURELY_LOWER):
-            message = (
-                f"a local {'maximum' if sign < 0 else 'minimum'} only: a polygon has the value {value:.6g}, and leads "
-                "to no minimum that could be found"
-            )
-            return replace(best, local=True, message=message)  # its value says nothing of what is lowest there
+        if (marked := _by_polygon(best, lattice, valley)) is not None:
+            return marked
     return None
+
+
+def _by_polygon(best: Solution, lattice: Lattice, valley: Valley) -> Solution | None:
+    """The known solution marked where a polygon is lower, whose value says nothing of what is lowest there."""
+    value = _along(lattice.landscape, valley)
+    if not _is_lower(value, best, 0.0, SURELY_LOWER):
+        return None
+    message = (
+        f"a local {'maximum' if best.problem.sign < 0 else 'minimum'} only: a polygon has the value {value:.6g}, and "
+        "leads to no minimum that could be found"
+    )
+    return replace(best, local=True, message=message)
 
 
 def _departure(solution: Solution, best: Solution) -> float:
