@@ -196,3 +196,12 @@ def test_a_well_beside_a_curve_along_which_nothing_is_summed():
     y = 3.3 * np.tanh(np.minimum(x, 9 - x) / 0.4)
     polygon = (np.gradient(y, x) ** 2 / 2 + y**2 * ((y - 3) ** 2 - 2)).mean() * 9
     assert found.value < polygon
+
+
+def test_a_valley_that_is_not_followed_is_told():
+    """Shooting rests where it is no lowest place: no descent was tried, and none is said to have failed."""
+    found = vc.solve(vc.Problem(action, vc.Periodic(0, 3), vc.Periodic(0, 3)), vc.Shooting())
+    rests = 3 * wells(np.roots([4, 0, -4, 0.3]).real)
+    assert np.abs(rests - found.value).min() < 1e-9
+    assert found.local
+    assert f"{rests.min():.6g}, and was not followed" in found.message

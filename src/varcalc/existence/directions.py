@@ -23,7 +23,7 @@ from varcalc.symbolic.evaluation import Columns, PointEvaluator
 
 MOST_DIRECTIONS = 9
 """Directions that are looked along: all of three functions."""
-SAMPLES = 65
+SIZED_PLACES = 65
 """Places of the curve by which its size is told."""
 ON_BOUND = 1e-7
 """How far beyond a bound, in units of its own size or 1, a curve may lie that rests on it."""
@@ -113,7 +113,7 @@ def in_directions(solution: Solution) -> Iterator[AlongDirection]:
     problem, curve = solution.problem, solution.curve
     assert curve is not None
     first, last = float(solution.x.min()), float(solution.x.max())
-    rows = curve(np.linspace(first, last, SAMPLES), 0)
+    rows = curve(np.linspace(first, last, SIZED_PLACES), 0)
     extents = np.ptp(rows, axis=1)
     sizes = np.where(extents > 0, extents, np.abs(rows).max(axis=1))
     if isinstance(problem, Curve):

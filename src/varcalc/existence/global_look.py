@@ -61,7 +61,7 @@ FINE = Ritz(elements=64, starts=1)
 ACROSS = Ritz(elements=24, degree=3, refine=False, starts=1), Ritz(elements=24, starts=1)
 """The two ways from a polygon of a landscape, which has as many pieces."""
 QUADRATIC = "L is proved to be of second degree in the curve and its slope"
-ONE_CURVE, SAMPLES = 0.05, 33
+ONE_CURVE, DEPARTURE_PLACES = 0.05, 33
 """Departure from the known curve, in units of the larger extent, of one in the same valley; places where it is told."""
 ROUGHLY = 0.05
 """How far above the known value a rough one may be, in units of what is summed, for the valley to be lower."""
@@ -193,7 +193,7 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
     found = sorted(found, key=lambda f: f[0])[:FOLLOWED_IN_DIRECTIONS]
     if polish is None:
         seen.unfollowed = bool(found)
-        polygons = (_by_polygon(best, lattice, valley) for _, lattice, valley, _ in found)
+        polygons = (_by_polygon(best, lattice, valley, followed=False) for _, lattice, valley, _ in found)
         return next((lower for lower in polygons if lower is not None), None)
     seen.number += len(found)
     followed = (_followed(best, lattice, [valley], way, polish) for _, lattice, valley, way in found)
@@ -299,20 +299,19 @@ def _followed(
                 found = polish(exact_way, start)
             if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
                 return found
-        if (marked := _by_polygon(best, lattice, valley)) is not None:
+        if (marked := _by_polygon(best, lattice, valley, followed=True)) is not None:
             return marked
     return None
 
 
-def _by_polygon(best: Solution, lattice: Lattice, valley: Valley) -> Solution | None:
+def _by_polygon(best: Solution, lattice: Lattice, valley: Valley, *, followed: bool) -> Solution | None:
     """The known solution marked where a polygon is lower, whose value says nothing of what is lowest there."""
     value = _along(lattice.landscape, valley)
     if not _is_lower(value, best, 0.0, SURELY_LOWER):
         return None
-    message = (
-        f"a local {'maximum' if best.problem.sign < 0 else 'minimum'} only: a polygon has the value {value:.6g}, and "
-        "leads to no minimum that could be found"
-    )
+    kind = "maximum" if best.problem.sign < 0 else "minimum"
+    tried = "leads to no minimum that could be found" if followed else "was not followed: solve by Ritz()"
+    message = f"a local {kind} only: a polygon has the value {value:.6g}, and {tried}"
     return replace(best, local=True, message=message)
 
 
@@ -321,7 +320,7 @@ def _departure(solution: Solution, best: Solution) -> float:
     curves = best.curve, solution.curve
     if curves[0] is None or curves[1] is None:
         return math.inf
-    places = [np.linspace(s.x.min(), s.x.max(), SAMPLES) for s in (best, solution)]
+    places = [np.linspace(s.x.min(), s.x.max(), DEPARTURE_PLACES) for s in (best, solution)]
     own, other = curves[0](places[0], 0), curves[1](places[1], 0)
     extent = max(float(np.ptp(rows, axis=1).max()) for rows in (own, other)) or float(np.abs(own).max())
     return float(np.abs(other - own).max()) / extent if extent > 0 else 0.0
