@@ -7,7 +7,7 @@ function. The directions are the axes, and sums and differences of two.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import casadi as ca
@@ -28,25 +28,27 @@ SIZED_PLACES = 65
 ON_BOUND = 1e-7
 """How far beyond a bound, in units of its own size or 1, a curve may lie that rests on it."""
 
+Rows = Sequence[np.ndarray | None]
+"""One array a function, all of which broadcast."""
 
-class AlongDirection:
-    """The landscape of the curves c + t d about the curve c of a solution; t is 0 along that.
 
-    A level is replaced by its multiplier, so that what is lower need not keep it. At second order they bend as c does.
-    Beyond a bound nothing is admitted.
+class Departures:
+    """Curves that depart from the curve of a solution, and what their functional adds at a place.
+
+    A level is replaced by its multiplier, so that what is lower need not keep it. At second order they bend as the
+    known curve does. Beyond a bound nothing is admitted.
     """
 
-    def __init__(self, solution: Solution, direction: np.ndarray, unit: float) -> None:
+    def __init__(self, solution: Solution) -> None:
         problem = solution.problem
         assert solution.curve is not None
-        self.problem, self.curve, self.direction, self.sign = problem, solution.curve, direction, problem.sign
+        self.problem, self.curve, self.sign = problem, solution.curve, problem.sign
         self.span = float(solution.x.min()), float(solution.x.max())
-        self.closed, self._unit = bool(problem.start.periodic), unit
+        self.closed = bool(problem.start.periodic)
         levels = any(isinstance(c, Isoperimetric) for c in problem.constraints)
         # a level is one that these curves do not keep, and bending costs something
         self.approximate = levels or problem.order > 1
         self.waypoints = tuple(c.x for c in problem.constraints if isinstance(c, Through))
-        self.held = self._holds(problem.start), self._holds(problem.end)
         self._multipliers = [
             m if isinstance(c, Isoperimetric) else 0.0
             for c, m in zip(problem.constraints, solution.multipliers, strict=False)
@@ -55,14 +57,12 @@ class AlongDirection:
         self._numbers = problem.parameter_values.tolist(), list(solution.unknowns.values())
         self._known: dict[bytes, list[np.ndarray]] = {}
 
-    def _holds(self, end: object) -> bool:
-        """Whether an end lets no curve depart there."""
-        slides, values = end.slides, end.values(self.problem.n)  # pyright: ignore[reportAttributeAccessIssue]
-        return not self.closed and bool(slides or np.isfinite(values[self.direction != 0]).any())
-
-    def along(self, valley: Sampled) -> Sampled:
-        """The curve of the problem that a function of x, which gives (1, m), stands for."""
-        return lambda x: self.curve(np.atleast_1d(x), 0) + self.direction[:, None] * valley(np.atleast_1d(x))
+    def held(self, functions: np.ndarray) -> tuple[bool, bool]:
+        """Which ends let no curve depart in any of the ``functions``, a mask (n,)."""
+        problem = self.problem
+        ends = ((end.slides, end.values(problem.n)[functions]) for end in (problem.start, problem.end))
+        start, end = (not self.closed and bool(slides or np.isfinite(values).any()) for slides, values in ends)
+        return start, end
 
     def _own(self, x: np.ndarray) -> list[np.ndarray]:
         """The curve and its derivatives at x, each (n, *x.shape)."""
@@ -72,14 +72,16 @@ class AlongDirection:
                 self._known[key] = [self.curve(x.ravel(), k) for k in range(self.problem.order + 1)]
         return [rows.reshape(-1, *x.shape) for rows in self._known[key]]
 
-    def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """L with its levels by their multipliers, as it is minimised; infinite beyond a bound."""
+    def values(self, x: np.ndarray, away: Rows, rates: Rows) -> np.ndarray:
+        """L with its levels by their multipliers, as it is minimised; infinite beyond a bound.
+
+        Of a function that does not depart ``away`` and ``rates`` are None.
+        """
         own, slopes, *bends = self._own(x)
-        directions = self.direction.tolist()
-        place = [c + y * d if d else c for c, d in zip(own, directions, strict=True)]
-        rates = [c + v * d if d else c for c, d in zip(slopes, directions, strict=True)]
+        place = [c if y is None else c + y for c, y in zip(own, away, strict=True)]
+        turned = [c if v is None else c + v for c, v in zip(slopes, rates, strict=True)]
         bent = [row for rows in bends for row in rows]
-        total, *others = columns(self.problem)(x, place, rates, bent, *self._numbers)
+        total, *others = columns(self.problem)(x, place, turned, bent, *self._numbers)
         found = self.sign * total
         kept = [c for c in self.problem.constraints if isinstance(c, Isoperimetric | Bound)]
         for constraint, multiplier, value in zip(kept, self._multipliers, others, strict=True):
@@ -90,18 +92,45 @@ class AlongDirection:
             found = np.where((value >= low) & (value <= high), found, np.inf)
         return found
 
-    def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
-        """The cost of the ends where the end departs by y from the known curve; of the start, what that adds to it."""
+    def at_end(self, side: int, away: np.ndarray) -> np.ndarray:
+        """The cost (m,) of the ends that depart by ``away`` (m, n) from the known one; of the start, what that adds."""
         cost, own = _end_cost(self.problem), self.curve(np.array(self.span), 0)
         if cost is None:
-            return np.zeros(np.shape(y))
-        departures = np.ravel(y)
-        ends = [np.repeat(own[:, [k]], 1 + len(departures), axis=1) for k in (0, 1)]
-        ends[side][:, 1:] += np.outer(self.direction, departures)
+            return np.zeros(len(away))
+        ends = [np.repeat(own[:, [k]], 1 + len(away), axis=1) for k in (0, 1)]
+        ends[side][:, 1:] += away.T
         places = np.array(self.span)[:, None]
         numbers = [np.array(own)[None] for own in self._numbers]
-        found = cost(1 + len(departures), places[:1], ends[0].T, places[1:], ends[1].T, *numbers)[:, 0]
-        return (self.sign * (found[1:] if side else found[1:] - found[0])).reshape(np.shape(y))
+        found = cost(1 + len(away), places[:1], ends[0].T, places[1:], ends[1].T, *numbers)[:, 0]
+        return self.sign * (found[1:] if side else found[1:] - found[0])
+
+
+class AlongDirection:
+    """The landscape of the curves c + t d, of which t is the one function; t is 0 along c itself.
+
+    The direction d has ``shares`` (k,) of the ``axes`` (k, n).
+    """
+
+    def __init__(self, departures: Departures, axes: np.ndarray, shares: np.ndarray, width: float) -> None:
+        self.departures, self.shares, self.direction = departures, shares, shares @ axes
+        self._unit = max(1.0, width / float(np.abs(self.direction).max()))
+        self.span, self.sign, self.closed = departures.span, departures.sign, departures.closed
+        self.approximate, self.waypoints = departures.approximate, departures.waypoints
+        self.held = departures.held(self.direction != 0)
+
+    def along(self, valley: Sampled) -> Sampled:
+        """The curve of the problem that a function of x, which gives (1, m), stands for."""
+        curve = self.departures.curve
+        return lambda x: curve(np.atleast_1d(x), 0) + self.direction[:, None] * valley(np.atleast_1d(x))
+
+    def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """L as it is minimised."""
+        directions = self.direction.tolist()
+        return self.departures.values(x, *([t * d if d else None for d in directions] for t in (y, v)))
+
+    def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
+        """What ends that depart by y add."""
+        return self.departures.at_end(side, np.outer(y, self.direction)).reshape(np.shape(y))
 
     def extent(self, y: np.ndarray) -> float:  # noqa: ARG002  it is the same about any curve
         """The unit of the departures."""
@@ -121,9 +150,10 @@ def in_directions(solution: Solution) -> Iterator[AlongDirection]:
     else:
         width = last - first
         sizes = np.where(sizes > 0, sizes, width)
-    across = _axes(problem, rows) * sizes
-    for direction in _directions(across):
-        yield AlongDirection(solution, direction, max(1.0, width / float(np.abs(direction).max())))
+    axes = _axes(problem, rows) * sizes
+    departures = Departures(solution)
+    for shares in _shares(len(axes)):
+        yield AlongDirection(departures, axes, shares, width)
 
 
 def _axes(problem: Functional, rows: np.ndarray) -> np.ndarray:
@@ -135,8 +165,9 @@ def _axes(problem: Functional, rows: np.ndarray) -> np.ndarray:
     return np.linalg.svd(way[None] / np.abs(way).max())[2][1:]
 
 
-def _directions(axes: np.ndarray) -> np.ndarray:
-    """The axes, then sums and differences of two, as many as are looked along."""
+def _shares(count: int) -> np.ndarray:
+    """The axes, then sums and differences of two, as many as are looked along, in shares of ``count`` axes."""
+    axes = np.eye(count)
     mixed = [a + sign * b for a, b in combinations(axes, 2) for sign in (1.0, -1.0)]
     return np.array([*axes, *mixed])[:MOST_DIRECTIONS]
 

@@ -27,6 +27,7 @@ from varcalc.existence.polygons import (
     Lattice,
     PolygonLattice,
     Valley,
+    Valleys,
     across_the_landscape,
     at_ends,
 )
@@ -66,6 +67,8 @@ ONE_CURVE, DEPARTURE_PLACES = 0.05, 33
 ROUGHLY = 0.05
 """How far above the known value a rough one may be, in units of what is summed, for the valley to be lower."""
 
+_Found = tuple[float, Valleys, Valley, tuple[Ritz, Ritz]]
+"""A valley that was seen: how high it lies over the known curve's polygon, on what, and how it is followed."""
 Polish = Callable[[Ritz, Sampled], Solution]
 """The answer of the direct method from a curve to start from."""
 
@@ -120,6 +123,7 @@ class _LookedAt:
     across: bool = False
     walled: bool = False
     directions: int = 0
+    together: bool = False
     instead: str = ""
     unfollowed: bool = False
 
@@ -136,6 +140,7 @@ class _LookedAt:
         else:
             looked += f" within {self.reach:.4g} of the curve"
         looked += ", and those across its hills and wells," if self.across else ""
+        looked += " and in all directions at once," if self.together else ""
         looked += f"{'' if self.across else ','} as far as L is convex in the slope," if self.walled else ""
         looked += f"{'' if looked.endswith(',') else ','} {self.instead}," if self.instead else ""
         valleys = "1 other valley" if self.number == 1 else f"{self.number} other valleys"
@@ -171,26 +176,26 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
 
     Without ``polish`` polygons are compared, and no valley is followed.
     """
-    from varcalc.existence.directions import in_directions  # few solves need it
+    from varcalc.existence.directions import in_directions  # few solves need them
+    from varcalc.existence.together import together
 
-    found: list[tuple[float, Lattice, Valley, tuple[Ritz, Ritz]]] = []
-    seen.directions, seen.instead = 0, _instead(best.problem)
-    for landscape in in_directions(best):
-        with np.errstate(all="ignore"):
-            about = PolygonLattice(landscape, np.zeros_like)
-            if not math.isfinite(about.own_value):
-                continue
-            seen.directions += 1
-            seen.walled = seen.walled or about.walled
+    found: list[_Found] = []
+    with np.errstate(all="ignore"):
+        looked = [(d, PolygonLattice(d, np.zeros_like)) for d in in_directions(best)]
+        looked = [(direction, about) for direction, about in looked if math.isfinite(about.own_value)]
+        acrosses = [across_the_landscape(direction, np.zeros_like) for direction, _ in looked]
+        for (direction, about), across in zip(looked, acrosses, strict=True):
             worth = partial(_worth_following, best, about)
-            ways = [(about, valley, (ROUGH, EXACT)) for valley in islice(filter(worth, about.valleys()), FOLLOWED)]
-            if not landscape.approximate and (fallen := _fallen(best, about, [v for _, v, _ in ways])) is not None:
+            valleys = list(islice(filter(worth, about.valleys()), FOLLOWED))
+            if not direction.approximate and (fallen := _fallen(best, about, valleys)) is not None:
                 return fallen
-            across = across_the_landscape(landscape, np.zeros_like)
-            seen.across = seen.across or across is not None
-            ways += [] if across is None else [(across, v, ACROSS) for v in across.distinct()[:FOLLOWED_ACROSS]]
-        found += [(v.value - lattice.own_value, lattice, v, way) for lattice, v, way in ways]
-    found = sorted(found, key=lambda f: f[0])[:FOLLOWED_IN_DIRECTIONS]
+            found += [(v.value - about.own_value, about, v, (ROUGH, EXACT)) for v in valleys]
+            found += _across(across)
+        box = together([(*pair, across) for pair, across in zip(looked, acrosses, strict=True)])
+    found = sorted(found + _across(box), key=lambda f: f[0])[:FOLLOWED_IN_DIRECTIONS]
+    seen.directions, seen.instead, seen.together = len(looked), _instead(best.problem), box is not None
+    seen.walled = seen.walled or any(about.walled for _, about in looked)
+    seen.across = seen.across or any(across is not None for across in acrosses)
     if polish is None:
         seen.unfollowed = bool(found)
         polygons = (_by_polygon(best, lattice, valley, followed=False) for _, lattice, valley, _ in found)
@@ -198,6 +203,12 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
     seen.number += len(found)
     followed = (_followed(best, lattice, [valley], way, polish) for _, lattice, valley, way in found)
     return next((lower for lower in followed if lower is not None), None)
+
+
+def _across(lattice: Valleys | None) -> list[_Found]:
+    """The valleys that are seen across hills and wells."""
+    valleys = [] if lattice is None else lattice.distinct()[:FOLLOWED_ACROSS]
+    return [(v.value - lattice.own_value, lattice, v, ACROSS) for v in valleys] if lattice is not None else []
 
 
 def _worth_following(best: Solution, lattice: Lattice, valley: Valley) -> bool:
@@ -282,7 +293,7 @@ def _fallen(best: Solution, lattice: Lattice, valleys: list[Valley]) -> Solution
 
 
 def _followed(
-    best: Solution, lattice: Lattice, valleys: list[Valley], ways: tuple[Ritz, Ritz], polish: Polish
+    best: Solution, lattice: Valleys, valleys: list[Valley], ways: tuple[Ritz, Ritz], polish: Polish
 ) -> Solution | None:
     """The first solution in a valley that is lower, or the known one marked for a polygon that is; None for neither."""
     sign, (rough_way, exact_way) = best.problem.sign, ways
@@ -304,7 +315,7 @@ def _followed(
     return None
 
 
-def _by_polygon(best: Solution, lattice: Lattice, valley: Valley, *, followed: bool) -> Solution | None:
+def _by_polygon(best: Solution, lattice: Valleys, valley: Valley, *, followed: bool) -> Solution | None:
     """The known solution marked where a polygon is lower, whose value says nothing of what is lowest there."""
     value = _along(lattice.landscape, valley)
     if not _is_lower(value, best, 0.0, SURELY_LOWER):
@@ -347,10 +358,11 @@ def _along(landscape: Landscape, valley: Valley) -> float:
     if landscape.approximate:
         return landscape.sign * math.inf
     sums = []
+    steps, shape = np.diff(valley.x), valley.y.shape[1:]
     for count in POLYGON_RULES:
         x, weights = composite_gauss(valley.x, count)
-        slope = np.repeat(np.diff(valley.y) / np.diff(valley.x), count)
-        sums.append(float(landscape.values(x, valley(x)[0], slope) @ weights))
+        slope = np.repeat((np.diff(valley.y, axis=0).T / steps).T, count, axis=0)
+        sums.append(float(landscape.values(x, valley(x).T.reshape(-1, *shape), slope) @ weights))
     return landscape.sign * (sums[1] + at_ends(landscape, valley.y) + RULES_APART * abs(sums[1] - sums[0]))
 
 

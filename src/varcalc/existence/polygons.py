@@ -61,6 +61,8 @@ NO_CHANGE = 1e-7
 """Change of L from one to the next, relative to its size there, that is none."""
 NEAREST_TURNS = 8
 """Turns of a vertical line that are taken, the nearest ones: what is periodic has no end of them."""
+LEAST_SWING = 1e-3
+"""How much L changes from a turn to the next, of its greatest such change, for the levels to reach so far."""
 LEVEL_MARGIN = 0.25
 """Share of their range by which the levels go beyond the turns."""
 CLOSER_LEVELS = 8
@@ -126,7 +128,10 @@ class Graphs:
 
 @dataclass(frozen=True)
 class Valley:
-    """A least polygon through some node: vertices ``x`` and ``y``, its value on the lattice; ``edge``: it leaves it."""
+    """A least polygon through some node: vertices ``x`` and ``y``, its value on the lattice; ``edge``: it leaves it.
+
+    Of n functions at once ``y`` is (K + 1, n), of one (K + 1,).
+    """
 
     x: np.ndarray
     y: np.ndarray
@@ -134,8 +139,31 @@ class Valley:
     edge: bool
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
-        """Ordinates (1, m) at x (m,)."""
-        return np.interp(x, self.x, self.y)[None]
+        """Ordinates (1, m), or (n, m), at x (m,)."""
+        return np.array([np.interp(x, self.x, row) for row in np.atleast_2d(self.y.T)])
+
+
+class Valleys(Protocol):
+    """What polygons about a known curve show."""
+
+    @property
+    def landscape(self) -> Landscape:
+        """What the polygons lie in."""
+        ...
+
+    @property
+    def own_value(self) -> float:
+        """The functional along the known curve's own polygon."""
+        ...
+
+    @property
+    def summed(self) -> float:
+        """The size of what that one sums."""
+        ...
+
+    def distinct(self) -> list[Valley]:
+        """The lowest valleys of which none comes near another, or the curve's own polygon, all along."""
+        ...
 
 
 class Lattice:
@@ -148,7 +176,7 @@ class Lattice:
         self.c = nodes[np.arange(len(x)), own]
         self.steps = np.diff(x)
         self.middle, self.centre = 0.5 * (x[1:] + x[:-1]), 0.5 * (self.c[1:] + self.c[:-1])
-        self.slope = np.diff(self.c) / self.steps
+        self.slope = (np.diff(self.c, axis=0).T / self.steps).T
 
     @cached_property
     def costs(self) -> np.ndarray:
@@ -193,14 +221,13 @@ class Lattice:
             np.min(forward[k][:, None] + costs[k], axis=0, out=forward[k + 1])
         for k in range(count - 1, -1, -1):
             np.min(costs[k] + backward[k + 1], axis=1, out=backward[k])
-        through = np.pad(forward + backward, ((0, 0), (1, 1)), constant_values=np.inf)
-        inner = through[:, 1:-1]
-        least = (inner <= through[:, :-2]) & (inner <= through[:, 2:]) & (inner < self.ceiling)
+        through = forward + backward
+        least = self.minima(through) & (through < self.ceiling)
         least[np.arange(count + 1), self.own] = False
         paths: dict[tuple[int, ...], float] = {}
         passed: set[tuple[int, int]] = set()
         nodes = np.argwhere(least)
-        for k, j in nodes[np.argsort(inner[least], kind="stable")].tolist():
+        for k, j in nodes[np.argsort(through[least], kind="stable")].tolist():
             if (k, j) in passed:  # the least polygon through it is known
                 continue
             path = [j]
@@ -208,7 +235,7 @@ class Lattice:
                 path.insert(0, int(np.argmin(forward[i - 1] + costs[i - 1][:, path[0]])))
             for i in range(k, count):
                 path.append(int(np.argmin(costs[i][path[-1]] + backward[i + 1])))
-            paths[tuple(path)] = float(inner[k, j])
+            paths[tuple(path)] = float(through[k, j])
             passed |= set(enumerate(path))
             if len(paths) == MOST_PATHS:
                 break
@@ -220,17 +247,21 @@ class Lattice:
         forward = [np.where(np.eye(J, dtype=bool), 0.0, np.inf)]
         for own in costs:
             forward.append((forward[-1][:, :, None] + own).min(axis=1))
-        closed = np.pad(forward[-1].diagonal(), 1, constant_values=np.inf)
-        inner = closed[1:-1]
-        least = (inner <= closed[:-2]) & (inner <= closed[2:]) & (inner < self.ceiling)
+        closed = forward[-1].diagonal()
+        least = self.minima(closed) & (closed < self.ceiling)
         least[self.own[0]] = False
         paths: dict[tuple[int, ...], float] = {}
         for j in np.flatnonzero(least).tolist():
             path = [j]
             for i in range(len(costs) - 1, -1, -1):
                 path.insert(0, int(np.argmin(forward[i][j] + costs[i][:, path[0]])))
-            paths[tuple(path)] = float(inner[j])
+            paths[tuple(path)] = float(closed[j])
         return paths
+
+    def minima(self, values: np.ndarray) -> np.ndarray:
+        """The nodes of a row, or of each of several, (..., J), at which nothing beside it is lower."""
+        beside = np.pad(values, [(0, 0)] * (values.ndim - 1) + [(1, 1)], constant_values=np.inf)
+        return (values <= beside[..., :-2]) & (values <= beside[..., 2:])
 
     def _valley(self, path: tuple[int, ...], value: float) -> Valley:
         numbers = np.array(path)
@@ -257,12 +288,16 @@ class Lattice:
         """The value from which on a valley is not worth following."""
         return self.own_value + WORTH_FOLLOWING * self.summed
 
+    @cached_property
+    def room(self) -> np.ndarray | float:
+        """The departure by which two polygons are in valleys of their own."""
+        return APART * float(np.median(np.diff(self.nodes, axis=1)))
+
     def distinct(self) -> list[Valley]:
         """The lowest valleys of which none comes near another, or the curve's own polygon, all along."""
-        room = APART * float(np.median(np.diff(self.nodes, axis=1)))
         kept, found = [self.c], []
         for valley in self.valleys():
-            if all(np.abs(valley.y - y).max() > room for y in kept):
+            if all((np.abs(valley.y - y) > self.room).any() for y in kept):
                 kept.append(valley.y)
                 found.append(valley)
         return found
@@ -323,6 +358,11 @@ def concave_at(landscape: Landscape, x: np.ndarray, y: np.ndarray, v: np.ndarray
     """Where L is concave in the slope about v, or no number; ``steep`` is the landscape's unit of slopes."""
     steps = STEEPER * np.maximum(steep, np.abs(v)) * np.arange(-1, 2).reshape(3, *np.ones(np.ndim(y), dtype=int))
     left, own, right = values_of(landscape, x, y, v + steps)
+    return concave(left, own, right)
+
+
+def concave(left: np.ndarray, own: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Whether the middle one of three values at equal steps lies above the chord of the others, or one is no number."""
     return ~(left - 2 * own + right >= CONCAVE * (np.abs(left) + 2 * np.abs(own) + np.abs(right)))
 
 
@@ -391,6 +431,7 @@ def _turns(landscape: Landscape, x: np.ndarray, c: np.ndarray, unit: float) -> n
     change = np.diff(values)
     told = np.isfinite(change) & (np.abs(change) > NO_CHANGE * (np.abs(values[:, 1:]) + np.abs(values[:, :-1])))
     found: list[np.ndarray] = []
+    swings: list[np.ndarray] = []
     several = False
     for row, at, rates, own in zip(told, y, change, values, strict=True):
         steps = np.flatnonzero(row)
@@ -401,13 +442,25 @@ def _turns(landscape: Landscape, x: np.ndarray, c: np.ndarray, unit: float) -> n
         # where a hill's foot is flat there is no turn, but it is as low as a minimum
         feet = (steps[0] > 0 and signs[0] > 0, steps[-1] < len(row) - 1 and signs[-1] < 0)
         several = several or int((signs[turning] < 0).sum()) + sum(feet) > 1
-        nearest = np.argsort(np.abs(steps[turning] - len(DEPARTURES)), kind="stable")[:NEAREST_TURNS]
-        found.append(at[steps[turning[nearest]] + 1])
+        turning = np.sort(turning[np.argsort(np.abs(steps[turning] - len(DEPARTURES)), kind="stable")[:NEAREST_TURNS]])
+        places = steps[turning] + 1
+        found.append(at[places])
+        swings.append(_swings(own, places, (steps[0], steps[-1] + 1)))
         # what descends to where curves may not go is lowest there
         last = [(steps[0], steps[0] - 1, feet[0]), (steps[-1] + 1, steps[-1] + 2, feet[1])]
         edges = [k for k, beyond, foot in last if foot and beyond in range(len(own)) and own[beyond] == np.inf]
         found.append(at[edges])
-    return np.concatenate(found) if several else None
+        swings.append(np.full(len(edges), np.inf))
+    if not several:
+        return None
+    turns, swing = np.concatenate(found), np.concatenate(swings)
+    return turns[swing >= LEAST_SWING * swing[np.isfinite(swing)].max(initial=0.0)]
+
+
+def _swings(values: np.ndarray, turns: np.ndarray, ends: tuple[int, int]) -> np.ndarray:
+    """By how much a row of values changes from each of its turns to the next, the larger of both sides."""
+    steps = np.abs(np.diff(values[[ends[0], *turns, ends[1]]]))
+    return np.maximum(steps[1:], steps[:-1])
 
 
 def _rests(landscape: Landscape, x: np.ndarray, levels: np.ndarray) -> np.ndarray:

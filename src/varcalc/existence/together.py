@@ -1,0 +1,228 @@
+"""Least polygons of several functions at once, where hills and wells were seen along some directions.
+
+What lies between two directions is on no lattice along one. A coarse box of departures along all axes of the known
+curve is taken first, and the least polygons through its nodes. Of more than four axes those along each direction stand
+for them. About each of them the least one in departures along each axis is found, again and again, with ever smaller
+steps (Luus, "Iterative Dynamic Programming", 2000, ch. 3): what they end in is no longer bound to the nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from varcalc.existence.directions import AlongDirection, Departures
+from varcalc.existence.polygons import NEAR, Lattice, Valley
+from varcalc.formulation import Sampled
+
+PIECES_TOGETHER = 8
+"""Pieces of the polygons through the nodes of the box."""
+SIDE = {2: 11, 3: 7, 4: 4}
+"""Levels of the box along each of so many axes."""
+LEAST_SIDE = 9
+"""Levels of more axes, of which no box is taken: the least polygons of each direction are moved."""
+CLOSER, EVEN = 65, 0.3
+"""Places along an axis at which L is asked for its changes, and the share of the levels that lie evenly."""
+ROWS_PASSED = (0.25, 0.5, 0.75)
+"""Where on the way every node of the box is passed by a polygon."""
+GAUSS_SHARES = 0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)
+"""Where on a piece its two Gauss points lie."""
+MOVES = 3
+"""How often each axis is moved along with one step."""
+MOST_TOGETHER = (160, 60), (40, 20), (12, 12)
+"""Polygons that are moved, the lowest first, each time with half the step, each pair on twice as many pieces."""
+WORTH_TOGETHER = 0.05
+"""How far above the known curve's polygon one may lie to be followed, in units of what that one sums."""
+SAME = 0.5
+"""Steps by which two polygons differ at most that are one."""
+
+
+class AlongAxes:
+    """The functional of the curves c + t A about the curve c, where t are as many functions as there are axes A."""
+
+    def __init__(self, departures: Departures, axes: np.ndarray) -> None:
+        self.departures, self.axes = departures, axes
+        self.span, self.sign, self.closed = departures.span, departures.sign, departures.closed
+        self.approximate, self.waypoints = departures.approximate, departures.waypoints
+        self.held = departures.held((axes != 0).any(0))
+
+    def along(self, valley: Sampled) -> Sampled:
+        """The curve of the problem that functions of x, which give (k, m), stand for."""
+        curve = self.departures.curve
+        return lambda x: curve(np.atleast_1d(x), 0) + self.axes.T @ valley(np.atleast_1d(x))
+
+    def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """L as it is minimised, where y and v are (..., k)."""
+        values = self.departures.values(x, *(list(np.moveaxis(t @ self.axes, -1, 0)) for t in (y, v)))
+        return np.broadcast_to(values, np.broadcast_shapes(x.shape, y.shape[:-1], v.shape[:-1]))
+
+    def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
+        """What ends that depart by y (..., k) add."""
+        return self.departures.at_end(side, (y @ self.axes).reshape(-1, self.axes.shape[1])).reshape(y.shape[:-1])
+
+    def extent(self, y: np.ndarray) -> float:  # noqa: ARG002  the axes have it
+        """The unit of the departures."""
+        return 1.0
+
+
+class PolygonsTogether:
+    """The polygons that ``starts`` (P, K + 1, k) with vertices at x lead to, by departures of ``steps`` (k,)."""
+
+    def __init__(self, landscape: AlongAxes, x: np.ndarray, starts: np.ndarray, steps: np.ndarray) -> None:
+        self.landscape, self._room = landscape, SAME * steps
+        own = np.zeros((1, len(x), len(steps)))
+        costs = self._costs(x, own[:, :, None])
+        self.summed = float(np.abs(costs).sum())
+        self.own_value = float(costs.sum()) + float(sum(landscape.at_end(side, own[0, -side]) for side in (0, 1)))
+        y, values, step = starts, np.zeros(len(starts)), steps
+        for number, most in enumerate(MOST_TOGETHER):
+            if number:
+                finer = np.union1d(x, (x[1:] + x[:-1]) / 2)
+                x, y = finer, np.stack([[np.interp(finer, x, row) for row in p.T] for p in y]).transpose(0, 2, 1)
+            y, values, step = self._settled(x, y, step, most)
+        self._valleys = [Valley(x, row, float(value), False) for row, value in zip(y, values, strict=True)]
+
+    def distinct(self) -> list[Valley]:
+        """The polygons that are worth following and come not near the known curve all along, the lowest first."""
+        ceiling = self.own_value + WORTH_TOGETHER * self.summed
+        return [v for v in self._valleys if v.value < ceiling and (np.abs(v.y) > self._room).any()]
+
+    def _settled(
+        self, x: np.ndarray, y: np.ndarray, step: np.ndarray, most: Sequence[int]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What the lowest polygons of y (P, K + 1, k) lead to, their values, the lowest first, and the last step.
+
+        The steps are halved as often as it is said how many are moved at ``most``.
+        """
+        y, values = self._moved(x, y, np.zeros((1, len(step))))
+        for count in most:
+            chosen = self._distinct(y, values)[:count]
+            y, step = y[chosen], 0.5 * step
+            for _ in range(MOVES):
+                for axis in np.diag(step):
+                    y, values = self._moved(x, y, np.array([0 * axis, axis, -axis]))
+        chosen = self._distinct(y, values)
+        return y[chosen], values[chosen], step
+
+    def _costs(self, x: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+        """What each piece adds between nodes (P, K + 1, S, k) of neighbouring rows, (P, K, S, S)."""
+        first, last, h = nodes[:, :-1, :, None], nodes[:, 1:, None], np.diff(x)[:, None, None]
+        sums = 0.0
+        for share in GAUSS_SHARES:
+            place = x[:-1, None, None] + share * h
+            sums = sums + self.landscape.values(place, first + share * (last - first), (last - first) / h[..., None])
+        return np.where(np.isfinite(sums), sums, np.inf) * h / len(GAUSS_SHARES)
+
+    def _moved(self, x: np.ndarray, y: np.ndarray, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The least of the polygons that vertices of each of y (P, K + 1, k) make by one of the ``moves`` (S, k), or 0.
+
+        The first of the moves is 0. Their values are (P,).
+        """
+        nodes = y[:, :, None] + moves
+        costs = self._costs(x, nodes)
+        fixed = np.isin(x, self.landscape.waypoints)
+        fixed[[0, -1]] |= np.array(self.landscape.held) | self.landscape.closed  # a closed one moves between its ends
+        aside = np.arange(len(moves)) > 0
+        reached = self.landscape.at_end(0, nodes[:, 0]) + np.where(fixed[0] & aside, np.inf, 0.0)
+        before = []
+        for k in range(len(x) - 1):
+            sums = reached[:, :, None] + costs[:, k] + np.where(fixed[k + 1] & aside, np.inf, 0.0)
+            before.append(np.argmin(sums, axis=1))
+            reached = np.min(sums, axis=1)
+        reached = reached + self.landscape.at_end(1, nodes[:, -1])
+        path = [np.argmin(reached, axis=1)]
+        for back in reversed(before):
+            path.insert(0, back[np.arange(len(y)), path[0]])
+        chosen = np.stack(path, axis=1)[:, :, None, None]
+        return np.take_along_axis(nodes, chosen, axis=2)[:, :, 0], reached.min(axis=1)
+
+    def _distinct(self, y: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """The numbers of the polygons of which none comes near a lower one all along, the lowest first."""
+        kept: list[int] = []
+        for number in np.argsort(values, kind="stable").tolist():
+            if np.isfinite(values[number]) and (np.abs(y[kept] - y[number]) > self._room).any((1, 2)).all():
+                kept.append(number)
+        return np.array(kept, dtype=int)
+
+
+def together(looked: Sequence[tuple[AlongDirection, Lattice, Lattice | None]]) -> PolygonsTogether | None:
+    """The polygons of all axes at once, as far out as hills and wells were seen along the directions; None for none.
+
+    Along each direction there is a lattice about the curve, and one across the hills and wells where some were seen.
+    """
+    axes = np.array([along.direction for along, _, _ in looked if np.count_nonzero(along.shares) == 1])
+    if len(axes) < 2 or all(across is None for _, _, across in looked):
+        return None
+    corners = np.array([end * along.shares for along, about, across in looked for end in _range(about, across)])
+    landscape = AlongAxes(looked[0][0].departures, axes)
+    ends = zip(np.eye(len(axes)), corners.min(0), corners.max(0), strict=True)
+    side = SIDE.get(len(axes), LEAST_SIDE)
+    levels = [_levels(landscape, axis, low, high, side) for axis, low, high in ends]
+    x = np.union1d(np.linspace(*landscape.span, PIECES_TOGETHER + 1), landscape.waypoints)
+    steps = np.array([np.median(np.diff(row)) for row in levels])
+    starts = _through_box(landscape, x, levels) if len(axes) in SIDE else _in_their_directions(x, looked)
+    return PolygonsTogether(landscape, x, starts, steps) if len(starts) else None
+
+
+def _in_their_directions(x: np.ndarray, looked: Sequence[tuple[AlongDirection, Lattice, Lattice | None]]) -> np.ndarray:
+    """The polygons (P, K + 1, k) that were seen along one direction each."""
+    seen = [(along, v) for along, *lattices in looked for lattice in lattices if lattice for v in lattice.distinct()]
+    return np.array([valley(x)[0][:, None] * along.shares for along, valley in seen])
+
+
+def _through_box(landscape: AlongAxes, x: np.ndarray, levels: list[np.ndarray]) -> np.ndarray:
+    """The least polygons (P, K + 1, k) through the nodes of a box on some rows; of a closed curve, those at rest."""
+    box = np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(-1, len(levels))
+    if landscape.closed:
+        return np.repeat(box[:, None], len(x), axis=1)
+    first, last, h = box[:, None], box[None], np.diff(x)[:, None, None]
+    middle = (x[:-1] + x[1:])[:, None, None] / 2
+    costs = landscape.values(middle, 0.5 * (first + last), (last - first) / h[..., None]) * h
+    costs = np.where(np.isfinite(costs), costs, np.inf)
+    aside = np.arange(len(box)) != np.argmin(np.abs(box).max(1))
+    begun, ended = (
+        landscape.at_end(side, box) + np.where(aside & landscape.held[side], np.inf, 0.0) for side in (0, 1)
+    )
+    back, ahead = _pointers(begun, costs), _pointers(ended, costs[::-1].transpose(0, 2, 1))[::-1]
+    polygons = []
+    for row in (round(share * (len(x) - 1)) for share in ROWS_PASSED):
+        path = [np.arange(len(box))]
+        for k in range(row - 1, -1, -1):
+            path.insert(0, back[k][path[0]])
+        for k in range(row, len(x) - 1):
+            path.append(ahead[k][path[-1]])
+        polygons.append(box[np.stack(path, axis=1)])
+    return np.unique(np.concatenate(polygons), axis=0)
+
+
+def _pointers(reached: np.ndarray, costs: np.ndarray) -> list[np.ndarray]:
+    """Of each piece (K, J, J), the nodes from which the least polygons come that begin with the costs ``reached``."""
+    found = []
+    for cost in costs:
+        sums = reached[:, None] + cost
+        found.append(np.argmin(sums, axis=0))
+        reached = sums.min(0)
+    return found
+
+
+def _levels(landscape: AlongAxes, axis: np.ndarray, low: float, high: float, side: int) -> np.ndarray:
+    """Levels along an axis, closer where L changes more; the known curve's is one."""
+    x = np.linspace(*landscape.span, PIECES_TOGETHER + 1)
+    y = np.linspace(low, high, CLOSER)
+    rows = landscape.values(x[:, None], y[:, None] * axis, np.zeros(len(axis)))
+    change = np.abs(np.diff(rows))
+    change = np.where(np.isfinite(change), change, 0.0).sum(0)
+    share = EVEN / len(change) + (1 - EVEN) * change / (change.sum() or 1.0)
+    passed = np.concatenate([[0.0], np.cumsum(share)])
+    levels = np.interp(np.linspace(0, passed[-1], side), passed, y)
+    levels[np.argmin(np.abs(levels))] = 0.0
+    return levels
+
+
+def _range(about: Lattice, across: Lattice | None) -> tuple[float, float]:
+    """The departures along a direction between which there is what to see."""
+    if across is not None:
+        return float(across.nodes.min()), float(across.nodes.max())
+    middle = int(about.own[0])
+    return float(about.nodes[0, middle - len(NEAR)]), float(about.nodes[0, middle + len(NEAR)])
