@@ -35,7 +35,7 @@ ALIKE_PLACES = 7
 SAME_PLACE = 1e-6
 """Distance, in units of the curve, up to which two changes of variable send a curve to the same place."""
 RISE_PLACES = 1001
-RISE_NOISE, RISE_LEAST, BEND_LEAST = 1e-6, 1e-5, 1e-4
+RISE_NOISE, RISE_LEAST, BEND_LEAST = 1e-5, 1e-5, 1e-4
 """Slope below zero, relative to the largest, that is made of rounding, and slope and bend at an end that are none."""
 
 
