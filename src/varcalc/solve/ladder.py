@@ -427,7 +427,9 @@ def _on_finer_mesh(method: Method, form: Form, solution: Solution, missed: Unsee
     finer = method
     if isinstance(method, Ritz):
         degree = min(solution.stats.degree, FINER_DEGREE) if method.refine and method.degree is None else method.degree
-        finer = replace(method, degree=degree, starts=min(method.starts, FINER_STARTS))
+        # where the curve is no answer others may lead to one
+        starts = min(method.starts, FINER_STARTS) if solution.status.ok else method.starts
+        finer = replace(method, degree=degree, starts=starts)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         again = finer.solve(form, tol=tol, guess=lambda s: start(s, 0))
     return replace(again, method=method)
