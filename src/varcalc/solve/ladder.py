@@ -26,7 +26,7 @@ from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampl
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.resampled import polynomials
 from varcalc.problem.breaks import breakable, on_curve, switches_of
-from varcalc.problem.conditions import truth
+from varcalc.problem.conditions import Bound, truth
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -49,6 +49,8 @@ from varcalc.verify.slopes import vouched
 
 FINER_DEGREE = 8
 """Degree at most with which a finer mesh is begun."""
+FEW_STARTS = 2
+"""Curves from which an answer is looked for first where it is not known that there is one."""
 FINER_STARTS = 2
 """Curves at most from which it is begun: the known one is what it is for."""
 NO_LENGTH = "the functional is not the length of a metric that it is taken for"
@@ -295,7 +297,16 @@ def _broken(problem: Functional, method: Method, tol: float, guess: Guess) -> So
 
 def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
     """The first answer of a method that stands, over all forms; else the failure that got furthest, explained."""
-    found = _first_answer(problem, method, tol, guess)
+    if isinstance(method, Ritz) and method.starts > FEW_STARTS and any(problem.of_type(Bound)):
+        # bounds that no curve meets are told of before many starts are spent on them
+        few = replace(method, starts=FEW_STARTS)
+        found = replace(_explained(problem, _first_answer(problem, few, tol, guess)), method=method)
+        return found if found.status.ok or found.verdict is not None else _first_answer(problem, method, tol, guess)
+    return _explained(problem, _first_answer(problem, method, tol, guess))
+
+
+def _explained(problem: Functional, found: Solution) -> Solution:
+    """An answer, or a failure with the conditions that no curve meets."""
     asked = problem.constraints or any(problem.slides)
     if found.status.ok or not asked or found.verdict in {Verdict.NOT_ATTAINED, Verdict.DEGENERATE, Verdict.INFEASIBLE}:
         return found
@@ -479,8 +490,8 @@ def _worth_something(solution: Solution) -> Solution:
 
 def _quick_first(method: Method, count: int) -> list[Method]:
     """Where there is a choice of forms, each is tried from the first starting curves before any is tried from all."""
-    if isinstance(method, Ritz) and method.starts > 2 and count > 1:
-        return [replace(method, starts=2), method]
+    if isinstance(method, Ritz) and method.starts > FEW_STARTS and count > 1:
+        return [replace(method, starts=FEW_STARTS), method]
     return [method]
 
 
