@@ -7,6 +7,7 @@ slow: a timer of the operating system (POSIX) ends the process.
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -21,6 +22,9 @@ WAITING = 20.0
 """Times the limit after which a process is ended that hardly gets, or uses, the processor."""
 # a fresh interpreter, since a copy of one that runs threads may hang
 _CONTEXT = multiprocessing.get_context("spawn")
+# linear algebra on several cores waits for them, and waiting counts as processor time
+for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[threads] = "1"  # processes to come have it before NumPy is loaded
 
 
 class Failed(Enum):
