@@ -85,6 +85,27 @@ def test_a_waypoint_holds_the_curve_and_the_way_before_it_finds_its_well():
     assert found.curve(np.array([LENGTH]), 0)[0, 0] == pytest.approx(1, abs=1e-9)
 
 
+def test_waypoints_hold_several_functions_and_each_finds_its_well():
+    passing = vc.Problem(
+        lambda x, y, v: ca.sumsqr(v) / 2 + wells(y[0]) + wells(y[1]),
+        vc.Fixed(0, [1, 1]), vc.Fixed(2 * LENGTH, [1, 1]), [vc.Through(LENGTH, [0, 1])],
+    )  # fmt: skip
+    found = vc.solve(passing)
+    single = [through_the_deeper_well(lambda x, y, v, w: action(x, y, v), height) for height in (0, 1)]
+    assert found.value < 2 * sum(single)  # to the waypoint, and the same way back
+    assert not found.local
+
+
+def test_each_of_a_dozen_functions_finds_its_well():
+    chain = vc.Problem(
+        lambda x, y, v: ca.sumsqr(v) / 2 + sum(wells(y[k]) for k in range(12)) + ca.sumsqr(y[1:] - y[:-1]) / 10,
+        vc.Fixed(0, [1] * 12), vc.Fixed(LENGTH, [1] * 12),
+    )  # fmt: skip
+    found = vc.solve(chain)
+    assert found.value < 12 * through_the_deeper_well(lambda x, y, v, w: action(x, y, v), 1)
+    assert not found.local
+
+
 @pytest.mark.parametrize("tilt", [0.3, -0.1])
 def test_a_closed_curve_rests_in_the_deepest_well(tilt):
     closed = vc.Problem(

@@ -22,7 +22,7 @@ from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import Columns, PointEvaluator
 
 MOST_DIRECTIONS = 9
-"""Directions that are looked along: all of three functions."""
+"""Directions that are looked along: all of three functions, of many more the axes alone."""
 SIZED_PLACES = 65
 """Places of the curve by which its size is told."""
 ON_BOUND = 1e-7
@@ -169,7 +169,7 @@ def _shares(count: int) -> np.ndarray:
     """The axes, then sums and differences of two, as many as are looked along, in shares of ``count`` axes."""
     axes = np.eye(count)
     mixed = [a + sign * b for a, b in combinations(axes, 2) for sign in (1.0, -1.0)]
-    return np.array([*axes, *mixed])[:MOST_DIRECTIONS]
+    return np.array([*axes, *mixed])[: max(MOST_DIRECTIONS, count)]
 
 
 @derived

@@ -44,7 +44,7 @@ FAR_LOWER = 0.5
 """How far below the chord a polygon lies that is worth starting from, in units of what the chord sums."""
 FOLLOWED, FOLLOWED_ACROSS, FOLLOWED_IN_DIRECTIONS = 3, 4, 4
 """Valleys that are followed from one curve, across a landscape, and in all directions from one."""
-DESCENTS = 4
+DESCENTS = 8
 """Times that a lower curve is looked around in its turn."""
 LOWER = 1e-9
 """Relative difference of two values that is one."""
@@ -111,7 +111,9 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
         if lower is None or not lower.status.ok or lower.local or not followed:
             return _told(best, lower, seen.sentence)
         best = replace(lower, method=solution.method)
-    return _told(best, None, seen.sentence)
+    kind = "maximum" if problem.sign < 0 else "minimum"
+    message = f"perhaps a local {kind} only: each of {DESCENTS} looks led to a lower curve, and there may be more"
+    return replace(best, local=True, message=message, searched=seen.sentence)
 
 
 @dataclass

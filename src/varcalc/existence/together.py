@@ -151,24 +151,40 @@ def together(looked: Sequence[tuple[AlongDirection, Lattice, Lattice | None]]) -
 
     Along each direction there is a lattice about the curve, and one across the hills and wells where some were seen.
     """
-    axes = np.array([along.direction for along, _, _ in looked if np.count_nonzero(along.shares) == 1])
-    if len(axes) < 2 or all(across is None for _, _, across in looked):
+    alone = [along for along, _, _ in looked if np.count_nonzero(along.shares) == 1]
+    if len(alone) < 2 or all(across is None for _, _, across in looked):
         return None
-    corners = np.array([end * along.shares for along, about, across in looked for end in _range(about, across)])
+    axes, own = np.array([a.direction for a in alone]), np.array([a.shares for a in alone]) > 0
+    corners = np.array([end * own @ along.shares for along, about, across in looked for end in _range(about, across)])
     landscape = AlongAxes(looked[0][0].departures, axes)
     ends = zip(np.eye(len(axes)), corners.min(0), corners.max(0), strict=True)
     side = SIDE.get(len(axes), LEAST_SIDE)
     levels = [_levels(landscape, axis, low, high, side) for axis, low, high in ends]
     x = np.union1d(np.linspace(*landscape.span, PIECES_TOGETHER + 1), landscape.waypoints)
     steps = np.array([np.median(np.diff(row)) for row in levels])
-    starts = _through_box(landscape, x, levels) if len(axes) in SIDE else _in_their_directions(x, looked)
-    return PolygonsTogether(landscape, x, starts, steps) if len(starts) else None
+    starts = _through_box(landscape, x, levels) if len(axes) in SIDE else _in_their_directions(x, own, looked)
+    if not len(starts):
+        return None
+    starts[:, np.isin(x, landscape.waypoints)] = 0.0  # where the known curve is all are
+    return PolygonsTogether(landscape, x, starts, steps)
 
 
-def _in_their_directions(x: np.ndarray, looked: Sequence[tuple[AlongDirection, Lattice, Lattice | None]]) -> np.ndarray:
-    """The polygons (P, K + 1, k) that were seen along one direction each."""
-    seen = [(along, v) for along, *lattices in looked for lattice in lattices if lattice for v in lattice.distinct()]
-    return np.array([valley(x)[0][:, None] * along.shares for along, valley in seen])
+def _in_their_directions(
+    x: np.ndarray, own: np.ndarray, looked: Sequence[tuple[AlongDirection, Lattice, Lattice | None]]
+) -> np.ndarray:
+    """The polygons (P, K + 1, k) that were seen along one direction each, and sums of the lowest along several.
+
+    ``own`` are the shares of the k axes.
+    """
+    alone: list[np.ndarray] = []
+    lowest: list[tuple[float, int]] = []
+    for along, *lattices in looked:
+        seen = [(v.value - t.own_value, v) for t in lattices if t is not None for v in t.distinct()]
+        if seen:
+            lowest.append(min((height, len(alone) + k) for k, (height, _) in enumerate(seen)))
+        alone += [valley(x)[0][:, None] * (own @ along.shares) for _, valley in seen]
+    sums = np.cumsum([alone[k] for _, k in sorted(lowest)], axis=0) if lowest else []
+    return np.array([*alone, *sums])
 
 
 def _through_box(landscape: AlongAxes, x: np.ndarray, levels: list[np.ndarray]) -> np.ndarray:
