@@ -72,6 +72,44 @@ class Telling:
         self._bar.show(done, total, ", ".join(filter(None, (count, what))))
 
 
+class Stage:
+    """The one who is told, by a search of many questions: how many are done, and what comes next, in words.
+
+    Nobody where ``tell`` is None; ``before`` is how many were done before those that are counted. Ctrl-C ends what is
+    done within :meth:`stoppable` and nothing else, so that what is known by then can be given back.
+    """
+
+    def __init__(self, tell: Callable[[int, str], None] | None = None, before: int = 0) -> None:
+        self._tell = tell
+        self._before = before
+        self._whole = self
+        self._stopped = False
+
+    def __call__(self, done: int, what: str) -> None:
+        """Tell that ``done`` more questions lie behind, and ``what`` comes next."""
+        if self._tell is not None:
+            self._tell(self._before + done, what)
+
+    def later(self, before: int) -> Stage:
+        """The stages of a part of the questions, ``before`` which as many were done; it stops with the others."""
+        part = Stage(self._tell, self._before + before)
+        part._whole = self._whole
+        return part
+
+    @property
+    def stopped(self) -> bool:
+        """Whether Ctrl-C came."""
+        return self._whole._stopped  # noqa: SLF001  of this class
+
+    @contextmanager
+    def stoppable(self) -> Generator[None]:
+        """What is done within ends at Ctrl-C, and the search goes on with what is known."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            self._whole._stopped = True  # noqa: SLF001  of this class
+
+
 class _Bar(Protocol):
     """A bar that somebody sees."""
 

@@ -24,7 +24,7 @@ from varcalc.optics.validation import how_far, matched, point, rows, unit_rows
 from varcalc.optics.validation import number as one_number
 from varcalc.problem.functional import named
 from varcalc.problem.reading import latex, text
-from varcalc.progress import Progress
+from varcalc.progress import Interrupted, Progress
 from varcalc.showing import Fact, Shown, brief, counted, line, listed
 from varcalc.spelling import check_names, spelled
 
@@ -226,7 +226,8 @@ class Scene(Shown):
             What finds and carries the rays, such as ``optics.Invariants()``; the cheapest that applies in each medium
             when left out. Each ray names it.
         progress : callable or bool, optional
-            As :data:`varcalc.progress.Progress` says: told of what is left of the search.
+            As :data:`varcalc.progress.Progress` says: told of what is left of the search. Ctrl-C raises
+            :class:`varcalc.Interrupted`, which holds the rays that are known by then.
 
         Returns
         -------
@@ -247,7 +248,10 @@ class Scene(Shown):
             return self.at_wavelength(wavelength).rays(A, B, within=within, model=model, progress=progress)
         if np.array(A).ndim != 1 or np.array(B).ndim != 1:
             A, B = point("A", A), point("B", B)
-        return self._named(self._pairs.arrivals("A", A, "B", B, within, model, progress)[0])
+        try:
+            return self._named(self._pairs.arrivals("A", A, "B", B, within, model, progress)[0])
+        except Interrupted as stop:
+            raise Interrupted(self._named(stop.known[0])) from stop
 
     def usual_range(self, A: Any, B: Any) -> float:
         """The optical path up to which :meth:`rays` looks for rays from A to B when ``within`` is left out.
@@ -280,6 +284,7 @@ class Scene(Shown):
             As for :meth:`rays`; one that searches by itself, as ``Fermat`` does, goes from pair to pair.
         progress : callable or bool, optional
             As :data:`varcalc.progress.Progress` says: told of the pairs, or whether to show a bar on standard error.
+            Ctrl-C raises :class:`varcalc.Interrupted`, which holds the answers that are known by then.
 
         Returns
         -------

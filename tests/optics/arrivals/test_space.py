@@ -1,5 +1,7 @@
 """All rays in space where no plane is known to hold them, against Fermat's principle and closed forms."""
 
+import re
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -8,8 +10,10 @@ from scipy.optimize import brentq, minimize_scalar
 from varcalc import optics
 from varcalc.optics.arrivals import space
 from varcalc.optics.arrivals.directions import SIDE, headings, placed
+from varcalc.progress import Interrupted
 
 AIR = optics.Uniform(1.0)
+LEVEL = optics.Plane((0, 0, 0), (0, 0, 1))
 
 
 def test_the_lattice_of_directions():
@@ -144,10 +148,10 @@ def test_pairs_of_one_source_are_answered_as_alone():
     assert not any(rays.unresolved for rays in together)
 
 
-@pytest.mark.parametrize("crowded", [space.CROWDED, 200])
-def test_rays_by_a_mirror_of_steep_waves_are_kept_where_cells_are_left(monkeypatch, crowded):
+@pytest.mark.parametrize("most", [space.MOST_PARTED_SLOWLY, 1200])
+def test_rays_by_a_mirror_of_steep_waves_are_kept_where_cells_are_left(monkeypatch, most):
     """Along the crests a reflected path is straight: paths are hypotenuses of those in the section across them."""
-    monkeypatch.setattr(space, "CROWDED", crowded)
+    monkeypatch.setattr(space, "MOST_PARTED_SLOWLY", most)
     height, wave, A, B = 0.1, 11.0, np.array([-0.4, 2.0]), np.array([0.4, 0.4])
 
     def level(x):
@@ -170,5 +174,70 @@ def test_rays_by_a_mirror_of_steep_waves_are_kept_where_cells_are_left(monkeypat
     rays = optics.Scene(optics.Uniform(1.0), mirror).rays((A[0], 0, A[1]), (B[0], 1.4, B[1]), within=3.2)
     exact = np.sort([path for path in np.hypot(across, 1.4) if path < 3.2])
     assert len(exact) > 4
-    assert (rays.unresolved > 0) == (crowded == 200)
+    assert (rays.unresolved > 0) == (most == 1200)
     np.testing.assert_allclose([ray.optical_path for ray in rays], exact, rtol=0, atol=1e-12)
+
+
+ROD = optics.Scene([AIR, optics.Graded(lambda x, y, z: ca.sqrt(2.56 - 0.25 * (x**2 + y**2)))], [LEVEL])
+"""A rod behind the plane z = 0."""
+
+
+def rays_into_the_rod(height, off, depth):
+    """Optical paths of the rays from the axis, at a height before the rod, to a place off it at a depth inside.
+
+    At the angle θ a ray comes in at x₀ = h tan θ, and x = x₀ cos wσ + sin θ sin(wσ)/w at z = p_z σ.
+    """
+    w = 0.5
+
+    def at(theta):
+        start, p = height * np.tan(theta), np.sin(theta)
+        along = np.sqrt(2.56 - (w * start) ** 2 - p**2)
+        sigma = depth / along
+        s, c = np.sin(w * sigma), np.cos(w * sigma)
+        path = along**2 * sigma + (w * start) ** 2 * (sigma - s * c / w) / 2 + p**2 * (sigma + s * c / w) / 2
+        return start * c + p * s / w - off, path - start * p * s**2 + height / np.cos(theta)
+
+    last = brentq(lambda theta: 2.56 - (w * height * np.tan(theta)) ** 2 - np.sin(theta) ** 2, 0, 1.55)
+    grid = (last - 1e-12) * np.sin(np.linspace(-np.pi / 2, np.pi / 2, 200001))
+    found = np.flatnonzero(np.diff(np.sign(at(grid)[0])))
+    return np.sort([at(brentq(lambda t: at(t)[0], *grid[k : k + 2], xtol=1e-15))[1] for k in found])
+
+
+def test_all_rays_into_a_rod_up_to_an_optical_path():
+    exact = rays_into_the_rod(1.0, 0.3, 5.0)
+    rays = ROD.rays((0, 0, -1), (0.3, 0, 5), within=12.0)
+    np.testing.assert_allclose([ray.optical_path for ray in rays], exact[exact < 12], rtol=0, atol=1e-11)
+    assert len(rays) > 2
+    assert rays.unresolved == 0
+
+
+def test_rays_to_and_fro_without_end_are_all_told_up_to_where_cells_are_too_many(monkeypatch):
+    monkeypatch.setattr(space, "MOST_PARTED", 3000)
+    exact = rays_into_the_rod(1.0, 0.3, 5.0)
+    rays = ROD.rays((0, 0, -1), (0.3, 0, 5))
+    assert rays.unresolved == 1
+    complete = float(re.search("not all of them from ([.0-9]+) on", rays.searched)[1])
+    found = np.array([ray.optical_path for ray in rays])
+    assert 10 < complete < exact[-1]
+    np.testing.assert_allclose(found[found < complete], exact[exact < complete], rtol=0, atol=1e-11)
+
+
+def test_what_is_known_is_given_back_when_a_search_in_space_is_stopped():
+    def stop(done, total, what):
+        if "from the optical path 1" in what:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as stopped:
+        ROD.rays((0, 0, -1), (0.3, 0, 5), progress=stop)
+    known, exact = stopped.value.known, rays_into_the_rod(1.0, 0.3, 5.0)
+    assert known.unresolved == 1
+    assert known.searched.endswith("stopped before its end")
+    assert known[0].optical_path == pytest.approx(exact[0], abs=1e-11)
+
+
+def test_no_ray_goes_through_a_medium_where_the_index_is_negative():
+    """n = 1.6 - 0.08 ρ²: beyond ρ = sqrt(20) only n² is what it is of another medium."""
+    scene = optics.Scene([AIR, optics.Graded(lambda x, y, z: 1.6 - 0.08 * (x**2 + y**2))], [LEVEL])
+    ends = scene.trace((0, 0, -1), [(1, 0, 0.5), (5, 0, 1), (60, 0, 1)], optical_path=70.0)
+    statuses = [optics.RayStatus.ARRIVED, optics.RayStatus.TOTAL_REFLECTION, optics.RayStatus.SINGULAR]
+    assert [optics.RayStatus(code) for code in ends.status] == statuses

@@ -26,6 +26,7 @@ from varcalc.optics.media.tabulated import Layers
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.propagation.sequential import Propagator
 from varcalc.optics.rays.beam import Rows
+from varcalc.progress import Stage
 from varcalc.symbolic.narrow import NarrowPlaces, narrow_places
 
 SEEN = 0.03
@@ -70,7 +71,7 @@ class NarrowSearch:
     propagator: Propagator
     _read: dict[tuple[int, int, int], NarrowPlaces] = field(default_factory=dict, init=False, repr=False)
 
-    def aimed(self, sources: np.ndarray, bounds: FanReach) -> tuple[AimedDirections, np.ndarray, str]:
+    def aimed(self, sources: np.ndarray, bounds: FanReach, stage: Stage) -> tuple[AimedDirections, np.ndarray, str]:
         """The directions of the ``sources`` (n, 2) to be looked at, how much (n,) is given up, and what is said.
 
         Rays are followed as far as ``bounds`` say.
@@ -78,7 +79,7 @@ class NarrowSearch:
         places = NarrowPlaces.none() if self._squared is None else self._places(self._squared, bounds)
         if len(places.width) == 0:
             return AimedDirections.nowhere(), np.zeros(len(sources), dtype=int), ""
-        return _Aiming(self.propagator, sources, bounds, places).run()
+        return _Aiming(self.propagator, sources, bounds, places, stage).run()
 
     @cached_property
     def _squared(self) -> ca.Function | None:
@@ -127,6 +128,7 @@ class _Aiming:
     sources: np.ndarray
     bounds: FanReach
     places: NarrowPlaces
+    stage: Stage
 
     def run(self) -> tuple[AimedDirections, np.ndarray, str]:
         """See :meth:`NarrowSearch.aimed`."""
@@ -177,7 +179,9 @@ class _Aiming:
         known: list[tuple[int, float, float]] = []
         lost = source[:0]
         for _ in range(ROUNDS):
-            met = WavefrontConstruction(Fan(self.propagator, self.sources, bounds, aimed), pairs).run().meeting
+            met = (
+                WavefrontConstruction(Fan(self.propagator, self.sources, bounds, aimed), pairs).run(self.stage).meeting
+            )
             pair, angle, p, moved = met.aims.pair, met.aims.angle, met.state[:, P], met.state[:, MOVED]
             with np.errstate(divide="ignore"):
                 scale = np.linalg.norm(p, axis=1) / np.abs(p[:, 0] * moved[:, 1] - p[:, 1] * moved[:, 0])

@@ -14,9 +14,7 @@ from varcalc.optics.arrivals.fan import Fan, FanReach
 from varcalc.optics.arrivals.narrow import NarrowSearch
 from varcalc.optics.arrivals.sections import PlaneSection
 from varcalc.optics.arrivals.space import SpaceSearch
-from varcalc.optics.arrivals.space_cells import SpaceCells
 from varcalc.optics.arrivals.space_fan import SpaceFan, SpaceReach
-from varcalc.optics.arrivals.stages import Stage, quietly
 from varcalc.optics.arrivals.wavefront_construction import Arrivals, PlanePairs, WavefrontConstruction
 from varcalc.optics.media.medium import Graded, Radial, Stratified, as_layers
 from varcalc.optics.media.tabulated import Tabulated
@@ -32,7 +30,7 @@ from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, spreading
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.rays.ray import SHADOW, Ray, Rays, no_rays
 from varcalc.optics.validation import matched, numbers, rows
-from varcalc.progress import Progress, Telling, telling
+from varcalc.progress import Interrupted, Progress, Stage, telling
 
 FLAT_SPREADING = 1e-9
 """A spreading so small beside that of a uniform medium is that of a conjugate point."""
@@ -49,6 +47,8 @@ USUAL_RANGE = 5.0
 """Rays are looked for up to so many times the optical length of the scene."""
 DIM = 1e-2
 """Of the index at the source: steps along rays that come where it is less become small without end."""
+STOPPED = "stopped before its end"
+"""What is said of a search that was."""
 FARTHEST_SCALE = 1e3
 """Of the distance of two points: a medium that varies over more is uniform to a fan, as the tail of a lens is."""
 
@@ -94,7 +94,7 @@ class TwoPoint:
         """Whether rays are carried over knots of tables."""
         return any(isinstance(model, HamiltonRays) and model.steps_over_knots for model in self.full.models)
 
-    def found(self, pairs: PointPairs, stage: Stage = quietly) -> list[Rays]:
+    def found(self, pairs: PointPairs, stage: Stage) -> list[Rays]:
         """All rays of each pair, in the planes that hold them or over all directions of space.
 
         How many pairs are done is told, and what is being done.
@@ -104,10 +104,12 @@ class TwoPoint:
         _, source = np.unique(pairs.sources, axis=0, return_inverse=True)
         answers: dict[int, Rays] = {}
         for number in range(int(source.max(initial=-1)) + 1):
+            if stage.stopped:
+                break
             rows = np.flatnonzero(source.ravel() == number)
-            own = self._in_space(pairs.take(rows), _later(stage, len(answers)))
+            own = self._in_space(pairs.take(rows), stage.later(len(answers)))
             answers |= dict(zip(rows.tolist(), own, strict=True))
-        return [answers[k] for k in range(len(pairs))]
+        return [answers[k] if k in answers else _not_begun() for k in range(len(pairs))]
 
     def _in_planes(self, ends: PointPairs, stage: Stage) -> list[Rays]:
         """See :meth:`found`."""
@@ -117,14 +119,14 @@ class TwoPoint:
         origins, source = np.unique(flat[0], axis=0, return_inverse=True)
         source = source.ravel()
         bounds = _bounds(source, flat[1], ends.within, far, distance)
-        aimed, given_up, said = self.narrow.aimed(origins, bounds)
+        aimed, given_up, said = self.narrow.aimed(origins, bounds, stage)
         fan = Fan(self.planar, origins, bounds, aimed)
         fan.given_up += given_up
         found = WavefrontConstruction(fan, PlanePairs(source, flat[1], ends.within, distance)).run(stage)
         rays = self._rays(ends, found)
         searched = f"all directions of the plane ({fan.looked_at} looked at, %d narrow cells left unresolved"
         searched += f"{fan.resolution}{said}), "
-        searched += "optical paths up to %.6g, no farther than %.6g from B"
+        searched += f"optical paths up to %.6g, no farther than %.6g from B{f'; {STOPPED}' if stage.stopped else ''}"
         notes = [searched % note for note in zip(found.unresolved, ends.within, far, strict=True)]
         return [
             _told(rays[k], fan.ends, fan.entered, notes[k], bool(found.continuum[k]), int(found.unresolved[k]))
@@ -255,27 +257,43 @@ class TwoPoint:
         far = np.maximum(ends.within / self._largest_index(ends), 2 * distance)
         bounds = _bounds(np.zeros(len(ends), dtype=int), ends.targets, ends.within, far, distance)
         fan = SpaceFan(self.full, ends.sources[0], SpaceReach(*(values[0] for values in vars(bounds).values())))
-        near: list[list[SpaceCells]] = [[] for _ in range(len(ends))]
-        for cells in fan.cells():
+        searches = [SpaceSearch(fan, target, float(d)) for target, d in zip(ends.targets, distance, strict=True)]
+        with stage.stoppable():
             stage(0, "laying out rays")
-            for target, own in zip(ends.targets, near, strict=True):
-                own.append(fan.held(cells, target))
+            for cells in fan.cells():
+                for one in searches:
+                    one.take_in(fan.held(cells, one.target), stage)
+                if all(one.given_up for one in searches):
+                    break
         answers = []
-        for k, own in enumerate(near):
-            found = SpaceSearch(fan, ends.targets[k], float(distance[k]))
-            met = found.run(SpaceCells.joined([SpaceCells.none(), *own]), _later(stage, k))
+        for k, one in enumerate(searches):
+            met = one.met
             met = met.take(np.flatnonzero(met.path <= ends.within[k]))
             every = np.zeros(len(met), dtype=int)
             built = self.built(ends.take(every + k), met.heading, met.path, met.touching)
-            found.unresolved += sum(ray is not None and miss > MEETS for ray, miss in built)
             rays = [ray for ray, miss in built if ray is not None and miss <= MEETS]
+            unresolved = one.unresolved + int(fan.given_up) + int(stage.stopped)
+            unresolved += sum(ray is not None and miss > MEETS for ray, miss in built)
             searched = (
-                f"all directions of space ({fan.looked_at} looked at, {found.unresolved} "
+                f"all directions of space ({fan.looked_at} looked at, {unresolved} "
                 f"narrow cells left unresolved{', ' if fan.resolution else ''}{fan.resolution}), "
                 f"optical paths up to {ends.within[k]:.6g}, no farther than {far[k]:.6g} from B"
             )
-            answers.append(_told(rays, fan.ends, fan.entered, searched, found.continuum, found.unresolved))
+            searched += _incomplete(one, stage)
+            answers.append(_told(rays, fan.ends, fan.entered, searched, one.continuum, unresolved))
         return answers
+
+
+def _not_begun() -> Rays:
+    """The answer of a pair that was not come to."""
+    return Rays((), f"the search was {STOPPED}", "nothing", unresolved=1)
+
+
+def _incomplete(one: SpaceSearch, stage: Stage) -> str:
+    """What is said of a search in space that was not brought to its end."""
+    if one.given_up:
+        return f"; not all of them from {one.complete:.6g} on, where there were too many cells to look into"
+    return f"; {STOPPED}" if stage.stopped else ""
 
 
 def _bounds(
@@ -344,16 +362,6 @@ def _told_apart(ray: Ray, others: list[Ray]) -> bool:
     return True
 
 
-def _of_all(told: Telling, total: int, done: int, what: str) -> None:
-    """Tell that ``done`` of ``total`` pairs lie behind."""
-    told(done, total, what)
-
-
-def _later(stage: Stage, before: int) -> Stage:
-    """The stages of a part of the pairs, ``before`` which as many were done."""
-    return lambda done, what: stage(before + done, what)
-
-
 @dataclass
 class PairSearch:
     """The search for the rays of pairs of points in one scene; what is compiled is kept."""
@@ -379,15 +387,24 @@ class PairSearch:
         answers = [Rays((), f"the index is {n:g} at B, so that no ray comes there", "nothing") for n in index]
         order = np.lexsort(starts.T)
         order = order[real[order]]
+        for row in order:
+            answers[row] = _not_begun()
         with telling(progress, "arrivals") as told:
-            for first in range(0, len(order), PAIRS_TOGETHER):
-                told(first, len(order))
-                rows = order[first : first + PAIRS_TOGETHER]
-                some = self._with_planes(starts[rows], ends[rows], limit[rows])
-                found = self._found(some, checked_model(model), _later(partial(_of_all, told, len(order)), first))
-                for row, rays in zip(rows, found, strict=True):
-                    answers[row] = rays
-            told(len(order), len(order))
+            stage = Stage(lambda done, what: told(done, len(order), what))
+            with stage.stoppable():
+                for first in range(0, len(order), PAIRS_TOGETHER):
+                    told(first, len(order))
+                    rows = order[first : first + PAIRS_TOGETHER]
+                    some = self._with_planes(starts[rows], ends[rows], limit[rows])
+                    found = self._found(some, checked_model(model), stage.later(first))
+                    for row, rays in zip(rows, found, strict=True):
+                        answers[row] = rays
+                    if stage.stopped:
+                        break
+                else:
+                    told(len(order), len(order))
+        if stage.stopped:
+            raise Interrupted(answers)
         return answers
 
     def usual_range(self, source: str, A: Any, receiver: str, B: Any) -> float:
@@ -430,7 +447,7 @@ class PairSearch:
         problem = self._problem(ends, model.companion if model else None)
         answers: list[Rays | None] = [None] * len(ends)
         if model is not None:
-            answers = [model.between(self._question(problem, ends.take([k]))) for k in range(len(ends))]
+            answers = [model.between(self._question(problem, ends.take([k]), stage)) for k in range(len(ends))]
         elif (known := self._known(ends.sources.shape[1])) is not None:
             rows = np.flatnonzero(known.applies(ends.sources, ends.targets))
             for row, rays in zip(rows, self._all_of(known, ends.take(rows)), strict=True):
@@ -441,11 +458,11 @@ class PairSearch:
                 answers[k] = _over_knots(rays) if problem.over_knots else rays
         return [answer for answer in answers if answer is not None]
 
-    def _question(self, problem: TwoPoint, one: PointPairs) -> Question:
+    def _question(self, problem: TwoPoint, one: PointPairs, stage: Stage) -> Question:
         """A single pair as models are asked for it."""
         media, surfaces = self.compiled.media, self.compiled.surfaces
         a, b, within = one.sources[0], one.targets[0], float(one.within[0])
-        return Question(media, surfaces, a, b, within, _builder(problem, one), lambda: problem.found(one)[0])
+        return Question(media, surfaces, a, b, within, _builder(problem, one), lambda: problem.found(one, stage)[0])
 
     @cached_property
     def _section(self) -> PlaneSection | None:

@@ -4,6 +4,10 @@ The cells of a fan that may hold the point are parted, until in each the misses 
 well enough to say that they vanish once at most, or nowhere. Their zeros are polished on the rays themselves.
 Cells in which they keep more than one zero down to round-off are about a ray that touches a caustic at the point, or
 about one of infinitely many rays to it.
+
+Where rays go to and fro many times over, as in a long rod, cells that may hold the point become more from slab to slab
+without end, and so do the rays. The slabs are searched in their order, so that all rays are known up to the optical
+path at which there are more cells than can be looked into.
 """
 
 from __future__ import annotations
@@ -15,8 +19,8 @@ import numpy as np
 from varcalc.optics.arrivals.directions import STEP, headings
 from varcalc.optics.arrivals.space_cells import COLUMNS, MOVED, PATH, P, R, SpaceCells, screen_misses
 from varcalc.optics.arrivals.space_fan import LEAST_WIDTH, SpaceFan
-from varcalc.optics.arrivals.stages import Stage, quietly
 from varcalc.optics.rays.beam import Rows
+from varcalc.progress import Stage
 
 MOST_HALVINGS = 18
 """Halvings of the first cells; misses next to a caustic, which are of second order, are round-off then."""
@@ -24,6 +28,10 @@ FEWEST_HALVINGS = 2
 """The same, where there are many."""
 CROWDED = 6000
 """Cells left after a halving: where there are more, infinitely many rays may meet the point."""
+MOST_PARTED, MOST_PARTED_SLOWLY = 24_000, 8_000
+"""Cells that are parted for one point, and where it takes a hundred times longer to carry a ray."""
+MOST_CENTRES = 600
+"""Of cells that are given up: of so many the middle is polished still."""
 MANY = 60
 """Of cells that are left: where so many are about rays that meet the point as they are, infinitely many do."""
 AIMING_STEPS = 30
@@ -69,26 +77,44 @@ class Met(Rows):
 
 @dataclass
 class SpaceSearch:
-    """The search for all rays of ``fan`` to ``target`` (3,), ``distance`` away from the source."""
+    """The search for all rays of ``fan`` to ``target`` (3,), ``distance`` away from the source.
+
+    All are found up to the optical path ``complete``, which is infinite unless there were more cells than are parted.
+    """
 
     fan: SpaceFan
     target: np.ndarray
     distance: float
     unresolved: int = 0
     continuum: bool = False
+    complete: float = np.inf
+    _parted: int = 0
     _met: list[Met] = field(default_factory=list)
 
-    def run(self, cells: SpaceCells, stage: Stage = quietly) -> Met:
-        """The rays that meet the point, the shortest optical path first, from the first ``cells`` that may hold it."""
-        self.unresolved += int(self.fan.given_up)
-        while len(cells):
-            stage(0, f"{len(cells)} cells left")
-            cells = self._round(cells)
+    @property
+    def given_up(self) -> bool:
+        """Whether there were more cells than are parted: no more are looked into."""
+        return np.isfinite(self.complete)
+
+    def take_in(self, cells: SpaceCells, stage: Stage) -> None:
+        """Look into all ``cells`` of one slab that may hold the point."""
+        if len(cells) == 0 or self.given_up:
+            return
+        from_here, found = float(np.nanmin(cells.state[..., PATH])), len(self._met)
+        while len(cells) and not self.given_up:
+            stage(0, f"{len(cells)} cells left from the optical path {from_here:.4g} on")
+            cells = self._round(cells, from_here)
+        if len(self._met) > found + 1:
+            self._met[found:] = [Met.joined(self._met[found:])]
+
+    @property
+    def met(self) -> Met:
+        """The rays that meet the point, the shortest optical path first."""
         if not self._met:
             return Met(np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=bool))
         return _distinct(Met.joined(self._met))
 
-    def _round(self, cells: SpaceCells) -> SpaceCells:
+    def _round(self, cells: SpaceCells, from_here: float) -> SpaceCells:
         """Settle what can be settled; the parts of the other cells that may hold the point."""
         known = np.flatnonzero(cells.whole & np.isfinite(cells.error))
         again = np.ones(len(cells), dtype=bool)
@@ -96,15 +122,25 @@ class SpaceSearch:
             again[known] = self._settled(cells.take(known))
         cells = cells.take(np.flatnonzero(again))
         if len(cells) > CROWDED and cells.depth.min() >= FEWEST_HALVINGS:
-            cells = self._without_continua(cells)
+            cells = self._without_continua(cells, from_here)
         deep = (cells.depth >= MOST_HALVINGS) | (cells.width <= LEAST_WIDTH)
         if np.any(deep):
             self._closed(cells.take(np.flatnonzero(deep)))
             cells = cells.take(np.flatnonzero(~deep))
-        if len(cells) == 0:
+        self._parted += len(cells)
+        if self._parted > (MOST_PARTED_SLOWLY if self.fan.slow else MOST_PARTED):
+            self._give_up(cells, from_here)
+        if len(cells) == 0 or self.given_up:
             return cells
         parts, _ = self.fan.parted(cells)
         return self.fan.held(parts, self.target)
+
+    def _give_up(self, cells: SpaceCells, from_here: float) -> None:
+        """Keep the rays that the middles of ``cells`` lead to, or of some of them, and look into no more."""
+        some = np.unique(np.linspace(0, len(cells) - 1, min(len(cells), MOST_CENTRES)).astype(int))
+        self._met.append(self._polished(self._centres(cells.take(some)), spread=True)[0])
+        self.complete = from_here
+        self.unresolved += 1
 
     def _settled(self, cells: SpaceCells) -> np.ndarray:
         """Note the zeros of the misses of ``cells``; True (k,) where these are doubtful."""
@@ -143,19 +179,18 @@ class SpaceSearch:
         if np.all(lost):
             self.unresolved += 1
 
-    def _without_continua(self, cells: SpaceCells) -> SpaceCells:
+    def _without_continua(self, cells: SpaceCells, from_here: float) -> SpaceCells:
         """The ``cells`` that are not about infinitely many rays to the point; none where they do not come to an end."""
-        met, lost = self._polished(self._centres(cells), spread=True)
+        some = np.unique(np.linspace(0, len(cells) - 1, min(len(cells), MOST_CENTRES)).astype(int))
+        met, _ = self._polished(self._centres(cells.take(some)), spread=True)
         if len(met) < MANY or not np.any(met.touching):
-            self.unresolved += len(cells)
-            self._met.append(met)
-            return cells.take([])
+            return cells
+        met, lost = self._polished(self._centres(cells), spread=True)
         self.continuum = True
         self._met.append(_one_each(met))
         left = cells.take(np.flatnonzero(lost))
         if len(left) > CROWDED:
-            self.unresolved += len(left)
-            return cells.take([])
+            self._give_up(left, from_here)
         return left
 
     def _polished(self, aims: AimedRays, *, spread: bool = False) -> tuple[Met, np.ndarray]:

@@ -221,6 +221,12 @@ class SpaceFan:
         return f"{what} seen under more than {degrees:.2g}°" if self._looks > 1 else ""
 
     @property
+    def slow(self) -> bool:
+        """Whether rays are integrated, or find surfaces step by step: it takes a hundred times longer than in one."""
+        models, surfaces = self.propagator.models, self.propagator.geometries
+        return any(isinstance(one, HamiltonRays) for one in models) or not all(one.quadric for one in surfaces)
+
+    @property
     def _looks(self) -> int:
         last, surfaces = self.propagator.models[-1], self.propagator.geometries
         if surfaces and not all(one.quadric for one in surfaces):

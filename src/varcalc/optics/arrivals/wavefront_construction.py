@@ -16,8 +16,8 @@ from varcalc.optics.arrivals.cells import PATH, Cells, P, R
 from varcalc.optics.arrivals.fan import FIRST_ANGLES, LEAST_ANGLE, Fan
 from varcalc.optics.arrivals.misses import Misses, Seeds, misses, seeds
 from varcalc.optics.arrivals.newton import MEETS, TOUCHES_CAUSTIC, Aims, ClosestApproach, as_they_are, flattest, met
-from varcalc.optics.arrivals.stages import Stage, quietly
 from varcalc.optics.rays.beam import Rows
+from varcalc.progress import Stage
 
 MOST_HALVINGS = 24
 """Halvings of a cell."""
@@ -84,10 +84,14 @@ class WavefrontConstruction:
         self.crossings: list[Aims] = []
         self.folds: list[Aims] = []
 
-    def run(self, stage: Stage = quietly) -> Arrivals:
-        """All arrivals, those of one pair by ascending optical path."""
+    def run(self, stage: Stage | None = None) -> Arrivals:
+        """All arrivals, those of one pair by ascending optical path; those that are known, where it is stopped."""
+        stage = stage or Stage()
         with np.errstate(over="ignore", invalid="ignore"):  # cells of rays that go too far out for numbers, or to rest
-            self._settle_all(stage)
+            with stage.stoppable():
+                if not stage.stopped:
+                    self._settle_all(stage)
+            self.unresolved += stage.stopped
         continua = self._continua()
         parts = [(continua, np.ones(len(continua.miss), dtype=bool)), *self._polished(continua)]
         meeting, touching = ClosestApproach.joined([found for found, _ in parts]), np.concatenate([t for _, t in parts])

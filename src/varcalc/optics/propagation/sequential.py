@@ -301,7 +301,10 @@ class Propagator:
             rays.beam = rays.beam.take(np.arange(len(rays.beam)))  # what was told of the passage stays as it is
             rays.beam.put(rows, refracted)
         rays.status[rows[total]] = RayStatus.TOTAL_REFLECTION
-        rays.rows, rays.leaving = rows[~total], np.full(len(rays.status), shape)
+        with np.errstate(all="ignore"):
+            unreal = ~total & (after.index(come.position) < 0)  # of which n² knows nothing
+        rays.status[rows[unreal]] = RayStatus.SINGULAR
+        rays.rows, rays.leaving = rows[~total & ~unreal], np.full(len(rays.status), shape)
 
 
 def bent(before: Beam, after: Beam, step: np.ndarray) -> np.ndarray:
