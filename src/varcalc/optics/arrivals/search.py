@@ -23,7 +23,9 @@ from varcalc.optics.models.constant_pull import ConstantPull
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.invariants import Invariants
 from varcalc.optics.models.jumps import jumping
+from varcalc.optics.models.linear import is_linear
 from varcalc.optics.models.model import Builder, Model, Question, checked_model
+from varcalc.optics.models.quadratic_index import QuadraticIndex
 from varcalc.optics.models.range_function import RangeFunction
 from varcalc.optics.propagation.sequential import CompiledScene, Propagator
 from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, spreading
@@ -51,6 +53,10 @@ STOPPED = "stopped before its end"
 """What is said of a search that was."""
 FARTHEST_SCALE = 1e3
 """Of the distance of two points: a medium that varies over more is uniform to a fan, as the tail of a lens is."""
+
+
+Complete = ConstantPull | QuadraticIndex | RangeFunction
+"""What knows all rays of a medium, and passes over none."""
 
 
 @dataclass(frozen=True)
@@ -368,7 +374,9 @@ class PairSearch:
 
     compiled: CompiledScene
     _problems: dict[tuple[int, bool, Model | None], TwoPoint] = field(default_factory=dict, init=False, repr=False)
-    _complete: dict[int, ConstantPull | RangeFunction | None] = field(default_factory=dict, init=False, repr=False)
+    _complete: dict[int, ConstantPull | QuadraticIndex | RangeFunction | None] = field(
+        default_factory=dict, init=False, repr=False
+    )
     _layers: dict[int, PairSearch | None] = field(default_factory=dict, init=False, repr=False)
 
     def arrivals(
@@ -480,13 +488,15 @@ class PairSearch:
             self._layers[dimension] = PairSearch(scene) if scene else None
         return self._layers[dimension]
 
-    def _known(self, dimension: int) -> ConstantPull | RangeFunction | None:
+    def _known(self, dimension: int) -> Complete | None:
         """What knows all rays of the scene, where there is one medium and no surface."""
         medium = self.compiled.media[0]
         if self.compiled.surfaces or medium.is_uniform:
             return None
         if dimension not in self._complete:
             known = ConstantPull.of(medium, dimension)
+            if known is None and is_linear(medium, dimension):
+                known = QuadraticIndex(medium, dimension)
             axis = dimension - 1
             if isinstance(medium, Graded):
                 medium, axis = as_layers(medium, dimension) or (medium, axis)
@@ -496,7 +506,7 @@ class PairSearch:
             self._complete[dimension] = known
         return self._complete[dimension]
 
-    def _all_of(self, known: ConstantPull | RangeFunction, ends: PointPairs) -> list[Rays]:
+    def _all_of(self, known: Complete, ends: PointPairs) -> list[Rays]:
         """The rays of pairs that are known to be all."""
 
         def carried_by(model: Model | None) -> Carry:
