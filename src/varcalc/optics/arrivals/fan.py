@@ -390,6 +390,8 @@ class Fan:
         state = np.stack([rays.start[pairs], rays.end[pairs]], axis=2)
         source, before = rays.source[rays.rows[first]], rays.before[pairs]
         delay = self._delay(source, state)
+        # what ends a cell may be any line through its corners: at one to which no ray comes it has no slope of its own
+        delay[~np.isfinite(delay)] = 0.0
         delay[:, :, 0][before == 0] = 0.0  # the last surface is no front: σ begins there, however rays come in
         return Cells(
             source,

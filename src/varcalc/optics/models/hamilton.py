@@ -24,6 +24,7 @@ from varcalc.integrators.protocol import COMPLETED, NOT_FINITE, STOPPED, TOO_MAN
 from varcalc.optics.media.medium import Expression, Medium, looking_up, switching
 from varcalc.optics.media.tabulated import Layers
 from varcalc.optics.models.equations import force_of, ray_rates, ray_system
+from varcalc.optics.models.grids import GridFlow
 from varcalc.optics.models.jumps import jumping, layers_of
 from varcalc.optics.models.model import Carrier, Model
 from varcalc.optics.models.switched import SwitchedFlow
@@ -31,6 +32,7 @@ from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, RayStatus, packed, 
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Geometry
 from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.grids import OnGrid, on_grid
 
 STATUS_OF_OUTCOME = np.full(len(OUTCOMES), int(RayStatus.SINGULAR))
 """How rays ended, by the number of the outcome of their integration."""
@@ -55,7 +57,7 @@ _ONE_RUN = Lock()
 
 def compile_rays(
     medium: Medium,
-    layers: Layers | None,
+    layers: Layers | OnGrid | None,
     dimension: int,
     neighbours: int,
     stops: Callable[[Expression, Expression], Expression],
@@ -66,6 +68,8 @@ def compile_rays(
     In ``layers`` there is one stop more, the last: the ray has left them. Where n² has kinks or jumps they end runs.
     """
     d = dimension
+    if isinstance(layers, OnGrid):
+        return GridFlow(layers, d, neighbours, stops, constants)
     if layers is None and switching(medium, d):
         return SwitchedFlow(medium, d, neighbours, stops, constants)
     s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * d + 1 + 2 * d * neighbours)
@@ -160,8 +164,8 @@ def flown(rates: ca.SX, state: ca.SX, states: np.ndarray, until: np.ndarray) -> 
     return landing.states, STATUS_OF_OUTCOME[landing.outcomes].astype(np.int8)
 
 
-RayFlow = Flow | LayeredFlow | SwitchedFlow
-"""Rays of one medium: integrated at once, or layer by layer, or piece by piece."""
+RayFlow = Flow | LayeredFlow | GridFlow | SwitchedFlow
+"""Rays of one medium: integrated at once, or layer by layer, cell by cell, or piece by piece."""
 
 
 def runs(
@@ -213,7 +217,7 @@ class HamiltonRays:
     dimension: int
     surfaces: Sequence[Geometry]
     _stopped_flows: dict[tuple[int, bool], RayFlow] = field(default_factory=dict, repr=False)
-    _timed_flows: dict[int, Flow | SwitchedFlow] = field(default_factory=dict, repr=False)
+    _timed_flows: dict[int, Flow | GridFlow | SwitchedFlow] = field(default_factory=dict, repr=False)
     _path_flows: dict[int, Flow] = field(default_factory=dict, repr=False)
 
     name = "Hamilton's ray equations"
@@ -267,19 +271,29 @@ class HamiltonRays:
         return layers_of(self.medium, self.dimension)
 
     @cached_property
+    def _grid(self) -> OnGrid | None:
+        """The cells of tables of several coordinates in n², where it has no kinks besides."""
+        if self._layers is not None or switching(self.medium, self.dimension):
+            return None
+        if not looking_up(self.medium, self.dimension):
+            return None
+        position = ca.SX.sym("r", self.dimension)
+        return on_grid(ca.SX(self.medium.squared_index(position)), position)
+
+    @cached_property
     def steps_over_knots(self) -> bool:
         """Whether n² is looked up in tables of several arguments, or of no height: steps go over their knots."""
-        return self._layers is None and looking_up(self.medium, self.dimension)
+        return self._layers is None and self._grid is None and looking_up(self.medium, self.dimension)
 
     @cached_property
     def _pieced(self) -> bool:
         """Whether rays are carried piece by piece, from one height of a table or kink of the index to the next."""
-        return self._layers is not None or switching(self.medium, self.dimension)
+        return self._layers is not None or self._grid is not None or switching(self.medium, self.dimension)
 
     @cached_property
     def _steady(self) -> bool:
         """Whether the level of the one surface grows along every ray at a constant rate: no force acts across it."""
-        if len(self.surfaces) != 1 or self._layers is not None:
+        if len(self.surfaces) != 1 or self._layers is not None or self._grid is not None:
             return False
         r, p = ca.SX.sym("r", self.dimension), ca.SX.sym("p", self.dimension)
         level = self.surfaces[0].surface.level(r)
@@ -305,7 +319,7 @@ class HamiltonRays:
         state, limit = packed(beam), np.array([[path]])
         unhindered = self._unhindered.stopped_flow(beam.deviations, True)
         length = float(unhindered.ensemble(state, limit).reached[0])
-        pieced = isinstance(unhindered, LayeredFlow | SwitchedFlow)
+        pieced = isinstance(unhindered, LayeredFlow | GridFlow | SwitchedFlow)
         runs_ = unhindered.runs(state[0], limit[0]) if pieced else [(0.0, unhindered, limit[0], state[0])]
         starts, trajectories = np.array([start for start, *_ in runs_]), []
         for (start, flow, constants, begin), end in zip(runs_, [*starts[1:], length], strict=True):
@@ -369,14 +383,16 @@ class HamiltonRays:
         states[~self._sound(states)] = np.nan
         return unpacked(states, self.dimension)
 
-    def _timed_flow(self, neighbours: int) -> Flow | SwitchedFlow:
+    def _timed_flow(self, neighbours: int) -> Flow | GridFlow | SwitchedFlow:
         """The compiled system for runs to known σ."""
         with _ONE_AT_A_TIME:
             if neighbours not in self._timed_flows:
                 self._timed_flows[neighbours] = self._timed(neighbours)
             return self._timed_flows[neighbours]
 
-    def _timed(self, neighbours: int) -> Flow | SwitchedFlow:
+    def _timed(self, neighbours: int) -> Flow | GridFlow | SwitchedFlow:
+        if self._grid is not None:
+            return GridFlow(self._grid, self.dimension, neighbours, lambda state, constants: ca.SX(0, 1), 0)
         if self._layers is None and self._pieced:
             return SwitchedFlow(self.medium, self.dimension, neighbours, lambda state, constants: ca.SX(0, 1), 0)
         return integrators.for_many().compile(ray_system(self.medium, self.dimension, neighbours))
@@ -418,4 +434,4 @@ class HamiltonRays:
             end = state[2 * d] - bound if limited else (ca.sumsqr(state[:d]) / bound**2 - 1) / 2
             return ca.vertcat(*levels, end)
 
-        return compile_rays(self.medium, self._layers, d, neighbours, stops, 1)
+        return compile_rays(self.medium, self._layers or self._grid, d, neighbours, stops, 1)

@@ -33,13 +33,14 @@ SAME_CURVATURE = 16 * EPS
 """Of the largest: principal curvatures that differ by less are the same, or none."""
 NO_COORDINATE = 8 * EPS
 """Of the distance of two points and of where they are: what is less is zero."""
-TOUCHES = 4e-13
+TOUCHES_ZERO = 4e-13
 """Of n²: an extremum of G so close to zero is one ray, which touches a caustic."""
 MOST_SPANS = 20_000
 """Spans between conjugate points of one pair; of a pair that has more the last ones are given up."""
-DOUBLINGS = 60
+FARTHER_AND_FARTHER = 60
 """Of σ, until what is beyond is known to hold no zero."""
-PARTINGS = 60
+HALVED_SPANS = 60
+"""How often a span is halved in which G is neither monotone nor bent one way."""
 LARGEST_ANGLE = 300.0
 """cosh of more is all but too large for a number."""
 OVERLAP = 0.6
@@ -48,7 +49,7 @@ SAME_ZERO = 1e-10
 """Of σ: zeros so close are one; two next to a caustic are farther apart, or one that touches it."""
 STEEPEST = 2 / 3**1.5
 """The largest value of tanh/cosh²."""
-ROUND_OFF = 64 * EPS
+SUMMED_ROUND_OFF = 64 * EPS
 """Of what is summed in an optical path."""
 
 Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -192,7 +193,7 @@ class QuadraticIndex:
         left, sigma = np.flatnonzero(~np.isfinite(last)), 1.0
         if len(left) and np.any(self._growing):
             sigma = 1 / self._growing.max()
-        for _ in range(DOUBLINGS):
+        for _ in range(FARTHER_AND_FARTHER):
             if len(left) == 0:
                 break
             last[left] = sigma
@@ -238,9 +239,9 @@ class QuadraticIndex:
         with np.errstate(all="ignore"):
             for k, (turning, growing) in enumerate(zip(self._turning, self._growing, strict=True)):
                 if turning:
-                    parts = _turning(turning, *_half_angle(turning, marks, origin, offset))
+                    parts = _sines(turning, *_half_angle(turning, marks, origin, offset))
                 elif growing:
-                    parts = _growing(growing, np.minimum(growing * (marks[origin] + offset) / 2, LARGEST_ANGLE))
+                    parts = _hyperbolic(growing, np.minimum(growing * (marks[origin] + offset) / 2, LARGEST_ANGLE))
                 else:
                     sigma = marks[origin] + offset
                     parts = (
@@ -258,7 +259,7 @@ class QuadraticIndex:
     def _zeros(self, asked: Questions, spans: Spans) -> Zeros:
         """All zeros of G in the ``spans``."""
         monotone, touched = [spans.take([])], []
-        for _ in range(PARTINGS):
+        for _ in range(HALVED_SPANS):
             if len(spans) == 0:
                 break
             of = asked.take(spans.question)
@@ -286,7 +287,7 @@ class QuadraticIndex:
 
     def _enclosed(self, of: Questions, low: Terms, high: Terms) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Whether (k,) G may vanish between two places, is monotone there, and bent one way."""
-        room = TOUCHES * of.middle
+        room = TOUCHES_ZERO * of.middle
         bounds = []
         with np.errstate(all="ignore"):
             for order, extreme in ((0, None), (1, STEEPEST), (2, -1 / 6)):
@@ -326,7 +327,7 @@ class QuadraticIndex:
         spans, of, sign = spans.take(rows), of.take(rows), np.sign(ends[0][rows])
         at = self._solved(asked, spans, sign, 1)
         value = self._at(asked, spans, at, 0)
-        touching = np.abs(value) <= TOUCHES * of.middle
+        touching = np.abs(value) <= TOUCHES_ZERO * of.middle
         free = np.zeros(of.way.shape, dtype=bool)
         zeros = Zeros(spans.question, spans.origin, at, touching, free).take(np.flatnonzero(touching))
         left, at = spans.take(np.flatnonzero(~touching)), at[~touching]
@@ -432,7 +433,7 @@ class QuadraticIndex:
         counts = np.where(zeros.touching[both] | focus[both], -1, counts[both])
         headings, arriving = ((v / np.linalg.norm(v, axis=1, keepdims=True)) @ self.axes.T for v in (first, last))
         nothing, paths = np.ones(len(both)), path[both]
-        told = Told(zeros.question[both], headings, arriving, paths, ROUND_OFF * paths, counts, nothing)
+        told = Told(zeros.question[both], headings, arriving, paths, SUMMED_ROUND_OFF * paths, counts, nothing)
         continuum = np.bincount(zeros.question[both][many[both]], minlength=len(within)) > 0
         with np.errstate(over="ignore"):  # rays that grow apart are only where directions tell them if they are carried
             apart = EPS * np.exp(self._growing.max() * (self._marks[zeros.origin] + zeros.offset)[both])
@@ -472,14 +473,14 @@ def _half_angle(
     return np.where(odd, cosine, sine), np.where(odd, -sine, cosine)
 
 
-def _turning(w: float, s: np.ndarray, c: np.ndarray) -> tuple[Derivatives, Derivatives]:
+def _sines(w: float, s: np.ndarray, c: np.ndarray) -> tuple[Derivatives, Derivatives]:
     """s₁² and s₂² of κ < 0 and their derivatives, by the sine and cosine of wσ/2."""
     tangent = (s / c) ** 2
     first = (w / 2 / s) ** 2, -(w**3) / 4 * c / s**3, w**4 / 8 * (1 + 2 * c**2) / s**4
     return first, (tangent / w**2, s / c**3 / w, (1 + tangent) * (1 + 3 * tangent) / 2)
 
 
-def _growing(w: float, half: np.ndarray) -> tuple[Derivatives, Derivatives]:
+def _hyperbolic(w: float, half: np.ndarray) -> tuple[Derivatives, Derivatives]:
     """The same of κ > 0, by wσ/2."""
     s, c = np.sinh(half), np.cosh(half)
     tangent = np.tanh(half) ** 2

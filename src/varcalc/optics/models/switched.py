@@ -17,7 +17,7 @@ import numpy as np
 
 from varcalc import integrators
 from varcalc.integrators import Flow, Landing
-from varcalc.integrators.protocol import NOT_FINITE, STOPPED, TOO_MANY_STEPS
+from varcalc.integrators.protocol import COMPLETED, NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression, Field, Medium
 from varcalc.optics.models.equations import force, ray_rates
 from varcalc.optics.rays.beam import at_surface, packed, unpacked
@@ -175,12 +175,13 @@ class SwitchedFlow:
                 for standing, some in _alike(self._on_ends(region, ends.states[rows]), rows):
                     on = tuple(int(k) + self._own for k in np.flatnonzero(standing))
                     landing = region.flow.ensemble(
-                        ends.states[some], constants[some], until=last[some] - ends.reached[some],
+                        ends.states[some], constants[some], until=np.maximum(last[some] - ends.reached[some], 0.0),
                         leaving=(*leaving, *on),
                     )  # fmt: skip
                     ends.states[some], ends.outcomes[some] = landing.states, landing.outcomes
                     ends.stopped_by[some] = landing.stopped_by
-                    ends.reached[some] += landing.reached
+                    done = landing.outcomes == COMPLETED  # the sum of the parts is not told so well
+                    ends.reached[some] = np.where(done, last[some], ends.reached[some] + landing.reached)
                 here = rows[(ends.outcomes[rows] == STOPPED) & (ends.stopped_by[rows] >= self._own)]
                 for end in np.unique(ends.stopped_by[here]) - self._own:
                     going.append(here[ends.stopped_by[here] == end + self._own])

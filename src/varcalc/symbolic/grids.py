@@ -1,0 +1,204 @@
+"""Tables of several arguments in an expression, each of one coordinate: polynomials in the cells of a grid.
+
+Between knots a table is a polynomial of each of its arguments: of the first degree, or the third of a cubic spline.
+Its coefficients are told from values inside of each cell, and checked at other places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from varcalc.symbolic.instructions import Call, Expression, interpret, operate
+from varcalc.symbolic.look_up import KEPT_TABLES, SAME_VALUE, knots
+from varcalc.symbolic.switches import tables
+
+DEGREES = (1, 3)
+"""Of tables: lines and cubic splines."""
+CHECKED_SHARES = np.array([0.07, 0.41, 0.83])
+"""Of a cell: where its polynomial must be the table."""
+MOST_CELLS = 40_000
+"""Of one table: with more their coefficients take too long to tell."""
+SAME_EDGE = 1e-12
+"""Of the extent of a grid: knots of several tables that are closer are one."""
+
+
+@dataclass(frozen=True)
+class GridTable:
+    """A table of the coordinates ``axes`` (D,), which are its arguments by ``slope`` x + ``offset`` (D,).
+
+    It has knots at ``edges`` of each argument, and in cells (k₁, ..., k_D) polynomials with the coefficients ``powers``
+    (k₁, ..., k_D, n) of products of powers of what the arguments are above their lower knots.
+    """
+
+    axes: tuple[int, ...]
+    slope: np.ndarray
+    offset: np.ndarray
+    edges: tuple[np.ndarray, ...]
+    powers: np.ndarray
+
+    def knots_of(self, axis: int) -> list[np.ndarray]:
+        """The places of one coordinate at which the table has knots, once for each of its arguments."""
+        parts = zip(self.axes, self.slope, self.offset, self.edges, strict=True)
+        return [np.sort((edges - b) / a) for k, a, b, edges in parts if k == axis]
+
+    def at(self, places: np.ndarray) -> np.ndarray:
+        """The constants (m, D + n) of the cells around places (m, d): lower knots, and coefficients."""
+        arguments = places[:, self.axes] * self.slope + self.offset
+        cell = [
+            np.clip(np.searchsorted(edges, x, "right") - 1, 0, len(edges) - 2)
+            for edges, x in zip(self.edges, arguments.T, strict=True)
+        ]
+        lower = [edges[k] for edges, k in zip(self.edges, cell, strict=True)]
+        return np.column_stack([*lower, self.powers[tuple(cell)]])
+
+
+@dataclass(frozen=True)
+class OnGrid:
+    """An ``expression`` of a ``position`` and ``constants``, which say in which cells of its ``tables`` that is.
+
+    The grid has ``edges`` along the coordinates of numbers ``axes``; beyond the outermost there is nothing.
+    """
+
+    expression: Expression
+    position: Expression
+    constants: Expression
+    tables: tuple[GridTable, ...]
+    axes: tuple[int, ...]
+    edges: tuple[np.ndarray, ...]
+
+    def numbers(self, cells: np.ndarray) -> np.ndarray:
+        """The constants (m, k) in ``cells`` (m, axes), numbers along each of the axes."""
+        places = np.zeros((len(cells), self.position.numel()))
+        for column, axis, edges in zip(cells.T, self.axes, self.edges, strict=True):
+            places[:, axis] = (edges[column] + edges[column + 1]) / 2
+        return np.hstack([table.at(places) for table in self.tables])
+
+
+def on_grid(expression: Expression, position: Expression) -> OnGrid | None:
+    """An SX ``expression`` of a column ``position`` in the cells of its tables; None where these are no such grids."""
+    if not tables(expression, position):
+        return None
+    function = ca.Function("read", [position], [expression])
+    found: list[GridTable] = []
+    constants: list[Expression] = []
+    strange: list[str] = []
+
+    def applied(operation: int, operands: Sequence[_OnGrid]) -> _OnGrid:
+        written = operate(operation, [o.written for o in operands])
+        if not isinstance(operation, Call):
+            return _OnGrid(written, operate(operation, [o.in_cell for o in operands]))
+        table = _read(operation.function, [o.written for o in operands], position)
+        if table is None:
+            strange.append(operation.function.name())
+            return _OnGrid(written, written)
+        found.append(table)
+        constants.append(ca.SX.sym(f"cell{len(found)}", len(table.axes) + table.powers.shape[-1]))
+        return _OnGrid(written, _polynomial(constants[-1], [o.in_cell for o in operands]))
+
+    given = [[_OnGrid(symbol, symbol) for symbol in position.elements()]]
+    ((result,),) = interpret(function, given, lambda c: _OnGrid(ca.SX(c), ca.SX(c)), applied)
+    if strange or not found:
+        return None
+    axes = tuple(sorted({axis for table in found for axis in table.axes}))
+    edges = tuple(_together([own for table in found for own in table.knots_of(axis)]) for axis in axes)
+    if any(len(own) < 2 for own in edges):
+        return None
+    return OnGrid(result.in_cell, position, ca.vertcat(*constants), tuple(found), axes, edges)
+
+
+class _OnGrid(NamedTuple):
+    """An expression as it was written, and in one cell of every table."""
+
+    written: Expression
+    in_cell: Expression
+
+
+def _polynomial(constants: Expression, arguments: Sequence[Expression]) -> Expression:
+    """What a table is in a cell, by Horner's rule in one argument after the other."""
+    count = len(arguments)
+    above = [x - constants[k] for k, x in enumerate(arguments)]
+    values = constants[count:].elements()
+    degree = round(len(values) ** (1 / count)) - 1
+    for x in reversed(above):
+        rows = [values[k : k + degree + 1] for k in range(0, len(values), degree + 1)]
+        values = []
+        for row in rows:
+            total = row[-1]
+            for coefficient in reversed(row[:-1]):
+                total = coefficient + x * total
+            values.append(total)
+    return values[0]
+
+
+def _read(function: ca.Function, arguments: Sequence[Expression], position: Expression) -> GridTable | None:
+    """The table that is called; None of what is none, or not of one coordinate in each of its arguments."""
+    if not (knots(function) and function.n_in() == function.n_out() == function.nnz_out(0) == 1):
+        return None
+    axes, slopes, offsets = [], [], []
+    for argument in arguments:
+        depends = np.flatnonzero(ca.which_depends(argument, position, 1))
+        if len(depends) != 1 or any(ca.which_depends(argument, position, 2)):
+            return None
+        axis = int(depends[0])
+        value = ca.Function("line", [position], [argument, ca.gradient(argument, position)[axis]])
+        offset, slope = (float(v) for v in value(np.zeros(position.numel())))
+        axes.append(axis)
+        slopes.append(slope)
+        offsets.append(offset)
+    powers = _powers(function)
+    if powers is None:
+        return None
+    return GridTable(tuple(axes), np.array(slopes), np.array(offsets), knots(function), powers)
+
+
+@lru_cache(maxsize=KEPT_TABLES)
+def _powers(function: ca.Function) -> np.ndarray | None:
+    """The coefficients in each cell of a table; None where it is no polynomial there."""
+    edges = knots(function)
+    shape = tuple(len(own) - 1 for own in edges)
+    if np.prod(shape) > MOST_CELLS:
+        return None
+    checks = _values(function, edges, CHECKED_SHARES)
+    for degree in DEGREES:
+        shares = (np.arange(degree + 1) + 0.5) / (degree + 1)
+        powers = _values(function, edges, shares)
+        inverse = np.linalg.inv(np.vander(shares, increasing=True))
+        foretold = np.vander(CHECKED_SHARES, degree + 1, increasing=True)
+        told = powers
+        for k in range(len(edges)):
+            axis = len(edges) + k
+            powers = np.moveaxis(np.tensordot(inverse, powers, (1, axis)), 0, axis)
+        told = powers
+        for k in range(len(edges)):
+            axis = len(edges) + k
+            told = np.moveaxis(np.tensordot(foretold, told, (1, axis)), 0, axis)
+        if np.abs(told - checks).max() <= SAME_VALUE * max(1, degree**2) * np.abs(checks).max():
+            for k, own in enumerate(edges):  # powers of the arguments themselves, not of shares of a cell
+                width = np.diff(own).reshape([-1 if j == k else 1 for j in range(len(edges))] + [1] * len(edges))
+                order = np.arange(degree + 1).reshape([-1 if j == len(edges) + k else 1 for j in range(2 * len(edges))])
+                powers = powers / width**order
+            return powers.reshape(*shape, -1)
+    return None
+
+
+def _values(function: ca.Function, edges: Sequence[np.ndarray], shares: np.ndarray) -> np.ndarray:
+    """Values (k₁, ..., k_D, s, ..., s) in all cells, at ``shares`` (s,) of them along each argument."""
+    along = [(own[:-1, None] + np.diff(own)[:, None] * shares) for own in edges]
+    places = np.array([np.ravel(v) for v in np.meshgrid(*(np.ravel(own) for own in along), indexing="ij")])
+    flat = np.asarray(function.map(places.shape[1])(places)).reshape([n for own in along for n in own.shape])
+    count = len(edges)
+    return flat.transpose([*range(0, 2 * count, 2), *range(1, 2 * count, 2)])
+
+
+def _together(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """The knots of all ``parts`` between the outermost ones that all have."""
+    least, most = max(own[0] for own in parts), min(own[-1] for own in parts)
+    every = np.unique(np.concatenate(parts))
+    every = every[(every >= least) & (every <= most)]
+    return every[np.append(True, np.diff(every) > SAME_EDGE * (most - least))] if len(every) else every
