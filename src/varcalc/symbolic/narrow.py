@@ -65,10 +65,11 @@ class NarrowPlaces:
 
 @dataclass(frozen=True)
 class _Cornered:
-    """What is enclosed over boxes, and its ``corners`` (4, m) there."""
+    """What is enclosed over boxes, its ``corners`` (4, m) there, and by what factor what it is made of goes too far."""
 
     range: Interval
     corners: np.ndarray
+    worst: np.ndarray
 
 
 def narrow_places(function: ca.Function, middle: np.ndarray, width: float) -> NarrowPlaces:
@@ -114,23 +115,38 @@ def _among(some: np.ndarray, all_: np.ndarray) -> np.ndarray:
 
 
 def _may_hide(function: ca.Function, low: np.ndarray, size: float) -> np.ndarray:
-    """True (m,) for the squares between ``low`` (m, 2) and so much more where an operation goes too far unseen."""
-    worst = np.zeros(len(low))
+    """True (m,) for the squares between ``low`` (m, 2) and so much more where an operation goes too far unseen.
+
+    What is not taken in a whole square, on the other side of a switch, does not count.
+    """
 
     def watched(operation: int, operands: Sequence[_Cornered]) -> _Cornered:
         variation = RULES.get(operation)
+        worst = [o.worst for o in operands]
+        if operation == ca.OP_IF_ELSE_ZERO:
+            never = (operands[0].range[0] == 0) & (operands[0].range[1] == 0)
+            worst[1] = np.where(never, 0.0, worst[1])
         if variation is not None:
             ends = [Between(o.range, o.corners.min(axis=0), o.corners.max(axis=0)) for o in operands]
-            np.fmax(worst, variation(*ends), out=worst)
+            worst.append(variation(*ends))
         of = UNARY.get(operation) or BINARY.get(operation)
         corners = np.full_like(operands[0].corners, np.nan) if of is None else of(*(o.corners for o in operands))
-        return _Cornered(applied(operation, [o.range for o in operands]), corners)
+        return _Cornered(applied(operation, [o.range for o in operands]), corners, _largest(worst))
 
     def fixed(value: float) -> _Cornered:
-        return _Cornered(constant(value), np.full((4, 1), value))
+        return _Cornered(constant(value), np.full((4, 1), value), np.zeros(1))
 
     corners = low[None] + size * QUARTERS[:, None]
-    point = [_Cornered((low[:, k], low[:, k] + size), corners[..., k]) for k in range(2)]
+    nothing = np.zeros(len(low))
+    point = [_Cornered((low[:, k], low[:, k] + size), corners[..., k], nothing) for k in range(2)]
     with np.errstate(all="ignore"):
-        interpret(function, [point], fixed, watched)
-    return worst > 1.0
+        (results,) = interpret(function, [point], fixed, watched)
+    return np.broadcast_to(_largest([one.worst for one in results]), nothing.shape) > 1.0
+
+
+def _largest(values: Sequence[np.ndarray]) -> np.ndarray:
+    """The largest of the ``values``, those that are no numbers left out."""
+    largest = values[0]
+    for other in values[1:]:
+        largest = np.fmax(largest, other)
+    return largest

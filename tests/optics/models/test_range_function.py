@@ -318,3 +318,21 @@ def test_conjugate_points_are_counted_by_turning_points_as_they_are_along_the_ra
             assert len(tube.foci) == ray.index
             assert ray.spreading == pytest.approx(tube.spreading(ray.optical_path), rel=1e-8)
     assert max(ray.index for ray in told) >= 2
+
+
+def test_rays_of_ever_smaller_turns_along_a_kink_are_said_to_have_no_end():
+    """In n² = 2 - |y| a ray from y = 0 at p_y comes back at σ = 4 p_y: x = 4 m p_x p_y, for any m up to infinity."""
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(2 - ca.fabs(y))))
+    rays = scene.rays((0, 0), (3, 0), within=5.0)
+    assert rays.unresolved > 0
+    assert "no end" in rays.searched
+    half = np.arange(1, 100)  # half periods
+    sine = 3 / (4 * half)  # of twice the angle, as p_x p_y = sin(2θ)
+    exact = []
+    for count, twice in zip(half, sine, strict=True):
+        for double in (np.arcsin(twice), np.pi - np.arcsin(twice)) if twice < 1 else ():
+            p = np.sqrt(2) * np.sin(double / 2)
+            path = count * (8 * p - 8 * p**3 / 3)  # of n² = 2 - |y| over 4 p: y = pσ - σ²/4
+            exact += [path, path] if path <= 5.0 else []  # up first, and down first
+    found = np.array([ray.optical_path for ray in rays])
+    np.testing.assert_allclose(np.sort(found)[: 2 * 20], np.sort(exact)[: 2 * 20], rtol=1e-12)

@@ -28,6 +28,8 @@ SOME_ANGLES = 32
 """Angles at which it is asked how far round a centre rays come on a unit of optical path."""
 MOST_TURNS = 2000
 """Whole periods of a ray that is caught between two heights; rays with more are not looked for."""
+SOME_TURNS, BEYOND_COUNT = 100, 1000.0
+"""The same of rays beside a kink, whose periods become less and less; and by how many times that may be more, then."""
 TOUCHES_FOLD = 2e-13
 """Of the distance: a fold that comes so close to it touches it."""
 FLAT_FAMILY = 1e-10
@@ -78,7 +80,8 @@ class Launches:
     """The rays found from one point to another, and what was searched.
 
     ``resting`` counts rays that all but come to rest along a layer, closer to that than angles can be told;
-    ``unresolved`` intervals in which a ray may have been passed over.
+    ``unresolved`` intervals in which a ray may have been passed over. ``endless`` says that there are more rays, with
+    more turns, which become less and less.
     """
 
     found: list[Launch]
@@ -86,6 +89,7 @@ class Launches:
     looked_at: int
     resting: int
     unresolved: int
+    endless: bool
 
 
 @dataclass(frozen=True)
@@ -159,15 +163,18 @@ class Families:
         return np.column_stack([self.beyond, self.behind, self.periods, self.aim])
 
     @classmethod
-    def possible(cls, series: Proxies, aims: Distances) -> Families:
-        """Those that may come as far as is asked, on the optical path that is allowed, by the series' bounds."""
+    def possible(cls, series: Proxies, aims: Distances) -> tuple[Families, np.ndarray]:
+        """Those that may come as far as is asked, on the optical path that is allowed, by the series' bounds.
+
+        And for which distances (n,) these are not all: there are more with more turns.
+        """
         least, most = series.bounds
         start, stop = (np.searchsorted(series.family, aims.pair, side=side) for side in ("left", "right"))
         aim = np.repeat(np.arange(len(start)), stop - start)
         panel = _counted(start, stop - start)
         distance, within = aims.distance[aim], aims.within[aim]
         least, most = least[panel], most[panel]
-        parts = []
+        parts, endless = [], np.zeros(len(start), dtype=bool)
         for beyond, behind in KINDS:
             w = np.array([1.0, 2.0 * beyond, 2.0 * behind])
             near, far = (np.where(w > 0, bound[:, :LAYERS] * w, 0.0).sum(axis=1) for bound in (least, most))
@@ -181,14 +188,18 @@ class Families:
             # without a period only the first passage counts, and whether it can come so far
             once = (near <= distance * (1 + 1e-9)) & (far >= distance * (1 - 1e-9))
             first = np.where(periodic, np.maximum(np.nan_to_num(first), 0), np.where(once, 0, 1))
-            last = np.where(periodic, np.minimum(np.minimum(last, longest), MOST_TURNS), 0)
+            last = np.where(periodic, np.minimum(last, longest), 0)
             last = np.where(np.isfinite(near) & (short <= within), last, -1)
+            more = last > np.maximum(MOST_TURNS, first)
+            endless[aim[more]] = True
+            some = np.where(last > BEYOND_COUNT * MOST_TURNS, first + SOME_TURNS, MOST_TURNS)
+            last = np.where(more, np.minimum(some, MOST_TURNS), last)
             some = np.flatnonzero(last >= first)
             count = (last - first)[some].astype(int) + 1
             row = np.repeat(some, count)
             m = _counted(first[some].astype(int), count)
             parts.append((panel[row], np.full(len(row), beyond), np.full(len(row), behind), m, aim[row]))
-        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True))), endless
 
 
 def rounded_up(values: np.ndarray) -> np.ndarray:
@@ -231,7 +242,7 @@ def launches(
     spread = Spread.of(tabled, farthest, longest)
     series = spread.series()
     touch = TOUCHES_FOLD * farthest[aims.pair]
-    families = Families.possible(series, aims)
+    families, endless = Families.possible(series, aims)
     whole, families = _continua(spread, series, families, aims)
     weights, offset = families.weights, aims.distance[families.aim]
     found = zeros(series, families.panel, weights, offset, touch[families.aim])
@@ -255,6 +266,7 @@ def launches(
         if launch.path <= aims.within[n]:
             own[aims.question[n]][0 if k < len(whole[0]) else 1].append(launch)
     lost = np.bincount(aims.question[families.aim[found.lost]], minlength=len(pair))
+    without_end = np.bincount(aims.question[endless], minlength=len(pair)) > 0
     out = []
     for q, (level_ones, others) in enumerate(own):
         continua = _one_each(level_ones)
@@ -264,7 +276,8 @@ def launches(
         ]  # fmt: skip
         unresolved = int(series.given_up[pair[q]] + lost[q])
         looked_at = int(series.looked_at[pair[q]])
-        out.append(Launches(continua + _distinct(alone), len(continua) > 0, looked_at, int(resting[q]), unresolved))
+        rays_ = continua + _distinct(alone)
+        out.append(Launches(rays_, len(continua) > 0, looked_at, int(resting[q]), unresolved, bool(without_end[q])))
     return out
 
 

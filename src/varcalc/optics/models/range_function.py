@@ -128,8 +128,9 @@ def _aimed(frames_: Frames, launched: list[Launches], about_centre: bool) -> tup
 
 def _answer(found: Launches, rays: list[Ray], within: float) -> Rays:
     """What is said of one question."""
-    unresolved = found.unresolved + found.resting + len(found.found) - len(rays)
+    unresolved = found.unresolved + found.resting + found.endless + len(found.found) - len(rays)
     resting = f"; {found.resting} rays that all but come to rest along a layer" if found.resting else ""
+    resting += "; not all of the rays of ever more and smaller turns, of which there is no end" if found.endless else ""
     searched = (
         f"all launching angles by the range function ({found.looked_at} looked at, {unresolved} narrow "
         f"intervals left unresolved{resting}), optical paths up to {within:.6g}"

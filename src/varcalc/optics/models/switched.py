@@ -28,6 +28,8 @@ MOST_CROSSINGS = 20_000
 """Kinks and jumps that one ray comes to."""
 AHEAD = 1e-12
 """Of the size of the scene: it is asked so far ahead on which side of its other switches a ray goes on."""
+TOLD_APART = 1e-7
+"""The same for switches on which a ray starts: half the digits, that how it turns counts as well."""
 SAME_INDEX = 1e-12
 """Of n²: where it changes by less, there is no jump."""
 MIXED, MOST_MIXED = 1_000_003.0, 2.0**31
@@ -165,7 +167,7 @@ class SwitchedFlow:
         m = len(ends.states)
         last = np.array(np.broadcast_to(np.asarray(until, dtype=float), (m,)))
         alive = np.arange(m)
-        sides = self._pieces.at(self._ahead(ends.states))
+        sides = self._sides(ends.states)
         for _ in range(MOST_CROSSINGS):
             yield sides
             following = sides.copy()
@@ -191,6 +193,28 @@ class SwitchedFlow:
             if len(alive) == 0:
                 return
             ends.outcomes[alive] = TOO_MANY_STEPS
+
+    def _sides(self, states: np.ndarray) -> np.ndarray:
+        """On which sides (m, switches) rays start: of the ends on which they stand, on that to which they go.
+
+        A ray that leaves one at grazing incidence is told from it later than round-off is, where it has turned, too.
+        """
+        d, sides = self.dimension, self._pieces.at(self._ahead(states))
+        for key, rows in _alike(sides.copy(), np.arange(len(states))):
+            region = self._region(key)
+            standing = self._on_ends(region, states[rows])
+            some = np.flatnonzero(np.any(standing, axis=1))
+            if len(some) == 0:
+                continue
+            here = states[rows[some]]
+            p, (_, gradient, _) = here[:, d : 2 * d], region.field(here[:, :d])
+            with np.errstate(all="ignore"):
+                sigma = (TOLD_APART * _size(here[:, :d]) / np.linalg.norm(p, axis=1))[:, None]
+            later = self._pieces.at(np.nan_to_num(here[:, :d] + sigma * (p + sigma * gradient / 4)))
+            for number, (place, _) in enumerate(region.piece.beyond):
+                on = standing[some, number] == 1
+                sides[rows[some[on]], place] = later[on, place]
+        return sides
 
     def _ahead(self, states: np.ndarray) -> np.ndarray:
         """Places (m, d) a little ahead of rays."""
