@@ -1,4 +1,4 @@
-"""Tables of several arguments in an expression, each of one coordinate: polynomials in the cells of a grid.
+"""Tables in an expression: polynomials in the cells of a grid of their arguments.
 
 Between knots a table is a polynomial of each of its arguments: of the first degree, or the third of a cubic spline.
 Its coefficients are told from values inside of each cell, and checked at other places.
@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.symbolic.instructions import Call, Expression, interpret, operate
-from varcalc.symbolic.look_up import KEPT_TABLES, SAME_VALUE, knots
+from varcalc.symbolic.look_up import KEPT_TABLES, SAME_DEPTH, SAME_VALUE, knots
 from varcalc.symbolic.switches import tables
 
 DEGREES = (1, 3)
@@ -30,29 +30,21 @@ SAME_EDGE = 1e-12
 
 @dataclass(frozen=True)
 class GridTable:
-    """A table of the coordinates ``axes`` (D,), which are its arguments by ``slope`` x + ``offset`` (D,).
+    """A table of the arguments of numbers ``axes`` (D,), with knots at ``edges`` along each of them.
 
-    It has knots at ``edges`` of each argument, and in cells (k₁, ..., k_D) polynomials with the coefficients ``powers``
-    (k₁, ..., k_D, n) of products of powers of what the arguments are above their lower knots.
+    In cells (k₁, ..., k_D) it is a polynomial, with coefficients ``powers`` (k₁, ..., k_D, n) of products of powers
+    of what the arguments are above their lower knots.
     """
 
     axes: tuple[int, ...]
-    slope: np.ndarray
-    offset: np.ndarray
     edges: tuple[np.ndarray, ...]
     powers: np.ndarray
 
-    def knots_of(self, axis: int) -> list[np.ndarray]:
-        """The places of one coordinate at which the table has knots, once for each of its arguments."""
-        parts = zip(self.axes, self.slope, self.offset, self.edges, strict=True)
-        return [np.sort((edges - b) / a) for k, a, b, edges in parts if k == axis]
-
-    def at(self, places: np.ndarray) -> np.ndarray:
-        """The constants (m, D + n) of the cells around places (m, d): lower knots, and coefficients."""
-        arguments = places[:, self.axes] * self.slope + self.offset
+    def at(self, arguments: np.ndarray) -> np.ndarray:
+        """The constants (m, D + n) of the cells around arguments (m, J): lower knots, and coefficients."""
         cell = [
-            np.clip(np.searchsorted(edges, x, "right") - 1, 0, len(edges) - 2)
-            for edges, x in zip(self.edges, arguments.T, strict=True)
+            np.clip(np.searchsorted(edges, arguments[:, axis], "right") - 1, 0, len(edges) - 2)
+            for edges, axis in zip(self.edges, self.axes, strict=True)
         ]
         lower = [edges[k] for edges, k in zip(self.edges, cell, strict=True)]
         return np.column_stack([*lower, self.powers[tuple(cell)]])
@@ -62,54 +54,78 @@ class GridTable:
 class OnGrid:
     """An ``expression`` of a ``position`` and ``constants``, which say in which cells of its ``tables`` that is.
 
-    The grid has ``edges`` along the coordinates of numbers ``axes``; beyond the outermost there is nothing.
+    The grid has ``edges`` along each of the ``arguments`` (J,), expressions of the position; beyond the outermost there
+    is nothing.
     """
 
     expression: Expression
     position: Expression
     constants: Expression
+    arguments: Expression
     tables: tuple[GridTable, ...]
-    axes: tuple[int, ...]
     edges: tuple[np.ndarray, ...]
 
     def numbers(self, cells: np.ndarray) -> np.ndarray:
-        """The constants (m, k) in ``cells`` (m, axes), numbers along each of the axes."""
-        places = np.zeros((len(cells), self.position.numel()))
-        for column, axis, edges in zip(cells.T, self.axes, self.edges, strict=True):
-            places[:, axis] = (edges[column] + edges[column + 1]) / 2
+        """The constants (m, k) in ``cells`` (m, J), numbers along each of the arguments."""
+        middles = [(edges[c] + edges[c + 1]) / 2 for c, edges in zip(cells.T, self.edges, strict=True)]
+        places = np.stack(middles, axis=1)
         return np.hstack([table.at(places) for table in self.tables])
 
 
 def on_grid(expression: Expression, position: Expression) -> OnGrid | None:
-    """An SX ``expression`` of a column ``position`` in the cells of its tables; None where these are no such grids."""
+    """An SX ``expression`` of a column ``position`` in the cells of its tables; None where these are no polynomials."""
     if not tables(expression, position):
         return None
     function = ca.Function("read", [position], [expression])
     found: list[GridTable] = []
     constants: list[Expression] = []
+    arguments: list[Expression] = []
     strange: list[str] = []
 
     def applied(operation: int, operands: Sequence[_OnGrid]) -> _OnGrid:
         written = operate(operation, [o.written for o in operands])
         if not isinstance(operation, Call):
+            if all(o.written is o.in_cell for o in operands):
+                return _OnGrid(written, written)
             return _OnGrid(written, operate(operation, [o.in_cell for o in operands]))
-        table = _read(operation.function, [o.written for o in operands], position)
-        if table is None:
+        powers = _powers(operation.function) if _is_table(operation.function) else None
+        if powers is None or any(o.written is not o.in_cell for o in operands):  # a table of what another gives
             strange.append(operation.function.name())
             return _OnGrid(written, written)
-        found.append(table)
-        constants.append(ca.SX.sym(f"cell{len(found)}", len(table.axes) + table.powers.shape[-1]))
+        axes = tuple(_number(arguments, o.written) for o in operands)
+        found.append(GridTable(axes, knots(operation.function), powers))
+        constants.append(ca.SX.sym(f"cell{len(found)}", len(axes) + powers.shape[-1]))
         return _OnGrid(written, _polynomial(constants[-1], [o.in_cell for o in operands]))
 
     given = [[_OnGrid(symbol, symbol) for symbol in position.elements()]]
-    ((result,),) = interpret(function, given, lambda c: _OnGrid(ca.SX(c), ca.SX(c)), applied)
+    ((result,),) = interpret(function, given, _plain, applied)
     if strange or not found:
         return None
-    axes = tuple(sorted({axis for table in found for axis in table.axes}))
-    edges = tuple(_together([own for table in found for own in table.knots_of(axis)]) for axis in axes)
+    parts = [
+        [e for t in found for axis, e in zip(t.axes, t.edges, strict=True) if axis == k] for k in range(len(arguments))
+    ]
+    edges = tuple(_together(own) for own in parts)
     if any(len(own) < 2 for own in edges):
         return None
-    return OnGrid(result.in_cell, position, ca.vertcat(*constants), tuple(found), axes, edges)
+    return OnGrid(result.in_cell, position, ca.vertcat(*constants), ca.vertcat(*arguments), tuple(found), edges)
+
+
+def _plain(value: float) -> _OnGrid:
+    number = ca.SX(value)
+    return _OnGrid(number, number)
+
+
+def _number(arguments: list[Expression], argument: Expression) -> int:
+    """The number of an argument among those that are known, to which it is added."""
+    for k, known in enumerate(arguments):
+        if ca.is_equal(known, argument, SAME_DEPTH):
+            return k
+    arguments.append(argument)
+    return len(arguments) - 1
+
+
+def _is_table(function: ca.Function) -> bool:
+    return bool(knots(function)) and function.n_in() == function.n_out() == function.nnz_out(0) == 1
 
 
 class _OnGrid(NamedTuple):
@@ -134,27 +150,6 @@ def _polynomial(constants: Expression, arguments: Sequence[Expression]) -> Expre
                 total = coefficient + x * total
             values.append(total)
     return values[0]
-
-
-def _read(function: ca.Function, arguments: Sequence[Expression], position: Expression) -> GridTable | None:
-    """The table that is called; None of what is none, or not of one coordinate in each of its arguments."""
-    if not (knots(function) and function.n_in() == function.n_out() == function.nnz_out(0) == 1):
-        return None
-    axes, slopes, offsets = [], [], []
-    for argument in arguments:
-        depends = np.flatnonzero(ca.which_depends(argument, position, 1))
-        if len(depends) != 1 or any(ca.which_depends(argument, position, 2)):
-            return None
-        axis = int(depends[0])
-        value = ca.Function("line", [position], [argument, ca.gradient(argument, position)[axis]])
-        offset, slope = (float(v) for v in value(np.zeros(position.numel())))
-        axes.append(axis)
-        slopes.append(slope)
-        offsets.append(offset)
-    powers = _powers(function)
-    if powers is None:
-        return None
-    return GridTable(tuple(axes), np.array(slopes), np.array(offsets), knots(function), powers)
 
 
 @lru_cache(maxsize=KEPT_TABLES)

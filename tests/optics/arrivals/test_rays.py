@@ -462,9 +462,7 @@ def test_an_index_interpolated_in_two_coordinates_is_carried_as_its_formula_is()
     askew = optics.Scene(optics.Graded(lambda x, y: table(ca.vertcat(x - y, y)))).rays((0, 0), (1, 1), within=2.0)
     for found in (rays, askew):
         assert [ray.optical_path for ray in found] == pytest.approx([path], rel=1e-12)
-    assert rays.unresolved == 0
-    assert askew.unresolved == 1
-    assert "over the knots of tables" in askew.searched
+        assert found.unresolved == 0
 
 
 def test_where_the_search_was_given_up_in_parts_no_shadow_is_claimed():

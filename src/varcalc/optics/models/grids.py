@@ -1,4 +1,4 @@
-"""Rays through tables of several coordinates, cell by cell: no step goes over a knot.
+"""Rays through tables, cell by cell of their arguments: no step goes over a knot.
 
 In a cell n² is a polynomial, whose coefficients a run is given as constants. A ray that comes to an edge goes on in the
 next cell with its neighbours, which come there at another σ: where n² has a kink they are pulled otherwise.
@@ -22,7 +22,7 @@ from varcalc.symbolic.grids import OnGrid
 
 MOST_CROSSINGS = 20_000
 """Edges that one ray comes to."""
-ON_EDGE = 1e-14
+ON_EDGE = 1e-13
 """Of the extent of the grid: who is closer to an edge is on it."""
 
 
@@ -39,21 +39,27 @@ class GridFlow:
     _flow: Flow = field(init=False)
 
     def __post_init__(self) -> None:
-        d, count = self.dimension, 2 * len(self.grid.axes)
+        d, count = self.dimension, 2 * len(self.grid.edges)
         s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * d + 1 + 2 * d * self.neighbours)
         numbers = ca.SX.sym("c", self.constants + count + self.grid.constants.numel())
         given, edges, cell = np.split(np.arange(numbers.numel()), [self.constants, self.constants + count])
-        position, pairs = self.grid.position, [self.grid.position, self.grid.constants]
+        position, momentum, pairs = self.grid.position, ca.SX.sym("p", d), [self.grid.position, self.grid.constants]
         squared = ca.substitute([self.grid.expression], pairs, [state[:d], numbers[cell.tolist()]])[0]
         rates = ca.Function("rays", [s, state, numbers], [ray_rates(force(squared, state[:d]), state, d)])
-        at = numbers[edges.tolist()]
-        ends = [state[axis] - at[2 * k + side] for k, axis in enumerate(self.grid.axes) for side in (0, 1)]
+        at, here = numbers[edges.tolist()], ca.substitute(self.grid.arguments, position, state[:d])
+        ends = [here[k] - at[2 * k + side] for k in range(count // 2) for side in (0, 1)]
         own = ca.SX(self.stops(state, numbers[given.tolist()]))
         self._own = int(own.numel())
         watched = ca.Function("stops", [s, state, numbers], [ca.vertcat(own, *ends)])
         self._flow = integrators.for_many().compile(rates, watched)
-        slope = ca.gradient(self.grid.expression, position)
+        slope, across = ca.gradient(self.grid.expression, position), ca.jacobian(self.grid.arguments, position)
+        speed = across @ momentum
+        bend = ca.jtimes(speed, position, momentum) + across @ slope / 2
         self._slope = PointEvaluator(ca.Function("slope", pairs, [ca.densify(slope)]))
+        self._across = PointEvaluator(ca.Function("across", [position], [ca.densify(across.T)]))
+        told = [ca.densify(self.grid.arguments), ca.densify(speed)]
+        self._arguments = PointEvaluator(ca.Function("arguments", [position, momentum], told))
+        self._bend = PointEvaluator(ca.Function("bend", [position, momentum, pairs[1]], [ca.densify(bend)]))
 
     def ensemble(
         self, states: np.ndarray, constants: np.ndarray, *, until: np.ndarray | float = np.inf,
@@ -78,7 +84,7 @@ class GridFlow:
     ) -> Iterator[np.ndarray]:
         """Carry all rays through one cell after the other, in place; the numbers (m, k) of the cells before each."""
         last = np.array(np.broadcast_to(np.asarray(until, dtype=float), (len(ends.states),)))
-        cells, stuck = self._cells(ends.states)
+        cells, standing, stuck = self._begun(ends.states)
         alive = self._entered(ends, cells, np.arange(len(ends.states)))
         ends.outcomes[stuck] = NOT_FINITE
         alive = alive[~stuck[alive]]
@@ -87,7 +93,6 @@ class GridFlow:
                 return
             numbers = self._numbers(cells)
             yield numbers
-            standing = self._standing(ends.states, cells)
             for on in np.unique(standing[alive], axis=0):
                 some = alive[np.all(standing[alive] == on, axis=1)]
                 edges = tuple(int(k) + self._own for k in np.flatnonzero(on))
@@ -99,65 +104,80 @@ class GridFlow:
                 ends.stopped_by[some] = landing.stopped_by
                 done = landing.outcomes == COMPLETED  # the sum of the parts is not told so well
                 ends.reached[some] = np.where(done, last[some], ends.reached[some] + landing.reached)
-            alive, leaving = self._handed_on(ends, cells, alive), ()
+            alive, leaving = self._handed_on(ends, cells, standing, alive), ()
 
-    def _cells(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The cells (m, axes) that rays are in or, on an edge, go into; and which (m,) both sides turn back to it."""
-        cells, stuck = np.empty((len(states), len(self.grid.axes)), dtype=int), np.zeros(len(states), dtype=bool)
-        level = []
-        for k, (axis, edges) in enumerate(zip(self.grid.axes, self.grid.edges, strict=True)):
-            cells[:, k] = np.searchsorted(edges, states[:, axis], "right") - 1
-            on = (cells[:, k] >= 0) & (edges[np.maximum(cells[:, k], 0)] == states[:, axis])
-            speed = states[:, self.dimension + axis]
-            cells[:, k] -= on & (speed < 0)
-            level.append(on & (speed == 0))
-        for k, rows in enumerate(map(np.flatnonzero, level)):  # along an edge, to the side to which they are pulled
+    def _told(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The arguments of the tables (m, J) on rays, and their derivatives by σ."""
+        d, count = self.dimension, len(self.grid.edges)
+        table = self._arguments(len(states), states[:, :d], states[:, d : 2 * d])
+        return table[:, :count], table[:, count:]
+
+    def _begun(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The cells (m, J) that rays are in or, on an edge, go into; on which edges they stand (m, 2 J).
+
+        And which of them (m,) both sides of an edge turn back to it.
+        """
+        arguments, speed = self._told(states)
+        cells, on = np.empty(arguments.shape, dtype=int), np.empty(arguments.shape, dtype=bool)
+        for k, edges in enumerate(self.grid.edges):
+            nearest = np.abs(arguments[:, k, None] - edges).argmin(axis=1)
+            on[:, k] = np.abs(arguments[:, k] - edges[nearest]) <= ON_EDGE * (edges[-1] - edges[0])
+            within = np.searchsorted(edges, arguments[:, k], "right") - 1
+            cells[:, k] = np.where(on[:, k], nearest - (speed[:, k] < 0), within)
+        stuck = np.zeros(len(states), dtype=bool)
+        for k, edges in enumerate(self.grid.edges):  # along an edge, to the side to which they are pulled
+            rows = np.flatnonzero(on[:, k] & (speed[:, k] == 0))
             if len(rows) == 0:
                 continue
             below = cells[rows].copy()
             below[:, k] -= 1
-            up, down = (self._slopes(states[rows], cell)[:, self.grid.axes[k]] for cell in (cells[rows], below))
-            first, last = below[:, k] < 0, below[:, k] + 1 > len(self.grid.edges[k]) - 2
+            up, down = (self._bends(states[rows], cell)[:, k] for cell in (cells[rows], below))
+            first, last = below[:, k] < 0, cells[rows, k] > len(edges) - 2
             cells[rows[((up < 0) & ~first) | last], k] -= 1
             stuck[rows[(up < 0) & (down > 0) & ~first & ~last]] = True
-        return cells, stuck
+        return cells, self._standing(arguments, cells), stuck
 
-    def _slopes(self, states: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """∇n² (m, d) at the places of rays, as it is in ``cells`` (m, axes), or in the nearest ones of the grid."""
-        counts = np.array([len(edges) - 2 for edges in self.grid.edges])
-        numbers = self.grid.numbers(np.clip(cells, 0, counts))
-        return self._slope(len(states), states[:, : self.dimension], numbers)
+    def _bends(self, states: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """The second derivatives of the arguments (m, J) by σ, as they are in ``cells``."""
+        d = self.dimension
+        return self._bend(len(states), states[:, :d], states[:, d : 2 * d], self.grid.numbers(self._inside(cells)))
+
+    def _inside(self, cells: np.ndarray) -> np.ndarray:
+        """The nearest cells of the grid."""
+        return np.clip(cells, 0, np.array([len(edges) - 2 for edges in self.grid.edges]))
 
     def _numbers(self, cells: np.ndarray) -> np.ndarray:
         """The edges of the cells, and their constants; of rays outside those of the nearest cells."""
-        inside = np.stack([np.clip(c, 0, len(e) - 2) for c, e in zip(cells.T, self.grid.edges, strict=True)], axis=1)
+        inside = self._inside(cells)
         sides = [e[c + side] for c, e in zip(inside.T, self.grid.edges, strict=True) for side in (0, 1)]
         return np.column_stack([*sides, self.grid.numbers(inside)])
 
-    def _standing(self, states: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """On which edges of their cells rays stand (m, 2 axes)."""
-        parts = []
-        for k, (axis, edges) in enumerate(zip(self.grid.axes, self.grid.edges, strict=True)):
+    def _standing(self, arguments: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """On which edges of their cells rays stand (m, 2 J)."""
+        parts, inside = [], self._inside(cells)
+        for k, edges in enumerate(self.grid.edges):
             room = ON_EDGE * (edges[-1] - edges[0])
-            inside = np.clip(cells[:, k], 0, len(edges) - 2)
-            parts += [np.abs(states[:, axis] - edges[inside + side]) <= room for side in (0, 1)]
+            parts += [np.abs(arguments[:, k] - edges[inside[:, k] + side]) <= room for side in (0, 1)]
         return np.stack(parts, axis=1)
 
-    def _handed_on(self, ends: Landing, cells: np.ndarray, alive: np.ndarray) -> np.ndarray:
+    def _handed_on(self, ends: Landing, cells: np.ndarray, standing: np.ndarray, alive: np.ndarray) -> np.ndarray:
         """Put the rays that have come to an edge into the next cell; those of ``alive`` that go on."""
         at = alive[(ends.outcomes[alive] == STOPPED) & (ends.stopped_by[alive] >= self._own)]
-        d, number = self.dimension, ends.stopped_by[at] - self._own
+        if len(at) == 0:
+            return at
+        number, one = ends.stopped_by[at] - self._own, np.arange(len(at))
         k, side = number // 2, number % 2
         before = cells[at].copy()
-        for j, (axis, edges) in enumerate(zip(self.grid.axes, self.grid.edges, strict=True)):
-            rows = at[k == j]
-            ends.states[rows, axis] = edges[cells[rows, j] + side[k == j]]
+        arguments, speed = self._told(ends.states[at])
         # those that only touch an edge stay where they are
-        speed = ends.states[at, d + np.array(self.grid.axes)[k]]
-        cells[at, k] += np.where((side == 1) & (speed > 0), 1, np.where((side == 0) & (speed < 0), -1, 0))
+        speed = speed[one, k]
+        step = np.where((side == 1) & (speed > 0), 1, np.where((side == 0) & (speed < 0), -1, 0))
+        cells[at, k] += step
+        standing[at] = self._standing(arguments, cells[at])
+        standing[at, 2 * k + np.where(step == 0, side, 1 - side)] = True
         going = self._entered(ends, cells, at)
         kept = np.isin(at, going)
-        self._kicked(ends.states, at[kept], np.array(self.grid.axes)[k[kept]], before[kept], cells[at[kept]])
+        self._kicked(ends.states, at[kept], k[kept], before[kept], cells[at[kept]])
         return going
 
     def _entered(self, ends: Landing, cells: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -171,14 +191,16 @@ class GridFlow:
         return rows[inside & finite]
 
     def _kicked(
-        self, states: np.ndarray, rows: np.ndarray, axis: np.ndarray, before: np.ndarray, after: np.ndarray
+        self, states: np.ndarray, rows: np.ndarray, number: np.ndarray, before: np.ndarray, after: np.ndarray
     ) -> None:
         """Give neighbours what the other pull beyond an edge makes of their coming to it at another σ, in place."""
         if len(rows) == 0 or self.neighbours == 0:
             return
-        d, one = self.dimension, np.arange(len(rows))
-        slopes = [self._slopes(states[rows], cell)[one, axis] for cell in (before, after)]
-        speed = states[rows, d + axis]
-        kick = np.divide((slopes[1] - slopes[0]) / 2, speed, out=np.zeros(len(rows)), where=speed != 0)
+        d, place = self.dimension, states[rows, : self.dimension]
+        slopes = [self._slope(len(rows), place, self.grid.numbers(cell)) for cell in (before, after)]
+        across = self._across(len(rows), place).reshape(len(rows), -1, d)[np.arange(len(rows)), number]
+        speed = np.sum(across * states[rows, d : 2 * d], axis=1)[:, None]
+        kick = np.divide((slopes[1] - slopes[0]) / 2, speed, out=np.zeros_like(place), where=speed != 0)
         for first in range(2 * d + 1, states.shape[1], 2 * d):
-            states[rows, first + d + axis] += kick * states[rows, first + axis]
+            late = np.sum(across * states[rows, first : first + d], axis=1)[:, None]
+            states[rows, first + d : first + 2 * d] += kick * late
