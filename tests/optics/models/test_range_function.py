@@ -7,6 +7,7 @@ import casadi as ca
 import mpmath as mp
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from varcalc import optics
@@ -336,3 +337,28 @@ def test_rays_of_ever_smaller_turns_along_a_kink_are_said_to_have_no_end():
             exact += [path, path] if path <= 5.0 else []  # up first, and down first
     found = np.array([ray.optical_path for ray in rays])
     np.testing.assert_allclose(np.sort(found)[: 2 * 20], np.sort(exact)[: 2 * 20], rtol=1e-12)
+
+
+def test_rays_through_a_shell_are_found_however_flat_its_tail_is_at_the_source():
+    """Out there 2n²/|∇n²| is 1e21: with paths as long for a unit no ray through the shell was told from nothing."""
+    scene = optics.Scene(optics.Radial(lambda r: 1 + 0.5 * ca.exp(-(((r - 1) / 0.05) ** 2))))
+    a, b = np.array([-1.5, 0.3]), np.array([1.4, 0.2])
+    near = scene.rays(a, b, within=8.0)
+    assert scene.usual_range(a, b) < 100
+    for rays in (scene.rays(a, b), scene.rays(a, b, within=1e22)):
+        assert [ray.optical_path for ray in rays][: len(near)] == pytest.approx(
+            [r.optical_path for r in near], rel=1e-12
+        )
+    c = [abs(a[0] * ray.tangents[0][1] - a[1] * ray.tangents[0][0]) for ray in near]
+
+    def turned(c):  # the angle from a to b about the centre, of a ray that goes in and out again
+        u = lambda r: (1 + 0.5 * np.exp(-(((r - 1) / 0.05) ** 2))) * r  # noqa: E731
+        low = brentq(lambda r: u(r) - c, 1e-6, 0.9)
+        part = lambda r: quad(  # noqa: E731
+            lambda t: 2 * t * c / ((low + t * t) * np.sqrt(u(low + t * t) ** 2 - c * c)), 0, np.sqrt(r - low),
+            points=[np.sqrt(x - low) for x in (0.9, 1.0, 1.1)], limit=400, epsabs=1e-12,
+        )[0]  # fmt: skip
+        return part(np.hypot(*a)) + part(np.hypot(*b))
+
+    apart = np.arccos(a @ b / np.hypot(*a) / np.hypot(*b))
+    assert min(abs(turned(c[0]) - way) for way in (apart, 2 * np.pi - apart)) < 1e-9

@@ -51,8 +51,9 @@ DIM = 1e-2
 """Of the index at the source: steps along rays that come where it is less become small without end."""
 STOPPED = "stopped before its end"
 """What is said of a search that was."""
-FARTHEST_SCALE = 1e3
-"""Of the distance of two points: a medium that varies over more is uniform to a fan, as the tail of a lens is."""
+FARTHEST_SCALE, FARTHEST_KNOWN_SCALE = 1e3, 1e9
+"""Of the distance of two points: a medium that varies over more is uniform to a fan, as the tail of a lens is; and to
+what knows all rays of a medium."""
 
 
 Complete = ConstantPull | QuadraticIndex | RangeFunction
@@ -560,7 +561,8 @@ class PairSearch:
                 first = 2 * squared / np.linalg.norm(gradient, axis=1)
                 second = np.sqrt(2 * squared / np.linalg.norm(hessian, axis=(1, 2)))
             length = np.minimum(first, second)
-            uniform = (self._known(a.shape[1]) is None) & (length > FARTHEST_SCALE * lengths[0])
+            far = FARTHEST_SCALE if self._known(a.shape[1]) is None else FARTHEST_KNOWN_SCALE
+            uniform = length > far * lengths[0]
             lengths.append(np.where(uniform, 0.0, length))
         for geometry in self.compiled.geometries(a.shape[1]):
             lengths += [geometry.distance(a), geometry.distance(b)]

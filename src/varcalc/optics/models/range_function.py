@@ -24,6 +24,8 @@ ALONE = 4e-14
 """Of an optical path: what it is claimed to where the passages that it is made of are all that tells it."""
 UNITS = 16.0
 """Units of length are its powers: questions near one share what stands for their rays."""
+FARTHEST_PATH = 1e13
+"""Of the distance of two points: beside optical paths that are longer, those of short rays have no digits."""
 TOGETHER = 512
 """Questions asked together; bounds the memory."""
 ACROSS = 1000
@@ -59,6 +61,7 @@ class RangeFunction:
         rays of them.
         """
         frames_ = Frames.of(self.medium, a, b, self.axis)
+        within = np.minimum(within, FARTHEST_PATH * np.linalg.norm(b - a, axis=1))
         found: list[Launches | None] = [None] * len(a)
         for unit in np.unique(frames_.unit):
             rows = np.flatnonzero(frames_.unit == unit)
