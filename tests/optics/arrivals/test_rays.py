@@ -418,7 +418,10 @@ def test_rays_along_a_narrow_ring_are_not_said_to_be_all():
 
     ends = (-1.0, -0.17), (0.5, -0.14)
     exact = optics.Scene(optics.Radial(ring)).rays(*ends, within=2.0)
-    rays = optics.Scene(optics.Graded(lambda x, y: ring(ca.sqrt(x**2 + y**2)))).rays(*ends, within=2.0)
+    given = optics.Scene(optics.Graded(lambda x, y: ring(ca.sqrt(x**2 + y**2))))
+    told = given.rays(*ends, within=2.0)  # the centre is read
+    assert [ray.optical_path for ray in told] == pytest.approx([ray.optical_path for ray in exact], rel=1e-12)
+    rays = given.rays(*ends, within=2.0, model=optics.Hamilton())  # which knows of none
     assert rays.unresolved > 0
     assert "rays along what is narrow" in rays.searched
     wide = [ray.optical_path for ray in exact if ray.spreading < 100]

@@ -22,6 +22,7 @@ from varcalc.problem.functional import named
 from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
+from varcalc.symbolic.centred import about_centre
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.switches import switches, tables
 
@@ -321,6 +322,16 @@ def as_layers(medium: Graded, dimension: int) -> tuple[Stratified, int] | None:
     if medium.parameters:
         return Stratified(lambda height, p: medium.n(*before, height, *after, p), medium.parameters), axis
     return Stratified(lambda height: medium.n(*before, height, *after)), axis
+
+
+def as_shells(medium: Graded, dimension: int) -> Radial | None:
+    """The same index about a centre; None of any other."""
+    position = ca.SX.sym("r", dimension)
+    found = about_centre(ca.SX(medium.index(position)), position)
+    if found is None:
+        return None
+    centre, function = found
+    return Radial(lambda radius: function(radius**2), centre.tolist())
 
 
 def _traced(
