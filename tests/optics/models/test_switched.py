@@ -116,3 +116,16 @@ def test_kinks_in_a_graded_medium_have_the_rays_of_layers():
         np.testing.assert_allclose(one.optical_path, other.optical_path, rtol=1e-13)
         s = np.linspace(0.1, 0.9, 5) * one.optical_path
         np.testing.assert_allclose(one.point(s), other.point(s), atol=1e-11)
+
+
+def test_the_end_of_a_ray_through_a_kink_is_at_its_optical_path():
+    """What is left of it when it is followed anew is within its error, and was refused as beyond its end."""
+    index = lambda x, y: ca.sqrt(1 - 0.58 * ca.fmax(0, y - 0.55 + 0.1 * x))  # noqa: E731
+    end = (2.9, 0.1)
+    rays = optics.Scene(optics.Graded(index)).rays((0, 0), end, within=11.0)
+    assert len(rays) == 2
+    for ray in rays:
+        np.testing.assert_allclose(ray.point(ray.optical_path), end, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(ray.point([0.0, ray.optical_path])[1], end, rtol=0, atol=1e-8)
+        with pytest.raises(ValueError, match="must lie between"):
+            ray.point(ray.optical_path * (1 + 1e-6))

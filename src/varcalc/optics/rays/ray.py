@@ -17,7 +17,7 @@ from varcalc.optics.rays.derivatives import path_derivatives
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.rays.tube import RayTube
 from varcalc.optics.surfaces import Surface
-from varcalc.problem.conditions import finite
+from varcalc.problem.conditions import finite, reals
 from varcalc.showing import Fact, Plotted, counted, figure_of, line
 
 if TYPE_CHECKING:
@@ -162,7 +162,9 @@ class Ray(Plotted):
 
         Raises ValueError for ``s`` beyond the ends of the ray.
         """
-        return self.tube.point(s)
+        wanted, end = reals("s", s), self.tube.optical_path
+        # followed a second time the ray ends where it does to within its error
+        return self.tube.point(np.where((wanted > end) & (wanted <= self.optical_path + self.error), end, wanted))
 
     @cached_property
     def tube(self) -> RayTube:
