@@ -15,7 +15,7 @@ extremum: no ray can be passed over.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -35,8 +35,10 @@ NO_COORDINATE = 8 * EPS
 """Of the distance of two points and of where they are: what is less is zero."""
 TOUCHES_ZERO = 4e-13
 """Of n²: an extremum of G so close to zero is one ray, which touches a caustic."""
-MOST_SPANS = 20_000
+MOST_SPANS = 4000
 """Spans between conjugate points of one pair; of a pair that has more the last ones are given up."""
+TOGETHER = 128
+"""Pairs searched together; bounds the memory."""
 FARTHER_AND_FARTHER = 60
 """Of σ, until what is beyond is known to hold no zero."""
 HALVED_SPANS = 60
@@ -144,10 +146,28 @@ class QuadraticIndex:
         return np.ones(len(a), dtype=bool)
 
     def rays(
-        self, a: np.ndarray, b: np.ndarray, within: np.ndarray, carry: Carry, careful: Carry | None = None,
+        self, a: np.ndarray, b: np.ndarray, within: np.ndarray, carry: Carry, careful: Carry | None = None,  # noqa: ARG002  there is no better way
         tell: Tell | None = None,
     ) -> list[Rays]:  # fmt: skip
         """The rays from each point ``a`` (q, d) to ``b`` (q, d) up to an optical path ``within`` (q,)."""
+        answers: list[Rays] = []
+        for first in range(0, len(a), TOGETHER):
+            part = slice(first, first + TOGETHER)
+
+            def carried_there(
+                question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
+                counts: np.ndarray, first: int = first,
+            ) -> list[tuple[Ray | None, float]]:  # fmt: skip
+                return carry(question + first, headings, paths, touching, counts)
+
+            def told_there(told: Told, first: int = first) -> list[Ray]:
+                return tell(replace(told, question=told.question + first)) if tell else []
+
+            answers += self._rays(a[part], b[part], within[part], carried_there, told_there if tell else None)
+        return answers
+
+    def _rays(self, a: np.ndarray, b: np.ndarray, within: np.ndarray, carry: Carry, tell: Tell | None) -> list[Rays]:
+        """The same for some of the pairs."""
         asked = self._asked(a, b)
         spans, given_up = self._spans(asked, within)
         zeros = Zeros.joined([self._distinct(self._zeros(asked, spans)), self._foci(asked, spans)])
@@ -156,13 +176,12 @@ class QuadraticIndex:
         others = np.setdiff1d(np.arange(len(told)), alone)
         some = told.take(others)
         aimed = Aimed(some.question, some.headings, some.paths, touching[others], np.zeros(len(some)), some.counts)
-        rays = aimed.carried(len(a), carry, careful)
+        rays = aimed.carried(len(a), carry, None)
         if tell is not None:
             for question, ray in zip(told.question[alone], tell(told.take(alone)), strict=True):
                 rays[question].append(ray)
         lost = np.bincount(told.question, minlength=len(a)) - np.array([len(own) for own in rays])
-        unresolved = given_up + lost
-        answers = zip(rays, within, continuum.tolist(), unresolved.tolist(), strict=True)
+        answers = zip(rays, within, continuum.tolist(), lost.tolist(), given_up.tolist(), strict=True)
         return [_answer(*own) for own in answers]
 
     def _asked(self, a: np.ndarray, b: np.ndarray) -> Questions:
@@ -449,9 +468,10 @@ class QuadraticIndex:
         return np.where(here, exact, number).sum(axis=1).astype(int) + (slope > 0)
 
 
-def _answer(rays: list[Ray], within: float, continuum: bool, unresolved: int) -> Rays:
+def _answer(rays: list[Ray], within: float, continuum: bool, apart: int, given_up: int) -> Rays:
     """What is said of one pair."""
-    lost = f"; {unresolved} that grow apart beyond what directions tell" if unresolved else ""
+    lost, unresolved = f"; {apart} that grow apart beyond what directions tell" if apart else "", apart + given_up
+    lost += f"; not beyond {MOST_SPANS} conjugate points" if given_up else ""
     searched = f"all zeros of one function of the ray parameter, as n² is of second degree{lost}, "
     searched += f"optical paths up to {within:.6g}"
     if not rays:
