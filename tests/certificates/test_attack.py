@@ -28,7 +28,7 @@ def displaced(solution, bump):
     along = candidate(solution).along_best
     wrong = replace(along, evaluate=lambda x, k: along.evaluate(x, k) + bump(x, k))
     with working(BITS, TERMS):
-        return certified(solution, wrong)
+        return certified(solution, wrong, as_found=True)
 
 
 def wave(height, count):

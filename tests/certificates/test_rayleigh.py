@@ -86,7 +86,7 @@ def displaced(solution, values):
     """The certificate of the curve values(x, k), k the order of the derivative, with the solution's multipliers."""
     along = candidate(solution).along_best
     with working(BITS, TERMS):
-        return certified(solution, replace(along, evaluate=values))
+        return certified(solution, replace(along, evaluate=values), as_found=True)
 
 
 @pytest.mark.parametrize("power", [2, 5, 8])
@@ -112,7 +112,7 @@ def test_a_higher_eigenfunction_is_not_the_lowest():
         return np.sqrt(2) * (2 * np.pi) ** k * np.sin(2 * np.pi * x + k * np.pi / 2)[None]
 
     with working(BITS, TERMS), pytest.raises(Unproved, match="conjugate point"):
-        certified(solution, replace(along, evaluate=second, lambdas=np.array([-4 * np.pi**2])))
+        certified(solution, replace(along, evaluate=second, lambdas=np.array([-4 * np.pi**2])), as_found=True)
 
 
 def test_the_eigenfunction_of_the_greater_of_two_uncoupled_is_not_the_lowest():
@@ -125,7 +125,7 @@ def test_the_eigenfunction_of_the_greater_of_two_uncoupled_is_not_the_lowest():
         return np.array([sine, 0 * sine])
 
     with working(BITS, TERMS), pytest.raises(Unproved):
-        certified(solution, replace(along, evaluate=first, lambdas=np.array([-(np.pi**2) - 5])))
+        certified(solution, replace(along, evaluate=first, lambdas=np.array([-(np.pi**2) - 5])), as_found=True)
 
 
 @pytest.mark.parametrize("lagrangian", [lambda x, y, v: v**2 + y / 10, lambda x, y, v: v**2 + y**4 / 10])

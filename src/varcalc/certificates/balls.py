@@ -203,12 +203,29 @@ def coefficient(series: Series, k: int) -> Ball:
 
 
 def enclosed(centred: Series, whole: Series, order: int) -> Ball:
-    """What a Taylor form takes for t in [-1, 1]."""
+    """What a Taylor form takes for t in [-1, 1], by its coefficients in Chebyshev polynomials.
+
+    The sum of the sizes of these is seldom much more than the largest value, and that of powers of t may be by 2^order.
+    """
     found = flint()
-    total, unit = coefficient(centred, 0), found.arb(0, 1)
-    for k in range(1, order):
-        total += coefficient(centred, k) * unit
-    return total + coefficient(whole, order) * unit
+    total, *rest = (found.arb_mat([[coefficient(centred, k) for k in range(order)]]) * _from_powers(order)).entries()
+    room = sum((abs(c) for c in rest), abs(coefficient(whole, order)))
+    return total + room * found.arb(0, 1)
+
+
+@lru_cache(maxsize=64)
+def _from_powers(count: int) -> Any:
+    """The matrix from coefficients of powers below t^count to those of Chebyshev polynomials; of whole 2^-k."""
+    found = flint()
+    rows = np.zeros((count, count))
+    rows[0, 0] = 1.0
+    for k in range(1, count):
+        # t T_0 = T_1, and t T_j is half of T_(j-1) and T_(j+1)
+        halves = 0.5 * rows[k - 1]
+        rows[k, 1:] = halves[:-1]
+        rows[k, :-1] += halves[1:]
+        rows[k, 1] += halves[0]
+    return found.arb_mat(rows.tolist())
 
 
 def integral(centred: Series, whole: Series, order: int) -> tuple[Ball, Ball]:

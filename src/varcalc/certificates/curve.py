@@ -48,7 +48,8 @@ SHORTEST = 2.0**-14
 class Samples:
     """Abscissae x (N + 1,), states (m, N + 1), controls (n, N + 1) and momenta (m, N + 1) at the nodes of a piece.
 
-    ``forces`` (m, N + 1) are the derivatives of H by the states, which the momenta are integrated from.
+    ``forces`` (m, N + 1) are the derivatives of H by the states, which the momenta are integrated from, ``pulls``
+    (N + 1, n) those by the controls.
     """
 
     x: np.ndarray
@@ -56,6 +57,7 @@ class Samples:
     controls: np.ndarray
     momenta: np.ndarray
     forces: np.ndarray
+    pulls: np.ndarray
     hessian: np.ndarray
     turning: np.ndarray
     """Gradients (N + 1, levels, ...) of what is integrated to levels, by the other states and the controls."""
@@ -165,8 +167,8 @@ def samples_of(statement: Statement, a: float, b: float, y: np.ndarray) -> Sampl
     states, controls = np.vstack([*rows[:-1], numbers]), rows[-1]
     # at the ends as from within: L may jump there
     gradient, hessian, turning = statement.sampled(nodes_within(a, b), states, controls)
-    forces = gradient[:, : statement.bare].T
-    return Samples(x, states, controls, _momenta(statement, gradient, half), forces, hessian, turning)
+    forces, pulls = gradient[:, : statement.bare].T, gradient[:, statement.bare :]
+    return Samples(x, states, controls, _momenta(statement, gradient, half), forces, pulls, hessian, turning)
 
 
 def nodes_within(a: float, b: float) -> np.ndarray:
@@ -233,14 +235,14 @@ def joint_states(statement: Statement, samples: list[Samples]) -> np.ndarray:
     for end, row in ((0, 0), (1, -1)):
         held = statement.held[end][: statement.bare]
         joints[row] = np.where(held, statement.values[end][: statement.bare], joints[row])
-    for k, given in _held_inside(statement, samples):
+    for k, given in held_inside(statement, samples):
         joints[k, : statement.n] = np.where(np.isnan(given), joints[k, : statement.n], given)
     if statement.periodic:
         joints[-1] = joints[0]
     return joints
 
 
-def _held_inside(statement: Statement, samples: list[Samples]) -> list[tuple[int, np.ndarray]]:
+def held_inside(statement: Statement, samples: list[Samples]) -> list[tuple[int, np.ndarray]]:
     """The numbers of the pieces that begin at waypoints, with the values demanded there."""
     waypoints = statement.waypoints
     return [(k, waypoints[at]) for k, s in enumerate(samples) if k and (at := float(s.x[0])) in waypoints]
@@ -307,7 +309,7 @@ def _joint_momenta(
     """
     rows = _shared_momenta(statement, samples, joints)
     found = [(list(a), list(b)) for a, b in pairwise(rows)]
-    waypoints = _held_inside(statement, samples)
+    waypoints = held_inside(statement, samples)
     for i in range(statement.n):
         cuts = [0, *(k for k, given in waypoints if not np.isnan(given[i])), len(samples)]
         for first, last in pairwise(cuts):

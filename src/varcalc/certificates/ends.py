@@ -59,9 +59,9 @@ def end_bends(stated: Statement, joints: np.ndarray) -> list[tuple[np.ndarray, n
     jet = cost.jet(*end_values(stated, joints), 2)
     for end, i, j in np.ndindex(2, stated.bare, stated.bare):
         places = cost.index(end, i), cost.index(end, j)
-        found[end, i, j] = float(_second(jet, *places).mid())
+        found[end, i, j] = float(second(jet, *places).mid())
     for i, j in np.ndindex(n, n):
-        size = abs(float(_second(jet, i, n + j).mid()))
+        size = abs(float(second(jet, i, n + j).mid()))
         across[0, i, i] += size
         across[1, j, j] += size
     shares = (-1.0, 1.0) if across.any() else (0.0,)
@@ -125,7 +125,7 @@ def _entry(
         if {a[0], b[0]} <= {end, -1}:
             total += sign * Q[end][a[1]][b[1]]
     if jet is not None and stated.cost is not None:
-        total += _second(jet, *(_place(stated.cost, *at) for at in (a, b)))
+        total += second(jet, *(_place(stated.cost, *at) for at in (a, b)))
     return total
 
 
@@ -135,7 +135,8 @@ def _place(cost: Cost, end: int, state: int) -> int | None:
     return next((place for e in ends if (place := cost.index(e, state)) is not None), None)
 
 
-def _second(jet: Jet, i: int | None, j: int | None) -> Ball:
+def second(jet: Jet, i: int | None, j: int | None) -> Ball:
+    """The second derivative of a jet by two of its variables, zero by what is none."""
     found = flint().arb(0)
     return found if i is None or j is None else found + jet.second.get((min(i, j), max(i, j)), 0)
 

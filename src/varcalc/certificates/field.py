@@ -12,16 +12,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_banded
 
-from varcalc.certificates.balls import differentiation, nodes, transform
+from varcalc.certificates.balls import nodes, transform
 from varcalc.certificates.curve import DEGREE, Samples
 from varcalc.certificates.statement import Statement
 
 GAINED, HYPERBOLIC = 1e-9, 1e-6
 """What Q gains over a period, relative to it: that it gains none is not proved where numbers are rounded. What a
 solution grows by at least from one period to the next, relative to those that do not grow."""
+STAGES = 6
+"""Of Gauss's collocation between nodes."""
 
 
 @dataclass(frozen=True)
@@ -114,9 +118,9 @@ def _around(statement: Statement, samples: Sequence[Samples], lowered: np.ndarra
     None where as many solutions grow as do not (Yakubovich and Starzhinskii, "Linear Differential Equations with
     Periodic Coefficients", 1975, ch. III).
     """
-    m, maps = statement.states, []
+    m = statement.states
     with np.errstate(all="ignore"):
-        maps = [propagator(statement, s, lowered)[1] for s in samples]
+        maps = _maps(statement, samples, lowered)
         period = np.eye(2 * m)
         for f in maps:
             period = f[-1] @ period
@@ -152,8 +156,8 @@ def _on_pieces(
     """U and M on consecutive pieces, under conditions at both ends."""
     m = statement.states
     with np.errstate(all="ignore"):
-        maps = [propagator(statement, s, lowered)[1] for s in samples]
-        if not all(np.isfinite(f).all() for f in maps):
+        maps = _maps(statement, samples, lowered)
+        if not np.isfinite(maps).all():
             return None
         minus = _family(maps, ends[0], m, at_end=True)
         plus = _family(maps, ends[1], m, at_end=False)
@@ -181,29 +185,58 @@ def _below(condition: np.ndarray, family: np.ndarray, sign: int) -> bool:
     return not len(free) or bool(np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).min() > 0)
 
 
-def propagator(statement: Statement, samples: Samples, lowered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Jacobi's equation on a piece: its matrix at all nodes but the first, and (N + 1, 2m, 2m) from those at the first.
+def jacobi(statement: Statement, samples: Sequence[Samples], lowered: np.ndarray) -> np.ndarray:
+    """The matrices G (pieces, N + 1, 2m, 2m) of Jacobi's equation (z, pi)' = G (z, pi) at the nodes."""
+    m, shape = statement.states, (len(samples), DEGREE + 1)
+    parts = [turned_dynamics(statement, s) for s in samples]
+    A, B = (np.array([part[k] for part in parts]) for k in (0, 1))
+    H = np.array([s.hessian for s in samples]) - np.diag(lowered)
+    zz, zu, uu = H[..., :m, :m], H[..., :m, m:], H[..., m:, m:]
+    by_z, by_pi = -np.linalg.solve(uu, zu.swapaxes(2, 3)), np.linalg.solve(uu, B.swapaxes(2, 3))
+    G = np.empty((*shape, 2 * m, 2 * m))
+    G[..., :m, :m], G[..., :m, m:] = A + B @ by_z, B @ by_pi
+    G[..., m:, :m], G[..., m:, m:] = zz + zu @ by_z, zu @ by_pi - A.swapaxes(2, 3)
+    return G
 
-    The latter are the solutions (z, pi) that are the identity there.
+
+def _maps(statement: Statement, samples: Sequence[Samples], lowered: np.ndarray) -> np.ndarray:
+    return propagated(jacobi(statement, samples, lowered), np.array([s.half for s in samples]))
+
+
+def propagated(G: np.ndarray, halves: np.ndarray) -> np.ndarray:
+    """The solutions (pieces, N + 1, k, k) at the nodes of Y' = G Y that are the identity at the first of each piece.
+
+    ``halves`` (pieces,) are half their lengths. From node to node by Gauss's collocation, all at once (Hairer, Norsett
+    and Wanner, "Solving Ordinary Differential Equations I", 1993, sect. II.7).
     """
-    m, count = statement.states, len(samples.x) - 1
-    A, B = turned_dynamics(statement, samples)
-    H = samples.hessian - np.diag(lowered)
-    zz, zu, uu = H[:, :m, :m], H[:, :m, m:], H[:, m:, m:]
-    by_z, by_pi = (
-        -np.linalg.solve(uu, zu.transpose(0, 2, 1)),
-        np.linalg.solve(uu, B.transpose(0, 2, 1)),
-    )
-    G = np.empty((count + 1, 2 * m, 2 * m))
-    G[:, :m, :m], G[:, :m, m:] = A + B @ by_z, B @ by_pi
-    G[:, m:, :m], G[:, m:, m:] = zz + zu @ by_z, zu @ by_pi - A.transpose(0, 2, 1)
-    D = differentiation(DEGREE) / samples.half
-    size = 2 * m
-    system = np.kron(D[1:, 1:], np.eye(size))
+    interpolation, steps, A, b = _gauss()
+    pieces, count, size, stages = len(G), DEGREE, G.shape[-1], len(b)
+    h = halves[:, None] * steps
+    inside = (interpolation @ G.reshape(pieces, count + 1, -1)).reshape(pieces, count, stages, size, size)
+    weighted = A[:, None, :, None] * inside[:, :, :, :, None, :] * h[:, :, None, None, None, None]
+    system = np.eye(stages * size) - weighted.reshape(pieces, count, stages * size, stages * size)
+    slopes = np.linalg.solve(system, inside.reshape(pieces, count, stages * size, size))
+    slopes = slopes.reshape(pieces, count, stages, size, size)
+    across = np.eye(size) + np.einsum("s,pcsij->pcij", b, slopes) * h[:, :, None, None]
+    found = np.empty((pieces, count + 1, size, size))
+    found[:, 0] = np.eye(size)
     for j in range(count):
-        system[j * size : (j + 1) * size, j * size : (j + 1) * size] -= G[j + 1]
-    inner = np.linalg.solve(system, -np.kron(D[1:, :1], np.eye(size)))
-    return system, np.concatenate([np.eye(size)[None], inner.reshape(count, size, size)])
+        found[:, j + 1] = across[:, j] @ found[:, j]
+    return found
+
+
+@lru_cache(maxsize=1)
+def _gauss() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """From values at the nodes to those at Gauss's points between each two, the steps, and the method's A and b."""
+    points, weights = np.polynomial.legendre.leggauss(STAGES)
+    c = 0.5 * (1.0 + points)
+    powers = np.arange(1, STAGES + 1)
+    A = np.linalg.solve((c[:, None] ** (powers - 1)).T, (c[:, None] ** powers / powers).T).T
+    x = nodes(DEGREE)
+    steps = np.diff(x)
+    places = (x[:-1, None] + steps[:, None] * c).ravel()
+    chebyshev = np.polynomial.chebyshev.chebvander(places, DEGREE)
+    return chebyshev @ transform(DEGREE), steps, A, 0.5 * weights
 
 
 def boundary(statement: Statement, bends: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -217,26 +250,34 @@ def boundary(statement: Statement, bends: tuple[np.ndarray, np.ndarray]) -> tupl
     return rows[0], rows[1]
 
 
-def _family(maps: Sequence[np.ndarray], condition: np.ndarray, m: int, *, at_end: bool) -> list[np.ndarray] | None:
+def _family(maps: np.ndarray, condition: np.ndarray, m: int, *, at_end: bool) -> list[np.ndarray] | None:
     """The solutions (2m, m) where pieces meet that satisfy a condition at one end and have z = 1 at the other.
 
     ``at_end`` tells that z = 1 is asked at the end.
     """
-    count, size = len(maps), 2 * m
-    system = np.zeros((size * (count + 1), size * (count + 1)))
-    right = np.zeros((size * (count + 1), m))
     unit = np.hstack([np.eye(m), np.zeros((m, m))])
-    for k, f in enumerate(maps):
-        rows = slice(size * k, size * (k + 1))
-        system[rows, size * k : size * (k + 1)] = f[-1]
-        system[rows, size * (k + 1) : size * (k + 2)] = -np.eye(size)
-    system[-size:-m, :size] = condition if at_end else unit
-    system[-m:, -size:] = unit if at_end else condition
-    right[-m:] = np.eye(m) if at_end else 0.0
-    if not at_end:
-        right[-size:-m] = np.eye(m)
+    right = np.zeros((2 * m * (len(maps) + 1), m))
+    right[-m if at_end else 0 :][:m] = np.eye(m)
+    first, last = (condition, unit) if at_end else (unit, condition)
     try:
-        found = np.linalg.solve(system, right)
+        found = solve_banded((3 * m - 1, 2 * m - 1), _staircase(maps[:, -1], first, last), right, check_finite=False)
     except np.linalg.LinAlgError:
         return None
-    return list(found.reshape(count + 1, size, m)) if np.isfinite(found).all() else None
+    return list(found.reshape(len(maps) + 1, 2 * m, m)) if np.isfinite(found).all() else None
+
+
+def _staircase(across: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """The equations of (z, pi) where pieces meet, by diagonals: m at the first, what pieces map, m at the last."""
+    m, size = len(first), 2 * len(first)
+    bands = np.zeros((5 * m - 1, size * (len(across) + 1)))
+
+    def put(rows: np.ndarray, columns: np.ndarray, values: Any) -> None:
+        bands[size - 1 + rows - columns, columns] = values
+
+    own, down = np.arange(size), np.arange(m)[:, None]
+    starts = size * np.arange(len(across))[:, None]
+    put(down, own, first)
+    put((m + starts + own)[:, :, None], (starts + own)[:, None, :], across)
+    put(m + starts + own, size + starts + own, -1.0)
+    put(bands.shape[1] - m + down, bands.shape[1] - size + own, last)
+    return bands

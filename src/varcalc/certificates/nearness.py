@@ -19,10 +19,6 @@ from varcalc.certificates.setting import Setting
 from varcalc.certificates.tube import Tube
 
 
-class TooFar(Unproved):
-    """The curve is not known well enough for its tube."""
-
-
 @dataclass(frozen=True)
 class Nearness:
     """How near curves of no greater value are, in units of states and controls.
@@ -60,7 +56,7 @@ class Nearness:
 
 
 def nearness(setting: Setting, tube: Tube, excess: Ball) -> Nearness:
-    """How near curves of no greater value lie; TooFar where the curve is too far from stationary for the tube.
+    """How near curves of no greater value lie; Unproved where the curve is too far from stationary for the tube.
 
     From kappa |w|^2/4 + mu H(|u|)/2, H Huber's function, integrated, being no more than twice ``total`` and the
     ``excess`` of what is compared with over the value on the curve.
@@ -71,7 +67,7 @@ def nearness(setting: Setting, tube: Tube, excess: Ball) -> Nearness:
     rho = min(tube.rho)
     # of r nothing is asked: r w + kappa |w|^2/2 is a square less |r|^2/(2 kappa) whatever w is
     if tube.delta < math.inf and not q * 2 <= found.arb(tube.mu) * rho:
-        raise TooFar(
+        raise Unproved(
             f"the curve is not stationary enough for the tube: the residuals are {float(r):.1g} and {float(q):.1g}"
         )
     for stiff, tilt, radius in zip(tube.stiffness, tube.tilt, tube.rho, strict=True):
@@ -80,7 +76,7 @@ def nearness(setting: Setting, tube: Tube, excess: Ball) -> Nearness:
     square = (8 * energy / tube.kappa).sqrt()
     slope = (8 * energy * length / tube.mu).sqrt()
     if rho < math.inf and not (8 * energy / (length * tube.mu)).sqrt() <= rho:
-        raise TooFar("the curve is not stationary enough for the slopes of the tube")
+        raise Unproved("the curve is not stationary enough for the slopes of the tube")
     A, _ = dynamics(setting.statement.n, setting.statement.order, setting.statement.states)
     # z' = A z + B u in units of the states, which are powers of two
     states, controls = setting.sizes
@@ -88,7 +84,7 @@ def nearness(setting: Setting, tube: Tube, excess: Ball) -> Nearness:
     rate = float((controls / states[(setting.statement.order - 1) * setting.statement.n]).max())
     pointwise = square * (1 / length.sqrt() + turning * length.sqrt()) + slope * rate
     if not pointwise.upper() < tube.delta:
-        raise TooFar(f"curves of the same value are only known to lie within {float(pointwise):.1g}, beyond the tube")
+        raise Unproved(f"curves of the same value are only known to lie within {float(pointwise):.1g}, beyond the tube")
     return Nearness(square, slope, pointwise)
 
 

@@ -13,7 +13,6 @@ from varcalc.certificates.balls import Ball, above, below, flint, largest, worki
 from varcalc.certificates.bounds import Bounds, bounds
 from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
 from varcalc.certificates.choice import Told, proved_tube, silent
-from varcalc.certificates.closer import closer
 from varcalc.certificates.convexity import convex_in_slope
 from varcalc.certificates.curve import end_values
 from varcalc.certificates.ends import prove_ends
@@ -22,7 +21,7 @@ from varcalc.certificates.integrals import Unproved, total
 from varcalc.certificates.jets import Undecided
 from varcalc.certificates.kinks import Kinked, kinks
 from varcalc.certificates.levels import allowed_for, meeting
-from varcalc.certificates.nearness import Attained, Nearness, TooFar, nearness
+from varcalc.certificates.nearness import Attained, Nearness, nearness
 from varcalc.certificates.pathwise import Pathwise, pathwise
 from varcalc.certificates.rayleigh import lowest_of_all
 from varcalc.certificates.regular import Regular, check_forward, regular
@@ -50,9 +49,6 @@ BITS = 128
 """Precision of the balls."""
 TERMS = 24
 """Length to which Arb keeps series: more than any Taylor form here has terms."""
-
-STEPS_NEARER = 2
-"""Steps of Newton's method by which a curve is brought nearer to its extremal where the tube asks for it."""
 
 CURVE, NEARBY, BOUNDS = "the curve", "a problem that bounds this one from below", "the bounds"
 """What is told while it is done."""
@@ -213,7 +209,9 @@ def _within_bounds(solution: Solution, told: Told) -> Certificate:
         if _out_of_reach(held.plain):
             raise Unproved(_out_of_reach(held.plain))
         try:
-            found = _bounded(solution, setting_along(held.plain, solution.value, held.terms), told, held)[2]
+            # off what it touches its way back would be longer
+            setting = setting_along(held.plain, solution.value, held.terms, as_found=any(held.touched))
+            found = _bounded(solution, setting, told, held)[2]
         except Unproved as unproved:
             reason = unproved
         else:
@@ -298,33 +296,15 @@ def _of_length(solution: Solution, found: Regular, told: Told) -> Certificate:
     )
 
 
-def certified(solution: Solution, along: AlongCurve, told: Told = silent) -> Certificate:
-    """The certificate of a curve, whatever it is: where it is no minimum, Unproved is raised."""
-    return _bounded(solution, setting_along(along, solution.value), told)[2]
+def certified(solution: Solution, along: AlongCurve, told: Told = silent, *, as_found: bool = False) -> Certificate:
+    """The certificate of the extremal near a curve, or of the curve ``as_found``: where it is no minimum, Unproved."""
+    return _bounded(solution, setting_along(along, solution.value, as_found=as_found), told)[2]
 
 
 def _bounded(
     solution: Solution, setting: Setting, told: Told, held: Bounds | Kinked | Inequalities | Pathwise | None = None
 ) -> tuple[Ball, Ball, Certificate]:
-    """The two numbers as balls, and the certificate; ``held`` are the bounds along the curve.
-
-    A curve that is not known well enough for its tube is brought nearer to its extremal.
-    """
-    for _ in range(STEPS_NEARER):
-        try:
-            return _in_tube(solution, setting, told, held)
-        except TooFar:
-            nearer = closer(setting, solution.value)
-            if nearer is None:
-                raise
-            setting = nearer
-    return _in_tube(solution, setting, told, held)
-
-
-def _in_tube(
-    solution: Solution, setting: Setting, told: Told, held: Bounds | Kinked | Inequalities | Pathwise | None
-) -> tuple[Ball, Ball, Certificate]:
-    """The two numbers as balls, and the certificate, with the curve of a setting in the middle of the tube."""
+    """The two numbers as balls, and the certificate; ``held`` are the bounds along the curve."""
     prover = proved_tube(setting, told)
     told(BOUNDS)
     setting = replace(prover.setting, along=allowed_for(prover.setting, prover))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.certificates.balls import Ball, flint
+from varcalc.certificates.closer import stationary
 from varcalc.certificates.curve import Piece, Samples, joint_states, pieces, sampled, sampled_on, state_sizes
 from varcalc.certificates.ends import tied
 from varcalc.certificates.integrals import Along, Unproved, along_curve
@@ -51,16 +52,18 @@ class Setting:
         return [s.hessian * scale[:, None] * scale for s in self.samples]
 
 
-def setting_along(along: AlongCurve, value: float, beside: Any = 0) -> Setting:
+def setting_along(along: AlongCurve, value: float, beside: Any = 0, *, as_found: bool = False) -> Setting:
     """The statement of a curve whose value is about ``value``; Unproved where the Lagrangian is not enclosed on it.
 
-    ``beside`` is an expression that is added to the Lagrangian.
+    ``beside`` is an expression that is added to the Lagrangian. The curve is brought to the extremal it is near, unless
+    it is to be taken ``as_found``.
     """
     stated = statement(along, beside)
     strange = without_enclosure(stated.function)
     if strange:
         raise Unproved(f"the Lagrangian holds {strange}, of which no enclosure is known")
-    return setting_of(stated, sampled(stated), value)
+    samples = sampled(stated)
+    return setting_of(*((stated, samples) if as_found else stationary(stated, samples)), value)
 
 
 def setting_of(stated: Statement, samples: list[Samples], value: float) -> Setting:

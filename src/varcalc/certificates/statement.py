@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -41,6 +41,13 @@ class Statement:
     multipliers: tuple[float, ...] = ()
     weights: tuple[float, ...] = ()
     beside: Any = 0
+
+    def of_another(self, along: AlongCurve) -> Statement:
+        """The same of another curve, with its own numbers and multipliers of levels; expressions are kept."""
+        found = replace(self, along=along, multipliers=(), weights=())
+        kept = ("_written", "function", "derivatives", "program", "_level_function", "_level_program")
+        found.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
+        return found
 
     @cached_property
     def n(self) -> int:
@@ -175,17 +182,25 @@ class Statement:
         The Hessian (p, m + n, m + n) is by all states; last come the gradients (p, levels, b + n) of the levels.
         """
         n, m = self.n, self.bare
-        slopes = [states[n : 2 * n], controls] if self.order == 2 else [controls, np.zeros((0, len(x)))]
-        constant = [self.along.form.problem.parameter_values, self.along.lambdas]
-        parameters, lambdas = (np.repeat(np.asarray(v, dtype=float)[:, None], len(x), axis=1) for v in constant)
-        forces = np.zeros((0, len(x)))
-        numbers = states[n * self.order :]
-        found: Any = self.derivatives.call([x[None], states[:n], *slopes, parameters, numbers, lambdas, forces])
-        gradient, hessian, slopes_of = (np.asarray(v).T for v in found)
+        gradient, hessian, slopes_of = (np.asarray(v).T for v in self._called(self.derivatives, x, states, controls))
         full = np.zeros((len(x), n + self.states, n + self.states))
         own = np.r_[0:m, self.states : self.states + n]
         full[:, own[:, None], own] = hessian.reshape(len(x), n + m, n + m)
         return gradient, full, slopes_of.reshape(len(x), self.levels, n + m)
+
+    def _called(self, function: ca.Function, x: np.ndarray, states: np.ndarray, controls: np.ndarray) -> list[Any]:
+        n = self.n
+        slopes = [states[n : 2 * n], controls] if self.order == 2 else [controls, np.zeros((0, len(x)))]
+        constant = [self.along.form.problem.parameter_values, self.along.lambdas]
+        parameters, lambdas = (np.repeat(np.asarray(v, dtype=float)[:, None], len(x), axis=1) for v in constant)
+        found: Any = function.call(
+            [x[None], states[:n], *slopes, parameters, states[n * self.order :], lambdas, np.zeros((0, len(x)))]
+        )
+        return found
+
+    def level_rates(self, x: np.ndarray, states: np.ndarray, controls: np.ndarray) -> np.ndarray:
+        """What is integrated to levels at p points, (p, levels); states without levels, for numbers not exact."""
+        return np.asarray(self._called(self._level_function, x, states, controls)[0]).T
 
     @cached_property
     def program(self) -> Program:
