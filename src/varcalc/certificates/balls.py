@@ -23,6 +23,8 @@ ROUND_OFF, NOISE = 2.0**-51, 1e-13
 """Coefficients of a polynomial through doubles, relative to its values, that are round-off: at least and at most."""
 NARROW = 2.0**-60
 """Share of a piece that no box is narrower than."""
+LITTLE_LEFT = 0.8
+"""Share of a box from which on all of it is taken for a part of that length."""
 Ball: TypeAlias = Any
 """A python-flint ``arb``."""
 Series: TypeAlias = Any
@@ -143,6 +145,16 @@ class Box:
         step = (self.high - self.low) / count
         cuts = [self.low, *((self.low + k * step).mid() for k in range(1, count)), self.high]
         return [Box(self.centre, self.half, a, b) for a, b in pairwise(cuts)]
+
+    def cut(self, width: float) -> tuple[Box, Box | None]:
+        """The first part, of about that half-width, and the rest; all of the box where little more is left."""
+        middle = self.low + flint().arb(2.0 * width)
+        if width >= LITTLE_LEFT * float(self.width):
+            return self, None
+        return (
+            Box(self.centre, self.half, self.low, middle.mid()),
+            Box(self.centre, self.half, middle.mid(), self.high),
+        )
 
     def local(self, poly: Poly) -> Poly:
         """A polynomial of the piece as one in t; kept, as a box is looked at more than once."""

@@ -19,8 +19,8 @@ Told: TypeAlias = Callable[[str], Any]
 """Who is told what comes next."""
 KAPPAS = tuple(10.0 ** (0.5 - 0.5 * k) for k in range(18))
 """Values of kappa that are tried, in units of H_uu, from the greatest."""
-FEW_KAPPAS = 4
-"""After how many that bear no field the smallest is tried: where that bears none either, none does."""
+FEW_KAPPAS = 3
+"""After how many that bear no even field the smallest is tried: where that bears none, none does."""
 MARGIN = 1.5
 """How many times kappa and mu Jacobi's equation is lowered by: what is over pays for rounding and for the tube."""
 CONVEX_ENOUGH = 0.3
@@ -28,7 +28,7 @@ CONVEX_ENOUGH = 0.3
 EVEN = 0.2
 """Evenness of a field that will do: a smaller kappa would make it more even, and the tube narrower."""
 NEARLY_AS_EVEN = 0.6
-"""Share of the evenness that the smallest kappa has, where none is even enough, that will do."""
+"""Share of that evenness, or of what the smallest kappa has where that is less, that will do then."""
 WIDEST = 0.5
 """Widest tube tried, relative to the size of the curve."""
 TUBES = 40
@@ -87,8 +87,16 @@ def _in_some_tube(setting: Setting, kappa: float, mu: float, found: JacobiFields
         return prover(math.inf)
     widths = [WIDEST * 0.5**k for k in range(TUBES)]
     some = boxes[:: max(1, len(boxes) // SOME_BOXES)]
+
+    def seems(delta: float) -> bool:
+        tried = prover(delta)
+        failed = next((k for k, box in enumerate(some) if tried.wide([box])), None)
+        if failed is not None:
+            some.insert(0, some.pop(failed))  # where it fails it fails first, if again
+        return failed is None and fits(tried)
+
     # what holds in a tube holds in any that is narrower
-    first = bisect.bisect_left(widths, True, key=lambda delta: not prover(delta).wide(some) and fits(prover(delta)))
+    first = bisect.bisect_left(widths, True, key=seems)
     if first == TUBES and not prover(widths[-1]).wide(some):
         prove_ends(prover(widths[-1]))
     # half of what holds at the middles of boxes: between them it takes a little more; then a quarter of that at a time
@@ -137,19 +145,23 @@ def _greatest(
     setting: Setting, stiffness: float, bends: tuple[np.ndarray, np.ndarray]
 ) -> tuple[float, float, JacobiFields] | None:
     """The field of the greatest kappa that is even enough."""
-    fields: list[tuple[float, float, JacobiFields]] = []
-    for number, share in enumerate(KAPPAS):
-        if number == FEW_KAPPAS and not fields and _bearing(setting, stiffness, bends, KAPPAS[-1]) is None:
-            return None  # what bears a field with a greater kappa bears one with a smaller
+    for share in KAPPAS[:FEW_KAPPAS]:
+        found = _bearing(setting, stiffness, bends, share)
+        if found is not None and found[2].evenness > EVEN:
+            return found
+    smallest = _bearing(setting, stiffness, bends, KAPPAS[-1])
+    if smallest is None:
+        return None  # what bears a field with a greater kappa bears one with a smaller, and a more even one
+    tried: dict[float, tuple[float, float, JacobiFields]] = {KAPPAS[-1]: smallest}
+    enough = NEARLY_AS_EVEN * min(EVEN, smallest[2].evenness)
+
+    def serves(share: float) -> bool:
         found = _bearing(setting, stiffness, bends, share)
         if found is not None:
-            fields.append(found)
-            if found[2].evenness > EVEN:
-                break
-    if not fields:
-        return None
-    enough = NEARLY_AS_EVEN * max(f.evenness for *_, f in fields)
-    return next(f for f in fields if f[2].evenness >= enough)
+            tried[share] = found
+        return found is not None and found[2].evenness >= enough
+
+    return tried[KAPPAS[bisect.bisect_left(KAPPAS[:-1], True, key=serves)]]
 
 
 def _bearing(

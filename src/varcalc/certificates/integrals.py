@@ -17,8 +17,11 @@ from varcalc.certificates.statement import Statement
 TERMS = 20
 """Order of the Taylor forms of integrals."""
 MOST_BOXES = 600
-MOST_PARTS = 12
-"""Parts that a box is cut into at once."""
+FALLS, AIM = 30.0, 1e-2
+"""The power of a box's length that remainders fall with, more than that of their order as balls are narrower; what a
+remainder is to be of what is allowed."""
+MOST_GROWTH, LEAST_SHRINKING, MOST_SHRINKING = 2.0, 0.7, 1.0 / 12.0
+"""How much longer the next box may be, and how much shorter it is after one that fails."""
 ROUGH_RESIDUALS = 1e6
 """What a residual's remainder may come to anyway, in units of the value's: then it is about 1e-13 of the value."""
 SHORT_ENOUGH = 2.0**-4
@@ -54,52 +57,55 @@ def along_curve(
     """
     length = float((pieces[-1].centre + pieces[-1].half - pieces[0].centre + pieces[0].half).mid())
     allowed = 2.0 * tolerance / length
-    waiting = [(k, p.box()) for k, p in reversed(list(enumerate(pieces)))]
     value, residuals, boxes, tried = flint().arb(0), [], [], 0
-    while waiting:
-        k, box = waiting.pop()
-        tried += 1
-        reason, parts = "it is too rough there", 2
-        try:
-            main, rest, bounds, remainders = _on_box(statement, pieces[k], box, sizes)
-            excess = float(abs(rest).upper()) / allowed
-            r, q = bounds
-            tight = box.width <= SHORT_ENOUGH or all(
-                bool(2 * part <= bound) or bool(part <= ROUGH_RESIDUALS * allowed)
-                for part, bound in zip(remainders, bounds, strict=True)
-            )
-            if tight and excess <= 1.0 and r.is_finite() and q.is_finite():
-                value += (main + rest) * box.unit
+    for k, piece in enumerate(pieces):
+        rest, step = piece.box(), 1.0
+        while rest is not None:
+            box, after = rest.cut(step)
+            tried += 1
+            reason, excess = "it is too rough there", math.inf
+            try:
+                added, (r, q), excess = _on_box(statement, piece, box, sizes, allowed)
+            except Undecided as undecided:
+                reason = str(undecided)
+            if excess <= 1.0:
+                value += added
                 residuals.append((r, q))
                 boxes.append((k, box))
-                continue
-            parts = max(2, math.ceil(min(MOST_PARTS, 1.0 + excess ** (1.0 / (TERMS + 1)))))
-        except Undecided as undecided:
-            reason = str(undecided)
-        if tried > MOST_BOXES or box.narrow:
-            raise Unproved(f"the Lagrangian is not enclosed near {box.at:.6g}: {reason}")
-        waiting += [(k, b) for b in reversed(box.split(parts))]
+                rest = after
+            elif tried > MOST_BOXES or box.narrow:
+                raise Unproved(f"the Lagrangian is not enclosed near {box.at:.6g}: {reason}")
+            step = float(box.width) * _longer(excess)
     return Along(value, residuals, boxes)
 
 
+def _longer(excess: float) -> float:
+    """How much longer than a box with that excess of its remainders the next one should be."""
+    most = MOST_GROWTH if excess <= 1.0 else LEAST_SHRINKING
+    return min(most, max(MOST_SHRINKING, (AIM / max(excess, 1e-300)) ** (1.0 / FALLS)))
+
+
 def _on_box(
-    statement: Statement, piece: Piece, box: Box, sizes: tuple[np.ndarray, np.ndarray]
-) -> tuple[Ball, Ball, list[Ball], list[Ball]]:
-    """The integral of H over a box and its remainder; bounds of |r| and |q|, and what of these the remainders are."""
+    statement: Statement, piece: Piece, box: Box, sizes: tuple[np.ndarray, np.ndarray], allowed: float
+) -> tuple[Ball, list[Ball], float]:
+    """The integral of H over a box; bounds of |r| and |q|; and how many times too large remainders are."""
     views = [_terms(statement, piece, Around(box, TERMS + whole, whole)) for whole in (False, True)]
     (L, r, q), (L_, r_, q_) = views
     main, rest = integral(L, L_, TERMS)
     if not (main.is_finite() and rest.is_finite()):
         raise Undecided("it is not a number throughout")
-    bounds, remainders = [], []
+    bounds, excess = [], float(abs(rest).upper()) / allowed
     for centred, whole, unit in ((r, r_, sizes[0]), (q, q_, sizes[1])):
-        squares, largest_part = flint().arb(0), flint().arb(0)
+        squares, remainder = flint().arb(0), flint().arb(0)
         for c, w, size in zip(centred, whole, unit[: len(centred)].tolist(), strict=True):
             squares += (abs(enclosed(c, w, TERMS - 1)).upper() * size) ** 2
-            largest_part = largest([largest_part, coefficient(w, TERMS - 1) * size])
+            remainder = largest([remainder, coefficient(w, TERMS - 1) * size])
         bounds.append(squares.sqrt().upper())
-        remainders.append(largest_part)
-    return main, rest, bounds, remainders
+        if not bounds[-1].is_finite():
+            raise Undecided("its derivatives are no numbers throughout")
+        if not box.width <= SHORT_ENOUGH and not 2 * remainder <= bounds[-1]:
+            excess = max(excess, float(remainder.upper()) / (ROUGH_RESIDUALS * allowed))
+    return (main + rest) * box.unit, bounds, excess
 
 
 def _terms(statement: Statement, piece: Piece, around: Around) -> tuple[Series, list[Series], list[Series]]:

@@ -23,7 +23,7 @@ from varcalc.solution import Solution
 from varcalc.verify.along_curve import AlongCurve, in_form
 from varcalc.verify.given_curve import distinct
 
-VALUE_TOLERANCE = 1e-19
+VALUE_TOLERANCE = 1e-21
 """Share of the value that the remainders of its integral may come to."""
 
 

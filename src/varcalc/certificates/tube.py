@@ -21,7 +21,7 @@ from varcalc.certificates.balls import Around, Ball, Box, Series, coefficient, e
 from varcalc.certificates.curve import Piece
 from varcalc.certificates.field import JacobiFields, dynamics
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Undecided
+from varcalc.certificates.jets import Undecided, head
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import Statement
 
@@ -29,6 +29,8 @@ Matrix: TypeAlias = list[list[Any]]
 """Of polynomials, series or numbers."""
 TERMS = 10
 """Order of the Taylor forms of the inequality."""
+AT_MIDDLE = 2
+"""The same at the middle of a box, where only Q has a slope."""
 MOST_CUTS = 200
 """How often boxes are cut for the inequality."""
 
@@ -125,7 +127,7 @@ class Prover:
             return True
 
     def _holds_at_middle(self, k: int, box: Box) -> bool:
-        demands, matrices = self._demands(k, Around(box, 2, False), 2)
+        demands, matrices = self._demands(k, Around(box, AT_MIDDLE, False), AT_MIDDLE)
         heads = [[[v[0] for v in row] for row in matrix] for matrix in matrices]
         return _positive([d[0] for d in demands]) and all(definite([flint().arb_mat(matrix)]) for matrix in heads)
 
@@ -134,15 +136,16 @@ class Prover:
 
         Raises :class:`TooWide`.
         """
-        number, run, cuts = 0, 1, 0
+        number, run, cuts, failed = 0, 1, 0, False
         while number < len(boxes):
             run = min(run, _in_a_row(boxes, number))
             if run == 1:
                 cuts = self._prove_halved(number, *boxes[number], deepest, cuts)
             elif not self._held(*_joined(boxes[number : number + run])):
-                run //= 2
+                run, failed = run // 2, True
                 continue
-            number, run = number + run, 2 * run
+            # what twice as many failed on fails on them again, next to where it did
+            number, run, failed = number + run, run if failed else 2 * run, False
 
     def _held(self, k: int, box: Box) -> bool:
         try:
@@ -219,13 +222,15 @@ class Prover:
         n, m, bare = statement.n, statement.states, statement.bare
         found, wide = flint(), self.tube.delta < np.inf
         states, controls = piece.lifted(around)
+        x = around.abscissa()
+        if around.terms == AT_MIDDLE:
+            x, states, controls = x[0], list(map(head, states)), list(map(head, controls))
         room = [found.arb(0, tube.delta * size) if wide else 0 for size in tube.sizes[0].tolist()]
         if wide:
             states = [s + w for s, w in zip(states, room[:bare], strict=True)]
             controls = [
                 s + found.arb(0, tube.rho[k] * size) for s, size in zip(controls, tube.sizes[1].tolist(), strict=True)
             ]
-        x = around.abscissa()
         second = statement.jet(x, states, controls, 2, piece.switches).second
         A, B = (grid.tolist() for grid in dynamics(n, statement.order, m))
         matrix: Matrix = [[0] * (m + n) for _ in range(m + n)]
