@@ -8,14 +8,12 @@ known to few digits by its value alone, which is stationary in it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TypeAlias
 
 import numpy as np
 
-from varcalc.certificates.balls import transform
 from varcalc.certificates.curve import (
     Samples,
     carried_on,
@@ -25,6 +23,7 @@ from varcalc.certificates.curve import (
     joint_states,
     samples_of,
     state_sizes,
+    through,
 )
 from varcalc.certificates.ends import second, tied
 from varcalc.certificates.field import dynamics, jacobi, propagated, turned_dynamics
@@ -34,9 +33,6 @@ STEPS_TO_EXTREMAL = 5
 """At most."""
 KNOWN, ENOUGH, FAR = 1e-12, 1e-6, 2.0
 """Lengths of steps, relative to the curve: as good as none; one after which the next would be; one that leads away."""
-
-Part: TypeAlias = tuple[float, float, np.ndarray]
-"""Where a piece of the curve begins and ends, and the functions (n, N + 1) at its nodes."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +74,7 @@ def _moved(stated: Statement, samples: Sequence[Samples], step: WayToExtremal) -
     ]
     along = replace(
         stated.along,
-        evaluate=_through(parts),
+        evaluate=through(parts),
         vertices=np.array([*(a for a, _, _ in parts), parts[-1][1]]),
         numbers=stated.along.numbers + step.states[0][stated.n * stated.order : stated.bare, 0],
         lambdas=stated.along.lambdas + step.lambdas,
@@ -210,20 +206,3 @@ def _missed(stated: Statement, samples: Sequence[Samples]) -> np.ndarray:
         return np.zeros(0)
     along = sum(s.half * integrated(stated.level_rates(s.x, s.states, s.controls))[-1] for s in samples)
     return along - np.array([c.lower for c in stated.along.form.conditions.integrals])
-
-
-def _through(parts: Sequence[Part]) -> Callable[[np.ndarray, int], np.ndarray]:
-    """The curve through values at the nodes of parts, and its derivatives."""
-    starts = np.array([a for a, _, _ in parts])
-    series = [[np.polynomial.Chebyshev(row, domain=[a, b]) for row in values @ transform(len(values[0]) - 1).T]
-              for a, b, values in parts]  # fmt: skip
-
-    def evaluate(x: np.ndarray, k: int) -> np.ndarray:
-        at = np.clip(np.searchsorted(starts, x, side="right") - 1, 0, len(starts) - 1)
-        found = np.empty((len(series[0]), *np.shape(x)))
-        for number in np.unique(at):
-            here = at == number
-            found[:, here] = [row.deriv(k)(x[here]) for row in series[number]]
-        return found
-
-    return evaluate

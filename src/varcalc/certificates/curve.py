@@ -6,9 +6,10 @@ functions close to the curve's own: what they fall short by enters the proof as 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
@@ -42,6 +43,9 @@ NOTHING = 1e-24
 """Size of a curve, relative to the length of the interval, that is taken for none."""
 SHORTEST = 2.0**-14
 """Length of a piece, relative to the interval, below which it is not cut."""
+
+Part: TypeAlias = tuple[float, float, np.ndarray]
+"""Where a piece of the curve begins and ends, and the functions (n, N + 1) at its nodes."""
 
 
 @dataclass(frozen=True)
@@ -391,3 +395,20 @@ def state_sizes(samples: Sequence[Samples], statement: Statement) -> np.ndarray:
         scale = np.r_[sizes, [sizes[(order - 1) * n] / length] * n]
         sizes += (length * (slopes * scale).max(axis=1)).tolist()
     return 2.0 ** np.round(np.log2(sizes))
+
+
+def through(parts: Sequence[Part]) -> Callable[[np.ndarray, int], np.ndarray]:
+    """The curve through values at the nodes of parts, and its derivatives."""
+    starts = np.array([a for a, _, _ in parts])
+    series = [[np.polynomial.Chebyshev(row, domain=[a, b]) for row in values @ transform(len(values[0]) - 1).T]
+              for a, b, values in parts]  # fmt: skip
+
+    def evaluate(x: np.ndarray, k: int) -> np.ndarray:
+        at = np.clip(np.searchsorted(starts, x, side="right") - 1, 0, len(starts) - 1)
+        found = np.empty((len(series[0]), *np.shape(x)))
+        for number in np.unique(at):
+            here = at == number
+            found[:, here] = [row.deriv(k)(x[here]) for row in series[number]]
+        return found
+
+    return evaluate

@@ -63,14 +63,15 @@ def along_curve(
         while rest is not None:
             box, after = rest.cut(step)
             tried += 1
-            reason, excess = "it is too rough there", math.inf
+            reason, found, excess = "it is too rough there", None, math.inf
             try:
-                added, (r, q), excess = _on_box(statement, piece, box, sizes, allowed)
+                found = _on_box(statement, piece, box, sizes, allowed)
+                excess = found[2]
             except Undecided as undecided:
                 reason = str(undecided)
-            if excess <= 1.0:
-                value += added
-                residuals.append((r, q))
+            if found is not None and excess <= 1.0:
+                value += found[0]
+                residuals.append(found[1])
                 boxes.append((k, box))
                 rest = after
             elif tried > MOST_BOXES or box.narrow:
@@ -87,7 +88,7 @@ def _longer(excess: float) -> float:
 
 def _on_box(
     statement: Statement, piece: Piece, box: Box, sizes: tuple[np.ndarray, np.ndarray], allowed: float
-) -> tuple[Ball, list[Ball], float]:
+) -> tuple[Ball, tuple[Ball, Ball], float]:
     """The integral of H over a box; bounds of |r| and |q|; and how many times too large remainders are."""
     views = [_terms(statement, piece, Around(box, TERMS + whole, whole)) for whole in (False, True)]
     (L, r, q), (L_, r_, q_) = views
@@ -105,7 +106,7 @@ def _on_box(
             raise Undecided("its derivatives are no numbers throughout")
         if not box.width <= SHORT_ENOUGH and not 2 * remainder <= bounds[-1]:
             excess = max(excess, float(remainder.upper()) / (ROUGH_RESIDUALS * allowed))
-    return (main + rest) * box.unit, bounds, excess
+    return (main + rest) * box.unit, (bounds[0], bounds[1]), excess
 
 
 def _terms(statement: Statement, piece: Piece, around: Around) -> tuple[Series, list[Series], list[Series]]:
