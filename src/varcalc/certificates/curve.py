@@ -102,7 +102,7 @@ class Piece:
 
 def sampled(statement: Statement) -> list[Samples]:
     """The solution's curve at the nodes of pieces on which it is resolved."""
-    edges = distinct(statement.along.vertices).tolist()
+    edges = _edges(statement)
     done = [_samples(statement, a, b) for a, b in pairwise(edges)]
     shortest = SHORTEST * (edges[-1] - edges[0])
     while len(done) < MOST_PIECES:
@@ -117,6 +117,16 @@ def sampled(statement: Statement) -> list[Samples]:
         parts = [_samples(statement, a, b) for s, c in halves for a, b in ((float(s.x[0]), c), (c, float(s.x[-1])))]
         done = sorted([s for s in done if not any(s is c for c in coarse)] + parts, key=lambda s: float(s.x[0]))
     return carried_on(statement, done)
+
+
+def _edges(statement: Statement) -> list[float]:
+    """The vertices of the curve, and the knots of tables in place of those that lie all but on one."""
+    vertices, knots = distinct(statement.along.vertices), np.array(statement.knots)
+    if not len(knots):
+        return vertices.tolist()
+    apart = np.abs(vertices[:, None] - knots).min(axis=1) > SHORTEST * (vertices[-1] - vertices[0])
+    kept = apart | np.isin(vertices, [vertices[0], vertices[-1], *statement.waypoints])
+    return sorted({*vertices[kept].tolist(), *knots.tolist()})
 
 
 def sampled_on(statement: Statement, edges: Sequence[float]) -> list[Samples]:

@@ -11,9 +11,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from varcalc.certificates.balls import Series, flint
-from varcalc.symbolic.instructions import NAMES, Program, instructions
+from varcalc.certificates.splines import cell_of, horner, spline
+from varcalc.symbolic.instructions import NAMES, Call, Program, instructions
+from varcalc.symbolic.look_up import WITHIN
 
 
 class Undecided(ArithmeticError):
@@ -67,6 +70,8 @@ class Algebra:
 
     def apply(self, operation: int, operands: Sequence[Jet]) -> Jet:
         """An operation by CasADi's code; Undecided where it has no smooth value."""
+        if isinstance(operation, Call):
+            return self._looked_up(operation, operands[0])
         if operation in LINEAR:
             return LINEAR[operation](self, *operands)
         if operation in SMOOTH:
@@ -74,6 +79,26 @@ class Algebra:
         if operation in SELECTED:
             return SELECTED[operation](self, *operands)
         raise Undecided(f"{NAMES[operation]} has no enclosure")
+
+    def _looked_up(self, call: Call, a: Jet) -> Jet:
+        """A table in the cell that its argument lies in throughout."""
+        read = spline(call.function)
+        if read is None:
+            raise Undecided(f"{call.function.name()} has no enclosure")
+        places = np.unique(read.knots).tolist()
+        name = f"the table {call.function.name().removesuffix(WITHIN)}"
+        above = [self.sum(a, self.constant(places[0]), -1), self.sum(a, self.constant(places[-1]), -1)]
+        if self.sign(above[0], name) < 0 or self.sign(above[1], name) > 0:
+            raise Undecided(f"{name} has no values there")
+        first, last = 0, len(places) - 1
+        while last - first > 1:
+            middle = (first + last) // 2
+            if self.sign(self.sum(a, self.constant(places[middle]), -1), name) > 0:
+                first = middle
+            else:
+                last = middle
+        low = self.sum(a, self.constant(places[first]), -1)
+        return self.chained(low, *horner(cell_of(call.function, places[first]), low.value, self.order))
 
     def sum(self, a: Jet, b: Jet, sign: int = 1) -> Jet:
         """The sum, or difference."""
@@ -435,8 +460,10 @@ def without_enclosure(function: ca.Function) -> str:
     if not function.is_a("SXFunction"):
         return "a table or another function that is no formula"
     known = {ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT, *LINEAR, *SMOOTH, *SELECTED}
-    strange = {i.operation for i in instructions(function)} - known
-    return ", ".join(sorted(NAMES[s] for s in strange))
+    used = [i.operation for i in instructions(function)]
+    tables = {o.function.name() for o in used if isinstance(o, Call) and spline(o.function) is None}
+    strange = {o for o in used if not isinstance(o, Call)} - known
+    return ", ".join(sorted([*(NAMES[s] for s in strange), *(f"the table or function {name}" for name in tables)]))
 
 
 def jets(

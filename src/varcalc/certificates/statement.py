@@ -21,7 +21,8 @@ from varcalc.certificates.balls import Ball, Series, flint
 from varcalc.certificates.cost import Cost
 from varcalc.certificates.degree import degrees
 from varcalc.certificates.jets import ABSCISSA, Jet, jets, switches_between
-from varcalc.symbolic.instructions import Program
+from varcalc.certificates.splines import spline
+from varcalc.symbolic.instructions import Call, Program
 from varcalc.verify.along_curve import AlongCurve
 
 
@@ -197,6 +198,20 @@ class Statement:
             [x[None], states[:n], *slopes, parameters, states[n * self.order :], lambdas, np.zeros((0, len(x)))]
         )
         return found
+
+    @cached_property
+    def knots(self) -> list[float]:
+        """Knots between the ends of tables that are looked up at the abscissa itself."""
+        abscissa, found, (a, b) = set[int](), set[float](), self.along.span
+        for i in self.program.steps:
+            if isinstance(i.operation, Call):
+                read = spline(i.operation.function) if set(i.sources) <= abscissa else None
+                found |= set() if read is None else set(read.knots.tolist())
+            elif i.operation == ca.OP_INPUT and i.sources == (0, 0):
+                abscissa.add(i.target)
+                continue
+            abscissa.discard(i.target)
+        return sorted(k for k in found if a < k < b)
 
     def level_rates(self, x: np.ndarray, states: np.ndarray, controls: np.ndarray) -> np.ndarray:
         """What is integrated to levels at p points, (p, levels); states without levels, for numbers not exact."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -85,28 +85,33 @@ def knots(function: ca.Function) -> tuple[np.ndarray, ...]:
 
 @lru_cache(maxsize=KEPT_TABLES)
 def _written(function: ca.Function) -> tuple[np.ndarray, ...]:
-    written = function.serialize({"debug": True}).encode()
-    nibbles = np.frombuffer(written, np.uint8)[: len(written) // 2 * 2] - ord("a")
-    stream = (nibbles[::2] | nibbles[1::2] << 4).tobytes()
-    grid, offsets = _vector(stream, GRID, NUMBER), _vector(stream, OFFSET, WHOLE)
+    stream = serialized(function)
+    grid, offsets = (next(vectors(stream, *field), None) for field in ((GRID, NUMBER), (OFFSET, WHOLE)))
     if grid is None or offsets is None or not len(offsets) or offsets[-1] != len(grid):
         return ()
     places = offsets.astype(int)
     return tuple(grid[a:b] for a, b in pairwise(places))
 
 
-def _vector(stream: bytes, name: bytes, kind: bytes) -> np.ndarray | None:
-    """The vector written after the first field of a name; None where there is none."""
+def serialized(function: ca.Function) -> bytes:
+    """What CasADi writes a function down as, each field after its name."""
+    written = function.serialize({"debug": True}).encode()
+    nibbles = np.frombuffer(written, np.uint8)[: len(written) // 2 * 2] - ord("a")
+    return (nibbles[::2] | nibbles[1::2] << 4).tobytes()
+
+
+def vectors(stream: bytes, name: bytes, kind: bytes) -> Iterator[np.ndarray]:
+    """The vectors of a ``kind`` after fields of a name: those of a function, and of derivatives that are kept in it."""
     at = stream.find(name)
-    head = at + len(name)
-    if at < 0 or stream[head : head + 2] != b"V" + WHOLE:
-        return None
-    (count,) = struct.unpack_from("<q", stream, head + 2)
-    body = stream[head + 10 : head + 10 + 9 * count]
-    if len(body) != 9 * count or body[::9] != kind * count:
-        return None
-    numbers = np.frombuffer(body, np.uint8).reshape(count, 9)[:, 1:].tobytes()
-    return np.frombuffer(numbers, "<f8" if kind == NUMBER else "<i8")
+    while at >= 0:
+        head = at + len(name)
+        if stream[head : head + 2] == b"V" + WHOLE:
+            (count,) = struct.unpack_from("<q", stream, head + 2)
+            body = stream[head + 10 : head + 10 + 9 * count]
+            if len(body) == 9 * count and body[::9] == kind * count:
+                numbers = np.frombuffer(body, np.uint8).reshape(count, 9)[:, 1:].tobytes()
+                yield np.frombuffer(numbers, "<f8" if kind == NUMBER else "<i8")
+        at = stream.find(name, head)
 
 
 def cells(function: ca.Function, argument: int, least: np.ndarray, greatest: np.ndarray) -> np.ndarray:
