@@ -174,7 +174,7 @@ def test_the_interrupt_key_keeps_what_is_finished(tmp_path):
     while not (out / "mechanics" / "lever.html").exists() and time.monotonic() < until:
         time.sleep(0.05)
     running.send_signal(signal.SIGINT)
-    said, _ = running.communicate(timeout=30)
+    said, _ = running.communicate(timeout=300)
     assert running.returncode == 130
     assert "1 of 2 pages" in said
     assert "1 page, of 2 that were asked for" in (out / "index.html").read_text(encoding="utf-8")

@@ -194,9 +194,9 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
             found += [(v.value - about.own_value, about, v, (ROUGH, EXACT)) for v in valleys]
             found += _across(across)
         box = together([(*pair, across) for pair, across in zip(looked, acrosses, strict=True)])
+        seen.walled = seen.walled or any(about.walled for _, about in looked)
     found = sorted(found + _across(box), key=lambda f: f[0])[:FOLLOWED_IN_DIRECTIONS]
     seen.directions, seen.instead, seen.together = len(looked), _instead(best.problem), box is not None
-    seen.walled = seen.walled or any(about.walled for _, about in looked)
     seen.across = seen.across or any(across is not None for across in acrosses)
     if polish is None:
         seen.unfollowed = bool(found)
