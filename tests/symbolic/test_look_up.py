@@ -126,3 +126,11 @@ def test_tables_of_one_argument_are_cubics_in_cells(kind, degree, tables):
     assert own == pytest.approx([float(plain(place)) for place in places], rel=1e-12)
     if tables:
         assert np.all(np.isnan(cells.at(np.array([[edges[0] - 0.1], [edges[-1] + 0.1]]))))
+
+
+def test_a_linear_table_on_whose_knots_the_curve_may_rest_is_named():
+    """The least curve of 9 |y| + v^2/2 rests at 0, as a table a kink that is not read as one."""
+    table = ca.interpolant("t", "linear", [[-2, 0, 2]], [18, 0, 18])
+    held = vc.solve(vc.Problem(lambda x, y, v: v**2 / 2 + table(y), vc.Fixed(0, 1), vc.Fixed(3, 1)), throw=False)
+    assert not held.status.ok
+    assert "a linear table of y has a kink at each knot" in held.message

@@ -14,14 +14,16 @@ from varcalc.existence.falling import falling
 from varcalc.formulation import formulate
 from varcalc.formulation.singular.abscissa import powers_at_ends
 from varcalc.formulation.singular.detection import GROWN, PROBE
-from varcalc.problem.breaks import kink_at_ends
+from varcalc.problem.breaks import kink_at_ends, kinked_table
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
+from varcalc.problem.reading import names, text
 from varcalc.search import Extremals, by_slope_alone
 from varcalc.solution import Finding, Solution, Verdict, refused
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.switches import Switch
 
 CHORD_PLACES = 1001
 """Abscissae at which Legendre's condition is looked at; odd, so that the middle is one of them."""
@@ -34,14 +36,13 @@ def second_look(problem: Functional, tol: float, failure: Solution, *, smooth: b
 
     Where the curves that were tried are not ``smooth``, nothing is asked that takes the problem to be so.
     """
-    if (kink := kink_at_ends(problem)) is not None:
-        held = f"end_cost has a kink ({kink.word}), and an end may rest on it, which no method here holds"
-        failure = replace(failure, message=f"{failure.message}; {held}: fix the end there, and compare")
+    table = kinked_table(problem)
+    failure = replace(failure, message="; ".join([failure.message, *_kinks(problem, table)]))
     if failure.verdict in (None, Verdict.WEAK_MINIMUM, Verdict.SADDLE):
         if (fall := falling(problem)) is not None:  # asked first: it takes a hundredth of the time of what follows
             return refused(failure, fall.finding)
         failure = with_corners(problem, tol, failure)
-    if failure.status.ok or failure.verdict is not None or not smooth:
+    if failure.status.ok or failure.verdict is not None or table is not None or not smooth:
         return failure
     approach = approached(problem)
     # a convex functional has no gap, and where a search finds no extremal of one it was the search that failed
@@ -56,6 +57,20 @@ def second_look(problem: Functional, tol: float, failure: Solution, *, smooth: b
     if approach is not None and approach.concentrates and not _steep_at_an_end(problem):
         failure = refused(failure, approach.finding)
     return failure
+
+
+def _kinks(problem: Functional, table: Switch | None) -> list[str]:
+    """On which kinks the least curve may rest, which no method here holds."""
+    told: list[str] = []
+    if (kink := kink_at_ends(problem)) is not None:
+        held = f"end_cost has a kink ({kink.word}), and an end may rest on it, which no method here holds"
+        told.append(f"{held}: fix the end there, and compare")
+    if table is not None:
+        place = text(table.argument, names(problem))
+        told.append(
+            f"a linear table of {place} has a kink at each knot, and the least curve may rest on one: try 'bspline'"
+        )
+    return told
 
 
 def _steep_at_an_end(problem: Functional) -> bool:

@@ -15,7 +15,7 @@ from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.joins import joined
 from varcalc.symbolic.places import FINEST, places
-from varcalc.symbolic.switches import SWITCHING, Switch, switches
+from varcalc.symbolic.switches import SWITCHING, Switch, switches, tables
 from varcalc.symbolic.tracing import Expression
 
 BREAK_OFFSETS, GROWN = (1e-4, 1e-8), 1.5
@@ -57,6 +57,15 @@ def switches_of(problem: Functional) -> tuple[Switch, ...]:
     if SWITCHING.isdisjoint(map(function.instruction_id, range(function.n_instructions()))):
         return ()  # as in most problems, of which no more is read
     return switches(_expressions(problem), problem.symbols.all)
+
+
+@derived
+def kinked_table(problem: Functional) -> Switch | None:
+    """A table that is straight between its knots, and is looked up where the curve goes; None where there is none."""
+    if problem.symbols.kind is not ca.SX:
+        return None
+    stated, symbols = ca.vertcat(*(ca.vec(e) for e in _expressions(problem))), ca.vertcat(*problem.symbols.all)
+    return next((t for t in tables(stated, symbols) if not t.smooth and not along_x(problem, t)), None)
 
 
 def along_x(problem: Functional, switch: Switch) -> bool:

@@ -22,7 +22,8 @@ import numpy as np
 
 from varcalc.symbolic.instructions import Call, Expression, interpret, operate
 
-INTERPOLANTS = {"LinearInterpolant", "BSplineInterpolant"}
+LINEAR = "LinearInterpolant"
+INTERPOLANTS = {LINEAR, "BSplineInterpolant"}
 """CasADi's names of the kinds of tables."""
 WITHIN = "_within_knots"
 """The end of the name of what a table is called by, and of its derivatives."""
@@ -81,6 +82,12 @@ def _table(function: ca.Function, edges: Sequence[np.ndarray]) -> ca.Function:
 def knots(function: ca.Function) -> tuple[np.ndarray, ...]:
     """The knots along each argument of what a table, or a derivative of one, is called by; none of another function."""
     return _written(function) if function.name().endswith(WITHIN) else ()
+
+
+@lru_cache(maxsize=KEPT_TABLES)
+def straight(function: ca.Function) -> bool:
+    """Whether a table that is called is straight between its knots, so that it has a kink at each."""
+    return LINEAR.encode() in serialized(function)
 
 
 @lru_cache(maxsize=KEPT_TABLES)

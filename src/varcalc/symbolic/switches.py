@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.symbolic.instructions import NAMES, Call, in_numbers, interpret, operate
-from varcalc.symbolic.look_up import knots
+from varcalc.symbolic.look_up import knots, straight
 from varcalc.symbolic.tracing import Expression
 
 ONE_SIDED = {ca.OP_FABS, ca.OP_SIGN}
@@ -95,7 +95,8 @@ def tables(expression: Expression, symbols: Expression) -> tuple[Switch, ...]:
             for argument, edges in zip(operands, knots(operation.function)):  # noqa: B905  what is no table has none
                 levels = tuple(edges.tolist())
                 if not any(levels == known.levels and ca.is_equal(argument, known.argument, 8) for known in found):
-                    found.append(Switch(argument, "interpolant", jumps=False, levels=levels))
+                    smooth = not straight(operation.function)
+                    found.append(Switch(argument, "interpolant", jumps=False, smooth=smooth, levels=levels))
         return operate(operation, operands)
 
     interpret(function, [symbols.elements()], ca.SX, applied)
