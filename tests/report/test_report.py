@@ -164,9 +164,10 @@ problem = vc.Problem(lambda x, y, dy: dy**2, vc.Fixed(0, 0), vc.Fixed(1, 1))
 def test_the_interrupt_key_keeps_what_is_finished(tmp_path):
     slow = tmp_path / "slow.py"
     slow.write_text(SLOW)
-    code = "from varcalc.cli import main\nif __name__ == '__main__':\n    main()"
+    # a shell's process in the background ignores the key, and its children with it
+    heard = "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)"
     script = tmp_path / "run.py"
-    script.write_text(code)
+    script.write_text(f"{heard}\nfrom varcalc.cli import main\nif __name__ == '__main__':\n    main()")
     out = tmp_path / "out"
     command = [sys.executable, str(script), "report", "lever", str(slow), "-o", str(out), "--cores", "1"]
     running = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ)
