@@ -206,6 +206,15 @@ def test_what_falls_for_ever_in_one_of_two_functions_is_told():
     assert found.verdict is vc.Verdict.UNBOUNDED or (found.local and found.lower == -math.inf)
 
 
+def test_where_a_fall_is_seen_it_is_said_what_was_looked_at():
+    falling = vc.Problem(
+        lambda x, y, v: ca.sumsqr(v) / 2 - y[0] ** 2 * y[1] ** 2, vc.Fixed(0, [0, 0]), vc.Fixed(1, [0, 0])
+    )
+    found = vc.solve(falling, throw=False)
+    assert found.lower == -math.inf  # at rest in 0 the functional is 0, and along y0 = y1 it falls as a fourth power
+    assert "directions from the curve" in found.searched
+
+
 def test_a_well_beside_a_curve_along_which_nothing_is_summed():
     """From rest at zero into a well of depth 18 about (3, 0), on a way long enough."""
     resting = vc.Problem(

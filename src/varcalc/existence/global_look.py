@@ -186,6 +186,9 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
         looked = [(d, PolygonLattice(d, np.zeros_like)) for d in in_directions(best)]
         looked = [(direction, about) for direction, about in looked if math.isfinite(about.own_value)]
         acrosses = [across_the_landscape(direction, np.zeros_like) for direction, _ in looked]
+        seen.directions, seen.instead = len(looked), _instead(best.problem)
+        seen.walled = seen.walled or any(about.walled for _, about in looked)
+        seen.across = seen.across or any(across is not None for across in acrosses)
         for (direction, about), across in zip(looked, acrosses, strict=True):
             worth = partial(_worth_following, best, about)
             valleys = list(islice(filter(worth, about.valleys()), FOLLOWED))
@@ -194,10 +197,8 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
             found += [(v.value - about.own_value, about, v, (ROUGH, EXACT)) for v in valleys]
             found += _across(across)
         box = together([(*pair, across) for pair, across in zip(looked, acrosses, strict=True)])
-        seen.walled = seen.walled or any(about.walled for _, about in looked)
     found = sorted(found + _across(box), key=lambda f: f[0])[:FOLLOWED_IN_DIRECTIONS]
-    seen.directions, seen.instead, seen.together = len(looked), _instead(best.problem), box is not None
-    seen.across = seen.across or any(across is not None for across in acrosses)
+    seen.together = seen.together or box is not None
     if polish is None:
         seen.unfollowed = bool(found)
         polygons = (_by_polygon(best, lattice, valley, followed=False) for _, lattice, valley, _ in found)

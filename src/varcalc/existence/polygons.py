@@ -92,12 +92,16 @@ class Landscape(Protocol):
         """What ordinates at the start (0) or the end (1) add."""
         ...
 
-    def extent(self, y: np.ndarray) -> float:
-        """The unit in which departures from a curve with ordinates y (m,) are measured."""
-        ...
-
     def along(self, valley: Sampled) -> Sampled:
         """The curve of the problem that a function of x, which gives (1, m), stands for."""
+        ...
+
+
+class LandscapeWithUnit(Landscape, Protocol):
+    """A landscape that has a unit of its own."""
+
+    def extent(self, y: np.ndarray) -> float:
+        """The unit in which departures from a curve with ordinates y (m,) are measured."""
         ...
 
 
@@ -370,7 +374,7 @@ class PolygonLattice(Lattice):
     """Polygons about a curve: K pieces, and at each of the vertices J departures, the middle one 0."""
 
     def __init__(
-        self, landscape: Landscape, ordinates: Callable[[np.ndarray], np.ndarray], unit: float | None = None
+        self, landscape: LandscapeWithUnit, ordinates: Callable[[np.ndarray], np.ndarray], unit: float | None = None
     ) -> None:
         a, b = landscape.span
         x = np.union1d(np.linspace(a, b, PIECES + 1), landscape.waypoints)
@@ -405,7 +409,7 @@ def _unit(landscape: Landscape, x: np.ndarray, c: np.ndarray, extent: float) -> 
     return min(about) if about else max(found, default=extent)
 
 
-def across_the_landscape(landscape: Landscape, ordinates: Callable[[np.ndarray], np.ndarray]) -> Lattice | None:
+def across_the_landscape(landscape: LandscapeWithUnit, ordinates: Callable[[np.ndarray], np.ndarray]) -> Lattice | None:
     """The lattice of levels, with the curve's own ordinates among them; None where L has no two minima in y."""
     x = np.union1d(np.linspace(*landscape.span, PIECES_ACROSS + 1), landscape.waypoints)
     c = ordinates(x)

@@ -37,7 +37,7 @@ def second_look(problem: Functional, tol: float, failure: Solution, *, smooth: b
     Where the curves that were tried are not ``smooth``, nothing is asked that takes the problem to be so.
     """
     table = kinked_table(problem)
-    failure = replace(failure, message="; ".join([failure.message, *_kinks(problem, table)]))
+    failure = replace(failure, message="; ".join(filter(None, [failure.message, *_kinks(problem, table)])))
     if failure.verdict in (None, Verdict.WEAK_MINIMUM, Verdict.SADDLE):
         if (fall := falling(problem)) is not None:  # asked first: it takes a hundredth of the time of what follows
             return refused(failure, fall.finding)

@@ -61,10 +61,6 @@ class AlongAxes:
         """What ends that depart by y (..., k) add."""
         return self.departures.at_end(side, (y @ self.axes).reshape(-1, self.axes.shape[1])).reshape(y.shape[:-1])
 
-    def extent(self, y: np.ndarray) -> float:  # noqa: ARG002  the axes have it
-        """The unit of the departures."""
-        return 1.0
-
 
 class PolygonsTogether:
     """The polygons that ``starts`` (P, K + 1, k) with vertices at x lead to, by departures of ``steps`` (k,)."""
