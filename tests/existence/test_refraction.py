@@ -286,3 +286,72 @@ def test_a_random_smooth_splice_is_solved_the_same_however_it_is_written(seed):
     plain = vc.solve(problem(lambda e: bend * ca.fmax(e, 0) ** 2))
     assert abs(branched.value - plain.value) <= branched.error.value + plain.error.value + 1e-13
     assert branched.error.value < 1e-9
+
+
+def fallen(knots, values, start, end):
+    """Value and time of the way between two ordinates at the slope sqrt(2 (T - least T)), T straight between knots."""
+    least = min(values)
+    places = sorted({start, end, *(k for k in knots if min(start, end) < k < max(start, end))})
+    heights = [mpf(h) for h in np.interp(places, knots, values)]
+    value, time = mpf(0), mpf(0)
+    for a, b, high, low in zip(places, places[1:], heights, heights[1:], strict=False):
+        first, last = sqrt(2 * abs(high - least)), sqrt(2 * abs(low - least))
+        rate = (low - high) / (mpf(b) - mpf(a))
+        value += (last**3 - first**3) / (3 * rate)
+        time += (last - first) / rate
+    return value, time
+
+
+TABLES = [
+    # knots, values, and the ends: kinks that are valleys and crests on the way to the deepest and from there
+    ([-2.0, 0.0, 0.5, 3.0], [8.0, -1.0, 1.5, 9.0], 2.0, 1.0),
+    ([-2.0, -1.2, -1.1, 0.0, 0.4, 0.5, 1.5, 3.0], [3.0, 2.0, 4.0, -2.0, -1.0, 1.0, 0.5, 6.0], -1.5, 2.0),
+    ([-3.0, -2.0, -0.3, -0.1, 0.12, 0.9, 3.0], [7.0, 1.0, 0.4, 0.2, -3.0, 0.0, 2.0], 2.5, -2.5),
+    (list(np.linspace(-2, 2, 17)), list(3 * np.abs(np.linspace(-2, 2, 17)) ** 1.5 + 1), 1.8, 1.9),
+    ([0.0, 1.0, 2.0], [0.0, 1.0, 3.0], 1.5, 1.7),
+]
+
+
+@pytest.mark.parametrize(("knots", "values", "start", "end"), TABLES)
+def test_a_curve_goes_through_kinks_and_rests_on_the_deepest(knots, values, start, end):
+    rest, least = knots[int(np.argmin(values))], min(values)
+    ways = [fallen(knots, values, y, rest) for y in (start, end)]
+    width = float(sum(time for _, time in ways)) + 1.0
+    table = ca.interpolant("T", "linear", [knots], values)
+    if rest == knots[0]:  # an edge of the table: what rests there is held by no kink
+        table = ca.interpolant("T", "linear", [[knots[0] - 1, *knots]], [values[0] + 5, *values])
+    solution = vc.solve(vc.Problem(lambda x, y, dy: dy**2 / 2 + table(y), vc.Fixed(0, start), vc.Fixed(width, end)))
+    exact = sum(value for value, _ in ways) + mpf(least) * mpf(width)
+    assert abs(solution.value - exact) <= solution.error.value + 1e-13
+    assert solution.error.value < 1e-10
+    assert not solution.local
+    left, right = float(ways[0][1]), width - float(ways[1][1])
+    assert np.abs(solution.curve(np.linspace(left, right, 9), 0) - rest).max() < 1e-9
+
+
+def test_a_curve_goes_through_many_kinks():
+    # no place to rest: y'^2 / 2 = T(y) + E, and E is what the time takes
+    knots = np.linspace(-1, 3, 15)
+    values = 2 + np.sin(knots) + 0.1 * knots**2
+    start, end, width = mpf(-0.9), mpf(2.8), 1.4
+    places = [start, *(mpf(k) for k in knots if start < k < end), end]
+
+    def height(y):
+        k = min(int(np.searchsorted(knots, float(y), "right")) - 1, len(knots) - 2)
+        a, b = mpf(knots[k]), mpf(knots[k + 1])
+        return mpf(values[k]) + (mpf(values[k + 1]) - mpf(values[k])) * (y - a) / (b - a)
+
+    energy = findroot(lambda e: quad(lambda y: 1 / sqrt(2 * (height(y) + e)), places) - mpf(width), (0.5, 1.0))
+    exact = quad(lambda y: sqrt(2 * (height(y) + energy)), places) - energy * mpf(width)
+    table = ca.interpolant("T", "linear", [knots], values)
+    problem = vc.Problem(lambda x, y, dy: dy**2 / 2 + table(y), vc.Fixed(0, float(start)), vc.Fixed(width, float(end)))
+    solution = vc.solve(problem)
+    assert abs(solution.value - exact) <= solution.error.value + 1e-12
+
+
+@pytest.mark.parametrize("crest", [1.0, 3.0])
+def test_a_curve_in_balance_on_a_crest_is_no_minimum(crest):
+    # y = 0 obeys the equations; falling off to one side is better: y = crest x (1 - x) / 2
+    problem = vc.Problem(lambda x, y, dy: dy**2 / 2 - crest * ca.fabs(y), vc.Fixed(0, 0), vc.Fixed(1, 0))
+    solution = vc.solve(problem)
+    assert solution.value == pytest.approx(-(crest**2) / 24, abs=1e-12)

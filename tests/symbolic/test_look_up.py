@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 import varcalc as vc
 from varcalc.symbolic.instructions import Call, instructions
-from varcalc.symbolic.look_up import cells, enclosed, in_cells, knots, within_knots
+from varcalc.symbolic.look_up import as_sums, cells, enclosed, in_cells, knots, within_knots
 
 Y = ca.SX.sym("y")
 FIRST, SECOND = np.array([0.0, 0.5, 0.7, 2.0]), np.array([-1.0, 0.0, 2.0, 3.0, 7.0])
@@ -129,8 +129,48 @@ def test_tables_of_one_argument_are_cubics_in_cells(kind, degree, tables):
 
 
 def test_a_linear_table_on_whose_knots_the_curve_may_rest_is_named():
-    """The least curve of 9 |y| + v^2/2 rests at 0, as a table a kink that is not read as one."""
-    table = ca.interpolant("t", "linear", [[-2, 0, 2]], [18, 0, 18])
+    """The least curve of a table with a valley rests at 0, one of many kinks, which are not read as such."""
+    places = np.linspace(-2, 2, 101)
+    table = ca.interpolant("t", "linear", [places], 9 * np.abs(places) + 0.02 * np.cos(40 * places))
     held = vc.solve(vc.Problem(lambda x, y, v: v**2 / 2 + table(y), vc.Fixed(0, 1), vc.Fixed(3, 1)), throw=False)
     assert not held.status.ok
     assert "a linear table of y has a kink at each knot" in held.message
+
+
+def test_a_table_of_few_lines_is_a_sum_of_absolute_values():
+    random = np.random.default_rng(3)
+    for count in (2, 3, 12):
+        edges = np.cumsum(random.uniform(0.1, 1, count))
+        table = within_knots(ca.interpolant("n", "linear", [edges], random.standard_normal(count))(Y**2))
+        written = as_sums(table, Y)
+        assert str(written).count("fabs") == count - 2
+        both = ca.Function("both", [Y], [table, written, ca.gradient(table, Y), ca.gradient(written, Y)])
+        places = np.sqrt(random.uniform(edges[0], edges[-1], 50))
+        one, other, rate, other_rate = (np.asarray(v).ravel() for v in both.map(50)(places[None]))
+        assert other == pytest.approx(one, abs=1e-14 * np.abs(one).max())
+        assert other_rate == pytest.approx(rate, abs=1e-12 * np.abs(rate).max())
+        assert np.isnan([float(v) for v in both(math.sqrt(edges[-1] + 1e-3))]).all()
+
+
+def test_knots_at_which_a_table_is_straight_are_no_kinks():
+    places = np.linspace(-2, 2, 1001)
+    written = as_sums(within_knots(ca.interpolant("n", "linear", [places], 9 * np.abs(places) + places)(Y)), Y)
+    assert str(written).count("fabs") == 1
+
+
+def test_other_tables_stay_tables():
+    x = ca.SX.sym("x")
+    smooth = within_knots(ca.interpolant("n", "bspline", [SECOND], SECOND**2)(Y))
+    along = within_knots(ca.interpolant("n", "linear", [SECOND], SECOND**2)(x))
+    long = within_knots(ca.interpolant("n", "linear", [np.arange(100.0)], np.arange(100.0) ** 2)(Y))  # bends everywhere
+    flat = within_knots(ca.interpolant("n", "linear", [FIRST, SECOND], np.arange(20.0))(ca.vertcat(Y, Y)))
+    for table in (smooth, along, long, flat):
+        assert str(as_sums(table, Y)) == str(table)
+
+
+def test_a_table_that_is_convex_is_proved_so():
+    convex, bent = ([8.0, 0.0, 1.0], [0.0, 3.0, 1.0])
+    for values, proved in ((convex, True), (bent, False)):
+        table = ca.interpolant("n", "linear", [[-2.0, 0.0, 2.0]], values)
+        solution = vc.solve(vc.Problem(lambda x, y, v: v**2 / 2 + table(y), vc.Fixed(0, 1), vc.Fixed(1, 1.5)))  # noqa: B023
+        assert ("proved convex" in solution.searched) == proved

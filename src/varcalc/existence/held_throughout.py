@@ -44,11 +44,15 @@ FOLLOWED_TOLERANCE, ORDINATE_ROUND_OFF = 1e-13, 1e-15
 
 
 class HeldMomentum(NamedTuple):
-    """Momenta (m,) along a curve at abscissae x (m,); ``free`` tells that they may be a little greater and less."""
+    """Momenta (m,) along a curve at abscissae x (m,), which, or whose rates, may be a little greater and less or not.
+
+    The one where a kink of the slope holds the curve, the other where one of the ordinate does.
+    """
 
     x: np.ndarray
     values: np.ndarray
     free: bool
+    rates_free: bool
 
 
 def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Crossing]) -> Solution | None:
@@ -69,7 +73,10 @@ def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Cr
         if along is None or not _between_ends(problem, along):
             continue
         momentum = _momentum(problem, along)
-        if momentum is not None and (convex or (moving and _stands(problem, along, momentum))):
+        if momentum is None:
+            continue
+        free = momentum.free if moving else momentum.rates_free
+        if convex or (free and _stands(problem, along, momentum)):
             return _answer(problem, method, along)
     return None
 
@@ -162,14 +169,17 @@ def _momentum(problem: Problem, along: Curve) -> HeldMomentum | None:
     for k in range(len(width) - 1, -1, -1):  # back along one of them, half way between those it can come from
         first, last = max(lows[k], values[k + 1] - fastest[k]), min(highs[k], values[k + 1] - slowest[k])
         values[k] = 0.5 * (first + last)
-    return HeldMomentum(x, values, bool((highs - lows).min() > room[1]))
+    rate, inside, valley = np.diff(values), room[0] * width, rates[1] >= rates[0]
+    rates_free = bool(valley.all() and ((rate > slowest + inside) & (rate < fastest - inside)).all())
+    return HeldMomentum(x, values, bool((highs - lows).min() > room[1]), rates_free)
 
 
 def _stands(problem: Problem, along: Curve, momentum: HeldMomentum) -> bool:
     """Whether the curve is a strong minimum among those near it, though L is not convex in the ordinate.
 
     Where momenta may be a little greater and a little less, each small variation eta costs a share of the integral of
-    |eta'|, which is more than its square can gain; and no other slope does better against the momentum.
+    |eta'|, and where their rates may, one of that of |eta|, which is more than its square can gain; and no other slope
+    does better against the momentum.
     """
     tried = np.linspace(0, len(momentum.x) - 1, TRIED_PLACES).astype(int)
     x, p = momentum.x[tried], momentum.values[tried]
@@ -179,7 +189,7 @@ def _stands(problem: Problem, along: Curve, momentum: HeldMomentum) -> bool:
     here = problem.sign * problem.integrand_on(x, y, slope)
     there = problem.sign * problem.integrand_on(x[:, None], y[:, None], slopes)
     excess = there - np.reshape(here, (-1, 1)) - p[:, None] * (slopes - slope[:, None])
-    return momentum.free and bool((excess >= -NEARLY * np.abs(there)).all())
+    return bool((excess >= -NEARLY * np.abs(there)).all())
 
 
 def _answer(problem: Problem, method: Ritz, along: Curve) -> Solution:

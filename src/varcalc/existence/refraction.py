@@ -10,16 +10,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import casadi as ca
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from varcalc.existence.above_kinks import above_kinks, as_held
-from varcalc.existence.cores import resting
 from varcalc.existence.held_throughout import Curve, held_throughout
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
 from varcalc.formulation.broken import LENGTH_KEPT
+from varcalc.formulation.height import height
 from varcalc.methods.answer import lifted, runs_forwards
 from varcalc.methods.crossings import (
     ARGUMENT_ROUND_OFF,
@@ -31,8 +32,10 @@ from varcalc.methods.crossings import (
     sentence,
     unmet,
 )
+from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
-from varcalc.problem.breaks import breakable, crowded, singular_inside
+from varcalc.numerics.mesh import composite_gauss
+from varcalc.problem.breaks import breakable, crowded, integrals, singular_inside
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.problem.reading import names, text
@@ -50,6 +53,10 @@ WIDER = (10.0, 1e3, 1e5)
 FOLLOWED = (4.0, 40.0, 400.0)
 """What is as small as so many widths is followed rather than crossed, where that leads to a curve that stands."""
 COARSE = Ritz(elements=24, degree=3, refine=False)
+STEPS_ALONG_KINKS = 60
+"""Iterations in which a curve that follows kinks is found where it does: a few."""
+ROUGH_DEGREE = 6
+"""Degree at which it is seen which stretches along a kink are left."""
 FOLLOWED_TO = 1e-6
 """Size of what is zero along a stretch, in its own units, to which an interior-point method holds it."""
 NEAR_ENDS = 1e-3
@@ -62,11 +69,18 @@ BESIDE_KINK = 1e-3
 """Change of the highest derivative, in units of 1 and of its own, over which it is seen which way a kink points."""
 BESIDE_JUMP = 1e-3
 """Distance from a jump, in units of what counts as on it, at which a curve runs that would run along it."""
+ARCH = Polynomial([0.0, 0.0, 16.0, -32.0, 16.0])
+"""A bump on [0, 1] that is level at its ends."""
+BUMPS, BUMP_ROUND_OFF = (1e-4, 1e-6), 1e-13
+"""Heights of bumps, in units of the curve's, by which it is seen that a kink holds a curve; what sums are off by."""
+BUMP_ELEMENTS, BUMP_POINTS = 8, 12
+NODES = 49
+"""Abscissae between which a rounded curve is looked at."""
 SAMPLES = 33
 """Places of a line at which it is seen how large what switches is."""
 SAME_PLACE = 1e-9
 """Share of the interval by which two crossings at one place may differ."""
-MOST = 8
+MOST = 40
 """Crossings of one curve that are treated."""
 
 
@@ -79,7 +93,7 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
         form = formulate(problem)
         return above_kinks(form, method, tol, guess or form.start.curve)
     curve, width, points = rounded
-    nodes = np.linspace(*problem.span, 49)
+    nodes = np.linspace(*problem.span, NODES)
     sizes, _ = units([switch.argument for switch in on_curve(problem)], problem.symbols.all, points)
     met: list[Crossing] = []
     tried = False
@@ -87,6 +101,7 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     for followed in FOLLOWED:
         small = max(followed * width, ARGUMENT_ROUND_OFF)
         found = crossings(problem, curve, nodes, problem.unknown_guesses, small, np.array(sizes))
+        found = _one_at_once(problem, curve, found)
         found = [c for c in _breaking(problem, found) if not _repels(problem, curve, c)]
         if last is not None and _alike(problem, found, last):  # what they led to is known
             continue
@@ -125,8 +140,7 @@ def _least(
             return held
     if found and (solution := _settled(problem, method, tol, curve, found)) is not None:
         return solution
-    rested = resting(problem, method, tol, curve, found) if riding else None
-    return rested if rested is not None and as_held(problem, rested) else None
+    return None
 
 
 def _breaking(problem: Problem, found: list[Crossing]) -> list[Crossing]:
@@ -155,18 +169,52 @@ def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: li
             continue
         if len(_vanished(solution)):  # it is kept from being least
             return None
+        rides = any(c.until is not None for c in found)
+        seen = _breaking(problem, met_by(solution, FOLLOWED_TO if rides else ARGUMENT_ROUND_OFF))
         if not as_held(problem, solution):
             aside = _aside(problem, curve, found, solution)
-            if _alike(problem, aside, found):
+            if not _alike(problem, aside, found):
+                found = aside
+                continue
+            if not unmet(problem, seen, _corners(solution)):
                 return None
-            found = aside
-            continue
-        curve = solution.curve
-        rides = any(c.until is not None for c in found)
-        found = _breaking(problem, met_by(solution, FOLLOWED_TO if rides else ARGUMENT_ROUND_OFF))
-        if not unmet(problem, found, _corners(solution)):
-            return solution
+        elif not unmet(problem, seen, _corners(solution)):
+            return solution if _held_there(problem, solution, seen) else None
+        curve, found = solution.curve, seen
     return None
+
+
+def _held_there(problem: Problem, solution: Solution, seen: list[Crossing]) -> bool:
+    """Whether small bumps either way, where a curve rests on a kink of its place, make the functional worse.
+
+    On a crest of L a curve is in balance, too.
+    """
+    assert solution.curve is not None
+    extent = max(float(np.abs(solution.curve(solution.x, 0)).max()), height(formulate(problem)))
+    bumps = np.concatenate([np.eye(problem.n), -np.eye(problem.n)])[:, :, None]
+    for stretch in ((c.x, c.until) for c in seen if c.until is not None):
+        value = partial(_bumped, problem, solution, stretch)
+        own = value(0.0 * bumps[0])
+        if any(value(share * extent * bump) < own - BUMP_ROUND_OFF * abs(own) for share in BUMPS for bump in bumps):
+            return False
+    return True
+
+
+def _bumped(problem: Problem, solution: Solution, stretch: tuple[float, float], bump: np.ndarray) -> float:
+    """What is minimised, levels and their multipliers included, over a stretch of a curve with a ``bump`` (n, 1)."""
+    assert solution.curve is not None
+    first, last = stretch
+    x, weights = composite_gauss(np.linspace(first, last, 1 + BUMP_ELEMENTS), BUMP_POINTS)
+    part, width = (x - first) / (last - first), last - first
+    bent = [
+        solution.curve(x, k) + bump * (ARCH.deriv(k) if k else ARCH)(part) / width**k for k in range(1 + problem.order)
+    ]
+    bend = [] if problem.order == 2 else [np.zeros((0, len(x)))]
+    unknowns = np.array([solution.unknowns[name] for name in problem.unknowns])
+    columns = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, unknowns)]
+    terms = integrals(problem).call([x[None], *bent, *bend, *columns])
+    weighed = np.array([1.0, *(-m for m in solution.multipliers if isinstance(m, float))])
+    return problem.sign * float(weighed @ np.vstack([np.asarray(term) for term in terms]) @ weights)
 
 
 def _vanished(solution: Solution) -> np.ndarray:
@@ -211,29 +259,65 @@ def _aside(problem: Problem, curve: Curve, found: list[Crossing], solution: Solu
 
 def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
     """The least curve that is broken near where ``curve`` meets switches; None where none is found."""
-    if any(_held_in_place(problem, c) for c in found):
+    if any(_throughout(problem, c) for c in found):
         return None
     # what is met at an end itself leaves nothing to be broken
     pieces = [_piece(problem, c) for c in found if c.until is not None or c.x not in problem.span]
-    kept = any(isinstance(piece, Ride) for piece in pieces) or formulate(problem).conditions.pathwise
-    for keeping in (False,) if kept else (False, True):  # some of every piece is kept anyway
+    drawn = any(isinstance(piece, Ride) and piece.drawn(problem) for piece in pieces)
+    kept = drawn or formulate(problem).conditions.pathwise
+    plainly = replace(method, starts=1)
+    if method.optimiser is None and any(isinstance(piece, Ride) for piece in pieces):
+        plainly = replace(plainly, optimiser=Ipopt(iterations=STEPS_ALONG_KINKS))
+    ways = [(False, plainly)] if kept else [(False, plainly), (True, plainly)]  # some of every piece is kept anyway
+    if not kept and any(isinstance(piece, Ride) for piece in pieces):
+        ways.insert(1, (True, replace(plainly, degree=ROUGH_DEGREE, refine=False)))
+    for keeping, way in ways:
         form = broken_form(problem, [], partial(_ordinates, curve), None, pieces, keeping=keeping)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            solution = replace(method, starts=1).solve(form, tol=tol, guess=None)
+            solution = way.solve(form, tol=tol, guess=None)
         extremal = solution.extremal
         whole = extremal is None or not extremal.form.coordinates.corners or runs_forwards(extremal)
+        if way.refine < method.refine and not len(_vanished(solution)):
+            continue  # it was asked for no more than which stretches are left
         if solution.status.ok and whole and np.all(np.diff(solution.x) > 0):
-            return solution
+            return replace(solution, method=method)
     return None
 
 
-def _held_in_place(problem: Problem, crossing: Crossing) -> bool:
-    """Whether a curve follows a switch from end to end, or one of its place: a saddle in where it begins to."""
+def _throughout(problem: Problem, crossing: Crossing) -> bool:
+    """Whether a curve follows a switch from end to end."""
     if crossing.until is None:
         return False
     first, last = problem.span
-    whole = crossing.until - crossing.x >= (1 - NEAR_ENDS) * (last - first)
-    return whole or not crossing.switch.depends_on(problem.symbols.highest)
+    return crossing.until - crossing.x >= (1 - NEAR_ENDS) * (last - first)
+
+
+def _one_at_once(problem: Problem, curve: Curve, found: list[Crossing]) -> list[Crossing]:
+    """The crossings with one switch of its place that a function follows at once: the one it is nearest to.
+
+    Kinks beside it are gone through on the way there, and back.
+    """
+    rides = [c for c in found if c.until is not None and not c.switch.depends_on(problem.symbols.highest)]
+    beside: list[Crossing] = []
+    for a, b in combinations(rides if problem.n == 1 else [], 2):
+        first, last = max(a.x, b.x), min(a.until or a.x, b.until or b.x)
+        if first < last:
+            away = [_distance(problem, curve, c, 0.5 * (first + last)) for c in (a, b)]
+            beside.append((a, b)[int(np.argmax(away))])
+    if not beside:
+        return found
+    nodes = np.linspace(*problem.span, NODES)
+    through = [c for c in crossings(problem, curve, nodes, problem.unknown_guesses) if c.until is None]
+    passed = [c for c in through if any(c.switch is other.switch for other in beside)]
+    kept = [c for c in found if not any(c is other for other in beside)]
+    return sorted([*kept, *passed], key=lambda c: c.x)
+
+
+def _distance(problem: Problem, curve: Curve, crossing: Crossing, x: float) -> float:
+    """How far a curve is from a switch at one abscissa."""
+    number = next(i for i, switch in enumerate(on_curve(problem)) if switch is crossing.switch)
+    along = arguments_along(problem, curve, np.array([x]), problem.unknown_guesses)
+    return abs(float(along[number, 0]) - crossing.level)
 
 
 def _repels(problem: Problem, curve: Curve, crossing: Crossing) -> bool:

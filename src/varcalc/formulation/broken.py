@@ -73,6 +73,13 @@ class Ride:
     end: float
     surface: Expression
 
+    def drawn(self, problem: Problem) -> bool:
+        """Whether the surface is one of the highest derivative, to which nothing but the functional draws a curve.
+
+        On any other the curve comes to rest smoothly, which tells where.
+        """
+        return bool(ca.depends_on(self.surface, problem.symbols.highest))
+
 
 def broken_form(
     problem: Problem,
@@ -118,12 +125,14 @@ def broken_form(
             for c in contacts
             if c.start < c.end
         )
-    elif pathwise or rides or keeping:  # the interior-point method is kept from turning a piece inside out
+    elif pathwise or keeping or any(r.drawn(problem) for r in rides):
+        # the interior-point method is kept from turning a piece inside out
         pathwise += (SideCondition(speed, LENGTH_KEPT, math.inf, -1),)
     pathwise += tuple(SideCondition(unheld(r.surface, False), 0.0, 0.0, -1, (r.start, r.end)) for r in rides)
     pathwise += tuple(
         SideCondition(unheld(r.surface, False), *((0.0, math.inf) if side > 0 else (-math.inf, 0.0)), -1, piece)
         for r in rides
+        if r.drawn(problem)
         for piece, side in _sides(problem, r, marks, curve)
     )
     stated = Stated(symbols, integrand, integrand, (x, symbols.y, speed, symbols.dy))

@@ -121,9 +121,10 @@ def _of_one(
     runs = np.split(still, 1 + np.flatnonzero(np.diff(still) > 1)) if len(still) else []
     for run in runs:
         long = x[run[-1]] - x[run[0]] > RIDDEN * (x[-1] - x[0])
-        # a curve that begins or ends on a switch leaves it, straight, to one side
-        sides = (int(run[0] > 0) + int(run[-1] < len(x) - 1)) or 2
-        if long and not (switch.jumps or switch.smooth) and _lingers(values[run], x[run], sides * small):
+        # a curve that begins or ends beside a switch goes from there, straight, to one side
+        at_one_end = (run[0] > 0) != (run[-1] < len(x) - 1)
+        across = abs(float(values[run[-1]]) - float(values[run[0]])) if at_one_end else 2 * small
+        if long and not (switch.jumps or switch.smooth) and _lingers(values[run], x[run], across):
             found.append(Crossing(switch, float(x[run[0]]), until=float(x[run[-1]])))
     known = np.flatnonzero(side != 0.0) if not switch.stepped else np.arange(len(x))
     for i, j in pairwise(known.tolist()):
@@ -165,12 +166,15 @@ def _place(at: Callable[[np.ndarray], np.ndarray], level: float, low: float, hig
 
 def unmet(problem: Functional, found: list[Crossing], knots: np.ndarray) -> list[Crossing]:
     """The crossings at which there is no vertex of those that a mesh was given for such places."""
-    width = problem.span[1] - problem.span[0]
+    room = MADE_OUT * (problem.span[1] - problem.span[0])
 
-    def missed(x: float) -> bool:
-        return not np.any(np.abs(knots - x) <= MADE_OUT * width)
+    def missed(c: Crossing) -> bool:
+        if c.until is None or c.switch.depends_on(problem.symbols.highest):
+            return not all(np.any(np.abs(knots - x) <= room) for x in (c.x, c.until) if x is not None)
+        # a curve leaves a kink of its place slowly, and is on it for a while beyond the vertices
+        return bool(np.count_nonzero((knots >= c.x - room) & (knots <= c.until + room)) < 2)
 
-    return [c for c in found if missed(c.x) or (c.until is not None and missed(c.until))]
+    return [c for c in found if missed(c)]
 
 
 def sentence(problem: Functional, crossing: Crossing) -> str:

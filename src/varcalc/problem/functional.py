@@ -32,6 +32,7 @@ from varcalc.spelling import check_names, spelled
 from varcalc.symbolic.branches import continued
 from varcalc.symbolic.derived import Cache, derived
 from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.look_up import as_sums
 from varcalc.symbolic.tracing import Expression, Names, NotSymbolic, TracedFunction, check_arity, name_of, scalar, trace
 
 SPACE = 3
@@ -276,8 +277,10 @@ class Functional(Shown):
             cost = trace("end_cost", self.end_cost, [*map(self.number, ends), *p], kind, order=end_names)
         if not as_given:
             watched = ca.vertcat(symbols.y, *symbols.slopes)
-            lagrangian = continued(lagrangian, symbols.all, watched)
-            traced = [Traced(t.constraint, continued(t.expression, symbols.all, watched)) for t in traced]
+            lagrangian = continued(as_sums(lagrangian, watched), symbols.all, watched)
+            traced = [
+                Traced(t.constraint, continued(as_sums(t.expression, watched), symbols.all, watched)) for t in traced
+            ]
             if cost is not None:
                 cost = continued(cost, [*ends, symbols.parameters, symbols.unknowns], ca.vertcat(*ends))
         self.integrand, self.traced = lagrangian, tuple(traced)

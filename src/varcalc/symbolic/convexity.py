@@ -20,7 +20,8 @@ from typing import TypeAlias
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import interpret
+from varcalc.symbolic.instructions import Call, interpret
+from varcalc.symbolic.look_up import vanishes
 from varcalc.symbolic.quadratics import (
     AlongX,
     Coefficient,
@@ -178,6 +179,9 @@ def _constant(value: float) -> Element:
 def _applied(operation: int, operands: Sequence[Element]) -> Element:
     if Shape not in map(type, operands):
         return coefficient(operation, *operands)  # pyright: ignore[reportArgumentType]  none of them is a shape
+    if isinstance(operation, Call):
+        zero = len(operands) == 1 and isinstance(operands[0], Shape) and operands[0].affine
+        return Shape(Polynomial(0.0, {}, {}), bare=True) if zero and vanishes(operation.function) else UNKNOWN
     rule = RULES.get(operation)
     if rule is None or UNKNOWN in operands:
         return UNKNOWN

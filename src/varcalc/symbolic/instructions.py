@@ -63,8 +63,13 @@ class Call(int):
             columns.append(rows[first:last] if last > first else ca.DM(f.size1_in(k), count * f.size2_in(k)))
             first = last
         # the results of all points, side by side
-        results = [np.reshape(r.nonzeros(), (count, -1)) for r in _mapped(f, count)(columns) if r.nnz()]
+        results = [np.reshape(_nonzeros(r), (count, -1)) for r in _mapped(f, count)(columns) if r.nnz()]
         return np.hstack(results)[:, self.result].reshape(shape)
+
+
+def _nonzeros(matrix: ca.DM) -> np.ndarray:
+    """The nonzeros, column by column."""
+    return matrix.full().ravel(order="F") if matrix.is_dense() else np.array(matrix.nonzeros())
 
 
 @lru_cache(maxsize=KEPT_FUNCTIONS)

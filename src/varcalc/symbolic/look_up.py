@@ -36,6 +36,10 @@ WITHIN_CELL = 16
 """Places in a cell at which a table is sampled."""
 CUBIC_CHECKS, SAME_VALUE = 6, 1e-13
 """Parts of a cell on whose edges a table must be a cubic, or a line, and how well, relative to its largest value."""
+FEW_BENDS, SAME_SLOPE = 32, 1e-13
+"""Knots at most at which a table of lines bends that is written as a sum of absolute values, and slopes that differ so
+little, relative to the largest, are one.
+"""
 SAME_DEPTH = 8
 """To which depth expressions are compared."""
 CUBIC = 5
@@ -77,6 +81,76 @@ def _table(function: ca.Function, edges: Sequence[np.ndarray]) -> ca.Function:
     # a factor, so that derivatives are no numbers either
     value = function(ca.fmin(ca.fmax(place, lowest), highest)) * ca.if_else(inside, 1.0, math.nan)
     return ca.Function(function.name() + WITHIN, [place], [value], {"never_inline": True})
+
+
+def as_sums(expression: ca.SX, watched: Expression) -> ca.SX:
+    """The expression with tables of few lines as sums a + b u + c_k |u - k|, where u moves with any of the ``watched``.
+
+    All that is there for kinks that are written as such treats those. What is added to the sum is zero, and no number
+    beyond the knots.
+    """
+    variables = ca.vertcat(*ca.symvar(expression))
+    function = ca.Function("read", [variables], [expression])
+    if ca.OP_CALL not in map(function.instruction_id, range(function.n_instructions())):
+        return expression
+
+    def applied(operation: int, operands: Sequence[ca.SX]) -> ca.SX:
+        lines = _lines(operation.function) if isinstance(operation, Call) else None
+        if lines is None or not ca.depends_on(operands[0], watched):
+            return operate(operation, operands)
+        (u,), (ends, level, slope, places, bends) = operands, lines
+        bent = sum(c * ca.fabs(u - k) for k, c in zip(places.tolist(), bends.tolist(), strict=True))
+        return level + slope * u + bent + Call.of(_zero(*ends), 0)([u], ca.SX)
+
+    ((result,),) = interpret(function, [variables.elements()], ca.SX, applied)
+    return result
+
+
+class _Lines(NamedTuple):
+    """A table between its ``ends``: ``level`` + ``slope`` u + the sum of ``bends`` times |u - ``places``|."""
+
+    ends: tuple[float, float]
+    level: float
+    slope: float
+    places: np.ndarray
+    bends: np.ndarray
+
+
+@lru_cache(maxsize=KEPT_TABLES)
+def _lines(function: ca.Function) -> _Lines | None:
+    """A table of one argument that bends at few knots, straight between them; None for any other."""
+    if not _of_one_number(function) or not straight(function) or vanishes(function):
+        return None
+    (edges,) = knots(function)
+    values = np.asarray(function.map(len(edges))(edges[None])).ravel()
+    slopes = np.diff(values) / np.diff(edges)
+    bends = 0.5 * np.diff(slopes)
+    bent = np.abs(bends) > SAME_SLOPE * np.abs(slopes).max()
+    if np.count_nonzero(bent) > FEW_BENDS:
+        return None
+    places, bends, slope = edges[1:-1][bent], bends[bent], float(slopes[0] + slopes[-1]) / 2
+    level = float(values[0] - slope * edges[0] - bends @ (places - edges[0]))
+    return _Lines((float(edges[0]), float(edges[-1])), level, slope, places, bends)
+
+
+@lru_cache(maxsize=KEPT_TABLES)
+def vanishes(function: ca.Function) -> bool:
+    """Whether a table that is called is a line that is zero, and no number beyond its ends."""
+    if not _of_one_number(function) or len(knots(function)[0]) > 2 or not straight(function):
+        return False
+    return not np.asarray(function.map(2)(knots(function)[0][None])).any()
+
+
+def _of_one_number(function: ca.Function) -> bool:
+    """Whether what is called is a table of one argument."""
+    return function.n_in() == function.n_out() == function.nnz_in(0) == function.nnz_out(0) == len(knots(function)) == 1
+
+
+@lru_cache(maxsize=KEPT_TABLES)
+def _zero(first: float, last: float) -> ca.Function:
+    """The table that is zero between two places."""
+    ends = [float(first), float(last)]
+    return _table(ca.interpolant("zero", "linear", [ends], [0.0, 0.0]), [np.array(ends)])
 
 
 def knots(function: ca.Function) -> tuple[np.ndarray, ...]:
@@ -139,7 +213,7 @@ def enclosed(function: ca.Function, least: np.ndarray, greatest: np.ndarray) -> 
     It is told from samples, a line between neighbours and what the second derivative, which is linear in a cell of a
     cubic spline, can bend it away from there.
     """
-    if not (function.n_in() == function.n_out() == function.nnz_in(0) == function.nnz_out(0) == 1 and knots(function)):
+    if not _of_one_number(function):
         return None
     samples = _samples(function)
     first_knot, last_knot = samples.places[0], samples.places[-1]
@@ -232,7 +306,7 @@ class _InCell(NamedTuple):
 
 def _cubics(function: ca.Function) -> np.ndarray | None:
     """The coefficients (cells, 4) of a table of one argument, lines among them; None of what is no such table."""
-    if not (function.n_in() == function.n_out() == function.nnz_in(0) == function.nnz_out(0) == 1 and knots(function)):
+    if not _of_one_number(function):
         return None
     (edges,) = knots(function)
     widths, shares = np.diff(edges), np.arange(CUBIC_CHECKS + 1) / CUBIC_CHECKS

@@ -95,7 +95,7 @@ def tables(expression: Expression, symbols: Expression) -> tuple[Switch, ...]:
             for argument, edges in zip(operands, knots(operation.function)):  # noqa: B905  what is no table has none
                 levels = tuple(edges.tolist())
                 if not any(levels == known.levels and ca.is_equal(argument, known.argument, 8) for known in found):
-                    smooth = not straight(operation.function)
+                    smooth = len(edges) == 2 or not straight(operation.function)
                     found.append(Switch(argument, "interpolant", jumps=False, smooth=smooth, levels=levels))
         return operate(operation, operands)
 

@@ -8,6 +8,7 @@ import pickle
 import casadi as ca
 import numpy as np
 import pytest
+from mpmath import exp, findroot, mpf, quad
 from scipy.optimize import brentq
 
 import varcalc as vc
@@ -227,3 +228,45 @@ def test_a_beam_travels_with_all_its_derivatives():
     for derivative in range(3):
         there, here = read.curve(x, derivative), solution.curve(x, derivative)
         np.testing.assert_allclose(there, here, atol=1e-10 * np.abs(here).max())
+
+
+@pytest.mark.parametrize("width", [0.1, 1e-2, 1e-3])
+@pytest.mark.parametrize(("left", "right"), [(0.2, 0.04), (0.5, 0.1)])
+def test_a_string_over_a_narrow_bump_leaves_it_along_tangents(width, left, right):
+    middle, top = 0.382, 0.8
+
+    def bump(x):
+        return top * exp(-(((x - middle) / width) ** 2))
+
+    def rate(x):
+        return -2 * (x - middle) / mpf(width) ** 2 * bump(x)
+
+    # the lines from both ends touch it: bump(x) - y_end = rate(x) (x - x_end)
+    leaning = mpf(width) / mpf(2) ** 0.5
+    first = findroot(lambda x: bump(x) - left - rate(x) * x, (middle - leaning, middle), solver="anderson")
+    last = findroot(lambda x: bump(x) - right - rate(x) * (x - 1), (middle, middle + leaning), solver="anderson")
+    along = quad(lambda x: rate(x) ** 2, [first, middle, last])
+    exact = rate(first) ** 2 * first + along + rate(last) ** 2 * (1 - last)
+    over = vc.Bound(lambda x, y, v: y - top * ca.exp(-(((x - middle) / width) ** 2)), lower=0)
+    solution = vc.solve(vc.Problem(lambda x, y, v: v**2, vc.Fixed(0, left), vc.Fixed(1, right), [over]))
+    assert abs(solution.value - exact) <= solution.error.value + 1e-12 * exact
+    assert solution.error.value < 1e-9
+
+
+@pytest.mark.parametrize(("height", "digits"), [(0.0, 1e-4), (2.4, 1e-2)])
+def test_a_beam_under_a_steepest_slope_has_the_force_that_holds_it(height, digits):
+    # y' = u is steepest, c, on the middle; beside it u'' = -F, u' = 0 where it begins: F x1^2 / 2 = c
+    steepest, rise = 0.144, 0.1
+    begins = 1.5 * (steepest - rise) / steepest
+    force = 2 * steepest / begins**2
+    held = vc.Bound(lambda x, y, v: v, upper=steepest)
+    problem = vc.Problem(
+        lambda x, y, v, a: a**2, vc.Fixed(0, height, dy=0), vc.Fixed(1, height + rise, dy=0), [held], order=2
+    )
+    solution = vc.solve(problem)
+    exact = 2 * force**2 * begins**3 / 3
+    assert abs(solution.value - exact) <= solution.error.value + 1e-13
+    # d/dx (2 y'') is -2 F beside the stretch; on it y'' = 0 and the bound makes up for it
+    push = solution.multipliers[0](np.linspace(begins + 0.02, 1 - begins - 0.02, 5))
+    # a force is a third derivative: round-off of ordinates leaves it few digits
+    assert np.abs(push) == pytest.approx(2 * force, rel=digits)

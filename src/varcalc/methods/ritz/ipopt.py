@@ -169,12 +169,16 @@ def optimise(
     stats = solver.stats()
     found = np.asarray(result["x"]).ravel() * scale
     at = system.evaluate(found)
-    lam = size * np.asarray(result["lam_g"]).ravel() / np.concatenate(program.sizes) if program.rows else np.zeros(0)
-    equalities, others = _sort_multipliers(system, program, lam, len(multipliers))
     status = str(stats["return_status"])
     good = np.isfinite(at.value) and (status in GOOD or (status in FINISHED and _stationary(stats)))
     reason = "" if good else f"IPOPT stopped with {status}"
-    gap = size * _gap(program, result) if program.rows else 0.0
+    lam, gap = np.zeros(0), 0.0
+    if program.rows:
+        given = (
+            np.asarray(result["lam_g"]).ravel() if status in GOOD or not good else _balancing(solver, program, result)
+        )
+        lam, gap = size * given / np.concatenate(program.sizes), size * _gap(program, result, given)
+    equalities, others = _sort_multipliers(system, program, lam, len(multipliers))
     return Descent(found, equalities, at.value, int(stats["iter_count"]), reason, gap=gap), others
 
 
@@ -189,9 +193,22 @@ def _round_off(hessian: ca.Function, start: np.ndarray, rows: int) -> float:
     return GRADIENT_ROUND_OFF * largest if np.isfinite(largest) else 0.0
 
 
-def _gap(program: _Program, result: Mapping[str, Any]) -> float:
+def _balancing(solver: ca.Function, program: _Program, result: Mapping[str, Any]) -> np.ndarray:
+    """The multipliers that come closest to balance the gradient: where a restoration failed, IPOPT hands out none."""
+    rows = np.asarray(result["g"]).ravel()
+    lower, upper = np.concatenate(program.lower), np.concatenate(program.upper)
+    held = (rows - lower <= STATIONARY) | (upper - rows <= STATIONARY)
+    gradient, jacobian = (
+        np.asarray(solver.get_function(name)(result["x"], [])[1].full()) for name in ("nlp_grad_f", "nlp_jac_g")
+    )
+    found = np.zeros(len(rows))
+    found[held] = np.linalg.lstsq(jacobian[held].T, -gradient.ravel(), rcond=None)[0]
+    return found
+
+
+def _gap(program: _Program, result: Mapping[str, Any], multipliers: np.ndarray) -> float:
     """The sum of the multipliers times the room to their bounds, which the barrier leaves."""
-    rows, multipliers = (np.asarray(result[name]).ravel() for name in ("g", "lam_g"))
+    rows = np.asarray(result["g"]).ravel()
     lower, upper = np.concatenate(program.lower), np.concatenate(program.upper)
     bound = np.where(multipliers > 0, upper, lower)
     held = np.isfinite(bound)
@@ -351,9 +368,10 @@ class _Pathwise:
                 for points, kept in ((vertices, corners & ~jumping), *((side, jumping) for side in beside)):
                     self._append("vertices", condition, points.kept(kept), size, elements)
                 if condition.equality and given > 1:
-                    self._append("vertices", _rate(system, condition), vertices.kept(corners), size, elements)
+                    self._append("vertices", _rate(system, condition, 1), vertices.kept(corners), size, elements)
             if condition.equality and given and condition.where is not None:
                 self._keep_free_ends(condition, size, elements)
+                self._leave_smoothly(_rate(system, condition, given), elements)
             if not condition.equality:
                 kept = np.repeat(elements, system.count)
                 self._append("gauss", condition, self.at_gauss.kept(kept), size, elements, gauss(system.count))
@@ -368,6 +386,17 @@ class _Pathwise:
                 at[element] = True
                 points = CurvePoints.of(system, self.scale, np.array([node])).kept(at)
                 self._append("vertices", condition, points, size, elements)
+
+    def _leave_smoothly(self, rate: SideCondition, elements: np.ndarray) -> None:
+        """Append that a curve comes to a stretch, and leaves it, with the rate that a condition has along it.
+
+        That the functional is stationary in where the stretch ends says the square of it, which is no minimum there but
+        an inflection.
+        """
+        changes, size = np.diff(elements.astype(int)), self.sizes.of_integrand(rate)
+        for node, free in ((1.0, np.append(changes > 0, False)), (-1.0, np.append(False, changes < 0))):
+            points = CurvePoints.of(self.system, self.scale, np.array([node]))
+            self._append("vertices", rate, _beside(points, -int(node)).kept(free), size, elements)
 
     def _values(self, condition: SideCondition, points: CurvePoints) -> Any:
         function = ca.Function("pathwise", self.system.form.symbols.all, [ca.densify(condition.expression)])
@@ -422,10 +451,11 @@ def _nodes(system: RitzSystem, condition: SideCondition, given: int) -> tuple[np
     return inner_nodes(system.space.degree + 1 - given - system.order, given)
 
 
-def _rate(system: RitzSystem, condition: SideCondition) -> SideCondition:
-    """That a condition free of slopes stays what it is."""
-    s = system.form.symbols
-    rate = ca.jtimes(condition.expression, ca.vertcat(s.x, s.y), ca.vertcat(1, s.dy))
+def _rate(system: RitzSystem, condition: SideCondition, times: int) -> SideCondition:
+    """That the rate of a condition along the curve, or the rate of that, is zero."""
+    s, rate = system.form.symbols, condition.expression
+    for _ in range(times):
+        rate = ca.jtimes(rate, ca.vertcat(s.x, s.y, *s.slopes[:-1]), ca.vertcat(1, *s.slopes))
     return replace(condition, expression=rate, lower=0.0, upper=0.0)
 
 

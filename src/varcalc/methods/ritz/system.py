@@ -326,7 +326,7 @@ class RitzSystem:
         return self.weights @ values if self.places is None else (self.weights[:, None] @ values)[:, 0]
 
     def _admitted(self, value: Any, variables: np.ndarray, z: np.ndarray) -> Any:
-        """The value, infinite where a function that is positive is negative somewhere, or an end has passed the other.
+        """The value, infinite where what is positive is negative somewhere, or an end or a corner has passed others.
 
         Backwards, lengths are negative: a step that carries the end there would find no lower bound.
         """
@@ -336,7 +336,17 @@ class RitzSystem:
             numbers = self.unknowns(z)
             back = [self.form.runs_back(own) for own in numbers.reshape(-1, self.extra)]
             value = np.where(np.reshape(back, numbers.shape[:-1]), np.inf, value)[()]
+        if corners := self.form.coordinates.corners:
+            value = np.where(self._inside_out(self.unknowns(z)[..., -corners:]), np.inf, value)[()]
         return value
+
+    def _inside_out(self, corners: np.ndarray) -> Any:
+        """Whether the ``corners`` (.., k) of curves have passed each other, places that stand still, or the ends."""
+        begun = self.form.start.unknowns[-corners.shape[-1] :]
+        standing = np.setdiff1d([*self.form.conditions.knots, *self.form.span], begun)
+        places = np.concatenate([corners, np.broadcast_to(standing, (*corners.shape[:-1], len(standing)))], axis=-1)
+        order = np.argsort([*begun, *standing])
+        return (np.diff(places[..., order], axis=-1) <= 0).any(-1)
 
     def measured(self, z: np.ndarray) -> tuple[Any, np.ndarray]:
         """The functional of curves ``z`` (K, N) and the integrals less their levels (K, levels), and no more."""

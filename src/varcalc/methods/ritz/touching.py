@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Contact, Form, SideCondition, broken_form
-from varcalc.methods.answer import Extremal, runs_forwards
+from varcalc.methods.answer import Extremal, lifted, runs_forwards
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
@@ -77,9 +78,8 @@ class Touching:
         if solution.curve is None or solution.extremal is None or not runs_forwards(solution.extremal):
             return False
         # as closely as the bound is seen, in units of its contacts too
-        close = [
-            np.linspace(c.start - (c.end - c.start), c.end + (c.end - c.start), CONTACT_SAMPLES) for c in self.contacts
-        ]
+        ends = [lifted(solution.extremal, np.array([c.start, c.end]))[0] for c in self.contacts]
+        close = [np.linspace(a - (b - a), b + (b - a), CONTACT_SAMPLES) for a, b in ends]
         x = np.clip(np.concatenate([np.linspace(*self.plain.span, CONTACT_SAMPLES), *close]), *self.plain.span)
         curve = solution.curve
         for condition in self.plain.conditions.pathwise:
@@ -87,7 +87,7 @@ class Touching:
             room = HELD * max(float(np.abs(values).max()), 1e-300)
             if values.min() < condition.lower - room or values.max() > condition.upper + room:
                 return False
-        return all(self._presses(solution, contact) for contact in self.contacts)
+        return all(map(partial(self._presses, solution), self.contacts, ends))
 
     def plainly(self, solution: Solution) -> Solution:
         """The answer with its extremal stated in the problem's own form, bounds and all."""
@@ -106,15 +106,15 @@ class Touching:
         )
         return replace(solution, extremal=extremal)
 
-    def _presses(self, solution: Solution, contact: Contact) -> bool:
-        """Whether lifting the bound along a contact would lower the functional (raise a maximum)."""
+    def _presses(self, solution: Solution, contact: Contact, ends: np.ndarray) -> bool:
+        """Whether lifting the bound along a contact between ``ends`` would lower the functional (raise a maximum)."""
         bound = next(c for c in self.plain.conditions.pathwise if c.index == contact.index)
         if contact.start == contact.end:
             points = [c for c in self.contacts if c.start == c.end]
             assert solution.extremal is not None
             push = solution.extremal.forces[2 * (points.index(contact) - len(points))]  # then that of being tangent
         else:
-            inside = contact.start + (contact.end - contact.start) * np.linspace(0.1, 0.9, 17)
+            inside = ends[0] + (ends[1] - ends[0]) * np.linspace(0.1, 0.9, 17)
             push = np.asarray(solution.multipliers[contact.index](inside)) * self.plain.sign
         # the multiplier in J + mu h is negative where a lower bound presses, positive where an upper one does
         return bool((-push if contact.level == bound.lower else push).mean() > 0)
