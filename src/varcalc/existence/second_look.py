@@ -14,7 +14,7 @@ from varcalc.existence.falling import falling
 from varcalc.formulation import formulate
 from varcalc.formulation.singular.abscissa import powers_at_ends
 from varcalc.formulation.singular.detection import GROWN, PROBE
-from varcalc.problem.breaks import kink_at_ends, kinked_table
+from varcalc.problem.breaks import kinked_table, kinks_at_ends
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -62,7 +62,7 @@ def second_look(problem: Functional, tol: float, failure: Solution, *, smooth: b
 def _kinks(problem: Functional, table: Switch | None) -> list[str]:
     """On which kinks the least curve may rest, which no method here holds."""
     told: list[str] = []
-    if (kink := kink_at_ends(problem)) is not None:
+    for kink in kinks_at_ends(problem)[:1]:
         held = f"end_cost has a kink ({kink.word}), and an end may rest on it, which no method here holds"
         told.append(f"{held}: fix the end there, and compare")
     if table is not None:

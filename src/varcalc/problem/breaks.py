@@ -83,14 +83,14 @@ def on_curve(problem: Functional) -> tuple[Switch, ...]:
 
 
 @derived
-def kink_at_ends(problem: Functional) -> Switch | None:
-    """A kink or a jump of the cost of the ends; None where there is none."""
+def kinks_at_ends(problem: Functional) -> tuple[Switch, ...]:
+    """The kinks and jumps of the cost of the ends."""
     if problem.end_cost_expression is None or problem.symbols.kind is not ca.SX:
-        return None
+        return ()
     ends, cost = problem.end_cost_expression
     symbols = [*ends, problem.symbols.parameters, problem.symbols.unknowns]
     found = (joined([cost], symbols, switch) for switch in switches([cost], symbols))
-    return next((switch for switch in found if not switch.smooth), None)
+    return tuple(switch for switch in found if not switch.smooth)
 
 
 def breakable(problem: Functional) -> bool:

@@ -25,7 +25,7 @@ from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.resampled import polynomials
-from varcalc.problem.breaks import breakable, on_curve, switches_of
+from varcalc.problem.breaks import breakable, kinks_at_ends, on_curve, switches_of
 from varcalc.problem.conditions import Bound, truth
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
@@ -117,6 +117,10 @@ def solve(
 def _found(problem: Functional, method: Method | None, tol: float, guess: Guess, told: Told) -> Solution:
     """The answer of a method or of the ladder, examined; a status that says why where there is none."""
     solution = _linear(problem, method or LADDER[0]) or _broken(problem, method or LADDER[0], tol, guess)
+    if solution is None and kinks_at_ends(problem):
+        from varcalc.existence.held_ends import held_at_an_end  # few problems have kinks there
+
+        solution = held_at_an_end(problem, lambda pinned: _found(pinned, method, tol, None, told))
     smooth = solution is None
     if solution is None:
         solution = _climbed(problem, tol, guess, told) if method is None else _attempt(problem, method, tol, guess)

@@ -1,0 +1,85 @@
+"""Curves whose free end a kink of its cost holds: what |y(b) - c| costs may keep the end at c.
+
+With the end given there the rest is a problem of its own. The end stays where it costs more on either side: where the
+momentum is between the rates of the cost on both (the transversality condition as an inclusion; Clarke, "Optimization
+and Nonsmooth Analysis", 1983, sect. 4.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import formulate
+from varcalc.formulation.height import height
+from varcalc.problem.breaks import kinks_at_ends
+from varcalc.problem.conditions import Fixed
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Problem
+from varcalc.solution import Solution
+from varcalc.symbolic.tracing import Expression
+
+ASIDE = 1e-3
+"""Distance from a kink, in units of the end's ordinates, at which it is seen that an end costs more there."""
+PLACES_TRIED = (0.0, 1.0, -1.0)
+"""Ordinates, in the same units, from which a place where the cost switches is looked for."""
+NEWTON_STEPS_TO_SWITCH, ON_SWITCH = 20, 1e-13
+"""Steps of Newton's method, and the last one, in those units, with which it is found."""
+
+
+def held_at_an_end(problem: Functional, solved: Callable[[Problem], Solution]) -> Solution | None:
+    """The least curve whose free end rests on a kink of its cost, by problems that are ``solved``; None for none.
+
+    One function of first order is looked at, with its abscissae given.
+    """
+    plain = isinstance(problem, Problem) and problem.n == problem.order == 1
+    if not plain or any(problem.slides) or problem.start.periodic or problem.end_cost_expression is None:
+        return None
+    ordinates = problem.end_cost_expression[0][1::2]
+    found: list[Solution] = []
+    for switch in kinks_at_ends(problem):
+        moving = [k for k, y in enumerate(ordinates) if switch.depends_on(y)]
+        if len(moving) != 1 or (problem.start, problem.end)[moving[0]].fixed:
+            continue
+        for place, unit in _places(problem, switch.argument, ordinates[moving[0]], moving[0]):
+            held = solved(_pinned(problem, moving[0], place))
+            aside = [solved(_pinned(problem, moving[0], place + way * ASIDE * unit)) for way in (-1, 1)]
+            if held.status.ok and all(s.status.ok and problem.sign * (s.value - held.value) > 0 for s in aside):
+                found.append(replace(held, problem=problem, extremal=None))
+    return min(found, key=lambda s: problem.sign * s.value, default=None)
+
+
+def _places(problem: Problem, argument: Expression, ordinate: Expression, end: int) -> Iterator[tuple[float, float]]:
+    """Ordinates of an end at which a switch of its cost is zero, and a unit of them."""
+    assert problem.end_cost_expression is not None
+    ends, s = problem.end_cost_expression[0], problem.symbols
+    others = [problem.start.values(1), problem.end.values(1)]
+    point = [problem.span[0], np.nan_to_num(others[0]), problem.span[1], np.nan_to_num(others[1])]
+    step = ca.Function("step", [*ends, s.parameters, s.unknowns], [argument / ca.gradient(argument, ordinate)])
+    first = float(formulate(problem).start.curve(np.array([problem.span[end]]))[0, 0])
+    unit = max(height(formulate(problem)), abs(first))
+    known: list[float] = []
+    for start in PLACES_TRIED:
+        y, change = first + start * unit, np.inf
+        for _ in range(NEWTON_STEPS_TO_SWITCH):
+            point[1 + 2 * end] = y
+            change = float(step(*point, problem.parameter_values, problem.unknown_guesses))
+            if not np.isfinite(change) or abs(change) <= ON_SWITCH * max(unit, abs(y)):
+                break
+            y -= change
+        if abs(change) <= ON_SWITCH * max(unit, abs(y)) and not any(abs(y - k) <= ASIDE * unit for k in known):
+            known.append(y)
+            yield y, max(unit, abs(y))
+
+
+def _pinned(problem: Problem, end: int, ordinate: float) -> Problem:
+    """The problem with the ordinate of one end given."""
+    ends = [problem.start, problem.end]
+    ends[end] = Fixed(problem.span[end], ordinate)
+    return Problem(
+        problem.lagrangian, *ends, problem.constraints, parameters=problem.parameters, unknowns=problem.unknowns,
+        end_cost=problem.end_cost, maximise=problem.maximise, breakpoints=problem.breakpoints, name=problem.name,
+    )  # fmt: skip

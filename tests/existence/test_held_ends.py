@@ -1,0 +1,66 @@
+"""Free ends that rest on kinks of what they cost, against closed forms."""
+
+import math
+
+import casadi as ca
+import pytest
+
+import varcalc as vc
+
+
+def problem(cost, lagrangian=lambda x, y, dy: dy**2 / 2, maximise=False):
+    return vc.Problem(lagrangian, vc.Fixed(0, 0), vc.Free(1), end_cost=cost, maximise=maximise)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("rate", "place"), [(1.0, 0.5), (3.0, 2.0), (0.2, 0.5), (2.0, -1.5)])
+def test_what_distance_costs_holds_an_end_up_to_a_slope(rate, place, sign):
+    solution = vc.solve(
+        problem(lambda x0, y0, x1, y1: sign * rate * ca.fabs(y1 - place), lambda x, y, v: sign * v**2 / 2, sign < 0)
+    )
+    # the slope of the line to the place is held by no more than the rate; else the line has that slope
+    exact = place**2 / 2 if abs(place) <= rate else rate * abs(place) - rate**2 / 2
+    assert sign * solution.value == pytest.approx(exact, abs=1e-12)
+    assert float(solution.curve([1.0], 0)[0, 0]) == pytest.approx(math.copysign(min(rate, abs(place)), place), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "cost",
+    [
+        lambda x0, y0, x1, y1: ca.fmax(3 * (y1 - 1), 2 * (1 - y1)),
+        lambda x0, y0, x1, y1: ca.if_else(y1 > 1, 3 * (y1 - 1), -2 * (y1 - 1)),
+        lambda x0, y0, x1, y1: 2 * ca.fabs(ca.exp(y1) - math.e),
+        lambda x0, y0, x1, y1: 3 * ca.fabs(y1 - 1) + ca.fabs(y1 + 2) - 3,
+    ],
+)
+def test_kinks_however_they_are_written_hold_an_end(cost):
+    solution = vc.solve(problem(cost))
+    assert solution.value == pytest.approx(0.5, abs=1e-12)
+    assert vc.verify(solution).verdict is vc.Verdict.MINIMUM
+
+
+@pytest.mark.parametrize("method", [vc.Ritz(), vc.Collocation(), vc.Shooting()])
+def test_every_method_that_optimises_costs_finds_the_held_end(method):
+    # y'' = y from 0 to the place: y' y / 2 at the end
+    solution = vc.solve(
+        problem(lambda x0, y0, x1, y1: 3 * ca.fabs(y1 - 0.5), lambda x, y, v: (v**2 + y**2) / 2), method
+    )
+    assert solution.value == pytest.approx(0.125 / math.tanh(1), abs=1e-10)
+
+
+def test_a_crest_of_the_cost_holds_no_end():
+    solution = vc.solve(problem(lambda x0, y0, x1, y1: -ca.fabs(y1)))
+    assert solution.value == pytest.approx(-0.5, abs=1e-12)  # slopes of 1 or -1
+
+
+def test_a_level_beside_a_held_end():
+    area = vc.Isoperimetric(lambda x, y, dy: y, 0.5)
+    held = vc.Problem(
+        lambda x, y, dy: dy**2 / 2,
+        vc.Fixed(0, 0),
+        vc.Free(1),
+        [area],
+        end_cost=lambda x0, y0, x1, y1: 5 * ca.fabs(y1 - 0.5),
+    )
+    # the parabola through both ends with that area: y = x/2 + 3/2 x (1 - x)
+    assert vc.solve(held).value == pytest.approx(0.5 * (0.25 + 0.75), abs=1e-12)
