@@ -1,8 +1,13 @@
 """What a person is told who writes it wrongly: one sentence, with what to write instead."""
 
 import math
+import subprocess
+import sys
+from decimal import Decimal
+from fractions import Fraction
 
 import casadi as ca
+import mpmath
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -41,6 +46,11 @@ def scene(n=lambda x, y: 1 + 0.1 * y):
     return optics.Scene(optics.Graded(n))
 
 
+def solver(problem):
+    return None
+
+
+PLANET = mechanics.System(lambda t, q, v: (v[0] ** 2 + (q[0] * v[1]) ** 2) / 2 + 1 / q[0], ("r", "phi"))
 PROBLEM = of_ends(length)
 SPRING = of_ends(lambda x, y, dy, p: dy**2 + p.k * y**2, parameters={"k": 1.0})
 
@@ -92,8 +102,43 @@ WRITTEN_WRONGLY = [
     (lambda: of_ends(lambda x, y, dy: ca.sine(y) + dy**2), "did you mean 'sin'?"),
     (lambda: of_ends(lambda x, y, dy: not_there * dy**2), "failed with NameError: .*; mend the function"),  # noqa: F821
     (lambda: of_ends(lambda x, y, dy: dy**2 + 1 / 0), "failed with ZeroDivisionError"),
-    (lambda: of_ends(lambda x, y, dy: None), "must return a CasADi expression"),
+    (
+        lambda: of_ends(lambda x, y, dy: None),
+        "must return a CasADi expression or a number, not None; it may lack a return",
+    ),
+    (lambda: of_ends(lambda x, y, dy: (dy**2, y)), "it is one number, whose parts are added up"),
+    (lambda: of_ends(lambda x, y, dy: [dy**2]), "it is one number, whose parts are added up"),
+    (lambda: of_ends(lambda x, y, dy: lambda: dy**2), "call that function, and return what it gives"),
+    (lambda: of_ends(lambda x, y, dy: 1j), "a functional is real"),
+    (lambda: of_ends(lambda x, y, dy: 1j * dy**2), "write real and imaginary parts as functions of their own"),
+    (lambda: of_ends(lambda x, y, dy: dy**2 * Fraction(1, 3)), r"write float\(...\) around it"),
+    (lambda: of_ends(lambda x, y, dy: Decimal("0.1") * dy**2), r"write float\(...\) around it"),
+    (lambda: of_ends(lambda x, y, dy: mpmath.mpf(2) * dy**2), r"write float\(...\) around it"),
+    (lambda: of_ends(lambda x, y, dy: mpmath.sqrt(1 + dy**2)), "mpmath's functions take no symbols; use CasADi's"),
+    (lambda: of_ends(lambda x, y, dy: len(y) * dy**2), r"y.numel\(\) is the number of its components"),
+    (lambda: of_ends(lambda x, y, dy: sum(range(y)) * dy**2), r"take components by index, y\[0\]"),
+    (lambda: in_plane(lambda x, y, dy: sum(d**2 for d in dy)), r"unpacks or loops over a column .* use ca.sumsqr"),
+    (lambda: in_plane(lambda x, y, dy: (dy**2).sum()), r"the sum over a column is written ca.sum1\(a\)"),
+    (lambda: of_ends(length, surface=lambda x, y: None), "what surface returns must be a sequence, not None"),
     (lambda: of_ends("dy**2"), "lagrangian must be a function"),
+    # numbers
+    (lambda: vc.Fixed("0", 0), "Fixed.x must be a number, not '0'"),
+    (lambda: vc.Fixed(0, True), "Fixed.y must be a number, not True"),
+    (lambda: vc.Fixed(0, 1j), "Fixed.y must be a number, not 1j"),
+    (lambda: vc.Fixed(0, np.complex64(1)), "Fixed.y must be a number, not"),
+    (lambda: vc.Fixed(None, 0), "Fixed.x must be a number, not None"),
+    (lambda: vc.Fixed(math.nan, 0), "Fixed.x must be finite, not nan"),
+    (lambda: vc.Fixed(0, [1, math.inf]), r"Fixed.y\[1\] must be finite, not inf"),
+    (lambda: vc.Fixed(0, 10**400), "Fixed.y must be finite, not 1000"),
+    (lambda: vc.At([[0, 1], [2]]), r"At.q\[0\] must be a number, not \[0, 1\]"),
+    (lambda: of_ends(length, START, vc.Fixed(0, 1)), "give them different abscissae"),
+    (lambda: of_ends(length, vc.Fixed(0, [0, 0]), vc.Fixed(1, [1, 1, 1])), "start has 2 components and end has 3"),
+    (lambda: of_ends(length, constraints=np.array(1.0)), r"constraints must be a sequence, .* constraints=\[...\]"),
+    (lambda: of_ends(length, breakpoints=ca.SX.sym("b")), "breakpoints must be a sequence"),
+    (lambda: SPRING.with_parameters({"k": "2"}), r"parameters\['k'\] must be a number, not '2'"),
+    (lambda: vc.sweep(SPRING, {"k": ["1"]}), r"grid\['k'\] must be a number, not '1'"),
+    (lambda: vc.sweep(SPRING, {"k": [math.nan]}), r"grid\['k'\] must be finite"),
+    (lambda: vc.solve(PROBLEM, tol=10**400), "tol must be a positive number"),
     # arguments of the functions
     (lambda: of_ends(lambda x, dy, y: dy**2), r"called with \(x, y, dy\), but its arguments are named \(x, dy, y\)"),
     (lambda: of_ends(lambda dy, y, x: dy**2), "put them in that order, or rename them"),
@@ -147,6 +192,28 @@ WRITTEN_WRONGLY = [
     (lambda: vc.Ritz(element=4), "did you mean 'elements'?"),
     (lambda: vc.Newton(iterations="many"), "Newton.iterations must be a whole number"),
     (lambda: vc.Ipopt(tol=-1), "Ipopt.tol must be a positive number"),
+    (lambda: vc.Ritz(refine="no"), "Ritz.refine must be True or False, not 'no'"),
+    (lambda: vc.Ritz(elements=10**20), "Ritz.elements must be at most 2147483647"),
+    (lambda: vc.solve(PROBLEM, progress=lambda: None), r"progress is called with \(done, total, what\)"),
+    (lambda: vc.compare(PROBLEM, inapplicable=[vc.Ritz]), "inapplicable must map method classes to reasons"),
+    (lambda: vc.compare(PROBLEM, [vc.Ritz]), r"give an object: Ritz\(\)"),
+    (lambda: vc.sweep(SPRING, {"k": [1]}, units="N"), "units must map the names in the grid to texts"),
+    (lambda: vc.sweep(SPRING, {"k": [1]}, store=True), "store must be the path of a file"),
+    (
+        lambda: vc.sweep(SPRING, {"k": [1]}, store="no/folder/s"),
+        "there is no folder no/folder for the store s; make it",
+    ),
+    (lambda: vc.sweep(lambda: 1, {"k": [1]}), "problem must be a Problem or a Curve, not 1"),
+    (lambda: vc.Sweep.load("not/there"), r"there is no file not/there; give one that sweep\(..., store=\) wrote"),
+    (lambda: vc.WorkPrecision.load(None), "path must be the path of a file, not None"),
+    (lambda: vc.Measured("1"), "Measured.value must be a number, not '1'"),
+    (lambda: vc.Lagrangian.of(length), "problem must be a Problem or a Curve"),
+    (lambda: vc.certify(PROBLEM), "solution must be what varcalc.solve gives back"),
+    (lambda: vc.verify_solver(solver, problems=[PROBLEM]), r"write Reference\(name, problem, Exact\(value\)\)"),
+    (lambda: vc.verify_solver(solver, problems=3), r"problems must be a sequence, not 3"),
+    (lambda: vc.verify_solver(solver, digits="40"), "digits must be a whole number"),
+    (lambda: vc.work_precision([PROBLEM], [vc.Ritz()], seconds=None), "seconds must be a number, not None"),
+    (lambda: vc.continue_branch(vc.solve(SPRING), ["k"], until=2), "name must be a text"),
     (lambda: vc.sweep(SPRING, k=[1]), r"give a mapping from names to values: grid={'k': \[1\]}"),
     (lambda: vc.continue_branch(SPRING, "k", until=2), "solution must be what varcalc.solve gives back"),
     (lambda: vc.continue_branch(SPRING, "k", 2), "give the others by name: until=..., tol=..."),
@@ -169,12 +236,24 @@ WRITTEN_WRONGLY = [
     (lambda: scene().rays(None, (1, 1)), "A must be made of numbers, not None"),
     (lambda: scene().trace((0, 0), (1, 0), opticalpath=1), "did you mean 'optical_path'?"),
     (lambda: scene().trace((0, 0), (1, 0), optical_path="1"), "optical_path must be made of numbers"),
-    (lambda: optics.Sphere((0, 0), "1"), "radius must be made of numbers"),
-    (lambda: optics.Sphere((0, 0), [1, 2]), "radius must be one number"),
+    (lambda: optics.Sphere((0, 0), "1"), "radius must be a number"),
+    (lambda: optics.Sphere((0, 0), [1, 2]), "radius must be a number, not"),
     (lambda: optics.Plane((0, 0), (1, 0), mirror="yes"), "mirror must be True or False"),
     (lambda: optics.luneburg(raduis=1), "did you mean 'radius'?"),
     (lambda: optics.luneburg(-1), "radius must be a positive number"),
     (lambda: optics.wavefront(scene(), (0, 0), 8, 1.0), "source must be a PointSource or a PlaneWave"),
+    (lambda: scene().rays([[0], [1, 2]], (1, 1)), "A must be made of numbers"),
+    (lambda: scene().trace((0, 0), (1, 0), optical_path=1, with_spreading=1), "with_spreading must be True or False"),
+    (lambda: optics.Scene(optics.Uniform(1.5), names=True), "names must be a sequence, not True"),
+    (lambda: optics.Uniform("1.5"), "n must be a number, not '1.5'"),
+    (lambda: optics.Cauchy([1.5], range="visible"), "range must be made of numbers"),
+    (lambda: optics.Tabulated([0, 1], [1, 1], smooth="no"), "smooth must be True or False"),
+    (lambda: optics.maupertuis(lambda x, y: y, None), "energy must be a number, not None"),
+    (lambda: optics.maupertuis(1.0, 2.0, parameters=3), "parameters must be a mapping"),
+    (lambda: optics.munk_profile(reference="1500"), "reference must be a number"),
+    (lambda: optics.range_chart(1, (0, 0), (1, 0)), "scene must be a Scene, not 1"),
+    (lambda: optics.CurvedMedium(1, lambda q: 1), "metric must be a function, not 1"),
+    (lambda: scene().rays((0, 0), (1, 0))[0].certify(True), "end must be made of numbers, not True"),
     # mechanics
     (lambda: system(params={"m": 1}), "System has no argument 'params'; did you mean 'parameters'?"),
     (lambda: system(parameters=3), "parameters must be a mapping"),
@@ -193,12 +272,38 @@ WRITTEN_WRONGLY = [
     (lambda: mechanics.Symmetry(name="none"), "give xi=, tau= or both"),
     (lambda: mechanics.Inertia.sphere(mass=1, r=1), "it takes mass and radius"),
     (lambda: mechanics.poisson(1, 2), "f must be a function"),
+    (lambda: system().motion([1], [0], (0, 1), progress=3), "progress must be a function of"),
+    (lambda: system().galerkin([1], [0], (0, 1), steps=2.5), "steps must be a whole number, not 2.5"),
+    (lambda: PLANET.reduced("phi"), r"momenta must map names of coordinates to numbers, .* write {'phi': 1.0}"),
+    (lambda: PLANET.routhian({"phi": "1"}), r"momenta\['phi'\] must be a number"),
+    (lambda: PLANET.reduced({"phi": 1.0}).orbits(None), "energy must be a number, not None"),
+    (lambda: mechanics.averaged(1, 1.0), "system must be a mechanics.System, not 1"),
+    (lambda: mechanics.averaged(system(), "1"), "period must be a number"),
+    (lambda: mechanics.bifurcation_chart(system(), [-1], [1], "k", 3), "between must be two ascending values"),
+    (lambda: mechanics.stability_chart(system(), [0], 1.0, ["k"]), r"write {'a': \[0.0, 1.0\]}"),
+    (lambda: mechanics.Top("1", 1, 1), "I1 must be a number, not '1'"),
+    (lambda: mechanics.Top.of([1, 1, 2], [0, 0, 0]), "inertia must be a mechanics.Inertia"),
+    (lambda: mechanics.Top(1, 1, 1).sleeps(None), "omega3 must be a number, not None"),
+    (lambda: mechanics.Inertia.box("1", 1, 1, 1), "mass must be a number, not '1'"),
+    (lambda: mechanics.Inertia(1, [0, 0], np.eye(3)), "centre must be three finite numbers"),
+    (lambda: mechanics.EulerAngles("0", 0, 0), "EulerAngles.phi must be made of numbers"),
+    (lambda: mechanics.RigidBody([1, 1, 1.5], parameters=3), "parameters must be a mapping"),
+    (lambda: mechanics.RigidBody([1, 1, 1.5], torque=lambda t, R, w: "no"), "torque must return a list of expressions"),
+    (lambda: mechanics.Collision("1", 2), "projectile must be a number"),
+    (lambda: mechanics.Collision(1, 2).after([1, 0], [0, 0], "up"), "direction must be made of numbers"),
+    (lambda: mechanics.firsov(3, 1.0, [1.5]), "deflection must be a function, not 3"),
+    (lambda: mechanics.firsov(lambda: 1, 1.0, [1.5]), "deflection must accept 1 argument"),
+    (lambda: mechanics.well_width(lambda e: "long", [1.0]), "what period returns must be made of numbers"),
+    (lambda: mechanics.well_width(lambda e: e[:2], [1.0]), "period is called with an array and must return one of its"),
+    (lambda: mechanics.rotating(3, [0, 0, 1]), "lagrangian must be a function"),
+    (lambda: mechanics.charged("1", 1, lambda t, q: [0]), "mass must be a number"),
+    (lambda: mechanics.Experiment(system(), [1], [0], 3), "Experiment.span must be two ascending times"),
 ]
 
 
 @pytest.mark.parametrize(("written", "remedy"), WRITTEN_WRONGLY)
 def test_what_is_written_wrongly_is_told_in_one_sentence(written, remedy):
-    with pytest.raises((TypeError, ValueError, KeyError, AttributeError), match=remedy) as told:
+    with pytest.raises((TypeError, ValueError, KeyError, AttributeError, FileNotFoundError), match=remedy) as told:
         written()
     sentence = str(told.value)
     assert "\n" not in sentence
@@ -239,3 +344,76 @@ def test_no_more_of_what_was_given_is_repeated_than_can_be_read():
         optics.Tabulated(np.arange(500.0), np.full(500, np.nan))
     assert "\n" not in str(told.value)
     assert len(str(told.value)) < 300
+
+
+NUMBERS = [
+    Fraction(1, 2), Decimal("0.5"), mpmath.mpf("0.5"), np.float32(0.5), np.float16(0.5), np.longdouble(0.5),
+    np.array(0.5),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("half", NUMBERS, ids=lambda v: type(v).__name__)
+def test_numbers_of_every_kind_are_numbers(half):
+    """One half of each kind, in the place of 0.5: the same float, and arithmetic in doubles from there on."""
+    problem = of_ends(
+        lambda x, y, dy, p: dy**2 + p.k * y**2, vc.Fixed(half, half), vc.Fixed(1, 1), parameters={"k": half},
+        constraints=[vc.Bound(lambda x, y, dy, p: y, lower=half)],
+    )  # fmt: skip
+    assert (type(problem.start.x), problem.start.x, type(problem.start.y)) == (float, 0.5, float)
+    assert type(problem.constraints[0].lower) is float
+    assert problem.parameters == {"k": 0.5}
+    assert vc.Fixed(0, [half, 1]).y == (0.5, 1)
+    swept = vc.sweep(SPRING, {"k": [half]})
+    assert [type(v) for v in swept.grid["k"]] == [float]
+    assert optics.Uniform(half + 1).n == 1.5
+    assert optics.Plane((half, 0), (1, half)).point == (0.5, 0.0)
+    assert len(optics.Scene(optics.Uniform(1.5)).rays((half, 0), (1, half))) == 1
+    assert system().motion([half], [half], (0, half)).q(half) == system().motion([0.5], [0.5], (0, 0.5)).q(0.5)
+
+
+def test_a_constant_functional_may_be_any_real_number():
+    for value in (Fraction(1, 2), Decimal("0.5"), np.float32(0.5), 1):
+        assert of_ends(lambda x, y, dy, value=value: value).integrand.is_constant()
+
+
+class OfSymPy:
+    """What SymPy's objects look like from outside: it is no dependency, so that it may not be there."""
+
+    __module__ = "sympy.core.symbol"
+
+    def __repr__(self):
+        return "s**2"
+
+
+def test_sympy_is_told_what_to_do():
+    with pytest.raises(
+        TypeError, match=r"write ca.sqrt for sympy.sqrt, or .* sympy.lambdify\(\(x, y, dy\), expression"
+    ):
+        of_ends(lambda x, y, dy: OfSymPy())
+
+
+def test_what_a_function_does_to_its_arguments_stays_there():
+    def changes_what_it_is_given(x, y, dy):
+        y[0] = 0
+        dy *= 2
+        return ca.sumsqr(dy) + ca.sumsqr(y)
+
+    ends = vc.Fixed(0, [0, 0]), vc.Fixed(1, [1, 1])
+    changed = vc.solve(vc.Problem(changes_what_it_is_given, *ends))  # the integral of 4 u'^2 + 4 v'^2 + v^2
+    assert changed.value == pytest.approx(4 + 2 / math.tanh(0.5), rel=1e-9)
+    after = vc.solve(vc.Problem(lambda x, y, dy: ca.sumsqr(dy) + ca.sumsqr(y), *ends))
+    assert after.value == pytest.approx(2 / math.tanh(1), rel=1e-9)
+
+
+def test_a_script_whose_workers_cannot_begin_is_told_what_it_lacks(tmp_path):
+    script = tmp_path / "unguarded.py"
+    script.write_text(
+        "import varcalc as vc\n"
+        "a, b = vc.Fixed(0, 0), vc.Fixed(1, 1)\n"
+        "p = vc.Problem(lambda x, y, dy, p: dy**2 + p.k * y**2, a, b, parameters={'k': 1.0})\n"
+        "vc.sweep(p, {'k': [1.0, 2.0, 3.0]}, cores=2)\n",
+        encoding="utf-8",
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.rstrip().endswith("what starts them must stand under if __name__ == '__main__':")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import inspect
 import sys
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sized
@@ -38,7 +39,7 @@ class Telling:
             raise TypeError(
                 f"progress must be a function of (done, total, what), True, False or None, not {progress!r}"
             )
-        self._function = progress if callable(progress) else None
+        self._function = _told(progress) if callable(progress) else None
         shown = _watched() if progress is None else progress is True
         self._from = time.perf_counter() + (0.0 if progress is True else SECONDS_WITHOUT_BAR) if shown else float("inf")
         self._title = title
@@ -108,6 +109,18 @@ class Stage:
             yield
         except KeyboardInterrupt:
             self._whole._stopped = True  # noqa: SLF001  of this class
+
+
+def _told(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A person's function; TypeError for one that cannot be called as ``progress`` is."""
+    try:
+        inspect.signature(function).bind(0, None, "")
+    except TypeError:
+        written = inspect.signature(function)
+        raise TypeError(f"progress is called with (done, total, what), but its signature is {written}") from None
+    except ValueError:  # a function of C's, which does not tell
+        pass
+    return function
 
 
 class _Bar(Protocol):

@@ -115,7 +115,7 @@ def test_arguments_are_named():
         mechanics.Returns(TURN)
     with pytest.raises(ValueError, match="period must be"):
         oscillator.periodic("T")
-    with pytest.raises(ValueError, match="period must be positive"):
+    with pytest.raises(ValueError, match="period must be a positive number"):
         oscillator.periodic(-1.0)
     with pytest.raises(ValueError, match="no closed orbit is next to"):
         pendulum.orbit([1.0], [3.0], 2.0)

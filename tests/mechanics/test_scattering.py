@@ -180,7 +180,7 @@ def test_where_the_potential_is_no_number_nothing_is_claimed():
 def test_what_is_no_potential_is_refused():
     with pytest.raises(ValueError, match="vanish far away"):
         mechanics.Scattering(lambda r: r**2, 1.0)
-    with pytest.raises(ValueError, match="energy must be positive"):
+    with pytest.raises(ValueError, match="energy must be a positive number"):
         mechanics.Scattering(lambda r: 1 / r, 0.0)
     with pytest.raises(ValueError, match="hard_core"):
         mechanics.Scattering(lambda r: 1 / r, 1.0, hard_core=-1.0)

@@ -155,7 +155,7 @@ def test_a_file_of_something_else_is_refused(tmp_path, text, message):
         (([3.0], [vc.Ritz()]), {}, TypeError, r"problems\[0\] must be a Reference, a Problem or a Curve"),
         (([line()], [vc.Ritz]), {}, TypeError, r"methods\[0\] is the class Ritz"),
         (([line()], [vc.Ritz()]), {"exact": [5.0, 5.0]}, ValueError, "exact must have one entry a problem, 1 of them"),
-        (([line()], [vc.Ritz()]), {"repeats": 0}, ValueError, "repeats must be a whole number from 1 on"),
+        (([line()], [vc.Ritz()]), {"repeats": 0}, ValueError, "repeats must be at least 1"),
         (([line()], [vc.Ritz()], [-1.0]), {}, ValueError, "tol must be a positive number"),
     ],
 )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from varcalc.problem.conditions import finite, numbers, reals, sequence, told
+from varcalc.problem.conditions import finite, is_vector, numbers, reals, sequence, told
+from varcalc.symbolic.tracing import check_arity
 
 
 def coordinate_names(coordinates: Sequence[str]) -> tuple[str, ...]:
@@ -34,18 +35,16 @@ def finite_column(name: str, values: Any, n: int) -> np.ndarray:
     return column
 
 
-def ascending_span(span: Any) -> tuple[float, float]:
-    """Two ascending times; TypeError or ValueError for anything else."""
-    times = sequence("span", span) if isinstance(span, Sequence | np.ndarray) and np.ndim(span) else ()
+def ascending_span(span: Any, name: str = "span", what: str = "times") -> tuple[float, float]:
+    """Two ascending times, or whatever else they are; TypeError or ValueError for anything else."""
+    times = sequence(name, span) if is_vector(span) else ()
     if len(times) != 2:
         raise TypeError(
-            f"span must be two ascending times, not {told(span)}; write (0, {told(span)})"
-            if not times
-            else f"span must be two ascending times, not {told(span)}"
+            f"{name} must be two ascending {what}, not {told(span)}" + ("" if times else f"; write (0, {told(span)})")
         )
-    first, last = (finite(f"span[{k}]", value) for k, value in enumerate(times))
+    first, last = (finite(f"{name}[{k}]", value) for k, value in enumerate(times))
     if not last > first:
-        raise ValueError(f"span must be two ascending times, not {told(span)}")
+        raise ValueError(f"{name} must be two ascending {what}, not {told(span)}")
     return first, last
 
 
@@ -55,6 +54,36 @@ def ascending_times(times: Any) -> np.ndarray:
     if when.ndim != 1 or len(when) < 2 or not np.all(np.diff(when) > 0):
         raise ValueError(f"times must be two or more, ascending, not {told(times)}")
     return when
+
+
+def triple(name: str, values: Any) -> np.ndarray:
+    """A vector in space (3,); TypeError or ValueError, naming the argument, for what is none."""
+    vector = reals(name, values)
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+        raise ValueError(f"{name} must be three finite numbers, not {told(values)}")
+    return vector
+
+
+def momenta_of(momenta: Any, ignorable: Sequence[str]) -> dict[str, float]:
+    """The momenta by the names of ``ignorable`` coordinates; TypeError or ValueError for anything else."""
+    if not isinstance(momenta, Mapping):
+        raise TypeError(f"momenta must map names of coordinates to numbers, not {told(momenta)}; write {{'phi': 1.0}}")
+    wrong = [name for name in momenta if name not in ignorable]
+    if wrong:
+        raise ValueError(f"momenta must name ignorable coordinates, which are {tuple(ignorable)}, not {told(wrong)}")
+    return {name: finite(f"momenta[{name!r}]", value) for name, value in momenta.items()}
+
+
+def sampled(name: str, given: Callable[..., Any], *places: np.ndarray) -> np.ndarray:
+    """What a person's function of numbers gives at ``places``, arrays of one shape: a number at each of them.
+
+    Raises TypeError or ValueError, naming the function, where it is none or gives anything else.
+    """
+    check_arity(name, given, len(places), "it is called with arrays")
+    found, shape = reals(f"what {name} returns", given(*places)), places[0].shape
+    if found.shape not in ((), shape):
+        raise ValueError(f"{name} is called with an array and must return one of its shape, {shape}, not {found.shape}")
+    return np.broadcast_to(found, shape)
 
 
 def times_within(t: Any, span: tuple[float, float]) -> np.ndarray:

@@ -15,7 +15,7 @@ from varcalc.mechanics.action import Action
 from varcalc.mechanics.monodromy import OUTSIDE_CIRCLE, Floquet, Monodromy
 from varcalc.mechanics.motion import Motion
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns, TurningFrame, turning_frame
-from varcalc.problem.conditions import reals
+from varcalc.problem.conditions import finite, positive, reals
 from varcalc.problem.problem import Problem
 from varcalc.showing import Fact, Plotted, Shown, line
 from varcalc.solution import Solution
@@ -120,8 +120,7 @@ class ClosedOrbits(Shown):
     def __post_init__(self) -> None:
         if isinstance(self.period, str) and self.period not in self.action.parameters:
             raise ValueError(f"period must be a number or name one of the parameters, not {self.period!r}")
-        if not 0 < float(self.duration) < np.inf:
-            raise ValueError(f"period must be positive, not {self.duration!r}")
+        positive("period", self.duration)
         n, frame = self.action.lagrange.symbols.q.numel(), self.frame
         assert len(frame.axes) == n
         for one in self.symmetry:
@@ -130,7 +129,7 @@ class ClosedOrbits(Shown):
     @property
     def duration(self) -> float:
         """The period as a number."""
-        return self.action.parameters[self.period] if isinstance(self.period, str) else float(self.period)
+        return self.action.parameters[self.period] if isinstance(self.period, str) else finite("period", self.period)
 
     @cached_property
     def frame(self) -> TurningFrame:

@@ -54,14 +54,14 @@ def course(
     Raises ValueError where it cannot begin.
     """
     first, end = span
-    flying, looked = flow(integrators.for_one(FEW_STEPS, quick=True)), np.linspace(first, end, CHECKED_TIMES)
-    run, careful, stopped = flying.trajectory(looked, state, numbers, dense=True), None, False
-    if run.outcome is RunOutcome.TOO_MANY_STEPS:  # worth code that runs fast
-        flying = flow(integrators.for_one(MOST_STEPS, quick=False))
-        with telling(progress, "motion") as told:
+    with telling(progress, "motion") as told:
+        flying, looked = flow(integrators.for_one(FEW_STEPS, quick=True)), np.linspace(first, end, CHECKED_TIMES)
+        run, careful, stopped = flying.trajectory(looked, state, numbers, dense=True), None, False
+        if run.outcome is RunOutcome.TOO_MANY_STEPS:  # worth code that runs fast
+            flying = flow(integrators.for_one(MOST_STEPS, quick=False))
             run, careful, stopped = _in_parts(flying, state, numbers, looked, told)
-        looked = run.abscissae
-        run = replace(run, trajectory=Checkpoints(flying, numbers, looked, run.states))
+            looked = run.abscissae
+            run = replace(run, trajectory=Checkpoints(flying, numbers, looked, run.states))
     if run.trajectory is None or run.outcome is RunOutcome.NOT_FINITE:
         raise ValueError(f"the motion cannot begin: {run.outcome.value}")
     states = run.states

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from varcalc.problem.conditions import function
+from varcalc.problem.conditions import functions, text
 from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
@@ -55,12 +55,10 @@ class Examination(Shown):
     checks: Mapping[str, Callable[[], float]]
 
     def __post_init__(self) -> None:
-        if not isinstance(self.checks, Mapping):
-            raise TypeError(f"checks must be a mapping from names to functions, not {self.checks!r}")
+        text("title", self.title)
+        functions("checks", self.checks)
         if not self.checks:
             raise ValueError("checks must name at least one thing that is known")
-        for name, check in self.checks.items():
-            function(f"checks[{name!r}]", check)
 
     def run(self) -> Examined:
         """What is computed, held against what is known of it."""

@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.mechanics.arguments import ascending_span, finite_column
 from varcalc.mechanics.motion import Event, Motion
 from varcalc.mechanics.passages import Passages
-from varcalc.mechanics.system import System
+from varcalc.mechanics.system import System, check_system
+from varcalc.problem.conditions import function, functions, numbers, sequence, text, told, whole
 from varcalc.showing import Brief, Fact, Plotted, Shown
 from varcalc.spelling import spelled
 
@@ -34,6 +36,11 @@ class Portrait:
     separatrices: tuple[float, ...]
 
 
+def _check_event(name: str, given: Any) -> None:
+    if not isinstance(given, Event):
+        raise TypeError(f"{name} must be a mechanics.Event, not {told(given)}")
+
+
 @spelled
 @dataclass(frozen=True, repr=False)
 class Section(Brief):
@@ -49,6 +56,14 @@ class Section(Brief):
     most: int
     shown: int = 1
 
+    def __post_init__(self) -> None:
+        _check_event("Section.event", self.event)
+        numbers("Section.q0", self.q0)
+        numbers("Section.v0", self.v0)
+        ascending_span(self.span, "Section.span")
+        whole("Section.most", self.most)
+        whole("Section.shown", self.shown)
+
 
 @spelled
 @dataclass(frozen=True, repr=False)
@@ -59,6 +74,12 @@ class Flights(Brief):
     first: np.ndarray
     second: np.ndarray
     span: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        _check_event("Flights.event", self.event)
+        numbers("Flights.first", self.first)
+        numbers("Flights.second", self.second)
+        ascending_span(self.span, "Flights.span")
 
     @property
     def starts(self) -> np.ndarray:
@@ -196,6 +217,20 @@ class Experiment(Shown):
     events: tuple[Event, ...] = ()
     title: str = ""
     beside: Section | Flights | None = None
+
+    def __post_init__(self) -> None:
+        check_system(self.system)
+        finite_column("Experiment.q0", self.q0, self.system.n)
+        finite_column("Experiment.v0", self.v0, self.system.n)
+        ascending_span(self.span, "Experiment.span")
+        functions("Experiment.checks", self.checks)
+        if self.exact is not None:
+            function("Experiment.exact", self.exact)
+        for number, event in enumerate(sequence("Experiment.events", self.events)):
+            _check_event(f"Experiment.events[{number}]", event)
+        text("Experiment.title", self.title)
+        if not isinstance(self.beside, Section | Flights | None):
+            raise TypeError(f"Experiment.beside must be a Section or Flights, not {told(self.beside)}")
 
     def run(self) -> Moved:
         """The motion, held against what is known of it."""

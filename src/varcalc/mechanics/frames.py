@@ -7,6 +7,8 @@ from typing import Any
 
 import casadi as ca
 
+from varcalc.mechanics.arguments import triple
+from varcalc.problem.conditions import finite, function
 from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import Expression
 
@@ -19,7 +21,8 @@ def rotating(lagrangian: Callable[..., Any], angular_velocity: Sequence[float]) 
     by the velocity; ``angular_velocity`` (3,) is Ω in radians for each unit of time. The Coriolis and centrifugal
     forces follow (Landau and Lifshitz, "Mechanics", sect. 39).
     """
-    omega = ca.SX(list(angular_velocity))
+    function("lagrangian", lagrangian)
+    omega = ca.SX(triple("angular_velocity", angular_velocity))
 
     def turning(t: Expression, q: Expression, v: Expression, *p: Any) -> Expression:
         return lagrangian(t, q, v + ca.cross(omega, q), *p)
@@ -45,9 +48,11 @@ def charged(
         if not callable(given):
             raise TypeError(f"{name} must be a function of (t, q), not {given!r}; write lambda t, q: {shown}")
 
+    m, e = finite("mass", mass), finite("charge", charge)
+
     def lagrangian(t: Expression, q: Expression, v: Expression, *_: Any) -> Expression:
         a = vector_potential(t, q)
         a = ca.vertcat(*a) if isinstance(a, list | tuple) else a
-        return mass * ca.sumsqr(v) / 2 + charge * (ca.dot(v, a) - potential(t, q))
+        return m * ca.sumsqr(v) / 2 + e * (ca.dot(v, a) - potential(t, q))
 
     return lagrangian

@@ -10,10 +10,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.problem.conditions import told
 from varcalc.symbolic.names import with_names
 from varcalc.symbolic.switches import switches
-from varcalc.symbolic.tracing import LAST, Expression, called, check_arity, trace
+from varcalc.symbolic.tracing import LAST, Expression, called, check_arity, column, trace
 
 PLACES = 12
 """Random places at which it is asked whether a matrix has full rank, or an identity holds."""
@@ -66,14 +65,7 @@ class StateSymbols:
         """The column of ``size`` numbers that a person's ``function`` makes of the columns, and p."""
         arguments = self.arguments(*columns)
         check_arity(name, function, len(arguments), LAST)
-        result = called(name, function, arguments, ca.SX)
-        try:
-            column = ca.vertcat(*result) if isinstance(result, list | tuple) else ca.SX(result)
-        except (NotImplementedError, TypeError):
-            raise TypeError(f"{name} must return a list of expressions or numbers, not {told(result)}") from None
-        if column.numel() != size:
-            raise ValueError(f"{name} must return {size} numbers, one for each coordinate, not {column.numel()}")
-        return ca.densify(ca.reshape(column, size, 1))
+        return column(name, called(name, function, arguments, ca.SX), size, "one for each coordinate")
 
 
 @dataclass(frozen=True)

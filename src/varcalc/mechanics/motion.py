@@ -41,7 +41,8 @@ class Event(Brief):
     def __post_init__(self) -> None:
         check_function("Event.function", self.function)
         text("Event.name", self.name)
-        if isinstance(self.direction, bool) or self.direction not in (-1, 0, 1):
+        whole_number = isinstance(self.direction, int | np.integer) and not isinstance(self.direction, bool)
+        if not whole_number or self.direction not in (-1, 0, 1):
             raise ValueError(f"Event.direction must be 1 (rising), -1 (falling) or 0 (both), not {self.direction!r}")
         truth("Event.terminal", self.terminal)
 
@@ -116,12 +117,14 @@ class Motion(Plotted):
     def q(self, t: Any) -> np.ndarray:
         """The coordinates, shape (n,) + t.shape, at times of any shape."""
         states, shape = self._at(t)
-        return states[:, : states.shape[1] // 2].T.reshape(-1, *shape)
+        n = states.shape[1] // 2
+        return states[:, :n].T.reshape(n, *shape)
 
     def v(self, t: Any) -> np.ndarray:
         """The rates of the coordinates, shape (n,) + t.shape."""
         states, shape = self._at(t)
-        return states[:, states.shape[1] // 2 :].T.reshape(-1, *shape)
+        n = states.shape[1] // 2
+        return states[:, n:].T.reshape(n, *shape)
 
     def _measured(self, t: Any) -> tuple[np.ndarray, tuple[int, ...]]:
         states, shape = self._at(t)
@@ -137,7 +140,7 @@ class Motion(Plotted):
     def reactions(self, t: Any) -> np.ndarray:
         """The generalised forces by which constraints hold the motion, shape (n,) + t.shape; zero without any."""
         values, shape = self._measured(t)
-        return values[:, 1:].T.reshape(-1, *shape)
+        return values[:, 1:].T.reshape(values.shape[1] - 1, *shape)
 
 
 @dataclass(frozen=True)

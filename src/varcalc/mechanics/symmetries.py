@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.mechanics.lagrange import Lagrange
-from varcalc.problem.conditions import function
+from varcalc.problem.conditions import function, text
 from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import Expression
@@ -38,6 +38,7 @@ class Symmetry(Brief):
             function(f"Symmetry.{name}", getattr(self, name))
         if not {"xi", "tau"} & {*given}:
             raise ValueError("Symmetry changes nothing; give xi=, tau= or both")
+        text("Symmetry.name", self.name)
 
 
 def noether(lagrange: Lagrange, symmetry: Symmetry, parameters: Mapping[str, float]) -> Expression:

@@ -11,7 +11,7 @@ import numpy as np
 
 from varcalc import integrators
 from varcalc.mechanics.action import Action
-from varcalc.mechanics.arguments import ascending_span, ascending_times, finite_column
+from varcalc.mechanics.arguments import ascending_span, ascending_times, finite_column, momenta_of
 from varcalc.mechanics.closed_orbits import ClosedOrbit, ClosedOrbits, closed_orbit, closed_state
 from varcalc.mechanics.constraints import Pfaffian
 from varcalc.mechanics.course import MOST_STEPS, course
@@ -25,7 +25,7 @@ from varcalc.mechanics.orbit_symmetry import Repeats, Returns
 from varcalc.mechanics.passages import Passages, passages
 from varcalc.mechanics.reduced.reduced import ReducedMotion
 from varcalc.mechanics.reduced.routh import OneCoordinate, routh
-from varcalc.problem.conditions import Fixed, Holonomic, finite, sequence
+from varcalc.problem.conditions import Fixed, Holonomic, finite, sequence, told, whole
 from varcalc.problem.problem import Problem
 from varcalc.progress import Interrupted, Progress
 from varcalc.spelling import spelled
@@ -144,13 +144,13 @@ class System(Moving):
         Its Lagrangian is Routh's R = L - Σ p v (Goldstein, Poole and Safko, "Classical Mechanics", sect. 8.3). Raises
         ValueError for coordinates that are not ignorable, and where L is not of second degree in their rates.
         """
-        wrong = [name for name in momenta if name not in self.ignorable]
-        if wrong or not momenta or len(momenta) == self.n:
-            raise ValueError(f"momenta must name some of the ignorable coordinates {self.ignorable}, not {wrong}")
+        given = momenta_of(momenta, self.ignorable)
+        if not given or len(given) == self.n:
+            raise ValueError(f"momenta must name some of the ignorable coordinates {self.ignorable}, and not all")
         s = self._lagrange.symbols
-        gone = [self.coordinates.index(name) for name in momenta]
+        gone = [self.coordinates.index(name) for name in given]
         left = [k for k in range(self.n) if k not in gone]
-        value, _ = routh(self._lagrange, gone, list(momenta.values()))
+        value, _ = routh(self._lagrange, gone, list(given.values()))
         lagrangian = s.function(value, s.t, s.q[left], s.v[left])
         return System(
             lagrangian, [self.coordinates[k] for k in left], parameters=self.parameters,
@@ -169,10 +169,7 @@ class System(Moving):
         >>> bool(abs(ellipse.period - 2 * np.pi) < 1e-14), bool(abs(ellipse.precession["phi"]) < 1e-14)
         (True, True)
         """
-        given = dict(momenta or {})
-        wrong = [name for name in given if name not in self.ignorable]
-        if wrong:
-            raise ValueError(f"momenta must name ignorable coordinates, which are {self.ignorable}, not {wrong}")
+        given = momenta_of({} if momenta is None else momenta, self.ignorable)
         left = [name for name in self.coordinates if name not in given]
         if len(left) != 1:
             raise ValueError(f"momenta must leave one coordinate, not {left}: give those of all that are ignorable")
@@ -281,9 +278,7 @@ class System(Moving):
         ValueError for Pfaffian constraints, and for steps that are too long to have a solution.
         """
         first, last = ascending_span(span)
-        for name, value in (("steps", steps), ("degree", degree)):
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise ValueError(f"{name} must be a whole number from 1 on, not {value!r}")
+        steps, degree = whole("steps", steps), whole("degree", degree)
         if any(isinstance(c, Pfaffian) for c in self.constraints):
             raise ValueError("Pfaffian constraints have no action to be made stationary: use motion()")
         if self._switches:
@@ -299,11 +294,16 @@ class System(Moving):
         Of many passages it is Poincaré's section; of the first one, the time that each motion takes to it. An event
         counts as many times as it happens, whether or not it is ``terminal``.
         """
-        if isinstance(most, bool) or not isinstance(most, int) or most < 1:
-            raise ValueError(f"most must be a whole number from 1 on, not {most!r}")
+        most = whole("most", most)
         if not isinstance(event, Event):
             raise TypeError(f"event must be a mechanics.Event, not {event!r}")
         first, last = ascending_span(span)
         states, numbers = self._many(q0, v0, first, last)
         flow, slopes = self._with_events((event,))
         return passages(flow, states, numbers, (first, last), slopes, event.direction, most)
+
+
+def check_system(system: Any) -> None:
+    """TypeError for what is no :class:`System`."""
+    if not isinstance(system, System):
+        raise TypeError(f"system must be a mechanics.System, not {told(system)}")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from varcalc.problem.conditions import told
 from varcalc.problem.functional import Functional, check_functional
 from varcalc.problem.problem import Curve
 from varcalc.solution import Solution
@@ -17,6 +18,8 @@ Guess = Callable[[Any], Any] | Solution | None
 """A curve to start from: a function of the abscissa, or an earlier Solution."""
 GUESS_PLACES = 16
 """Abscissae at which a guess is looked at before it is used."""
+LARGEST = sys.float_info.max
+"""What tolerances may be at most: whole numbers beyond that are no floats."""
 SAME_ABSCISSA = 1e-9
 """Distance of two abscissae that counts as none, relative to the interval."""
 
@@ -32,8 +35,8 @@ def check_arguments(problem: Any, method: Any, tol: Any) -> None:
 
 def check_tolerance(tol: Any) -> None:
     """Raise ValueError for what is no tolerance."""
-    if isinstance(tol, bool) or not (isinstance(tol, float | int | np.number) and math.isfinite(tol) and tol > 0):
-        raise ValueError(f"tol must be a positive number, not {tol!r}")
+    if isinstance(tol, bool) or not (isinstance(tol, float | int | np.floating | np.integer) and 0 < tol <= LARGEST):
+        raise ValueError(f"tol must be a positive number, not {told(tol)}")
 
 
 def check_guess(problem: Functional, guess: Any) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+from varcalc.problem.conditions import told
+
 
 def label(method: Any) -> str:
     """A method's class and those of its options that are not the default.
@@ -37,5 +39,5 @@ def checked_method(index: int, method: Any) -> Any:
     if isinstance(method, type):
         raise TypeError(f"methods[{index}] is the class {method.__name__}; give an object: {method.__name__}()")
     if method is not None and not dataclasses.is_dataclass(method):
-        raise TypeError(f"methods[{index}] must be a method such as Ritz(), or None for the ladder, not {method!r}")
+        raise TypeError(f"methods[{index}] must be a method such as Ritz(), or None for the ladder, not {told(method)}")
     return method

@@ -20,8 +20,8 @@ from varcalc.optics.propagation.bundle import Bundle, Starts, traced
 from varcalc.optics.propagation.sequential import CompiledScene
 from varcalc.optics.rays.ray import Rays
 from varcalc.optics.surfaces import Surface, touched
-from varcalc.optics.validation import how_far, matched, point, rows, unit_rows
-from varcalc.optics.validation import number as one_number
+from varcalc.optics.validation import how_far, matched, point, positive, rows, unit_rows
+from varcalc.problem.conditions import is_vector, sequence, told
 from varcalc.problem.functional import named
 from varcalc.problem.reading import latex, text
 from varcalc.progress import Interrupted, Progress
@@ -75,11 +75,9 @@ class Scene(Shown):
     ) -> None:
         given: tuple[Medium, ...] = _members("media", Medium, media)
         self.surfaces: tuple[Surface, ...] = _members("surfaces", Surface, surfaces)
-        self.wavelength: float | None = wavelength
-        if wavelength is not None:
-            if not one_number("wavelength", wavelength) > 0:
-                raise ValueError(f"wavelength must be one positive number, in micrometres, not {wavelength!r}")
-            given = tuple(medium.at_wavelength(wavelength) for medium in given)
+        self.wavelength: float | None = None if wavelength is None else positive("wavelength", wavelength)
+        if self.wavelength is not None:
+            given = tuple(medium.at_wavelength(self.wavelength) for medium in given)
         self.media: tuple[Medium, ...] = _one_more(given, self.surfaces)
         dimensions = {item.dimension for item in (*self.media, *self.surfaces)} - {None}
         if len(dimensions) > 1:
@@ -87,10 +85,10 @@ class Scene(Shown):
                 "the scene has parts in the plane and parts in space; give all points 2 or all 3 coordinates"
             )
         self.dimension: int | None = dimensions.pop() if dimensions else None
-        self.names: Sequence[str] = names
-        self.units: Sequence[str] = units
-        if names or units:
-            self.dimension = _as_declared(self.dimension, len(names or units))
+        self.names: Sequence[str] = sequence("names", names)
+        self.units: Sequence[str] = sequence("units", units)
+        if self.names or self.units:
+            self.dimension = _as_declared(self.dimension, len(self.names or self.units))
             self.axes(self.dimension)
         self._compiled = CompiledScene(self.media, self.surfaces, self.dimension)
         self._pairs = PairSearch(self._compiled)
@@ -246,7 +244,7 @@ class Scene(Shown):
         """
         if wavelength is not None:
             return self.at_wavelength(wavelength).rays(A, B, within=within, model=model, progress=progress)
-        if np.array(A).ndim != 1 or np.array(B).ndim != 1:
+        if not all(is_vector(place) and not any(map(is_vector, place)) for place in (A, B)):
             A, B = point("A", A), point("B", B)
         try:
             return self._named(self._pairs.arrivals("A", A, "B", B, within, model, progress)[0])
@@ -377,7 +375,9 @@ def _members(name: str, kind: type, given: Any) -> tuple[Any, ...]:
             remedy = f"; write Uniform({'optics.GLASSES[...]' if isinstance(item, Dispersion) else item})"
         elif isinstance(item, Medium | Surface):
             remedy = "; media come first, and surfaces second"
-        raise TypeError(f"{name} must hold members of varcalc.optics such as {_EXAMPLES[name]}, not {item!r}{remedy}")
+        raise TypeError(
+            f"{name} must hold members of varcalc.optics such as {_EXAMPLES[name]}, not {told(item)}{remedy}"
+        )
     return tuple(items)
 
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.problem.conditions import numbers, told
+from varcalc.problem.conditions import finite as number
+from varcalc.problem.conditions import numbers, positive, told
 
 __all__ = [
     "CHUNK", "DIMENSIONS", "by_chunks", "direction", "how_far", "matched", "number", "numbers", "point", "positive",
@@ -26,21 +27,6 @@ def point(name: str, given: Any) -> tuple[float, ...]:
     if array.ndim != 1 or len(array) not in DIMENSIONS:
         raise ValueError(f"{name} must be one point, 2 coordinates in the plane or 3 in space, not {told(given)}")
     return tuple(float(v) for v in array)
-
-
-def number(name: str, given: Any) -> float:
-    """One finite number; TypeError naming ``name`` for more of them, or none."""
-    array = numbers(name, given)
-    if array.ndim:
-        raise TypeError(f"{name} must be one number, not {told(given)}")
-    return float(array)
-
-
-def positive(name: str, given: Any) -> float:
-    """One positive number; TypeError or ValueError naming ``name`` for what is none."""
-    if not number(name, given) > 0:
-        raise ValueError(f"{name} must be a positive number, not {told(given)}")
-    return float(given)
 
 
 def direction(name: str, given: Any) -> tuple[float, ...]:

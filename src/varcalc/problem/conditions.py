@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
 from typing import Any, ClassVar, cast
 
 import casadi as ca
@@ -53,36 +55,60 @@ def told(given: Any) -> str:
     return written if len(written) <= MOST_TOLD else f"{written[:MOST_TOLD]}..."
 
 
+def real(name: str, value: Any) -> float:
+    """``value`` as the nearest float, which need not be finite; TypeError naming ``name`` for what is no number.
+
+    Numbers are all that Python and its packages make: of NumPy, Fractions, Decimals, SymPy's and mpmath's.
+    """
+    if type(value) is float:
+        return value
+    # float() takes these, and arrays of one entry, for numbers, and none was meant as one
+    several = is_vector(value) or (isinstance(value, ca.DM) and value.numel() != 1)
+    if not (several or isinstance(value, _NO_NUMBERS)):
+        try:
+            return float(value)
+        except (TypeError, ValueError):
+            pass
+        except OverflowError:  # whole numbers and ratios that no float holds
+            return math.inf if value > 0 else -math.inf
+    raise TypeError(f"{name} must be a number, not {told(value)}")
+
+
+_NO_NUMBERS = str | bytes | bytearray | bool | np.bool_ | np.complexfloating | ca.SX | ca.MX
+
+
+MOST_COUNTED = 2**31 - 1
+"""What a count may be at most: more of anything no memory holds."""
+
+
 def finite(name: str, value: Any) -> float:
     """``value`` as a float; TypeError or ValueError naming ``name`` otherwise."""
-    # float() takes text, truth values, symbols and arrays of one entry for numbers, and none was meant as one
-    if type(value) is float and math.isfinite(value):
-        return value
-    wrong = TypeError(f"{name} must be a number, not {told(value)}")
-    if isinstance(value, str | bytes | bool | np.bool_ | ca.SX | ca.MX) or is_vector(value):
-        raise wrong
-    try:
-        number = float(value)
-    except (TypeError, ValueError, RuntimeError):  # RuntimeError: a DM of several entries
-        raise wrong from None
+    number = real(name, value)
     if not math.isfinite(number):
-        raise ValueError(f"{name} must be finite, not {number}")
+        raise ValueError(f"{name} must be finite, not {told(value)}")
+    return number
+
+
+def positive(name: str, value: Any) -> float:
+    """``value`` as a float, which must be more than 0; TypeError or ValueError naming ``name`` otherwise."""
+    number = finite(name, value)
+    if not number > 0:
+        raise ValueError(f"{name} must be a positive number, not {told(value)}")
     return number
 
 
 def reals(name: str, given: Any) -> np.ndarray:
     """``given`` as an array of floats, which need not be finite; TypeError naming ``name`` otherwise."""
-    wrong = TypeError(f"{name} must be made of numbers, not {told(given)}")
     try:
         array = np.array(given)
         kind = array.dtype.kind
-        # text and truth values would be taken for numbers, and none was meant as one
-        made = None if kind in "USmMbc" else array.astype(float)
-    except (TypeError, ValueError, RuntimeError, OverflowError):
-        raise wrong from None
-    if made is None or (kind == "O" and any(v is None or isinstance(v, str | bytes | bool) for v in array.ravel())):
-        raise wrong
-    return made
+        if kind in "fiu":
+            return array.astype(float)
+        if kind == "O":  # Fractions, Decimals, and what is no number
+            return np.array([real(name, v) for v in array.ravel().tolist()]).reshape(array.shape)
+    except (TypeError, ValueError, RuntimeError):  # ValueError: rows of different lengths
+        pass
+    raise TypeError(f"{name} must be made of numbers, not {told(given)}")
 
 
 def numbers(name: str, given: Any) -> np.ndarray:
@@ -104,6 +130,8 @@ def whole(name: str, value: Any, least: int = 1) -> int:
         raise TypeError(f"{name} must be a whole number, not {told(value)}")
     if value < least:
         raise ValueError(f"{name} must be at least {least}, not {value}")
+    if value > MOST_COUNTED:
+        raise ValueError(f"{name} must be at most {MOST_COUNTED}, not {told(value)}")
     return int(value)
 
 
@@ -121,11 +149,23 @@ def text(name: str, value: Any) -> str:
     return value
 
 
+def file(name: str, value: Any) -> Path:
+    """``value``, which must be the path of a file; TypeError naming ``name`` where it is none."""
+    if not isinstance(value, str | PathLike):
+        raise TypeError(f"{name} must be the path of a file, not {told(value)}")
+    return Path(value)
+
+
 def sequence(name: str, value: Any) -> tuple[Any, ...]:
     """The entries of ``value``; TypeError naming ``name`` where it has none to go through."""
-    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
-        raise TypeError(f"{name} must be a sequence, not {told(value)}; write {name}=[...]")
-    return tuple(value)
+    try:
+        if not isinstance(value, str | bytes | Mapping):
+            return tuple(value)
+    except TypeError:  # what has no entries; arrays without a dimension and symbols tell only when they are asked
+        pass
+    raise TypeError(
+        f"{name} must be a sequence, not {told(value)}" + (f"; write {name}=[...]" if name.isidentifier() else "")
+    )
 
 
 def components(name: str, value: Any) -> tuple[Any, ...]:
@@ -143,13 +183,43 @@ def components(name: str, value: Any) -> tuple[Any, ...]:
 
 def is_vector(value: Any) -> bool:
     """True when ``value`` was given as a sequence, so that y is a column vector."""
-    return hasattr(value, "__len__") and np.ndim(value) > 0
+    dimensions = getattr(value, "ndim", None)
+    if isinstance(dimensions, int):
+        return dimensions > 0
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
+
+
+def as_written(given: Any) -> Any:
+    """A coordinate, or several, whose whole numbers and floats are left alone; other numbers are made floats.
+
+    Where a Fraction or one of NumPy's short floats stayed, arithmetic would go on in it.
+    """
+    if is_vector(given):
+        return given if all(type(v) in _PLAIN for v in given) else tuple(map(as_written, given))
+    return given if type(given) in _PLAIN else float(given)
+
+
+_PLAIN = (float, int, type(None), Parameter)
+
+
+def keep_as_written(condition: Any, *fields: str) -> None:
+    """The numbers in the ``fields`` of a frozen condition, which have been checked, made :func:`as_written`."""
+    for field in fields:
+        object.__setattr__(condition, field, as_written(getattr(condition, field)))
 
 
 def function(name: str, value: Any) -> None:
     """TypeError naming ``name`` where ``value`` cannot be called."""
     if not callable(value):
         raise TypeError(f"{name} must be a function, not {told(value)}")
+
+
+def functions(name: str, given: Any) -> None:
+    """TypeError naming ``name`` for anything but functions by name."""
+    if not isinstance(given, Mapping):
+        raise TypeError(f"{name} must be a mapping from names to functions, not {told(given)}")
+    for key, check in given.items():
+        function(f"{name}[{key!r}]", check)
 
 
 def _number_of_functions(name: str, n: Any) -> None:
@@ -237,10 +307,11 @@ class Fixed(Brief, AnyEnd):
         values = components("Fixed.y", self.y)
         if all(v is None for v in values):
             raise ValueError("Fixed.y gives no component; use Free(x) for an end that is wholly free")
-        if self.dy is None:
-            return
-        if len(components("Fixed.dy", self.dy)) != len(values) or is_vector(self.dy) != is_vector(self.y):
+        if self.dy is not None and (
+            len(components("Fixed.dy", self.dy)) != len(values) or is_vector(self.dy) != is_vector(self.y)
+        ):
             raise ValueError("Fixed.dy must have as many components as Fixed.y")
+        keep_as_written(self, "x", "y", "dy")
 
     def values(self, n: int) -> np.ndarray:  # noqa: ARG002
         """The components of ``y``, NaN for those that are None."""
@@ -275,6 +346,7 @@ class Free(Brief, AnyEnd):
     def __post_init__(self) -> None:
         coordinate("Free.x", self.x)
         _number_of_functions("Free.n", self.n)
+        keep_as_written(self, "x")
 
 
 @spelled
@@ -293,6 +365,7 @@ class OnCurve(Brief, OfFunction, AnyEnd):
         function("OnCurve.phi", self.phi)
         finite("OnCurve.x", self.x)
         _number_of_functions("OnCurve.n", self.n)
+        keep_as_written(self, "x")
 
 
 @spelled
@@ -318,6 +391,7 @@ class Periodic(Brief, AnyEnd):
         if self.x0 is not None and finite("Periodic.x1", self.x1) <= finite("Periodic.x0", self.x0):
             raise ValueError(f"Periodic.x1 must lie right of Periodic.x0, not at {self.x1} and {self.x0}")
         _number_of_functions("Periodic.n", self.n)
+        keep_as_written(self, "x0", "x1")
 
 
 @spelled
@@ -334,6 +408,7 @@ class At(Brief, AnyEnd):
         if not is_vector(self.q):
             raise TypeError(f"At.q must be a sequence of coordinates, not {told(self.q)}")
         components("At.q", self.q)
+        keep_as_written(self, "q")
 
     def values(self, n: int) -> np.ndarray:  # noqa: ARG002
         """The coordinates ``q``, NaN for those that are None."""
@@ -362,6 +437,7 @@ class OnSurface(Brief, OfFunction, AnyEnd):
             v is None or isinstance(v, Parameter) for v in components("OnSurface.guess", self.guess)
         ):
             raise TypeError("OnSurface.guess must be a point: one number for each coordinate")
+        keep_as_written(self, "guess")
 
     def tells(self, label: str) -> tuple[int, bool | None]:  # noqa: ARG002
         """As many coordinates as ``guess`` has."""
@@ -405,6 +481,7 @@ class Isoperimetric(Brief, OfFunction):
             _check_between("Isoperimetric", levels[1], levels[2])
         elif levels[1] is not None or levels[2] is not None:
             raise ValueError("Isoperimetric: give either value, or lower and upper, not both")
+        keep_as_written(self, "value", "lower", "upper")
 
     def arguments(self, position: list[Any], slopes: list[Any]) -> list[Any]:
         """The place and all slopes, as the Lagrangian has them."""
@@ -448,6 +525,7 @@ class Bound(Brief, OfFunction):
     def __post_init__(self) -> None:
         function("Bound.h", self.h)
         _check_between("Bound", _level("Bound.lower", self.lower), _level("Bound.upper", self.upper))
+        keep_as_written(self, "lower", "upper")
 
     def arguments(self, position: list[Any], slopes: list[Any]) -> list[Any]:
         """The place and the first slope."""
@@ -474,6 +552,7 @@ class Through(Brief):
             raise ValueError("Through.y must give every component of the waypoint; None is for ends")
         if any(isinstance(v, Parameter) for v in given):
             raise TypeError("Through.y must be numbers; only the ends may be parameters")
+        keep_as_written(self, "x", "y")
 
     @property
     def values(self) -> np.ndarray:

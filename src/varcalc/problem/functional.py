@@ -33,7 +33,17 @@ from varcalc.symbolic.branches import continued
 from varcalc.symbolic.derived import Cache, derived
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.look_up import as_sums
-from varcalc.symbolic.tracing import Expression, Names, NotSymbolic, TracedFunction, check_arity, name_of, scalar, trace
+from varcalc.symbolic.tracing import (
+    Expression,
+    Names,
+    NotSymbolic,
+    TracedFunction,
+    called,
+    check_arity,
+    name_of,
+    scalar,
+    trace,
+)
 
 SPACE = 3
 """Coordinates of a place on a surface in space."""
@@ -465,8 +475,8 @@ def _surface(problem: Functional) -> PointEvaluator:
 def _traced_surface(surface: Callable[..., Any], arguments: list[Any], kind: type) -> tuple[Expression, ...]:
     """The three coordinates in space that a person's function gives."""
     check_arity("surface", surface, len(arguments), "it takes a place, as phi does, and p last where there are any")
-    given = surface(*arguments)
-    parts = ca.vertsplit(given) if isinstance(given, kind) else list(given)
+    given = called("surface", surface, arguments, kind)
+    parts = ca.vertsplit(given) if isinstance(given, kind) else sequence("what surface returns", given)
     if len(parts) != SPACE:
         raise ValueError(f"surface must return the 3 coordinates of a point in space, not {len(parts)}")
     return tuple(scalar(f"surface[{k}]", part, kind) for k, part in enumerate(parts))

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from varcalc.problem.functional import Functional, Symbols
+from varcalc.problem.functional import Functional, Symbols, check_functional
 from varcalc.showing import Shown
 from varcalc.symbolic.tracing import Expression
 
@@ -30,6 +30,7 @@ class Lagrangian(Shown):
     @classmethod
     def of(cls, problem: Functional) -> Lagrangian:
         """The Lagrangian of a problem as it was given (not negated when maximised)."""
+        check_functional(problem)
         return cls(problem.symbols, problem.integrand)
 
     @property

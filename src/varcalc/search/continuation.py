@@ -17,7 +17,7 @@ from varcalc.methods.collocation.refinement import Refinement
 from varcalc.methods.collocation.starting_curves import function_sizes, resolving_vertices
 from varcalc.methods.collocation.system import CollocationSystem, collocation_space
 from varcalc.numerics.mesh import Space
-from varcalc.problem.conditions import finite
+from varcalc.problem.conditions import finite, text
 from varcalc.search.arclength import Fold, Follower, ParameterFamily, Point
 from varcalc.search.collected import finer, refined, scales_of
 from varcalc.showing import Fact, Plotted, counted, figure_of, line
@@ -112,7 +112,7 @@ def continue_branch(solution: Solution, name: str, *, until: float, tol: float =
         raise TypeError(f"solution must be what varcalc.solve gives back, not {solution!r}")
     problem = solution.problem
     check_arguments(problem, None, tol)
-    check_names("parameters of this problem", [name], problem.parameters)
+    check_names("parameters of this problem", [text("name", name)], problem.parameters)
     if name in problem.end_parameters:
         raise ValueError(f"{name!r} moves an end; a branch is followed in a parameter of the Lagrangian, see sweep")
     until = finite("until", until)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.problem.conditions import finite
+from varcalc.problem.conditions import finite, sequence, told
 from varcalc.showing import Brief
 from varcalc.spelling import spelled
 
@@ -89,11 +89,9 @@ class Grid:
 def checked(label: str, given: Any) -> dict[str, tuple[float, ...]]:
     """Values by name; TypeError and ValueError naming ``label`` for what are none."""
     if not isinstance(given, Mapping) or not given:
-        raise ValueError(f"{label} must map names to values, such as {{'g': [1.6, 9.8]}}, not {given!r}")
+        raise ValueError(f"{label} must map names to values, such as {{'g': [1.6, 9.8]}}, not {told(given)}")
     axes = {}
     for name, values in given.items():
-        if isinstance(values, str) or not isinstance(values, Iterable):
-            raise TypeError(f"{label}[{name!r}] must be a sequence of numbers, not {values!r}")
         axes[name] = _numbers(f"{label}[{name!r}]", values)
         if not axes[name]:
             raise ValueError(f"{label}[{name!r}] is empty; give at least one value")
@@ -103,7 +101,7 @@ def checked(label: str, given: Any) -> dict[str, tuple[float, ...]]:
 def _numbers(label: str, values: Iterable[Any]) -> tuple[float, ...]:
     if isinstance(values, np.ndarray) and values.ndim == 1 and values.dtype == float and np.isfinite(values).all():
         return tuple(values.tolist())
-    return tuple(finite(label, v) for v in values)
+    return tuple(finite(label, v) for v in sequence(label, values))
 
 
 def walk(shape: Sequence[int]) -> Iterator[Place]:

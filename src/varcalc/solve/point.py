@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from varcalc.problem.conditions import real, text
 from varcalc.showing import Shown, brief
 from varcalc.solution import Solution, Status
 
@@ -134,10 +135,9 @@ class Measured:
     def __post_init__(self) -> None:
         for name in ("value", "error"):
             given: Any = getattr(self, name)
-            try:
-                object.__setattr__(self, name, None if name == "error" and given is None else float(given))
-            except (TypeError, ValueError) as error:
-                raise TypeError(f"Measured.{name} must be a number, not {given!r}") from error
+            number = None if name == "error" and given is None else real(f"Measured.{name}", given)
+            object.__setattr__(self, name, number)
+        text("Measured.message", self.message)
 
     def point(self, values: Mapping[str, float], seconds: float) -> SweepPoint:
         """The point of a sweep at which this was measured."""

@@ -17,6 +17,7 @@ import numpy as np
 from varcalc.existence.global_look import has_lattice
 from varcalc.methods.ritz.family import Answers
 from varcalc.problem.convexity import proved_jointly_convex
+from varcalc.problem.functional import check_functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution
 from varcalc.solve.ladder import reconsidered, solve
@@ -57,7 +58,10 @@ class SweepRow:
     """The points of a sweep that are solved in one process; ``expected`` is how many there are in all."""
 
     def __init__(self, source: Source, method: Any, tol: float, expected: int) -> None:
-        self.source: Any = source() if callable(source) and made_once(source) else source
+        self.source: Any = source
+        if callable(source) and made_once(source):
+            self.source = source()
+            check_functional(self.source)
         self.method, self.tol, self.expected = method, tol, expected
         self.built = isinstance(self.source, Problem | Curve)
         self.long_stretch = LONG_STRETCH if self.built and has_lattice(self.source) else FRESH_STRETCH

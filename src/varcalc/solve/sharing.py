@@ -27,6 +27,10 @@ REPORT = 2.0
 """Seconds after which a worker reports what it has, be its chunk done or not; what is left is shared anew."""
 USUAL_WORKERS = 16
 """Workers that an executor is taken to have when nobody says how many."""
+UNGUARDED = (
+    "the worker processes of cores= do not start: each runs the script anew for its names, so what starts them must "
+    "stand under if __name__ == '__main__':"
+)
 DIED = "the process that solved this point died each time it was tried; there may be too little memory for it"
 
 
@@ -68,6 +72,10 @@ _ONE_AT_A_TIME = threading.Lock()
 """CasADi's expressions are not made for threads: a process with several works at one chunk after the other."""
 
 
+def _begun() -> None:
+    """What a worker does first: it has begun, whatever it dies of later."""
+
+
 def chunk(job: Job, points: list[Values]) -> list[SweepPoint]:
     """The first of the points, as many as a worker may take its time for."""
     began, found = time.perf_counter(), []
@@ -106,6 +114,7 @@ class _Sharing:
         self.on_trial = False
         self.broken: BrokenExecutor | None = None
         self.executor = executor or self._pool()
+        self.first = self.executor.submit(_begun) if executor is None else None
         # no more are sent to a pool of our own than it works at, so that few are suspect when it breaks
         self.at_once = cores + 1 if executor is None else len(points)
 
@@ -153,9 +162,14 @@ class _Sharing:
             self.suspects.extend(_halves(piece) if self.on_trial else [piece])
 
     def _renew(self, error: BrokenExecutor) -> None:
-        """Take a new pool for one that is broken; what broke it is raised where the executor is another's."""
+        """Take a new pool for one that is broken; what broke it is raised where the executor is another's.
+
+        Raises RuntimeError where no worker ever began, since no other one will.
+        """
         if self.given is not None:
             raise error
+        if self.first is not None and self.first.exception() is not None:
+            raise RuntimeError(UNGUARDED) from error
         self.executor.shutdown()
         self.executor, self.broken = self._pool(), None
 

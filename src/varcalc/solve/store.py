@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Self
 
+from varcalc.problem.conditions import file
 from varcalc.showing import brief
 from varcalc.solve.grid import Grid, Paired, Place, checked
 from varcalc.solve.identity import same
@@ -48,7 +49,9 @@ class Store:
 
         Raises ValueError when the file belongs to something else, OSError when it cannot be written.
         """
-        path = Path(path)
+        path = file("store", path)
+        if not path.parent.is_dir():
+            raise FileNotFoundError(f"there is no folder {path.parent} for the store {path.name}; make it first")
         self.known: dict[Place, SweepPoint] = {}
         self.notes: tuple[str, ...] = ()
         header = FORMAT | header
@@ -85,6 +88,8 @@ def read(path: Path) -> tuple[dict[str, Any], dict[Place, SweepPoint], tuple[str
 
     Raises ValueError for what is no store, OSError where there is no file.
     """
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}; give one that sweep(..., store=) wrote")
     whole, rest = path.read_bytes(), b""
     if not whole.endswith(b"\n"):
         end = whole.rfind(b"\n") + 1

@@ -18,6 +18,7 @@ import numpy as np
 from varcalc.extensions import optional
 from varcalc.methods.arguments import check_tolerance
 from varcalc.methods.labels import checked_method, label
+from varcalc.problem.conditions import file, told, whole
 from varcalc.problem.problem import Curve, Problem
 from varcalc.progress import Interrupted, Progress, telling
 from varcalc.showing import Fact, Plotted, counted, line
@@ -64,7 +65,7 @@ class Sweep(Plotted):
 
         Raises ValueError for what is no store, OSError where there is no file.
         """
-        header, found, notes, _ = read(Path(store))
+        header, found, notes, _ = read(file("store", store))
         grid = Grid({name: tuple(values) for name, values in header["grid"].items()}, header["paired"])
         return _gathered(grid, found, header, notes)
 
@@ -246,13 +247,13 @@ def _check_solves(problem: Any, method: Any, tol: Any) -> None:
     checked_method(0, method)
     check_tolerance(tol)
     if not (isinstance(problem, Problem | Curve) or callable(problem)):
-        raise TypeError(f"problem must be a Problem, a Curve or a function that makes one, not {problem!r}")
+        raise TypeError(f"problem must be a Problem, a Curve or a function that makes one, not {told(problem)}")
 
 
 def _check_workers(cores: int | None, executor: Executor | None) -> None:
     """Raise ValueError or TypeError for workers that there cannot be."""
-    if cores is not None and (not isinstance(cores, int) or isinstance(cores, bool) or cores < 1):
-        raise ValueError(f"cores must be a whole number from 1 on, not {cores!r}")
+    if cores is not None:
+        whole("cores", cores)
     if executor is not None and not isinstance(executor, Executor):
         raise TypeError(
             f"executor must be a concurrent.futures.Executor, not {executor!r}; of a Dask client give "
@@ -308,6 +309,8 @@ def _identity(source: Source, grid: Grid) -> dict[str, Any]:
 
 def _checked_units(units: Mapping[str, str] | None, grid: Grid) -> dict[str, str]:
     """Units by name; ValueError for a name that is neither in the grid nor the value."""
+    if units is not None and not isinstance(units, Mapping):
+        raise TypeError(f"units must map the names in the grid to texts, not {told(units)}; write {{'k': 'N/m'}}")
     given = dict(units or {})
     strange = given.keys() - {*grid.axes, VALUE}
     if strange:

@@ -10,6 +10,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 from varcalc.methods.labels import checked_method, label
+from varcalc.problem.conditions import sequence
 from varcalc.problem.functional import check_functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.progress import Interrupted, Progress, telling
@@ -17,7 +18,7 @@ from varcalc.showing import Fact, Plotted, brief, charts, counted, figure_of, li
 from varcalc.solution import Solution, Status, VariationalError
 from varcalc.solve.ladder import solve
 from varcalc.spelling import spelled
-from varcalc.study.reference import Exact, as_exact
+from varcalc.study.reference import Exact, as_exact, checked_reasons
 from varcalc.study.routes import methods_for
 from varcalc.symbolic.derived import Cache
 from varcalc.tables import known, shown, table
@@ -207,14 +208,12 @@ def compare(
     check_functional(problem)
     if methods is None:
         methods = methods_for(problem)
-    if not isinstance(methods, Iterable):
-        raise TypeError(f"methods must be a sequence, not {methods!r}; write methods=[...]")
-    closed_form = as_exact(exact)
-    reasons = inapplicable or {}
+    tried, closed_form = sequence("methods", methods), as_exact(exact)
+    reasons = {} if inapplicable is None else checked_reasons("inapplicable", inapplicable)
     rows: list[Row] = []
     with telling(progress, problem.name) as told:
         try:
-            for i, method in enumerate(told.over(methods, lambda m: "the ladder" if m is None else label(m))):
+            for i, method in enumerate(told.over(tried, lambda m: "the ladder" if m is None else label(m))):
                 rows.append(_row(problem, checked_method(i, method), closed_form, tol, reasons))
         except KeyboardInterrupt as stop:
             raise Interrupted(Comparison(problem, tuple(rows), closed_form, tol)) from stop

@@ -18,7 +18,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from varcalc.problem.conditions import finite, text
+from varcalc.problem.conditions import file, finite, text
 from varcalc.showing import Plotted, Shown
 from varcalc.solution import Status
 from varcalc.study.compare import EXACT_FLOOR, EXACT_MARGIN
@@ -136,7 +136,7 @@ class WorkPrecision(Plotted):
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """The measurements in a file that :meth:`save` wrote; ValueError when it is none, OSError without a file."""
-        document = _read(Path(path))
+        document = _read(file("path", path))
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             raise ValueError(f"{path} holds no measurements of format {FORMAT}; measure again, and save")
         rows, where = document.get("records"), document.get("about")

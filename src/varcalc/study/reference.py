@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from varcalc.problem.conditions import finite
+from varcalc.problem.conditions import finite, function, text, told, truth, whole
 from varcalc.problem.functional import UNNAMED
 from varcalc.problem.problem import Curve, Problem
 from varcalc.showing import Brief, Fact, Shown, brief, line
@@ -71,8 +71,7 @@ class Exact(Brief):
         >>> print(load("cylinder")[0].exact(digits=40))
         2.236067977499789696409173668731276235441
         """
-        if isinstance(digits, bool) or not isinstance(digits, int) or digits < 1:
-            raise ValueError(f"digits must be a whole number from 1 on, not {digits!r}")
+        whole("digits", digits)
         if self.form is None:
             raise ValueError("this closed form is known in double precision alone; take its value and y as they are")
         from varcalc.study.digits import to_digits  # with mpmath
@@ -83,7 +82,22 @@ class Exact(Brief):
         value = finite("exact.value", self.value)
         if self.y is not None and not callable(self.y):
             raise TypeError(f"exact.y must be a function of the abscissa, not {self.y!r}")
+        if self.form is not None:
+            function("exact.form", self.form)
+        text("exact.description", self.description)
         object.__setattr__(self, "value", value)
+
+
+def checked_reasons(name: str, given: Any) -> Mapping[type, str]:
+    """Classes of methods with the reasons why each does not apply; TypeError naming ``name`` for anything else."""
+    if not isinstance(given, Mapping):
+        raise TypeError(f"{name} must map method classes to reasons, not {told(given)}; write {{Shooting: 'a reason'}}")
+    for method in given:
+        if not isinstance(method, type):
+            raise TypeError(
+                f"{name} maps method classes to reasons; write {type(method).__name__} rather than {told(method)}"
+            )
+    return given
 
 
 @spelled
@@ -108,18 +122,16 @@ class Reference(Shown):
     downward: bool = False
 
     def __post_init__(self) -> None:
-        if not self.name:
+        if not text("name", self.name):
             raise ValueError("name is empty; a reference is found by its name")
         if not isinstance(self.problem, Problem | Curve):
             raise TypeError(f"problem of {self.name!r} must be a Problem or a Curve, not {self.problem!r}")
         if self.exact is not None and not isinstance(self.exact, Exact):
             raise TypeError(f"exact of {self.name!r} must be an Exact, not {self.exact!r}; write Exact(value)")
-        for method in self.inapplicable:
-            if not isinstance(method, type):
-                raise TypeError(
-                    f"inapplicable of {self.name!r} maps method classes to reasons; write {type(method).__name__} "
-                    f"rather than {method!r}"
-                )
+        checked_reasons(f"inapplicable of {self.name!r}", self.inapplicable)
+        text("source", self.source)
+        text("statement", self.statement)
+        truth("downward", self.downward)
         if self.problem.name == UNNAMED:
             named = copy.copy(self.problem)
             named.name = self.name

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from varcalc.extensions import optional
-from varcalc.problem.conditions import told, truth
+from varcalc.problem.conditions import finite, real, sequence, told, truth, whole
 from varcalc.problem.functional import Functional
 from varcalc.spelling import spelled
 from varcalc.study.plain import PlainProblem, size_of
@@ -72,13 +72,7 @@ class SolverAnswer:
 def _number(name: str, given: Any) -> Any:
     """A number as it was given, so that mpmath's keep their digits; the one entry of an array that has no more."""
     value = given.item() if isinstance(given, np.ndarray) and given.size == 1 else given
-    wrong = TypeError(f"SolverAnswer.{name} must be one number, not {told(given)}")
-    if isinstance(value, str | bytes | bool | complex | np.complexfloating):
-        raise wrong
-    try:
-        float(value)
-    except (TypeError, ValueError, RuntimeError):
-        raise wrong from None
+    real(f"SolverAnswer.{name}", value)
     return value
 
 
@@ -192,15 +186,17 @@ def verify_solver(
     >>> len(report.right), report.exit_status
     (6, 0)
     """
-    if not (isinstance(tolerance, float | int) and 0 < tolerance < 1):
-        raise ValueError(f"tolerance must be a number between 0 and 1, not {tolerance!r}")
+    within = finite("tolerance", tolerance)
+    if not 0 < within < 1:
+        raise ValueError(f"tolerance must be a number between 0 and 1, not {told(tolerance)}")
+    whole("digits", digits, 0)
     _check_solver(solver)
     references = _references(catalogue() if problems is None else problems)
     bare = next((r.name for r in references if r.exact is None), None)
     if bare is not None:
         raise ValueError(f"{bare} has no closed form to hold a solver against; leave it out")
     called = getattr(solver, "__qualname__", type(solver).__name__)
-    return SolverReport(called, tolerance, tuple(judged(solver, r, tolerance, digits) for r in references))
+    return SolverReport(called, within, tuple(judged(solver, r, within, digits) for r in references))
 
 
 def _check_solver(solver: Any) -> None:
@@ -221,9 +217,10 @@ def _check_solver(solver: Any) -> None:
 def _references(problems: Iterable[str | Reference]) -> list[Reference]:
     """The references that are named or given."""
     found: list[Reference] = []
-    for given in [problems] if isinstance(problems, str | Reference) else problems:
-        if isinstance(given, Functional):
-            raise TypeError("problems takes names and References; write Reference(name, problem, Exact(value))")
+    for given in [problems] if isinstance(problems, str | Reference) else sequence("problems", problems):
+        if not isinstance(given, str | Reference):
+            remedy = "; write Reference(name, problem, Exact(value))" if isinstance(given, Functional) else ""
+            raise TypeError(f"problems takes names and References, not {told(given)}{remedy}")
         found += (given,) if isinstance(given, Reference) else load(given)
     if not found:
         raise ValueError("problems is empty; give at least one, or leave it out for all of the catalogue")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.methods.labels import checked_method, label
-from varcalc.problem.conditions import finite, sequence
+from varcalc.problem.conditions import finite, positive, sequence, whole
 from varcalc.problem.problem import Curve, Problem
 from varcalc.progress import Interrupted, Progress, telling
 from varcalc.solution import Solution
@@ -79,8 +79,8 @@ def work_precision(
     for name, given in (("problems", references), ("methods", routes), ("tolerances", settings)):
         if not given:
             raise ValueError(f"{name} is empty; give at least one")
-    if not isinstance(repeats, int) or isinstance(repeats, bool) or repeats < 1:
-        raise ValueError(f"repeats must be a whole number from 1 on, not {repeats!r}")
+    whole("repeats", repeats)
+    positive("seconds", seconds)
     records: list[Record] = []
     lines = [(reference, method) for reference in references for method in routes]
     with telling(progress, "work and precision") as told:
@@ -137,7 +137,7 @@ def _references(
     problems: Iterable[Reference | Problem | Curve], exact: Sequence[Exact | float | None] | None
 ) -> list[Reference]:
     given = list(problems)
-    forms = [None] * len(given) if exact is None else [as_exact(e) for e in exact]
+    forms = [None] * len(given) if exact is None else [as_exact(e) for e in sequence("exact", exact)]
     if len(forms) != len(given):
         raise ValueError(f"exact must have one entry a problem, {len(given)} of them, not {len(forms)}")
     found = []

@@ -13,7 +13,7 @@ import casadi as ca
 
 from varcalc.symbolic.look_up import within_knots
 from varcalc.symbolic.names import Names
-from varcalc.symbolic.remedies import BROKEN, NotSymbolic, complaint
+from varcalc.symbolic.remedies import BROKEN, MOST_TOLD, NotSymbolic, complaint, is_ratio, no_expression
 
 __all__ = ["LAST", "Expression", "Names", "NotSymbolic", "TracedFunction", "as_written", "check_arity", "trace"]
 
@@ -128,7 +128,8 @@ def called(name: str, function: Callable[..., Any], arguments: Sequence[Expressi
         warnings.filterwarnings("ignore", message=r"\s*casadi: a numpy function", category=FutureWarning)
         warnings.filterwarnings("ignore", message="The delegation of int", category=DeprecationWarning)
         try:
-            return function(*arguments)
+            # copies: y[0] = 0 in a person's function changes what it is given, and others are handed the same symbols
+            return function(*(type(a)(a) if isinstance(a, ca.SX | ca.MX) else a for a in arguments))
         except NotSymbolic:
             raise
         except BROKEN as error:
@@ -156,12 +157,24 @@ def check_order(name: str, function: Callable[..., Any], order: Sequence[str]) -
         )
 
 
+def column(name: str, result: Any, size: int, what: str) -> Expression:
+    """``result`` as a column of ``size`` SX expressions, or an error that says ``what`` they are and what it was."""
+    try:
+        found = ca.vertcat(*result) if isinstance(result, list | tuple) else ca.SX(result)
+    except (NotImplementedError, TypeError):
+        said = " ".join(repr(result).split())[:MOST_TOLD]
+        raise TypeError(f"{name} must return a list of expressions or numbers, not {said}") from None
+    if found.numel() != size:
+        raise ValueError(f"{name} must return {size} numbers, {what}, not {found.numel()}")
+    return ca.densify(ca.reshape(found, size, 1))
+
+
 def scalar(name: str, result: Any, kind: type) -> Expression:
     """``result`` as a scalar expression, or an error that says what it was instead."""
     try:
-        expression = result if isinstance(result, kind) else kind(result)
+        expression = result if isinstance(result, kind) else kind(float(result) if is_ratio(result) else result)
     except (NotImplementedError, TypeError):
-        raise TypeError(f"{name} must return a CasADi expression or a number, not {result!r}") from None
+        raise TypeError(no_expression(name, result)) from None
     written = str(expression)
     if "nan" in written:
         raise TypeError(

@@ -225,14 +225,17 @@ def test_a_motion_that_cannot_go_on_says_so():
     [
         (lambda: RigidBody(Inertia.rod(1.0, 1.0)), r"no moment about \(0, 0, 1\)"),
         (lambda: RigidBody([1.0, 1.0, 3.0]), "of no body"),
-        (lambda: RigidBody([1, 1, 1], torque=lambda t, R, omega: [1, 2]), "three numbers"),
+        (
+            lambda: RigidBody([1, 1, 1], torque=lambda t, R, omega: [1, 2]),
+            "3 numbers, one along each of the body's axes",
+        ),
         (lambda: RigidBody([1, 1, 1], potential=lambda t, R: R), "scalar"),
         (lambda: RigidBody([1, 1, 1]).motion((0, 0, 0, 0), (0, 0, 1), (0, 1)), "finite and not zero"),
         (lambda: RigidBody([1, 1, 1]).motion((1, 0, 0), (0, 0, 1), (0, 1)), "four numbers"),
         (lambda: RigidBody([1, 1, 1]).motion(UPRIGHT, (0, 1), (0, 1)), "three finite numbers"),
         (lambda: RigidBody([1, 1, 1]).motion(UPRIGHT, (0, 0, 1), (1, 0)), "ascending"),
         (lambda: RigidBody([1, 1, 1]).motion(UPRIGHT, (0, 0, 1), (1, 2, 3)), "two ascending times"),
-        (lambda: RigidBody([1, 1, 1], parameters={"c": math.inf}), r"parameters\['c'\] must be a finite number"),
+        (lambda: RigidBody([1, 1, 1], parameters={"c": math.inf}), r"parameters\['c'\] must be finite"),
         (lambda: RigidBody([1, 2, 3]).cones((0, 0, 1)), "symmetric body"),
     ],
 )

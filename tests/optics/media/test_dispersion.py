@@ -84,7 +84,7 @@ def test_what_is_refused():
         scene.trace((-2, -1), (1, 0), optical_path=1.0)
     with pytest.raises(ValueError, match=r"wavelength must lie between 0\.3 and 2\.5 micrometres, not 589"):
         scene.at_wavelength(589)
-    with pytest.raises(ValueError, match="wavelength must be one positive number"):
+    with pytest.raises(ValueError, match="wavelength must be a positive number"):
         optics.Scene(AIR, wavelength=-0.5)
     with pytest.raises(ValueError, match="wavelength must lie between"):
         optics.standard_atmosphere(5.0)

@@ -293,5 +293,5 @@ def test_what_is_refused():
         optics.wavefront(scene, optics.PointSource((0, 0, 1)), 8, 1.0)
     with pytest.raises(ValueError, match="point has 2 coordinates and direction 3"):
         optics.PlaneWave((0, 0), (0, 0, 1))
-    with pytest.raises(ValueError, match="rays must be a positive number"):
+    with pytest.raises(ValueError, match="rays must be at least 1"):
         optics.wavefront(scene, optics.PointSource((1, 1)), 0, 1.0)

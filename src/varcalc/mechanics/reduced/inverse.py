@@ -8,7 +8,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.problem.conditions import reals
+from varcalc.mechanics.arguments import sampled
+from varcalc.problem.conditions import finite, positive, reals
 from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import trace
@@ -51,6 +52,7 @@ def force_of_orbit(
     >>> bool(np.all(abs(force * r**4 / (r + 6) + 1) < 1e-14))
     True
     """
+    factor = finite("momentum", momentum) ** 2 / positive("mass", mass)
     theta = ca.SX.sym("theta")
     s = 1 / trace("orbit", orbit, [theta], ca.SX, "it takes the angle")
     bent = ca.gradient(ca.gradient(s, theta), theta)
@@ -59,7 +61,7 @@ def force_of_orbit(
     found = function(at.size, at.reshape(-1, 1))
     if not np.all(found[:, 0] > 0):
         raise ValueError("orbit must give a positive radius at every angle")
-    force = momentum**2 / mass * found[:, 1]
+    force = factor * found[:, 1]
     return found[:, 0].reshape(at.shape)[()], force.reshape(at.shape)[()]
 
 
@@ -91,7 +93,7 @@ def well_width(period: Callable[[np.ndarray], np.ndarray], depth: Any, *, mass: 
     >>> bool(np.all(abs(width - [2, 4]) < 1e-14))
     True
     """
-    heights = reals("depth", depth)
+    heights, scale = reals("depth", depth), np.pi * np.sqrt(2 * positive("mass", mass))
     if not np.all((heights > 0) & np.isfinite(heights)):
         raise ValueError(f"depth must be positive numbers, not {depth!r}")
     flat, step = heights.ravel(), COARSEST
@@ -100,7 +102,7 @@ def well_width(period: Callable[[np.ndarray], np.ndarray], depth: Any, *, mass: 
         step /= 2
         before, last = last, _width(period, flat, step)
         if np.all(np.abs(last - before) <= AGREED * np.abs(last)):
-            return (last / (np.pi * np.sqrt(2 * mass))).reshape(heights.shape)[()]
+            return (last / scale).reshape(heights.shape)[()]
     raise ValueError("period is not smooth, or not finite, below depth: its integral is not resolved")
 
 
@@ -111,5 +113,5 @@ def _width(period: Callable[[np.ndarray], np.ndarray], heights: np.ndarray, step
     share = grown / (1 + grown)
     # dE/√(U - E) = √U share √(1 - share) π cosh t dt
     weights = step * np.pi * np.cosh(t) * share / np.sqrt(1 + grown)
-    periods = period((heights[:, None] * share).ravel()).reshape(len(heights), len(t))
+    periods = sampled("period", period, (heights[:, None] * share).ravel()).reshape(len(heights), len(t))
     return np.sqrt(heights) * (periods @ weights)

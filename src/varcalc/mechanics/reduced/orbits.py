@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.mechanics.arguments import sampled
 from varcalc.mechanics.reduced.effective import ANGLES, TIME, EffectivePotential
 from varcalc.mechanics.reduced.rests import Rest
 from varcalc.numerics.one_coordinate.motions import (
@@ -23,7 +24,7 @@ from varcalc.numerics.one_coordinate.motions import (
 )
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import AGREED, integrals, reached
-from varcalc.problem.conditions import reals
+from varcalc.problem.conditions import reals, told
 from varcalc.showing import Shown
 
 CONVERGED = 1e-9
@@ -146,10 +147,13 @@ class ReducedOrbit(Shown):
 
         def both(q: np.ndarray, v: np.ndarray) -> np.ndarray:
             # of the way there and of the way back, which a quadrature of half a period does not see
-            return (function(q, v) + function(q, -v)) / 2
+            return (once(q, v) + once(q, -v)) / 2
+
+        def once(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+            return sampled("function", function, q, v)
 
         round_ = self.ends[0] is End.ROUND
-        way = replace(self._way, potential=self._potential.averaging(function if round_ else both))
+        way = replace(self._way, potential=self._potential.averaging(once if round_ else both))
         whole = self._over(way)
         return float(whole[ANGLES + len(self._names)] / whole[TIME])
 
@@ -176,7 +180,7 @@ class ReducedOrbit(Shown):
             if np.any(inside):
                 way = self._way.take(np.zeros(np.count_nonzero(inside), dtype=int))
                 out[inside] = integrals(way, np.zeros(len(last[inside])), last[inside], agreed=self._agreed)
-        return out.reshape(*places.shape, -1)
+        return out.reshape(*places.shape, self._whole.size)
 
     def place(self, t: Any) -> tuple[np.ndarray, Mapping[str, np.ndarray]]:
         """The coordinate, and the angles gone through, at times ``t`` after the start that :meth:`time` tells of.
@@ -185,7 +189,7 @@ class ReducedOrbit(Shown):
         """
         times = reals("t", t)
         if not np.all(times >= 0):
-            raise ValueError(f"t must not be negative: it is counted from where the motion begins anew, not {t!r}")
+            raise ValueError(f"t must not be negative: it is counted from where the motion begins anew, not {told(t)}")
         flat = times.ravel()
         way = replace(self._way, start=np.zeros(1)).take(np.zeros(len(flat), dtype=int))
         columns = self._whole.size - 1

@@ -12,6 +12,7 @@ from varcalc.mechanics.reduced.effective import EffectivePotential
 from varcalc.mechanics.reduced.orbits import ReducedOrbit, Regions
 from varcalc.mechanics.reduced.rests import ONE_PLACE, Rest, rests
 from varcalc.mechanics.reduced.routh import OneCoordinate
+from varcalc.problem.conditions import finite
 from varcalc.spelling import spelled
 from varcalc.symbolic.switches import switches
 
@@ -56,9 +57,8 @@ class ReducedMotion:
         does not move: there is no motion but what :attr:`rests` tells of. Raises ValueError for an energy that is not
         finite.
         """
-        if not np.isfinite(energy):
-            raise ValueError(f"energy must be finite, not {energy!r}")
-        found = [orbit for region in self._regions for orbit in region.orbits(float(energy))]
+        height = finite("energy", energy)
+        found = [orbit for region in self._regions for orbit in region.orbits(height)]
         return tuple(sorted(found, key=lambda orbit: orbit.low))
 
     @cached_property

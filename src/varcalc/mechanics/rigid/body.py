@@ -10,14 +10,16 @@ import casadi as ca
 import numpy as np
 
 from varcalc.integrators import Engine, Flow, Piecewise
+from varcalc.mechanics.arguments import triple
 from varcalc.mechanics.constraints import RATE
 from varcalc.mechanics.course import course
 from varcalc.mechanics.rigid.equations import BodySymbols, TurningEquations
 from varcalc.mechanics.rigid.free import Cones, Polhode, SteadyRotation, cones, polhode, steady_rotations
-from varcalc.mechanics.rigid.inertia import Inertia, Principal, TopKind, principal
+from varcalc.mechanics.rigid.inertia import Inertia, Principal, TopKind, check_inertia, principal
 from varcalc.mechanics.rigid.motion import RigidMotion, with_unit_quaternions
 from varcalc.mechanics.rigid.rotations import EulerAngles, entries, normalised
-from varcalc.problem.conditions import reals
+from varcalc.problem.conditions import reals, text, told
+from varcalc.problem.functional import named
 from varcalc.progress import Interrupted, Progress
 from varcalc.showing import Fact, Shown, line, listed
 from varcalc.spelling import spelled
@@ -72,11 +74,8 @@ class RigidBody(Shown):
                 f"inertia has no moment about ({axis}), so that nothing says how the body turns about it; give two "
                 "angles to a mechanics.System instead"
             )
-        for key, value in (parameters or {}).items():
-            if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value):
-                raise ValueError(f"parameters[{key!r}] must be a finite number, not {value!r}")
-        self.parameters: dict[str, float] = {key: float(value) for key, value in (parameters or {}).items()}
-        self.name: str = name
+        self.parameters: dict[str, float] = named("parameters", parameters)
+        self.name: str = text("name", name)
         self._numbers = np.array(list(self.parameters.values()), dtype=float)
         symbols = BodySymbols.of(tuple(self.parameters))
         self._equations = TurningEquations(symbols, self.inertia, symbols.energy(potential), symbols.torque(torque))
@@ -109,12 +108,8 @@ class RigidBody(Shown):
         >>> top.principal.kind.name
         'SYMMETRIC'
         """
-        if not isinstance(inertia, Inertia):
-            raise TypeError(f"inertia must be a mechanics.Inertia, which knows mass and centre, not {inertia!r}")
-        arm, fall = inertia.centre - reals("pivot", pivot), reals("gravity", gravity)
-        if fall.shape != (3,) or not np.all(np.isfinite(fall)):
-            raise ValueError(f"gravity must be three finite numbers, not {gravity!r}")
-        weight = ca.DM(inertia.mass * fall)
+        check_inertia(inertia)
+        arm, weight = inertia.centre - triple("pivot", pivot), ca.DM(inertia.mass * triple("gravity", gravity))
         return cls(inertia.about(pivot), potential=lambda t, R: -ca.dot(weight, ca.mtimes(R, ca.DM(arm))), name=name)
 
     def motion(
@@ -226,7 +221,7 @@ def _tensor(inertia: Inertia | Any) -> np.ndarray:
     """The tensor (3, 3) of what was given."""
     if isinstance(inertia, Inertia):
         return inertia.tensor
-    given = np.asarray(inertia, dtype=float)
+    given = reals("inertia", inertia)
     return np.diag(given) if given.shape == (3,) else given
 
 
@@ -237,7 +232,7 @@ def oriented(
     given = orientation.quaternion if isinstance(orientation, EulerAngles) else orientation
     q, omega = normalised(given), reals("angular_velocity", angular_velocity)
     if q.shape != (4,):
-        raise ValueError(f"orientation must be one quaternion (4,) or EulerAngles of numbers, not {orientation!r}")
+        raise ValueError(f"orientation must be one quaternion (4,) or EulerAngles of numbers, not {told(orientation)}")
     if omega.shape != (3,) or not np.all(np.isfinite(omega)):
         raise ValueError(f"angular_velocity must be three finite numbers, not {angular_velocity!r}")
     return q, omega

@@ -24,7 +24,7 @@ import numpy as np
 from varcalc.integrators import Continuous
 from varcalc.mechanics.rigid.rotations import entries, normalised, quaternion_rate
 from varcalc.symbolic.names import with_names
-from varcalc.symbolic.tracing import LAST, Expression, check_arity, trace
+from varcalc.symbolic.tracing import LAST, Expression, called, check_arity, column, trace
 
 PLACES = 12
 """Random states at which it is asked whether something is kept."""
@@ -70,11 +70,7 @@ class BodySymbols:
             return ca.SX.zeros(3)
         arguments = self.arguments(self.t, self.R, self.omega)
         check_arity("torque", given, len(arguments), LAST)
-        found = given(*arguments)
-        column = ca.vertcat(*found) if isinstance(found, list | tuple) else ca.SX(found)
-        if column.numel() != 3:
-            raise ValueError(f"torque must return three numbers, along the body's axes, not {column.numel()}")
-        return ca.densify(ca.reshape(column, 3, 1))
+        return column("torque", called("torque", given, arguments, ca.SX), 3, "one along each of the body's axes")
 
 
 @dataclass(frozen=True)
@@ -122,8 +118,8 @@ class TurningEquations:
         """α, the unit of angular momentum, and I⁻¹ (3, 3)."""
         first = self.symbols.p.numel()
         inverse = ca.SX(3, 3)
-        for number, (row, column) in enumerate(zip(*(place.tolist() for place in self._places), strict=True)):
-            inverse[row, column] = inverse[column, row] = self.constants[first + 2 + number]
+        for number, (row, across) in enumerate(zip(*(place.tolist() for place in self._places), strict=True)):
+            inverse[row, across] = inverse[across, row] = self.constants[first + 2 + number]
         return self.constants[first], self.constants[first + 1], inverse
 
     @property

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.mechanics.arguments import triple
 from varcalc.mechanics.rigid.rotations import NOT_ORTHOGONAL
-from varcalc.problem.conditions import reals
+from varcalc.problem.conditions import positive, reals, told
 from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
@@ -72,6 +73,14 @@ class Inertia(Shown):
     centre: np.ndarray
     tensor: np.ndarray
 
+    def __post_init__(self) -> None:
+        tensor = reals("tensor", self.tensor)
+        if tensor.shape != (3, 3):
+            raise ValueError(f"tensor must be a matrix (3, 3), not {told(self.tensor)}")
+        object.__setattr__(self, "mass", positive("mass", self.mass))
+        object.__setattr__(self, "centre", triple("centre", self.centre))
+        object.__setattr__(self, "tensor", tensor)
+
     @classmethod
     def points(cls, masses: Sequence[float], positions: Any) -> Inertia:
         """Point masses (m,) at ``positions`` (m, 3).
@@ -82,7 +91,7 @@ class Inertia(Shown):
         if m.ndim != 1 or len(m) == 0 or r.shape != (len(m), 3):
             raise ValueError(f"positions must be (m, 3) for m masses, not {r.shape} for {m.shape}")
         if not (np.all(m > 0) and np.all(np.isfinite(m)) and np.all(np.isfinite(r))):
-            raise ValueError(f"masses must be positive, and positions finite, not {masses!r} at {positions!r}")
+            raise ValueError(f"masses must be positive, and positions finite, not {told(masses)} at {told(positions)}")
         centre = m @ r / m.sum()
         return cls(float(m.sum()), centre, _spread(m, r - centre))
 
@@ -174,12 +183,12 @@ class Inertia(Shown):
         """
         (m,), r = _positive(mass=mass), reals("corners", corners)
         if r.shape != (4, 3) or not np.all(np.isfinite(r)):
-            raise ValueError(f"corners must be four points (4, 3), not {corners!r}")
+            raise ValueError(f"corners must be four points (4, 3), not {told(corners)}")
         return cls.points([m / 20] * 4 + [4 * m / 5], [*r, r.mean(axis=0)])
 
     def moved(self, displacement: Sequence[float] | np.ndarray) -> Inertia:
         """The same elsewhere."""
-        return Inertia(self.mass, self.centre + _vector("displacement", displacement), self.tensor)
+        return Inertia(self.mass, self.centre + triple("displacement", displacement), self.tensor)
 
     def turned(self, rotation: Any) -> Inertia:
         """The same turned about the origin by a matrix (3, 3). Raises ValueError where that is no rotation."""
@@ -206,12 +215,12 @@ class Inertia(Shown):
 
     def about(self, point: Sequence[float] | np.ndarray) -> np.ndarray:
         """The tensor (3, 3) about a ``point``: parallel axes, J = I + M (d² 1 - d d) (Brizard, eq. 7.8)."""
-        away = self.centre - _vector("point", point)
+        away = self.centre - triple("point", point)
         return self.tensor + _spread(np.array([self.mass]), away[None])
 
     def moment(self, axis: Sequence[float] | np.ndarray, point: Sequence[float] | np.ndarray | None = None) -> float:
         """The moment about an ``axis`` (3,), of any length, through a ``point``: the centre of mass unless given."""
-        n = _vector("axis", axis)
+        n = triple("axis", axis)
         if not np.any(n):
             raise ValueError("axis must have a direction, not the length zero")
         n = n / np.linalg.norm(n)
@@ -224,6 +233,12 @@ class Inertia(Shown):
         return principal(self.tensor)
 
 
+def check_inertia(inertia: Any) -> None:
+    """TypeError for what is no :class:`Inertia`."""
+    if not isinstance(inertia, Inertia):
+        raise TypeError(f"inertia must be a mechanics.Inertia, which knows mass and centre, not {told(inertia)}")
+
+
 @spelled
 def principal(tensor: Any) -> Principal:
     """The principal moments and axes of an inertia ``tensor`` (3, 3).
@@ -234,7 +249,7 @@ def principal(tensor: Any) -> Principal:
     t = reals("tensor", tensor)
     size = np.abs(t).max(initial=0.0)
     if t.shape != (3, 3) or not np.isfinite(size) or not np.abs(t - t.T).max() <= SAME_MOMENT * size:
-        raise ValueError(f"tensor must be a symmetric matrix (3, 3) of finite numbers, not {tensor!r}")
+        raise ValueError(f"tensor must be a symmetric matrix (3, 3) of finite numbers, not {told(tensor)}")
     diagonal = np.diag(t)
     if np.array_equal(t, np.diag(diagonal)):  # its own axes, to the last digit
         order = np.argsort(diagonal, kind="stable")
@@ -259,14 +274,4 @@ def _spread(masses: np.ndarray, r: np.ndarray) -> np.ndarray:
 
 
 def _positive(**values: float) -> list[float]:
-    for name, value in values.items():
-        if isinstance(value, bool) or not np.isreal(value) or not np.isfinite(value) or not value > 0:
-            raise ValueError(f"{name} must be a positive number, not {value!r}")
-    return [float(value) for value in values.values()]
-
-
-def _vector(name: str, value: Any) -> np.ndarray:
-    vector = np.asarray(value, dtype=float)
-    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise ValueError(f"{name} must be three finite numbers, not {value!r}")
-    return vector
+    return [positive(name, value) for name, value in values.items()]

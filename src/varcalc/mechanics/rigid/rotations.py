@@ -106,6 +106,10 @@ class EulerAngles(Brief):
     theta: Any
     psi: Any
 
+    def __post_init__(self) -> None:
+        for name in ("phi", "theta", "psi"):
+            reals(f"EulerAngles.{name}", getattr(self, name))
+
     @classmethod
     def of(cls, quaternion: Any) -> EulerAngles:
         """The angles of quaternions (4,) + shape: θ from 0 to π, φ and ψ from -π to π.

@@ -10,15 +10,16 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from varcalc.mechanics.arguments import triple
 from varcalc.mechanics.rigid.body import RigidBody, oriented
-from varcalc.mechanics.rigid.inertia import Inertia
+from varcalc.mechanics.rigid.inertia import Inertia, check_inertia
 from varcalc.mechanics.rigid.motion import RigidMotion
 from varcalc.mechanics.rigid.nutation import Nutation, nutation
 from varcalc.mechanics.rigid.rotations import EulerAngles, entries
 from varcalc.mechanics.rigid.top_cubic import TopStart
 from varcalc.mechanics.system import System
 from varcalc.numerics.roots import quadratic
-from varcalc.problem.conditions import reals
+from varcalc.problem.conditions import finite
 from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
@@ -54,9 +55,7 @@ class Top(Shown):
 
     def __post_init__(self) -> None:
         for name in ("I1", "I3", "Mgh"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not np.isreal(value) or not math.isfinite(value):
-                raise ValueError(f"{name} must be a finite number, not {value!r}")
+            object.__setattr__(self, name, finite(name, getattr(self, name)))
         if not 0 < self.I3 <= 2 * self.I1 * (1 + ALIGNED):
             raise ValueError(
                 f"I1 = {self.I1:g} and I3 = {self.I3:g} are of no body: both are positive, and I3 is no more than 2 I1"
@@ -69,11 +68,12 @@ class Top(Shown):
         Raises ValueError for a body that is not symmetric about z, and a pivot beside the axis: see
         :meth:`RigidBody.pivoted` for these.
         """
-        tensor, arm = inertia.about(pivot), inertia.centre - reals("pivot", pivot)
+        check_inertia(inertia)
+        tensor, arm = inertia.about(triple("pivot", pivot)), inertia.centre - triple("pivot", pivot)
         wrong = np.abs(tensor - np.diag([tensor[0, 0], tensor[0, 0], tensor[2, 2]])).max()
         if wrong > ALIGNED * np.abs(tensor).max() or np.abs(arm[:2]).max() > ALIGNED * np.abs(arm).max():
             raise ValueError("inertia must be symmetric about z, and the pivot on that axis; see RigidBody.pivoted")
-        return cls(float(tensor[0, 0]), float(tensor[2, 2]), float(inertia.mass * gravity * arm[2]))
+        return cls(float(tensor[0, 0]), float(tensor[2, 2]), float(inertia.mass * finite("gravity", gravity) * arm[2]))
 
     @cached_property
     def body(self) -> RigidBody:
@@ -130,7 +130,7 @@ class Top(Shown):
         At the critical spin itself it does: Mgh sin²(θ/2) then grows by more than the barrier sinks (Landau and
         Lifshitz, "Mechanics", sect. 35, problem 2, for the threshold).
         """
-        return abs(omega3) >= self.critical_spin
+        return abs(finite("omega3", omega3)) >= self.critical_spin
 
     def steady_precessions(self, theta: float, omega3: float) -> tuple[float, ...]:
         """The rates φ', ascending in size, at which the axis goes round at the inclination ``theta``.
@@ -138,7 +138,8 @@ class Top(Shown):
         Roots of I1 cos θ φ'² - I3 ω3 φ' + M g h = 0: two, or one where the axis is level, or none where the top is too
         slow. The slow one is found without loss of digits (Goldstein, Poole and Safko, eq. 5.78).
         """
-        bend, spin, weight = self.I1 * math.cos(theta), self.I3 * omega3, self.Mgh
+        bend, spin = self.I1 * math.cos(finite("theta", theta)), self.I3 * finite("omega3", omega3)
+        weight = self.Mgh
         if abs(bend) <= ALIGNED**1.25 * self.I1:
             return (weight / spin,) if spin else ()
         rates = quadratic(*np.array([weight, -spin, bend]))

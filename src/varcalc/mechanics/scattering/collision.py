@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from varcalc.mechanics.scattering.arguments import positive
-from varcalc.problem.conditions import reals
+from varcalc.mechanics.arguments import sampled
+from varcalc.problem.conditions import positive, reals, told
 from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
@@ -35,8 +35,8 @@ class Collision(Shown):
     target: float
 
     def __post_init__(self) -> None:
-        positive("projectile", self.projectile)
-        positive("target", self.target)
+        for name in ("projectile", "target"):
+            object.__setattr__(self, name, positive(name, getattr(self, name)))
 
     @property
     def mass_ratio(self) -> float:
@@ -56,7 +56,7 @@ class Collision(Shown):
 
     def relative_energy(self, laboratory_energy: float) -> float:
         """The energy of the relative motion, where the projectile has the ``laboratory_energy``."""
-        return laboratory_energy / (1 + self.mass_ratio)
+        return positive("laboratory_energy", laboratory_energy) / (1 + self.mass_ratio)
 
     def laboratory_angle(self, angle: Any) -> np.ndarray:
         """The angle θ of the projectile in the laboratory, of deflections ``angle`` about the centre of mass."""
@@ -91,7 +91,7 @@ class Collision(Shown):
         cosine = np.cos(deflections[known])
         with np.errstate(divide="ignore"):
             widened = (1 + 2 * alpha * cosine + alpha**2) ** 1.5 / np.abs(1 + alpha * cosine)
-        parts[known] = cross_section(deflections[known]) * widened
+        parts[known] = sampled("cross_section", cross_section, deflections[known]) * widened
         return parts.sum(axis=0)[()]
 
     def after(self, projectile: ArrayLike, target: ArrayLike, direction: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -100,12 +100,13 @@ class Collision(Shown):
         ``direction`` (n,), of any length but 0, is that of the relative velocity afterwards; its size is kept. Raises
         ValueError for columns of different sizes and for no direction.
         """
-        first, second, way = (np.asarray(part, dtype=float) for part in (projectile, target, direction))
+        first, second = reals("projectile", projectile), reals("target", target)
+        way = reals("direction", direction)
         if not first.shape == second.shape == way.shape or first.ndim != 1:
             raise ValueError("projectile, target and direction must be columns of one size")
         length = float(np.linalg.norm(way))
         if not (length > 0 and np.isfinite(length)):
-            raise ValueError(f"direction must not vanish, and be finite, not {direction!r}")
+            raise ValueError(f"direction must not vanish, and be finite, not {told(direction)}")
         whole = self.projectile + self.target
         centre = (self.projectile * first + self.target * second) / whole
         relative = np.linalg.norm(first - second) * way / length

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.mechanics.scattering.arguments import positive
+from varcalc.mechanics.arguments import sampled
 from varcalc.numerics.mesh import composite_gauss
-from varcalc.problem.conditions import reals
+from varcalc.problem.conditions import positive, reals
 from varcalc.spelling import spelled
 
 GAUSS_POINTS = 16
@@ -52,7 +52,7 @@ def firsov(deflection: Callable[[np.ndarray], np.ndarray], energy: float, w: Any
     >>> bool(np.max(np.abs(potential * r - 1)) < 1e-12)
     True
     """
-    positive("energy", energy)
+    energy = positive("energy", energy)
     start = reals("w", w)
     if not np.all((start > 0) & np.isfinite(start)):
         raise ValueError(f"w must be positive numbers, not {w!r}")
@@ -73,5 +73,5 @@ def _exponent(deflection: Callable[[np.ndarray], np.ndarray], w: np.ndarray, pan
     """ln(r/w) (m,) by so many panels of Gauss's rule."""
     edges = FARTHEST * np.linspace(0.0, 1.0, panels + 1) ** 2  # narrow where the orbit comes close
     t, weights = composite_gauss(edges, GAUSS_POINTS)
-    angles = deflection((w[:, None] * np.cosh(t)).ravel()).reshape(len(w), len(t))
+    angles = sampled("deflection", deflection, (w[:, None] * np.cosh(t)).ravel()).reshape(len(w), len(t))
     return angles @ weights / np.pi

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from varcalc.mechanics.scattering.arguments import not_negative, positive
 from varcalc.mechanics.scattering.branches import Branches, Interval, Rainbow, branches
 from varcalc.mechanics.scattering.deflection import (
     Approach,
@@ -21,7 +20,7 @@ from varcalc.mechanics.scattering.deflection import (
     orbits_round,
 )
 from varcalc.mechanics.scattering.pieces import radial_pieces
-from varcalc.problem.conditions import reals
+from varcalc.problem.conditions import finite, positive, reals
 from varcalc.showing import Brief, Fact, Plotted, line
 from varcalc.spelling import spelled
 
@@ -78,7 +77,9 @@ class Scattering(Plotted):
 
     def __init__(self, potential: Callable[..., Any], energy: float, *, hard_core: float = 0.0) -> None:
         self.energy: float = positive("energy", energy)
-        self.hard_core: float = not_negative("hard_core", hard_core)
+        self.hard_core: float = finite("hard_core", hard_core)
+        if self.hard_core < 0:
+            raise ValueError(f"hard_core must not be negative, not {self.hard_core:g}; it is a radius")
         self._approaches = tuple(Approach(piece, self.energy) for piece in radial_pieces(potential, self.hard_core))
         self._check_far_away()
 

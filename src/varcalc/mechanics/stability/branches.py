@@ -9,10 +9,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from varcalc.mechanics.arguments import ascending_span, finite_column
 from varcalc.mechanics.stability.curve import RestCurve, Station
-from varcalc.mechanics.system import System
+from varcalc.mechanics.system import System, check_system
+from varcalc.problem.conditions import text
 from varcalc.showing import Shown
-from varcalc.spelling import spelled
+from varcalc.spelling import check_names, spelled
 
 PARAMETER_SHARES = np.array([0.0, 0.1719, 0.3931, 0.6142, 0.8353, 1.0])
 """Shares of the range of the parameter at which all equilibria are searched for: no likely places of bifurcations."""
@@ -95,14 +97,11 @@ def bifurcation_chart(
     >>> [(one.kind.name, round(one.parameter, 12)) for one in chart.bifurcations]
     [('PITCHFORK', 1.0)]
     """
-    first, last = (float(value) for value in between)
-    if name not in system.parameters:
-        raise ValueError(f"{name!r} is no parameter of this system; it has {sorted(system.parameters)}")
-    if not first < last:
-        raise ValueError(f"between must be two ascending values, not {between!r}")
-    corners = np.append(np.asarray(low, dtype=float), first), np.append(np.asarray(high, dtype=float), last)
-    if corners[0].shape != (system.n + 1,) or corners[1].shape != corners[0].shape:
-        raise ValueError(f"low and high must be {system.n} numbers each, not {low!r} and {high!r}")
+    check_system(system)
+    first, last = ascending_span(between, "between", "values")
+    check_names("parameters of this system", [text("name", name)], system.parameters)
+    lowest, highest = finite_column("low", low, system.n), finite_column("high", high, system.n)
+    corners = np.append(lowest, first), np.append(highest, last)
     walk = _EquilibriumCurve(RestCurve.of(system, name, corners[1] - corners[0]), *corners)
     unresolved, values = 0, first + (last - first) * PARAMETER_SHARES
     for value in values:

@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.mechanics.arguments import finite_column
 from varcalc.mechanics.stability.crossing import PassingRoots, passings
 from varcalc.mechanics.stability.surface import PiecewiseSeries
-from varcalc.mechanics.system import System
+from varcalc.mechanics.system import System, check_system
+from varcalc.problem.conditions import numbers, positive, reals, told
 from varcalc.progress import Interrupted, Progress, Telling, telling
 from varcalc.showing import Plotted, Shown
 from varcalc.spelling import spelled
@@ -86,7 +88,7 @@ class MonodromySurface:
         """All parameters (m, c) and the periods (m,)."""
         chosen = dict(zip(self.names, (first, second), strict=False))
         columns = {name: chosen.get(name, np.full(len(first), value)) for name, value in self.system.parameters.items()}
-        periods = np.broadcast_to(np.asarray(self.period(SimpleNamespace(**columns)), dtype=float), first.shape)
+        periods = np.broadcast_to(reals("what period returns", self.period(SimpleNamespace(**columns))), first.shape)
         return np.stack(list(columns.values()), axis=1), np.array(periods)
 
     def values(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -197,22 +199,24 @@ def stability_chart(
     >>> bool(np.abs(chart.boundaries.places[:, 0] - [mathieu_a(0, 1.3), mathieu_b(1, 1.3)]).max() < 1e-13)
     True
     """
-    if not parameters or len(parameters) > 2 or not set(parameters) <= set(system.parameters):
-        raise ValueError(f"parameters must name one or two of {sorted(system.parameters)}, not {sorted(parameters)}")
-    axes = [np.asarray(values, dtype=float) for values in parameters.values()]
+    check_system(system)
+    if not isinstance(parameters, Mapping):
+        raise TypeError(f"parameters must map names to values, not {told(parameters)}; write {{'a': [0.0, 1.0]}}")
+    if not 0 < len(parameters) <= 2 or not set(parameters) <= set(system.parameters):
+        raise ValueError(f"parameters must name one or two of {sorted(system.parameters)}, not {told([*parameters])}")
+    axes = [numbers(f"parameters[{name!r}]", values) for name, values in parameters.items()]
     for name, values in zip(parameters, axes, strict=True):
         if values.ndim != 1 or len(values) < 2 or not np.all(np.diff(values) > 0):
-            raise ValueError(f"parameters[{name!r}] must be two ascending values or more, not {values!r}")
+            raise ValueError(f"parameters[{name!r}] must be two ascending values or more, not {told(values)}")
     axes = axes if len(axes) == 2 else [*axes, np.zeros(1)]
-    given = (lambda p: period) if not callable(period) else period
+    length = period if callable(period) else positive("period", period)
+    given = length if callable(length) else (lambda p: length)
     low, high = (np.array([at[k] for at in axes]) for k in (0, -1))
-    place = np.asarray(q0, dtype=float).reshape(-1)
-    if place.shape != (system.n,):
-        raise ValueError(f"q0 must be {system.n} numbers, one for each coordinate, not {q0!r}")
+    place = finite_column("q0", q0, system.n)
     source = MonodromySurface(system, place, given, tuple(parameters), low, high)
     source.check()
-    with telling(progress, "stability chart") as told:
-        source = source.carried(told)
+    with telling(progress, "stability chart") as tell:
+        source = source.carried(tell)
     if source.surface.stopped:
         raise Interrupted(source.chart(axes[0], axes[1]))
     if not source.surface.resolved:

@@ -11,11 +11,11 @@ import numpy as np
 import scipy.linalg
 
 from varcalc.mechanics.linearised import standing_forces
-from varcalc.mechanics.system import System
-from varcalc.problem.conditions import reals
+from varcalc.mechanics.system import System, check_system
+from varcalc.problem.conditions import positive, reals
 from varcalc.showing import Shown
 from varcalc.spelling import spelled
-from varcalc.symbolic.tracing import Expression
+from varcalc.symbolic.tracing import Expression, trace
 
 FIRST_TIMES, MOST_TIMES = 8, 512
 """In a period, over which is averaged: twice as many until the averages settle."""
@@ -68,6 +68,7 @@ def averaged(system: System, period: float | Callable[[Any], Any]) -> Averaged:
     >>> slow.normal_modes([np.pi]).stable  # f²/(2 w²) > 1
     True
     """
+    check_system(system)
     lagrange, s = system.lagrange, system.lagrange.symbols
     if system.constraints:
         raise ValueError("constraints: the mean motion needs coordinates that need none")
@@ -75,7 +76,10 @@ def averaged(system: System, period: float | Callable[[Any], Any]) -> Averaged:
         raise ValueError("forces: a fast force that depends on the time must be given by L, as in + q[0] * f(t)")
     if ca.depends_on(lagrange.mass, s.t):
         raise ValueError("lagrangian: L_vv depends on the time; only forces can be fast, the inertia not")
-    length = ca.SX(period(*s.arguments())) if callable(period) else ca.SX(float(period))
+    if callable(period):
+        length = trace("period", period, s.arguments(), ca.SX, "it takes the system's parameters, as p")
+    else:
+        length = ca.SX(positive("period", period))
     _check_repeats(system, length)
     times = FIRST_TIMES
     value, swing = _mean(system, length, times)

@@ -28,6 +28,7 @@ from varcalc.methods.ritz.starts import COMPARED, bent_anyhow, clear_of_bounds, 
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.methods.ritz.touching import touchable, touching
 from varcalc.numerics.mesh import Space, on_one_element
+from varcalc.problem.conditions import truth, whole
 from varcalc.showing import Brief
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, no_answer
 from varcalc.spelling import spelled
@@ -101,8 +102,9 @@ class Ritz(Brief):
 
     def __post_init__(self) -> None:
         for name, value in (("elements", self.elements), ("degree", self.degree), ("starts", self.starts)):
-            if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 1):
-                raise ValueError(f"Ritz.{name} must be a whole number from 1 on, not {value!r}")
+            if value is not None:
+                whole(f"Ritz.{name}", value)
+        truth("Ritz.refine", self.refine)
         if not (self.optimiser is None or isinstance(self.optimiser, Newton | Ipopt)):
             raise TypeError(f"Ritz.optimiser must be Newton() or Ipopt(), not {self.optimiser!r}")
 

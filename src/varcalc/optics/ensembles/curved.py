@@ -24,6 +24,7 @@ from varcalc.optics.models.hamilton import flown
 from varcalc.optics.propagation.bundle import Bundle
 from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.validation import how_far, matched, rows
+from varcalc.problem.conditions import function, sequence
 from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
@@ -60,6 +61,10 @@ class CurvedMedium(Brief):
 
     metric: Callable[[Expression], Any]
     n: Callable[[Expression], Any]
+
+    def __post_init__(self) -> None:
+        function("metric", self.metric)
+        function("n", self.n)
 
     def optical_length(self, q: Expression, dq: Expression) -> Expression:
         """Fermat's functional n(q) sqrt(g(dq, dq)), homogeneous of degree one in ``dq`` as a Curve's must be."""
@@ -144,9 +149,9 @@ class CurvedMedium(Brief):
     def _metric(self, q: Expression) -> Expression:
         d = q.numel()
         tracing.check_arity("metric", self.metric, 1, "it is called with a column of coordinates")
-        given = self.metric(q)
+        given = tracing.called("metric", self.metric, [q], type(q))
         if not isinstance(given, ca.SX | ca.MX | ca.DM):
-            given = ca.vertcat(*(ca.horzcat(*row) for row in given))
+            given = ca.vertcat(*(ca.horzcat(*row) for row in sequence("what metric returns", given)))
         if given.shape != (d, d):
             raise ValueError(f"metric must return {d} rows of {d} entries, not {given.shape[0]} of {given.shape[1]}")
         return given

@@ -18,6 +18,7 @@ import numpy as np
 from varcalc.optics.models.hamilton import flown
 from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.validation import how_far, matched, rows
+from varcalc.problem.conditions import function
 from varcalc.showing import Brief, Shown
 from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
@@ -77,6 +78,9 @@ class DispersionRelation(Brief):
 
     omega: Callable[[Expression, Expression], Expression]
     _calls: dict[int, PointEvaluator] = field(init=False, default_factory=dict, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        function("omega", self.omega)
 
     def frequency(self, points: Any, wavevectors: Any) -> np.ndarray:
         """ω (m,) at points and wavevectors (m, d) or (d,)."""

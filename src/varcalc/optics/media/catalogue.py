@@ -77,10 +77,11 @@ def munk_profile(
     Munk, "Sound channel in an exponentially stratified ocean", J. Acoust. Soc. Am. 55 (1974) 220; the constants
     are those of Jensen, Kuperman, Porter, Schmidt, "Computational Ocean Acoustics", sect. 5.6.
     """
+    c0 = positive("reference", reference)
 
     def index(height: ca.SX, p: Any) -> ca.SX:
         eta = 2 * (-height - p.axis) / p.axis
-        return reference / (p.speed * (1 + p.epsilon * (eta - 1 + ca.exp(-eta))))
+        return c0 / (p.speed * (1 + p.epsilon * (eta - 1 + ca.exp(-eta))))
 
     return Stratified(index, {"axis": axis, "speed": speed, "epsilon": epsilon})
 
@@ -110,4 +111,5 @@ def _over_ground(
     """``index`` of the height and the parameters, over a plane, or over a sphere about the origin."""
     if earth_radius is None:
         return Stratified(index, parameters)
-    return Radial(lambda r, p: index(r - earth_radius, p), parameters=parameters)
+    ground = positive("earth_radius", earth_radius)
+    return Radial(lambda r, p: index(r - ground, p), parameters=parameters)

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.optics.validation import numbers
-from varcalc.problem.conditions import is_vector
+from varcalc.problem.conditions import is_vector, real, reals, text, told
 from varcalc.showing import Brief
 from varcalc.spelling import listed, near, spelled
 
@@ -58,7 +58,11 @@ class Sellmeier(Brief, Dispersion):
     def __post_init__(self) -> None:
         strengths, resonances = numbers("B", self.B), numbers("C", self.C)
         if strengths.ndim != 1 or strengths.shape != resonances.shape:
-            raise ValueError(f"B and C must be as many numbers each, not {self.B!r} and {self.C!r}")
+            raise ValueError(f"B and C must be as many numbers each, not {told(self.B)} and {told(self.C)}")
+        object.__setattr__(self, "B", tuple(strengths.tolist()))
+        object.__setattr__(self, "C", tuple(resonances.tolist()))
+        object.__setattr__(self, "range", _range(self.range))
+        text("source", self.source)
 
     def index(self, wavelength: Any) -> Any:
         """n at ``wavelength`` in micrometres; ValueError outside the range of the formula, and at a resonance.
@@ -67,7 +71,7 @@ class Sellmeier(Brief, Dispersion):
         """
         if is_vector(wavelength):
             return self._each(wavelength)
-        check_wavelength(wavelength, self.range)
+        wavelength = check_wavelength(wavelength, self.range)
         squared = 1 + sum(b * wavelength**2 / (wavelength**2 - c) for b, c in zip(self.B, self.C, strict=True))
         if isinstance(wavelength, ca.SX):
             return ca.sqrt(squared)
@@ -97,8 +101,12 @@ class Cauchy(Brief, Dispersion):
     source: str = ""
 
     def __post_init__(self) -> None:
-        if numbers("A", self.A).ndim != 1:
-            raise ValueError(f"A must be a sequence of numbers, not {self.A!r}")
+        terms = numbers("A", self.A)
+        if terms.ndim != 1:
+            raise ValueError(f"A must be a sequence of numbers, not {told(self.A)}")
+        object.__setattr__(self, "A", tuple(terms.tolist()))
+        object.__setattr__(self, "range", _range(self.range))
+        text("source", self.source)
 
     def index(self, wavelength: Any) -> Any:
         """n at ``wavelength`` in micrometres; ValueError outside the range of the formula.
@@ -107,20 +115,30 @@ class Cauchy(Brief, Dispersion):
         """
         if is_vector(wavelength):
             return self._each(wavelength)
-        check_wavelength(wavelength, self.range)
+        wavelength = check_wavelength(wavelength, self.range)
         index = sum(a * wavelength ** (-2 * k) for k, a in enumerate(self.A))
         return index if isinstance(wavelength, ca.SX) else float(index)
 
 
-def check_wavelength(wavelength: Any, between: tuple[float, float]) -> None:
-    """Raise ValueError for a number that does not lie in the range, in micrometres; symbols pass."""
+def _range(given: Any) -> tuple[float, float]:
+    """Two ascending wavelengths, the second of which may be infinite; TypeError or ValueError for anything else."""
+    found = reals("range", given)
+    if found.shape != (2,) or not found[0] < found[1]:
+        raise ValueError(f"range must be two ascending wavelengths, not {told(given)}")
+    return float(found[0]), float(found[1])
+
+
+def check_wavelength(wavelength: Any, between: tuple[float, float]) -> Any:
+    """The wavelength as a float; ValueError where it does not lie in the range, in micrometres; symbols pass."""
     if isinstance(wavelength, ca.SX):
-        return
+        return wavelength
+    wavelength = real("wavelength", wavelength)
     if not between[0] <= wavelength <= between[1] or not wavelength > 0:
         hint = f"; {wavelength:g} nm are {wavelength / 1e3:g}" if between[0] <= wavelength / 1e3 <= between[1] else ""
         raise ValueError(
             f"wavelength must lie between {between[0]} and {between[1]} micrometres, not {wavelength}{hint}"
         )
+    return wavelength
 
 
 class NoSuchMaterialError(KeyError):

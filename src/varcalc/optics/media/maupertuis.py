@@ -12,9 +12,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from varcalc.optics.media.medium import Graded, Uniform
+from varcalc.problem.conditions import finite
+from varcalc.problem.functional import named
 from varcalc.spelling import spelled
 
 ENERGY = "energy"
@@ -58,12 +59,13 @@ def maupertuis(
     >>> [round(float(np.sqrt(2) * ray.derivatives["energy"]), 10) for ray in (low, high)]
     [1.0352761804, 3.8637033052]
     """
-    given = {**(parameters or {}), ENERGY: energy}
+    own = named("parameters", parameters)
+    given = {**own, ENERGY: finite("energy", energy)}
     if not callable(potential):
-        if not np.isfinite(potential) or not energy > potential:
+        height = finite("potential", potential)
+        if not given[ENERGY] > height:
             raise ValueError(f"the energy {energy} must exceed the potential {potential}, or nothing moves there")
-        return Uniform(lambda p: ca.sqrt(p.energy - float(potential)), given)
-    own = bool(parameters)
+        return Uniform(lambda p: ca.sqrt(p.energy - height), given)
 
     def index(*arguments: Any) -> Any:
         *position, p = arguments

@@ -18,6 +18,7 @@ import numpy as np
 from varcalc.optics.media.dispersion import Dispersion
 from varcalc.optics.parameters import Parametrised
 from varcalc.optics.validation import point
+from varcalc.problem.conditions import finite
 from varcalc.problem.functional import named
 from varcalc.showing import Brief
 from varcalc.spelling import spelled
@@ -118,8 +119,8 @@ class Uniform(Brief, _Parametric):
         object.__setattr__(self, "parameters", named("parameters", self.parameters))
         if isinstance(self.n, Dispersion) and not self.parameters:
             return
-        if not isinstance(self.n, int | float | np.number | Dispersion | Callable) or isinstance(self.n, bool):
-            raise TypeError(f"n must be a number, not {self.n!r}; for an index that varies take Graded")
+        if not isinstance(self.n, Dispersion) and not callable(self.n):
+            object.__setattr__(self, "n", finite("n", self.n))
         value = float(self.index(None))
         if not 0 < value < np.inf:
             raise ValueError(f"n must be a positive index, not {value}; a mirror is a surface with mirror=True")
@@ -135,7 +136,7 @@ class Uniform(Brief, _Parametric):
             return ca.SX(self.n.index(parameters[WAVELENGTH]))
         if callable(self.n):
             return _traced("n", self.n, [], parameters)
-        return ca.SX(float(self.n))
+        return ca.SX(self.n)
 
     def at_wavelength(self, wavelength: float) -> Self:
         """The medium for light of ``wavelength``, in micrometres in vacuum; itself where it has no dispersion."""

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from varcalc.optics.media.tabulated import Tabulated
+from varcalc.problem.conditions import file
 from varcalc.spelling import spelled
 
 HEIGHT, DEPTH, INDEX, SPEED = "height", "depth", "index", "speed"
@@ -91,7 +92,7 @@ def read_profile(
     >>> profile.heights, profile.n[0]
     ((-1300.0, -700.0, 0.0), 1.0)
     """
-    path = Path(path)
+    path = file("path", path)
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}; give the path of a file of columns")
     header, numbered = _split(path)

@@ -12,6 +12,7 @@ import numpy as np
 
 from varcalc.optics.media.medium import Expression, Medium
 from varcalc.optics.validation import numbers
+from varcalc.problem.conditions import truth
 from varcalc.showing import Brief
 from varcalc.spelling import spelled
 
@@ -132,6 +133,7 @@ class Tabulated(Brief, Medium, Layers):
             )
         if not np.all(index > 0):
             raise ValueError(f"n must be positive, but it is {index.min():g} at height {heights[index.argmin()]:g}")
+        truth("smooth", self.smooth)
         object.__setattr__(self, "heights", tuple(float(h) for h in heights))
         object.__setattr__(self, "n", tuple(float(v) for v in index))
         object.__setattr__(self, "coefficients", self._fitted(heights, index**2))

@@ -253,7 +253,7 @@ class _Paths:
                 moved[:, :, k] = here * f.zeroth[:, None] + ahead * f.first[:, None]
                 turned[:, :, k] = ahead * f.zeroth[:, None] + curvature * here * f.first[:, None]
         parts = position, momentum, path, moved, turned
-        finite = np.all([np.isfinite(part).reshape(len(path), -1).all(axis=1) for part in parts], axis=0)
+        finite = np.all([np.isfinite(part).all(axis=tuple(range(1, part.ndim))) for part in parts], axis=0)
         for part in parts:  # what has gone too far out for numbers is none
             part[~finite] = np.nan
         back = self.directions.T

@@ -16,6 +16,7 @@ from varcalc.optics.propagation.sequential import Propagator
 from varcalc.optics.rays.beam import RayStatus, launched, spreading
 from varcalc.optics.rays.tube import RayTube
 from varcalc.optics.surfaces import Surface
+from varcalc.problem.conditions import truth
 from varcalc.progress import Progress, telling
 from varcalc.showing import Fact, Plotted, counted, line
 
@@ -114,6 +115,7 @@ class Starts:
 
 def traced(propagator: Propagator, starts: Starts, *, with_spreading: bool, progress: Progress) -> Bundle:
     """The ends of all rays; ``progress`` is told of them."""
+    truth("with_spreading", with_spreading)
     m, d = starts.points.shape
     bundle = Bundle(
         np.empty((m, d)), np.empty((m, d)), np.empty(m), np.empty(m, np.int8),

@@ -14,6 +14,7 @@ from varcalc.methods.collocation.method import Collocation
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Surface
+from varcalc.optics.validation import point
 from varcalc.problem.conditions import At
 from varcalc.problem.problem import Curve
 from varcalc.solution import Status, VariationalError
@@ -57,7 +58,8 @@ def certified_path(medium: Medium, leg: Leg, end: Sequence[float] | None) -> Cer
     def guess(t: Any) -> np.ndarray:
         return np.array([np.interp(t, shares, column) for column in beam.position.T])
 
-    problem = fermat(medium, beam.position[0].tolist(), beam.position[-1].tolist() if end is None else end)
+    last = beam.position[-1].tolist() if end is None else point("end", end)
+    problem = fermat(medium, beam.position[0].tolist(), last)
     solution = solve(problem, Collocation(), guess=guess)
     if not abs(solution.value - path) <= SAME_PATH * path:
         reason = f"no certificate: near the ray a path of {solution.value:.9g} was found, its own is {path:.9g}"

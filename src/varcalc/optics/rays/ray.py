@@ -17,7 +17,7 @@ from varcalc.optics.rays.derivatives import path_derivatives
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.rays.tube import RayTube
 from varcalc.optics.surfaces import Surface
-from varcalc.problem.conditions import finite, reals
+from varcalc.problem.conditions import positive, reals
 from varcalc.showing import Fact, Plotted, counted, figure_of, line
 
 if TYPE_CHECKING:
@@ -121,9 +121,7 @@ class Ray(Plotted):
 
         Raises TypeError or ValueError for a speed that is not a positive number.
         """
-        if not finite("speed", speed) > 0:
-            raise ValueError(f"speed must be a positive number, not {speed!r}")
-        return self.optical_path / speed
+        return self.optical_path / positive("speed", speed)
 
     def certify(self, end: Sequence[float] | None = None) -> Certificate | RayCertificate:
         """Prove between which two numbers the optical path lies, and whether it is the least near this ray.

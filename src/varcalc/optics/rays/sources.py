@@ -12,6 +12,7 @@ import numpy as np
 from varcalc.optics.media.medium import Field
 from varcalc.optics.rays.beam import Beam, frames, launched
 from varcalc.optics.validation import direction, numbers, point, unit_rows
+from varcalc.problem.conditions import whole
 from varcalc.showing import Brief
 from varcalc.spelling import spelled
 
@@ -59,7 +60,7 @@ class PointSource(Brief, Source):
     def starts(self, rays: Any) -> tuple[np.ndarray, np.ndarray]:
         """The point (m times), and the directions."""
         if isinstance(rays, int | np.integer) and not isinstance(rays, bool):
-            headings = spread(int(rays), self.dimension)
+            headings = spread(whole("rays", rays), self.dimension)
         else:
             headings = unit_rows("rays", rays, self.dimension)
         return np.tile(self.point, (len(headings), 1)), headings
@@ -131,8 +132,6 @@ class PlaneWave(Brief, Source):
 
 def spread(count: int, dimension: int) -> np.ndarray:
     """``count`` directions (count, d), evenly spread over the circle, or over the sphere by the golden angle."""
-    if count < 1:
-        raise ValueError(f"rays must be a positive number of rays, or their directions, not {count}")
     turn = np.arange(count)
     if dimension == 2:
         angle = 2 * np.pi * turn / count

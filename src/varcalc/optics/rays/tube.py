@@ -17,7 +17,7 @@ import numpy as np
 
 from varcalc.optics.rays.beam import Beam, RayStatus, spreading
 from varcalc.optics.rays.leg import Leg
-from varcalc.problem.conditions import reals
+from varcalc.problem.conditions import reals, told
 from varcalc.showing import Shown
 
 STEPS_TO_PATH = 8
@@ -110,7 +110,7 @@ class RayTube(Shown):
         if not self.legs:
             raise ValueError(f"the ray could not be followed anywhere: {self.status.message}")
         if not np.all((wanted >= 0) & (wanted <= self.optical_path * (1 + 1e-12))):
-            raise ValueError(f"s must lie between 0 and the ray's optical path {self.optical_path}, not {s!r}")
+            raise ValueError(f"s must lie between 0 and the ray's optical path {self.optical_path}, not {told(s)}")
         beam = self.legs[0].at(np.zeros(len(wanted)))
         for leg in self.legs:
             start = float(leg.at(np.zeros(1)).optical_path[0])

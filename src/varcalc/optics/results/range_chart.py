@@ -16,7 +16,7 @@ from varcalc.optics.rays.ray import Rays
 from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Plane
 from varcalc.optics.validation import point
-from varcalc.problem.conditions import whole
+from varcalc.problem.conditions import numbers, told, whole
 from varcalc.showing import Plotted
 from varcalc.spelling import spelled
 
@@ -89,6 +89,8 @@ def range_chart(
     >>> chart.reach.ravel().round(12)
     array([0.5, 1. , 0.5])
     """
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene must be a Scene, not {told(scene)}")
     start, target = np.array(point("source", source)), point("receiver", receiver)
     if scene.surfaces or len(start) != 2 or scene.dimension == 3:
         raise ValueError("a range chart is drawn of one medium in the plane; the scene has surfaces, or is in space")
@@ -98,7 +100,7 @@ def range_chart(
     tried = (
         np.linspace(-np.pi, np.pi, DEFAULT_ANGLES, endpoint=False) + OFF_AXIS
         if angles is None
-        else np.atleast_1d(np.asarray(angles, dtype=float))
+        else np.atleast_1d(numbers("angles", angles))
     )
     return RangeChart(
         angles=tried,

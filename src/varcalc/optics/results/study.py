@@ -23,7 +23,7 @@ from varcalc.optics.results.wavefronts import Caustic, Wavefront, caustic_of, ra
 from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.optics.validation import point
-from varcalc.problem.conditions import finite, whole
+from varcalc.problem.conditions import functions, positive, text, whole
 from varcalc.progress import Interrupted, Progress, telling
 from varcalc.showing import Plotted, Shown
 from varcalc.spelling import spelled
@@ -79,10 +79,12 @@ class Study(Shown):
             raise TypeError(f"Study.scene must be a Scene, not {self.scene!r}")
         if not isinstance(self.source, Source):
             raise TypeError(f"Study.source must be a PointSource or a PlaneWave, not {self.source!r}")
-        if not finite("Study.optical_path", self.optical_path) > 0:
-            raise ValueError(f"Study.optical_path must be a positive number, not {self.optical_path!r}")
-        if self.wavefronts:
-            whole("Study.wavefronts", self.wavefronts)
+        positive("Study.optical_path", self.optical_path)
+        whole("Study.wavefronts", self.wavefronts, 0)
+        text("Study.title", self.title)
+        functions("Study.known", self.known)
+        if self.within is not None:
+            positive("Study.within", self.within)
         if self.receiver is not None:
             point("Study.receiver", self.receiver)
             if not hasattr(self.source, "point") or hasattr(self.source, "direction"):
