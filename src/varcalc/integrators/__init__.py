@@ -7,18 +7,20 @@ compiled, :class:`Dop853` (Dormand and Prince, SciPy's coefficients) needs no co
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import casadi as ca
 
 from varcalc.integrators.attentive import Attentive
-from varcalc.integrators.dop853 import SMALLEST, Dop853, installed
+from varcalc.integrators.dop853 import SMALLEST, TOGETHER, Dop853, installed
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.on_demand import STEPS, OnDemand
 from varcalc.integrators.piecewise import Continuous, Piecewise
 from varcalc.integrators.protocol import NONE, OUTCOMES, Engine, Flow, Landing, Run, RunOutcome
 from varcalc.integrators.taylor import Taylor
-from varcalc.integrators.threads import spread
+from varcalc.integrators.threads import SMALLEST_SHARE
+from varcalc.integrators.threads import spread as spread_over
 from varcalc.integrators.variational import Variational, variational
 from varcalc.symbolic.derived import Owner, derived
 
@@ -103,6 +105,15 @@ def for_one(most_steps: int, *, quick: bool) -> Engine:
 def for_many(most_steps: int | None = None) -> Engine:
     """The engine for a system that is run very often: compiled at once where it can be, and past nothing narrow."""
     return _to_all_digits(default(0, most_steps))
+
+
+def spread(work: Callable[[slice], None], count: int) -> None:
+    """Call ``work``, which runs an ensemble, with slices of ``range(count)``, on as many threads as are worth it.
+
+    DOP853 is NumPy's calls, which take turns: for it a second thread is worth only many runs.
+    """
+    compiled_code = any(isinstance(engine, Taylor) for engine in available())
+    spread_over(work, count, SMALLEST_SHARE if compiled_code else TOGETHER)
 
 
 def _to_all_digits(engine: Engine) -> Engine:

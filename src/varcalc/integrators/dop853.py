@@ -43,10 +43,12 @@ LOOK = 1e-6
 """The tolerance of a look, where that of the engine is smaller."""
 SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0
 """A new step is so much of the one that just meets the tolerance, and so many times the last at least and at most."""
-TOGETHER = 4096
+TOGETHER = 8192
 """Runs that take their steps together."""
 NOTED = 2000
 """So many runs at a time would be worth the compilation by heyoka: its absence is told."""
+KEPT_AT = (2, 1, 0)
+"""Which of the first three slopes is kept first, second and third: those that few stages need come before others."""
 SPARSE = 16
 """So many runs are left together until half of them have ended: less is not worth rearranging."""
 
@@ -154,8 +156,7 @@ class Dop853Flow:
             bounds = np.abs(usual.reached - landing.reached) / (2**level * usual.steps + 1)
         kept: list[tuple[np.ndarray, Interpolant]] | None = [] if dense else None
         tolerance = self.engine.tolerance_at(level)
-        for first in range(0, len(states), TOGETHER):
-            rows = np.arange(first, min(first + TOGETHER, len(states)))
+        for rows in np.array_split(np.arange(len(states)), max(1, -(-len(states) // TOGETHER))):
             _Runs(self, landing, constants, until, bounds, rows, tolerance, leaving, kept).go()
         if kept is not None:
             landing.dense = [DenseOutput.of(kept, row) for row in range(len(states))]
@@ -176,20 +177,32 @@ def _note() -> None:
     if not installed("heyoka"):
         logging.getLogger("varcalc").warning(
             "heyoka is not installed: large bundles of rays and motions go by DOP853 on arrays, to the same digits, "
-            "and up to twelve times slower than by heyoka once it has compiled them. Where there is a wheel for it: "
+            "and up to eight times slower than by heyoka once it has compiled them. Where there is a wheel for it: "
             "python -m pip install heyoka"
         )
 
 
 @lru_cache(maxsize=1)
 def _tables() -> tuple[np.ndarray, ...]:
-    """SciPy's coefficients: stages with the new state as the last, their places, errors, extra stages, dense output."""
+    """SciPy's coefficients: stages with the new state as the last, their places, errors, extra stages, dense output.
+
+    They are of the slopes in the order of :data:`KEPT_AT`.
+    """
     from scipy.integrate import DOP853
 
-    stages = np.zeros((13, 12))
-    stages[:12], stages[12] = DOP853.A, DOP853.B
+    stages = np.zeros((13, 13))
+    stages[:12, :12], stages[12, :12] = DOP853.A, DOP853.B
     errors = np.stack([DOP853.E5, DOP853.E3])
-    return stages, np.append(DOP853.C, 1.0), errors, DOP853.A_EXTRA, DOP853.C_EXTRA, DOP853.D
+    reordered = [table[..., [*KEPT_AT, *range(3, table.shape[-1])]] for table in (stages, errors, DOP853.A_EXTRA)]
+    dense = DOP853.D[:, [*KEPT_AT, *range(3, DOP853.D.shape[1])]]
+    return reordered[0], np.append(DOP853.C, 1.0), reordered[1], reordered[2], DOP853.C_EXTRA, dense
+
+
+@lru_cache(maxsize=1)
+def _used() -> list[slice]:
+    """Where in memory the slopes are that each stage is made of: after the fourth neither the second nor the third."""
+    nonzero = [np.flatnonzero(row) for row in _tables()[0]]
+    return [slice(int(places[0]), int(places[-1]) + 1) if len(places) else slice(0) for places in nonzero]
 
 
 class _Workspace:
@@ -231,6 +244,7 @@ class _Runs:
         self.way = np.where(self.bound < self.time, -1.0, 1.0)
         self.live: np.ndarray = np.ones(len(rows), dtype=bool)
         self.refused = np.zeros(len(rows), dtype=bool)
+        self.met: list[tuple[np.ndarray, ...]] = []
         self.floor = tolerance * np.maximum(1.0, np.abs(self.state).max(axis=1, initial=0.0))[:, None]
         self.signs = np.zeros((len(rows), 0))
         if flow.stops is not None:
@@ -259,6 +273,7 @@ class _Runs:
                     self._rearrange()
                 self._advance()
                 self.landing.rounds += 1
+            self._land()
         self._give_back()
 
     def _end(self, which: np.ndarray, code: int) -> None:
@@ -332,13 +347,13 @@ class _Runs:
         k, total, state, rates = work.stages, work.sum, work.state, work.rates
         times = self.time + places[:, None] * h
         times[12] = end
-        np.multiply(self.slope, column, out=k[0])
-        for s in range(1, 13):
-            _combined(stages[s, :s], k[:s], total)
+        np.multiply(self.slope, column, out=k[KEPT_AT[0]])
+        for s, used in enumerate(_used()[1:], start=1):
+            _combined(stages[s, used], k[used], total)
             np.add(self.state, total, out=state)
             work.time[:] = times[s]
             work.call()
-            np.multiply(rates, column, out=k[s])
+            np.multiply(rates, column, out=k[KEPT_AT[s] if s < len(KEPT_AT) else s])
         return state.copy("K"), rates.copy("K")
 
     def _error(self, new: np.ndarray) -> np.ndarray:
@@ -371,8 +386,9 @@ class _Runs:
             np.multiply(self.flow.rates(m, (time + place * length)[:, None], within, constants), column, out=k[s])
         rise = new[at] - state
         shape = np.empty((7, *rise.shape))
-        shape[0], shape[1] = rise, k[0] - rise
-        shape[2] = 2 * rise - (column * following[at] + k[0])
+        first = k[KEPT_AT[0]]
+        shape[0], shape[1] = rise, first - rise
+        shape[2] = 2 * rise - (column * following[at] + first)
         for row, out in zip(dense, shape[3:], strict=True):
             out[:] = _combined(row, k)
         return Interpolant(time, length, state, shape)
@@ -386,16 +402,23 @@ class _Runs:
         which, part, stop = self.flow.stops.first(step, self.constants[at], self.signs[at])
         if len(which) == 0:
             return
-        met, begun_at = at[which], step[which]
-        short = Dop853Flow(self.flow.engine, self.flow.system, None).ensemble(
-            begun_at.state, self.constants[met], start=begun_at.time, until=begun_at.time + part * begun_at.length
-        )
-        there, shift = self.flow.stops.polished(short.states, self.constants[met], stop)
-        self.state[met], self.time[met] = there, short.reached + shift
-        self.landing.stopped_by[self.rows[met]] = stop
+        met = at[which]
+        until = step.time[which] + part * step.length[which]
+        self.met.append((self.rows[met], step.time[which], until, step.state[which], self.constants[met], stop))
         ended = np.zeros(len(self.rows), dtype=bool)
         ended[met] = True
         self._end(ended, STOPPED)
+
+    def _land(self) -> None:
+        """Carry the runs that met a stop onto it from where their last step began, all of them together."""
+        if self.flow.stops is None or not self.met:
+            return
+        rows, start, until, states, constants, stop = (np.concatenate(parts) for parts in zip(*self.met, strict=True))
+        free = Dop853Flow(self.flow.engine, self.flow.system, None)
+        short = free.ensemble(states, constants, start=start, until=until)
+        there, shift = self.flow.stops.polished(short.states, constants, stop)
+        self.landing.states[rows], self.landing.reached[rows] = there, short.reached + shift
+        self.landing.stopped_by[rows] = stop
 
 
 def _combined(weights: np.ndarray, stages: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:

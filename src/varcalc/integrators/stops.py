@@ -75,6 +75,8 @@ class Stops:
     _call: PointEvaluator = field(init=False, repr=False, compare=False)
     _levels: PointEvaluator = field(init=False, repr=False, compare=False)
     """The functions alone, which are looked at far more often than their rates, and cost far less than the system."""
+    _used: tuple[int, ...] = field(init=False, repr=False, compare=False)
+    """The states that they depend on, which are mostly few."""
 
     def __post_init__(self) -> None:
         size = check_system(self.system)
@@ -83,6 +85,8 @@ class Stops:
         level = ca.densify(ca.SX(self.stops(s, state, constants)))
         if ca.depends_on(ca.vertcat(rate, level), s):
             raise ValueError("a system with stopping functions, and these, must not depend on s")
+        used = tuple(k for k in range(size) if ca.depends_on(level, state[k]))
+        object.__setattr__(self, "_used", used)
         slope = ca.jtimes(level, state, rate)
         results = [level, ca.densify(slope), rate]
         object.__setattr__(self, "_call", PointEvaluator(ca.Function("stops", [state, constants], results)))
@@ -109,11 +113,13 @@ class Stops:
         The functions are enclosed over the box in which the step lies, by ``states`` (m, N) and ``rates`` (m, N) at
         its two ends and its ``lengths`` (m,); ``signs`` (m, k) are those before it.
         """
-        first, last = states
-        reach = STRAYING * np.abs(lengths)[:, None] * np.maximum(*np.abs(rates))
-        strayed = np.maximum((reach - np.abs(last - first)) / 2, 0.0)
-        low, high = np.minimum(first, last) - strayed, np.maximum(first, last) + strayed
-        box: list[Interval] = list(zip(low.T, high.T, strict=True))
+        box: list[Interval] = [(0.0, 0.0)] * states[0].shape[1]
+        reach = STRAYING * np.abs(lengths)
+        for k in self._used:
+            first, last = (ends[:, k] for ends in states)
+            farthest = reach * np.maximum(*(np.abs(ends[:, k]) for ends in rates))
+            strayed = np.maximum((farthest - np.abs(last - first)) / 2, 0.0)
+            box[k] = np.minimum(first, last) - strayed, np.maximum(first, last) + strayed
         ranges = enclosures(self._levels.function, [box, [(c, c) for c in constants.T]])[0]
         beyond = np.zeros(len(signs), dtype=bool)
         for sign, (least, greatest) in zip(signs.T, ranges, strict=True):

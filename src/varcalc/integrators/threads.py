@@ -12,17 +12,17 @@ LARGEST_SHARE = 16384
 """More than this do not stay near the processor."""
 
 
-def threads_for(runs: int) -> int:
-    """Threads for so many runs: at most one a core, at least one."""
-    return max(1, min(os.cpu_count() or 1, runs // SMALLEST_SHARE))
+def threads_for(runs: int, smallest: int = SMALLEST_SHARE) -> int:
+    """Threads for so many runs: at most one a core, at least one, of shares that are not under the ``smallest``."""
+    return max(1, min(os.cpu_count() or 1, runs // smallest))
 
 
-def spread(work: Callable[[slice], None], count: int) -> None:
+def spread(work: Callable[[slice], None], count: int, smallest: int = SMALLEST_SHARE) -> None:
     """Call ``work`` with slices of ``range(count)`` that together are all of it, on as many threads as there are cores.
 
     What one of them raises is raised.
     """
-    threads = threads_for(count)
+    threads = threads_for(count, smallest)
     size = min(LARGEST_SHARE, max(1, -(-count // threads)))
     parts = [slice(first, min(first + size, count)) for first in range(0, count, size)]
     if threads == 1:

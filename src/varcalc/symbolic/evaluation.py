@@ -103,7 +103,7 @@ class PointEvaluator:
         the call is in use. It is taken to be called often, so that for many points NumPy's form is read at once.
         """
         if self.order(len(output)) == "F":
-            return lambda: self._by_columns(inputs, output)
+            return _InColumns(self.columns, np.flatnonzero(self.occupied), inputs, output)
         return _InPlace(self.function.map(len(output)), inputs, [output])
 
     def order(self, count: int) -> Literal["C", "F"]:
@@ -156,6 +156,22 @@ class PointEvaluator:
                 del self._rooms[next(iter(self._rooms))]
             self._rooms[size] = _Room(self.function, size, self._places)
         return self._rooms[min(fit, default=size)]
+
+
+class _InColumns:
+    """The same by NumPy's form of the function, whose columns are found in the arrays once."""
+
+    def __init__(
+        self, columns: Columns, nonzeros: np.ndarray, inputs: Sequence[np.ndarray], output: np.ndarray
+    ) -> None:
+        parts = [slice(first, first + COLUMN) for first in range(0, len(output), COLUMN)]
+        self._columns = columns
+        self._parts = [([list(a[part].T) for a in inputs], [output[part, k] for k in nonzeros]) for part in parts]
+
+    def __call__(self) -> None:
+        for given, places in self._parts:
+            for place, column in zip(places, self._columns(*given), strict=True):
+                place[:] = column
 
 
 class _InPlace:
