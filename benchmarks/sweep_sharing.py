@@ -31,7 +31,7 @@ import varcalc as vc
 from varcalc.study.records import about
 
 RECORD = Path(__file__).parent / "records" / "sweeps.json"
-REPEATS = 2
+REPEATS = 3
 """Timings of which the least counts."""
 BOUNDED = 500
 """What a point made anew costs in points that are moved, and one under a bound in those: so many fewer are taken."""
@@ -79,14 +79,17 @@ def processor_seconds() -> float:
     return sum(sum(p.cpu_times()[:2]) for p in (whole, *whole.children(recursive=True)))
 
 
-def seconds(source: Callable[..., vc.Problem], count: int, executor: Executor | None, cores: int) -> np.ndarray:
-    """The least seconds of a few sweeps: of the wall clock, and of the processor."""
-    spent = []
+def seconds(
+    source: Callable[..., vc.Problem], count: int, executors: dict[str, Executor | None], cores: int
+) -> dict[str, np.ndarray]:
+    """The least seconds of a few sweeps by each executor, in turn: of the wall clock, and of the processor."""
+    spent: dict[str, list[tuple[float, float]]] = {name: [] for name in executors}
     for _ in range(REPEATS):
-        began, worked = time.perf_counter(), processor_seconds()
-        vc.sweep(source, values(count), executor=executor, cores=cores if executor else None)
-        spent.append((time.perf_counter() - began, processor_seconds() - worked))
-    return np.min(spent, axis=0)
+        for name, executor in executors.items():
+            began, worked = time.perf_counter(), processor_seconds()
+            vc.sweep(source, values(count), executor=executor, cores=cores if executor else None)
+            spent[name].append((time.perf_counter() - began, processor_seconds() - worked))
+    return {name: np.min(times, axis=0) for name, times in spent.items()}
 
 
 def compared(points: int, cores: int) -> list[dict[str, object]]:
@@ -99,16 +102,19 @@ def compared(points: int, cores: int) -> list[dict[str, object]]:
     with pool, cluster, Client(cluster) as client:
         for kind, (source, share) in KINDS.items():
             count = max(points // share, 4 * cores)
-            executors = {"pool": pool, "dask": client.get_executor()}
-            for executor in executors.values():
+            shared: dict[str, Executor | None] = {"pool": pool, "dask": client.get_executor()}
+            for executor in shared.values():
                 vc.sweep(source, values(4 * cores), executor=executor, cores=cores)
-            alone = seconds(source, count, None, 1)
-            spent = {name: seconds(source, count, executor, cores) for name, executor in executors.items()}
+            spent = seconds(source, count, {"alone": None, **shared}, cores)
+            alone = spent.pop("alone")
             rows.append({"kind": kind, "points": count, "cores": cores, "alone_s": float(alone[0])} | {
                 f"{name}_s": float(wall) for name, (wall, _) in spent.items()
             } | {
                 f"{name}_overhead": float(worked / alone[1] - 1) for name, (_, worked) in spent.items()
-            } | {"dask_of_pool": float(spent["pool"][0] / spent["dask"][0])})  # fmt: skip
+            } | {
+                f"dask_of_pool_by_{what}": float(spent["pool"][k] / spent["dask"][k])
+                for k, what in enumerate(("clock", "processor"))
+            })  # fmt: skip
     return rows
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+import pickle
 import sys
 from concurrent.futures import ThreadPoolExecutor
 
@@ -86,7 +87,8 @@ def test_a_solve_begins_from_its_neighbour(monkeypatch):
 def test_a_worker_that_takes_its_time_reports_and_goes_on(monkeypatch):
     monkeypatch.setattr(sharing, "REPORT", 0.0)
     job = sharing.Job.of(stretched, None, 1e-10, 2)
-    assert [p.values for p in sharing.chunk(job, [{"k": 1.0}, {"k": 2.0}])] == [(1.0,)]
+    sent = pickle.dumps([{"k": 1.0}, {"k": 2.0}])
+    assert [p.values for p in pickle.loads(sharing.chunk(job, sent))] == [(1.0,)]
     with ThreadPoolExecutor(1) as executor:
         found = vc.sweep(stretched, {"k": [1.0, 2.0, 3.0, 4.0, 5.0]}, executor=executor)
     np.testing.assert_allclose(found.values, [least(k) for k in (1, 2, 3, 4, 5)], rtol=1e-10)

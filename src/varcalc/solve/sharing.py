@@ -76,15 +76,18 @@ def _begun() -> None:
     """What a worker does first: it has begun, whatever it dies of later."""
 
 
-def chunk(job: Job, points: list[Values]) -> list[SweepPoint]:
-    """The first of the points, as many as a worker may take its time for."""
+def chunk(job: Job, points: bytes) -> bytes:
+    """The first of the points, as many as a worker may take its time for; pickled, and so are the points.
+
+    Dask looks into lists, and sends each of their members by itself.
+    """
     began, found = time.perf_counter(), []
     with _ONE_AT_A_TIME:
-        for together in _row(job).groups(points):
+        for together in _row(job).groups(pickle.loads(points)):
             found += together
             if time.perf_counter() - began > REPORT:
                 break
-    return found
+    return pickle.dumps(found)
 
 
 def shared(
@@ -110,7 +113,7 @@ class _Sharing:
         self.job, self.points, self.given, self.cores = job, points, executor, cores
         self.waiting = deque(range(k, min(k + size, len(points))) for k in range(0, len(points), size))
         self.suspects: deque[range] = deque()
-        self.running: dict[Future[list[SweepPoint]], range] = {}
+        self.running: dict[Future[bytes], range] = {}
         self.on_trial = False
         self.broken: BrokenExecutor | None = None
         self.executor = executor or self._pool()
@@ -142,13 +145,13 @@ class _Sharing:
 
     def _submit(self, piece: range) -> None:
         points = self.points[piece.start : piece.stop]
-        self.running[self.executor.submit(chunk, self.job, points)] = piece
+        self.running[self.executor.submit(chunk, self.job, pickle.dumps(points))] = piece
 
-    def _reported(self, piece: range, future: Future[list[SweepPoint]]) -> Iterator[tuple[slice, list[SweepPoint]]]:
+    def _reported(self, piece: range, future: Future[bytes]) -> Iterator[tuple[slice, list[SweepPoint]]]:
         """What came of a chunk; what is left of it waits again."""
         error = future.exception()
         if error is None:
-            found = future.result()
+            found: list[SweepPoint] = pickle.loads(future.result())
             done = piece.start + len(found)
             yield slice(piece.start, done), found
             self.waiting.extend(_halves(range(done, piece.stop)))
