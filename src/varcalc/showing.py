@@ -1,7 +1,8 @@
 """Objects that show themselves: a line as ``repr``, a few lines when printed, HTML in a notebook, and a picture.
 
 A record of few numbers derives from :class:`Brief`. One that holds more derives from :class:`Shown`, and says in
-``_facts`` what there is to say of it; print and notebook are made of that. One that can be drawn derives from
+``_facts`` what there is to say of it; print and notebook are made of that (of HTML there is a table, for which no
+template has to be loaded). One that can be drawn derives from
 :class:`Plotted`; ``varcalc.charts`` knows how.
 """
 

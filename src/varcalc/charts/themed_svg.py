@@ -1,4 +1,8 @@
-"""Figures as SVG within a page, whose colours follow the reader's theme, light or dark."""
+"""Figures as SVG within a page, whose colours follow the reader's theme, light or dark.
+
+matplotlib writes colours as numbers: they are made variables of the page's style afterwards, each dark one with the
+contrast that it has in the light.
+"""
 
 from __future__ import annotations
 

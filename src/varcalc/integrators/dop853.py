@@ -1,8 +1,9 @@
 """Dormand and Prince's method of order 8 with SciPy's coefficients, for all runs together.
 
 Hairer, Norsett, Wanner, "Solving Ordinary Differential Equations I", sect. II.4 to II.6: each run has a step and an
-error of its own, and the stages of all are one call of the system. Nothing is compiled, so it is cheap to start and
-takes any CasADi function, interpolated data included.
+error of its own, and the stages of all are one call of the system. SciPy's own loop has one step for all of them
+together, so that the worst of thousands sets it for all; only its coefficients are taken. Nothing is compiled, so it is
+cheap to start and takes any CasADi function, interpolated data included.
 """
 
 from __future__ import annotations

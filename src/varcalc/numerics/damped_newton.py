@@ -2,7 +2,7 @@
 
 The natural monotonicity test and the damping strategy of P. Deuflhard,
 "Newton Methods for Nonlinear Problems" (2004), sect. 3.3 (algorithm NLEQ-ERR):
-progress is measured by Newton corrections, never by residuals.
+progress is measured by Newton corrections, never by residuals, as SciPy's `root` does.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 On each piece the function is interpolated at Chebyshev points and evaluated by the barycentric formula (Berrut and
 Trefethen, "Barycentric Lagrange interpolation", SIAM Review 46, 2004). Pieces are halved until the interpolant meets
-the function between its points; next to a place where it is infinite or has a kink they become as small as rounding
-allows.
+the function between its points, which SciPy's interpolants leave to whoever chooses the points; next to a place where
+it is infinite or has a kink they become as small as rounding allows.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Roots and minima along one line, on whole arrays at a time: a call costs about as much for 300 places as for one."""
+"""Roots and minima along one line, on whole arrays at a time: a call costs about as much for 300 places as for one.
+
+SciPy's brentq and minimize_scalar ask for one place at a call.
+"""
 
 from __future__ import annotations
 

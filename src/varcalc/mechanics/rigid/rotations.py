@@ -1,7 +1,8 @@
 """Orientations: unit quaternions, rotation matrices and Euler angles.
 
 A quaternion (w, x, y, z) of length 1 turns components along the body's axes into components in space. Arrays have
-their components first, so that many orientations have the shape (4,) + shape.
+their components first, so that many orientations have the shape (4,) + shape. SciPy's Rotation takes numbers alone: the
+equations of motion need the same formulas of symbols.
 """
 
 from __future__ import annotations

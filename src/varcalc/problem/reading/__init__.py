@@ -1,4 +1,8 @@
-"""Expressions and Euler-Lagrange equations as text and as LaTeX."""
+"""Expressions and Euler-Lagrange equations as text and as LaTeX.
+
+By hand and not by SymPy, whose import takes longer than a solve: a CasADi expression would have to be rebuilt in it,
+its simplification has no bound in time, and Newton's dots and y'' are not what its printers write.
+"""
 
 from __future__ import annotations
 
