@@ -3,6 +3,7 @@
 import json
 import math
 import sys
+from dataclasses import replace
 
 import casadi as ca
 import pytest
@@ -198,6 +199,10 @@ def test_each_dial_of_a_route_is_measured_from_coarse_to_fine():
     assert measured_order(by_curve["h, degree 1"]) == pytest.approx(2, abs=0.1)
     assert measured_order(by_curve["h, degree 2"]) == pytest.approx(4, abs=0.2)
     assert all(r.value_error > 0 and r.resolve_ms > 0 for r in records)
+    once = convergence(film(), replace(route, dials=route.dials[:1]), repeats=1, warm=False).records
+    assert [(r.setting, r.value_error, r.resolve_ms) for r in once] == [
+        (r.setting, r.value_error, None) for r in by_curve["h, degree 1"]
+    ]
 
 
 def test_a_naive_rule_at_a_singular_end_lies_below_the_minimum_with_every_sign_of_success():

@@ -95,21 +95,24 @@ def work_precision(
 
 
 def convergence(
-    reference: Reference, route: Route, *, repeats: int = 3, seconds: float = BRIEFLY, within: float = math.inf
-) -> WorkPrecision:
+    reference: Reference, route: Route, *, repeats: int = 3, seconds: float = BRIEFLY, within: float = math.inf,
+    warm: bool = True,
+) -> WorkPrecision:  # fmt: skip
     """Measure what a route costs and delivers as each of its options turns from coarse to fine.
 
     The records are those of :func:`work_precision`, one for each setting of each :class:`Dial`. The errors are not
-    held to a tolerance, so that coarse settings have theirs. Once a dial took ``within`` seconds of processor time
-    its finer settings are left out.
+    held to a tolerance, so that coarse settings have theirs. Solves from the last curve, which cost twice as much as
+    the first, are left out unless ``warm``. Once a dial took ``within`` seconds of processor time its finer settings
+    are left out.
     """
     records: list[Record] = []
     for dial in route.dials:
         point = Record(reference.name, label(dial.method), 0.0, "", knob=dial.knob, curve=dial.name, route=route.name)
         points = [replace(point, setting=setting) for setting in dial.settings]
         records += _line(
-            reference, points, lambda point, d=dial: (d.turned(point.setting), ANY), repeats, seconds, within
-        )
+            reference, points, lambda point, d=dial: (d.turned(point.setting), ANY), repeats, seconds, within,
+            warm=warm,
+        )  # fmt: skip
     return WorkPrecision(tuple(records), about())
 
 
@@ -158,6 +161,8 @@ def _line(
     repeats: int,
     seconds: float,
     within: float = math.inf,
+    *,
+    warm: bool = True,
 ) -> list[Record]:
     """The measured records of one method: ``asked`` gives method and tolerance of each of ``points``.
 
@@ -173,11 +178,13 @@ def _line(
     for point in points:
         if time.process_time() - began > within:
             break
-        found.append(_measured(reference, point, *asked(point), repeats, seconds))
+        found.append(_measured(reference, point, *asked(point), repeats, seconds, warm=warm))
     return found
 
 
-def _measured(reference: Reference, point: Record, method: Any, tol: float, repeats: int, seconds: float) -> Record:
+def _measured(
+    reference: Reference, point: Record, method: Any, tol: float, repeats: int, seconds: float, *, warm: bool
+) -> Record:
     answer = partial(solve, method=method, tol=tol, throw=False)
     solution, calls = _timed(lambda _: answer(cold(reference.problem)), repeats, seconds)
     spent = 1e3 * statistics.median(spent for spent, _ in calls)
@@ -188,7 +195,8 @@ def _measured(reference: Reference, point: Record, method: Any, tol: float, repe
     )  # fmt: skip
     if not solution.status.ok:
         return replace(record, reason=solution.message or solution.status.value)
-    return replace(record, resolve_ms=_warm(solution, answer, repeats, seconds), **_delivered(reference, solution))
+    resolve_ms = _warm(solution, answer, repeats, seconds) if warm else None
+    return replace(record, resolve_ms=resolve_ms, **_delivered(reference, solution))
 
 
 def _share_of_building(solution: Solution) -> float:
