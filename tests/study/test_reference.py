@@ -162,6 +162,11 @@ def test_own_file_that_cannot_be_used(write, text, message):
         load(write(text))
 
 
+def test_a_reader_who_has_gone_is_no_fault_of_the_file(write):
+    with pytest.raises(BrokenPipeError):
+        load(write("raise BrokenPipeError\n"))
+
+
 def test_a_file_or_name_that_does_not_exist(tmp_path):
     with pytest.raises(ProblemFileError, match=r"there is no file .*nowhere.py"):
         load(tmp_path / "nowhere.py")

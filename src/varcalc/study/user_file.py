@@ -56,6 +56,8 @@ def run_file(path: Path, wanted: str) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
+    except BrokenPipeError:  # whoever read what it prints has gone, as head does
+        raise
     except BROKEN as error:
         raise failed(path, "", error) from error
     return module
