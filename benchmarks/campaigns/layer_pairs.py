@@ -47,17 +47,19 @@ def asked(scenery: Scenery, rng: np.random.Generator, tally: Tally) -> Iterator[
             closer = fan(scenery, suspects(rays, stop, height), step, stops[: stop + 1])
             count = counted(closer, stop, height, within[stop])
         tally.pairs += 1
-        tally.rays += len(found)
-        tally.unsure += found.unresolved > 0
+        tally.rays += max(count, len(found))
+        tally.unresolved += found.unresolved > 0
+        strayed = 0
         if len(found) > count:
             tally.more += len(found) - count
-            tally.false += _strayed(scenery, found, step, stops[: stop + 1], height)
-        if len(found) < count:
-            lost = count - len(found)
-            tally.missed_in_silence += lost if found.unresolved == 0 else 0
-            tally.missed_and_said += lost if found.unresolved else 0
+            strayed = _strayed(scenery, found, step, stops[: stop + 1], height)
+        lost = max(0, count - len(found))
+        tally.false += strayed
+        tally.missed += lost if found.unresolved == 0 else 0
+        tally.missed_and_said += lost if found.unresolved else 0
+        if lost or strayed:
             place = f"({stops[stop] * step:.17g}, {height:.17g})"
-            said = f"{len(found)} of {count}, {found.unresolved} unresolved"
+            said = f"{len(found)} of {count}, {strayed} of them false, {found.unresolved} unresolved"
             yield f"from height {scenery.source:.17g} to {place}: {said}"
 
 

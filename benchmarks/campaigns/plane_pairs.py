@@ -33,7 +33,7 @@ def asked(scenery: Scenery, rng: np.random.Generator, tally: Tally) -> list[str]
     for target, rays in zip(targets, answers, strict=True):
         tally.pairs += 1
         tally.rays += len(rays)
-        tally.unsure += rays.unresolved > 0
+        tally.unresolved += rays.unresolved > 0
         own = [(float(np.arctan2(*ray.tangents[0][::-1])), ray.optical_path) for ray in rays]
         net = met(places, paths, target, scenery.within)
         rough = [(float(angles[k : k + 2].mean()), float(paths[step : step + 2, k].mean())) for step, k in net]
@@ -44,8 +44,9 @@ def asked(scenery: Scenery, rng: np.random.Generator, tally: Tally) -> list[str]
             found = aimed(scenery, source, target, guess[0], SIGMA * scenery.within / STEPS * (step + 0.5))
             if found is None or found[1] > (1 - EDGE) * scenery.within or any(_alike(found, one, SAME) for one in own):
                 continue
-            tally.missed_in_silence += rays.unresolved == 0
+            tally.missed += rays.unresolved == 0
             tally.missed_and_said += rays.unresolved > 0
+            tally.rays += 1
             lines.append(f"missed: {source} to {target}, {found}, unresolved {rays.unresolved}")
         n = scenery.squared(source[None])[0][0]
         for one in own:
