@@ -26,6 +26,8 @@ CLOSER = 400
 """Rays laid between two neighbours of the fan."""
 SUSPECTED = 60
 """Stretches of a fan, of those nearest to a receiver, that are looked at closer."""
+SUSPICIOUS = 2.0
+"""Second differences of a fan from a height: farther away it does not turn round there."""
 BISECTIONS, PARTED = 45, 1e-6
 """Of a stretch between two neighbours, after which rays that are so far apart have parted at a kink."""
 LONGEST = 1.3
@@ -274,12 +276,21 @@ def counted(rays: Fan, stop: int, height: float, within: float) -> int:
     return int(np.count_nonzero(np.abs(ends[0] - ends[1]) < PARTED))
 
 
-def suspects(rays: Fan, stop: int, height: float) -> np.ndarray:
-    """Angles closer together where the fan comes nearest to a height and turns round, or leaves."""
+def closer(rays: Fan, step: float, stop: int, height: float) -> Fan:
+    """The fan at one stop, with more rays where it comes nearest to a height and turns round, or leaves."""
     off = np.abs(rays.heights[stop] - height)
     near = np.flatnonzero((off[1:-1] <= off[2:]) & (off[1:-1] <= off[:-2])) + 1
+    # between three rays a smooth fan goes beyond the middle one by an eighth of their second difference, at the most
+    bent = np.abs(rays.heights[stop][near + 1] - 2 * rays.heights[stop][near] + rays.heights[stop][near - 1])
+    near = near[off[near] <= SUSPICIOUS * bent]
     lost = np.flatnonzero(np.isnan(off[1:]) != np.isnan(off[:-1]))
     chosen = np.concatenate([near[np.argsort(off[near])[:SUSPECTED]], lost])
     low, high = rays.angles[np.maximum(chosen - 1, 0)], rays.angles[np.minimum(chosen + 1, len(off) - 1)]
-    closer = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, CLOSER)
-    return np.unique(np.concatenate([rays.angles, closer.ravel()]))
+    between = np.unique(low[:, None] + (high - low)[:, None] * np.linspace(0, 1, CLOSER))
+    more = fan(rays.scenery, between, step, np.array([round(rays.places[stop] / step)]))
+    angles, first = np.unique(np.append(rays.angles, between), return_index=True)
+    heights, paths = (
+        np.append(own[stop], new[0])[None, first]
+        for own, new in ((rays.heights, more.heights), (rays.paths, more.paths))
+    )  # fmt: skip
+    return Fan(rays.scenery, angles, heights, paths, rays.places[[stop]])

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from campaigns.layer_fans import LONGEST, STEEPEST, Scenery, counted, fan, suspects
+from campaigns.layer_fans import LONGEST, STEEPEST, Scenery, closer, counted, fan
 from campaigns.ray_campaign import Tally
 from varcalc import optics
 
@@ -44,8 +44,7 @@ def asked(scenery: Scenery, rng: np.random.Generator, tally: Tally) -> Iterator[
         assert found is not None
         count = counted(rays, stop, height, within[stop])
         if count != len(found):
-            closer = fan(scenery, suspects(rays, stop, height), step, stops[: stop + 1])
-            count = counted(closer, stop, height, within[stop])
+            count = counted(closer(rays, step, stop, height), 0, height, within[stop])
         tally.pairs += 1
         tally.rays += max(count, len(found))
         tally.unresolved += found.unresolved > 0
