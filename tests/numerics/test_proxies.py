@@ -16,6 +16,9 @@ class Known:
         at = at + family
         return np.column_stack([np.sin(40 * at), np.cos(3 * at), np.log(at)])
 
+    def sampled(self, family, at, enough):
+        return self(np.repeat(family, at.shape[1]), at.ravel()).reshape(*at.shape, 3)
+
     def noise(self, family, at):
         return np.zeros((len(at), 3))
 
@@ -81,3 +84,29 @@ def test_families_have_zeros_of_their_own():
     for family, first in ((0, 1), (1, 13)):  # sin 40 (s + family) vanishes at k pi / 40 - family
         exact = np.arange(first, 1 + int((1 + family) * 40 / np.pi)) * np.pi / 40 - family
         np.testing.assert_allclose(np.sort(got.at[own == family]), exact, rtol=0, atol=1e-12)
+
+
+class Noisy(Known):
+    """The same with noise of several units in the last place, and the places that are asked for one by one."""
+
+    asked = 0
+
+    def __call__(self, family, at, enough=0.0):
+        self.asked += len(at)
+        return super().__call__(family, at, enough) + 2e-14 * np.sin(1e16 * at)[:, None]
+
+
+def test_what_is_found_is_not_asked_for_again_with_what_is_not():
+    functions = Noisy()
+    series = proxies(functions, np.zeros(40, dtype=int), np.linspace(0.1, 1, 41)[:-1], np.linspace(0.1, 1, 41)[1:])
+    panels, functions.asked = np.arange(len(series.low)), 0
+    offsets = np.repeat(np.linspace(-0.9, 0.9, 50), len(panels))
+    panel = np.tile(panels, 50)
+    got = zeros(series, panel, np.tile([1.0, 0.0, 0.0], (len(panel), 1)), offsets, np.full(len(panel), 2e-13))
+    exact = sum(
+        np.count_nonzero(np.diff(np.sign(np.sin(40 * np.linspace(0.1, 1, 100_001)) - o)))
+        for o in offsets[:: len(panels)]
+    )
+    assert len(got.at) == exact > 500
+    np.testing.assert_allclose(np.sin(40 * got.at), offsets[got.which], rtol=0, atol=1e-12)
+    assert functions.asked < 12 * len(got.at)

@@ -56,6 +56,10 @@ class Functions(Protocol):
         """
         ...
 
+    def sampled(self, family: np.ndarray, at: np.ndarray, enough: float) -> np.ndarray:
+        """The same (P, m, F) at places (P, m) of panels; of what nobody asks for in a panel, roughly."""
+        ...
+
     def scale(self, family: np.ndarray) -> np.ndarray:
         """Sizes (m, F) of the functions below which they need not be told from zero."""
         ...
@@ -152,8 +156,7 @@ def stands(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.n
 def _sampled(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """The functions (P, N + 2, F) at the points and checked places of panels."""
     places = ((low + high) / 2)[:, None] + ((high - low) / 2)[:, None] * np.append(_POINTS, CHECKED)
-    values = functions(np.repeat(family, places.shape[1]), places.ravel(), ENOUGH)
-    return values.reshape(*places.shape, -1)
+    return functions.sampled(family, places, ENOUGH)
 
 
 def _series(
@@ -332,18 +335,25 @@ class _Isolation:
         """The zeros (z,) in parts at whose left end the values are ``first``, and which of them are none."""
         row, sign = parts.row, np.sign(first)
         start = self._bisected(self.c[row], parts.low, parts.high, first)
+        flat = (SUM_ROUND_OFF + NOISY * self._noise(row, self._place(row, start))) * self.size[row]
+        values, done = np.empty(len(row)), np.zeros(len(row), dtype=bool)
 
         def function(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            return sign * self._true(row, at), sign * _summed(self.rate[row], at[:, None])[:, 0]
+            # what has come to round-off, and made its last step, stays there: it is not asked for with the others
+            going = np.flatnonzero(~done)
+            values[going] = self._true(row[going], at[going])
+            rate = _summed(self.rate[row], at[:, None])[:, 0]
+            left = np.where(done, 0.0, sign * values)
+            done[:] |= np.abs(values) <= np.maximum(flat, CLOSE * np.abs(rate))
+            return left, sign * rate
 
-        around = self._place(row, start)
-        flat = (SUM_ROUND_OFF + NOISY * self._noise(row, around)) * self.size[row]
         # a series with few digits may put a zero on the wrong side of where its panel was parted
         room = BESIDE * (parts.high - parts.low)
         low, high = np.maximum(parts.low - room, -1.0), np.minimum(parts.high + room, 1.0)
         at, _ = bracketed_newton(function, low, high, start, absolute=CLOSE, flat=flat)
         places = self._place(row, at)
-        lost = ~(np.abs(self._true(row, at)) <= (IS_ZERO + self._noise(row, places)) * self.size[row])
+        # the last step is one within round-off, but where there is a jump in place of a zero
+        lost = ~(np.abs(values) <= (IS_ZERO + self._noise(row, places)) * self.size[row])
         return places, lost
 
     def _noise(self, row: np.ndarray, places: np.ndarray) -> np.ndarray:

@@ -125,3 +125,23 @@ def test_kepler_ellipses_and_hyperbolas(energy: float) -> None:
         angle = integrals(way, np.zeros(1), far)[0, 1]
         at = np.arccos((1 / 1e6 - 1) / e)
         assert angle == pytest.approx(at, rel=1e-11)
+
+
+def test_intervals_alike_share_their_places_and_each_has_as_many_as_it_needs():
+    class Plain(Potential):
+        def at(self, u):
+            return 1 + u**2, 2 * u
+
+        def changes(self, base, x):
+            return x * (2 * base + x), 2 * x
+
+    rng = np.random.default_rng(5)
+    first = rng.uniform(-1, 1, 300)
+    last = first + 10 ** rng.uniform(-6, 0, 300)
+    free = np.full(300, np.inf)
+    nodes, alone = Plain().nodes(first, last, -free, free), Plain().nodes(first[:1], last[:1], -free[:1], free[:1])
+    assert len(nodes.u) < 200 * len(alone.u)
+    assert np.all(np.isin(np.append(first, last), nodes.u))
+    for low, high in zip(first, last, strict=True):
+        own = nodes.u[(nodes.u >= low) & (nodes.u <= high)]
+        assert np.diff(own).max() <= (high - low) / 200

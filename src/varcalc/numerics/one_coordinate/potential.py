@@ -22,6 +22,8 @@ BENT = 1e-2
 """Of its change over an interval: how well a cubic must foretell g in the middle."""
 ROUNDS = 14
 """Times an interval is halved to meet BENT."""
+SPARSE = 4
+"""Of the places beyond an interval that are closer to it than those in it are to each other, one in so many will do."""
 MANY = 2000
 """Nodes; with more it is asked whether motions come so far."""
 _NONE = np.zeros(0)
@@ -197,11 +199,7 @@ class Potential(ABC):
             return self._nodes(*(np.atleast_1d(np.asarray(end, dtype=float)) for end in (first, last, low, high)))
 
     def _nodes(self, first: np.ndarray, last: np.ndarray, low: np.ndarray, high: np.ndarray) -> PotentialNodes:
-        reach = self.distances(first, last)
-        inner = first[:, None] + np.linspace(0.0, 1.0, PLACES) * (last - first)[:, None]
-        inner[:, -1] = last
-        u = np.column_stack([low, first[:, None] - reach, inner, last[:, None] + reach, high])
-        u = np.unique(u[(u >= low[:, None]) & (u <= high[:, None]) & np.isfinite(u)])
+        u = self._places(first, last, low, high)
         stops = self.stops
         u = np.union1d(u, stops[(stops >= low.min()) & (stops <= high.max())])
         u, low_edge, high_edge = self._inside(u, first.min(), last.max())
@@ -215,6 +213,26 @@ class Potential(ABC):
                 u = self.enclosed(u, first.min(), last.max())
         u = np.unique(np.concatenate([u, self._turns(u)]))
         return PotentialNodes(u, self.at(u)[0], low_edge, high_edge)
+
+    def _places(self, first: np.ndarray, last: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Places, ascending, at which g is looked at to begin with: those of intervals alike are the same.
+
+        They lie on lattices whose steps are powers of two, no wider than a share of an interval or of how far beyond it
+        they are.
+        """
+        step = _power_of_two((last - first) / (PLACES - 1))
+        number = np.floor(first / step)[:, None] + np.arange(1, 2 * PLACES)
+        inner = np.where(step[:, None] > 0, number * step[:, None], last[:, None])
+        inner = inner[inner < last[:, None]]
+        reach = self.distances(first, last)
+        wide = _power_of_two(np.diff(reach, axis=1, append=2 * reach[:, -1:]))
+        beyond = (reach >= step[:, None]) | (np.arange(reach.shape[1]) % SPARSE == 0)
+        sides = np.concatenate(
+            [np.round((first - reach.T) / wide.T) * wide.T, np.round((last + reach.T) / wide.T) * wide.T]
+        )
+        kept = np.concatenate([beyond.T, beyond.T]) & (sides >= low) & (sides <= high) & np.isfinite(sides)
+        ends = np.concatenate([first, last, low, high])
+        return np.unique(np.concatenate([ends[np.isfinite(ends)], inner, sides[kept]]))
 
     def enclosed(self, u: np.ndarray, first: float, last: float) -> np.ndarray:  # noqa: ARG002  all, to begin with
         """Those of the places ``u`` (k,), ascending, to which motions between ``first`` and ``last`` may come."""
@@ -258,6 +276,11 @@ class Potential(ABC):
             return np.zeros(0)
         sign = np.sign(slope[number])[:, None]
         return np.concatenate(edges(lambda at: self.at(at)[1] * sign > 0, u[number], u[number + 1]))
+
+
+def _power_of_two(values: np.ndarray) -> np.ndarray:
+    """The next lower powers of two."""
+    return np.exp2(np.floor(np.log2(values)))
 
 
 def _better(new: np.ndarray, old: np.ndarray, change: np.ndarray) -> np.ndarray:

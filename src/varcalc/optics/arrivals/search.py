@@ -242,6 +242,7 @@ class TwoPoint:
             full = other().full if careful[k] else self.full
             return full.followed(started(np.array([k])), float(known.paths[k]))[0]
 
+        name = self.full.name
         return [
             Ray(
                 optical_path=float(known.paths[k]),
@@ -249,7 +250,7 @@ class TwoPoint:
                 index=int(known.counts[k]),
                 degenerate=False,
                 tangents=(known.headings[k], known.arriving[k]),
-                model=self.full.name,
+                model=name,
                 spread=lambda k=k: float(spread()[k]),
                 way=partial(followed, k),
                 media=self.full.media,

@@ -239,7 +239,9 @@ def launches(
     tabled = TabledPassages(passages, tables)
     aims = Distances.of(tabled, pair, distance, within, longest)
     farthest = rounded_up(_greatest(aims.pair, aims.distance, np.abs(ends[:, 1] - ends[:, 0])))
-    spread = Spread.of(tabled, farthest, longest)
+    nearest = np.full(len(ends), np.inf)
+    np.minimum.at(nearest, aims.pair, aims.distance)
+    spread = Spread.of(tabled, nearest, farthest, longest)
     series = spread.series()
     touch = TOUCHES_FOLD * farthest[aims.pair]
     families, endless = Families.possible(series, aims)

@@ -86,7 +86,14 @@ class TabledPassages:
 
         It may be ``enough`` to know them so well, relatively.
         """
-        out, told = self.tabled(pair, angles, scale, enough)
+        out, told, _ = self.tabled(pair, angles, scale, enough)
+        self.complete(out, told, pair, angles, scale, enough)
+        return out
+
+    def complete(
+        self, out: np.ndarray, told: np.ndarray, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray, enough: float
+    ) -> None:
+        """Write down what the tables did not tell; ``told`` says what they did."""
         aimed = self.passages.aimed(angles)
         aimed = aimed[~np.all(told[aimed], axis=1)]
         if len(aimed):
@@ -96,15 +103,17 @@ class TabledPassages:
         if len(rows):
             rest = self.passages.at(pair[rows], angles[rows], ~told[rows])
             out[rows] = np.where(np.tile(told[rows], 2), out[rows], rest)
-        return out
 
     def tabled(
         self, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray, enough: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """See :meth:`at`: what the tables tell (m, COUNT), and whether it is S, U and D (m, LAYERS)."""
-        out, told = np.full((len(angles), COUNT), np.nan), np.zeros((len(angles), LAYERS), dtype=bool)
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """See :meth:`at`: what the tables tell (m, COUNT), and whether it is S, U and D (m, LAYERS).
+
+        And what S, U and D may be off (m, LAYERS), of their sizes or the scale; infinite where nothing is known.
+        """
+        out, off = np.full((len(angles), COUNT), np.nan), np.full((len(angles), LAYERS), np.inf)
         if not self.applies:
-            return out, told
+            return out, np.zeros(off.shape, dtype=bool), off
         g = self.passages.g[pair]
         agreed = np.maximum(AS_WELL * np.maximum(self.passages.noise(pair, angles), AGREED), enough)
         c, squared = np.sqrt(g) * np.cos(angles), g * np.sin(angles) ** 2
@@ -120,9 +129,9 @@ class TabledPassages:
             if low >= 0 and high == low + 1:  # level to round-off, where g turns: there is nothing between
                 continue
             rows = np.flatnonzero((lower == low) & (upper == high))
-            own = pair[rows], c[rows], squared[rows], left[rows], scale[rows], agreed[rows]
-            self._read(low, high, rows, own, out, told)
-        return out, told
+            own = pair[rows], c[rows], squared[rows], left[rows], scale[rows]
+            self._read(low, high, rows, own, out, off)
+        return out, off <= agreed[:, :LAYERS], off
 
     def _slopes(self, low: int, high: int) -> tuple[SameSlopes, int, int]:
         """The slopes between two turns, and the levels that are their floor (-1 for none) and their ceiling."""
@@ -143,10 +152,10 @@ class TabledPassages:
         return slopes, floor, ceiling
 
     def _read(
-        self, low: int, high: int, rows: np.ndarray, own: tuple[np.ndarray, ...], out: np.ndarray, told: np.ndarray
+        self, low: int, high: int, rows: np.ndarray, own: tuple[np.ndarray, ...], out: np.ndarray, rough: np.ndarray
     ) -> None:
         """Write down the passages of ``rows``, which turn back before the turns ``low`` and ``high``."""
-        pair, c, squared, left, scale, agreed = own
+        pair, c, squared, left, scale = own
         slopes, floor, ceiling = self._slopes(low, high)
         table = self.tables.table(slopes)
         fall = left[:, ceiling]
@@ -166,11 +175,13 @@ class TabledPassages:
         values[..., 0] *= c[known, None]
         off[..., 0] *= c[known, None]
         up = self.passages.way[pair[known]] > 0
-        passages, rough = (_assembled(slopes, part, up, way) for part, way in ((values, -1.0), (off, 1.0)))
-        least = np.fmax(scale[known], np.nan_to_num(np.abs(passages)))
-        fine = ~(rough > agreed[known] * least)
+        passages, away = (_assembled(slopes, part, up, way) for part, way in ((values, -1.0), (off, 1.0)))
         out[rows[known]] = passages
-        told[rows[known]] = fine[:, :LAYERS] & fine[:, LAYERS:]
+        with np.errstate(all="ignore"):  # where nothing is asked to what is nothing, that is known or it is not
+            away = away / np.fmax(scale[known], np.nan_to_num(np.abs(passages)))
+        # what does not exist, where motions do not turn, is known not to
+        away = np.nan_to_num(away, nan=0.0, posinf=np.inf)
+        rough[rows[known]] = np.maximum(away[:, :LAYERS], away[:, LAYERS:])
 
 
 def _assembled(slopes: SameSlopes, values: np.ndarray, up: np.ndarray, minus: float) -> np.ndarray:

@@ -18,6 +18,8 @@ RATE_STEP = 1e-6
 """Of the unknown, to take derivatives by it."""
 BREAK_OFFSET = 1e-9
 """Of the unknown, that much beside a break the passages are those of its side."""
+ROUGHLY, FAR_SHORT = 1e-3, 2.0
+"""How well passages need be known to tell that nobody asks for them, and by how many times they are too short then."""
 
 
 @dataclass(frozen=True)
@@ -25,23 +27,24 @@ class Spread:
     """The passages as functions of one unknown: of every interval between ``breaks`` two halves, one unit long each.
 
     At 0, 2, 4, .. are the breaks, at 1, 3, .. the middles between them. The passages are those that may be part of a
-    ray of the optical path ``within`` (p,) that comes ``distance`` (p,) far. ``plain`` (p,) says where they are smooth
-    in the angle up to upright rays.
+    ray of the optical path ``within`` (p,) that comes from ``nearest`` to ``distance`` (p,) far. ``plain`` (p,) says
+    where they are smooth in the angle up to upright rays.
     """
 
     tabled: TabledPassages
+    nearest: np.ndarray
     distance: np.ndarray
     within: np.ndarray
     plain: np.ndarray
 
     @classmethod
-    def of(cls, tabled: TabledPassages, distance: np.ndarray, within: np.ndarray) -> Spread:
+    def of(cls, tabled: TabledPassages, nearest: np.ndarray, distance: np.ndarray, within: np.ndarray) -> Spread:
         """Upright rays are one end of the rays of layers, and the middle of those about a smooth centre."""
         pairs, end = np.arange(len(distance)), 2.0 * (tabled.passages.count - 1)
-        spread = _TabledSpread(tabled, distance, within, np.ones(len(pairs), dtype=bool))
+        spread = _TabledSpread(tabled, nearest, distance, within, np.ones(len(pairs), dtype=bool))
         low = np.append(end - 1, end - 0.5)
         first, second = stands(spread, np.tile(pairs, 2), low, low + 0.5).reshape(2, -1)
-        return cls(tabled, distance, within, first & second)
+        return cls(tabled, nearest, distance, within, first & second)
 
     @property
     def passages(self) -> RayPassages:
@@ -77,14 +80,31 @@ class Spread:
     def __call__(self, family: np.ndarray, at: np.ndarray, enough: float = 0.0) -> np.ndarray:
         """The passages (m, 6), to what is ``enough``; what is not known but longer than is asked for is so at least."""
         angles = self.angles(family, at)
-        values = self.tabled.at(family, angles, self.scale(family), enough)
+        values, told, _ = self.tabled.tabled(family, angles, self.scale(family), enough)
+        self._complete(values, told, family, angles, enough)
+        return values
+
+    def sampled(self, family: np.ndarray, at: np.ndarray, enough: float) -> np.ndarray:
+        """See :meth:`Functions.sampled`: steep rays turn back where tables have few digits, and few are of any use."""
+        rows, shape = np.repeat(family, at.shape[1]), (*at.shape, -1)
+        angles = self.angles(rows, at.ravel())
+        values, told, off = self.tabled.tabled(rows, angles, self.scale(rows), enough)
+        roughly, well = (np.all(known.reshape(shape), axis=1) for known in (off <= ROUGHLY, told))
+        idle = self._idle(family, values.reshape(shape), roughly, well)[:, :LAYERS]
+        self._complete(values, told | np.repeat(idle, at.shape[1], axis=0), rows, angles, enough)
+        return values.reshape(shape)
+
+    def _complete(
+        self, values: np.ndarray, told: np.ndarray, family: np.ndarray, angles: np.ndarray, enough: float
+    ) -> None:
+        """Write down what the tables did not tell."""
+        self.tabled.complete(values, told, family, angles, self.scale(family), enough)
         rows = np.flatnonzero(np.isneginf(values).any(axis=1))
         if len(rows):
             least = self.passages.at_least(family[rows], angles[rows])
             asked = self.scale(family[rows])
             asked[:, [0, LAYERS]] = -np.inf
             values[rows] = np.where(np.isneginf(values[rows]) & (least > asked), least, values[rows])
-        return values
 
     def scale(self, family: np.ndarray) -> np.ndarray:
         """The distances and the optical paths that are asked for."""
@@ -95,11 +115,29 @@ class Spread:
         return np.where(at % 2 == 0, at + way * BREAK_OFFSET, at)
 
     def beyond(self, family: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Which passages (P, 6) are longer than is asked for, in either way; S is part of every ray."""
-        known = np.isfinite(values)
-        least = np.where(known.any(axis=1), np.min(values, axis=1, initial=np.inf, where=known), -np.inf)
+        """Which passages (P, 6) are longer than is asked for, in either way, or too short with all others.
+
+        S is part of every ray.
+        """
+        every = np.ones((len(family), LAYERS), dtype=bool)
+        return self._idle(family, values, every, every)
+
+    def _idle(self, family: np.ndarray, values: np.ndarray, known: np.ndarray, well: np.ndarray) -> np.ndarray:
+        """See :meth:`beyond`, told from those passages that are ``known`` (P, 3) in a panel, and those known ``well``.
+
+        U and D are gone twice, so that they are too long by far before a ray is; S is gone once.
+        """
+        exists = np.isfinite(values)
+        least = np.where(exists.any(axis=1), np.min(values, axis=1, initial=np.inf, where=exists), -np.inf)
         longer = (least[:, :LAYERS] > self.distance[family, None]) | (least[:, LAYERS:] > self.within[family, None])
-        return np.tile(longer | longer[:, :1], 2)
+        longer &= np.column_stack([well[:, :1], known[:, 1:]])
+        used = ~longer & ~(known & np.isnan(values[..., :LAYERS]).all(axis=1))
+        whole = known & exists.all(axis=1)[:, :LAYERS]
+        most = np.where(whole, np.max(values[..., :LAYERS], axis=1, initial=0.0, where=exists[..., :LAYERS]), np.inf)
+        # a ray of both U and D may go to and fro; of one of them it comes no farther than so
+        farthest = most[:, 0] + 2 * np.where(used[:, 1:], most[:, 1:], 0.0).sum(axis=1)
+        short = ~used[:, 1:].all(axis=1) & (FAR_SHORT * farthest < self.nearest[family])
+        return np.tile(longer | longer[:, :1] | short[:, None], 2)
 
     def series(self) -> Proxies:
         """Series that stand for them, to begin with four in each interval."""
@@ -112,11 +150,16 @@ class Spread:
 class _TabledSpread(Spread):
     """What the tables tell of it."""
 
-    def __call__(self, family: np.ndarray, at: np.ndarray, enough: float = 0.0) -> np.ndarray:
-        """The passages (m, 6), not known where the tables do not tell them."""
-        values, told = self.tabled.tabled(family, self.angles(family, at), self.scale(family), enough)
+    def _complete(
+        self,
+        values: np.ndarray,
+        told: np.ndarray,
+        family: np.ndarray,  # noqa: ARG002  nothing but the tables is asked
+        angles: np.ndarray,  # noqa: ARG002
+        enough: float,  # noqa: ARG002
+    ) -> None:
+        """What the tables do not tell is not known."""
         values[~np.all(told, axis=1)] = -np.inf
-        return values
 
 
 def _share(known: np.ndarray, half: np.ndarray, away: np.ndarray) -> np.ndarray:
