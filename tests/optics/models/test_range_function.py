@@ -362,3 +362,24 @@ def test_rays_through_a_shell_are_found_however_flat_its_tail_is_at_the_source()
 
     apart = np.arccos(a @ b / np.hypot(*a) / np.hypot(*b))
     assert min(abs(turned(c[0]) - way) for way in (apart, 2 * np.pi - apart)) < 1e-9
+
+
+@pytest.mark.parametrize("dark", [2, 4])
+def test_near_and_far_pairs_asked_together_where_rays_are_circles(dark):
+    """In n = 1 / (1 + z) rays are circles about points at z = -1: one ray a pair, however steep.
+
+    The optical path is a distance in Poincaré's half-plane, arcosh(1 + (dx² + dz²) / 2(1 + z_A)(1 + z_B)). Rays that
+    go nearly upright to where the index grows without bound turn ever so far away, behind where they start.
+    """
+    rng = np.random.default_rng(20)
+    height = 10 ** rng.uniform(-dark, 2, (60, 2)) - 1
+    away = 10 ** rng.uniform(-3, 3, 60)
+    a, b = np.column_stack([np.zeros(60), height[:, 0]]), np.column_stack([away, height[:, 1]])
+    found = optics.Scene(optics.Stratified(lambda z: 1 / (1 + z))).arrivals(a, b)
+    assert [(len(rays), rays.unresolved) for rays in found] == [(1, 0)] * 60
+    for ray, (dx,), (z, w) in zip((rays[0] for rays in found), b[:, :1].tolist(), height.tolist(), strict=True):
+        squared = mp.mpf(dx) ** 2 + (mp.mpf(w) - z) ** 2
+        exact = mp.acosh(1 + squared / (2 * (1 + mp.mpf(z)) * (1 + mp.mpf(w))))
+        known = 1e-15 / min(1 + z, 1 + w)  # round-off of the heights, which is no fault of the rays
+        assert abs(ray.optical_path - exact) <= ray.error + known
+        assert ray.error < 1e-10 * float(exact)

@@ -18,7 +18,7 @@ import numpy as np
 
 from varcalc.numerics.proxies import Proxies, zeros
 from varcalc.optics.models.passage_tables import PassageTables, TabledPassages
-from varcalc.optics.models.passages import COUNT, LAYERS, RayPassages
+from varcalc.optics.models.passages import COUNT, EPSILON, LAYERS, RayPassages
 from varcalc.optics.models.reduction import RayPotential
 from varcalc.optics.models.spread import BREAK_OFFSET, Spread
 
@@ -405,7 +405,9 @@ def _launched(
     with np.errstate(all="ignore"):
         path, off = path + c * short, short**2 * w / np.abs(rates)
         clear = known & ~touching & (np.abs(rates) * last > CLEAR * path)
-        off = np.where((noise < TOLD_WELL) & (off < TOLD_WELL * path), off + noise * path, np.inf)
+        # heights are told from the one end, to its round-off, where the path may grow fast at the other
+        rounded = EPSILON * np.abs(passages.end - passages.start)[pair] * np.sqrt(root**2 + passages.higher[pair])
+        off = np.where((noise < TOLD_WELL) & (off < TOLD_WELL * path), off + noise * path + rounded, np.inf)
     index = np.where(clear, _conjugate_points(2 * m + beyond + behind, rates), -1)
     columns = (
         c, speed, end, path, aims.way[aim].astype(int), touching, noise, distance, index, off

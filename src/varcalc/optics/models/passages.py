@@ -177,10 +177,12 @@ class RayPassages:
         free = np.full(len(angles), np.inf)
         below, above = (bounds(self.profile, self.nodes, u0, w**2, c**2, free, sign) for sign in (-1, 1))
         beyond, there, last = np.empty(len(angles)), self.end[pair], w**2 + self.higher[pair]
+        turns = np.empty((2, len(angles)), dtype=bool)
         for sign in (-1, 1):
             some = np.flatnonzero(to == sign)
             turned = bounds(self.profile, self.nodes, there[some], last[some], c[some] ** 2, free[some], sign)
             beyond[some] = np.abs(turned.x)
+            turns[:, some] = (above if sign < 0 else below).turning[some], turned.turning
         x = there - u0
         # how far beyond an end close by rays turn is told from there: both ends may be turning points, all but for
         # round-off; elsewhere from the start, so that a turning point that is not well known is one and the same
@@ -188,8 +190,9 @@ class RayPassages:
         beyond = np.where(ahead > CLOSE_BY * np.abs(x), ahead, beyond)
         room = AT_A_TURN * np.abs(x)
         out[np.ix_(x == 0, [0, LAYERS])] = 0.0
-        # where both turning points are far from S, its ends are told better by their heights than on that motion
-        far = (np.minimum(np.where(to > 0, -below.x, above.x), beyond) > np.abs(x)) & (x != 0)
+        # where no turning point is near S, its ends are told better by their heights than on that motion
+        away = np.where(turns, [np.where(to > 0, -below.x, above.x), beyond], np.inf)
+        far = (away.min(axis=0) > np.abs(x)) & (x != 0)
         straight = NoTurn(self.profile, np.zeros_like(x), u0, w**2, to, c**2)
         with np.errstate(all="ignore"):  # where there is no passage, or it is not resolved, there is no number
             reaches = (below.x <= x + room) & (x - room <= above.x)

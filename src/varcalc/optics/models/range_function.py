@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
+from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.optics.media.medium import Medium, Radial
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.aimed import Aimed, Carry, Tell, Told
@@ -20,7 +21,7 @@ UPRIGHT = 1e-13
 """Of the distance of two points: what they lie apart along layers is none."""
 HALF_TURN = 1e-4
 """So close to half a turn about a centre, of one, rays in space are near a conjugate point."""
-ALONE = 4e-14
+ALONE = AGREED
 """Of an optical path: what it is claimed to where the passages that it is made of are all that tells it."""
 UNITS = 16.0
 """Units of length are its powers: questions near one share what stands for their rays."""
