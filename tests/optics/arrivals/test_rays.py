@@ -523,3 +523,33 @@ def test_rays_that_part_at_the_crests_of_a_wavy_surface(mirror):
         rays = optics.Scene([optics.Uniform(1.0), optics.Uniform(index)], [surface]).rays(A, B, within=9.0)
         exact = np.sort([path for path in exact if path < 9])
         np.testing.assert_allclose([ray.optical_path for ray in rays], exact, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("medium", "target", "said"),
+    [
+        (optics.Stratified(lambda y: ca.sqrt(1 - y)), (1, 2), "B = (1, 2) is dark: n² is -1 there"),
+        (optics.Tabulated([-1, 0], [1.2, 1.3]), (1, 0.5), "B = (1, 0.5) is dark: the index is no number there"),
+        (optics.Graded(lambda x, y: 1 - x**2 - y**2), (2, 0), "B = (2, 0) is dark: the index is -3 there"),
+    ],
+)
+def test_a_dark_target_is_named_and_has_no_ray(medium, target, said):
+    rays = optics.Scene(medium).rays((0, -0.3), target)
+    assert len(rays) == rays.unresolved == 0
+    assert said in str(rays)
+    assert "searched: nothing" not in str(rays)
+
+
+@pytest.mark.parametrize(
+    ("medium", "target"),
+    # upright rays come to rest where n² = 1 - y vanishes; cycloids end in cusps where 1/y is infinite
+    [
+        (optics.Stratified(lambda y: ca.sqrt(1 - y)), (0, 1)),
+        (optics.Stratified(lambda y: 1 / ca.sqrt(y)), (0.5, 0)),
+    ],
+)
+def test_no_claim_is_made_of_rays_that_end_where_the_index_is_nothing_or_infinite(medium, target):
+    rays = optics.Scene(medium).rays((0, 0.3), target)
+    assert len(rays) == 0
+    assert rays.unresolved == 1
+    assert "none such is looked for" in rays.reason

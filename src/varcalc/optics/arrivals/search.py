@@ -292,6 +292,19 @@ class TwoPoint:
         return answers
 
 
+def _unreachable(target: np.ndarray, n: float, squared: float) -> Rays:
+    """The answer of a pair whose target has no index, or one at which rays are not followed to their ends."""
+    place = f"B = ({', '.join(f'{x:.6g}' for x in target)})"
+    if n == 0 or np.isinf(n):
+        level, only = ("0", "only come to rest") if n == 0 else ("infinite", "end")
+        reason = (
+            f"the index is {level} at {place}, where rays may {only}: none such is looked for"
+        )
+        return Rays((), reason, f"the index at B, which is {level}", unresolved=1)
+    told = f"the index is {n:.6g}" if n < 0 else f"n² is {squared:.6g}" if squared < 0 else "the index is no number"
+    return Rays((), f"{place} is dark: {told} there, so that no ray comes to it", f"the index at B, where {told}")
+
+
 def _not_begun() -> Rays:
     """The answer of a pair that was not come to."""
     return Rays((), f"the search was {STOPPED}", "nothing", unresolved=1)
@@ -392,9 +405,10 @@ class PairSearch:
         if within is not None and not (numbers("within", within).ndim == 0 and within > 0):
             raise ValueError(f"within must be a positive optical path, not {within!r}")
         limit = self._usual_range(starts, ends) if within is None else np.full(len(starts), float(within))
-        index = self.compiled.propagator(None, ends.shape[1]).fields[-1].index(ends)
+        field_ = self.compiled.propagator(None, ends.shape[1]).fields[-1]
+        index = field_.index(ends)
         real = (index > 0) & np.isfinite(index)
-        answers = [Rays((), f"the index is {n:g} at B, so that no ray comes there", "nothing") for n in index]
+        answers = [_unreachable(*own) for own in zip(ends, index, field_(ends)[0], strict=True)]
         order = np.lexsort(starts.T)
         order = order[real[order]]
         for row in order:
