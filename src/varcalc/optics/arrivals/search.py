@@ -297,9 +297,7 @@ def _unreachable(target: np.ndarray, n: float, squared: float) -> Rays:
     place = f"B = ({', '.join(f'{x:.6g}' for x in target)})"
     if n == 0 or np.isinf(n):
         level, only = ("0", "only come to rest") if n == 0 else ("infinite", "end")
-        reason = (
-            f"the index is {level} at {place}, where rays may {only}: none such is looked for"
-        )
+        reason = f"the index is {level} at {place}, where rays may {only}: none such is looked for"
         return Rays((), reason, f"the index at B, which is {level}", unresolved=1)
     told = f"the index is {n:.6g}" if n < 0 else f"n² is {squared:.6g}" if squared < 0 else "the index is no number"
     return Rays((), f"{place} is dark: {told} there, so that no ray comes to it", f"the index at B, where {told}")

@@ -18,7 +18,7 @@ RATE_STEP = 1e-6
 """Of the unknown, to take derivatives by it."""
 BREAK_OFFSET = 1e-9
 """Of the unknown, that much beside a break the passages are those of its side."""
-ROUGHLY, FAR_SHORT = 1e-3, 2.0
+OF_USE, FAR_SHORT = 1e-3, 2.0
 """How well passages need be known to tell that nobody asks for them, and by how many times they are too short then."""
 
 
@@ -89,7 +89,7 @@ class Spread:
         rows, shape = np.repeat(family, at.shape[1]), (*at.shape, -1)
         angles = self.angles(rows, at.ravel())
         values, told, off = self.tabled.tabled(rows, angles, self.scale(rows), enough)
-        roughly, well = (np.all(known.reshape(shape), axis=1) for known in (off <= ROUGHLY, told))
+        roughly, well = (np.all(known.reshape(shape), axis=1) for known in (off <= OF_USE, told))
         idle = self._idle(family, values.reshape(shape), roughly, well)[:, :LAYERS]
         self._complete(values, told | np.repeat(idle, at.shape[1], axis=0), rows, angles, enough)
         return values.reshape(shape)
