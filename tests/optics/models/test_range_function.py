@@ -383,3 +383,18 @@ def test_near_and_far_pairs_asked_together_where_rays_are_circles(dark):
         known = 1e-15 / min(1 + z, 1 + w)  # round-off of the heights, which is no fault of the rays
         assert abs(ray.optical_path - exact) <= ray.error + known
         assert ray.error < 1e-10 * float(exact)
+
+
+@pytest.mark.parametrize("height", [0.0, 1e-17, 1e-9, -1e-4, 0.3])
+def test_rays_do_not_depend_on_which_height_is_called_nothing(height):
+    """n² = a - b y above a kink at -1: from ``height`` at the momentum w a ray is as high again after σ = 4 w / b.
+
+    Between two heights close to nothing the medium was looked at as far as a million times these, and no farther.
+    """
+    a, b, sine = 1.5 - 0.8 * height, 0.8, 0.3
+    w, p = math.sqrt(a) * sine, math.sqrt(a * (1 - sine**2))
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(2.3 - b * ca.fabs(y + 1))))
+    # steep rays come as far: sin 2θ is the same
+    exact = [(4 * a * v - 8 * v**3 / 3) / b for v in (w, p)]
+    rays = scene.rays((0, height), (p * 4 * w / b, height), within=4.0)
+    assert [ray.optical_path for ray in rays] == pytest.approx(exact, rel=1e-13)

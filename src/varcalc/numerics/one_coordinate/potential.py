@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 NOT_FOLLOWED = 1e6
 """Motions that have come so many times farther than the problem is large are not followed."""
+BEYOND_SIZE = 1e4
+"""The same of where a motion may come to."""
 PLACES = 240
 """Places on either side at which g is looked at to begin with, in geometric progression."""
 BENT = 1e-2
@@ -181,25 +183,32 @@ class Potential(ABC):
             start, flat = (low + high) / 2, 2 * EPSILON * np.minimum(squared, C)
             return bracketed_newton(above, low, high, start, relative=4 * EPSILON, flat=flat)[0]
 
-    def distances(self, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-        """How far beyond places from ``first`` to ``last`` (p,) g is looked at: ascending, (p, k)."""
+    def distances(self, first: np.ndarray, last: np.ndarray, size: np.ndarray | float = 0.0) -> np.ndarray:
+        """How far beyond places from ``first`` to ``last`` (p,) g is looked at: ascending, (p, k).
+
+        A motion that may come as far as ``size`` (p,) does so wherever its coordinate is called nothing.
+        """
         if self.reach is not None:
             return np.tile(self.reach, (len(first), 1))
-        size = np.max([np.abs(first), np.abs(last), last - first], axis=0)
-        return np.where(size > 0, size, 1.0)[:, None] * np.geomspace(1e-8, NOT_FOLLOWED, PLACES)
+        own, size = np.max([np.abs(first), np.abs(last), last - first], axis=0), np.where(np.isfinite(size), size, 0.0)
+        own = np.where(own > 0, own, np.where(size > 0, size, 1.0))
+        return np.geomspace(1e-8 * own, np.fmax(NOT_FOLLOWED * own, BEYOND_SIZE * size), PLACES, axis=1)
 
     def nodes(
-        self, first: np.ndarray | float, last: np.ndarray | float, low: np.ndarray | float, high: np.ndarray | float
-    ) -> PotentialNodes:
+        self, first: np.ndarray | float, last: np.ndarray | float, low: np.ndarray | float, high: np.ndarray | float,
+        size: np.ndarray | float = 0.0,
+    ) -> PotentialNodes:  # fmt: skip
         """The nodes of g about places from ``first`` to ``last``, no farther than ``low`` and ``high``.
 
-        Of p intervals each brings its own nodes.
+        Of p intervals each brings its own nodes; for ``size`` see :meth:`distances`.
         """
         with np.errstate(all="ignore"):
-            return self._nodes(*(np.atleast_1d(np.asarray(end, dtype=float)) for end in (first, last, low, high)))
+            return self._nodes(*(np.atleast_1d(np.asarray(end, dtype=float)) for end in (first, last, low, high, size)))
 
-    def _nodes(self, first: np.ndarray, last: np.ndarray, low: np.ndarray, high: np.ndarray) -> PotentialNodes:
-        u = self._places(first, last, low, high)
+    def _nodes(
+        self, first: np.ndarray, last: np.ndarray, low: np.ndarray, high: np.ndarray, size: np.ndarray
+    ) -> PotentialNodes:
+        u = self._places(first, last, low, high, size)
         stops = self.stops
         u = np.union1d(u, stops[(stops >= low.min()) & (stops <= high.max())])
         u, low_edge, high_edge = self._inside(u, first.min(), last.max())
@@ -214,7 +223,9 @@ class Potential(ABC):
         u = np.unique(np.concatenate([u, self._turns(u)]))
         return PotentialNodes(u, self.at(u)[0], low_edge, high_edge)
 
-    def _places(self, first: np.ndarray, last: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    def _places(
+        self, first: np.ndarray, last: np.ndarray, low: np.ndarray, high: np.ndarray, size: np.ndarray
+    ) -> np.ndarray:
         """Places, ascending, at which g is looked at to begin with: those of intervals alike are the same.
 
         They lie on lattices whose steps are powers of two, no wider than a share of an interval or of how far beyond it
@@ -224,7 +235,7 @@ class Potential(ABC):
         number = np.floor(first / step)[:, None] + np.arange(1, 2 * PLACES)
         inner = np.where(step[:, None] > 0, number * step[:, None], last[:, None])
         inner = inner[inner < last[:, None]]
-        reach = self.distances(first, last)
+        reach = self.distances(first, last, size)
         wide = _power_of_two(np.diff(reach, axis=1, append=2 * reach[:, -1:]))
         beyond = (reach >= step[:, None]) | (np.arange(reach.shape[1]) % SPARSE == 0)
         sides = np.concatenate(

@@ -58,11 +58,13 @@ class RayPassages:
         swapped = g[:, 1] < g[:, 0]
         start, end = np.where(swapped, *ends.T[::-1]), np.where(swapped, *ends.T)
         lower, upper = ends.min(axis=1), ends.max(axis=1)
-        reach = profile.distances(lower, upper)[:, -1]
+        with np.errstate(all="ignore"):
+            size = within / np.sqrt(g.max(axis=1))
+        reach = profile.distances(lower, upper, size)[:, -1]
         free = np.full(len(ends), np.inf)
         low = np.maximum(profile.farthest(lower, -1, within, free), lower - reach)
         high = np.minimum(profile.farthest(upper, 1, within, free), upper + reach)
-        return cls(profile, profile.nodes(lower, upper, low, high), start, end, low, high), swapped
+        return cls(profile, profile.nodes(lower, upper, low, high, size), start, end, low, high), swapped
 
     @cached_property
     def way(self) -> np.ndarray:
