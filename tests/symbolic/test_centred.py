@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc.symbolic.centred import about_centre
+from varcalc.symbolic.centred import about_centre, over_plane
 
 R = ca.SX.sym("r", 3)
 X, Y, Z = R.elements()
@@ -41,3 +41,31 @@ def test_what_depends_on_the_distance_from_a_centre(expression):
 )
 def test_what_does_not(expression):
     assert about_centre(expression, R) is None
+
+
+HEIGHT = 2 * X - 3 * Y + 6 * Z
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        1 + ca.exp(-HEIGHT),
+        ca.fabs(1.0 - HEIGHT) + ca.sin(HEIGHT / 7),
+        ca.sqrt(5 + (2 * X - 3 * Y + 6 * Z - 1) ** 2) / ca.cosh(-2 * HEIGHT),
+        ca.if_else(2 * X + 6 * Z < 3 * Y, 1 + ca.tanh(HEIGHT), 1.0),
+    ],
+)
+def test_what_depends_on_the_height_over_a_plane(expression):
+    up, function = over_plane(expression, R)
+    np.testing.assert_allclose(up, np.array([2, -3, 6]) / 7, rtol=1e-15)
+    value = ca.Function("value", [R], [expression])
+    for place in np.random.default_rng(1).uniform(-1, 1, (20, 3)):
+        assert float(function(place @ up)) == pytest.approx(float(value(place)), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [ca.exp(-HEIGHT) + 1e-6 * X, ca.sin(X) + ca.sin(Y), X * Y, SQUARED, HEIGHT**2 + X, ca.exp(HEIGHT * X), ca.SX(2.0)],
+)
+def test_what_does_not_depend_on_one_height(expression):
+    assert over_plane(expression, R) is None

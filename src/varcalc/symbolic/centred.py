@@ -1,7 +1,8 @@
-"""Whether an expression of a point depends on its distance from one centre alone, read from its operations.
+"""Whether an expression of a point depends on its distance from one centre, or one plane, alone; read from operations.
 
 Polynomials up to the second degree are kept by their coefficients; what is made of them otherwise is a function of the
-squared distance u from a centre if they are all a u + b with the same centre. Nothing is told from samples.
+squared distance u from a centre if they are all a u + b with the same centre, and of a height u if they are polynomials
+of u with the same direction upwards. Nothing is told from samples.
 """
 
 from __future__ import annotations
@@ -60,15 +61,19 @@ class PolynomialOfPoint:
 
 
 @dataclass(frozen=True)
-class Centred:
-    """An ``expression`` of the squared distance from a ``centre`` (d,), which is None of a number."""
+class OfOneDistance:
+    """An ``expression`` of the distance from what ``mark`` (d,) says, a centre or a direction; None of a number."""
 
-    centre: np.ndarray | None
+    mark: np.ndarray | None
     expression: Expression
 
 
-class NotCentredError(Exception):
+class NotOneDistanceError(Exception):
     """What was read depends on more than one distance."""
+
+
+Told = Callable[[PolynomialOfPoint, Expression], OfOneDistance]
+"""What tells a polynomial that is no number as a function of a distance; raises NotOneDistanceError of others."""
 
 
 def about_centre(expression: Expression, position: Expression) -> tuple[np.ndarray, ca.Function] | None:
@@ -76,29 +81,53 @@ def about_centre(expression: Expression, position: Expression) -> tuple[np.ndarr
 
     And the expression as a function of the squared distance from there.
     """
+    return _read(expression, position, _about)
+
+
+def over_plane(expression: Expression, position: Expression) -> tuple[np.ndarray, ca.Function] | None:
+    """The unit vector (d,) along which alone an SX ``expression`` of a column ``position`` changes, or None.
+
+    And the expression as a function of the height along it, from the origin.
+    """
+    return _read(expression, position, _over)
+
+
+def _read(expression: Expression, position: Expression, tell: Told) -> tuple[np.ndarray, ca.Function] | None:
     d = position.numel()
     function, u = ca.Function("read", [position], [expression]), ca.SX.sym("u")
 
     def fixed(value: float) -> PolynomialOfPoint:
         return PolynomialOfPoint(float(value), np.zeros(d), np.zeros((d, d)))
 
-    def applied(operation: int, operands: Sequence[PolynomialOfPoint | Centred]) -> PolynomialOfPoint | Centred:
-        told = None
-        if all(isinstance(o, PolynomialOfPoint) for o in operands) and not isinstance(operation, Call):
-            told = _polynomial(operation, [o for o in operands if isinstance(o, PolynomialOfPoint)])
-        return told or _centred(operation, [_told(o, u) for o in operands])
+    def told(part: PolynomialOfPoint | OfOneDistance) -> OfOneDistance:
+        if isinstance(part, OfOneDistance):
+            return part
+        return OfOneDistance(None, ca.SX(part.constant)) if part.is_constant else tell(part, u)
+
+    def applied(
+        operation: int, operands: Sequence[PolynomialOfPoint | OfOneDistance]
+    ) -> PolynomialOfPoint | OfOneDistance:
+        polynomials = [o for o in operands if isinstance(o, PolynomialOfPoint)]
+        if len(polynomials) == len(operands) and not isinstance(operation, Call):
+            if operation in COMPARISONS:  # of two sides it is the difference that counts
+                return _made(operation, [told(polynomials[0].plus(polynomials[1], -1.0)), told(fixed(0.0))])
+            polynomial = _polynomial(operation, polynomials)
+            if polynomial is not None:
+                return polynomial
+        return _made(operation, [told(o) for o in operands])
 
     given = [[PolynomialOfPoint(0.0, row, np.zeros((d, d))) for row in np.eye(d)]]
     try:
         ((result,),) = interpret(function, given, fixed, applied)
-        found = _told(result, u)
-    except NotCentredError:
+        found = told(result)
+    except NotOneDistanceError:
         return None
-    if found.centre is None:
+    if found.mark is None:
         return None
-    return found.centre, ca.Function("about", [u], [found.expression])
+    return found.mark, ca.Function("read", [u], [found.expression])
 
 
+COMPARISONS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE)
 POLYNOMIALS: dict[int, Callable[[PolynomialOfPoint, PolynomialOfPoint], PolynomialOfPoint | None]] = {
     ca.OP_ASSIGN: lambda a, _: a,
     ca.OP_ADD: lambda a, b: a.plus(b),
@@ -118,23 +147,32 @@ def _polynomial(operation: int, operands: Sequence[PolynomialOfPoint]) -> Polyno
     return rule(operands[0], operands[-1]) if rule else None
 
 
-def _centred(operation: int, operands: Sequence[Centred]) -> Centred:
+def _made(operation: int, operands: Sequence[OfOneDistance]) -> OfOneDistance:
     """What an operation makes of functions of one distance."""
-    centres = [o.centre for o in operands if o.centre is not None]
-    for other in centres[1:]:
-        if np.abs(other - centres[0]).max() > SAME * max(np.abs(centres[0]).max(), np.abs(other).max()):
-            raise NotCentredError
-    return Centred(centres[0] if centres else None, operate(operation, [o.expression for o in operands]))
+    marks = [o.mark for o in operands if o.mark is not None]
+    for other in marks[1:]:
+        if np.abs(other - marks[0]).max() > SAME * max(np.abs(marks[0]).max(), np.abs(other).max()):
+            raise NotOneDistanceError
+    return OfOneDistance(marks[0] if marks else None, operate(operation, [o.expression for o in operands]))
 
 
-def _told(part: PolynomialOfPoint | Centred, u: Expression) -> Centred:
-    """A polynomial as a function of a distance."""
-    if isinstance(part, Centred):
-        return part
+def _about(part: PolynomialOfPoint, u: Expression) -> OfOneDistance:
+    """A polynomial as a function of the squared distance u from a centre."""
     d, curved = len(part.linear), part.square[0, 0]
-    if part.is_constant:
-        return Centred(None, ca.SX(part.constant))
     if curved == 0 or np.abs(part.square - curved * np.eye(d)).max() > SAME * abs(curved):
-        raise NotCentredError
+        raise NotOneDistanceError
     centre = -part.linear / (2 * curved)
-    return Centred(centre, curved * u + (part.constant - curved * float(centre @ centre)))
+    return OfOneDistance(centre, curved * u + (part.constant - curved * float(centre @ centre)))
+
+
+def _over(part: PolynomialOfPoint, u: Expression) -> OfOneDistance:
+    """A polynomial as a function of a height u, upwards being where its first coordinate that counts grows."""
+    row = part.square[np.argmax(np.abs(np.diag(part.square)))] if np.any(part.square) else part.linear
+    up = row / np.linalg.norm(row)
+    up = up * np.sign(up[np.argmax(np.abs(up) > SAME)])
+    slope, bend = float(part.linear @ up), float(up @ part.square @ up)
+    if np.abs(part.linear - slope * up).max() > SAME * np.abs(part.linear).max(initial=0.0):
+        raise NotOneDistanceError
+    if np.abs(part.square - bend * np.outer(up, up)).max() > SAME * np.abs(part.square).max():
+        raise NotOneDistanceError
+    return OfOneDistance(up, part.constant + slope * u + (bend * u**2 if bend else 0))

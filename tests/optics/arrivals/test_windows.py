@@ -108,3 +108,24 @@ def test_the_search_of_one_pair_in_space_tells_how_far_it_has_come() -> None:
     rays = ball.rays((2, 0.3, 0), (1.5, 1.2, 0.4), progress=lambda done, total, what: told.append(what))
     assert len(rays) == 1
     assert any("cells left" in what for what in told)
+
+
+@pytest.mark.parametrize("up", [(0.6, 0.8), (-0.6, 0.8), (2 / 7, 3 / 7, -6 / 7)])
+def test_a_graded_index_of_layers_in_any_direction_is_searched_as_layers(up: tuple[float, ...]) -> None:
+    """The same across ``up``, with the kink at a height of -1."""
+    a, b, sine = 1.5, 0.8, 0.3
+    w, p = math.sqrt(a) * sine, math.sqrt(a * (1 - sine**2))
+    dimension, direction = len(up), np.array(up)
+    ahead = np.cross([*up, 0][:3], (0, 0, 1))[:dimension]
+    ahead = ahead / np.linalg.norm(ahead)
+
+    def index(*place: ca.SX) -> ca.SX:
+        height = sum(u * x for u, x in zip(up, place, strict=True))
+        return ca.sqrt(a + b - b * ca.fmax(height + 1, -(2 * height + 2) / 2))
+
+    rays = optics.Scene(optics.Graded(index)).rays(np.zeros(dimension), p * 4 * w / b * ahead, within=4.0)
+    own = [ray for ray in rays if abs(ray.tangents[0] @ direction - sine) < 1e-12]
+    assert [ray.optical_path for ray in own] == pytest.approx([(4 * a * w - 8 * w**3 / 3) / b], rel=1e-13)
+    assert [ray.tangents[0] @ ahead for ray in own] == pytest.approx([math.sqrt(1 - sine**2)], rel=1e-13)
+    assert rays.unresolved == 0
+    assert max(ray.error for ray in rays) < 1e-11

@@ -16,7 +16,7 @@ from varcalc.optics.arrivals.sections import PlaneSection
 from varcalc.optics.arrivals.space import SpaceSearch
 from varcalc.optics.arrivals.space_fan import SpaceFan, SpaceReach
 from varcalc.optics.arrivals.wavefront_construction import Arrivals, PlanePairs, WavefrontConstruction
-from varcalc.optics.media.medium import Graded, Radial, Stratified, as_layers, as_shells
+from varcalc.optics.media.medium import Graded, Radial, Stratified, as_layers, as_shells, as_tilted_layers
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.aimed import CARRIED_WELL, Carry, Told
 from varcalc.optics.models.constant_pull import ConstantPull
@@ -511,12 +511,12 @@ class PairSearch:
             known = ConstantPull.of(medium, dimension)
             if known is None and is_linear(medium, dimension):
                 known = QuadraticIndex(medium, dimension)
-            axis = dimension - 1
+            up = np.eye(dimension)[-1]
             if isinstance(medium, Graded):
-                medium, axis = as_layers(medium, dimension) or (as_shells(medium, dimension) or medium, axis)
+                medium, up = as_tilted_layers(medium, dimension) or (as_shells(medium, dimension) or medium, up)
             reduced = isinstance(medium, Stratified | Tabulated | Radial)
             if known is None and reduced and not jumping(medium, dimension):
-                known = RangeFunction(medium, axis)
+                known = RangeFunction(medium, up)
             self._complete[dimension] = known
         return self._complete[dimension]
 

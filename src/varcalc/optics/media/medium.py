@@ -23,7 +23,7 @@ from varcalc.problem.functional import named
 from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
-from varcalc.symbolic.centred import about_centre
+from varcalc.symbolic.centred import about_centre, over_plane
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.switches import switches, tables
 
@@ -323,6 +323,16 @@ def as_layers(medium: Graded, dimension: int) -> tuple[Stratified, int] | None:
     if medium.parameters:
         return Stratified(lambda height, p: medium.n(*before, height, *after, p), medium.parameters), axis
     return Stratified(lambda height: medium.n(*before, height, *after)), axis
+
+
+def as_tilted_layers(medium: Graded, dimension: int) -> tuple[Stratified, np.ndarray] | None:
+    """The same index as layers, and the unit vector (d,) across them, in any direction; None of any other."""
+    found = as_layers(medium, dimension)
+    if found is not None:
+        return found[0], np.eye(dimension)[found[1]]
+    position = ca.SX.sym("r", dimension)
+    tilted = over_plane(ca.SX(medium.index(position)), position)
+    return None if tilted is None else (Stratified(tilted[1]), tilted[0])
 
 
 def as_shells(medium: Graded, dimension: int) -> Radial | None:

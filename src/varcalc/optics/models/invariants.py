@@ -84,7 +84,8 @@ class Invariants(Model):
         medium, a = question.media[0], question.a
         if question.surfaces or medium.is_uniform or jumping(medium, len(a)):
             return None
-        function, a, b = RangeFunction(question.media[0]), question.a[None], question.b[None]
+        function = RangeFunction(medium, np.eye(len(a))[-1])
+        a, b = a[None], question.b[None]
         if not function.applies(a, b)[0]:
             raise DoesNotApply(
                 "Invariants needs points off the centre of the index, about which all turns; take Hamilton()"
@@ -248,7 +249,8 @@ class _Run:
         sigma = np.fmin(self.sigma, self._standing()[1])  # planes stand in layers, where σ is τ
         low, high = (self.profile.farthest(u0, way, self.path, sigma) for way in (-1, 1))
         lowest, highest = max(self.levels.lowest, float(low.min())), min(self.levels.highest, float(high.max()))
-        return self.profile.nodes(float(u0.min()), float(u0.max()), lowest, highest)
+        first, last = float(u0.min()), float(u0.max())
+        return self.profile.nodes(first, last, lowest, highest, max(last - lowest, highest - first))
 
     def carried(self) -> tuple[Arrival, np.ndarray]:
         """The rays at the first surface or where they end, and the rows that are to be carried by another model."""

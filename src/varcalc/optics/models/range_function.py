@@ -19,6 +19,8 @@ from varcalc.optics.rays.ray import SHADOW, Ray, Rays, no_rays
 
 UPRIGHT = 1e-13
 """Of the distance of two points: what they lie apart along layers is none."""
+HEIGHT_ROUND_OFF = 2 * float(np.finfo(float).eps)
+"""Of the terms that a height is the sum of: two heights that differ by less are one."""
 HALF_TURN = 1e-4
 """So close to half a turn about a centre, of one, rays in space are near a conjugate point."""
 ALONE = AGREED
@@ -37,11 +39,11 @@ ACROSS = 1000
 class RangeFunction:
     """All rays between points in one medium of layers or about a centre, without surfaces; what is compiled is kept.
 
-    The height above layers is the coordinate number ``axis``.
+    ``up`` (d,) is the unit vector across layers, along which heights are measured.
     """
 
     medium: Medium
-    axis: int = -1
+    up: np.ndarray
     _profiles: dict[float, tuple[RayPotential, PassageTables]] = field(default_factory=dict, init=False, repr=False)
 
     def applies(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -61,7 +63,7 @@ class RangeFunction:
         there the ``careful`` way, if there is one. Those of which enough is known are not carried where ``tell`` makes
         rays of them.
         """
-        frames_ = Frames.of(self.medium, a, b, self.axis)
+        frames_ = Frames.of(self.medium, a, b, self.up)
         within = np.minimum(within, FARTHEST_PATH * np.linalg.norm(b - a, axis=1))
         found: list[Launches | None] = [None] * len(a)
         for unit in np.unique(frames_.unit):
@@ -158,8 +160,8 @@ class Frames:
     unit: np.ndarray
 
     @classmethod
-    def of(cls, medium: Medium, a: np.ndarray, b: np.ndarray, axis: int = -1) -> Frames:
-        """The frames of points ``a`` and ``b`` (q, d); heights are their coordinates number ``axis``."""
+    def of(cls, medium: Medium, a: np.ndarray, b: np.ndarray, across_layers: np.ndarray) -> Frames:
+        """The frames of points ``a`` and ``b`` (q, d); heights are those along a unit vector ``across_layers`` (d,)."""
         d = a.shape[1]
         if isinstance(medium, Radial):
             start, end = a - medium.middle(d), b - medium.middle(d)
@@ -172,9 +174,12 @@ class Frames:
             length = np.linalg.norm(across, axis=1)
             distance = np.arctan2(length, along)
         else:
-            up, unit = np.tile(np.eye(d)[axis], (len(a), 1)), np.ones(len(a))
-            heights = np.stack([a[:, axis], b[:, axis]], axis=1)
-            across = np.where(np.arange(d) == np.arange(d)[axis], 0.0, b - a)
+            up, unit = np.tile(across_layers, (len(a), 1)), np.ones(len(a))
+            heights = np.stack([a @ across_layers, b @ across_layers], axis=1)
+            room = HEIGHT_ROUND_OFF * (np.abs(a) + np.abs(b)) @ np.abs(across_layers)
+            level = np.abs(heights[:, 1] - heights[:, 0]) <= room
+            heights[level, 1] = heights[level, 0]
+            across = (b - a) - ((b - a) @ across_layers)[:, None] * across_layers
             length = distance = np.linalg.norm(across, axis=1)
         upright = length <= UPRIGHT * np.linalg.norm(b - a, axis=1)  # what is left of it has no direction
         with np.errstate(all="ignore"):
