@@ -184,7 +184,7 @@ def _crossing(ray):
 
 
 def test_reasons_for_no_ray():
-    assert "index" in parabolic().rays((0, 0), (0, 0.6)).reason
+    assert "dark" in parabolic().rays((0, 0), (0, 0.6)).reason
     corner = optics.Scene([AIR, GLASS, AIR], [optics.Plane((0, 0), (1, 0)), optics.Plane((0, 0), (0, 1))])
     rays = corner.rays((-1.0, -1.0), (1.0, 1.0))  # n > sqrt 2: what enters one face of a cube cannot leave by the next
     assert len(rays) == 0

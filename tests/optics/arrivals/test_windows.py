@@ -10,11 +10,20 @@ import pytest
 
 from varcalc import optics
 
+RODS = {
+    "windows of less than 0.003": (
+        (1.493, 0.7175, 5.0744, 1.0175, 1.027), (-2.6308, 0.9254), (6.2014, 0.8638), 30.4, 16.0, 9
+    ),
+    "a window between momenta of 1.6 and -1.4": (
+        (1.673, 0.5386, 1.8413, 1.2141, 1.0485), (-1.7196, 0.7239), (4.8111, -0.4401), 22.6, 10.0, 5
+    ),
+}  # fmt: skip
 
-def test_rays_through_narrow_windows_of_total_reflection_are_found() -> None:
+
+@pytest.mark.parametrize("name", RODS)
+def test_rays_through_narrow_windows_of_total_reflection_are_found(name: str) -> None:
     """A rod between two faces: rays are y cos wσ + p/w sin wσ, and get out where p² at the second face is below n²."""
-    axis, fall, length, before, behind = 1.493, 0.7175, 5.0744, 1.0175, 1.027
-    (x, y), (far, high), within = (-2.6308, 0.9254), (6.2014, 0.8638), 30.4
+    (axis, fall, length, before, behind), (x, y), (far, high), within, longest, count = RODS[name]
 
     def ends(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Heights at the receiver and σ in the rod; not numbers where rays do not get there."""
@@ -33,8 +42,8 @@ def test_rays_through_narrow_windows_of_total_reflection_are_found() -> None:
     scene = optics.Scene([optics.Uniform(before), rod, optics.Uniform(behind)], faces)
     rays = scene.rays((x, y), (far, high), within=within)
     own = np.array([np.arctan2(*ray.tangents[0][::-1]) for ray in rays])
-    close = crossed[sigma[crossed] < 16.0]
-    assert len(close) == 9  # the last two in windows of less than 0.003 radians
+    close = crossed[sigma[crossed] < longest]
+    assert len(close) == count
     assert all(np.abs(own - angle).min() < 1e-5 for angle in angles[close])
     assert rays.unresolved == 0
 

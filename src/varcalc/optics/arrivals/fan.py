@@ -41,7 +41,7 @@ ON_THE_WALL = 1e-9
 MOST_PARTINGS = 64
 """Parting directions of one source; where there are more, they are left to what looks into cells."""
 SURELY = 2.0
-"""Times what the middle between two rays is off a straight line: no more do rays between them differ from that."""
+"""Times what the middle between two rays is off a cubic: no more do rays between them differ from that."""
 MOST_CLOSER = 40
 """Halvings of the interval between two rays that a surface lets through, or turns back."""
 MOST_DOUBTFUL = 4096
@@ -212,7 +212,7 @@ class Fan:
         entry = _states(beam)
         behind = rays.behind
         assert behind is not None
-        met = np.count_nonzero(np.isfinite(behind), axis=1)
+        met = np.count_nonzero(np.isfinite(behind[..., 0]), axis=1)
         ended = NOT_ENTERED - rays.status * (behind.shape[1] + 1) - met
         course = np.where(np.isfinite(entry[:, PATH]), self._course(source, entry), ended)
         return _FanRays(source, angles, entry, course, behind)
@@ -236,18 +236,18 @@ class Fan:
         """Sources and angles (k,) of rays that a surface turns back between two that get through it, or the reverse.
 
         What is left of the normal momentum behind a surface is smooth in the angle, however often a graded medium turns
-        rays on the way: the middle between two tells whether it may come to nothing between them; where it may, both
-        halves are looked at.
+        rays on the way: its derivatives tell whether it may come to nothing between two, and the middle, whether it is
+        as they foretell; where it may, or is not, both halves are looked at.
         """
         low = np.flatnonzero(looks.source[1:] == looks.source[:-1])
         found, (left, right) = [looks.take([])], (looks.take(low), looks.take(low + 1))
         met = left.same_way(right)
         left, right = left.take(met), right.take(met)
-        for _ in range(MOST_CLOSER):
+        for halving in range(MOST_CLOSER):
             wide = np.flatnonzero(right.angles - left.angles > LEAST_ANGLE)
             if len(wide) == 0:
                 break
-            if len(wide) > MOST_DOUBTFUL * len(self.sources):
+            if halving and len(wide) > MOST_DOUBTFUL * len(self.sources):
                 np.add.at(self.given_up, np.unique(left.source[wide]), 1)
                 break
             left, right = left.take(wide), right.take(wide)
@@ -455,7 +455,7 @@ class Fan:
 class _FanRays(Rows):
     """m rays of the fan where they come into the last medium: sources, angles, states (m, 10) and courses.
 
-    ``behind`` (m, surfaces) is what is left of their normal momenta behind surfaces, as :class:`UnderWay` has it.
+    ``behind`` (m, surfaces, 2) is what is left of their normal momenta behind surfaces, as :class:`UnderWay` has it.
     """
 
     source: np.ndarray
@@ -466,16 +466,23 @@ class _FanRays(Rows):
 
     def same_way(self, other: _FanRays) -> np.ndarray:
         """The numbers of the rays that come to the same surfaces as those of ``other``, and as far through them."""
-        known = np.isfinite(self.behind)
-        alike = (known == np.isfinite(other.behind)) & ((self.behind > 0) == (other.behind > 0))
+        own, others = self.behind[..., 0], other.behind[..., 0]
+        known = np.isfinite(own)
+        alike = (known == np.isfinite(others)) & ((own > 0) == (others > 0))
         return np.flatnonzero(np.all(alike, axis=1) & np.any(known, axis=1))
 
     def doubtful(self, left: _FanRays, right: _FanRays) -> np.ndarray:
         """Where (m,) a surface may do otherwise to rays between ``left`` and ``right``; these are the middle ones."""
-        three = np.abs(np.stack([left.behind, self.behind, right.behind]))
-        off = np.abs(self.behind - (left.behind + right.behind) / 2)
+        third = (right.angles - left.angles)[:, None] / 3
+        (low, rise), (high, fall) = np.moveaxis(left.behind, 2, 0), np.moveaxis(right.behind, 2, 0)
+        # a cubic lies between its control points
+        points = np.stack([low, low + third * rise, high - third * fall, high])
+        foretold = points[:2].sum(axis=0) / 8 + points[1:3].sum(axis=0) / 4 + points[2:].sum(axis=0) / 8
+        off = np.abs(self.behind[..., 0] - foretold)
         with np.errstate(invalid="ignore"):
-            return np.any(three.min(axis=0) <= SURELY * off, axis=1)
+            parting = (points.min(axis=0) <= 0) & (points.max(axis=0) >= 0)
+            near = np.abs(np.append(points, self.behind[None, ..., 0], axis=0)).min(axis=0) <= SURELY * off
+        return np.any(parting | near, axis=1)
 
     def ordered(self) -> _FanRays:
         """By source, then by angle."""

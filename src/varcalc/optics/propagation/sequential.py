@@ -76,8 +76,8 @@ class UnderWay:
     """m rays on their way: where they are, the surface each has ``struck`` last, and how it ended or goes on.
 
     ``rows`` are those that come into the next medium, ``leaving`` (m,) the surfaces from which rays start.
-    ``behind`` (m, surfaces), if it is wanted, are the squares of the normal momenta behind each surface, not above 0
-    where it turns rays back; not numbers where they do not come to it.
+    ``behind`` (m, surfaces, 2), if it is wanted, are the squares of the normal momenta behind each surface, not above 0
+    where it turns rays back, and their derivatives by the launching angle; not numbers where rays do not come to it.
     """
 
     beam: Beam
@@ -193,7 +193,7 @@ class Propagator:
     def into_last_medium(self, beam: Beam, limit: np.ndarray) -> UnderWay:
         """The rays where they enter the last medium, or end before."""
         rays = UnderWay.started(beam)
-        rays.behind = np.full((len(beam), len(self.surfaces)), np.nan)
+        rays.behind = np.full((len(beam), len(self.surfaces), 2), np.nan)
         for _ in self.passages(rays, limit, len(self.surfaces)):
             pass
         return rays
@@ -293,7 +293,7 @@ class Propagator:
         mirror = self.surfaces[number].mirror
         come = rays.beam.take(rows)
         if rays.behind is not None and not mirror:
-            rays.behind[rows, number] = behind(come, self.geometries[shape].normal(come.position)[0], before, after)
+            rays.behind[rows, number] = np.stack(behind(come, self.geometries[shape], before, after), axis=1)
         refracted, total = at_surface(come, self.geometries[shape], before, after, mirror=mirror)
         if len(rows) == len(rays.status):
             rays.beam = refracted

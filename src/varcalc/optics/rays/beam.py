@@ -197,44 +197,73 @@ def at_surface(
     part becomes ±sqrt(n₂² - |tangential|²) (Snell's law; Born and Wolf,
     sect. 3.2.2), for the deviations differentiated.
     """
-    normal, curvature = geometry.normal(beam.position)
-    squared, gradient, _ = before(beam.position)
-    squared_after, gradient_after, _ = after(beam.position)
-    p = beam.momentum
-    with np.errstate(all="ignore"):  # of a ray that only touches the surface nothing is known of the neighbours
-        into = np.sum(p * normal, axis=1)
-        lateness = -np.einsum("mkd,md->mk", beam.moved, normal) / into[:, None]
-        moved = beam.moved + lateness[:, :, None] * p[:, None, :]
-        turned = beam.turned + lateness[:, :, None] * gradient[:, None, :] / 2
-        tilt = np.einsum("mij,mkj->mki", curvature, moved)
-        into_change = np.einsum("mkd,md->mk", turned, normal) + np.einsum("mkd,md->mk", tilt, p)
+    met = _Met.of(beam, geometry, before)
+    p, normal, into, into_change = beam.momentum, met.normal, met.into, met.into_change
+    with np.errstate(all="ignore"):
         if mirror:
             out, out_change, total = -into, -into_change, np.zeros(len(p), dtype=bool)
         else:
-            under = into**2 + squared_after - squared
+            under, under_change = met.squared_behind(beam, before, after)
             total = ~(under > 0)
             out = np.sign(into) * np.sqrt(np.where(total, 1.0, under))
-            steeper = np.einsum("mkd,md->mk", moved, gradient_after - gradient)
-            out_change = (2 * into[:, None] * into_change + steeper) / (2 * out[:, None])
+            out_change = under_change / (2 * out[:, None])
         gain, gain_change = (out - into)[:, None], (out_change - into_change)[:, :, None]
         leaving = replace(
             beam,
             momentum=p + gain * normal,
-            moved=moved,
-            turned=turned + gain_change * normal[:, None, :] + gain[:, None] * tilt,
+            moved=met.moved,
+            turned=met.turned + gain_change * normal[:, None, :] + gain[:, None] * met.tilt,
         )
     if np.any(total):
         leaving.put(np.flatnonzero(total), beam.take(np.flatnonzero(total)))
     return leaving, total
 
 
-def behind(beam: Beam, normal: np.ndarray, before: SquaredIndex, after: SquaredIndex) -> np.ndarray:
-    """The square (m,) of the normal momentum of rays behind a surface of ``normal`` (m, d): n₂² - |tangential|².
+def behind(beam: Beam, geometry: Geometry, before: SquaredIndex, after: SquaredIndex) -> tuple[np.ndarray, np.ndarray]:
+    """The square (m,) of the normal momentum of rays of the plane behind a surface: n₂² - |tangential|².
 
-    Where it is not positive they are totally reflected.
+    And its derivative by the launching angle. Where it is not positive they are totally reflected.
     """
-    into = np.sum(beam.momentum * normal, axis=1)
-    return into**2 + after(beam.position)[0] - before(beam.position)[0]
+    with np.errstate(all="ignore"):
+        under, change = _Met.of(beam, geometry, before).squared_behind(beam, before, after)
+    return under, change[:, 0]
+
+
+@dataclass(frozen=True)
+class _Met:
+    """m rays on a surface of ``normal`` (m, d), with momenta ``into`` (m,) it, and where their neighbours meet it.
+
+    These are ``moved`` along it and ``turned`` there, the normal by ``tilt`` (m, k, d), and ``into_change`` (m, k) is
+    how their momenta into it differ.
+    """
+
+    normal: np.ndarray
+    into: np.ndarray
+    moved: np.ndarray
+    turned: np.ndarray
+    tilt: np.ndarray
+    into_change: np.ndarray
+
+    @classmethod
+    def of(cls, beam: Beam, geometry: Geometry, before: SquaredIndex) -> _Met:
+        """The rays of ``beam``, which are on the surface."""
+        normal, curvature = geometry.normal(beam.position)
+        gradient, p = before(beam.position)[1], beam.momentum
+        with np.errstate(all="ignore"):  # of a ray that only touches the surface nothing is known of the neighbours
+            into = np.sum(p * normal, axis=1)
+            lateness = -np.einsum("mkd,md->mk", beam.moved, normal) / into[:, None]
+            moved = beam.moved + lateness[:, :, None] * p[:, None, :]
+            turned = beam.turned + lateness[:, :, None] * gradient[:, None, :] / 2
+            tilt = np.einsum("mij,mkj->mki", curvature, moved)
+            into_change = np.einsum("mkd,md->mk", turned, normal) + np.einsum("mkd,md->mk", tilt, p)
+        return cls(normal, into, moved, turned, tilt, into_change)
+
+    def squared_behind(self, beam: Beam, before: SquaredIndex, after: SquaredIndex) -> tuple[np.ndarray, np.ndarray]:
+        """The square (m,) of the normal momentum behind the surface, and how that of neighbours differs (m, k)."""
+        squared, gradient, _ = before(beam.position)
+        squared_after, gradient_after, _ = after(beam.position)
+        steeper = np.einsum("mkd,md->mk", self.moved, gradient_after - gradient)
+        return self.into**2 + squared_after - squared, 2 * self.into[:, None] * self.into_change + steeper
 
 
 def moved_on(beam: Beam, sigma: np.ndarray, squared_index: float) -> Beam:
