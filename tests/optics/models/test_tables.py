@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from varcalc import optics
+from varcalc.optics.models.jumps import less_smooth
 from varcalc.optics.models.reduction import Profile
 from varcalc.optics.models.tables import TableProfile
 
@@ -167,3 +168,21 @@ def test_kinks_and_knots_are_placed_whatever_the_unit_of_length(scale):
     height = np.array([-2.2, 0.3, 1.7]) * scale
     expected = np.interp(np.abs(height), knots, 1.2 + 0.1 * np.sin(np.arange(7.0))) ** 2
     assert profile.at(height)[0] == pytest.approx(expected, rel=1e-14)
+
+
+def test_a_table_at_the_value_of_another_is_gone_through_cell_by_cell():
+    """Its knots lie where the inner table, a line from 0 to 3 and one on to 4, has their values."""
+    inner = ca.interpolant("inner", "linear", [np.array([-2.0, 1.0, 3.0])], np.array([0.0, 3.0, 4.0]))
+    outer = ca.interpolant("outer", "linear", [np.array([0.0, 0.5, 3.25, 4.0])], np.array([1.0, 1.2, 2.3, 2.4]))
+    medium = optics.Stratified(lambda y: outer(inner(y)))
+    u = ca.SX.sym("u")
+    switched, knots = less_smooth(ca.SX(medium.squared_index(ca.vertcat(0, u))), u, 1e6)
+    assert len(switched) == 0
+    np.testing.assert_allclose(knots, [-2, -1.5, 1, 1.5, 3], rtol=0, atol=1e-12)
+    # from -1.5 to 1 n = 0.4 (y + 4.5), in which rays are y + 4.5 = C cosh((x - x₀) / C)
+    size, (first, last) = 4.0, (-0.7, 1.3)
+    a, b = ((x, size * math.cosh(x / size) - 4.5) for x in (first, last))
+    exact = 0.4 * size / 2 * (last - first + size / 2 * (math.sinh(2 * last / size) - math.sinh(2 * first / size)))
+    rays = optics.Scene(medium).rays(a, b)
+    assert rays.unresolved == 0
+    assert min(abs(ray.optical_path - exact) for ray in rays) < 1e-12

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -34,11 +35,33 @@ def less_smooth(g: Expression, u: Expression, far: float) -> tuple[np.ndarray, n
 
     They are looked for up to ``far`` on either side.
     """
-    switched = _placed(switches([g], [u]), u, far)
-    knots = [places(table, u, (-far, far), [] if switched is None else list(switched)) for table in tables(g, u)]
-    if switched is None or any(own is None for own in knots):
+    switched, knots = _placed(switches([g], [u]), u, far), np.zeros(0)
+    if switched is None:
         return None
-    return switched, np.unique([place for own in knots for place in own or ()])
+    for table in tables(g, u):  # those that are carried out first come first
+        own = _knots(table, u, far, switched, knots)
+        if own is None:
+            return None
+        knots = np.union1d(knots, own)
+    return switched, knots
+
+
+def _knots(table: Switch, u: Expression, far: float, switched: np.ndarray, known: np.ndarray) -> Sequence[float] | None:
+    """Where a table is at its knots; one asked at the value of others, cell by cell of these, whose knots are known."""
+    written = in_cells(table.argument, u)
+    if not written.tables:
+        return places(table, u, (-far, far), list(switched))
+    found: list[float] = []
+    for low, high in pairwise(known.tolist()):
+        (constants,) = written.at(np.array([[(low + high) / 2]]))
+        if not np.all(np.isfinite(constants)):
+            continue
+        inside = replace(table, argument=written.expression)
+        own = places(inside, u, (low, high), list(switched), written.constants, constants.tolist())
+        if own is None:
+            return None
+        found += own
+    return found
 
 
 def _placed(found_in: Sequence[Switch], u: Expression, far: float) -> np.ndarray | None:

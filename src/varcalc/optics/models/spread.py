@@ -132,7 +132,7 @@ class Spread:
         longer = (least[:, :LAYERS] > self.distance[family, None]) | (least[:, LAYERS:] > self.within[family, None])
         longer &= np.column_stack([well[:, :1], known[:, 1:]])
         used = ~longer & ~(known & np.isnan(values[..., :LAYERS]).all(axis=1))
-        whole = known & exists.all(axis=1)[:, :LAYERS]
+        whole = known & exists[..., :LAYERS].all(axis=1)
         most = np.where(whole, np.max(values[..., :LAYERS], axis=1, initial=0.0, where=exists[..., :LAYERS]), np.inf)
         # a ray of both U and D may go to and fro; of one of them it comes no farther than so
         farthest = most[:, 0] + 2 * np.where(used[:, 1:], most[:, 1:], 0.0).sum(axis=1)
