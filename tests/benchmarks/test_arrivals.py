@@ -6,6 +6,7 @@ import itertools
 import numpy as np
 import pytest
 
+from arrivals import RECORDS
 from campaigns.arrival_pairs import Drawn, Layers, layered_receivers, linear_pair, linear_scene
 from campaigns.exact_pairs import compared
 from campaigns.ray_campaign import Family, Tally, counted_block, store, stored, summed, table, wanted
@@ -106,3 +107,9 @@ def test_families_are_summed_with_their_worst_error():
     assert len(lines) == 5
     assert lines[2] == "| one | 6 | 3 | 1 | 0 | 0 | 0 | 0 | 0.5 |"
     assert all(a.count("|") == b.count("|") for a, b in itertools.pairwise(lines))
+
+
+def test_the_page_says_what_the_record_holds():
+    rows = stored(RECORDS)
+    assert table(summed(rows.values())) in (RECORDS.parent.parent / "README.md").read_text(encoding="utf-8")
+    assert not any(row.wrong for row in rows.values())
