@@ -35,8 +35,9 @@ def held_at_an_end(problem: Functional, solved: Callable[[Problem], Solution]) -
 
     One function of first order is looked at, with its abscissae given.
     """
-    plain = isinstance(problem, Problem) and problem.n == problem.order == 1
-    if not plain or any(problem.slides) or problem.start.periodic or problem.end_cost_expression is None:
+    if not isinstance(problem, Problem) or problem.n > 1 or problem.order > 1 or problem.end_cost_expression is None:
+        return None
+    if any(problem.slides) or problem.start.periodic:
         return None
     ordinates = problem.end_cost_expression[0][1::2]
     found: list[Solution] = []
@@ -77,9 +78,9 @@ def _places(problem: Problem, argument: Expression, ordinate: Expression, end: i
 
 def _pinned(problem: Problem, end: int, ordinate: float) -> Problem:
     """The problem with the ordinate of one end given."""
-    ends = [problem.start, problem.end]
-    ends[end] = Fixed(problem.span[end], ordinate)
+    given = Fixed(problem.span[end], ordinate)
+    start, last = (given, problem.end) if end == 0 else (problem.start, given)
     return Problem(
-        problem.lagrangian, *ends, problem.constraints, parameters=problem.parameters, unknowns=problem.unknowns,
+        problem.lagrangian, start, last, problem.constraints, parameters=problem.parameters, unknowns=problem.unknowns,
         end_cost=problem.end_cost, maximise=problem.maximise, breakpoints=problem.breakpoints, name=problem.name,
     )  # fmt: skip

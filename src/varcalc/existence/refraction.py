@@ -259,7 +259,7 @@ def _aside(problem: Problem, curve: Curve, found: list[Crossing], solution: Solu
 
 def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
     """The least curve that is broken near where ``curve`` meets switches; None where none is found."""
-    if any(_throughout(problem, c) for c in found):
+    if any(_throughout(problem, c) or _chattering(problem, c) for c in found):
         return None
     # what is met at an end itself leaves nothing to be broken
     pieces = [_piece(problem, c) for c in found if c.until is not None or c.x not in problem.span]
@@ -290,6 +290,16 @@ def _throughout(problem: Problem, crossing: Crossing) -> bool:
         return False
     first, last = problem.span
     return crossing.until - crossing.x >= (1 - NEAR_ENDS) * (last - first)
+
+
+def _chattering(problem: Problem, crossing: Crossing) -> bool:
+    """Whether a curve of second order follows a kink of its ordinate, to which it comes by crossings without end.
+
+    One that came to it from one side would come with a momentum that none has that rests there (Fuller's phenomenon;
+    Zelikin and Borisov, "Theory of Chattering Control", 1994, ch. 1).
+    """
+    slopes = ca.vertcat(*problem.symbols.slopes)
+    return problem.order > 1 and crossing.until is not None and not crossing.switch.depends_on(slopes)
 
 
 def _one_at_once(problem: Problem, curve: Curve, found: list[Crossing]) -> list[Crossing]:

@@ -196,6 +196,8 @@ def as_written(given: Any) -> Any:
     """
     if is_vector(given):
         return given if all(type(v) in _PLAIN for v in given) else tuple(map(as_written, given))
+    if isinstance(given, np.generic | np.ndarray):
+        given = given.item()
     return given if type(given) in _PLAIN else float(given)
 
 

@@ -102,6 +102,8 @@ class PointEvaluator:
         The arrays hold one point a row, are contiguous, in the order of :meth:`order`, and must not be replaced while
         the call is in use. It is taken to be called often, so that for many points NumPy's form is read at once.
         """
+        if not len(output):
+            return lambda: None
         if self.order(len(output)) == "F":
             return _InColumns(self.columns, np.flatnonzero(self.occupied), inputs, output)
         return _InPlace(self.function.map(len(output)), inputs, [output])
