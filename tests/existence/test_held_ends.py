@@ -64,3 +64,13 @@ def test_a_level_beside_a_held_end():
     )
     # the parabola through both ends with that area: y = x/2 + 3/2 x (1 - x)
     assert vc.solve(held).value == pytest.approx(0.5 * (0.25 + 0.75), abs=1e-12)
+
+
+@pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
+def test_an_end_near_a_faint_kink_is_where_it_costs_least(apart):
+    faint, least = 1e-9, 0.5
+    kink = least - apart
+    solution = vc.solve(problem(lambda x0, y0, x1, y1: 10 * (y1 - 1.05 * least) ** 2 + faint * ca.fabs(y1 - kink)))
+    end = least - faint / 21  # the rate of the kink moves it
+    exact = end**2 / 2 + 10 * (end - 1.05 * least) ** 2 + faint * (end - kink)
+    assert abs(solution.value - exact) <= solution.error.value + 1e-15

@@ -22,8 +22,10 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.tracing import Expression
 
-ASIDE = 1e-3
-"""Distance from a kink, in units of the end's ordinates, at which it is seen that an end costs more there."""
+ASIDE = 1e-7
+"""Distance from a kink, in units of the end's ordinates, at which it is seen that an end costs more there: so little
+that a minimum within it differs by round-off.
+"""
 PLACES_TRIED = (0.0, 1.0, -1.0)
 """Ordinates, in the same units, from which a place where the cost switches is looked for."""
 NEWTON_STEPS_TO_SWITCH, ON_SWITCH = 20, 1e-13
@@ -47,10 +49,16 @@ def held_at_an_end(problem: Functional, solved: Callable[[Problem], Solution]) -
             continue
         for place, unit in _places(problem, switch.argument, ordinates[moving[0]], moving[0]):
             held = solved(_pinned(problem, moving[0], place))
-            aside = [solved(_pinned(problem, moving[0], place + way * ASIDE * unit)) for way in (-1, 1)]
-            if held.status.ok and all(s.status.ok and problem.sign * (s.value - held.value) > 0 for s in aside):
+            aside = (solved(_pinned(problem, moving[0], place + way * ASIDE * unit)) for way in (-1, 1))
+            if held.status.ok and all(_worse(other, held) for other in aside):
                 found.append(replace(held, problem=problem, extremal=None))
     return min(found, key=lambda s: problem.sign * s.value, default=None)
+
+
+def _worse(other: Solution, held: Solution) -> bool:
+    """Whether an answer is worse than another by more than both may be off."""
+    more = held.problem.sign * (other.value - held.value)
+    return other.status.ok and more > other.error.value + held.error.value
 
 
 def _places(problem: Problem, argument: Expression, ordinate: Expression, end: int) -> Iterator[tuple[float, float]]:

@@ -128,13 +128,7 @@ def broken_form(
     elif pathwise or keeping or any(r.drawn(problem) for r in rides):
         # the interior-point method is kept from turning a piece inside out
         pathwise += (SideCondition(speed, LENGTH_KEPT, math.inf, -1),)
-    pathwise += tuple(SideCondition(unheld(r.surface, False), 0.0, 0.0, -1, (r.start, r.end)) for r in rides)
-    pathwise += tuple(
-        SideCondition(unheld(r.surface, False), *((0.0, math.inf) if side > 0 else (-math.inf, 0.0)), -1, piece)
-        for r in rides
-        if r.drawn(problem)
-        for piece, side in _sides(problem, r, marks, curve)
-    )
+    pathwise += tuple(c for r in rides for c in _along(problem, r, unheld(r.surface, False), marks, curve))
     stated = Stated(symbols, integrand, integrand, (x, symbols.y, speed, symbols.dy))
     joint = end_conditions(problem, symbols, lambda k, y: (problem.span[k], y))
     surfaces = [(r.x, r.surface) for r in refractions if r.surface is not None]
@@ -160,6 +154,16 @@ def _points(
         slope = (y[:, 2] - y[:, 0]) / (at[2] - at[0])
         bend = 4 * (y[:, 2] - 2 * y[:, 1] + y[:, 0])[: problem.symbols.ddy.numel()] / (at[2] - at[0]) ** 2
         yield (first, last), [at[1:2], y[:, 1], slope, bend, problem.parameter_values, problem.unknown_guesses]
+
+
+def _along(
+    problem: Problem, ride: Ride, surface: Expression, marks: list[tuple[float, Expression]], curve: Sampled
+) -> Iterator[SideCondition]:
+    """That a curve stays on a surface along a stretch, and elsewhere on its side of one to which it is drawn."""
+    yield SideCondition(surface, 0.0, 0.0, -1, (ride.start, ride.end))
+    if ride.drawn(problem):
+        for piece, side in _sides(problem, ride, marks, curve):
+            yield SideCondition(surface, *((0.0, math.inf) if side > 0 else (-math.inf, 0.0)), -1, piece)
 
 
 def _sides(

@@ -172,12 +172,9 @@ def optimise(
     status = str(stats["return_status"])
     good = np.isfinite(at.value) and (status in GOOD or (status in FINISHED and _stationary(stats)))
     reason = "" if good else f"IPOPT stopped with {status}"
-    lam, gap = np.zeros(0), 0.0
-    if program.rows:
-        given = (
-            np.asarray(result["lam_g"]).ravel() if status in GOOD or not good else _balancing(solver, program, result)
-        )
-        lam, gap = size * given / np.concatenate(program.sizes), size * _gap(program, result, given)
+    given = _balancing(solver, program, result) if good and status not in GOOD else np.asarray(result["lam_g"]).ravel()
+    lam = size * given / np.concatenate([np.zeros(0), *program.sizes])
+    gap = size * _gap(program, result, given) if program.rows else 0.0
     equalities, others = _sort_multipliers(system, program, lam, len(multipliers))
     return Descent(found, equalities, at.value, int(stats["iter_count"]), reason, gap=gap), others
 
@@ -196,6 +193,8 @@ def _round_off(hessian: ca.Function, start: np.ndarray, rows: int) -> float:
 def _balancing(solver: ca.Function, program: _Program, result: Mapping[str, Any]) -> np.ndarray:
     """The multipliers that come closest to balance the gradient: where a restoration failed, IPOPT hands out none."""
     rows = np.asarray(result["g"]).ravel()
+    if not program.rows:
+        return rows
     lower, upper = np.concatenate(program.lower), np.concatenate(program.upper)
     held = (rows - lower <= STATIONARY) | (upper - rows <= STATIONARY)
     gradient, jacobian = (
