@@ -565,3 +565,20 @@ def test_a_pole_between_the_ends_is_refused():
     problem = vc.Problem(lambda x, y, dy: dy**2 / (y - 0.5) ** 2, vc.Fixed(0, 0), vc.Fixed(1, 1))
     with pytest.raises(vc.VariationalError):
         vc.solve(problem)
+
+
+@pytest.mark.parametrize(
+    "step", [lambda u: 1 / (1 + ca.exp(-u)), lambda u: 1 / ca.cosh(u) ** 2], ids=["logistic", "sech^2"]
+)
+@pytest.mark.parametrize("ends", [(0, 0.2), ([0, 0], [0.2, 0.1])])
+def test_derivatives_that_overflow_are_the_reason_and_no_lack_of_extremals(step, ends):
+    """The chord is the minimum: the step lies beyond it, and makes no number of the derivatives of L there."""
+    first = lambda y: y if isinstance(ends[0], int) else y[0]  # noqa: E731
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: ca.sumsqr(v) / 2 - step((first(y) - 0.7) / 1e-4),
+            vc.Fixed(0, ends[0]), vc.Fixed(10, ends[1]),
+        ),
+        throw=False,
+    )  # fmt: skip
+    assert found.status.ok or (found.verdict is None and "its derivatives are not" in found.message)

@@ -12,6 +12,7 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.formulation.singular import Infinite, forms
+from varcalc.integrators import RunOutcome
 from varcalc.methods.arguments import check_arguments
 from varcalc.methods.collocation.method import Collocation
 from varcalc.methods.crossings import met_by
@@ -184,7 +185,8 @@ class _ExtremalSearch:
                 lost += 1
             else:
                 self.add(degenerate(solution) if u in degenerates else solution)
-        self.complete = not (lost or scanned.unresolved)
+        begun = all(outcome is not RunOutcome.NOT_FINITE for *_, outcome in scanned.lost)
+        self.complete = begun and not (lost or scanned.unresolved)
         if lost:
             self.words.append(f"{lost} zeros of the miss at the end were not confirmed and are left out")
         return scanned.continuum is not None

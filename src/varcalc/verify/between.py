@@ -24,6 +24,7 @@ from varcalc.symbolic.variation import LOCAL, VARYING, Between, Rules, excess, g
 from varcalc.verify.along_curve import along_curve
 from varcalc.verify.candidate import undivided
 from varcalc.verify.residual import residual
+from varcalc.verify.slopes import slopes_beside
 
 BOXES = 32
 """Boxes an element, where the points of a method are not known and elements are few."""
@@ -50,6 +51,12 @@ ALGEBRAIC = {
     ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG,
     ca.OP_POW, ca.OP_CONSTPOW, ca.OP_SQ, ca.OP_SQRT, ca.OP_TWICE, ca.OP_INV,
 }  # fmt: skip
+BELIED_BY_TEAR = 300.0
+"""By how many times its claimed error a functional may change where a slope jumps by what no extremal's does: the jumps
+of the slope and of the momentum, times the longer element. Those of a mesh's own error make some 72 of it.
+"""
+CLOSER_TO_VERTEX, MOST_CLOSER = 8.0, 12
+"""By what factor elements become shorter toward a vertex beside which a layer is not seen, and how often."""
 BALANCED = 1e-6
 """Residual of the Euler-Lagrange equation, relative to its terms, of a curve that solves it."""
 WITHIN_BOX = 16
@@ -64,10 +71,14 @@ class Unseen:
 
     marks: np.ndarray
     place: float
+    torn: bool = False
+    """Whether the momentum jumps there, which no extremal's does."""
 
     @property
     def sentence(self) -> str:
         """What was seen, in the user's words."""
+        if self.torn:
+            return f"at x = {self.place:.9g} the momentum jumps between two elements, and moving that place does better"
         return f"near x = {self.place:.9g} L or a constraint varies faster than the points of the mesh can tell"
 
 
@@ -84,7 +95,7 @@ def unseen(solution: Solution) -> Unseen | None:
         return None
     if not solution.status.ok:
         return _in_integrals(extremal, LOCAL, everywhere=True)
-    return _in_integrals(extremal, VARYING, everywhere=False) or _beyond_bounds(extremal)
+    return _in_integrals(extremal, VARYING, everywhere=False) or _beyond_bounds(extremal) or _torn(solution)
 
 
 def of_powers_alone(solution: Solution) -> bool:
@@ -162,6 +173,38 @@ def _beyond_bounds(extremal: Extremal) -> Unseen | None:
             at = np.union1d(edges[boxes], edges[boxes + 1])
             return Unseen(np.union1d(marks, at[(at > s[0]) & (at < s[-1])]), float(points[0, np.argmax(beyond)]))
     return None
+
+
+def _torn(solution: Solution) -> Unseen | None:
+    """Where the momentum jumps from one element to the next: a layer beside a vertex in an element that sees no layers.
+
+    Where a step of the curve ends at a vertex, and the next element's points all lie beyond it, moving the step costs
+    more on that mesh, whatever it costs.
+    """
+    extremal, problem = solution.extremal, solution.problem
+    assert extremal is not None
+    plain = isinstance(problem, Problem) and problem.order == 1 and not extremal.form.stated.is_lifted
+    inner = extremal.vertices[1:-1]
+    if not plain or not len(inner) or extremal.form.conditions.pathwise:
+        return None
+    beside = slopes_beside(extremal.evaluate, extremal.vertices, inner)
+    if not beside.jump.any():
+        return None
+    along = along_curve(undivided(extremal, solution.value))
+    momentum = along.function(along.whole.partial(1))
+    pulled = np.abs(
+        momentum(beside.right)[0].reshape(len(inner), -1) - momentum(beside.left)[0].reshape(len(inner), -1)
+    )
+    elements = np.diff(extremal.vertices)
+    costs = (pulled.T * np.abs(beside.after - beside.before)).sum(0) * np.maximum(elements[1:], elements[:-1])
+    costs[np.isin(inner, [*problem.breakpoints, *along.held])] = 0.0
+    k = int(np.argmax(costs))
+    if not costs[k] > BELIED_BY_TEAR * solution.error.value:
+        return None
+    place, widths, shortest = inner[k], (elements[k + 1], -elements[k]), min(elements[k], elements[k + 1])
+    graded = [place + w * CLOSER_TO_VERTEX**-j for w in widths for j in range(1, MOST_CLOSER)]
+    marks = [x for x in graded if abs(x - place) >= shortest / CLOSER_TO_VERTEX]
+    return Unseen(np.array(sorted(marks)), float(place), torn=True)
 
 
 def _looked(

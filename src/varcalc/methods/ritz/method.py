@@ -39,6 +39,10 @@ NOWHERE = (
     "the Lagrangian is not a number on any of the starting curves tried; "
     "check its domain between the ends, or give guess= a curve on which it is one"
 )
+NO_DERIVATIVES = (
+    "the Lagrangian is a number along the starting curve, but its derivatives are not: an exponential in it is beyond "
+    "all numbers, as in 1/(1 + exp(u)) or 1/cosh(u)**2, which are (1 - tanh(u/2))/2 and 1 - tanh(u)**2"
+)
 STEPS_FROM_NEARBY = 12
 """Newton steps that lead to a minimum from one nearby."""
 MOST_ITERATIONS = 600
@@ -266,7 +270,8 @@ class Rungs:
         if best is not None:
             return best
         if all(reason == NO_NUMBER for reason in reasons):
-            return NOWHERE
+            value = system.integrated(system.fitted(guess or self.form.start.curve)).value
+            return NO_DERIVATIVES if np.isfinite(value) else NOWHERE
         return f"no starting curve led to a minimum: {max(set(reasons), key=reasons.count)}"
 
     def candidates(
