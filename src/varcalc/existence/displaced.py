@@ -29,6 +29,8 @@ LONG = 6.0
 """The least interval, in units of the extent over the steepest slope, on which a step could be elsewhere."""
 SHARE = 0.9
 """The least share of the extent that a step makes within one of those units on either side."""
+DRIVEN = 1e-3
+"""Change of the functional by which a step that moves by one of those units knows where to go, relative to it."""
 STRIDE = 0.25
 """Way between two places, in those units."""
 MOST_STRIDES = 40
@@ -100,7 +102,10 @@ class MovableStep:
 
 
 def _step(solution: Solution) -> MovableStep | None:
-    """The step of a curve that may be anywhere; None where its place is fixed, or L has x."""
+    """The step of a curve that may be anywhere; None where its place is fixed, or L has x.
+
+    A step between levels on which L differs goes where it has to by itself.
+    """
     problem, curve = solution.problem, solution.curve
     assert isinstance(problem, Problem)
     assert curve is not None
@@ -112,8 +117,12 @@ def _step(solution: Solution) -> MovableStep | None:
     steepest = int(np.argmax(rises))
     unit = extent * (x[1] - x[0]) / float(rises[steepest]) if extent > 0 else np.inf
     place, height = (float(0.5 * (v[steepest] + v[steepest + 1])) for v in (x, y))
-    made = abs(float(np.diff(np.interp([place - unit, place + unit], x, y))[0])) if extent > 0 else 0.0
-    if not (solution.error.curve > SOFT * extent and x[-1] - x[0] > LONG * unit and made > SHARE * extent):
+    if not (solution.error.curve > SOFT * extent and x[-1] - x[0] > LONG * unit):
+        return None
+    made = abs(float(np.diff(np.interp([place - unit, place + unit], x, y))[0]))
+    rests = [np.array([np.median(side)]) for side in (y[: steepest + 1], y[steepest + 1 :])]
+    before, after = (float(problem.integrand_on(x[:1], level, np.zeros(1))[0]) for level in rests)
+    if made < SHARE * extent or unit * abs(after - before) > DRIVEN * abs(solution.value):
         return None
     return MovableStep(solution, place, height, float(unit))
 
