@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc.symbolic.variation import LOCAL, VARYING, Between, excess, gentle
+from varcalc.symbolic.variation import LOCAL, VARYING, Between, excess, gentle, gentle_across
 
 U = ca.SX.sym("u")
 
@@ -60,3 +60,24 @@ def test_a_step_between_samples_hides_its_form(step):
         assert found(step(1e6 * U), low, high) > 1
     assert found(step(1e6 * U), 0.1, 0.5) <= 1
     assert found(step(1e6 * U), -1e-6, 1e-6) <= 1
+
+
+@pytest.mark.parametrize(
+    ("written", "expected"),
+    [
+        (lambda x, y, v: y * ca.sqrt(1 + v**2), True),
+        (lambda x, y, v: ca.sqrt((1 + v**2) / (2 * 9.81 * y)), True),
+        (lambda x, y, v: ca.sqrt(1 + v**2) / (2 * y - x), True),
+        (lambda x, y, v: ca.sqrt(1 + v**2) * ca.sqrt(1 - 2 * y), True),
+        (lambda x, y, v: v**2 / 2 - ca.sin(y), True),
+        (lambda x, y, v: v**2 / 2 + ca.exp(-(((x - 1) / 1e-3) ** 2)) * y, True),
+        (lambda x, y, v: v**2 / 2 - ca.exp(y), False),
+        (lambda x, y, v: v**2 / 2 - 1 / (1 + y**2), False),
+        (lambda x, y, v: v**2 / 2 - 2**y, False),
+        (lambda x, y, v: ca.sqrt(1 + y**2 + v**2), False),
+        (lambda x, y, v: v**2 / 2 + ca.tanh(y / 1e-4), False),
+    ],
+)
+def test_whether_anything_narrow_can_come_of_the_place_alone(written, expected):
+    x, y, v = (ca.SX.sym(name) for name in "xyv")
+    assert gentle_across(ca.Function("L", [x, y, v], [written(x, y, v)]), 1) is expected

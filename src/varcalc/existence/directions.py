@@ -7,7 +7,8 @@ function. The directions are the axes, and sums and differences of two.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from itertools import combinations
 
 import casadi as ca
@@ -20,6 +21,7 @@ from varcalc.problem.problem import Curve
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import Columns, PointEvaluator
+from varcalc.symbolic.intervals import Interval
 
 MOST_DIRECTIONS = 9
 """Directions that are looked along: all of three functions, of many more the axes alone."""
@@ -39,10 +41,11 @@ class Departures:
     known curve does. Beyond a bound nothing is admitted.
     """
 
-    def __init__(self, solution: Solution) -> None:
-        problem = solution.problem
-        assert solution.curve is not None
-        self.problem, self.curve, self.sign = problem, solution.curve, problem.sign
+    def __init__(self, solution: Solution, curve: Callable[[np.ndarray, int], np.ndarray] | None = None) -> None:
+        """The known curve is the solution's where no other one is given."""
+        problem, known = solution.problem, curve or solution.curve
+        assert known is not None
+        self.problem, self.curve, self.sign = problem, known, problem.sign
         self.span = float(solution.x.min()), float(solution.x.max())
         self.closed = bool(problem.start.periodic)
         levels = any(isinstance(c, Isoperimetric) for c in problem.constraints)
@@ -54,8 +57,41 @@ class Departures:
             for c, m in zip(problem.constraints, solution.multipliers, strict=False)
             if isinstance(c, Isoperimetric | Bound)
         ]
-        self._numbers = problem.parameter_values.tolist(), list(solution.unknowns.values())
+        self.numbers = problem.parameter_values.tolist(), list(solution.unknowns.values())
         self._known: dict[bytes, list[np.ndarray]] = {}
+
+    @cached_property
+    def _rows(self) -> np.ndarray:
+        """The curve (n, m) at places that show its size."""
+        return self.curve(np.linspace(*self.span, SIZED_PLACES), 0)
+
+    @cached_property
+    def sizes(self) -> np.ndarray:
+        """The size (n,) of each of its functions, one for all coordinates of a Curve."""
+        extents = np.ptp(self._rows, axis=1)
+        found = np.where(extents > 0, extents, np.abs(self._rows).max(axis=1))
+        if isinstance(self.problem, Curve):
+            return np.full(self.problem.n, found.max() or 1.0)
+        return np.where(found > 0, found, self.span[1] - self.span[0])
+
+    @property
+    def units(self) -> np.ndarray:
+        """The larger (n,) of their sizes and the interval, but for a Curve."""
+        return self.sizes if isinstance(self.problem, Curve) else np.maximum(self.sizes, self.span[1] - self.span[0])
+
+    def free(self, side: int) -> list[int]:
+        """The functions that are free at the start (0) or the end (1), by their numbers."""
+        end = self.problem.end if side else self.problem.start
+        return np.flatnonzero(np.isnan(end.values(self.problem.n))).tolist()
+
+    @property
+    def axes(self) -> np.ndarray:
+        """Unit vectors that span the departures: along a Curve between two places those across the way are all."""
+        axes = np.eye(self.problem.n)
+        way = self._rows[:, -1] - self._rows[:, 0]
+        if not isinstance(self.problem, Curve) or self.problem.n == 1 or not way.any():
+            return axes
+        return np.linalg.svd(way[None] / np.abs(way).max())[2][1:]
 
     def held(self, functions: np.ndarray) -> tuple[bool, bool]:
         """Which ends let no curve depart in any of the ``functions``, a mask (n,)."""
@@ -81,26 +117,35 @@ class Departures:
         place = [c if y is None else c + y for c, y in zip(own, away, strict=True)]
         turned = [c if v is None else c + v for c, v in zip(slopes, rates, strict=True)]
         bent = [row for rows in bends for row in rows]
-        total, *others = columns(self.problem)(x, place, turned, bent, *self._numbers)
-        found = self.sign * total
+        return self.least([(v, v) for v in columns(self.problem)(x, place, turned, bent, *self.numbers)])
+
+    def least(self, enclosed: Sequence[Interval]) -> np.ndarray:
+        """The least of L with its levels by their multipliers, as it is minimised; infinite beyond a bound.
+
+        What it is made of, as :func:`stated` gives it, is ``enclosed``.
+        """
+        total, *others = ((low, high) if self.sign > 0 else (-high, -low) for low, high in enclosed)
+        found = total[0]
         kept = [c for c in self.problem.constraints if isinstance(c, Isoperimetric | Bound)]
-        for constraint, multiplier, value in zip(kept, self._multipliers, others, strict=True):
+        for constraint, multiplier, (low, high) in zip(kept, self._multipliers, others, strict=True):
             if isinstance(constraint, Isoperimetric):
-                found = found - self.sign * multiplier * value
+                found = found - multiplier * (high if multiplier > 0 else low)
                 continue
-            low, high = (b - s * ON_BOUND * max(1.0, abs(b)) for b, s in zip(constraint.interval, (1, -1), strict=True))
-            found = np.where((value >= low) & (value <= high), found, np.inf)
+            room = [ON_BOUND * max(1.0, abs(b)) for b in constraint.interval]
+            first, last = constraint.interval[0] - room[0], constraint.interval[1] + room[1]
+            first, last = (first, last) if self.sign > 0 else (-last, -first)
+            found = np.where((high >= first) & (low <= last), found, np.inf)
         return found
 
     def at_end(self, side: int, away: np.ndarray) -> np.ndarray:
         """The cost (m,) of the ends that depart by ``away`` (m, n) from the known one; of the start, what that adds."""
-        cost, own = _end_cost(self.problem), self.curve(np.array(self.span), 0)
+        cost, own = _end_cost_at_points(self.problem), self.curve(np.array(self.span), 0)
         if cost is None:
             return np.zeros(len(away))
         ends = [np.repeat(own[:, [k]], 1 + len(away), axis=1) for k in (0, 1)]
         ends[side][:, 1:] += away.T
         places = np.array(self.span)[:, None]
-        numbers = [np.array(own)[None] for own in self._numbers]
+        numbers = [np.array(own)[None] for own in self.numbers]
         found = cost(1 + len(away), places[:1], ends[0].T, places[1:], ends[1].T, *numbers)[:, 0]
         return self.sign * (found[1:] if side else found[1:] - found[0])
 
@@ -139,30 +184,11 @@ class AlongDirection:
 
 def in_directions(solution: Solution) -> Iterator[AlongDirection]:
     """The departures from a solution that are looked at."""
-    problem, curve = solution.problem, solution.curve
-    assert curve is not None
-    first, last = float(solution.x.min()), float(solution.x.max())
-    rows = curve(np.linspace(first, last, SIZED_PLACES), 0)
-    extents = np.ptp(rows, axis=1)
-    sizes = np.where(extents > 0, extents, np.abs(rows).max(axis=1))
-    if isinstance(problem, Curve):
-        sizes, width = np.full(problem.n, sizes.max() or 1.0), 0.0
-    else:
-        width = last - first
-        sizes = np.where(sizes > 0, sizes, width)
-    axes = _axes(problem, rows) * sizes
     departures = Departures(solution)
+    axes = departures.axes * departures.sizes
+    width = 0.0 if isinstance(solution.problem, Curve) else departures.span[1] - departures.span[0]
     for shares in _shares(len(axes)):
         yield AlongDirection(departures, axes, shares, width)
-
-
-def _axes(problem: Functional, rows: np.ndarray) -> np.ndarray:
-    """Unit vectors that span the departures: along a Curve between two places those across the way are all."""
-    axes = np.eye(problem.n)
-    way = rows[:, -1] - rows[:, 0]
-    if not isinstance(problem, Curve) or problem.n == 1 or not way.any():
-        return axes
-    return np.linalg.svd(way[None] / np.abs(way).max())[2][1:]
 
 
 def _shares(count: int) -> np.ndarray:
@@ -173,25 +199,33 @@ def _shares(count: int) -> np.ndarray:
 
 
 @derived
-def columns(problem: Functional) -> Columns:
-    """L and what is bounded or levelled, of columns that NumPy broadcasts.
-
-    Raises TypeError or ValueError where NumPy has no form of it.
-    """
-    return PointEvaluator(ca.Function("L", problem.symbols.all, [problem.integrand, *_told_of(problem)])).columns
-
-
-def _told_of(problem: Functional) -> list[ca.SX]:
-    """What is bounded or levelled."""
-    return [t.expression for t in problem.traced if isinstance(t.constraint, Isoperimetric | Bound)]
+def stated(problem: Functional) -> ca.Function:
+    """L and what is bounded or levelled."""
+    told = [t.expression for t in problem.traced if isinstance(t.constraint, Isoperimetric | Bound)]
+    return ca.Function("L", problem.symbols.all, [problem.integrand, *told])
 
 
 @derived
-def _end_cost(problem: Functional) -> PointEvaluator | None:
+def columns(problem: Functional) -> Columns:
+    """The same of columns that NumPy broadcasts.
+
+    Raises TypeError or ValueError where NumPy has no form of it.
+    """
+    return PointEvaluator(stated(problem)).columns
+
+
+@derived
+def end_cost(problem: Functional) -> ca.Function | None:
     """The cost of the ends as a function of (x0, y0, x1, y1, parameters, unknowns)."""
     if problem.end_cost_expression is None:
         return None
     ends, cost = problem.end_cost_expression
     ends = ends if len(ends) == 4 else [ca.SX.sym("t0"), ends[0], ca.SX.sym("t1"), ends[1]]
     symbols = problem.symbols
-    return PointEvaluator(ca.Function("end_cost", [*ends, symbols.parameters, symbols.unknowns], [cost]))
+    return ca.Function("end_cost", [*ends, symbols.parameters, symbols.unknowns], [cost])
+
+
+@derived
+def _end_cost_at_points(problem: Functional) -> PointEvaluator | None:
+    function = end_cost(problem)
+    return None if function is None else PointEvaluator(function)

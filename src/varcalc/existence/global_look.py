@@ -9,10 +9,11 @@ followed to its bottom by the direct method, and what that ends in counts by its
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -34,11 +35,14 @@ from varcalc.existence.polygons import (
 from varcalc.formulation import Sampled
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
+from varcalc.problem.breaks import integrals
 from varcalc.problem.conditions import Holonomic, Isoperimetric
 from varcalc.problem.convexity import proved_jointly_convex, proved_quadratic
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import PROVED, Solution
+from varcalc.symbolic.derived import derived
+from varcalc.symbolic.variation import gentle_across
 
 FAR_LOWER = 0.5
 """How far below the chord a polygon lies that is worth starting from, in units of what the chord sums."""
@@ -61,16 +65,26 @@ FINE = Ritz(elements=64, starts=1)
 """The same from a curve that is steep in one place."""
 ACROSS = Ritz(elements=24, degree=3, refine=False, starts=1), Ritz(elements=24, starts=1)
 """The two ways from a polygon of a landscape, which has as many pieces."""
+IN_NARROW = Ritz(starts=1, degree=8)
+"""The way into a narrow valley, on a mesh of its own."""
 QUADRATIC = "L is proved to be of second degree in the curve and its slope"
 ONE_CURVE, DEPARTURE_PLACES = 0.05, 33
 """Departure from the known curve, in units of the larger extent, of one in the same valley; places where it is told."""
+PLACE = 1
+"""The argument of L that is the place."""
 ROUGHLY = 0.05
 """How far above the known value a rough one may be, in units of what is summed, for the valley to be lower."""
 
 _Found = tuple[float, Valleys, Valley, tuple[Ritz, Ritz]]
 """A valley that was seen: how high it lies over the known curve's polygon, on what, and how it is followed."""
-Polish = Callable[[Ritz, Sampled], Solution]
-"""The answer of the direct method from a curve to start from."""
+
+
+class Polish(Protocol):
+    """The answer of the direct method from a curve to start from, on a mesh with ``marks``."""
+
+    def __call__(self, method: Ritz, start: Sampled, marks: tuple[float, ...] = ()) -> Solution:
+        """A Solution, with a status that says why when there is none."""
+        ...
 
 
 def _ordinates(solution: Solution, x: np.ndarray) -> np.ndarray:
@@ -102,12 +116,14 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
         return replace(solution, searched=f"other valleys were not looked for: {reason}")
     best, seen = solution, _LookedAt()
     for _ in range(DESCENTS):
-        if _is_graph(problem):
-            lower = _lower(best, seen, polish)
-        else:
-            # whoever holds the method to one mesh has the answer on that
-            one_mesh = isinstance(solution.method, Ritz) and not solution.method.refine
-            lower = _lower_in_directions(best, seen, polish if followed and not one_mesh else None)
+        graph = _is_graph(problem)
+        # whoever holds the method to one mesh has the answer on that
+        one_mesh = isinstance(solution.method, Ritz) and not solution.method.refine
+        way = polish if graph or (followed and not one_mesh) else None
+        # where a lattice shows a valley that is narrower than its meshes it does not lead into it
+        lower = _in_narrow_valleys(best, seen, way)
+        if lower is None or lower.local:
+            lower = (_lower(best, seen, polish) if graph else _lower_in_directions(best, seen, way)) or lower
         if lower is None or not lower.status.ok or lower.local or not followed:
             return _told(best, lower, seen.sentence)
         best = replace(lower, method=solution.method)
@@ -126,6 +142,8 @@ class _LookedAt:
     walled: bool = False
     directions: int = 0
     together: bool = False
+    ends: bool = False
+    narrow: bool = False
     instead: str = ""
     unfollowed: bool = False
 
@@ -143,7 +161,9 @@ class _LookedAt:
             looked += f" within {self.reach:.4g} of the curve"
         looked += ", and those across its hills and wells," if self.across else ""
         looked += " and in all directions at once," if self.together else ""
-        looked += f"{'' if self.across else ','} as far as L is convex in the slope," if self.walled else ""
+        looked += " and what all other ends cost," if self.ends else ""
+        looked += " and shifts into narrow valleys," if self.narrow else ""
+        looked += f"{'' if looked.endswith(',') else ','} as far as L is convex in the slope," if self.walled else ""
         looked += f"{'' if looked.endswith(',') else ','} {self.instead}," if self.instead else ""
         valleys = "1 other valley" if self.number == 1 else f"{self.number} other valleys"
         if self.number or not self.unfollowed:
@@ -173,11 +193,39 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish) -> Solution | None:
     return None if lattice is None else _followed(best, lattice, valleys, ACROSS, polish)
 
 
+def _in_narrow_valleys(best: Solution, seen: _LookedAt, polish: Polish | None) -> Solution | None:
+    """A lower solution in a valley that no lattice shows, or the known one marked for that; None for neither."""
+    if not _may_be_narrow(best.problem):
+        return None
+    from varcalc.existence.narrow_valleys import narrow_valleys  # few solves need them
+
+    ordinates: Sampled | None = (lambda x: _ordinates(best, x)[None]) if _is_graph(best.problem) else None
+    with np.errstate(all="ignore"):
+        narrow = narrow_valleys(best, ordinates)
+        valleys = [] if narrow is None else narrow.distinct()
+    seen.narrow, seen.number = seen.narrow or narrow is not None, seen.number + len(valleys)
+    marked: Solution | None = None
+    for valley in valleys:
+        assert narrow is not None
+        if polish is not None:
+            found = polish(IN_NARROW, narrow.landscape.along(valley), valley.marks)
+            if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
+                return found
+        marked = marked or _by_polygon(best, narrow, valley, followed=polish is not None)
+    return marked
+
+
+@derived
+def _may_be_narrow(problem: Functional) -> bool:
+    return problem.symbols.kind is ca.SX and not gentle_across(integrals(problem), PLACE)
+
+
 def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None) -> Solution | None:
     """The same where no lattice holds all curves: in each direction from the known one.
 
     Without ``polish`` polygons are compared, and no valley is followed.
     """
+    from varcalc.existence.cheaper_ends import cheaper_ends
     from varcalc.existence.directions import in_directions  # few solves need them
     from varcalc.existence.together import together
 
@@ -197,8 +245,10 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
             found += [(v.value - about.own_value, about, v, (ROUGH, EXACT)) for v in valleys]
             found += _across(across)
         box = together([(*pair, across) for pair, across in zip(looked, acrosses, strict=True)])
-    found = sorted(found + _across(box), key=lambda f: f[0])[:FOLLOWED_IN_DIRECTIONS]
-    seen.together = seen.together or box is not None
+        bent = cheaper_ends(best)
+        found += _across(box) + _across(bent)
+    found = sorted(found, key=lambda f: f[0])[:FOLLOWED_IN_DIRECTIONS]
+    seen.together, seen.ends = seen.together or box is not None, seen.ends or bent is not None
     if polish is None:
         seen.unfollowed = bool(found)
         polygons = (_by_polygon(best, lattice, valley, followed=False) for _, lattice, valley, _ in found)

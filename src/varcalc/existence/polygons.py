@@ -134,13 +134,14 @@ class Graphs:
 class Valley:
     """A least polygon through some node: vertices ``x`` and ``y``, its value on the lattice; ``edge``: it leaves it.
 
-    Of n functions at once ``y`` is (K + 1, n), of one (K + 1,).
+    Of n functions at once ``y`` is (K + 1, n), of one (K + 1,). The curve there is held by a mesh with the ``marks``.
     """
 
     x: np.ndarray
     y: np.ndarray
     value: float
     edge: bool
+    marks: tuple[float, ...] = ()
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """Ordinates (1, m), or (n, m), at x (m,)."""

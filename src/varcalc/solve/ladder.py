@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, Protocol
@@ -157,10 +157,14 @@ minimum by construction (see docs/methods.md for the figures). What one element 
 long way, many may."""
 
 
-def _polished(problem: Functional, tol: float, method: Ritz, start: Sampled) -> Solution:
-    """The answer of the direct method next to a curve."""
+def _polished(problem: Functional, tol: float, method: Ritz, start: Sampled, marks: tuple[float, ...] = ()) -> Solution:
+    """The answer of the direct method next to a curve, on a mesh with the ``marks``."""
     known = _broken(problem, method, tol, start)
-    return known if known is not None else _made_out(_first_answer(problem, method, tol, start))
+    if known is not None:
+        return known
+    return (
+        _on_mesh(problem, method, tol, start, marks) if marks else _made_out(_first_answer(problem, method, tol, start))
+    )
 
 
 def reconsidered(solution: Solution, method: Method | None, tol: float) -> Solution:
@@ -277,15 +281,23 @@ def _on_its_mesh(problem: Functional, tol: float, extremal: Solution) -> Solutio
     curve = extremal.curve
     if curve is None or not isinstance(problem, Problem):
         return None
-    form = formulate(problem)
     vertices = polynomials(lambda x: curve(x, 1), np.unique(extremal.x)).edges[1:-1]
     if len(vertices) > MOST_ELEMENTS:
         return None
-    knots = tuple(sorted({*form.conditions.knots, *vertices.tolist()}))
-    form = replace(form, conditions=replace(form.conditions, knots=knots), cache=Cache())
     way = replace(LADDER[0], starts=1, degree=FINER_DEGREE)
-    solution = _in_form(way, form, tol, lambda x: curve(x, 0))
+    return _on_mesh(problem, way, tol, lambda x: curve(x, 0), vertices.tolist())
+
+
+def _on_mesh(problem: Functional, method: Ritz, tol: float, start: Sampled, vertices: Sequence[float]) -> Solution:
+    """The answer of the direct method from a curve, on elements between ``vertices``."""
+    form = _with_knots(formulate(problem), vertices)
+    solution = _in_form(method, form, tol, start)
     return _made_out(_vouched(replace(solution, method=LADDER[0]), None, form, forms(problem)))
+
+
+def _with_knots(form: Form, vertices: Sequence[float]) -> Form:
+    knots = tuple(sorted({*form.conditions.knots, *vertices}))
+    return replace(form, conditions=replace(form.conditions, knots=knots), cache=Cache())
 
 
 def _broken(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution | None:
@@ -437,8 +449,7 @@ def _on_finer_mesh(method: Method, form: Form, solution: Solution, missed: Unsee
     """The answer from a known curve on its own mesh with the marks of what that one missed."""
     # what the mesh has learnt is kept: its vertices, and its degree
     start, vertices = solution.extremal.evaluate, solution.extremal.vertices
-    knots = tuple(sorted({*form.conditions.knots, *vertices[1:-1].tolist(), *missed.marks.tolist()}))
-    form = replace(form, conditions=replace(form.conditions, knots=knots), cache=Cache())
+    form = _with_knots(form, [*vertices[1:-1].tolist(), *missed.marks.tolist()])
     finer = method
     if isinstance(method, Ritz):
         degree = min(solution.stats.degree, FINER_DEGREE) if method.refine and method.degree is None else method.degree

@@ -15,7 +15,7 @@ import numpy as np
 
 from varcalc.symbolic.instructions import BINARY, UNARY, interpret
 from varcalc.symbolic.intervals import Interval, applied, constant
-from varcalc.symbolic.variation import SEEN_FROM_AFAR, VARYING, Between, Rules, gentle
+from varcalc.symbolic.variation import NARROWING, VARYING, Between, Rules, gentle
 
 COARSEST, FINEST = 3, 30
 """How often the square is halved to begin with, and at most."""
@@ -37,7 +37,7 @@ def _up_to(largest: float, rule: Callable[..., np.ndarray]) -> Callable[..., np.
 
 
 RULES: Rules = {
-    **{operation: rule for operation, rule in VARYING.items() if operation not in SEEN_FROM_AFAR | {ca.OP_CALL}},
+    **{operation: VARYING[operation] for operation in NARROWING},
     **{operation: _up_to(LOG_OF_NOTHING, VARYING[operation]) for operation in (ca.OP_COSH, ca.OP_SINH)},
     **{operation: _up_to(math.exp(LOG_OF_NOTHING), VARYING[operation]) for operation in (ca.OP_INV, ca.OP_DIV)},
 }

@@ -79,6 +79,38 @@ def gentle(function: ca.Function, rules: Rules) -> bool:
     return True
 
 
+def gentle_across(function: ca.Function, argument: int) -> bool:
+    """Whether nothing narrow can come of any operation where one ``argument`` of an SX function alone changes.
+
+    Powers of what is of first degree in it are infinite or no numbers on one line, and narrow nowhere else; what varies
+    as narrowly everywhere is seen wherever one looks.
+    """
+    fixed, first_degree, power, other = range(4)
+    kinds: dict[int, int] = {}
+    for i in instructions(function):
+        of = [kinds[s] for s in i.sources] if i.operation not in (ca.OP_CONST, ca.OP_INPUT) else []
+        if i.operation == ca.OP_INPUT:
+            kinds[i.target] = first_degree if i.sources[0] == argument else fixed
+        elif max(of, default=fixed) == fixed:
+            kinds[i.target] = fixed
+        elif i.operation in FIRST_DEGREE and max(of) == first_degree:
+            kinds[i.target] = first_degree
+        elif i.operation in MULTIPLES and sorted(of)[:-1] in ([], [fixed]):
+            kinds[i.target] = max(of)
+        elif i.operation in MAKING_POWERS and max(of) <= power and (of[1:] in ([], [fixed]) or _divides(i, of)):
+            kinds[i.target] = power
+        elif i.operation in NARROWING and (i.operation != ca.OP_DIV or of[1] != fixed):
+            return False
+        else:
+            kinds[i.target] = other
+    return True
+
+
+def _divides(instruction: Instruction, kinds: Sequence[int]) -> bool:
+    """Whether it divides what does not change."""
+    return instruction.operation == ca.OP_DIV and kinds[0] == 0
+
+
 def excess(
     function: ca.Function, boxes: Sequence[Sequence[Between]], shape: tuple[int, ...], rules: Rules
 ) -> np.ndarray:
@@ -248,6 +280,14 @@ def _length(a: Between, b: Between) -> np.ndarray:
     return Between(range_, np.hypot(a.first, b.first), np.hypot(a.last, b.last)).factor
 
 
+FIRST_DEGREE = {ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE}
+"""Operations that keep what is of first degree so."""
+MULTIPLES = {ca.OP_MUL, ca.OP_NEG, ca.OP_TWICE}
+"""Operations that keep anything what it is but for a factor, where one operand alone changes."""
+MAKING_POWERS = {ca.OP_SQ, ca.OP_SQRT, ca.OP_INV, ca.OP_DIV, ca.OP_POW, ca.OP_CONSTPOW}
+"""Operations that make powers of their first operand, and of their second one where they divide by it."""
+
+
 LOCAL: Rules = {
     ca.OP_EXP: _exponent, ca.OP_EXPM1: _exponent, ca.OP_SINH: _beyond, ca.OP_COSH: _beyond, ca.OP_SIN: _phase,
     ca.OP_COS: _phase, ca.OP_TAN: _phase, ca.OP_TANH: _step, ca.OP_ERF: _step, ca.OP_ATAN: _slow_step,
@@ -262,3 +302,5 @@ VARYING: Rules = {
 """The same with the operations that vary by the factor by which their operand changes."""
 SEEN_FROM_AFAR = {ca.OP_SIN, ca.OP_COS, ca.OP_TAN}
 """Operations that are nowhere nothing: a series tells of them wherever it is begun."""
+NARROWING = frozenset(VARYING) - SEEN_FROM_AFAR - {ca.OP_CALL}
+"""Operations of which something narrow may come at one place."""

@@ -1,0 +1,255 @@
+"""Whether a narrow valley far from the known curve is lower: no lattice shows what is narrower than its meshes.
+
+On some vertical lines the place is looked for to which the known curve would best be shifted, there and back included.
+Along a line L is enclosed between departures, so that no valley is too narrow to be seen; what the way there and back
+adds is told at points.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import casadi as ca
+import numpy as np
+
+from varcalc.existence.directions import Departures, stated
+from varcalc.existence.polygons import Valley
+from varcalc.existence.together import AlongAxes
+from varcalc.formulation import Sampled
+from varcalc.numerics.branch_and_bound import boxes_about, least_points
+from varcalc.problem.problem import Curve
+from varcalc.solution import Solution
+from varcalc.symbolic.intervals import enclosures
+from varcalc.symbolic.narrow import RULES
+from varcalc.symbolic.variation import Between, excess
+
+MOST_FUNCTIONS = 3
+"""Functions that are looked at together."""
+LINES = 32
+"""Vertical lines on which the place is looked for."""
+SHARES_OF_WAY = (0.03, 0.1, 0.3)
+"""How much of the interval the way there may take, and the way back."""
+PIECES_OF_WAY = 4
+"""Pieces of each along which L is summed."""
+PIECES_OF_TURN, PIECES_OF_VALLEY = 64, 1024
+"""The same of the polygons that are handed out, on the way and in the valley."""
+BOUNDS_OF_SHARE, SHARE_FOUND = (math.log(1e-5), math.log(0.45)), 1e-5
+"""Logarithms of shares among which the best way is looked for, and how nearly it is found."""
+MESH_OF_VALLEY, FINER, CLOSEST_TO_TURN = 9, 8.0, 10
+"""Points of the mesh for curves there, and by what factor it is finer, and how often, toward a turn."""
+FIRST_LINES = {1: 8, 2: 4, 3: 2}
+"""How many of them are asked first, of so many functions, whether there is anything at all."""
+SHELLS = {1: 2.0 ** np.arange(-6, 6.25, 0.5), 2: 2.0 ** np.arange(-3, 6), 3: 4.0 ** np.arange(-1, 3)}
+"""Departures between which boxes lie, either way, of so many functions, in units of the larger of size and interval."""
+LOWER_VALLEY = 1e-2
+"""How much lower, relative to what is summed, a shifted curve has to be, and how nearly the lowest one is told."""
+Boxes = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Shifts (n, m) and (n, m) between which there may be something, and the number (m,) of the line each box lies on."""
+
+
+class NarrowValleys:
+    """The known curve, and the lowest ones that are shifted into a valley, as polygons of departures."""
+
+    def __init__(self, departures: Departures, boxes: Boxes) -> None:
+        """Of the lines that are asked first the ``boxes`` are known."""
+        self._departures, n = departures, departures.problem.n
+        self._first = boxes
+        self.landscape = AlongAxes(departures, np.eye(n))
+        self._length = departures.span[1] - departures.span[0]
+        self._lines = _lines(departures)
+        self._curve, self._slopes = (departures.curve(self._lines, k) for k in (0, 1))
+        own = self.landscape.values(self._lines, *np.zeros((2, LINES, n)))
+        self.summed, self.own_value = (float(v.mean()) * self._length for v in (np.abs(own), own))
+        self._own = np.minimum(own, own.mean())
+        self._ways = [self._way(share) for share in SHARES_OF_WAY]
+        self._known = [self.landscape.values(x, *np.zeros((2, len(x), n))) for x, *_ in self._ways]
+
+    def distinct(self) -> list[Valley]:
+        """The curve that is shifted evenly to the best place, and the one through the best places of all lines."""
+        near = LOWER_VALLEY * self.summed
+        low, high, number = self._first
+        few = _first_lines(len(self._curve))[number]
+        if not np.isfinite(self._least(low, high, few, near)[0]).any():
+            return []
+        places, least = self._least(*_boxes(self._departures, self._lines), near)
+        seen = np.isfinite(places[0])
+        if not seen.any():
+            return []
+        best = [int(np.argmin(least))]
+        lines = [best, *([np.flatnonzero(seen)] if seen.sum() > 1 else [])]
+        found = [self._valley(places[:, k], self._lines[k]) for k in lines]
+        return [valley for valley in found if valley.value < self.own_value - near]
+
+    def _least(
+        self, low: np.ndarray, high: np.ndarray, number: np.ndarray, near: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The best shifts (n, k) on all lines, and by how much they are higher; NaN where none is lower."""
+        return least_points(low, high, number, self._value, self._bound, np.full(LINES, -near), near)
+
+    def _valley(self, places: np.ndarray, lines: np.ndarray) -> Valley:
+        """The polygon through departures (n, m) at some ``lines`` (m,), with the best way there and back."""
+        from scipy.interpolate import CubicSpline  # few curves are shifted
+        from scipy.optimize import minimize_scalar
+
+        def shifted(x: np.ndarray) -> np.ndarray:
+            if len(lines) == 1:
+                return np.repeat(places, len(x), axis=1)
+            beside = self._length / LINES
+            return CubicSpline(lines, places, axis=1)(np.clip(x, lines[0] - beside, lines[-1] + beside))
+
+        def polygon(shares: list[float]) -> tuple[float, np.ndarray, np.ndarray]:
+            """By how much it is higher, its abscissae, and its departures."""
+            x = self._abscissae(shares)
+            away, h = (shifted(x) * self._taper(x, shares)).T, np.diff(x)
+            middle, between = 0.5 * (x[1:] + x[:-1]), 0.5 * (away[1:] + away[:-1])
+            values = self.landscape.values(middle, between, np.diff(away, axis=0) / h[:, None])
+            known = self.landscape.values(middle, np.zeros_like(between), np.zeros_like(between))
+            return float(np.where(np.isfinite(values), values - known, np.inf) @ h), x, away
+
+        shares = [min(SHARES_OF_WAY, key=lambda share: polygon([share, share])[0])] * 2
+        for side in (0, 1):
+            trial = lambda log, side=side: polygon([*shares[:side], math.exp(log), *shares[side + 1 :]])[0]  # noqa: E731
+            options = {"xatol": SHARE_FOUND}
+            shares[side] = math.exp(minimize_scalar(trial, bounds=BOUNDS_OF_SHARE, method="bounded", options=options).x)
+        higher, x, away = polygon(shares)
+        return Valley(x, away, self.own_value + higher, False, self._marks(shares))
+
+    def _abscissae(self, shares: list[float]) -> np.ndarray:
+        """The vertices of a polygon that is shifted within ``shares`` of the interval beside the ends."""
+        a, b = self._departures.span
+        turns = [a + shares[0] * self._length, b - shares[1] * self._length]
+        ways = [(a, turns[0], PIECES_OF_TURN), (turns[0], turns[1], PIECES_OF_VALLEY), (turns[1], b, PIECES_OF_TURN)]
+        return np.unique(np.concatenate([np.linspace(first, last, count + 1) for first, last, count in ways]))
+
+    def _marks(self, shares: list[float]) -> tuple[float, ...]:
+        """The vertices of a mesh that is ever finer toward where the curve turns into the valley and out of it."""
+        if isinstance(self._departures.problem, Curve):
+            return ()
+        a, b = self._departures.span
+        middle, found = 0.5 * (a + b), set(np.linspace(a, b, MESH_OF_VALLEY)[1:-1].tolist())
+        for turn, end in ((a + shares[0] * self._length, a), (b - shares[1] * self._length, b)):
+            found |= {
+                turn + (other - turn) * FINER**-k for other in (end, middle) for k in range(1, CLOSEST_TO_TURN)
+            } | {turn}
+        return tuple(sorted(found))
+
+    def _taper(self, x: np.ndarray, shares: Sequence[float]) -> np.ndarray:
+        """The share (m,) at x of a shift that is made on so much of the interval beside each end that is held."""
+        ends = zip(
+            self.landscape.held, (x - self._departures.span[0], self._departures.span[1] - x), shares, strict=True
+        )
+        closed = self.landscape.closed
+        rises = [np.minimum(1.0, d / (share * self._length)) for held, d, share in ends if held or closed]
+        return np.min([np.ones(len(x)), *rises], axis=0)
+
+    def _way(self, share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+        """Middles x (p,) of pieces of the way there and back, shares of a shift and their rates, a piece's length."""
+        a, b = self._departures.span
+        rise = share * self._length * np.arange(PIECES_OF_WAY + 1) / PIECES_OF_WAY
+        x = np.concatenate([a + rise, b - rise[::-1]])
+        taper, h = self._taper(x, (share, share)), rise[1]
+        moved = np.arange(len(x) - 1) != PIECES_OF_WAY
+        middle, rates = 0.5 * (taper[1:] + taper[:-1]), np.diff(taper) / h
+        return (0.5 * (x[1:] + x[:-1]))[moved], middle[moved], rates[moved], h
+
+    def _by_way(self, lower_by: np.ndarray, away: np.ndarray) -> np.ndarray:
+        """What each way there and back, (w, m), adds to shifts by ``away`` (n, m) that lower L by so much (m,)."""
+        found = []
+        for (x, share, rate, h), known in zip(self._ways, self._known, strict=True):
+            shifted = self.landscape.values(x, share[:, None] * away.T[:, None], rate[:, None] * away.T[:, None])
+            higher = np.where(np.isfinite(shifted), shifted - known, np.inf).sum(1) * h
+            found.append(higher + lower_by * (self._length - len(x) * h))
+        return np.array(found)
+
+    def _value(self, away: np.ndarray, number: np.ndarray) -> np.ndarray:
+        """What curves are higher by that are shifted by ``away`` (n, m), were L everywhere as on a line."""
+        return self._by_way(self._level(away, away, number) - self._own[number], away).min(0)
+
+    def _bound(self, low: np.ndarray, high: np.ndarray, number: np.ndarray) -> np.ndarray:
+        """The same at least between two shifts, (n, m) each."""
+        level = self._level(low, high, number)
+        unknown = np.isneginf(level)  # where L ends in a box nothing is known of it but what it is at points
+        at_corners = [self._level(at[:, unknown], at[:, unknown], number[unknown]) for at in (low, high)]
+        level = level.copy()
+        level[unknown] = np.min([np.where(np.isfinite(v), v, np.inf) for v in at_corners], axis=0)
+        level -= self._own[number]
+        nearest = np.where(np.abs(low) < np.abs(high), low, high)  # of the way there this is the cheapest
+        return self._by_way(level, nearest).min(0)
+
+    def _level(self, low: np.ndarray, high: np.ndarray, number: np.ndarray) -> np.ndarray:
+        """The least that L is on lines (m,) between two shifts, (n, m) each; infinite beyond a bound."""
+        problem, x = self._departures.problem, self._lines[number]
+        y, v = self._curve[:, number], self._slopes[:, number]
+        place = [(at + a, at + b) for at, a, b in zip(y, low, high, strict=True)]
+        numbers = [[(np.array(v), np.array(v)) for v in row] for row in self._departures.numbers]
+        found = enclosures(stated(problem), [[(x, x)], place, [(row, row) for row in v], [], *numbers])
+        return np.broadcast_to(self._departures.least([column[0] for column in found]), number.shape)
+
+
+def narrow_valleys(solution: Solution, ordinates: Sampled | None = None) -> NarrowValleys | None:
+    """The valleys that may be too narrow for a lattice, at first order; None where L has nothing narrow.
+
+    Their shifts are told from a polygon beside the curve where its ``ordinates`` (n, m) are given as a function.
+    """
+    problem = solution.problem
+    if problem.symbols.kind is not ca.SX or problem.order > 1 or problem.n > MOST_FUNCTIONS:
+        return None
+    departures = Departures(solution, None if ordinates is None else _polygon(solution, ordinates))
+    boxes = _boxes(departures, _lines(departures)[_first_lines(problem.n)])
+    return NarrowValleys(departures, boxes) if len(boxes[2]) else None
+
+
+def _polygon(solution: Solution, ordinates: Sampled) -> Callable[[np.ndarray, int], np.ndarray]:
+    """Through the curve on all lines and at its ends, with its slopes."""
+    a, b = float(solution.x.min()), float(solution.x.max())
+    x = np.linspace(a, b, 2 * LINES + 1)
+    y = ordinates(x)
+
+    def curve(at: np.ndarray, derivative: int) -> np.ndarray:
+        if derivative == 0:
+            return np.array([np.interp(at, x, row) for row in y])
+        piece = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
+        return (np.diff(y) / np.diff(x))[:, piece]
+
+    return curve
+
+
+def _lines(departures: Departures) -> np.ndarray:
+    """Abscissae of the lines, evenly between the ends."""
+    a, b = departures.span
+    return a + (b - a) * (np.arange(LINES) + 0.5) / LINES
+
+
+def _first_lines(functions: int) -> np.ndarray:
+    """The numbers of those that are asked first."""
+    apart = LINES // FIRST_LINES[functions]
+    return np.arange(apart // 2, LINES, apart)
+
+
+def _boxes(departures: Departures, lines: np.ndarray) -> Boxes:
+    """Shifts, (n, m) each, between which L may hide something on one of the ``lines``, and the number (m,) of that.
+
+    Where L is no number at one of both it hides nothing.
+    """
+    problem, n = departures.problem, departures.problem.n
+    edges = np.concatenate([-SHELLS[n][::-1], [0.0], SHELLS[n]])
+    low, high = boxes_about(edges, n)
+    number = np.repeat(np.arange(len(lines)), low.shape[1])
+    low, high = (np.tile(side, len(lines)) * departures.units[:, None] for side in (low, high))
+    x = lines[number]
+    y, slopes = (departures.curve(lines, k)[:, number] for k in (0, 1))
+    place = [Between((a, b), a, b) for a, b in zip(y + low, y + high, strict=True)]
+    at, slope, *numbers = ([_fixed(row) for row in rows] for rows in ([x], slopes, *departures.numbers))
+    over = excess(stated(problem), [at, place, slope, [], *numbers], x.shape, RULES)
+    hides = np.flatnonzero(over > 1.0)
+    if len(hides):
+        still = [np.zeros(len(hides))] * n
+        values = [departures.values(x[hides], list(side[:, hides]), still) for side in (low, high)]
+        hides = hides[np.isfinite(values).all(0)]
+    return low[:, hides], high[:, hides], number[hides]
+
+
+def _fixed(value: np.ndarray | float) -> Between:
+    known = np.asarray(value)
+    return Between((known, known), known, known)

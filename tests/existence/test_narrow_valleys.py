@@ -1,0 +1,128 @@
+"""Valleys of L, and wells of what ends cost, that are narrower than the meshes of any lattice."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import minimize_scalar
+
+import varcalc as vc
+
+DEPTH, LENGTH = 30.0, 10.0
+
+
+def valley(r2, width):
+    """A valley along r = 0."""
+    return -DEPTH * ca.exp(-r2 / width**2)
+
+
+def through_the_valley(place, width):
+    """The least value: to the valley, along its bottom and back, by v^2/2 = V + 30, up to exp(-7 LENGTH / width)."""
+    there = quad(lambda u: np.sqrt(-np.expm1(-((u / width) ** 2))), 0, place, points=[width, 5 * width], limit=200)[0]
+    return -DEPTH * LENGTH + 2 * np.sqrt(2 * DEPTH) * there
+
+
+@pytest.mark.parametrize(("place", "width"), [(0.47, 0.1), (1.3, 0.03), (0.47, 0.01), (1.3, 0.01)])
+def test_a_valley_far_from_the_chord_is_followed(place, width):
+    found = vc.solve(
+        vc.Problem(lambda x, y, v: v**2 / 2 + valley((y - place) ** 2, width), vc.Fixed(0, 0), vc.Fixed(LENGTH, 0))
+    )
+    assert found.value == pytest.approx(through_the_valley(place, width), rel=1e-9)
+    assert not found.local
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-4, 1e-5])
+@pytest.mark.parametrize("place", [[1.3], [0.47, -0.3]])
+def test_a_chord_is_not_called_least_beside_a_narrow_one(place, width):
+    zero = np.zeros(len(place))
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: ca.sumsqr(v) / 2 + valley(ca.sumsqr(y - ca.DM(place)), width),
+            vc.Fixed(0, zero), vc.Fixed(LENGTH, zero),
+        )
+    )  # fmt: skip
+    least = through_the_valley(float(np.linalg.norm(place)), width)
+    told = found.local and width < 1e-4  # of the narrowest a polygon is known, if no extremal
+    assert told or found.value == pytest.approx(least, rel=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.2])
+@pytest.mark.parametrize("elements", [16, 64])
+def test_a_mesh_that_holds_a_turn_where_it_is_makes_no_answer(elements, share):
+    """Moved into an element whose points all lie in the valley, the turn costs more on that mesh, whatever it costs."""
+    place, width = 1.3, 1e-5
+    found = vc.solve(
+        vc.Problem(lambda x, y, v: v**2 / 2 + valley((y - place) ** 2, width), vc.Fixed(0, 0), vc.Fixed(LENGTH, 0)),
+        vc.Ritz(elements=elements, starts=1), throw=False,
+        guess=lambda x: place * np.minimum(1, np.minimum(x, LENGTH - x) / share),
+    )  # fmt: skip
+    assert not found.status.ok or found.value == pytest.approx(through_the_valley(place, width), rel=1e-9)
+
+
+def test_a_valley_that_bends_is_seen():
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: v**2 / 2 + valley((y - 1.3 - ca.sin(x)) ** 2, 1e-3), vc.Fixed(0, 0), vc.Fixed(LENGTH, 0)
+        )
+    )
+    assert found.local or found.value < -200
+
+
+def test_smooth_hills_show_none():
+    found = vc.solve(vc.Problem(lambda x, y, v: v**2 / 2 + ca.exp(-(y**2)), vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    assert not found.local
+    assert "narrow" not in found.searched
+
+
+WELLS = {
+    "exponential": lambda r2: np.exp(-r2),
+    "rational": lambda r2: 1 / (1 + r2),
+}
+
+
+@pytest.mark.parametrize("form", WELLS)
+@pytest.mark.parametrize("width", [1e-1, 1e-3, 1e-5])
+def test_an_end_goes_into_a_narrow_well_of_its_cost(form, width):
+    """Along straight lines the functional of the end y is y^2/2 + cost(y)."""
+    place, of = 1.3, {"exponential": lambda r2: ca.exp(-r2), "rational": WELLS["rational"]}[form]
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: v**2 / 2, vc.Fixed(0, 0), vc.Free(1),
+            end_cost=lambda x0, y0, x1, y1: -3 * of(((y1 - place) / width) ** 2),
+        )
+    )  # fmt: skip
+    value = lambda z: (place + width * z) ** 2 / 2 - 3 * WELLS[form](z**2)  # noqa: E731
+    assert found.value == pytest.approx(minimize_scalar(value, bracket=(-0.5, 0.0, 0.5), tol=1e-14).fun, rel=1e-9)
+    assert not found.local
+    assert "all other ends" in found.searched
+
+
+def test_an_end_of_two_functions_goes_into_the_deeper_of_two_wells():
+    """Along the way to the end y the functional is |y|^2 coth(1)/2 + cost(y), of L = |v|^2/2 + |y|^2/2."""
+    wells, width = [([1.3, -0.4], 4.0), ([-0.7, 1.1], 3.5)], 1e-3
+
+    def cost(x0, y0, x1, y1):
+        return -sum(depth * ca.exp(-ca.sumsqr((y1 - ca.DM(place)) / width)) for place, depth in wells)
+
+    found = vc.solve(
+        vc.Problem(lambda x, y, v: ca.sumsqr(v) / 2 + ca.sumsqr(y) / 2, vc.Fixed(0, [0, 0]), vc.Free(1), end_cost=cost)
+    )
+    expected = []
+    for place, depth in wells:
+        r = np.linalg.norm(place)
+        along = lambda z, r=r, depth=depth: (r + width * z) ** 2 / (2 * np.tanh(1)) - depth * np.exp(-(z**2))  # noqa: E731
+        expected.append(minimize_scalar(along, bracket=(-0.5, 0.0, 0.5), tol=1e-14).fun)
+    assert found.value == pytest.approx(min(expected), rel=1e-9)
+
+
+def test_both_ends_are_moved_into_wells_of_their_own():
+    """Along straight lines the functional of the ends is (y1 - y0)^2/2 + cost(y0) + cost(y1)."""
+    width = 1e-3
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: v**2 / 2, vc.Free(0), vc.Free(1),
+            end_cost=lambda x0, y0, x1, y1: (y0**2 + y1**2) / 100
+            - ca.exp(-(((y0 - 0.8) / width) ** 2)) - ca.exp(-(((y1 + 0.3) / width) ** 2)),
+        )
+    )  # fmt: skip
+    assert found.value == pytest.approx(1.1**2 / 2 + (0.8**2 + 0.3**2) / 100 - 2, abs=1e-2)
