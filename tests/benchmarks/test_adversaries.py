@@ -1,5 +1,7 @@
 """The least values of the misleading problems, held against a crude search that knows nothing of them."""
 
+from itertools import pairwise
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -83,6 +85,28 @@ def test_the_least_value_is_that_of_the_best_polygon(family):
     assert np.isfinite(size)
     above = polygon(drawn, reach) - drawn.least.value
     assert -1e-3 * size <= above <= near * size
+
+
+@pytest.mark.parametrize("number", range(8))
+def test_a_slot_is_left_and_entered_along_lines(number):
+    """A polygon into the slot, along its bottom and back comes near to the least value, and never below it."""
+    drawn = statement("slots", number)
+    x, y, v = (ca.SX.sym(name) for name in "xyv")
+    L = ca.Function("L", [x, y, v], [drawn.L(x, y, v)])
+    (a, ya), (b, yb) = drawn.start, drawn.end
+    ordinates = np.linspace(-2, 2, 4_000_001)
+    values = np.asarray(L(0, ordinates[None], 0))[0]
+    bottom = float(ordinates[values.argmin()])
+    turns = drawn.points
+    t = (np.arange(200_000) + 0.5) / 200_000
+
+    def along(x0, y0, x1, y1):
+        slope = (y1 - y0) / (x1 - x0)
+        return np.asarray(L((x0 + (x1 - x0) * t)[None], (y0 + (y1 - y0) * t)[None], slope)).mean() * (x1 - x0)
+
+    corners = [(a, ya), (turns[0], bottom), (turns[1], bottom), (b, yb)]
+    polygon = sum(along(*first, *last) for first, last in pairwise(corners))
+    assert -1e-6 <= polygon / abs(drawn.least.value) - np.sign(drawn.least.value) <= 5e-2
 
 
 @pytest.mark.parametrize("family", ["beams", "steep beams", "bent"])

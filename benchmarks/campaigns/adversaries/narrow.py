@@ -1,9 +1,12 @@
-"""Features far narrower than any first mesh: soft spots of a string, and loads on a few grains of it."""
+"""Features far narrower than any first mesh: soft spots of a string, loads on a few grains of it, slots beside it."""
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import casadi as ca
 import numpy as np
+from scipy.integrate import quad
 from scipy.special import erf
 
 from campaigns.adversaries.momentum import about, pieces, quadratic, weighted
@@ -49,3 +52,31 @@ def grains(random: np.random.Generator) -> Statement:
         lambda x, y, v: v**2 / 2 - A * ca.exp(-(((x - c) / w) ** 2)) / (w * np.sqrt(np.pi)) * y, (0.0, y0), (1.0, y1),
         Least(value, sole=True), points=about(c, w),
     )  # fmt: skip
+
+
+def slots(random: np.random.Generator) -> Statement:
+    """v^2/2 - D f((y - c)/w), f one of exp(-u^2) and 1/(1 + u^2): a motion that stays in a slot far from both ends.
+
+    Without energy beyond that at the bottom v^2/2 = D (1 - f), up to what is exp(-length/w).
+    """
+    w, c = width_of(random), random.choice([-1, 1]) * random.uniform(0.4, 1.5)
+    length, rise = random.uniform(2, 12), random.uniform(-0.3, 0.3)
+    far = abs(c), abs(c - rise)
+    D = max(3.0, 32 * (sum(far) / length) ** 2) * 10 ** random.uniform(0, 1.5)
+    tailed = random.uniform() < 0.5
+
+    def way(distance: float) -> float:
+        def speed(u: float) -> float:
+            return float(np.sqrt(u**2 / (1 + u**2) if tailed else -np.expm1(-(u**2))))
+
+        edges = [0.0, *(e for e in (3.0, 30.0, 3e3, 3e5) if e < distance / w), distance / w]
+        return w * sum(quad(speed, a, b, limit=200, epsrel=1e-13)[0] for a, b in pairwise(edges))
+
+    least = Least(-D * length + np.sqrt(2 * D) * (way(far[0]) + way(far[1])))
+
+    def L(x: ca.SX, y: ca.SX, v: ca.SX) -> ca.SX:
+        u2 = ((y - c) / w) ** 2
+        return v**2 / 2 - D * (1 / (1 + u2) if tailed else ca.exp(-u2))
+
+    turns = far[0] / np.sqrt(2 * D), length - far[1] / np.sqrt(2 * D)
+    return Statement(L, (0.0, 0.0), (length, rise), least, points=turns)
