@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.formulation import formulate, on_curve, straight
+from varcalc.formulation import Refraction, broken_form, formulate, on_curve, straight
 from varcalc.formulation.form import through
+from varcalc.methods.ritz.integrands import pointwise
 
 
 def square(x: Any, y: Any, dy: Any) -> Any:
@@ -163,3 +164,20 @@ def test_end_costs_are_stated_with_the_sign() -> None:
 def test_the_wrong_thing_is_refused() -> None:
     with pytest.raises(TypeError, match="problem must be a Problem or a Curve, not 3"):
         formulate(3)  # type: ignore[arg-type]
+
+
+def test_derivatives_of_a_curve_that_is_broken_often_do_not_take_every_piece_for_every_entry() -> None:
+    problem = vc.Problem(
+        lambda x, y, dy: dy**2 / 2 + y**4 - 9 * ca.sign(ca.fabs(dy) - 2), vc.Fixed(0, 0), vc.Fixed(1, 0)
+    )
+
+    def instructions_each(count: int) -> float:
+        corners = np.arange(1, count + 1) / (count + 1)
+        turns = np.arange(count + 2) % 2 * 3.0 / (count + 1)
+        places = [Refraction(c, None) for c in corners]
+        function = pointwise(
+            broken_form(problem, [], lambda x: np.interp(x, [0, *corners, 1], turns)[None], None, places)
+        )
+        return float(function.n_instructions() / function.numel_out(0))
+
+    assert instructions_each(32) < 1.5 * instructions_each(8)

@@ -33,6 +33,7 @@ from varcalc.formulation.form import (
 from varcalc.formulation.graph import graph_form
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import Problem
+from varcalc.symbolic.instructions import Instruction, instructions
 from varcalc.symbolic.switches import held
 from varcalc.symbolic.tracing import Expression
 
@@ -187,11 +188,16 @@ def _held_between(
     s, points = problem.symbols, [point for _, point in _points(problem, marks, curve)]
 
     def rewritten(expression: Expression, integrated: bool) -> Expression:
-        pieces = [rewrite(held([expression], s.all, point)[0], integrated) for point in points]
-        joined = pieces[0]
-        for (start, _), piece in zip(marks[1:-1], pieces[1:], strict=True):
-            joined = ca.if_else(symbols.x < start, joined, piece)
-        return joined
+        branches: dict[tuple[Instruction, ...], tuple[Expression, Expression]] = {}
+        for here, point in zip(_within(symbols.x, marks), points, strict=True):
+            branch = held([expression], s.all, point)[0]
+            written = tuple(instructions(ca.Function("branch", s.all, [branch])))
+            elsewhere, branch = branches.get(written, (symbols.kind(0), branch))
+            branches[written] = elsewhere + here, branch
+        return _chosen(
+            [there for there, _ in branches.values()],
+            [rewrite(branch, integrated) for _, branch in branches.values()],
+        )
 
     return rewritten
 
@@ -241,14 +247,27 @@ def _piecewise(
     s: Expression, marks: list[tuple[float, Expression]], *, smoothly: bool
 ) -> tuple[Expression, Expression]:
     """x(s), linear between the marks, or with the slope 1 at each, so that slopes are continuous; and dx/ds."""
-    x: Expression = None
-    speed: Expression = None
-    for (s0, x0), (s1, x1) in pairwise(marks):
-        along, rate = (s - s0) / (s1 - s0), (x1 - x0) / (s1 - s0)
-        piece = x0 + (s - s0) * rate
-        if smoothly:
-            piece = s + (x0 - s0) + (s1 - s0) * (rate - 1) * along**2 * (3 - 2 * along)
-            rate = 1 + (rate - 1) * 6 * along * (1 - along)
-        x = piece if x is None else ca.if_else(s < s0, x, piece)
-        speed = rate if speed is None else ca.if_else(s < s0, speed, rate)
-    return x, speed
+    within = _within(s, marks)
+    s0, length = _chosen(within, [a for a, _ in marks[:-1]]), _chosen(within, np.diff([a for a, _ in marks]).tolist())
+    x0, x1 = (_chosen(within, [x for _, x in ends]) for ends in (marks[:-1], marks[1:]))
+    rate = (x1 - x0) / length
+    if not smoothly:
+        return x0 + (s - s0) * rate, rate
+    along = (s - s0) / length
+    x = s + (x0 - s0) + length * (rate - 1) * along**2 * (3 - 2 * along)
+    return x, 1 + (rate - 1) * 6 * along * (1 - along)
+
+
+def _within(s: Expression, marks: list[tuple[float, Expression]]) -> list[Expression]:
+    """For each piece between marks 1 where ``s`` is in it and 0 elsewhere; the first and the last have no outer end."""
+    starts = [start for start, _ in marks[1:-1]]
+    after, before = [1.0, *(s >= start for start in starts)], [*(s < start for start in starts), type(s)(1.0)]
+    return [last * first for first, last in zip(after, before, strict=True)]
+
+
+def _chosen(within: Sequence[Expression], choices: Sequence[Expression | float]) -> Expression:
+    """The one of the ``choices`` whose condition holds.
+
+    They stand in one sum: one within the other, each would be taken as often as there are pieces in every derivative.
+    """
+    return ca.sum1(ca.vertcat(*(ca.if_else(here, choice, 0) for here, choice in zip(within, choices, strict=True))))
