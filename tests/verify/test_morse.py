@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.verify.ritz_hessian import RitzHessian
+from varcalc.formulation import formulate
+from varcalc.verify.ritz_hessian import RitzHessian, index_by_ritz
 from varcalc.verify.verification import Index
 
 CASES = range(50)
@@ -112,8 +113,17 @@ def test_both_routes_agree_on_a_manufactured_extremal(number):
     assert check.verdict is (vc.Verdict.SADDLE if check.index else vc.Verdict.MINIMUM)
 
 
+def extremal(number):
+    case = Case(number)
+    form = formulate(case.problem())
+    solution = vc.Collocation().solve(form, tol=1e-10, guess=lambda x: np.transpose([*map(case.at, x)]))
+    assert np.abs(solution.y(0.37) - case.at(0.37)).max() < 1e-6
+    return solution.extremal
+
+
 def test_the_manufactured_extremals_are_of_many_kinds():
-    indices = [verified(number).routes["Ritz"] for number in CASES]
+    # by the cheaper of the two routes, and without the search for lower curves: above they agree
+    indices = [index_by_ritz(extremal(number)).index for number in CASES]
     assert set(indices) >= set(range(6))
     assert indices.count(0) >= 5
 

@@ -17,6 +17,7 @@ import numpy as np
 from varcalc.problem.conditions import Bound, Holonomic
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Finding, Solution, Verdict
+from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.verify.along_curve import AlongCurve, complement
 from varcalc.verify.candidate import Candidate
 from varcalc.verify.check import Check
@@ -91,13 +92,15 @@ def _excess(along: AlongCurve, tries: Callable[[np.ndarray, np.ndarray], np.ndar
     tried = tries(own, complement(along.forbidden_slopes(s)))
     count = tried.shape[1]
     inputs = [*along.symbols.all, *along.multiplier_symbols]
-    function = ca.Function("excess", inputs, [H, ca.densify(ca.gradient(H, top))])
+    value = PointEvaluator(ca.Function("H", inputs, [H]))
+    gradient = ca.Function("slope", inputs, [ca.densify(ca.gradient(H, top))])
     with np.errstate(all="ignore"):
-        value, slope = (np.asarray(v) for v in function.call(arguments))
-        repeated = [np.repeat(v, count, axis=1) for v in arguments]
-        repeated[1 + order] = tried.reshape(-1, n).T
-        other = np.asarray(function.call(repeated)[0]).reshape(len(s), count)
-        relative = excesses(value.T, np.einsum("ka,kta->kt", slope.T, tried - own[:, None]), other)[1]
+        slope = np.asarray(gradient.call(arguments)[0])
+        repeated = [np.repeat(v.T, count, axis=0) for v in arguments]
+        repeated[1 + order] = tried.reshape(-1, n)
+        other = value(len(s) * count, *repeated).reshape(len(s), count)
+        here = value(len(s), *(v.T for v in arguments))
+        relative = excesses(here, np.einsum("ka,kta->kt", slope.T, tried - own[:, None]), other)[1]
     k, j = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
     return Excess(float(relative[k, j]), float(s[k]), tried[k, j], own[k])
 
