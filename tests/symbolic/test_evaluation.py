@@ -130,3 +130,32 @@ def test_what_is_no_number_is_none_and_says_nothing():
         found = np.array(evaluate.columns(np.array([-1.0, 0.0]))).T
     np.testing.assert_array_equal(found, [[np.nan, np.nan, -1.0], [-np.inf, 0.0, np.inf]])
     np.testing.assert_array_equal(evaluate(2, np.array([[-1.0], [0.0]])), found)
+
+
+class Counted(ca.Callback):
+    """Twice its argument, and how often that was asked for."""
+
+    def __init__(self):
+        super().__init__()
+        self.count = 0
+        self.construct("counted", {})
+
+    def eval(self, arguments):
+        self.count += 1
+        return [2 * arguments[0]]
+
+
+def test_what_takes_long_is_evaluated_at_the_points_that_are_wanted_and_no_others():
+    function = Counted()
+    evaluate = PointEvaluator(function)
+    asked = [1, 7, 3, TOGETHER, 1, TOGETHER + 5, 2]
+    for count in asked:
+        points = np.arange(float(count))[:, None]
+        np.testing.assert_array_equal(evaluate(count, points), 2 * points)
+    assert function.count == sum(asked)
+
+
+def test_a_call_of_a_table_takes_as_long_as_many_instructions():
+    table = ca.interpolant("table", "bspline", [np.linspace(-1, 2, 13).tolist()], np.linspace(0, 3, 13).tolist())
+    called, written = (PointEvaluator(ca.Function("f", [X], [y])) for y in (sum(table(k * X) for k in range(3)), X**3))
+    assert called.usual < 10 < written.usual

@@ -23,10 +23,8 @@ TOGETHER = 64
 """Points that CasADi evaluates in one go, at most."""
 FREE = 4000
 """Instructions, times points, that take less time than what comes with every call."""
-ROOMY = 4
-"""By how many times more points than asked for may be evaluated: cheaper than memory for every number of them."""
-KEPT_SIZES = 4
-"""Numbers of points for which memory is kept."""
+A_CALL = 200
+"""Instructions that take as long as a call of a table, or of a derivative of one."""
 POINTS_FOR_NUMPY = 128
 """Points from which on NumPy is faster than CasADi, whatever the function."""
 POINTS_AN_INSTRUCTION, MOST_POINTS = 20, 3000
@@ -44,7 +42,8 @@ class PointEvaluator:
     """A CasADi function of columns, at any number of points.
 
     It goes by CasADi or by NumPy, whichever is faster for so many points and a function of that length; the number of
-    points decides, not the clock. Several threads may call it at once.
+    points decides, not the clock. Several threads may call it at once. ``usual`` is how many points are evaluated at
+    the least, for they take no longer than one.
     """
 
     def __init__(self, function: ca.Function) -> None:
@@ -61,12 +60,15 @@ class PointEvaluator:
             self.width += size
         self._blank = np.empty if full else np.zeros
         self._rooms: dict[int, _Room] = {}
-        self._last: _Room | None = None
         self._busy = Lock()
-        self._usual, self._before_reading = 1, math.inf
+        self.usual: int = 1
+        self._before_reading = math.inf
         if function.is_a("SXFunction"):
             length = max(1, function.n_instructions())
-            self._usual = min(TOGETHER, FREE // length)
+            calls = 0
+            if function.find_functions():
+                calls = [function.instruction_id(k) for k in range(length)].count(ca.OP_CALL)
+            self.usual = min(TOGETHER, max(1, FREE // (length + A_CALL * calls)))
             self._before_reading = min(POINTS_AN_INSTRUCTION * length, MOST_POINTS)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -84,16 +86,14 @@ class PointEvaluator:
             self._by_columns(arguments, results)
             return results
         with self._busy:
-            room = self._last
-            if room is None or not count <= room.size <= max(ROOMY * count, self._usual):
-                self._last = room = self._room(count)
-            if count <= room.size:
-                room.evaluate(count, arguments, results)
-            else:
-                for first in range(0, count, room.size):
-                    part = slice(first, min(first + room.size, count))
-                    given = [a if len(a) == 1 else a[part] for a in arguments]
-                    room.evaluate(part.stop - first, given, results[part])
+            first = 0
+            while first < count:
+                room = self._room(count - first)
+                part = slice(first, min(first + room.size, count))
+                whole = part.stop - first == count
+                given = arguments if whole else [a if len(a) == 1 else a[part] for a in arguments]
+                room.evaluate(part.stop - first, given, results[part])
+                first = part.stop
         return results
 
     def bound(self, inputs: Sequence[np.ndarray], output: np.ndarray) -> Callable[[], None]:
@@ -149,15 +149,11 @@ class PointEvaluator:
                 rows[:, place] = column
 
     def _room(self, count: int) -> _Room:
-        """Memory for so many points, or some more."""
-        count = min(count, TOGETHER)
-        size, most = max(count, self._usual), max(ROOMY * count, self._usual)
-        fit = [known for known in self._rooms if count <= known <= most]
-        if not fit:
-            if len(self._rooms) == KEPT_SIZES:
-                del self._rooms[next(iter(self._rooms))]
+        """Memory for so many points or fewer, all of which are wanted; for a few more where that costs nothing."""
+        size = max(self.usual, 1 << min(count, TOGETHER).bit_length() - 1)
+        if size not in self._rooms:
             self._rooms[size] = _Room(self.function, size, self._places)
-        return self._rooms[min(fit, default=size)]
+        return self._rooms[size]
 
 
 class _InColumns:
