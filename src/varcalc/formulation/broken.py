@@ -194,10 +194,9 @@ def _held_between(
             written = tuple(instructions(ca.Function("branch", s.all, [branch])))
             elsewhere, branch = branches.get(written, (symbols.kind(0), branch))
             branches[written] = elsewhere + here, branch
-        return _chosen(
-            [there for there, _ in branches.values()],
-            [rewrite(branch, integrated) for _, branch in branches.values()],
-        )
+        # what branches have in common is differentiated once
+        common = ca.cse(ca.vertcat(*(rewrite(branch, integrated) for _, branch in branches.values())))
+        return _chosen([there for there, _ in branches.values()], ca.vertsplit(common))
 
     return rewritten
 
