@@ -61,9 +61,13 @@ def check_names(what: str, given: Iterable[str], known: Iterable[str]) -> None:
 
 
 def no_attribute(module: str, name: str, known: Iterable[str]) -> AttributeError:
-    """The error of a ``module`` that has nothing called ``name``."""
+    """The error of a ``module`` that has nothing called ``name``, with what was meant unless it is asked for by tools.
+
+    Names with an underscore in front are tried by what inspects modules, by the thousand.
+    """
     public = [word for word in known if not word.startswith("_")]
-    return AttributeError(f"module {module!r} has no attribute {name!r}{near(name, public)}", name=name)
+    meant = "" if name.startswith("_") else near(name, public)
+    return AttributeError(f"module {module!r} has no attribute {name!r}{meant}", name=name)
 
 
 def spelled(given: T) -> T:
