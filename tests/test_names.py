@@ -16,6 +16,15 @@ def modules():
     return [(str(path.relative_to(PACKAGE)), ast.parse(path.read_text(encoding="utf-8"))) for path in paths]
 
 
+def classes(body):
+    """Those that are written among statements, within others as well."""
+    for node in body:
+        if isinstance(node, ast.ClassDef):
+            yield node
+        for within in ("body", "orelse", "finalbody", "handlers", "cases"):
+            yield from classes(getattr(node, within, []))
+
+
 def assigned(node):
     """The names that a statement of a module gives values to."""
     targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
@@ -30,9 +39,8 @@ def assigned(node):
 def test_no_class_name_is_given_twice():
     places = defaultdict(list)
     for module, tree in modules():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.ClassDef):
-                places[node.name].append(module)
+        for node in classes(tree.body):
+            places[node.name].append(module)
     assert {name: where for name, where in places.items() if len(where) > 1} == {}
 
 

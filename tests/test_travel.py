@@ -153,11 +153,19 @@ def test_caches_stay():
     assert isinstance(copy.deepcopy(problem.cache), Cache)
 
 
-def test_comparisons_and_extremals(travelled):
-    found = vc.compare(PROBLEMS["a chain"], [vc.Ritz(), vc.Collocation(), None])
-    assert travelled(found).table() == found.table()
+@pytest.fixture(scope="module")
+def compared():
+    return vc.compare(PROBLEMS["a chain"], [vc.Ritz(), vc.Collocation(), None])
+
+
+@pytest.fixture(scope="module")
+def extremals():
     film = vc.Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Fixed(-0.5, 1), vc.Fixed(0.5, 1))
-    extremals = vc.extremals(film)
+    return vc.extremals(film)
+
+
+def test_comparisons_and_extremals(travelled, compared, extremals):
+    assert travelled(compared).table() == compared.table()
     back = travelled(extremals)
     assert (repr(back), back.windings, back.complete) == (repr(extremals), extremals.windings, extremals.complete)
     assert [film.index for film in back] == [0, 1]

@@ -79,8 +79,9 @@ def _themed(svg: str) -> ThemedSvg:
 
     def variable(colour: str, words: bool) -> str:
         name = f"--{'w' if words else 'c'}{colour[1:]}"
-        least = READABLE if words else 1.0
-        used[name] = (name, readable(colour, LIGHT, least), in_the_dark(colour, READABLE if words else VISIBLE))
+        if name not in used:
+            least, dark = (READABLE, READABLE) if words else (1.0, VISIBLE)
+            used[name] = (name, readable(colour, LIGHT, least), in_the_dark(colour, dark))
         return f"var({name})"
 
     def element(found: re.Match[str]) -> str:
