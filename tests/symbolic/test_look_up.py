@@ -8,6 +8,8 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import varcalc as vc
+from varcalc.formulation import formulate
+from varcalc.methods.ritz.integrands import CompiledIntegrands, pointwise
 from varcalc.symbolic.instructions import Call, instructions
 from varcalc.symbolic.look_up import as_sums, cells, enclosed, in_cells, knots, within_knots
 
@@ -174,3 +176,28 @@ def test_a_table_that_is_convex_is_proved_so():
         table = ca.interpolant("n", "linear", [[-2.0, 0.0, 2.0]], values)
         solution = vc.solve(vc.Problem(lambda x, y, v: v**2 / 2 + table(y), vc.Fixed(0, 1), vc.Fixed(1, 1.5)))  # noqa: B023
         assert ("proved convex" in solution.searched) == proved
+
+
+@pytest.mark.parametrize("kind", ["linear", "bspline"])
+def test_integrands_of_a_table_and_their_derivatives_are_what_casadi_makes_of_them(kind):
+    heights = np.linspace(-1, 2, 61)
+    table = ca.interpolant("index", kind, [heights.tolist()], (1 + heights**2 + np.sin(3 * heights)).tolist())
+    level = vc.Isoperimetric(lambda x, y, dy, p: table(y + p.a * x) * dy**2, 1.0)
+    problem = vc.Problem(
+        lambda x, y, dy, p: p.a * table(y) * ca.sqrt(1 + dy**2) + table(y / 2) * table(x),
+        vc.Fixed(0, 0.5), vc.Fixed(1, 0.5), [level], parameters={"a": 0.3},
+    )  # fmt: skip
+    form = formulate(problem)
+    within, edges = np.random.default_rng(5).uniform(-0.9, 1.6, 60), [-1 - 1e-13, 2 + 1e-13, -1.01, 2.01]
+    y = np.concatenate([within, [heights[4]], edges])
+    x, dy = np.linspace(0, 1, len(y)), np.linspace(-3, 3, len(y))
+    source = CompiledIntegrands(form, x, np.array([[0.3]]))
+    values, gradients, hessians = source.derivatives(np.column_stack([y, dy]))
+    found = np.concatenate([values[..., None], gradients, hessians.reshape(*hessians.shape[:2], -1)], axis=2)
+    rows = pointwise(form).map(len(y))(x, y, dy, np.zeros((0, len(y))), np.full(len(y), 0.3), np.zeros((0, len(y))))
+    expected = np.asarray(rows).T.reshape(found.shape)
+    np.testing.assert_allclose(found[:-4], expected[:-4], rtol=1e-10, atol=1e-10)
+    # beyond an edge by round-off CasADi has its value, and no slope; what is further beyond is no number
+    np.testing.assert_allclose(found[-4:, 0, 0], expected[-4:, 0, 0], rtol=1e-10)
+    assert np.isnan(found[-4:, 0, 0]).tolist() == [False, False, True, True]
+    np.testing.assert_array_equal(source.values(np.column_stack([y, dy])), values)

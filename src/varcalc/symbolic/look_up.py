@@ -260,7 +260,8 @@ class CubicTable:
     def at(self, argument: np.ndarray) -> np.ndarray:
         """Lower knots and coefficients (m, 5) around values of the argument (m,); no numbers beyond the knots."""
         cell = np.clip(np.searchsorted(self.edges, argument, "right") - 1, 0, len(self.powers) - 1)
-        inside = (argument >= self.edges[0]) & (argument <= self.edges[-1])
+        beyond = ON_A_KNOT * (self.edges[-1] - self.edges[0])
+        inside = (argument >= self.edges[0] - beyond) & (argument <= self.edges[-1] + beyond)
         return np.where(inside[:, None], np.column_stack([self.edges[cell], self.powers[cell]]), math.nan)
 
     def same(self, other: CubicTable) -> bool:
@@ -304,6 +305,7 @@ class _InCell(NamedTuple):
     in_cell: Expression
 
 
+@lru_cache(maxsize=KEPT_TABLES)
 def _cubics(function: ca.Function) -> np.ndarray | None:
     """The coefficients (cells, 4) of a table of one argument, lines among them; None of what is no such table."""
     if not _of_one_number(function):

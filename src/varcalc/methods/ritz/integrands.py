@@ -6,16 +6,19 @@ Arrays may have leading axes before that of the points: several curves, or sever
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Reported
+from varcalc.methods.ritz.tabulated import CellEvaluator, Make, in_place_of_tables
+from varcalc.problem.functional import Symbols
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.tracing import Expression
 
 BLANK = np.zeros((1, 0))
 
@@ -76,7 +79,7 @@ class CompiledIntegrands:
         self.count = 1 + sum(c.equality for c in form.conditions.integrals)
         self.k = (form.order + 1) * form.n + len(form.start.unknowns)
 
-    def _called(self, make: Callable[[Form], ca.Function], variables: np.ndarray) -> np.ndarray:
+    def _called(self, function: PointEvaluator | CellEvaluator, variables: np.ndarray) -> np.ndarray:
         n, points = self.form.n, variables.shape[:-1]
         rows = variables.reshape(-1, self.k)
         s = self.s if self.s.shape == points else np.broadcast_to(self.s, points)
@@ -85,23 +88,22 @@ class CompiledIntegrands:
             parameters = np.broadcast_to(parameters, (*points, width)).reshape(len(rows), width) if width else BLANK
         second = rows[:, 2 * n : 3 * n] if self.form.order == 2 else BLANK
         unknowns = rows[:, (self.form.order + 1) * n :]
-        function = _at_points(self.form, make)
         out = function(len(rows), s.reshape(-1, 1), rows[:, :n], rows[:, n : 2 * n], second, parameters, unknowns)
         return out.reshape(*points, -1)
 
     def derivatives(self, variables: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """See :class:`Integrands`, as of the other methods."""
-        out, k = self._called(pointwise, variables), self.k
+        out, k = self._called(_at_points(self.form, _with_derivatives), variables), self.k
         out = out.reshape(*out.shape[:-1], self.count, -1)
         return out[..., 0], out[..., 1 : 1 + k], out[..., 1 + k :].reshape(*out.shape[:-1], k, k)
 
     def values(self, variables: np.ndarray) -> np.ndarray:
         """The integrands alone."""
-        return self._called(integrands, variables)
+        return self._called(_at_points(self.form, _alone), variables)
 
     def reported(self, variables: np.ndarray) -> Reported:
         """What is reported of the curves."""
-        out, n = self._called(reported, variables), self.form.n
+        out, n = self._called(_reported_at_points(self.form), variables), self.form.n
         if not self.form.stated.is_lifted:
             y, dy = variables[..., :n], variables[..., n : 2 * n]
             return Reported(out[..., 0], self.s, y, np.ones_like(self.s), dy)
@@ -109,19 +111,31 @@ class CompiledIntegrands:
         return Reported(out[..., 0], out[..., 1], out[..., 2 : 2 + n], out[..., 2 + n], out[..., 3 + n :])
 
 
-@derived
 def pointwise(form: Form) -> ca.Function:
     """The integrand and those of the levels, with their derivatives: :meth:`.Lagrangian.pointwise`."""
-    return Lagrangian(form.symbols, form.integrand).pointwise(
-        [c.expression for c in form.conditions.integrals if c.equality]
-    )
+    return _function(form, _with_derivatives)
+
+
+def integrands(form: Form) -> ca.Function:
+    """The integrand and those of the levels alone."""
+    return _function(form, _alone)
 
 
 @derived
-def integrands(form: Form) -> ca.Function:
-    """The integrand and those of the levels alone."""
-    rows = [form.integrand, *(c.expression for c in form.conditions.integrals if c.equality)]
-    return ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*rows))])
+def _function(form: Form, make: Make) -> ca.Function:
+    return make(form.symbols, _rows(form))
+
+
+def _rows(form: Form) -> list[Expression]:
+    return [form.integrand, *(c.expression for c in form.conditions.integrals if c.equality)]
+
+
+def _with_derivatives(symbols: Symbols, rows: Sequence[Expression]) -> ca.Function:
+    return Lagrangian(symbols, rows[0]).pointwise(rows[1:])
+
+
+def _alone(symbols: Symbols, rows: Sequence[Expression]) -> ca.Function:
+    return ca.Function("integrands", symbols.all, [ca.densify(ca.vertcat(*rows))])
 
 
 @derived
@@ -144,6 +158,14 @@ def at_ends(form: Form) -> ca.Function:
 
 
 @derived
-def _at_points(form: Form, make: Callable[[Form], ca.Function]) -> PointEvaluator:
+def _at_points(form: Form, make: Make) -> PointEvaluator | CellEvaluator:
     """A function of the form at any number of points."""
-    return PointEvaluator(make(form))
+    function, found = _function(form, make), None
+    if function.is_a("SXFunction") and function.find_functions():
+        found = in_place_of_tables(form.symbols, _rows(form), make)
+    return found or PointEvaluator(function)
+
+
+@derived
+def _reported_at_points(form: Form) -> PointEvaluator:
+    return PointEvaluator(reported(form))
