@@ -11,7 +11,6 @@ Erdmann; sect. 15).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -49,6 +48,7 @@ class Boundary:
     def __init__(self, form: Form, space: Space, conditions: Stationarity, place: np.ndarray, first: int) -> None:
         self.form, self.space, self.place, self.first = form, space, place, first
         self.counts, self.conditions = conditions.counts, conditions
+        self._at_ends = None if conditions.ends is None else PointEvaluator(conditions.ends)
         m = space.smoothness
         self._at = [(form.span[0], space.numbers[0, :m]), (form.span[1], space.numbers[-1, m : 2 * m])]
         self._terms: list[tuple[int, int, int, float]] = []
@@ -128,11 +128,13 @@ class Boundary:
             self._inputs[-2][:], self._inputs[-1][:] = unknowns, levels
             self._run()
             momentum = self._output.copy()
-        if self.conditions.ends is None:
+        if self._at_ends is None:
             return BoundaryValues(momentum, None)
         first, last = coefficients[self.numbers[0, 0]], coefficients[self.numbers[1, 0]]
-        out: Any = self.conditions.ends(first, last, self.form.problem.parameter_values, unknowns, ends)
-        return BoundaryValues(momentum, (np.asarray(out[0]).ravel(), np.asarray(out[1])))
+        given = (first, last, self.form.problem.parameter_values, unknowns, ends)
+        out = self._at_ends(1, *(numbers[None] for numbers in given))[0]
+        rows, columns = self._at_ends.function.size_out(1)
+        return BoundaryValues(momentum, (out[:rows], out[rows:].reshape((rows, columns), order="F")))
 
     def rows(self, coefficients: np.ndarray, values: BoundaryValues) -> np.ndarray:
         """The residual of the boundary rows, shape (count,)."""
