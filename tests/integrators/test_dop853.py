@@ -1,42 +1,71 @@
-"""Many runs of DOP853 at once, few enough for CasADi and so many that NumPy evaluates them, against closed forms."""
+"""Many runs by Dormand and Prince's methods at once, few enough for CasADi and so many that NumPy evaluates them."""
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from varcalc.integrators.dop853 import Dop853
-from varcalc.integrators.protocol import STOPPED
-from varcalc.integrators.stops import STEP_PLACES, Interpolant, Stops
+from varcalc.integrators.nystrom import Nystrom
+from varcalc.integrators.protocol import NONE, STOPPED
+from varcalc.integrators.stops import Interpolant, Stops
 from varcalc.symbolic.evaluation import POINTS_FOR_NUMPY
 
 s, state, frequency = ca.SX.sym("s"), ca.SX.sym("Y", 2), ca.SX.sym("c", 1)
 OSCILLATOR = ca.Function("f", [s, state, frequency], [ca.vertcat(state[1], -(frequency**2) * state[0])])
+TURNING = ca.Function("f", [s, state, frequency], [frequency * ca.vertcat(state[1], -state[0])])
+"""The same of v / ω in place of v, of which no rate is the velocity itself: for the method of order 8."""
+BOTH = [OSCILLATOR, TURNING]
 HEIGHT = ca.Function("g", [s, state, frequency], [state[0]])
 
 
+@pytest.mark.parametrize("system", BOTH, ids=["order 12", "order 8"])
 @pytest.mark.parametrize("count", [5, 4 * POINTS_FOR_NUMPY])
-def test_oscillators_come_to_where_cosines_are(count):
+def test_oscillators_come_to_where_cosines_are(count, system):
     omega = np.linspace(0.5, 2.0, count)
     starts = np.tile([1.0, 0.0], (count, 1))
-    landed = Dop853(1e-14).compile(OSCILLATOR).ensemble(starts, omega[:, None], until=7.0)
-    exact = np.stack([np.cos(7 * omega), -omega * np.sin(7 * omega)], axis=1)
+    flow = Dop853(1e-14).compile(system)
+    assert isinstance(flow.method, Nystrom) == (system is OSCILLATOR)
+    landed = flow.ensemble(starts, omega[:, None], until=7.0)
+    speed = omega if system is OSCILLATOR else 1
+    exact = np.stack([np.cos(7 * omega), -speed * np.sin(7 * omega)], axis=1)
     assert np.abs(landed.states - exact).max() < 1e-12
 
 
+@pytest.mark.parametrize("system", BOTH, ids=["order 12", "order 8"])
 @pytest.mark.parametrize("count", [5, 4 * POINTS_FOR_NUMPY])
-def test_oscillators_stop_where_cosines_vanish(count):
+def test_oscillators_stop_where_cosines_vanish(count, system):
     omega = np.linspace(0.5, 2.0, count)
     starts = np.tile([1.0, 0.0], (count, 1))
-    landed = Dop853(1e-14).compile(OSCILLATOR, HEIGHT).ensemble(starts, omega[:, None], until=20.0)
+    landed = Dop853(1e-14).compile(system, HEIGHT).ensemble(starts, omega[:, None], until=20.0)
     assert np.all(landed.outcomes == STOPPED)
     assert np.abs(landed.reached - np.pi / 2 / omega).max() < 1e-12
 
 
 def test_all_places_of_a_step_at_once_are_those_one_by_one():
     rng = np.random.default_rng(3)
-    step = Interpolant(np.zeros(4), np.ones(4), rng.normal(size=(4, 2)), rng.normal(size=(7, 4, 2)))
-    parts = np.arange(1, STEP_PLACES + 1) / STEP_PLACES
-    assert np.allclose(step.at(parts), [step(np.full(4, part)) for part in parts], rtol=0, atol=1e-14)
+    step = Interpolant(np.zeros(4), np.ones(4), rng.normal(size=(4, 3)), rng.normal(size=(7, 4, 3)))
+    parts = np.arange(13) / 12
+    one_by_one = np.array([step(np.full(4, part)) for part in parts])
+    assert np.allclose(step.at(parts, (0, 2)), one_by_one[:, :, [0, 2]], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("system", BOTH, ids=["order 12", "order 8"])
+def test_a_stop_that_is_crossed_and_crossed_again_within_a_step_is_met(system):
+    """x = sin ωs comes over 1 - depth for no longer than 2 arccos(1 - depth)."""
+    depth = np.repeat(np.geomspace(1e-10, 0.5, 60), 5)
+    omega = np.tile(np.linspace(0.7, 1.9, 5), 60)
+    c = ca.SX.sym("c", 2)
+    wall = ca.Function("g", [s, state, c], [1 - c[1] - state[0]])
+    turning = ca.Function("f", [s, state, c], [system(s, state, c[0])])
+    starts = np.stack([0 * omega, omega if system is OSCILLATOR else 1 + 0 * omega], axis=1)
+    flow = Dop853(1e-14).compile(turning, wall)
+    landed = flow.ensemble(starts, np.stack([omega, depth], axis=1), until=2.5 / omega)
+    assert np.all(landed.outcomes == STOPPED)
+    assert np.abs(landed.reached - np.arcsin(1 - depth) / omega)[depth > 1e-6].max() < 1e-9
+    # of what is touched the place is no better known than the root of round-off
+    assert np.abs(landed.reached - np.arcsin(1 - depth) / omega).max() < 1e-5
+    over = flow.ensemble(starts, np.stack([omega, -depth], axis=1), until=2.5 / omega)
+    assert np.all(over.stopped_by == NONE)
 
 
 @pytest.mark.parametrize("fine", [0.0, 40.0])

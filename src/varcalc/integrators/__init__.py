@@ -42,6 +42,7 @@ __all__ = [
     "Variational",
     "available",
     "compiled",
+    "compiles",
     "default",
     "flows",
     "for_many",
@@ -107,13 +108,17 @@ def for_many(most_steps: int | None = None) -> Engine:
     return _to_all_digits(default(0, most_steps))
 
 
+def compiles() -> bool:
+    """Whether many runs go by machine code, which takes any system alike."""
+    return any(isinstance(engine, Taylor) for engine in available())
+
+
 def spread(work: Callable[[slice], None], count: int) -> None:
     """Call ``work``, which runs an ensemble, with slices of ``range(count)``, on as many threads as are worth it.
 
     DOP853 is NumPy's calls, which take turns: for it a second thread is worth only many runs.
     """
-    compiled_code = any(isinstance(engine, Taylor) for engine in available())
-    spread_over(work, count, SMALLEST_SHARE if compiled_code else TOGETHER)
+    spread_over(work, count, SMALLEST_SHARE if compiles() else TOGETHER)
 
 
 def _to_all_digits(engine: Engine) -> Engine:

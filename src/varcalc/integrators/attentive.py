@@ -59,9 +59,9 @@ class Attentive:
         """What to call it in a message."""
         return self.engine.name
 
-    def compile(self, system: ca.Function, stops: ca.Function | None = None) -> Flow:
+    def compile(self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0) -> Flow:
         """See :meth:`Engine.compile`."""
-        flow = self.engine.compile(system, stops)
+        flow = self.engine.compile(system, stops, watching=watching)
         try:
             formula = scalar_function(system)
         except CannotLower:
@@ -90,7 +90,8 @@ class AttentiveFlow:
         if stops is not None:
             s, state, numbers = (ca.SX.sym(name, self._accompanied.numel_in(k)) for k, name in enumerate("sYc"))
             stops = ca.Function("stops", [s, state, numbers], [stops(s, state[: self._size], numbers)])
-        return self.engine.compile(self._accompanied, stops)
+        extra = self._accompanied.numel_in(1) - self._size
+        return self.engine.compile(self._accompanied, stops, watching=extra)
 
     @cached_property
     def _accompanied(self) -> ca.Function:

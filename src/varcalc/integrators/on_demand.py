@@ -44,14 +44,14 @@ class OnDemand:
         """What to call it in a message."""
         return f"{self.first.name}, then {self.then.name}"
 
-    def compile(self, system: ca.Function, stops: ca.Function | None = None) -> Flow:
+    def compile(self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0) -> Flow:
         """Wrap ``system`` and ``stops``; never raises CannotLower."""
         if stops is None and self.steps:
-            return FlowOnDemand(self, system, self.first.compile(system))
+            return FlowOnDemand(self, system, self.first.compile(system, watching=watching))
         try:
-            return self.then.compile(system, stops)
+            return self.then.compile(system, stops, watching=watching)
         except CannotLower:
-            return self.first.compile(system, stops)
+            return self.first.compile(system, stops, watching=watching)
 
 
 @dataclass

@@ -50,15 +50,15 @@ class Piecewise:
         """What to call it in a message."""
         return self.engine.name
 
-    def compile(self, system: ca.Function, stops: ca.Function | None = None) -> Flow:
+    def compile(self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0) -> Flow:
         """See :meth:`Engine.compile`; what does not switch along its runs goes by as it is."""
         try:
             formulas = [scalar_function(f) for f in (system, stops) if f is not None]
             held = [] if self.continuous is None else [scalar_function(self.continuous.function)]
         except CannotLower:
-            return self.engine.compile(system, stops)
+            return self.engine.compile(system, stops, watching=watching)
         if all(SWITCHING.isdisjoint(i.operation for i in program(f).steps) for f in [*formulas, *held]):
-            return self.engine.compile(system, stops)
+            return self.engine.compile(system, stops, watching=watching)
         symbols = [ca.SX.sym(name, system.numel_in(k)) for k, name in enumerate("sYc")]
         results = [ca.densify(f(*symbols)) for f in formulas]
         if stops is None:
@@ -66,7 +66,7 @@ class Piecewise:
         results += [_first(f, symbols) for f in held] or [ca.SX(0, 1)]
         sides = Sides(ca.Function("switching", symbols, results), (0, 1))
         if not sides.places:
-            return self.engine.compile(system, stops)
+            return self.engine.compile(system, stops, watching=watching)
         return PiecewiseFlow(OneSided(self.engine, sides, 0 if self.continuous is None else self.continuous.count))
 
 

@@ -162,10 +162,11 @@ class Engine(Protocol):
         """What to call it in a message."""
         ...
 
-    def compile(self, system: ca.Function, stops: ca.Function | None = None) -> Flow:
+    def compile(self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0) -> Flow:
         """Prepare ``system``: ``(s, Y (N,), constants (c,)) -> dY/ds (N,)``, with ``stops``: the same to (k,).
 
-        Where there are stops, neither may depend on s. Raises :class:`varcalc.integrators.lowering.CannotLower`
+        Where there are stops, neither may depend on s. The last ``watching`` states are there to bound the steps alone:
+        nothing depends on them, and they need not be right. Raises :class:`varcalc.integrators.lowering.CannotLower`
         when the system holds an operation the engine does not know.
         """
         ...

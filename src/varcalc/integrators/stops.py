@@ -14,19 +14,24 @@ from varcalc.symbolic.intervals import Interval, enclosures
 
 STRAYING = 2.0
 """By how many times the greater rate at the two ends of a step a solution may leave the line between them."""
-STEP_PLACES = 12
-"""Places along a step where the stopping functions are looked at."""
+PLACES_A_DEGREE = 3
+"""Places along a step, by the degree of its interpolant, where the stopping functions are looked at."""
+NEAR_BY_BEND, ON_BY_BEND = 1.5, 1e-9
+"""Of the bend between three places: a function that is no nearer to zero at the middle one does not come to it, and one
+that is so near at the first sets out there."""
+ZOOMS, ZOOM = 4, 16
+"""How often, and by how much, the places about a dip close in on it."""
 ROUNDS = 60
 """Newton's steps and bisections that bring any bracket to round-off."""
-LAST_CHANGE = 1e-10
-"""Of a step: a zero of its interpolant, which is some digits off, that is known so far is polished on the stop."""
+LAST_CHANGE = 1e-7
+"""Of a step: a zero of its interpolant that was known so far is known to all digits, as Newton's iteration goes."""
 POLISHES = 2
 """Newton's steps from an interpolant, which is some digits off, onto the stop itself."""
 
 
 @dataclass(frozen=True)
 class Interpolant:
-    """The solution within m steps: from ``time`` (m,) by ``length`` (m,), states (m, N), coefficients (7, m, N)."""
+    """The solution within m steps: from ``time`` (m,) by ``length`` (m,), states (m, N), coefficients (k, m, N)."""
 
     time: np.ndarray
     length: np.ndarray
@@ -36,16 +41,18 @@ class Interpolant:
     def __call__(self, part: np.ndarray) -> np.ndarray:
         """States (m, N) after a ``part`` (m,) of each step."""
         x, total = part[:, None], np.zeros_like(self.state)
-        for k in range(6, -1, -1):
+        for k in reversed(range(len(self.shape))):
             total = (total + self.shape[k]) * (x if k % 2 == 0 else 1 - x)
         return self.state + total
 
-    def at(self, parts: np.ndarray) -> np.ndarray:
-        """States (p, m, N) after the same ``parts`` (p,) of every step, by one product of matrices."""
-        weights = np.cumprod(np.where(np.arange(7) % 2 == 0, parts[:, None], 1 - parts[:, None]), axis=1)
-        moved = (weights @ self.shape.reshape(7, -1)).reshape(len(parts), *self.state.shape)
-        moved += self.state
-        return moved
+    def at(self, parts: np.ndarray, which: Sequence[int]) -> np.ndarray:
+        """The states ``which`` (p, m, k) after the same ``parts`` (p,) of every step, by one product of matrices."""
+        turns = np.arange(len(self.shape)) % 2 == 0
+        weights = np.cumprod(np.where(turns, parts[:, None], 1 - parts[:, None]), axis=1)
+        shape, start = self.shape.transpose(0, 2, 1)[:, list(which)], self.state.T[list(which)]
+        moved = (weights @ shape.reshape(len(shape), -1)).reshape(len(parts), *start.shape)
+        moved += start
+        return moved.transpose(0, 2, 1)
 
     def __getitem__(self, rows: np.ndarray) -> Interpolant:
         """Some of the steps."""
@@ -90,7 +97,8 @@ class Stops:
         slope = ca.jtimes(level, state, rate)
         results = [level, ca.densify(slope), rate]
         object.__setattr__(self, "_call", PointEvaluator(ca.Function("stops", [state, constants], results)))
-        object.__setattr__(self, "_levels", PointEvaluator(ca.Function("levels", [state, constants], [level])))
+        seen = ca.Function("levels", [state[list(used)], constants], [level])
+        object.__setattr__(self, "_levels", PointEvaluator(seen))
 
     def __call__(self, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g (m, k), dg/ds (m, k) and dY/ds (m, N) at states (m, N), constants (m, c)."""
@@ -113,13 +121,13 @@ class Stops:
         The functions are enclosed over the box in which the step lies, by ``states`` (m, N) and ``rates`` (m, N) at
         its two ends and its ``lengths`` (m,); ``signs`` (m, k) are those before it.
         """
-        box: list[Interval] = [(0.0, 0.0)] * states[0].shape[1]
+        box: list[Interval] = []
         reach = STRAYING * np.abs(lengths)
         for k in self._used:
             first, last = (ends[:, k] for ends in states)
             farthest = reach * np.maximum(*(np.abs(ends[:, k]) for ends in rates))
             strayed = np.maximum((farthest - np.abs(last - first)) / 2, 0.0)
-            box[k] = np.minimum(first, last) - strayed, np.maximum(first, last) + strayed
+            box.append((np.minimum(first, last) - strayed, np.maximum(first, last) + strayed))
         ranges = enclosures(self._levels.function, [box, [(c, c) for c in constants.T]])[0]
         beyond = np.zeros(len(signs), dtype=bool)
         for sign, (least, greatest) in zip(signs.T, ranges, strict=True):
@@ -133,26 +141,66 @@ class Stops:
 
         ``signs`` (m, k) are those before it.
         """
-        m, parts = len(signs), np.arange(1, STEP_PLACES + 1) / STEP_PLACES
-        states = step.at(parts).reshape(STEP_PLACES * m, -1)
-        levels = self._levels(len(states), states, np.tile(constants, (STEP_PLACES, 1))).reshape(STEP_PLACES, m, -1)
-        crossed = levels * signs < 0
-        place = crossed.any(axis=2).argmax(axis=0)
-        rows, stops = np.nonzero(crossed[place, np.arange(m)])
+        m, count = len(signs), PLACES_A_DEGREE * len(step.shape)
+        above = self._above(step.at(np.arange(count + 1) / count, self._used), constants, signs)
+        crossed = above[1:] < 0
+        place = crossed.any(axis=1).argmax(axis=0)
+        rows, stops = np.nonzero(crossed[place, :, np.arange(m)])
+        low, high = place[rows] / count, (place[rows] + 1) / count
+        dips = self._dips(step, constants, signs, above)
+        rows, stops, low, high = (np.append(a, b) for a, b in zip((rows, stops, low, high), dips, strict=True))
         if len(rows) == 0:
             return rows, np.zeros(0), stops
-        zeros = self._zeros(step[rows], constants[rows], signs[rows, stops], stops, place[rows])
+        zeros = self._zeros(step[rows], constants[rows], signs[rows, stops], stops, low, high)
         order = np.lexsort((stops, zeros, rows))
         rows, zeros, stops = rows[order], zeros[order], stops[order]
         kept = np.append(True, np.diff(rows) > 0)
         return rows[kept], zeros[kept], stops[kept]
 
+    def _above(self, states: np.ndarray, constants: np.ndarray, signs: np.ndarray) -> np.ndarray:
+        """The functions (p, k, m) at states (p, m, u), which are those they use, by their ``signs`` (m, k) before."""
+        p, m, u = states.shape
+        columns = states.transpose(2, 0, 1).reshape(u, p * m)
+        levels = self._levels(p * m, columns.T, np.tile(constants, (p, 1))).reshape(p, m, -1)
+        return np.multiply(levels.transpose(0, 2, 1), signs.T, order="C")
+
+    def _dips(
+        self, step: Interpolant, constants: np.ndarray, signs: np.ndarray, above: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Where functions cross zero and come back between two of the places at which they are ``above`` it.
+
+        Their rows, the numbers of the functions, and the parts of the step before the first zero and between the two.
+        Three places close in on the vertex of the parabola through them.
+        """
+        width = 1 / (len(above) - 1)
+        bend = above[:-2] - 2 * above[1:-1] + above[2:]
+        before, stops, rows = np.nonzero(
+            (above[1:-1] < NEAR_BY_BEND * bend) & (above[:-2] > ON_BY_BEND * bend) & (above[2:] > 0)
+        )
+        low, three = before * width, np.array([above[before + k, stops, rows] for k in range(3)])
+        at, dip = low + width, np.zeros(len(rows), dtype=bool)
+        near = np.flatnonzero((three[1] > 0) & (np.abs(_vertex(three)) <= 1.0))
+        for _ in range(ZOOMS):
+            if len(near) == 0:
+                break
+            at[near], width = at[near] + width * np.clip(_vertex(three[:, near]), -1.0, 1.0), width / ZOOM
+            at[near] = np.clip(at[near], low[near], 1.0)
+            own, places = step[rows[near]], np.clip(at[near] + width * np.arange(-1, 2)[:, None], low[near], 1.0)
+            states = np.array([own(part)[:, list(self._used)] for part in places])
+            found = self._above(states, constants[rows[near]], signs[rows[near]])
+            three[:, near] = found[:, stops[near], np.arange(len(near))]
+            under = three[:, near].min(axis=0) < 0
+            met = near[under]
+            at[met], dip[met] = places[three[:, met].argmin(axis=0), np.flatnonzero(under)], True
+            near = near[~under]
+        return rows[dip], stops[dip], low[dip], at[dip]
+
     def _zeros(
-        self, step: Interpolant, constants: np.ndarray, sign: np.ndarray, stops: np.ndarray, place: np.ndarray
-    ) -> np.ndarray:
-        """The zero of one function of each row between two samples, by Newton's iteration kept inside the bracket."""
-        low, high = place / STEP_PLACES, (place + 1) / STEP_PLACES
-        at, rows = (low + high) / 2, np.arange(len(place))
+        self, step: Interpolant, constants: np.ndarray, sign: np.ndarray, stops: np.ndarray, low: np.ndarray,
+        high: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
+        """The zero of one function of each row between two places, by Newton's iteration kept inside the bracket."""
+        at, rows = (low + high) / 2, np.arange(len(low))
         for _ in range(ROUNDS):
             level, slope, _ = self(step(at), constants)
             here, rate = level[rows, stops] * sign, slope[rows, stops] * sign * step.length
@@ -177,3 +225,10 @@ class Stops:
             shift = np.where(np.isfinite(shift), shift, 0.0)  # a graze: the rate is zero, and so is the level
             states, total = states + shift[:, None] * rate, total + shift
         return states, total
+
+
+def _vertex(three: np.ndarray) -> np.ndarray:
+    """Where the parabolas through values (3, n) at -1, 0 and 1 turn."""
+    before, here, after = three
+    with np.errstate(all="ignore"):
+        return np.nan_to_num((before - after) / (2 * (before - 2 * here + after)))

@@ -65,10 +65,10 @@ class Taylor:
         """What to call it in a message."""
         return "Taylor (heyoka)"
 
-    def compile(self, system: ca.Function, stops: ca.Function | None = None) -> TaylorFlow:
+    def compile(self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0) -> TaylorFlow:  # noqa: ARG002  of a series all states tell
         """Lower ``system`` and ``stops``; CannotLower when they hold an operation that has no Taylor series.
 
-        heyoka compiles what is called when it is first called.
+        heyoka compiles what is called when it is first called. States that are ``watching`` are series like any other.
         """
         import heyoka as hy
 

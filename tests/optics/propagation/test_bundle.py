@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from varcalc import optics
+from varcalc import integrators, optics
 from varcalc.optics import validation
 
 HEADINGS = np.random.default_rng(1).normal(size=(130, 3))
@@ -38,3 +38,19 @@ def test_a_bar_is_shown_to_those_who_ask(capsys):
 def test_no_rays_make_an_empty_bundle():
     bundle = SCENE.trace(np.zeros((0, 3)), np.zeros((0, 3)), optical_path=1.0)
     assert len(bundle) == 0
+
+
+@pytest.mark.parametrize("count", [5, 400])
+@pytest.mark.parametrize("compiled", [True, False])
+def test_all_rays_of_the_fish_eye_meet_where_its_lens_maps_their_source(monkeypatch, count, compiled):
+    """Of n = 2/(1 + r²) rays are circles, and all ways from A to -A/|A|² are of the optical length π."""
+    if not compiled:
+        monkeypatch.setattr(integrators, "available", lambda taylor=None: (integrators.Dop853(),))
+    scene = optics.Scene(optics.Graded(lambda x, y: 2 / (1 + x**2 + y**2)))
+    source = np.array([0.4, 0.3])
+    angles = np.arctan2(-0.3, -0.4) + np.linspace(-1.2, 1.2, count)  # the others go far out, where the index vanishes
+    directions = np.column_stack([np.cos(angles), np.sin(angles)])
+    bundle = scene.trace([source] * count, directions, optical_path=np.pi, with_spreading=True)
+    np.testing.assert_allclose(bundle.points, [-source / (source @ source)] * count, rtol=0, atol=2e-13)
+    # they meet there to first order too
+    np.testing.assert_allclose(bundle.spreading, 0.0, atol=1e-11)
