@@ -7,6 +7,7 @@ nothing narrower can hide. What is found is marked, for a mesh that sees it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -55,6 +56,8 @@ BELIED_BY_TEAR = 300.0
 """By how many times its claimed error a functional may change where a slope jumps by what no extremal's does: the jumps
 of the slope and of the momentum, times the longer element. Those of a mesh's own error make some 72 of it.
 """
+BESIDE_TEAR = 1e-4
+"""Distance from a vertex, in units of the shorter element, at which its two sides are looked at."""
 CLOSER_TO_VERTEX, MOST_CLOSER = 8.0, 12
 """By what factor elements become shorter toward a vertex beside which a layer is not seen, and how often."""
 BALANCED = 1e-6
@@ -187,16 +190,20 @@ def _torn(solution: Solution) -> Unseen | None:
     inner = extremal.vertices[1:-1]
     if not plain or not len(inner) or extremal.form.conditions.pathwise:
         return None
-    beside = slopes_beside(extremal.evaluate, extremal.vertices, inner)
-    if not beside.jump.any():
+    if not slopes_beside(extremal.evaluate, extremal.vertices, inner).jump.any():
         return None
     along = along_curve(undivided(extremal, solution.value))
-    momentum = along.function(along.whole.partial(1))
-    pulled = np.abs(
-        momentum(beside.right)[0].reshape(len(inner), -1) - momentum(beside.left)[0].reshape(len(inner), -1)
-    )
-    elements = np.diff(extremal.vertices)
-    costs = (pulled.T * np.abs(beside.after - beside.before)).sum(0) * np.maximum(elements[1:], elements[:-1])
+    momentum, elements = along.function(along.whole.partial(1)), np.diff(extremal.vertices)
+    step = BESIDE_TEAR * np.minimum(elements[1:], elements[:-1])
+
+    def at_vertices(of: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """By how much something (m, n) jumps at the vertices themselves: beside them it may change fast."""
+        left, right = (2 * of(inner + way * step) - of(inner + 2 * way * step) for way in (-1, 1))
+        return np.abs(right - left)
+
+    slopes = at_vertices(lambda s: extremal.evaluate(s, 1).T)
+    pulled = at_vertices(lambda s: momentum(s)[0].reshape(len(s), -1))
+    costs = (slopes * pulled).sum(1) * np.maximum(elements[1:], elements[:-1])
     costs[np.isin(inner, [*problem.breakpoints, *along.held])] = 0.0
     k = int(np.argmax(costs))
     if not costs[k] > BELIED_BY_TEAR * solution.error.value:
