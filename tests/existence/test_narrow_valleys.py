@@ -126,3 +126,25 @@ def test_both_ends_are_moved_into_wells_of_their_own():
         )
     )  # fmt: skip
     assert found.value == pytest.approx(1.1**2 / 2 + (0.8**2 + 0.3**2) / 100 - 2, abs=1e-2)
+
+
+def test_a_waypoint_is_kept_between_two_visits_to_a_valley():
+    place, width, height = 0.8, 1e-3, 0.2
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: v**2 / 2 + valley((y - place) ** 2, width), vc.Fixed(0, 0), vc.Fixed(LENGTH, 0),
+            [vc.Through(LENGTH / 2, height)],
+        )
+    )  # fmt: skip
+    visits = through_the_valley(place, width) + through_the_valley(place - height, width) + DEPTH * LENGTH
+    assert found.local or found.value == pytest.approx(visits, rel=1e-9)
+    assert found.y(LENGTH / 2) == pytest.approx(height)
+
+
+def test_free_ends_rest_in_the_valley():
+    found = vc.solve(
+        vc.Problem(lambda x, y, v: v**2 / 2 + valley((y - 1.3) ** 2, 1e-3), vc.Fixed(0, 0), vc.Free(LENGTH))
+    )
+    there = (through_the_valley(1.3, 1e-3) + DEPTH * LENGTH) / 2
+    assert found.value == pytest.approx(there - DEPTH * LENGTH, rel=1e-9)
+    assert not found.local

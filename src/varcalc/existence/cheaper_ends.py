@@ -16,6 +16,7 @@ from varcalc.existence.directions import Departures, end_cost
 from varcalc.existence.polygons import Valley
 from varcalc.existence.together import AlongAxes
 from varcalc.numerics.branch_and_bound import boxes_about, least_points
+from varcalc.problem.conditions import Through
 from varcalc.solution import Solution
 from varcalc.symbolic.intervals import Interval, enclosures
 from varcalc.symbolic.variation import VARYING, gentle
@@ -130,10 +131,11 @@ class CheaperEnds:
 def cheaper_ends(solution: Solution) -> CheaperEnds | None:
     """The curves with other ends, where narrow wells of what they cost may have been missed; None where there are none.
 
-    Problems of first order are looked at whose ends do not slide.
+    Problems of first order are looked at whose ends do not slide, without waypoints.
     """
     problem = solution.problem
-    if problem.symbols.kind is not ca.SX or problem.order > 1 or any(problem.slides) or problem.start.periodic:
+    fixed = any(problem.slides) or problem.start.periodic or any(problem.of_type(Through))
+    if fixed or problem.symbols.kind is not ca.SX or problem.order > 1:
         return None
     cost, departures = end_cost(problem), Departures(solution)
     if cost is None or gentle(cost, VARYING) or not 0 < sum(len(departures.free(k)) for k in (0, 1)) <= MOST_FREE:

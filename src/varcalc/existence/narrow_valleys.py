@@ -115,43 +115,45 @@ class NarrowValleys:
         higher, x, away = polygon(shares)
         return Valley(x, away, self.own_value + higher, False, self._marks(shares))
 
-    def _abscissae(self, shares: list[float]) -> np.ndarray:
-        """The vertices of a polygon that is shifted within ``shares`` of the interval beside the ends."""
-        a, b = self._departures.span
-        turns = [a + shares[0] * self._length, b - shares[1] * self._length]
-        ways = [(a, turns[0], PIECES_OF_TURN), (turns[0], turns[1], PIECES_OF_VALLEY), (turns[1], b, PIECES_OF_TURN)]
-        return np.unique(np.concatenate([np.linspace(first, last, count + 1) for first, last, count in ways]))
+    def _abscissae(self, shares: Sequence[float]) -> np.ndarray:
+        """The vertices of a polygon that is shifted within ``shares`` of the interval beside what it keeps."""
+        ways = [np.linspace(kept, turn, PIECES_OF_TURN + 1) for kept, turn in self._turns(shares)]
+        x = np.concatenate([np.linspace(*self._departures.span, PIECES_OF_VALLEY + 1), *ways])
+        return np.unique(np.clip(x, *self._departures.span))
 
-    def _marks(self, shares: list[float]) -> tuple[float, ...]:
+    def _turns(self, shares: Sequence[float]) -> list[tuple[float, float]]:
+        """The places that a shifted curve keeps, each with where it turns into the valley: the ends and waypoints."""
+        a, b = self._departures.span
+        held = [h or self.landscape.closed for h in self.landscape.held]
+        ends = ((a, a + shares[0] * self._length), (b, b - shares[1] * self._length))
+        beside = max(shares) * self._length
+        waypoints = [(x, x + way * beside) for x in self.landscape.waypoints for way in (-1, 1)]
+        return [*(end for end, kept in zip(ends, held, strict=True) if kept), *waypoints]
+
+    def _marks(self, shares: Sequence[float]) -> tuple[float, ...]:
         """The vertices of a mesh that is ever finer toward where the curve turns into the valley and out of it."""
         if isinstance(self._departures.problem, Curve):
             return ()
         a, b = self._departures.span
-        middle, found = 0.5 * (a + b), set(np.linspace(a, b, MESH_OF_VALLEY)[1:-1].tolist())
-        for turn, end in ((a + shares[0] * self._length, a), (b - shares[1] * self._length, b)):
-            found |= {
-                turn + (other - turn) * FINER**-k for other in (end, middle) for k in range(1, CLOSEST_TO_TURN)
-            } | {turn}
-        return tuple(sorted(found))
+        found = set(np.linspace(a, b, MESH_OF_VALLEY)[1:-1].tolist())
+        for kept, turn in self._turns(shares):
+            beyond = turn + math.copysign(0.5 * self._length, turn - kept)
+            found |= {turn + (to - turn) * FINER**-k for to in (kept, beyond) for k in range(1, CLOSEST_TO_TURN)}
+            found.add(turn)
+        return tuple(sorted(x for x in found if a < x < b))
 
     def _taper(self, x: np.ndarray, shares: Sequence[float]) -> np.ndarray:
-        """The share (m,) at x of a shift that is made on so much of the interval beside each end that is held."""
-        ends = zip(
-            self.landscape.held, (x - self._departures.span[0], self._departures.span[1] - x), shares, strict=True
-        )
-        closed = self.landscape.closed
-        rises = [np.minimum(1.0, d / (share * self._length)) for held, d, share in ends if held or closed]
+        """The share (m,) at x of a shift that is made beside the places that are kept."""
+        rises = [np.abs(x - kept) / abs(turn - kept) for kept, turn in self._turns(shares)]
         return np.min([np.ones(len(x)), *rises], axis=0)
 
     def _way(self, share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
         """Middles x (p,) of pieces of the way there and back, shares of a shift and their rates, a piece's length."""
-        a, b = self._departures.span
-        rise = share * self._length * np.arange(PIECES_OF_WAY + 1) / PIECES_OF_WAY
-        x = np.concatenate([a + rise, b - rise[::-1]])
-        taper, h = self._taper(x, (share, share)), rise[1]
-        moved = np.arange(len(x) - 1) != PIECES_OF_WAY
-        middle, rates = 0.5 * (taper[1:] + taper[:-1]), np.diff(taper) / h
-        return (0.5 * (x[1:] + x[:-1]))[moved], middle[moved], rates[moved], h
+        h, at = share * self._length / PIECES_OF_WAY, (np.arange(PIECES_OF_WAY) + 0.5) / PIECES_OF_WAY
+        turns = self._turns((share, share))
+        x = np.array([kept + at * (turn - kept) for kept, turn in turns]).ravel()
+        rates = np.repeat([1 / (turn - kept) for kept, turn in turns], PIECES_OF_WAY)
+        return x, np.tile(at, len(turns)), rates, h
 
     def _by_way(self, lower_by: np.ndarray, away: np.ndarray) -> np.ndarray:
         """What each way there and back, (w, m), adds to shifts by ``away`` (n, m) that lower L by so much (m,)."""
