@@ -115,6 +115,20 @@ def test_an_end_of_two_functions_goes_into_the_deeper_of_two_wells():
     assert found.value == pytest.approx(min(expected), rel=1e-9)
 
 
+@pytest.mark.parametrize("width", [1e-1, 1e-3])
+def test_a_beam_bends_into_a_narrow_well_of_its_tip(width):
+    """Bent by its tip to y, clamped at the other end, a beam of length 1 holds 3 y^2/2."""
+    place = 1.3
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v, w: w**2 / 2, vc.Fixed(0, 0, 0), vc.Free(1), order=2,
+            end_cost=lambda x0, y0, x1, y1: -3 * ca.exp(-(((y1 - place) / width) ** 2)),
+        )
+    )  # fmt: skip
+    value = lambda z: 1.5 * (place + width * z) ** 2 - 3 * np.exp(-(z**2))  # noqa: E731
+    assert found.value == pytest.approx(minimize_scalar(value, bracket=(-0.5, 0.0, 0.5), tol=1e-14).fun, rel=1e-9)
+
+
 def test_both_ends_are_moved_into_wells_of_their_own():
     """Along straight lines the functional of the ends is (y1 - y0)^2/2 + cost(y0) + cost(y1)."""
     width = 1e-3

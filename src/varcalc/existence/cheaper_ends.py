@@ -39,6 +39,7 @@ class CheaperEnds:
     def __init__(self, departures: Departures, cost: ca.Function) -> None:
         self.landscape = AlongAxes(departures, np.eye(departures.problem.n))
         self._numbers, self._ends_cost = departures.numbers, cost
+        self._second_order = departures.problem.order > 1
         self._x = np.linspace(*departures.span, PIECES_OF_WAY + 1)
         self._known = departures.curve(np.array(departures.span), 0).T
         self._free = [(side, i) for side in (0, 1) for i in departures.free(side)]
@@ -72,6 +73,8 @@ class CheaperEnds:
         The least ones are those of the second variation, where it has a minimum.
         """
         share, n = (self._x - self._x[0]) / (self._x[-1] - self._x[0]), self._known.shape[1]
+        if self._second_order:  # the slopes of the ends are kept
+            share = share**2 * (3 - 2 * share)
         even = np.zeros((len(self._free), len(share), n))
         for shape, (side, i) in zip(even, self._free, strict=True):
             shape[:, i] = share if side else 1 - share
@@ -131,11 +134,11 @@ class CheaperEnds:
 def cheaper_ends(solution: Solution) -> CheaperEnds | None:
     """The curves with other ends, where narrow wells of what they cost may have been missed; None where there are none.
 
-    Problems of first order are looked at whose ends do not slide, without waypoints.
+    Problems are looked at whose ends do not slide, without waypoints.
     """
     problem = solution.problem
     fixed = any(problem.slides) or problem.start.periodic or any(problem.of_type(Through))
-    if fixed or problem.symbols.kind is not ca.SX or problem.order > 1:
+    if fixed or problem.symbols.kind is not ca.SX:
         return None
     cost, departures = end_cost(problem), Departures(solution)
     if cost is None or gentle(cost, VARYING) or not 0 < sum(len(departures.free(k)) for k in (0, 1)) <= MOST_FREE:
